@@ -1,0 +1,75 @@
+"""Geometrically exact (Cosserat) beams and flexible multibody dynamics for scikit-fem."""
+
+from .beam import Beam
+from .body import MassPoint, RigidBody
+from .constraints import Multipliers, NullSpace
+from .diagnostics import Projection
+from .errors import (
+    CosseratError,
+    Diverged,
+    HistoryError,
+    IncompatibleError,
+    InputError,
+    MeshError,
+)
+from .frames import Motion, Place, ground, triad
+from .history import History
+from .integrators import EnergyMomentum, State, Stepper, Variational
+from .joint import JointDistance, JointFixed, JointRevolute, JointSpherical
+from .load import FunctionOfTime, LoadForce, LoadGravity, LoadLine, LoadMoment, Table
+from .mesh import MeshCurve, read_mesh, write_mesh
+from .model import Model, System
+from .newton import NewtonSettings
+from .section import Material, Section, SectionCircle, SectionRectangle, SectionTube
+from .simulate import initial_state, project, restart, simulate, steps
+
+__all__ = [
+    "Beam",
+    "CosseratError",
+    "Diverged",
+    "EnergyMomentum",
+    "FunctionOfTime",
+    "History",
+    "HistoryError",
+    "IncompatibleError",
+    "InputError",
+    "JointDistance",
+    "JointFixed",
+    "JointRevolute",
+    "JointSpherical",
+    "LoadForce",
+    "LoadGravity",
+    "LoadLine",
+    "LoadMoment",
+    "MassPoint",
+    "Material",
+    "MeshCurve",
+    "MeshError",
+    "Model",
+    "Motion",
+    "Multipliers",
+    "NewtonSettings",
+    "NullSpace",
+    "Place",
+    "Projection",
+    "RigidBody",
+    "Section",
+    "SectionCircle",
+    "SectionRectangle",
+    "SectionTube",
+    "State",
+    "Stepper",
+    "System",
+    "Table",
+    "Variational",
+    "ground",
+    "initial_state",
+    "project",
+    "read_mesh",
+    "restart",
+    "simulate",
+    "steps",
+    "triad",
+    "write_mesh",
+]
+__version__ = "0.1.0"

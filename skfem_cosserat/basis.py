@@ -1,0 +1,360 @@
+"""The director basis: a scikit-fem basis whose nodes carry a point and three directors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from skfem import BilinearForm, CellBasis, LinearForm
+
+from .element import (
+    ElementDirector,
+    ElementLineLobatto,
+    lobatto_nodes,
+    shape_derivatives,
+    shape_functions,
+)
+from .errors import InputError, MeshError
+from .mesh import MeshCurve
+from .mesh.lookup import find_node
+from .mesh.triads import Directors, Twist, section_triads
+from .types import Array, ArrayLike, Floats, IndexArray, VectorLike
+
+__all__ = ["DirectorBasis", "gauss_rule"]
+
+#: Rotations closer than this to the identity are the identity.
+SAME = 1e-12
+
+
+def gauss_rule(points: int) -> tuple[Floats, Floats]:
+    """Gauss-Legendre rule on [0, 1].
+
+    Parameters
+    ----------
+    points : int
+        Number of points, exact for polynomials of degree ``2*points - 1``.
+
+    Returns
+    -------
+    points, weights : (points,)
+
+    Examples
+    --------
+    >>> x, w = gauss_rule(1)
+    >>> x.tolist(), w.tolist()
+    ([0.5], [1.0])
+    """
+    x, w = np.polynomial.legendre.leggauss(points)
+    return 0.5 * (x + 1.0), 0.5 * w
+
+
+class DirectorBasis(CellBasis):
+    """Point and three directors at each node, all twelve interpolated alike over arc length.
+
+    A :class:`skfem.CellBasis` of :class:`ElementDirector`. Degree of freedom ``12*node + c``
+    is component c of ``q = (phi, d1, d2, d3)``. Vertices of the mesh are the first nodes, under
+    their own numbers; interior nodes of elements follow.
+
+    Parameters
+    ----------
+    mesh : MeshCurve
+        The mesh.
+    order : int
+        Polynomial order, 1 to 4.
+    quadrature : tuple of (1, nq) and (nq,), optional
+        Points and weights on [0, 1]. By default ``order`` Gauss points: reduced integration, which
+        neither locks nor leaves mechanisms.
+
+    Attributes
+    ----------
+    order : int
+        Polynomial order p.
+    n_nodes : int
+        Number of nodes N.
+    nodes : (N, 3)
+        Reference positions (m).
+    connectivity : (ne, p + 1)
+        Nodes of each element along it: start, interior, end.
+    lengths : (ne,)
+        Arc lengths of the elements (m).
+    arc_lengths : (ne, p + 1)
+        Arc length of an element's nodes from the start of their beam (m).
+    points, weights : (nq,)
+        Quadrature rule on [0, 1].
+
+    Raises
+    ------
+    MeshError
+        If the mesh is not a MeshCurve.
+    InputError
+        If the order or the quadrature is not possible.
+
+    Examples
+    --------
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 1), elements=2)
+    >>> basis = DirectorBasis(mesh, order=2)
+    >>> basis.n_nodes, basis.connectivity.tolist()
+    (5, [[0, 3, 1], [1, 4, 2]])
+    """
+
+    def __init__(
+        self, mesh: MeshCurve, order: int = 1, quadrature: tuple[Any, Any] | None = None
+    ) -> None:
+        if not isinstance(mesh, MeshCurve):
+            raise MeshError("argument mesh", f"got {type(mesh).__name__}, expected a MeshCurve")
+        element = ElementDirector(order)
+        self.order = int(order)
+        rule = gauss_rule(self.order) if quadrature is None else _checked_rule(quadrature)
+        self.points, self.weights = rule
+        super().__init__(mesh, element, quadrature=(rule[0][None], rule[1]), disable_doflocs=True)
+        p, ne, nv = self.order, mesh.nelements, mesh.p.shape[1]
+        inner = nv + np.arange(ne * (p - 1)).reshape(ne, p - 1)
+        ends = mesh.t.T.astype(np.int64)
+        self.connectivity: IndexArray = np.hstack([ends[:, :1], inner, ends[:, 1:]])
+        self.n_nodes = nv + ne * (p - 1)
+        self.lengths: Floats = mesh.lengths
+        places = mesh.mapping().F(lobatto_nodes(p)[None])
+        self.nodes: Floats = np.empty((self.n_nodes, 3))
+        self.nodes[self.connectivity] = np.moveaxis(places, 0, -1)
+        self.nodes[:nv] = mesh.p.T
+        self.doflocs = np.repeat(self.nodes.T, 12, axis=1)
+
+    @property
+    def element_dof_rows(self) -> IndexArray:
+        """Degrees of freedom (ne, 12*(p + 1)) of the elements, node after node along them."""
+        rows = 12 * self.connectivity[:, :, None] + np.arange(12)
+        return rows.reshape(len(rows), -1)
+
+    @property
+    def arc_lengths(self) -> Floats:
+        """Arc length (ne, p + 1) of nodes from the start of their beam (m)."""
+        along = self.lengths[:, None] * lobatto_nodes(self.order)
+        return self.mesh.arc_starts[:, None] + along
+
+    def shape(self, xi: ArrayLike) -> Array:
+        """Shape functions (p + 1, ...) at reference coordinates xi (...)."""
+        return shape_functions(self.order, xi)
+
+    def dshape(self, xi: ArrayLike) -> Array:
+        """Their derivatives (p + 1, ...) with respect to xi; divide by the length for d/ds."""
+        return shape_derivatives(self.order, xi)
+
+    def node(self, which: str | int | VectorLike) -> int:
+        """Node number of a node given by name, number or position (3,).
+
+        Raises
+        ------
+        MeshError
+            If there is no such node; the message lists what is known.
+        """
+        return find_node(self.nodes, self.mesh.nodes, which, self.mesh.size)
+
+    # ------------------------------------------------------------------ scikit-fem
+    def scalar(
+        self, intorder: int | None = None, quadrature: tuple[Any, Any] | None = None
+    ) -> CellBasis:
+        """Scalar basis on the same mesh and nodes: one number a node instead of twelve.
+
+        Parameters
+        ----------
+        intorder : int, optional
+            Degree up to which integration is exact; by default 2 p + 1.
+        quadrature : tuple, optional
+            Points (1, nq) and weights (nq,) instead.
+
+        Examples
+        --------
+        >>> basis = DirectorBasis(MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4), order=2)
+        >>> int(basis.scalar().N) == basis.n_nodes
+        True
+        """
+        if quadrature is None:
+            count = self.order + 1 if intorder is None else int(intorder) // 2 + 1
+            x, w = gauss_rule(count)
+            quadrature = (x[None], w)
+        element = ElementLineLobatto(self.order)
+        return CellBasis(self.mesh, element, mapping=self.mapping, quadrature=quadrature)
+
+    def with_element(self, elem: Any) -> CellBasis:
+        """Basis with another element on the same mesh and quadrature."""
+        return CellBasis(self.mesh, elem, mapping=self.mapping, quadrature=self.quadrature)
+
+    def with_elements(self, elements: Any | None = None) -> CellBasis:
+        """Basis on some of the elements."""
+        return CellBasis(
+            self.mesh,
+            self.elem,
+            mapping=self.mapping,
+            quadrature=self.quadrature,
+            elements=elements,
+        )
+
+    def split_bases(self) -> list[Any]:
+        """Scalar bases of the twelve components."""
+        return [self.scalar(quadrature=self.quadrature)] * 12
+
+    # ------------------------------------------------------------------ integrals
+    def elemental_mass(
+        self, coefficient: float | Floats | Callable[[Floats], Floats] | None = None
+    ) -> Floats:
+        """Integrals of products of shape functions over each element.
+
+        Parameters
+        ----------
+        coefficient : float, (ne,) or callable, optional
+            Factor under the integral: one, one an element, or a function of positions
+            (3, ne, nq) that returns (ne, nq).
+
+        Returns
+        -------
+        (ne, p + 1, p + 1)
+            ``int c N_a N_b ds`` (m), nodes in the order of ``connectivity``; exact where the
+            coefficient is constant in an element.
+        """
+        scalar = self.scalar()
+        weight = self._coefficient(coefficient, scalar)
+        form = BilinearForm(lambda u, v, w: w.weight * u * v)
+        local = form.elemental(scalar, weight=weight).tolocal()
+        order = np.argsort(scalar.elem.places)
+        return local[:, order[:, None], order]
+
+    def elemental_load(self) -> Floats:
+        """Integrals ``int N_a ds`` (ne, p + 1) in m, nodes in the order of ``connectivity``."""
+        scalar = self.scalar()
+        local = LinearForm(lambda v, w: v).elemental(scalar).tolocal()
+        return local[:, np.argsort(scalar.elem.places)]
+
+    def _coefficient(self, coefficient: Any, scalar: CellBasis) -> Floats:
+        """Coefficient (ne, nq) at the quadrature points of a basis."""
+        shape = scalar.dx.shape
+        if coefficient is None:
+            return np.ones(shape)
+        value = coefficient
+        if callable(coefficient):
+            value = coefficient(np.asarray(scalar.global_coordinates()))
+        array = np.asarray(value, dtype=float)
+        if array.shape == shape[:1] and not callable(coefficient):
+            array = array[:, None]
+        if array.ndim not in (0, 2) or np.broadcast_shapes(array.shape, shape) != shape:
+            raise InputError(
+                "argument coefficient", f"has shape {array.shape}, expected () or ({shape[0]},)"
+            )
+        return np.array(np.broadcast_to(array, shape))
+
+    def evaluate(self, field: ArrayLike, elements: ArrayLike, xi: ArrayLike) -> Array:
+        """Values of a nodal field inside elements.
+
+        Parameters
+        ----------
+        field : (N, k) or (12*N,)
+            Nodal values; a vector of degrees of freedom is taken as (N, 12).
+        elements : (n,)
+            Element numbers.
+        xi : (n,)
+            Reference coordinates in [0, 1].
+
+        Returns
+        -------
+        (n, k)
+
+        Examples
+        --------
+        >>> basis = DirectorBasis(MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2), order=3)
+        >>> basis.evaluate(basis.nodes, [1], [0.5]).round(12).tolist()
+        [[0.75, 0.0, 0.0]]
+        """
+        values = np.asarray(field)
+        if values.shape == (self.N,):
+            values = values.reshape(-1, 12)
+        if values.ndim != 2 or len(values) != self.n_nodes:
+            raise InputError(
+                "argument field", f"has shape {values.shape}, expected ({self.n_nodes}, k)"
+            )
+        e = np.atleast_1d(np.asarray(elements))
+        shape = self.shape(np.broadcast_to(np.asarray(xi), e.shape))
+        return np.einsum("ae,eak->ek", shape, values[self.connectivity[e]])
+
+    # ------------------------------------------------------------------ triads
+    def triads(self, directors: Directors = None, twist: Twist = None) -> Floats:
+        """Orthonormal section triads at the nodes of each element in the reference.
+
+        ``d3`` is the unit tangent. Where beams meet at an angle, the elements at a node have
+        different triads; inside a smooth beam they are the same.
+
+        Parameters
+        ----------
+        directors : (3,) or dict of str to (3,), optional
+            Unit vector, for all beams or by name, that d1 follows (made normal to the tangent).
+            Where none is given d1 is transported without rotation about the tangent, from
+            the coordinate axis farthest from the beam's first tangent (x before y before z).
+        twist : float, callable or dict of str to these, optional
+            Additional rotation about d3: a rate (rad/m) or the angle (rad) as a function of the
+            arc length from the beam's start (m).
+
+        Returns
+        -------
+        (ne, p + 1, 3, 3)
+            ``[e, a, i]`` is d_(i+1) at node ``connectivity[e, a]``.
+
+        Raises
+        ------
+        InputError
+            If a hint is not a finite unit vector or a twist is not finite.
+        MeshError
+            If a hint is parallel to the tangent or a beam's name is unknown.
+
+        Examples
+        --------
+        >>> basis = DirectorBasis(MeshCurve.init_line((0, 0, 0), (0, 0, 1), 2))
+        >>> basis.triads(directors=(0, 1, 0))[0, 0].tolist()
+        [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+        """
+        return section_triads(self.mesh, lobatto_nodes(self.order), directors, twist)
+
+    def nodal_triads(self, triads: Floats) -> Floats:
+        """Triad (N, 3, 3) of each node: that of the first element there.
+
+        Parameters
+        ----------
+        triads : (ne, p + 1, 3, 3)
+            From :meth:`triads`.
+        """
+        nodes, first = np.unique(self.connectivity.ravel(), return_index=True)
+        out = np.empty((self.n_nodes, 3, 3))
+        out[nodes] = triads.reshape(-1, 3, 3)[first]
+        return out
+
+    def relative_rotations(self, triads: Floats) -> Floats:
+        """Constant rotations from the triads of nodes to those of the elements' sections.
+
+        Parameters
+        ----------
+        triads : (ne, p + 1, 3, 3)
+            From :meth:`triads`.
+
+        Returns
+        -------
+        (ne, p + 1, 3, 3)
+            Lambda with ``section d_i = sum_j Lambda[i, j] * nodal d_j``; exactly the identity
+            where the two agree to 1e-12.
+        """
+        nodal = self.nodal_triads(triads)[self.connectivity]
+        out = np.einsum("eaik,eajk->eaij", triads, nodal)
+        same = np.abs(out - np.eye(3)).max(axis=(-2, -1)) < SAME
+        out[same] = np.eye(3)
+        return out
+
+
+def _checked_rule(quadrature: tuple[Any, Any]) -> tuple[Floats, Floats]:
+    """Points and weights (nq,) of a rule given as scikit-fem wants it."""
+    points = np.atleast_2d(np.asarray(quadrature[0], dtype=float))
+    weights = np.asarray(quadrature[1], dtype=float)
+    if points.shape[0] != 1 or weights.shape != points.shape[1:]:
+        raise InputError(
+            "argument quadrature",
+            f"points {points.shape} and weights {weights.shape}, expected (1, nq) and (nq,)",
+        )
+    if not (np.isfinite(points).all() and abs(weights.sum() - 1.0) < 1e-12):
+        raise InputError("argument quadrature", f"weights add up to {weights.sum()}, expected 1")
+    return points[0], weights

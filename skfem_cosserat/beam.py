@@ -1,0 +1,237 @@
+"""Geometrically exact (Simo-Reissner) beams with interpolated directors on a scikit-fem mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from .assembly import ElementLoad, ElementMatrix
+from .basis import DirectorBasis
+from .errors import InputError
+from .frames import Place, StructuralItem, Vertices
+from .kernels import BeamElements, beam_force, beam_strain, beam_stress, beam_tangent
+from .mesh import MeshCurve
+from .section import Section
+from .types import Array, ArrayLike, Floats, IndexArray
+
+__all__ = ["Beam"]
+
+NodalField = Callable[[Floats], ArrayLike] | ArrayLike | None
+
+
+class Beam(StructuralItem):
+    """Beam, or network of beams, on a mesh of lines: every node is a frame of 12 coordinates.
+
+    All twelve components are interpolated alike and directors are not re-orthonormalised between
+    nodes (113). Where several parts of the mesh meet in a node they are rigidly connected: each
+    keeps the angle its section triad has against the node's triad in the reference.
+
+    Parameters
+    ----------
+    mesh : MeshCurve
+        Lines in space with named parts and nodes.
+    section : Section or dict of str to Section
+        One for all, or one for each named part; every element must get exactly one.
+    order : int
+        Polynomial order of the elements (Gauss-Lobatto nodes, `order` Gauss points).
+    director : (3,) array or dict of str to (3,) array, optional
+        Unit vector that d1 points to as far as possible; default: transported without twist.
+    twist : float, callable or dict, optional
+        Pre-twist about the tangent: rate (rad/m) or angle as function of arc length.
+    velocity, angular_velocity : (3,) or (N, 3) array or callable, optional
+        Initial velocity (m/s) and spatial angular velocity (rad/s) of the nodes; a callable gets
+        the reference positions (N, 3).
+
+    Raises
+    ------
+    InputError
+        If elements have no section, a part is unknown, a director is no unit vector or parallel
+        to the line, or a field has a wrong shape.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Beam, MeshCurve, Section
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4), section, director=(1, 0, 0))
+    >>> len(beam.vertices())
+    5
+    """
+
+    kind = "beam"
+
+    def __init__(
+        self,
+        mesh: MeshCurve,
+        section: Section | Mapping[str, Section],
+        *,
+        order: int = 1,
+        director: ArrayLike | Mapping[str, ArrayLike] | None = None,
+        twist: Any = None,
+        velocity: NodalField = None,
+        angular_velocity: NodalField = None,
+    ) -> None:
+        if not isinstance(mesh, MeshCurve):
+            raise InputError(
+                self.label, f"mesh is {type(mesh).__name__}, expected MeshCurve (lines in space)"
+            )
+        self.mesh = mesh
+        self.basis = DirectorBasis(mesh, order=order)
+        self.sections, self.section_id = self._assign(section)
+        triads = self.basis.triads(directors=director, twist=twist)
+        self.triads: Floats = self.basis.nodal_triads(triads)
+        self.rotations: Floats = self.basis.relative_rotations(triads)
+        self.velocity = self._field("velocity", velocity)
+        self.angular_velocity = self._field("angular_velocity", angular_velocity)
+        self.reference: Floats = np.concatenate(
+            [self.basis.nodes[:, None], self.triads], axis=1
+        ).reshape(-1)
+        self.elements = self._elements()
+
+    def _assign(
+        self, section: Section | Mapping[str, Section]
+    ) -> tuple[dict[str, Section], IndexArray]:
+        ne = self.mesh.t.shape[1]
+        if isinstance(section, Section):
+            return {"section": section}, np.zeros(ne, dtype=np.int64)
+        if not isinstance(section, Mapping) or not section:
+            raise InputError(self.label, f"section = {section!r}, expected Section or dict of them")
+        number = np.full(ne, -1, dtype=np.int64)
+        for k, (name, one) in enumerate(section.items()):
+            if not isinstance(one, Section):
+                raise InputError(self.label, f"section of part {name!r} is {one!r}, not a Section")
+            ids = self.mesh.elements_of(name)
+            taken = ids[number[ids] >= 0]
+            if len(taken):
+                other = list(section)[number[taken[0]]]
+                raise InputError(
+                    self.label, f"element {taken[0]} gets two sections, of {other!r} and {name!r}"
+                )
+            number[ids] = k
+        missing = np.flatnonzero(number < 0)
+        if len(missing):
+            raise InputError(
+                self.label,
+                f"{len(missing)} of {ne} elements have no section (first: element {missing[0]});"
+                f" sections are given for the parts {sorted(section)}",
+            )
+        return dict(section), number
+
+    def _field(self, name: str, value: NodalField) -> Floats:
+        nodes = self.basis.nodes
+        if value is None:
+            return np.zeros_like(nodes)
+        array = np.array(value(nodes) if callable(value) else value, dtype=float)
+        if array.shape not in ((3,), nodes.shape):
+            raise InputError(
+                self.label, f"{name} has shape {array.shape}, expected (3,) or {nodes.shape}"
+            )
+        if not np.isfinite(array).all():
+            raise InputError(self.label, f"{name} is not finite: {array[~np.isfinite(array)][0]}")
+        return np.broadcast_to(array, nodes.shape).copy()
+
+    def _elements(self) -> BeamElements:
+        basis = self.basis
+        stiffness = np.array([s.stiffness for s in self.sections.values()])[self.section_id]
+        rotations = self.rotations
+        same = bool((rotations == np.eye(3)).all())
+        return BeamElements.create(
+            self.gather(self.reference),
+            basis.lengths,
+            basis.shape(basis.points),
+            basis.dshape(basis.points),
+            basis.points,
+            basis.weights,
+            stiffness,
+            None if same else rotations,
+        )
+
+    # -- scikit-fem side -----------------------------------------------------------------------
+
+    def gather(self, q: Array) -> Array:
+        """Coordinates of each element's nodes: (12 N,) -> (ne, 12 nn)."""
+        return q.reshape(-1, 12)[self.basis.connectivity].reshape(len(self.basis.connectivity), -1)
+
+    def internal_force_form(self) -> ElementLoad:
+        """Internal force as a scikit-fem form: ``form.assemble(beam.basis, q=q)`` -> (12 N,).
+
+        Examples
+        --------
+        >>> from skfem import asm
+        >>> from skfem_cosserat import Beam, MeshCurve, Section
+        >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+        >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4), section)
+        >>> float(abs(asm(beam.internal_force_form(), beam.basis, q=beam.reference)).max())
+        0.0
+        """
+
+        def internal_force(basis: DirectorBasis, q: Array) -> Array:
+            eps, B = beam_strain(self.elements, self.gather(q))
+            return beam_force(self.elements, B, beam_stress(self.elements, eps))
+
+        return ElementLoad(internal_force)
+
+    def tangent_form(self) -> ElementMatrix:
+        """Derivative of the internal force as a scikit-fem form: ``assemble(beam.basis, q=q)``."""
+
+        def tangent(basis: DirectorBasis, q: Array) -> Array:
+            eps, B = beam_strain(self.elements, self.gather(q))
+            stress = beam_stress(self.elements, eps)
+            return beam_tangent(self.elements, B, B, stress, 1.0, 1.0)
+
+        return ElementMatrix(tangent)
+
+    def mass_form(self) -> ElementMatrix:
+        """Consistent mass matrix (114) as a scikit-fem form: ``assemble(beam.basis)``."""
+
+        def mass(basis: DirectorBasis) -> Array:
+            scalar = self.scalar_mass()
+            ne, k = scalar.shape[:2]
+            return np.einsum("eij,cd->eicjd", scalar, np.eye(3)).reshape(ne, 3 * k, 3 * k)
+
+        return ElementMatrix(mass)
+
+    # -- protocol of structural items ------------------------------------------------------------
+
+    def vertices(self) -> Vertices:
+        """Its nodes."""
+        return Vertices(self.basis.nodes, self.triads, self.velocity, self.angular_velocity)
+
+    def scalar_mass(self) -> Floats:
+        """Element mass without the factor I_3: (ne, 4 nn, 4 nn), rows (phi, d1, d2, d3) a node."""
+        shape = self.basis.elemental_mass()
+        ne, nn = shape.shape[:2]
+        density = np.array([(s.mass, *s.inertia) for s in self.sections.values()])[self.section_id]
+        out = np.zeros((ne, nn, 4, nn, 4))
+        out[:, :, 0, :, 0] = density[:, 0, None, None] * shape
+        # section directors d_k = Lambda_kj d_j of the node: inertia in nodal directors
+        first = self.rotations[:, :, :2]
+        out[:, :, 1:, :, 1:] = np.einsum(
+            "ek,eab,eaki,ebkj->eaibj", density[:, 1:], shape, first, first
+        )
+        return out.reshape(ne, 4 * nn, 4 * nn)
+
+    def line_weights(self, elements: IndexArray) -> Floats:
+        """``int N_a ds`` (len(elements), nn) for distributed loads."""
+        return self.basis.elemental_load()[elements]
+
+    def part(self, name: str | None = None) -> IndexArray:
+        """Elements of a named part of the mesh, or all."""
+        if name is None:
+            return np.arange(self.mesh.t.shape[1], dtype=np.int64)
+        return self.mesh.elements_of(name)
+
+    def node(self, which: str | int | ArrayLike) -> Place:
+        """The place of a node, by name, number or reference position (3,).
+
+        Raises
+        ------
+        MeshError
+            If there is no such node; the message lists the names known.
+        """
+        a = self.basis.node(which)
+        note = f" node {which!r}" if isinstance(which, str) else f" node {a}"
+        return Place(
+            self, a, self.basis.nodes[a].copy(), np.zeros(3), self.triads[a].copy(), None, note
+        )

@@ -1,0 +1,288 @@
+"""Rigid bodies and mass points: one-node structures with a constant mass matrix (64)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .errors import InputError
+from .frames import Place, StructuralItem, Vertices, check_triad, vector
+from .types import ArrayLike, Floats
+
+__all__ = ["MassPoint", "RigidBody"]
+
+
+class _Lump(StructuralItem):
+    """Shared by bodies and mass points: mass, placement, or attachment to another item."""
+
+    def __init__(
+        self, mass: float, position: ArrayLike, velocity: ArrayLike, on: Place | None
+    ) -> None:
+        if not np.isfinite(mass) or mass <= 0:
+            raise InputError(self.label, f"mass = {mass!r}, expected a positive finite number")
+        if on is not None and (on.item is None or on.triad is None):
+            raise InputError(self.label, f"cannot be attached to {on.label}: needs a triad")
+        self.mass = float(mass)
+        self.position = vector(self.label, "position", position) if on is None else on.position
+        self.velocity = vector(self.label, "velocity", velocity)
+        self.on = on
+
+    def scalar_mass(self) -> Floats:
+        """Mass matrix of (phi, d1, d2, d3) without the factor I_3: (4, 4) or (1, 1)."""
+        raise NotImplementedError
+
+
+class MassPoint(_Lump):
+    """Mass point: 3 coordinates, or a lump on a beam node or body without own coordinates.
+
+    Parameters
+    ----------
+    mass : float
+        (kg)
+    position, velocity : (3,) array
+        Initial position (m) and velocity (m/s).
+    on : Place, optional
+        Attach rigidly to this place: its mass is added there, position and velocity follow.
+
+    Examples
+    --------
+    >>> MassPoint(5.0, position=(0, 1, 0)).place().position.tolist()
+    [0.0, 1.0, 0.0]
+    """
+
+    kind = "mass point"
+
+    def __init__(
+        self,
+        mass: float,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        on: Place | None = None,
+    ) -> None:
+        super().__init__(mass, position, velocity, on)
+
+    def vertices(self) -> Vertices | None:
+        """One point, unless attached."""
+        if self.on is not None:
+            return None
+        zero = np.zeros((1, 3))
+        return Vertices(self.position[None], None, self.velocity[None], zero)
+
+    def place(self) -> Place:
+        """The point itself (where it is attached, if it is)."""
+        if self.on is not None:
+            return self.on
+        return Place(self, 0, self.position, np.zeros(3), None)
+
+    def scalar_mass(self) -> Floats:
+        """See the base class."""
+        if self.on is None:
+            return np.array([[self.mass]])
+        X = np.concatenate([[1.0], self.on.offset])
+        return self.mass * np.outer(X, X)
+
+
+class RigidBody(_Lump):
+    """Rigid body as one-node structure: 12 coordinates ``(phi, d1, d2, d3)``.
+
+    Parameters
+    ----------
+    mass : float
+        (kg)
+    inertia : (3,) or (3, 3) array, optional
+        Moments of inertia ``J`` about the *centre of mass* in the body frame (kg m^2): principal
+        values, or the full tensor. Its Euler tensor ``E = (tr J/2) I - J`` must be positive
+        semidefinite, else no mass distribution has it.
+    euler : (3,) array, optional
+        Instead of `inertia`: ``E_i = int rho X_i^2 dV`` about the centre of mass, (64). Zeros are
+        allowed where joints determine the triad (a thin rod).
+    position : (3,) array
+        Reference point phi (m).
+    triad : (3, 3) array, optional
+        Rows d1, d2, d3 (default: identity).
+    center : (3,) array
+        Centre of mass in the body frame, relative to the reference point (m).
+    velocity, angular_velocity : (3,) array
+        Of the reference point (m/s); in space (rad/s).
+    surface : (points, faces), optional
+        Material coordinates (nv, 3) and triangles (nf, 3), for pictures only.
+    on : Place, optional
+        Attach rigidly to this place: the inertia is added there (in the triad of that node), no
+        coordinates are added.
+
+    Examples
+    --------
+    >>> body = RigidBody.box(2.0, (1.0, 2.0, 3.0))
+    >>> body.euler.diagonal().round(4).tolist()
+    [0.1667, 0.6667, 1.5]
+    """
+
+    kind = "rigid body"
+
+    def __init__(
+        self,
+        mass: float,
+        inertia: ArrayLike | None = None,
+        *,
+        euler: ArrayLike | None = None,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        triad: ArrayLike | None = None,
+        center: ArrayLike = (0.0, 0.0, 0.0),
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        angular_velocity: ArrayLike = (0.0, 0.0, 0.0),
+        surface: tuple[ArrayLike, ArrayLike] | None = None,
+        on: Place | None = None,
+    ) -> None:
+        super().__init__(mass, position, velocity, on)
+        self.triad = np.eye(3) if triad is None else check_triad(self.label, triad)
+        self.center = vector(self.label, "center", center)
+        self.angular_velocity = vector(self.label, "angular_velocity", angular_velocity)
+        self.euler = self._euler_tensor(inertia, euler)
+        self.surface = surface
+
+    def _euler_tensor(self, inertia: ArrayLike | None, euler: ArrayLike | None) -> Floats:
+        if (inertia is None) == (euler is None):
+            raise InputError(self.label, "give either inertia or euler, not both and not neither")
+        name = "inertia" if euler is None else "euler"
+        value = np.array(inertia if euler is None else euler, dtype=float)
+        if value.shape == (3,):
+            value = np.diag(value)
+        if value.shape != (3, 3):
+            raise InputError(self.label, f"{name} has shape {value.shape}, expected (3,) or (3, 3)")
+        if not np.isfinite(value).all() or not np.allclose(value, value.T, rtol=1e-12):
+            raise InputError(self.label, f"{name} = {value.tolist()} is not finite and symmetric")
+        E = value if euler is not None else np.trace(value) / 2 * np.eye(3) - value
+        lowest = float(np.linalg.eigvalsh(E)[0])
+        if lowest < -1e-12 * abs(value).max():
+            raise InputError(
+                self.label,
+                f"{name} = {np.diag(value).tolist()} is impossible: no mass distribution has it "
+                f"(its Euler tensor has the eigenvalue {lowest:.3g}; each principal moment must"
+                " not exceed the sum of the other two, and none may be negative)",
+            )
+        return E
+
+    # -- shapes ------------------------------------------------------------------------------
+
+    @classmethod
+    def box(cls, mass: float, edges: ArrayLike, **options: Any) -> RigidBody:
+        """Solid box with `edges` (3,) along d1, d2, d3 (m), reference point at its centre."""
+        a = _lengths("box", edges=edges)
+        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * a / 2
+        return cls(mass, euler=mass * a**2 / 12, surface=(corners, _BOX), **options)
+
+    @classmethod
+    def cylinder(cls, mass: float, radius: float, length: float, **options: Any) -> RigidBody:
+        """Solid cylinder along d3 (m), reference point at its centre."""
+        r, l = _lengths("cylinder", radius=radius, length=length)  # noqa: E741
+        E = mass * np.array([r**2 / 4, r**2 / 4, l**2 / 12])
+        return cls(mass, euler=E, surface=_prism(r, l, 24), **options)
+
+    @classmethod
+    def sphere(cls, mass: float, radius: float, **options: Any) -> RigidBody:
+        """Solid sphere (m), reference point at its centre."""
+        (r,) = _lengths("sphere", radius=radius)
+        return cls(mass, euler=np.full(3, mass * r**2 / 5), surface=_globe(r), **options)
+
+    @classmethod
+    def pyramid(cls, mass: float, edge: float, height: float, **options: Any) -> RigidBody:
+        """Square pyramid (m), apex towards +d3, reference point at its centre of mass."""
+        a, h = _lengths("pyramid", edge=edge, height=height)
+        E = mass * np.array([a**2 / 20, a**2 / 20, 3 * h**2 / 80])
+        base = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * a / 2
+        points = np.vstack([np.c_[base, np.full(4, -h / 4)], [0, 0, 3 * h / 4]])
+        faces = np.array([[0, 2, 1], [0, 3, 2], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+        return cls(mass, euler=E, surface=(points, faces), **options)
+
+    @classmethod
+    def rod(cls, mass: float, length: float, **options: Any) -> RigidBody:
+        """Thin rod along d3 (m): no inertia about its own axis, which joints must hold."""
+        (l,) = _lengths("rod", length=length)  # noqa: E741
+        E = np.array([0.0, 0.0, mass * l**2 / 12])
+        return cls(mass, euler=E, surface=_prism(l / 50, l, 8), **options)
+
+    # -- protocol ----------------------------------------------------------------------------
+
+    def vertices(self) -> Vertices | None:
+        """One frame, unless attached."""
+        if self.on is not None:
+            return None
+        return Vertices(
+            self.position[None],
+            self.triad[None],
+            self.velocity[None],
+            self.angular_velocity[None],
+        )
+
+    def at(self, position: ArrayLike) -> Place:
+        """The material point that is at `position` (3,) (m) in the reference configuration."""
+        x = vector(self.label, "position", position)
+        if self.on is not None:
+            assert self.on.triad is not None  # checked at construction
+            offset = self.on.offset + self.on.triad @ (x - self.on.position)
+            return Place(self.on.item, self.on.vertex, x, offset, self.on.triad)
+        return Place(self, 0, x, self.triad @ (x - self.position), self.triad)
+
+    def local(self, X: ArrayLike) -> Place:
+        """The material point with coordinates `X` (3,) (m) in the body frame."""
+        offset = vector(self.label, "X", X)
+        base = self.triad if self.on is None else self.on.triad
+        return self.at(self.position + offset @ base)
+
+    def scalar_mass(self) -> Floats:
+        """See the base class; E is taken about the reference point there."""
+        center = self.center if self.on is None else self.on.offset + self.center
+        out = np.empty((4, 4))
+        out[0, 0] = self.mass
+        out[0, 1:] = out[1:, 0] = self.mass * center
+        out[1:, 1:] = self.euler + self.mass * np.outer(center, center)
+        return out
+
+
+def _lengths(shape: str, **values: ArrayLike) -> Floats:
+    array = np.array(next(iter(values.values())) if len(values) == 1 else list(values.values()))
+    array = np.atleast_1d(array).astype(float)
+    if not (np.isfinite(array).all() and (array > 0).all()):
+        raise InputError(f"rigid body ({shape})", f"{values} must be positive and finite")
+    if shape == "box" and array.shape != (3,):
+        raise InputError("rigid body (box)", f"edges has shape {array.shape}, expected (3,)")
+    return array
+
+
+_BOX = np.array(
+    [
+        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
+        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
+    ]
+)
+
+
+def _prism(r: float, length: float, sides: int) -> tuple[Floats, Any]:
+    angle = 2 * np.pi * np.arange(sides) / sides
+    ring = r * np.c_[np.cos(angle), np.sin(angle)]
+    ends = [np.c_[ring, np.full(sides, z)] for z in (-length / 2, length / 2)]
+    points = np.vstack([*ends, [[0, 0, -length / 2], [0, 0, length / 2]]])
+    i = np.arange(sides)
+    j = (i + 1) % sides
+    low, high = np.full(sides, 2 * sides), np.full(sides, 2 * sides + 1)
+    faces = [(i, j, j + sides), (i, j + sides, i + sides), (low, j, i), (high, i + sides, j + sides)]
+    return points, np.vstack([np.column_stack(face) for face in faces])
+
+
+def _globe(r: float, rings: int = 8, sides: int = 16) -> tuple[Floats, Any]:
+    angle = np.pi * np.arange(1, rings) / rings
+    turn = 2 * np.pi * np.arange(sides) / sides
+    a, b = np.meshgrid(angle, turn, indexing="ij")
+    body = np.column_stack(
+        [(np.sin(a) * np.cos(b)).ravel(), (np.sin(a) * np.sin(b)).ravel(), np.cos(a).ravel()]
+    )
+    points = r * np.vstack([body, [[0, 0, 1], [0, 0, -1]]])
+    i = np.arange(sides)
+    j = (i + 1) % sides
+    top, bottom = np.full(sides, len(body)), np.full(sides, len(body) + 1)
+    faces = [(top, i, j), (bottom, j + (rings - 2) * sides, i + (rings - 2) * sides)]
+    for k in range(rings - 2):
+        a0, b0 = i + k * sides, j + k * sides
+        faces += [(a0, a0 + sides, b0 + sides), (a0, b0 + sides, b0)]
+    return points, np.vstack([np.column_stack(face) for face in faces])

@@ -1,0 +1,108 @@
+"""What a treatment of the constraints is to an integrator.
+
+An integrator writes its discrete balance without constraint forces, ``R(y_1)`` (rows, 3) with the
+dimension of momentum, and says at which configuration ``y_c = (1 - w) y_0 + w y_1`` the constraint
+forces act (``w`` is its `constraint_weight`). A treatment turns this into a square system:
+``R + h G(y_c)^T lambda = 0, g(y_1) = 0``, or ``P(y_c)^T R = 0`` with ``y_1 = F_d(u, y_0)``.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+
+from ..linear import LinearSolver
+from ..model import System
+from ..types import Array, Floats, IndexArray
+
+__all__ = ["BoundTreatment", "Treatment"]
+
+
+class Treatment(ABC):
+    """A choice; :meth:`bind` makes the arrays for a system."""
+
+    name: str
+    reference: str
+
+    @abstractmethod
+    def bind(self, system: System, weight: float) -> BoundTreatment:
+        """Arrays for `system` and an integrator with this `constraint_weight`."""
+
+
+class BoundTreatment(ABC):
+    """A treatment at work on one system; holds the configuration sought in a step."""
+
+    solver: LinearSolver
+    unknowns: int
+
+    def __init__(self, system: System, weight: float) -> None:
+        self.system = system
+        self.weight = weight
+
+    @abstractmethod
+    def begin(self, y0: Array, ground1: Array, h: float) -> None:
+        """Start a step of size h from y0 (all rows), with the ground's rows at its end."""
+
+    @abstractmethod
+    def guess(self, extrapolate: bool) -> None:
+        """Go to the start of the iteration: last step's increment again, or none."""
+
+    @abstractmethod
+    def configuration(self) -> Array:
+        """``y_1`` (all rows) sought."""
+
+    @abstractmethod
+    def residual(self, R: Array, y1: Array) -> Array:
+        """Residual (unknowns,) for the balance R (rows, 3)."""
+
+    @abstractmethod
+    def scale(self, terms: Floats, y1: Array) -> Floats:
+        """Size of the terms the residual is made of, for the same projection."""
+
+    @abstractmethod
+    def data(self, blocks: list[Array], R: Array, y1: Array, scaled: bool = True) -> Floats:
+        """Entries of the iteration matrix in the solver's pattern; as solved, or unscaled."""
+
+    @abstractmethod
+    def scale_rows(self, residual: Array) -> Array:
+        """The residual in the scaling of the matrix."""
+
+    @abstractmethod
+    def apply(self, increment: Array) -> None:
+        """Move the configuration by an increment (unknowns,)."""
+
+    @abstractmethod
+    def sizes(self, increment: Floats) -> tuple[float, float]:
+        """Size of an increment, and of its largest rotation."""
+
+    @abstractmethod
+    def constraint_impulse(self, R: Array) -> Array:
+        """``h G(y_c)^T lambda`` (rows, 3) at the solution."""
+
+    @abstractmethod
+    def save(self) -> Any:
+        """Copy of the configuration sought."""
+
+    @abstractmethod
+    def restore(self, saved: Any) -> None:
+        """Back to a copy."""
+
+    def finish(self) -> None:
+        """The step is accepted: keep its increment for the next guess."""
+
+    def constraint_point(self, y1: Array) -> Array:
+        """``y_c``, all rows."""
+        if self.weight == 0:
+            return self.y0
+        return (1 - self.weight) * self.y0 + self.weight * y1
+
+    y0: Array
+
+
+def group_pairs(system: System, dofs: list[IndexArray]) -> tuple[IndexArray, IndexArray]:
+    """Row and column numbers of all block entries, groups one after the other."""
+    rows = [np.repeat(d, d.shape[1], axis=1).ravel() for d in dofs]
+    cols = [np.tile(d, (1, d.shape[1])).ravel() for d in dofs]
+    return np.concatenate(rows), np.concatenate(cols)

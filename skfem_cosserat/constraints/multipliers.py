@@ -1,0 +1,172 @@
+"""Lagrange multipliers: all coordinates and one multiplier for each constraint row."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..assembly import FrozenPattern
+from ..errors import IncompatibleError
+from ..linear import LinearSolver
+from ..model import System
+from ..types import Array, Floats
+from .base import BoundTreatment, Treatment, group_pairs
+
+__all__ = ["Multipliers"]
+
+
+class Multipliers(Treatment):
+    """Lagrange multipliers, n + m unknowns ``(q_{n+1}, lambda)``; equation (22).
+
+    Parameters
+    ----------
+    scaled : bool
+        Scale constraint rows and columns by the largest entry of the dynamic block (Bottasso,
+        Dopico & Trainelli, Multibody Syst. Dyn. 19 (2008) 3): the condition number then no longer
+        grows as the step shrinks. Unscaled on request only.
+
+    Examples
+    --------
+    >>> Multipliers().name
+    'multipliers'
+    """
+
+    name = "multipliers"
+    reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equation (22)"
+
+    def __init__(self, scaled: bool = True) -> None:
+        self.scaled = scaled
+
+    def bind(self, system: System, weight: float) -> BoundMultipliers:
+        """See the base class."""
+        if system.rank < system.m:  # the model refuses redundant joints; kept for later items
+            raise IncompatibleError(
+                "Lagrange multipliers",
+                f"do not work with {system.m - system.rank} redundant constraint rows",
+            )
+        return BoundMultipliers(system, weight, self.scaled)
+
+
+class BoundMultipliers(BoundTreatment):
+    """See :class:`Multipliers`. Internally the unknown is the impulse ``h lambda``, scaled."""
+
+    def __init__(self, system: System, weight: float, scaled: bool) -> None:
+        super().__init__(system, weight)
+        n, m, g = system.n, system.m, system.constraints
+        self.scaled = scaled
+        self.unknowns = n + m
+        i, j = group_pairs(system, [group.dofs for group in system.groups])
+        gi, gj = g.rows[g.inside], g.cols[g.inside]
+        rows = [i, gj, n + gi]
+        cols = [j, n + gi, gj]
+        if weight:
+            rows.append(g.curvature_rows)
+            cols.append(g.curvature_cols)
+        self.pattern = FrozenPattern(np.concatenate(rows), np.concatenate(cols), (n + m, n + m))
+        self.solver = LinearSolver(self.pattern)
+        self._q: Array = np.zeros(n)
+        self._multiplier: Array = np.zeros(m)
+        self._last: tuple[Array, Array] | None = None
+
+    def begin(self, y0: Array, ground1: Array, h: float) -> None:
+        """See the base class."""
+        self.y0, self._ground1, self.h = y0, ground1, h
+        self._q0 = y0[: self.system.rows].reshape(-1)
+        self._jacobian = self.system.constraints.jacobian_values(y0)
+        self._size: float | None = None
+
+    def guess(self, extrapolate: bool) -> None:
+        """See the base class."""
+        use = extrapolate and self._last is not None
+        dq, multiplier = self._last if use and self._last else (0.0, np.zeros(self.system.m))
+        self._q = self._q0 + dq
+        self._multiplier = multiplier.copy()
+
+    def configuration(self) -> Array:
+        """See the base class."""
+        return np.concatenate([self._q.reshape(-1, 3), self._ground1.astype(self._q.dtype)])
+
+    def _transposed(self, y1: Array) -> Array:
+        if self.weight == 0:
+            return self._jacobian
+        return self.system.constraints.jacobian_values(self.constraint_point(y1))
+
+    def residual(self, R: Array, y1: Array) -> Array:
+        """See the base class; the constraint rows are not scaled here."""
+        constraints = self.system.constraints
+        self._left = self._transposed(y1)
+        rows, cols = constraints.rows[constraints.inside], constraints.cols[constraints.inside]
+        force = self._left * self._multiplier[rows]
+        out = np.empty(self.unknowns, dtype=np.result_type(R, force, y1))
+        n = self.system.n
+        if np.iscomplexobj(force):
+            summed = np.bincount(cols, force.real, n) + 1j * np.bincount(cols, force.imag, n)
+        else:
+            summed = np.bincount(cols, force, n)
+        self._impulse = summed
+        out[:n] = R.reshape(-1) + summed
+        out[n:] = constraints.values(y1)
+        return out
+
+    def scale(self, terms: Floats, y1: Array) -> Floats:
+        """See the base class; constraints are compared with unity."""
+        n = self.system.n
+        out = np.ones(self.unknowns)
+        out[:n] = (terms + abs(self._impulse.reshape(-1, 3))).reshape(-1)
+        out[n:] = 1.0 + self.system.length**2
+        return out
+
+    def data(self, blocks: list[Array], R: Array, y1: Array, scaled: bool = True) -> Floats:
+        """See the base class; with the columns' and rows' factors of this step."""
+        if self._size is None:
+            self._size = max(float(abs(b).max()) for b in blocks) if self.scaled else 0.0
+        constraints = self.system.constraints
+        size = self._size
+        column, row = (size, size) if self.scaled and scaled else (self.h, 1.0)
+        values = [b.ravel() for b in blocks]
+        values += [column * self._left, row * constraints.jacobian_values(y1)]
+        if self.weight:
+            values.append(self.weight * constraints.curvature_values(self._multiplier))
+        return self.pattern.data(np.concatenate(values))
+
+    def scale_rows(self, residual: Array) -> Array:
+        """The residual in the scaling of the matrix."""
+        out = residual.copy()
+        if self.scaled:
+            out[self.system.n :] *= self._size
+        return out
+
+    def apply(self, increment: Array) -> None:
+        """See the base class."""
+        n = self.system.n
+        factor = self._size if self.scaled else self.h
+        self._q = self._q + increment[:n]
+        self._multiplier = self._multiplier + factor * increment[n:]
+
+    def sizes(self, increment: Floats) -> tuple[float, float]:
+        """See the base class; a change of directors stands for a rotation."""
+        system = self.system
+        d = abs(increment[: system.n].reshape(-1, 3))
+        shift = d[system.origin_rows].max(initial=0.0) / system.length
+        turn = d[system.kinematics.director_rows].max(initial=0.0)
+        return float(max(shift, turn)), float(turn)
+
+    def constraint_impulse(self, R: Array) -> Array:
+        """See the base class."""
+        return self._impulse.reshape(-1, 3)
+
+    def save(self) -> tuple[Array, Array]:
+        """See the base class."""
+        return self._q.copy(), self._multiplier.copy()
+
+    def restore(self, saved: tuple[Array, Array]) -> None:
+        """See the base class."""
+        self._q, self._multiplier = saved[0].copy(), saved[1].copy()
+
+    def finish(self) -> None:
+        """See the base class."""
+        self._last = (self._q - self._q0, self._multiplier)
+
+    @property
+    def multipliers(self) -> Array:
+        """``lambda`` (m,) of the step just solved."""
+        return self._multiplier / self.h

@@ -1,0 +1,43 @@
+"""Pure functions of a system and its states: energies, momenta, violations, forces, reactions.
+
+States come one by one or stacked: q and p have shape (n,) or (N, n), results then have a leading
+axis N. A momentum p is that of the discrete Legendre transform, ``history["p"]``, all four blocks
+of a frame included; the angular momentum is exact only with the d3 blocks.
+"""
+
+from .energy import (
+    external_energy,
+    kinetic_energy,
+    kinetic_energy_of_velocity,
+    section_forces,
+    section_strains,
+    strain_energy,
+)
+from .forces import condition_number, constraint_points, multipliers, reactions
+from .momentum import (
+    Projection,
+    angular_momentum,
+    constraint_violation,
+    ground_part,
+    hidden_violation,
+    linear_momentum,
+)
+
+__all__ = [
+    "Projection",
+    "angular_momentum",
+    "condition_number",
+    "constraint_points",
+    "constraint_violation",
+    "external_energy",
+    "ground_part",
+    "hidden_violation",
+    "kinetic_energy",
+    "kinetic_energy_of_velocity",
+    "linear_momentum",
+    "multipliers",
+    "reactions",
+    "section_forces",
+    "section_strains",
+    "strain_energy",
+]

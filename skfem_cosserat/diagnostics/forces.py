@@ -1,0 +1,107 @@
+"""Multipliers, reactions of joints, conditioning."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse.linalg import splu
+
+from ..constraints import Treatment
+from ..errors import InputError
+from ..history import History
+from ..integrators import Integrator, State, Stepper
+from ..model import System
+from ..model.system import JointRows
+from ..types import Floats
+
+__all__ = ["condition_number", "constraint_points", "multipliers", "reactions"]
+
+
+def constraint_points(system: System, history: History) -> Floats:
+    """Where the constraint forces of each recorded step act, all rows of y: (N, total, 3).
+
+    The nodes q_n with the variational scheme, the midpoints with energy-momentum.
+    """
+    if "constraint_point" in history:
+        return history["constraint_point"].reshape(len(history), system.total, 3)
+    pairs = zip(history["q"], history.times, strict=True)
+    return np.array([system.extend(q, float(t)) for q, t in pairs])
+
+
+def multipliers(system: System, y: Floats, force: Floats) -> Floats:
+    """Multipliers (N, m) from ``G(y)^T lambda = force``, by ``(G G^T) lambda = G force``.
+
+    Parameters
+    ----------
+    y : (N, total, 3) array
+        Where the forces act, :func:`constraint_points`.
+    force : (N, n) array
+        ``history["constraint_force"]``, in either treatment. NaN rows give NaN.
+    """
+    out = np.full((len(y), system.m), np.nan)
+    for k, (row, f) in enumerate(zip(y, force, strict=True)):
+        if system.m and np.isfinite(f).all():
+            G = system.constraints.jacobian(row)
+            out[k] = splu((G @ G.T).tocsc()).solve(G @ f)
+    return out
+
+
+def reactions(system: System, y: Floats, lam: Floats) -> dict[str, tuple[Floats, Floats]]:
+    """Force and moment that each joint exerts on its side B, about the joint's point on B.
+
+    Parameters
+    ----------
+    y, lam
+        As for :func:`multipliers`, and its result.
+
+    Returns
+    -------
+    dict of str to (force, moment)
+        (N, 3) each, in space (N, N m). The same in both treatments.
+    """
+    forces = {jr.joint.name or "": np.empty((len(y), 2, 3)) for jr in system.joint_rows}
+    for k, (row, multiplier) in enumerate(zip(y, lam, strict=True)):
+        G = system.constraints.jacobian(row).tocsr()
+        for jr in system.joint_rows:
+            forces[jr.joint.name or ""][k] = _wrench(
+                system, jr, row, -(G[jr.rows].T @ multiplier[jr.rows]).reshape(-1, 3)
+            )
+    return {name: (f[:, 0], f[:, 1]) for name, f in forces.items()}
+
+
+def _wrench(system: System, jr: JointRows, y: Floats, f: Floats) -> Floats:
+    """Force and moment from the generalised force f (rows, 3) of one joint.
+
+    The balance reads ``... + G^T lambda = 0``, so a joint acts with ``-G^T lambda``; if side B is
+    the ground, the reaction of side A is turned round.
+    """
+    on_b = jr.b.vertex < len(system.origin_rows)
+    spot, sign = (jr.b, 1.0) if on_b else (jr.a, -1.0)
+    r = int(system.vertex_rows[spot.vertex])
+    force = f[r]
+    if not system.is_frame[spot.vertex]:
+        return sign * np.array([force, np.zeros(3)])
+    directors = y[r + 1 : r + 4]
+    moment = np.cross(directors, f[r + 1 : r + 4]).sum(0)
+    arm = np.asarray(spot.offset) @ directors
+    return sign * np.array([force, moment - np.cross(arm, force)])
+
+
+def condition_number(
+    system: System,
+    integrator: Integrator,
+    treatment: Treatment,
+    step: float,
+    state: State,
+    scaled: bool = True,
+) -> float:
+    """2-norm condition number (dense) of the iteration matrix at the solution of one step.
+
+    Parameters
+    ----------
+    state : State
+        At the start of the step.
+    scaled : bool
+        Of the matrix actually factorised; False: without the scaling of multipliers.
+    """
+    matrix, _ = Stepper(system, integrator, treatment, step).iteration_matrix(state, scaled)
+    return float(np.linalg.cond(matrix))

@@ -1,0 +1,120 @@
+"""Momenta, their projection, and violations of the constraints."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..assembly import FrozenPattern
+from ..linear import LinearSolver
+from ..model import System
+from ..types import ArrayLike, Floats
+from .stacks import as_stack, as_times
+
+__all__ = [
+    "Projection",
+    "angular_momentum",
+    "constraint_violation",
+    "ground_part",
+    "hidden_violation",
+    "linear_momentum",
+]
+
+
+def angular_momentum(system: System, q: ArrayLike, p: ArrayLike) -> Floats:
+    """``sum q_a x p_a`` about the origin over all blocks, (N, 3) (kg m^2/s)."""
+    Q, single = as_stack(system, "q", q)
+    P, _ = as_stack(system, "p", p)
+    shape = (len(Q), system.rows, 3)
+    out = np.cross(Q.reshape(shape), P.reshape(shape)).sum(1)
+    return out[0] if single else out
+
+
+def linear_momentum(system: System, p: ArrayLike) -> Floats:
+    """Sum of the momenta of all positions phi, (N, 3) (kg m/s)."""
+    P, single = as_stack(system, "p", p)
+    out = P.reshape(len(P), system.rows, 3)[:, system.origin_rows].sum(1)
+    return out[0] if single else out
+
+
+def constraint_violation(system: System, q: ArrayLike, t: ArrayLike = 0.0) -> Floats:
+    """Largest ``|g(q)|`` of each state, unscaled."""
+    Q, single = as_stack(system, "q", q)
+    out = np.array(
+        [
+            abs(system.constraints.values(system.extend(row, float(s)))).max(initial=0.0)
+            for row, s in zip(Q, as_times(t, len(Q)), strict=True)
+        ]
+    )
+    return out[0] if single else out
+
+
+def hidden_violation(system: System, q: ArrayLike, v: ArrayLike, t: ArrayLike = 0.0) -> Floats:
+    """Largest ``|G(q) v + g_t|`` of each state: the hidden constraint on velocity level."""
+    Q, single = as_stack(system, "q", q)
+    V, _ = as_stack(system, "v", v)
+    out = np.empty(len(Q))
+    for k, (row, rate, s) in enumerate(zip(Q, V, as_times(t, len(Q)), strict=True)):
+        y = system.extend(row, float(s))
+        hidden = system.constraints.jacobian(y) @ rate + ground_part(system, y, float(s))
+        out[k] = abs(hidden).max(initial=0.0)
+    return out[0] if single else out
+
+
+def ground_part(system: System, y: Floats, t: float) -> Floats:
+    """``g_t`` (m,) from prescribed motion."""
+    if not system.moving:
+        return np.zeros(system.m)
+    rate = np.zeros_like(y)
+    rate[system.rows :] = system.ground_rate(t)
+    return system.constraints.ground_rate(y, rate)
+
+
+class Projection:
+    """Projection ``Q p = M v`` of momenta on the hidden constraint (39), (46), without M^-1.
+
+    Solves the saddle point ``[[M, G^T], [G, 0]] (v, mu) = (p, -g_t)``, which is regular although
+    a beam's mass matrix is singular on its d3.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Model, MassPoint, JointDistance, ground
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> Projection(model.freeze())([0, 0, -1.0], [2.0, 0, 6.0])[0].tolist()   # velocity
+    [1.0, 0.0, 0.0]
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        n, m, g = system.n, system.m, system.constraints
+        mass = system.mass.tocoo()
+        xyz = np.arange(3)
+        i = (3 * mass.row[:, None].astype(np.int64) + xyz).ravel()
+        j = (3 * mass.col[:, None].astype(np.int64) + xyz).ravel()
+        gi, gj = g.rows[g.inside], g.cols[g.inside]
+        self._pattern = FrozenPattern(
+            np.concatenate([i, gj, n + gi]), np.concatenate([j, n + gi, gj]), (n + m, n + m)
+        )
+        self._solver = LinearSolver(self._pattern)
+        self._mass = np.repeat(mass.data, 3)
+        self._scale = float(abs(mass.data).max())
+
+    def __call__(self, q: ArrayLike, p: ArrayLike, t: float = 0.0) -> tuple[Floats, Floats]:
+        """Velocity v (n,) with ``G v + g_t = 0`` and projected momentum ``Q p = M v`` (n,)."""
+        system = self.system
+        n = system.n
+        y = system.extend(np.asarray(q, dtype=float), t)
+        G = self._scale * system.constraints.jacobian_values(y)
+        rhs = np.zeros(n + system.m)
+        rhs[:n] = p
+        rhs[n:] = -self._scale * ground_part(system, y, t)
+        data = self._pattern.data(np.concatenate([self._mass, G, G]))
+        v = self._solver.solve(data, rhs)[:n]
+        return v, (system.mass @ v.reshape(-1, 3)).reshape(-1)
+
+    def stack(self, q: Floats, p: Floats, t: ArrayLike) -> tuple[Floats, Floats]:
+        """The same for stacks (N, n)."""
+        times = as_times(t, len(q))
+        pairs = [self(a, b, float(s)) for a, b, s in zip(q, p, times, strict=True)]
+        return np.array([v for v, _ in pairs]), np.array([w for _, w in pairs])

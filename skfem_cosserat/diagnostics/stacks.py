@@ -1,0 +1,22 @@
+"""States one by one or stacked: (n,) or (N, n)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import InputError
+from ..model import System
+from ..types import ArrayLike, Floats
+
+
+def as_stack(system: System, name: str, value: ArrayLike) -> tuple[Floats, bool]:
+    array = np.asarray(value, dtype=float)
+    if array.shape[-1:] != (system.n,) or array.ndim not in (1, 2):
+        raise InputError(
+            f"argument {name}", f"has shape {array.shape}, expected ({system.n},) or (N, ...)"
+        )
+    return np.atleast_2d(array), array.ndim == 1
+
+
+def as_times(t: ArrayLike, count: int) -> Floats:
+    return np.broadcast_to(np.asarray(t, dtype=float), (count,))

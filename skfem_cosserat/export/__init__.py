@@ -1,0 +1,8 @@
+"""Files for other programs, made from a history: ParaView series and tables."""
+
+from __future__ import annotations
+
+from .paraview import ParaViewWriter, write_paraview
+from .table import write_csv
+
+__all__ = ["ParaViewWriter", "write_csv", "write_paraview"]

@@ -1,0 +1,351 @@
+"""Shapes in space from coordinates: numpy only, shared by the ParaView export and the pictures.
+
+A director frame at offset ``o`` of the coordinates has ``phi = q[o:o+3]`` and the directors
+``d_i = q[o+3i:o+3i+3]``; arrays of directors here have the shape ``(..., 3, 3)`` with ``d_i`` in
+row ``i``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..element import shape_functions
+from ..errors import InputError
+from ..types import Array, ArrayLike, Floats, IndexArray
+
+__all__ = ["BeamShape", "BodyShape", "Sweep", "frames", "quaternions"]
+
+
+def frames(q: ArrayLike, offsets: ArrayLike) -> tuple[Floats, Floats]:
+    """Placements and directors of frames.
+
+    Parameters
+    ----------
+    q : (n,)
+        Coordinates, or velocities: then rates come out.
+    offsets : (k,)
+        First coordinate of each frame.
+
+    Returns
+    -------
+    phi : (k, 3)
+        Placements in m.
+    directors : (k, 3, 3)
+        Director ``i`` in row ``i``.
+
+    Examples
+    --------
+    >>> phi, d = frames(range(12), [0])
+    >>> phi.tolist(), d[0, 2].tolist()
+    ([[0.0, 1.0, 2.0]], [9.0, 10.0, 11.0])
+    """
+    start = np.asarray(offsets, dtype=np.int64).reshape(-1, 1)
+    values = np.asarray(q, dtype=float)[start + np.arange(12)]
+    return values[:, :3], values[:, 3:].reshape(-1, 3, 3)
+
+
+def quaternions(directors: ArrayLike) -> Floats:
+    """Unit quaternions ``(w, x, y, z)`` of the rotations closest to the directors, with w >= 0.
+
+    Parameters
+    ----------
+    directors : (k, 3, 3)
+        Director ``i`` in row ``i``; interpolated ones need not be orthonormal.
+
+    Returns
+    -------
+    (k, 4)
+        They turn components in the body's frame into components in space.
+
+    Examples
+    --------
+    >>> quarter = [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]  # about the third axis
+    >>> quaternions([quarter]).round(4).tolist()
+    [[0.7071, 0.0, 0.0, 0.7071]]
+    """
+    d = np.asarray(directors, dtype=float).reshape(-1, 3, 3)
+    u, _, vt = np.linalg.svd(np.swapaxes(d, 1, 2))
+    u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
+    R = u @ vt
+    # The symmetric matrix 4 r r^T of the quaternion r: its column of largest diagonal is safe.
+    K = np.empty((len(R), 4, 4))
+    diagonal = np.einsum("kii->ki", R)
+    K[:, 0, 0] = 1.0 + diagonal.sum(1)
+    skew = [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]]
+    K[:, 0, 1:] = K[:, 1:, 0] = np.stack(skew, axis=1)
+    K[:, 1:, 1:] = R + np.swapaxes(R, 1, 2)
+    for i in range(3):
+        K[:, i + 1, i + 1] = 1.0 + 2.0 * diagonal[:, i] - diagonal.sum(1)
+    best = np.argmax(np.einsum("kii->ki", K), axis=1)
+    r = K[np.arange(len(R)), best]
+    r /= np.linalg.norm(r, axis=1, keepdims=True)
+    return np.where(r[:, :1] < 0.0, -r, r)
+
+
+def piece_weights(gauss: Floats, pieces: int) -> Floats:
+    """Weights ``(pieces, ng)`` that average Gauss point values over equal pieces of an element.
+
+    A piece without a Gauss point takes the value of the point closest to its middle.
+    """
+    weights = np.zeros((pieces, len(gauss)))
+    owner = np.clip((gauss * pieces).astype(int), 0, pieces - 1)
+    for k in range(pieces):
+        inside = np.flatnonzero(owner == k)
+        if not len(inside):
+            inside = np.array([np.argmin(abs(gauss - (k + 0.5) / pieces))])
+        weights[k, inside] = 1.0 / len(inside)
+    return weights
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Surface of one beam in space: points, quads, and the piece of the beam each quad is from.
+
+    Attributes
+    ----------
+    points : (k, 3)
+        In m.
+    quads : (m, 4)
+        Corners, outward orientation for counter-clockwise outlines.
+    element, piece : (m,)
+        Element, and piece of the element, of each quad.
+    caps : list of (k,) arrays
+        Closed outlines at free ends.
+    """
+
+    points: Floats
+    quads: IndexArray
+    element: IndexArray
+    piece: IndexArray
+    caps: list[IndexArray]
+
+
+class BeamShape:
+    """Constant data to evaluate one beam in space; made from the static arrays of a history.
+
+    Points are the nodes for order 1 and 2. For higher orders, whose nodes are not equidistant, they
+    are the ends of the elements followed by ``order - 1`` equidistant points in each element.
+
+    Parameters
+    ----------
+    name : str
+        Name of the beam.
+    static : mapping of str to array
+        With the entries ``beam/{name}/...``.
+
+    Raises
+    ------
+    InputError
+        If an array of the beam is missing.
+
+    Attributes
+    ----------
+    cells : (nc, 2) or (nc, 3)
+        Points of each cell in VTK's order (middle point last).
+    cell_element : (nc,)
+        Element of each cell.
+    node_id : (np,)
+        Node of each point, -1 between nodes.
+    pieces : int
+        Pieces of an element in a swept surface.
+    """
+
+    def __init__(self, name: str, static: Mapping[str, Array]) -> None:
+        self.name = name
+        self._static = static
+        self.offsets: IndexArray = self._get("offsets").astype(np.int64)
+        self.connectivity: IndexArray = self._get("connectivity").astype(np.int64)
+        self.rotations: Floats = self._get("rotations")
+        self.gauss: Floats = np.atleast_1d(self._get("gauss"))
+        self.part: IndexArray = self._get("part").astype(np.int64)
+        self.section: IndexArray = self._get("section").astype(np.int64)
+        self.order = self.connectivity.shape[1] - 1
+        self.pieces = self.order
+        self._node_rotation = self._common_rotations()
+        stations = np.arange(self.order + 1) / self.order
+        self._stations: Floats = shape_functions(self.order, stations).T
+        self._at_gauss: Floats = shape_functions(self.order, self.gauss).T
+        self._number_points()
+
+    def _get(self, key: str) -> Array:
+        full = f"beam/{self.name}/{key}"
+        if full not in self._static:
+            raise InputError(f"beam {self.name!r}", f"the history has no static array {full!r}")
+        return self._static[full]
+
+    def _common_rotations(self) -> Floats:
+        """Section rotation of each node, or the identity where sections differ (own triad)."""
+        flat = self.connectivity.ravel()
+        rotations = self.rotations.reshape(-1, 3, 3)
+        common = np.tile(np.eye(3), (len(self.offsets), 1, 1))
+        common[flat] = rotations
+        differs = abs(rotations - common[flat]).max(axis=(1, 2)) > 1e-12
+        common[flat[differs]] = np.eye(3)
+        return common
+
+    def _number_points(self) -> None:
+        conn, ne = self.connectivity, len(self.connectivity)
+        self._inner: IndexArray | None = None
+        if self.order <= 2:
+            self.node_id: IndexArray = np.arange(len(self.offsets))
+            self.cells: IndexArray = conn[:, [0, 2, 1][: self.order + 1]] if ne else conn
+            if self.order == 1:
+                self.cells = conn
+            self.cell_pieces = 1
+        else:
+            corners, ends = np.unique(conn[:, [0, -1]], return_inverse=True)
+            ends = ends.reshape(-1, 2)
+            inner = len(corners) + np.arange(ne * (self.order - 1)).reshape(ne, -1)
+            chain = np.hstack([ends[:, :1], inner, ends[:, 1:]])
+            self.cells = np.stack([chain[:, :-1], chain[:, 1:]], axis=2).reshape(-1, 2)
+            self.node_id = np.concatenate([corners, np.full(inner.size, -1)])
+            self._inner = inner
+            self.cell_pieces = self.order
+        self.cell_element: IndexArray = np.repeat(np.arange(ne), self.cell_pieces)
+
+    def _evaluate(self, nodal: Floats, local: Floats) -> Floats:
+        """Values at the points: ``nodal (Nb, ...)`` at nodes, ``local (ne, p+1, ...)`` inside."""
+        if self._inner is None:
+            return nodal
+        inner = np.einsum("sa,ea...->es...", self._stations[1:-1], local)
+        corners = nodal[self.node_id[self.node_id >= 0]]
+        return np.concatenate([corners, inner.reshape(-1, *nodal.shape[1:])])
+
+    def points(self, q: ArrayLike) -> Floats:
+        """Placements (or velocities, for rates of q) of the points ``(np, 3)``."""
+        phi, _ = frames(q, self.offsets)
+        return self._evaluate(phi, phi[self.connectivity])
+
+    def directors(self, q: ArrayLike) -> Floats:
+        """Section directors ``(np, 3, 3)``; at a node where several sections meet its own triad."""
+        _, d = frames(q, self.offsets)
+        return self._evaluate(self._node_rotation @ d, self.rotations @ d[self.connectivity])
+
+    def to_space(self, q: ArrayLike, values: Floats) -> Floats:
+        """Turn components in the section frame at Gauss points ``(ne, ng, 3)`` into space."""
+        _, d = frames(q, self.offsets)
+        local = self.rotations @ d[self.connectivity]
+        at_gauss = np.einsum("ga,eaij->egij", self._at_gauss, local)
+        return np.einsum("egi,egij->egj", values, at_gauss)
+
+    def average(self, values: Floats, pieces: int) -> Floats:
+        """Average Gauss point values ``(ne, ng, k)`` over pieces: ``(ne * pieces, k)``."""
+        mean = np.einsum("pg,eg...->ep...", piece_weights(self.gauss, pieces), values)
+        return mean.reshape(-1, *values.shape[2:])
+
+    def outline(self, section: int) -> Floats | None:
+        """Closed outline ``(k, 2)`` of a section in m, without the first point repeated."""
+        outline = self._static.get(f"beam/{self.name}/outline/{section}")
+        if outline is None or len(outline) < 3:
+            return None
+        return outline[:-1] if np.array_equal(outline[0], outline[-1]) else outline
+
+    def sweep(self, q: ArrayLike, outlines: Mapping[int, Floats] | None = None) -> Sweep:
+        """Surface of all elements whose section has an outline.
+
+        Parameters
+        ----------
+        q : (n,)
+            Coordinates.
+        outlines : mapping of int to (k, 2) array, optional
+            Outline by section, instead of those of the history.
+
+        Returns
+        -------
+        Sweep
+            Empty if no section has an outline.
+        """
+        phi, d = frames(q, self.offsets)
+        center = np.einsum("sa,eai->esi", self._stations, phi[self.connectivity])
+        local = self.rotations @ d[self.connectivity]
+        axes = np.einsum("sa,eaij->esij", self._stations, local)
+        uses = np.bincount(self.connectivity.ravel(), minlength=len(self.offsets))
+        points, quads, owner, piece, caps = [np.zeros((0, 3))], [], [], [], []
+        start = 0
+        for section in np.unique(self.section):
+            shape = self.outline(section) if outlines is None else outlines.get(int(section))
+            if shape is None:
+                continue
+            own = np.flatnonzero(self.section == section)
+            k, p = len(shape), self.order
+            x = center[own, :, None] + np.einsum("ki,esij->eskj", shape, axes[own, :, :2])
+            grid = start + np.arange(len(own) * (p + 1) * k).reshape(len(own), p + 1, k)
+            after = np.roll(grid, -1, axis=2)
+            quad = np.stack([grid[:, :-1], after[:, :-1], after[:, 1:], grid[:, 1:]], axis=-1)
+            points.append(x.reshape(-1, 3))
+            quads.append(quad.reshape(-1, 4))
+            owner.append(np.repeat(own, p * k))
+            piece.append(np.tile(np.repeat(np.arange(p), k), len(own)))
+            conn = self.connectivity[own]
+            caps += [ring[::-1] for ring in grid[uses[conn[:, 0]] == 1, 0]]
+            caps += list(grid[uses[conn[:, -1]] == 1, -1])
+            start += grid.size
+        none = np.zeros(0, dtype=np.int64)
+        return Sweep(
+            np.concatenate(points),
+            np.concatenate([none.reshape(0, 4), *quads]),
+            np.concatenate([none, *owner]),
+            np.concatenate([none, *piece]),
+            caps,
+        )
+
+
+@dataclass(frozen=True)
+class BodyShape:
+    """A rigid body (a closed surface, or a point without one) or a mass point.
+
+    Attributes
+    ----------
+    name : str
+        Name of the item.
+    offset : int
+        First coordinate.
+    material : (nv, 3) or None
+        Material coordinates of the corners in m; None: drawn as one point.
+    faces : (nf, 3)
+        Triangles.
+    is_point : bool
+        A mass point, without directors.
+    """
+
+    name: str
+    offset: int
+    material: Floats | None
+    faces: IndexArray
+    is_point: bool = False
+
+    def points(self, q: ArrayLike) -> Floats:
+        """Corners in space ``(nv, 3)`` (velocities for rates of q), or the place ``(1, 3)``."""
+        if self.material is None:
+            return np.array(q, dtype=float)[None, self.offset : self.offset + 3]
+        phi, d = frames(q, [self.offset])
+        return phi + self.material @ d[0]
+
+    def directors(self, q: ArrayLike) -> Floats:
+        """Directors ``(3, 3)``; of a mass point those of space."""
+        return np.eye(3) if self.is_point else frames(q, [self.offset])[1][0]
+
+
+def beam_shapes(meta: Mapping[str, Any], static: Mapping[str, Array]) -> list[BeamShape]:
+    """All beams of a history."""
+    return [BeamShape(entry["name"], static) for entry in meta.get("beams", [])]
+
+
+def body_shapes(meta: Mapping[str, Any], static: Mapping[str, Array]) -> Iterator[BodyShape]:
+    """All bodies, then all mass points of a history."""
+    none = np.zeros((0, 3), dtype=np.int64)
+    for kind, list_name in (("body", "bodies"), ("point", "points")):
+        for entry in meta.get(list_name, []):
+            name, prefix = entry["name"], f"{kind}/{entry['name']}"
+            if f"{prefix}/offset" not in static:
+                raise InputError(
+                    f"{kind} {name!r}", f"the history has no static array '{prefix}/offset'"
+                )
+            offset = int(static[f"{prefix}/offset"])
+            faces = static.get(f"{prefix}/faces", none).astype(np.int64)
+            material = static.get(f"{prefix}/points") if len(faces) else None
+            yield BodyShape(name, offset, material, faces, kind == "point")

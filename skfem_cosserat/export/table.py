@@ -1,0 +1,106 @@
+"""Series as a table of comma separated values."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..history import History
+
+__all__ = ["write_csv"]
+
+#: Series with more numbers per state than this are not in a table unless named.
+_WIDE = 6
+_PROVENANCE = ("integrator", "treatment", "step", "kernels", "versions", "status")
+
+
+def _default_names(history: History) -> list[str]:
+    """Time first, then all series of few numbers that are no coordinates."""
+    names = [
+        name
+        for name, array in history.series.items()
+        if name not in ("t", "q", "p", "v") and (array.ndim == 1 or _columns(array) <= _WIDE)
+    ]
+    return ["t", *(name for name in names if history[name].ndim <= 2)]
+
+
+def _columns(array: np.ndarray) -> int:
+    return int(np.prod(array.shape[1:]))
+
+
+def _header(name: str, array: np.ndarray) -> list[str]:
+    if array.ndim == 1:
+        return [name]
+    ends = "xyz" if array.shape[1] == 3 else [str(k) for k in range(array.shape[1])]
+    return [f"{name}_{end}" for end in ends]
+
+
+def write_csv(
+    history: History, path: str | os.PathLike[str], names: Sequence[str] | None = None
+) -> Path:
+    """Write scalar and vector series, one line a state, all digits kept.
+
+    Lines in front of the table start with ``#`` and say which versions and methods made the
+    numbers. Vectors of three numbers become columns ``name_x, name_y, name_z``.
+
+    Parameters
+    ----------
+    history : History
+        Recorded states.
+    path : path-like
+        Name of the file; an older one is replaced.
+    names : sequence of str, optional
+        Series to be written. Default: ``t`` and all series with at most six numbers per state.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If a series does not exist or is no scalar or vector, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import numpy as np
+    >>> zeros = np.zeros((2, 9))
+    >>> series = {"t": [0.0, 0.1], "step": [0, 1], "q": zeros, "p": zeros, "energy": [2.0, 2.5]}
+    >>> history = History({"status": "completed"}, {}, series)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = write_csv(history, pathlib.Path(folder) / "run.csv")
+    ...     path.read_text().splitlines()[-3:]
+    ['t,step,energy', '0.0,0,2.0', '0.1,1,2.5']
+    """
+    chosen = _default_names(history) if names is None else list(names)
+    header: list[str] = []
+    columns: list[list[float]] = []
+    for name in chosen:
+        array = history[name]
+        if array.ndim > 2:
+            raise InputError(
+                f"series {name!r}", f"has shape {array.shape}, a table takes scalars and vectors"
+            )
+        header += _header(name, array)
+        columns += (array[:, None] if array.ndim == 1 else array).T.tolist()
+    path = Path(path)
+    try:
+        with path.open("w", newline="", encoding="utf-8") as handle:
+            handle.write("# skfem-cosserat history\n")
+            for key in _PROVENANCE:
+                if key in history.meta:
+                    handle.write(f"# {key}: {json.dumps(history.meta[key])}\n")
+            writer = csv.writer(handle, lineterminator="\n")
+            writer.writerow(header)
+            writer.writerows(zip(*columns, strict=True))
+    except OSError as error:
+        raise InputError(f"file {str(path)!r}", f"cannot be written: {error.strerror}") from error
+    return path

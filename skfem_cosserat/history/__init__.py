@@ -1,0 +1,13 @@
+"""What a simulation leaves behind: arrays over the recorded states, in memory or in a file.
+
+A `History` holds numbers and names only. It knows no model and no solver, so export, charts and
+studies can read a run that was made on another computer, by another version, or that was killed.
+"""
+
+from __future__ import annotations
+
+from .container import History
+from .file import read_meta
+from .writer import HistoryWriter
+
+__all__ = ["History", "HistoryWriter", "read_meta"]

@@ -1,0 +1,8 @@
+"""Time integrators: each module writes only its discrete equations."""
+
+from .base import Integrator, State
+from .energy_momentum import EnergyMomentum
+from .stepper import Stepper, StepReport
+from .variational import Variational
+
+__all__ = ["EnergyMomentum", "Integrator", "State", "StepReport", "Stepper", "Variational"]

@@ -1,0 +1,234 @@
+"""One time step: integrator x treatment x Newton, with retries and a clear failure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..constraints import BoundTreatment, Treatment
+from ..errors import Diverged, InputError
+from ..log import logger
+from ..model import System
+from ..newton import NewtonReport, NewtonSettings, newton
+from ..types import Array, Floats
+from .base import Evaluation, Integrator, State, StepData
+
+__all__ = ["StepReport", "Stepper"]
+
+
+@dataclass(eq=False)
+class StepReport:
+    """What a solved step gives beside the next state.
+
+    Attributes
+    ----------
+    state : State
+        At the end of the step.
+    momentum : (n,) array
+        p_n of the discrete Legendre transform at the *start* of the step.
+    constraint_force : (n,) array
+        ``G^T lambda`` of the step (N; N m on directors).
+    constraint_point : (total, 3) array
+        Where it acts: all rows of y, at the node or midpoint.
+    iterations, attempts : int
+        Newton iterations (of all attempts) and attempts (1: none was repeated).
+    residual : float
+        Scaled residual at the solution.
+    """
+
+    state: State
+    momentum: Floats
+    constraint_force: Floats
+    constraint_point: Floats
+    iterations: int
+    attempts: int
+    residual: float
+
+
+class _Problem:
+    """A step as the Newton loop sees it."""
+
+    def __init__(self, stepper: Stepper, step: StepData) -> None:
+        self.system, self.integrator = stepper.system, stepper.integrator
+        self.treatment, self.step = stepper.bound, step
+        self.evaluation: Evaluation | None = None
+
+    def residual(self) -> float:
+        y1 = self.treatment.configuration()
+        self.evaluation = self.integrator.evaluate(self.system, self.step, y1)
+        self._y1 = y1
+        self._r = self.treatment.residual(self.evaluation.R, y1)
+        scale = self.treatment.scale(self.evaluation.terms, y1)
+        largest = float(scale.max(initial=0.0))
+        return float(abs(self._r).max(initial=0.0)) / largest if largest > 0 else 0.0
+
+    def direction(self) -> Floats:
+        assert self.evaluation is not None
+        blocks = self.integrator.tangent(self.system, self.step, self.evaluation)
+        data = self.treatment.data(blocks, self.evaluation.R, self._y1)
+        return -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
+
+    def sizes(self, increment: Floats) -> tuple[float, float]:
+        return self.treatment.sizes(increment)
+
+    def apply(self, increment: Floats) -> None:
+        self.treatment.apply(increment)
+
+    def save(self) -> object:
+        return self.treatment.save()
+
+    def restore(self, saved: object) -> None:
+        self.treatment.restore(saved)
+
+
+#: attempts at a step: (extrapolate the last increment, damped)
+ATTEMPTS = ((True, False), (False, False), (False, True), (True, True))
+
+
+class Stepper:
+    """Solves step after step of fixed size.
+
+    Parameters
+    ----------
+    system : System
+    integrator : Integrator
+    treatment : Treatment
+    h : float
+        Step size (s), positive.
+    settings : NewtonSettings, optional
+
+    Raises
+    ------
+    IncompatibleError
+        If treatment and system do not work together.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Model, MassPoint, NullSpace, Variational, initial_state
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(1.0, velocity=(1.0, 0, 0)))
+    >>> system = model.freeze()
+    >>> stepper = Stepper(system, Variational(), NullSpace(), 0.1)
+    >>> stepper.advance(initial_state(system)).state.q.round(12).tolist()
+    [0.1, 0.0, 0.0]
+    """
+
+    def __init__(
+        self,
+        system: System,
+        integrator: Integrator,
+        treatment: Treatment,
+        h: float,
+        settings: NewtonSettings | None = None,
+    ) -> None:
+        if not np.isfinite(h) or h <= 0:
+            raise InputError("argument step", f"{h!r}, expected a positive number of seconds")
+        self.system, self.integrator, self.treatment = system, integrator, treatment
+        self.h = float(h)
+        self.settings = settings or NewtonSettings()
+        self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
+
+    def advance(self, state: State, time: float | None = None) -> StepReport:
+        """Solve the step that follows `state`.
+
+        Parameters
+        ----------
+        state : State
+        time : float, optional
+            Time of the new state; default ``state.time + h``. (``t_n = n h`` avoids that rounding
+            adds up over many steps.)
+
+        Raises
+        ------
+        Diverged
+            If all attempts fail: from the extrapolated and from a zero increment, then both with
+            a line search.
+        """
+        step = self.integrator.begin(self.system, state, self.h)
+        self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h)
+        total = 0
+        best: NewtonReport | None = None
+        for attempt, (extrapolate, damped) in enumerate(ATTEMPTS, 1):
+            self.bound.guess(extrapolate)
+            problem = _Problem(self, step)
+            report = newton(problem, self.settings, damped)
+            total += report.iterations
+            if report.converged:
+                assert problem.evaluation is not None
+                new_time = state.time + self.h if time is None else time
+                return self._accept(
+                    state, step, problem.evaluation, new_time, total, attempt, report
+                )
+            if best is None or report.residual < best.residual:
+                best = report
+            logger.warning(
+                "step %d from t = %.6g s, attempt %d of %d: %s",
+                *(state.index + 1, state.time, attempt, len(ATTEMPTS), report.reason),
+            )
+        assert best is not None
+        raise Diverged(
+            state.time,
+            state.index + 1,
+            best.residual,
+            f"{best.reason}, after {len(ATTEMPTS)} attempts with {total} Newton iterations",
+            f"try a smaller step than {self.h:g} s, a finer mesh, a softer section"
+            + ("" if self.integrator.name == "energy-momentum" else ", or EnergyMomentum()"),
+        )
+
+    def _accept(
+        self,
+        state: State,
+        step: StepData,
+        evaluation: Evaluation,
+        time: float,
+        iterations: int,
+        attempts: int,
+        report: NewtonReport,
+    ) -> StepReport:
+        self.bound.finish()
+        impulse: Array = self.bound.constraint_impulse(evaluation.R)
+        y1 = self.bound.configuration()
+        new = State(
+            time,
+            state.index + 1,
+            np.array(y1[: self.system.rows]).reshape(-1),
+            self.integrator.carry(self.system, step, evaluation).reshape(-1),
+            fresh=False,
+        )
+        momentum = self.integrator.node_momentum(step, impulse, state.fresh)
+        # a start from given p carries only half of the constraint force (section 5 of the theory)
+        first = 2.0 if state.fresh and self.integrator.constraint_weight == 0 else 1.0
+        force = (first / self.h) * impulse
+        return StepReport(
+            new,
+            np.array(momentum).reshape(-1),
+            force.reshape(-1),
+            self.bound.constraint_point(y1),
+            iterations,
+            attempts,
+            report.residual,
+        )
+
+    def iteration_matrix(self, state: State, scaled: bool = True) -> tuple[Floats, StepReport]:
+        """Dense iteration matrix at the converged state of the step after `state`.
+
+        Parameters
+        ----------
+        scaled : bool
+            The matrix actually factorised; False: without the scaling of multipliers.
+        """
+        report = self.advance(state)
+        step = self.integrator.begin(self.system, state, self.h)
+        bound = self.bound
+        problem = _Problem(self, step)
+        problem.residual()
+        assert problem.evaluation is not None
+        blocks = self.integrator.tangent(self.system, step, problem.evaluation)
+        data = bound.data(blocks, problem.evaluation.R, problem._y1, scaled)
+        return bound.solver.pattern.assembled(data).toarray(), report
+
+
+def with_momentum(state: State, p: Floats) -> State:
+    """The same state as a fresh start from momentum p."""
+    return replace(state, p=p, fresh=True)

@@ -1,0 +1,87 @@
+"""Variational (symplectic-momentum) integrator: midpoint discrete Lagrangian."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model import System
+from ..types import Array, Floats
+from .base import Evaluation, Integrator, StepData, load_force
+
+__all__ = ["Variational"]
+
+
+@dataclass(eq=False)
+class _Evaluation(Evaluation):
+    momentum: Array
+    kick: Array
+    mid: Array
+    stresses: list[Array]
+    Bs: list[Array]
+
+
+class Variational(Integrator):
+    """``L_d(q_n, q_{n+1}) = h L((q_n + q_{n+1})/2, (q_{n+1} - q_n)/h)``, constraints at the nodes.
+
+    Discrete Euler-Lagrange equations (22) in position-momentum form:
+    ``M dq/h + (h/2) (f_int - f)(q_mid) - p_n + h G(q_n)^T lambda_n = 0``. Symplectic, conserves
+    momentum maps exactly; energy oscillates without drift while high frequencies are resolved, and
+    blows up with stiff beams.
+
+    Examples
+    --------
+    >>> Variational().order
+    2
+    """
+
+    name = "variational"
+    order = 2
+    constraint_weight = 0.0
+    conserves = "symplectic form, linear and angular momentum"
+    reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equations (22) and (25)"
+
+    def evaluate(self, system: System, step: StepData, y1: Array) -> _Evaluation:
+        """See the base class."""
+        h, rows = step.h, system.rows
+        mid = 0.5 * (step.y0 + y1)
+        strains = system.strain(mid)
+        stresses = [
+            g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)
+        ]
+        Bs = [B for _, B in strains]
+        momentum = (system.mass @ (y1[:rows] - step.y0[:rows])) / h
+        internal = system.internal_force(Bs, stresses)
+        external = load_force(system, step, mid)
+        kick = (0.5 * h) * (external - internal)
+        return _Evaluation(
+            momentum - kick - step.p0,
+            abs(momentum) + (0.5 * h) * (abs(external) + abs(internal)) + abs(step.p0),
+            momentum,
+            kick,
+            mid,
+            stresses,
+            Bs,
+        )
+
+    def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:
+        """See the base class: ``M/h + (h/4) K(q_mid)``."""
+        assert isinstance(evaluation, _Evaluation)
+        e, h = evaluation, step.h
+        blocks = system.mass_tangent(1 / h)
+        for k, g in enumerate(system.beam_groups):
+            blocks[k] += g.tangent(e.Bs[k], e.Bs[k], e.stresses[k], 0.25 * h, 0.25 * h)
+        if not system.loading.dead_only:
+            mid = e.mid[: system.rows]
+            system.loading.add_tangent(blocks, mid, step.amplitudes, -0.25 * h)
+        return blocks
+
+    def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
+        """``p_{n+1}`` before its constraint force: ``D_2 L_d + f^+`` (35)."""
+        assert isinstance(evaluation, _Evaluation)
+        return np.asarray(evaluation.momentum + evaluation.kick)
+
+    def node_momentum(self, step: StepData, impulse: Floats, fresh: bool) -> Floats:
+        """Mean of both discrete Legendre transforms (34), (35), whose parts of lambda cancel."""
+        return step.p0 if fresh else step.p0 - 0.5 * impulse

@@ -1,0 +1,262 @@
+"""Plain numpy kernels over all elements of a group: arrays in, arrays out.
+
+They are vectorised over elements, accept complex input (so that tangents can be checked by the
+complex step) and know no model: the seam where compiled kernels enter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .strain import strain_table
+from .types import Array, Floats
+
+__all__ = [
+    "BeamElements",
+    "beam_force",
+    "beam_strain",
+    "beam_stress",
+    "beam_tangent",
+    "cross",
+    "director_force",
+    "exp_quaternion",
+    "null_space_blocks",
+    "quaternion_product",
+    "rotation_matrix",
+    "skew",
+]
+
+NAME = "numpy"
+
+
+@dataclass(frozen=True, eq=False)
+class BeamElements:
+    """Constant data of a group of director beam elements of one order.
+
+    Attributes
+    ----------
+    lengths : (ne,) array
+        Reference arc lengths (m).
+    points, weights : (ng,) array
+        Gauss rule on [0, 1].
+    table : (ng, 6, k, k) array
+        See :func:`skfem_cosserat.strain.strain_table`; k = 12 nn.
+    stiffness : (ne, 6, 6) array
+        Section stiffness of each element.
+    reference : (ne, ng, 6) array
+        Strains of the interpolated reference, subtracted: a curved start is stress free.
+    rotations : (ne, nn, 3, 3) array or None
+        Constant rotation of the section triad against the nodal triad where they differ (beams
+        rigidly connected at an angle); None if all coincide.
+    """
+
+    lengths: Floats
+    points: Floats
+    weights: Floats
+    table: Floats
+    stiffness: Floats
+    reference: Floats
+    rotations: Floats | None = None
+
+    def __post_init__(self) -> None:
+        ng, _, k, _ = self.table.shape
+        # one matrix product gives B of all elements and points
+        object.__setattr__(self, "_B_table", self.table.reshape(ng * 6 * k, k).T.copy())
+        object.__setattr__(self, "_C_table", self.table.reshape(ng * 6, k * k))
+        scale = self.weights[None, :, None, None] * self.lengths[:, None, None, None]
+        object.__setattr__(self, "_D_weighted", scale * self.stiffness[:, None])
+        # one factor 1/l is that of B, the weight carries l
+        object.__setattr__(
+            self, "_inv_l", np.ascontiguousarray((1 / self.lengths)[:, None], dtype=float)
+        )
+        object.__setattr__(
+            self, "_wl", (self.weights[None, :] * self.lengths[:, None])[:, :, None].copy()
+        )
+
+    @classmethod
+    def create(
+        cls,
+        q: Floats,
+        lengths: Floats,
+        shape: Floats,
+        slope: Floats,
+        points: Floats,
+        weights: Floats,
+        stiffness: Floats,
+        rotations: Floats | None = None,
+    ) -> BeamElements:
+        """Elements whose reference is the configuration ``q`` (ne, 12 nn)."""
+        ne, ng = len(lengths), len(points)
+        table = strain_table(shape, slope)
+        zero = np.zeros((ne, ng, 6))
+        bare = cls(lengths, points, weights, table, stiffness, zero, rotations)
+        reference, _ = beam_strain(bare, q)
+        return cls(lengths, points, weights, table, stiffness, reference, rotations)
+
+
+def beam_strain(elements: BeamElements, q: Array) -> tuple[Array, Array]:
+    """Strains and their derivative.
+
+    Parameters
+    ----------
+    elements : BeamElements
+    q : (ne, 12 nn) array
+        Coordinates of each element's nodes.
+
+    Returns
+    -------
+    eps : (ne, ng, 6) array
+        ``(Gamma, K)`` minus their reference values.
+    B : (ne, 6 ng, 12 nn) array
+        ``delta eps = B delta q``; linear in q.
+    """
+    ne, k = q.shape
+    ng = len(elements.points)
+    section = q if elements.rotations is None else _to_section(elements.rotations, q)
+    B = (section * elements._inv_l) @ elements._B_table  # type: ignore[attr-defined]
+    B = B.reshape(ne, 6 * ng, k)
+    eps = 0.5 * (B @ section[:, :, None])
+    if elements.rotations is not None:
+        B = _from_section(elements.rotations, B)
+    return eps.reshape(ne, ng, 6) - elements.reference, B
+
+
+def beam_stress(elements: BeamElements, eps: Array) -> Array:
+    """Stress resultants ``(N, M)`` (ne, ng, 6) in the section's frame: forces in N, moments N m."""
+    return eps @ elements.stiffness  # symmetric
+
+
+def beam_force(elements: BeamElements, B: Array, stress: Array) -> Array:
+    """Internal force ``int B^T S ds`` (ne, 12 nn) for stress (ne, ng, 6)."""
+    ne = len(B)
+    weighted = stress * elements._wl  # type: ignore[attr-defined]
+    return (weighted.reshape(ne, 1, -1) @ B)[:, 0]
+
+
+def beam_tangent(
+    elements: BeamElements,
+    B_left: Array,
+    B_right: Array,
+    stress: Array,
+    material: float,
+    geometric: float,
+) -> Array:
+    """``material * int B_left^T D B_right ds + geometric * int S . C/l ds``, (ne, 12nn, 12nn).
+
+    The derivative of ``int B(q_a)^T S* ds`` where ``S*`` depends on the new state through
+    ``material * D B_right`` and ``q_a`` through the factor ``geometric``.
+    """
+    ne, rows, k = B_left.shape
+    ng = rows // 6
+    D = elements._D_weighted  # type: ignore[attr-defined]
+    if ng == 1:
+        DB = (material * D[:, 0]) @ B_right
+    else:
+        DB = ((material * D) @ B_right.reshape(ne, ng, 6, k)).reshape(ne, rows, k)
+    K = B_left.transpose(0, 2, 1) @ DB
+    # weight l times the 1/l of C
+    S = (geometric * stress * elements.weights[:, None]).reshape(ne, rows)
+    G = (S @ elements._C_table).reshape(ne, k, k)  # type: ignore[attr-defined]
+    if elements.rotations is not None:
+        G = _from_section(elements.rotations, G)
+        G = _from_section(elements.rotations, G.transpose(0, 2, 1)).transpose(0, 2, 1)
+    K += G
+    return K
+
+
+def _to_section(rotations: Floats, q: Array) -> Array:
+    ne, nn = rotations.shape[:2]
+    out = q.reshape(ne, nn, 4, 3).copy()
+    out[:, :, 1:] = rotations @ out[:, :, 1:]
+    return out.reshape(ne, -1)
+
+
+def _from_section(rotations: Floats, rows: Array) -> Array:
+    """Rows (ne, r, 12 nn) by section coordinates -> by nodal coordinates (chain rule)."""
+    ne, r, k = rows.shape
+    out = rows.reshape(ne, r, k // 12, 4, 3).copy()
+    back = rotations.transpose(0, 1, 3, 2)[:, None]
+    out[:, :, :, 1:] = back @ out[:, :, :, 1:]
+    return out.reshape(ne, r, k)
+
+
+# -- one-node structures -------------------------------------------------------------------------
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product over the last axis; much faster than numpy's for small arrays."""
+    return a[..., _YZX] * b[..., _ZXY] - a[..., _ZXY] * b[..., _YZX]
+
+
+_YZX = np.array([1, 2, 0])
+_ZXY = np.array([2, 0, 1])
+
+
+def skew(v: Array) -> Array:
+    """Matrices ``v^`` (..., 3, 3) with ``v^ w = v x w``."""
+    out = np.zeros((*v.shape, 3), dtype=v.dtype)
+    out[..., 2, 1] = v[..., 0]
+    out[..., 0, 2] = v[..., 1]
+    out[..., 1, 0] = v[..., 2]
+    out[..., 1, 2] = -v[..., 0]
+    out[..., 2, 0] = -v[..., 1]
+    out[..., 0, 1] = -v[..., 2]
+    return out
+
+
+def director_force(directors: Array, force: Array) -> Array:
+    """Moment ``sum_i d_i x f_i`` (N, 3): the omega rows of ``P_int^T f`` (69)."""
+    W = (directors.transpose(0, 2, 1) @ force).reshape(-1, 9)
+    return W[:, [5, 6, 1]] - W[:, [7, 2, 3]]
+
+
+# (row, column, director, component, sign) of -d^ below the identity of P_int
+_ROWS = np.array([3 * (i + 1) + r for i in range(3) for r, c in ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))])
+_COLS = np.array([3 + c for i in range(3) for r, c in ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))])
+_PART = np.array([3 * i + (3 - r - c) for i in range(3) for r, c in ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))])
+_SIGN = np.array([s for _ in range(3) for s in (1.0, -1.0, -1.0, 1.0, 1.0, -1.0)])
+
+
+def null_space_blocks(directors: Array) -> Array:
+    """Internal null space matrices ``P_int`` (N, 12, 6) of equation (69).
+
+    ``qdot = P_int (phidot, omega)``: rows ``[[I, 0], [0, -d1^], [0, -d2^], [0, -d3^]]``.
+    """
+    N = len(directors)
+    out = np.zeros((N, 12, 6), dtype=directors.dtype)
+    out[:, (0, 1, 2), (0, 1, 2)] = 1
+    out[:, _ROWS, _COLS] = directors.reshape(N, 9)[:, _PART] * _SIGN
+    return out
+
+
+def exp_quaternion(theta: Array) -> Array:
+    """Unit quaternions ``(w, x, y, z)`` (N, 4) of rotation vectors ``theta`` (N, 3)."""
+    half2 = (theta * theta).sum(-1) / 4
+    small = abs(half2) < 1e-8
+    half = np.sqrt(np.where(small, 1, half2))
+    sinc = np.where(small, 1 - half2 / 6 + half2 * half2 / 120, np.sin(half) / half)
+    out = np.empty((*theta.shape[:-1], 4), dtype=theta.dtype)
+    out[..., 0] = np.where(small, 1 - half2 / 2 + half2 * half2 / 24, np.cos(half))
+    out[..., 1:] = 0.5 * sinc[..., None] * theta
+    return out
+
+
+def quaternion_product(a: Array, b: Array) -> Array:
+    """Product ``a b`` (N, 4): the rotation b, then a; normalised against drift."""
+    out = np.empty(np.broadcast(a, b).shape, dtype=np.result_type(a, b))
+    out[..., 0] = a[..., 0] * b[..., 0] - (a[..., 1:] * b[..., 1:]).sum(-1)
+    out[..., 1:] = a[..., :1] * b[..., 1:] + b[..., :1] * a[..., 1:] + cross(a[..., 1:], b[..., 1:])
+    out /= np.sqrt((out * out).sum(-1))[..., None]
+    return out
+
+
+def rotation_matrix(quaternion: Array) -> Array:
+    """Rotation matrices (N, 3, 3) of unit quaternions ``(w, x, y, z)``."""
+    w, v = quaternion[..., 0], quaternion[..., 1:]
+    out = 2 * v[..., :, None] * v[..., None, :]
+    out += 2 * w[..., None, None] * skew(v)
+    diagonal = w * w - (v * v).sum(-1)
+    out[..., (0, 1, 2), (0, 1, 2)] += diagonal[..., None]
+    return out

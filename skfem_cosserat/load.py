@@ -1,0 +1,275 @@
+"""Loads and their dependence on time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from .errors import InputError
+from .frames import Item, Place, vector
+from .types import ArrayLike, Floats
+
+if TYPE_CHECKING:
+    from .beam import Beam
+
+__all__ = [
+    "Amplitude",
+    "Constant",
+    "FunctionOfTime",
+    "Load",
+    "LoadForce",
+    "LoadGravity",
+    "LoadLine",
+    "LoadMoment",
+    "Table",
+    "TimeFunction",
+]
+
+
+class TimeFunction(Protocol):
+    """A number as a function of time, with its exact average over a step."""
+
+    def value(self, t: float) -> float:
+        """Value at time `t` (s)."""
+
+    def average(self, t0: float, t1: float) -> float:
+        """Mean over [t0, t1]."""
+
+
+class Constant:
+    """A number that does not change."""
+
+    def __init__(self, number: float) -> None:
+        self.number = float(number)
+
+    def value(self, t: float) -> float:
+        """The number."""
+        return self.number
+
+    def average(self, t0: float, t1: float) -> float:
+        """The number."""
+        return self.number
+
+
+class Table:
+    """Piecewise linear function of time, constant outside the table; averages are exact.
+
+    Parameters
+    ----------
+    times, values : (k,) array
+        Strictly increasing times (s) and the values there.
+
+    Examples
+    --------
+    >>> pulse = Table([0, 0.125, 0.25], [0, 1e4, 0])
+    >>> pulse.average(0, 0.25), pulse.value(0.0625)
+    (5000.0, 5000.0)
+    """
+
+    def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
+        self.times = np.array(times, dtype=float)
+        self.values = np.array(values, dtype=float)
+        if self.times.ndim != 1 or self.times.shape != self.values.shape or len(self.times) == 0:
+            raise InputError(
+                "table of time",
+                f"times {self.times.shape} and values {self.values.shape}, expected equal (k,)",
+            )
+        if not (np.isfinite(self.times).all() and np.isfinite(self.values).all()):
+            raise InputError("table of time", f"not finite: {self.times}, {self.values}")
+        if (np.diff(self.times) <= 0).any():
+            raise InputError("table of time", f"times do not increase: {self.times.tolist()}")
+
+    def value(self, t: float) -> float:
+        """Linear interpolation."""
+        return float(np.interp(t, self.times, self.values))
+
+    def average(self, t0: float, t1: float) -> float:
+        """Exact mean: the trapezoidal rule between all kinks."""
+        inside = self.times[(self.times > t0) & (self.times < t1)]
+        t = np.concatenate([[t0], inside, [t1]])
+        f = np.interp(t, self.times, self.values)
+        return float(((f[1:] + f[:-1]) / 2 * np.diff(t)).sum() / (t1 - t0))
+
+
+_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(8)
+
+
+class FunctionOfTime:
+    """Wraps a callable; averages by Gauss quadrature, bisected where it has kinks.
+
+    Parameters
+    ----------
+    function : callable
+        ``t -> float``.
+    kinks : sequence of float
+        Times of known kinks or jumps (s); others are found by bisection.
+
+    Examples
+    --------
+    >>> ramp = FunctionOfTime(lambda t: max(0.0, t - 0.3))
+    >>> abs(ramp.average(0.0, 1.0) - 0.7**2 / 2) < 1e-13
+    True
+    """
+
+    def __init__(self, function: Callable[[float], float], kinks: Sequence[float] = ()) -> None:
+        self.function = function
+        self.kinks = np.sort(np.array(kinks, dtype=float))
+
+    def value(self, t: float) -> float:
+        """The function's value, which must be a finite number."""
+        out = self.function(t)
+        if np.shape(out) != () or not np.isfinite(out):
+            raise InputError("function of time", f"value {out!r} at t = {t!r}, expected a number")
+        return float(out)
+
+    def average(self, t0: float, t1: float) -> float:
+        """Mean over [t0, t1]."""
+        inside = self.kinks[(self.kinks > t0) & (self.kinks < t1)]
+        ends = [t0, *inside.tolist(), t1]
+        total = 0.0
+        for a, b in zip(ends[:-1], ends[1:], strict=True):
+            total += self._integral(a, b, self._gauss(a, b), 40)
+        return total / (t1 - t0)
+
+    def _gauss(self, a: float, b: float) -> tuple[float, float]:
+        """Integral and sum of magnitudes."""
+        mid, half = (a + b) / 2, (b - a) / 2
+        f = np.array([self.value(mid + half * x) for x in _GAUSS_X])
+        return float(half * (f @ _GAUSS_W)), float(half * (abs(f) @ _GAUSS_W))
+
+    def _integral(self, a: float, b: float, whole: tuple[float, float], depth: int) -> float:
+        mid = (a + b) / 2
+        left, right = self._gauss(a, mid), self._gauss(mid, b)
+        value = left[0] + right[0]
+        close = abs(value - whole[0]) <= 1e-13 * max(whole[1], left[1] + right[1])
+        if close or depth == 0:
+            return value
+        return self._integral(a, mid, left, depth - 1) + self._integral(mid, b, right, depth - 1)
+
+
+Amplitude = float | TimeFunction | Callable[[float], float] | None
+
+
+def _amplitude(item: str, value: Amplitude) -> TimeFunction:
+    if value is None:
+        return Constant(1.0)
+    if isinstance(value, int | float):
+        if not np.isfinite(value):
+            raise InputError(item, f"amplitude = {value!r} is not finite")
+        return Constant(value)
+    if isinstance(value, Table | FunctionOfTime | Constant):
+        return value
+    if callable(value):
+        return FunctionOfTime(value)
+    return value
+
+
+class Load(Item):
+    """Base of the loads: channels of (unit load vector, function of time).
+
+    Parameters
+    ----------
+    value : (3,) array or callable
+        Constant components, or ``t -> (3,)``.
+    amplitude : float, TimeFunction or callable, optional
+        Factor in time; not with a callable `value`.
+    follower : bool
+        Components are taken in the moving triad instead of in space.
+    """
+
+    kind = "load"
+
+    def __init__(self, value: Any, amplitude: Amplitude = None, follower: bool = False) -> None:
+        self.follower = follower
+        if callable(value):
+            if amplitude is not None:
+                raise InputError(self.label, "give value as a function of time or an amplitude")
+            vector(self.label, "value(0)", value(0.0))
+            self.channels: list[tuple[Floats, TimeFunction]] = [
+                (np.eye(3)[i], FunctionOfTime(_component(value, i))) for i in range(3)
+            ]
+        else:
+            self.channels = [
+                (vector(self.label, "value", value), _amplitude(self.label, amplitude))
+            ]
+
+    @property
+    def constant(self) -> bool:
+        """Whether it does not change in time."""
+        return all(isinstance(time, Constant) for _, time in self.channels)
+
+
+def _component(function: Callable[[float], ArrayLike], i: int) -> Callable[[float], float]:
+    def component(t: float) -> float:
+        return float(np.asarray(function(t), dtype=float)[i])
+
+    return component
+
+
+class _NodalLoad(Load):
+    def __init__(
+        self, place: Place, value: Any, amplitude: Amplitude = None, follower: bool = False
+    ) -> None:
+        super().__init__(value, amplitude, follower)
+        if not isinstance(place, Place) or place.item is None:
+            raise InputError(self.label, f"acts on {place!r}, expected the place of an item")
+        if place.triad is None and (follower or isinstance(self, LoadMoment)):
+            raise InputError(self.label, f"{place.label} is a mass point and has no directions")
+        self.place = place
+
+
+class LoadForce(_NodalLoad):
+    """Force (N) at a place, dead (fixed in space) or following the triad.
+
+    Parameters
+    ----------
+    place : Place
+    value : (3,) array or callable of time
+        In space, or in the triad of the place if `follower`.
+    amplitude, follower
+        See :class:`Load`.
+    """
+
+
+class LoadMoment(_NodalLoad):
+    """Moment (N m) at a place, about axes fixed in space or following the triad.
+
+    Enters as ``f_{d_i} = (1/2) m x d^i`` with the reciprocal basis ``d^i``, so that the angular
+    momentum of a step changes by exactly its time integral. A moment about a spatially fixed axis
+    is not conservative.
+    """
+
+
+class LoadLine(Load):
+    """Force per reference length (N/m) along a beam, dead or following the section triad.
+
+    Parameters
+    ----------
+    beam : Beam
+    value : (3,) array or callable of time
+    amplitude, follower
+        See :class:`Load`.
+    part : str, optional
+        Name of the part of the mesh; default: the whole beam.
+    """
+
+    def __init__(
+        self,
+        beam: Beam,
+        value: Any,
+        amplitude: Amplitude = None,
+        follower: bool = False,
+        part: str | None = None,
+    ) -> None:
+        super().__init__(value, amplitude, follower)
+        self.beam = beam
+        self.elements = beam.part(part)
+
+
+class LoadGravity(Load):
+    """Gravity on everything that has mass: acceleration `value` (3,) (m/s^2)."""
+
+    def __init__(self, value: Any, amplitude: Amplitude = None) -> None:
+        super().__init__(value, amplitude)

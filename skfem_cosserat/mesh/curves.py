@@ -1,0 +1,445 @@
+"""Space curves parametrised by arc length: the geometry a beam's axis lies on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ..errors import MeshError
+from ..types import ArrayLike, Floats, VectorLike
+
+__all__ = ["Curve", "CurveArc", "CurveHelix", "CurveLine", "CurveMoved", "CurveSpline"]
+
+#: Gauss rule used to measure splines, on [0, 1].
+_LEGENDRE = np.polynomial.legendre.leggauss(16)
+_GAUSS_X, _GAUSS_W = 0.5 * (_LEGENDRE[0] + 1.0), 0.5 * _LEGENDRE[1]
+_ROUND = 64 * np.finfo(float).eps
+
+
+class Curve(Protocol):
+    """What a curve has to offer; any object with these three can carry a beam."""
+
+    @property
+    def length(self) -> float:
+        """Arc length (m)."""
+
+    def point(self, s: ArrayLike) -> Floats:
+        """Points (3, ...) at arc lengths s (...)."""
+
+    def tangent(self, s: ArrayLike) -> Floats:
+        """Unit tangents (3, ...) at arc lengths s (...)."""
+
+
+def _vector(value: VectorLike, item: str) -> Floats:
+    """Three finite numbers, or a MeshError naming the item."""
+    vector = np.array(value, dtype=float)
+    if vector.shape != (3,):
+        raise MeshError(item, f"got shape {vector.shape}, expected three numbers")
+    if not np.isfinite(vector).all():
+        raise MeshError(item, f"got {vector.tolist()}, expected finite numbers")
+    vector.setflags(write=False)
+    return vector
+
+
+def _unit(value: VectorLike, item: str) -> Floats:
+    """Direction of a vector that must not vanish."""
+    vector = _vector(value, item)
+    size = float(np.linalg.norm(vector))
+    if size == 0.0:
+        raise MeshError(item, "got the zero vector, expected a direction")
+    unit = vector / size
+    unit.setflags(write=False)
+    return unit
+
+
+def _normal_to(value: VectorLike, unit: Floats, item: str) -> Floats:
+    """Unit vector along the part of a vector that is normal to a unit vector."""
+    vector = _unit(value, item)
+    for _ in range(2):
+        part = vector - (vector @ unit) * unit
+        size = float(np.linalg.norm(part))
+        if size < 1e-8:
+            raise MeshError(item, f"{value} is parallel to {unit.tolist()}, give another direction")
+        vector = part / size
+    vector.setflags(write=False)
+    return vector
+
+
+def _positive(value: float, item: str) -> float:
+    """A finite positive number."""
+    if not (np.isfinite(value) and value > 0):
+        raise MeshError(item, f"got {value}, expected a positive number")
+    return float(value)
+
+
+def _outer(vector: Floats, scalar: Floats) -> Floats:
+    """Products (3, ...) of a vector (3,) and numbers (...)."""
+    return np.multiply.outer(vector, scalar)
+
+
+@dataclass(frozen=True, eq=False)
+class CurveLine:
+    """Straight line.
+
+    Parameters
+    ----------
+    start, end : (3,)
+        End points (m).
+
+    Raises
+    ------
+    MeshError
+        If the ends coincide or are not finite.
+
+    Examples
+    --------
+    >>> line = CurveLine((0, 0, 0), (0, 2, 0))
+    >>> line.length, line.point(0.5).tolist()
+    (2.0, [0.0, 0.5, 0.0])
+    """
+
+    start: VectorLike
+    end: VectorLike
+    length: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        start = _vector(self.start, "line start")
+        end = _vector(self.end, "line end")
+        length = float(np.linalg.norm(end - start))
+        if length == 0.0:
+            raise MeshError("line", f"start and end are the same point {start.tolist()}")
+        object.__setattr__(self, "start", start)
+        object.__setattr__(self, "end", end)
+        object.__setattr__(self, "length", length)
+
+    def point(self, s: ArrayLike) -> Floats:
+        """Points (3, ...) at arc lengths s (...), in m."""
+        w = np.asarray(s, dtype=float) / self.length
+        return _outer(np.asarray(self.start), 1.0 - w) + _outer(np.asarray(self.end), w)
+
+    def tangent(self, s: ArrayLike) -> Floats:
+        """Unit tangents (3, ...) at arc lengths s (...)."""
+        direction = (np.asarray(self.end) - np.asarray(self.start)) / self.length
+        return _outer(direction, np.ones(np.shape(s)))
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class CurveArc:
+    """Circular arc that leaves a point in a given direction.
+
+    Parameters
+    ----------
+    start : (3,)
+        First point (m).
+    tangent : (3,)
+        Direction in which the arc leaves it (any length).
+    normal : (3,)
+        Direction from the first point to the centre (any length; made normal to the tangent).
+    radius : float
+        Radius (m).
+    angle : float
+        Angle swept (rad), positive; ``2*pi`` is the full circle.
+
+    Raises
+    ------
+    MeshError
+        If a number is not positive or the normal is parallel to the tangent.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> arc = CurveArc((0, 0, 0), (1, 0, 0), (0, 1, 0), radius=2.0, angle=np.pi / 2)
+    >>> bool(np.isclose(arc.length, np.pi)), arc.point(arc.length).round(12).tolist()
+    (True, [2.0, 2.0, 0.0])
+    """
+
+    start: VectorLike
+    direction: VectorLike
+    normal: VectorLike
+    radius: float
+    angle: float
+    length: float
+
+    def __init__(
+        self,
+        start: VectorLike,
+        tangent: VectorLike,
+        normal: VectorLike,
+        radius: float,
+        angle: float,
+    ) -> None:
+        direction = _unit(tangent, "arc tangent")
+        values = {
+            "start": _vector(start, "arc start"),
+            "direction": direction,
+            "normal": _normal_to(normal, direction, "arc normal"),
+            "radius": _positive(radius, "arc radius"),
+            "angle": _positive(angle, "arc angle"),
+            "length": float(radius * angle),
+        }
+        if angle > 2 * np.pi * (1 + _ROUND):
+            raise MeshError("arc angle", f"got {angle} rad, expected at most 2 pi")
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def centre(self) -> Floats:
+        """Centre of the circle (3,), in m."""
+        return np.asarray(self.start) + self.radius * np.asarray(self.normal)
+
+    def point(self, s: ArrayLike) -> Floats:
+        """Points (3, ...) at arc lengths s (...), in m."""
+        turn = np.asarray(s, dtype=float) / self.radius
+        along = _outer(np.asarray(self.direction), self.radius * np.sin(turn))
+        inward = _outer(np.asarray(self.normal), 2.0 * self.radius * np.sin(0.5 * turn) ** 2)
+        start = np.asarray(self.start).reshape((3,) + (1,) * turn.ndim)
+        return start + along + inward
+
+    def tangent(self, s: ArrayLike) -> Floats:
+        """Unit tangents (3, ...) at arc lengths s (...)."""
+        turn = np.asarray(s, dtype=float) / self.radius
+        return _outer(np.asarray(self.direction), np.cos(turn)) + _outer(
+            np.asarray(self.normal), np.sin(turn)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class CurveHelix:
+    """Helix around an axis.
+
+    Parameters
+    ----------
+    start : (3,)
+        First point (m).
+    centre : (3,)
+        Any point of the axis (m).
+    axis : (3,)
+        Direction of the axis (any length).
+    pitch : float
+        Advance along the axis in one turn (m); negative for a left-handed helix.
+    turns : float
+        Number of turns, positive.
+
+    Raises
+    ------
+    MeshError
+        If the first point lies on the axis or a number is out of range.
+
+    Examples
+    --------
+    >>> helix = CurveHelix((1, 0, 0), (0, 0, 0), (0, 0, 1), pitch=0.5, turns=2)
+    >>> np.allclose(helix.point(helix.length), (1, 0, 1))
+    True
+    """
+
+    start: VectorLike
+    centre: VectorLike
+    axis: VectorLike
+    pitch: float
+    turns: float
+    length: float = field(init=False)
+    _frame: tuple[Floats, Floats, Floats] = field(init=False, repr=False)
+    _radius: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        start = _vector(self.start, "helix start")
+        axis = _unit(self.axis, "helix axis")
+        arm = start - _vector(self.centre, "helix centre")
+        arm = arm - (arm @ axis) * axis
+        radius = float(np.linalg.norm(arm))
+        if radius == 0.0:
+            raise MeshError("helix start", f"{start.tolist()} lies on the axis")
+        if not np.isfinite(self.pitch):
+            raise MeshError("helix pitch", f"got {self.pitch}, expected a finite number")
+        turn = 2 * np.pi * _positive(self.turns, "helix turns")
+        radial = arm / radius
+        hand = -1.0 if self.pitch < 0 else 1.0  # a left-handed helix still climbs its axis
+        rise = abs(self.pitch) / (2 * np.pi)
+        object.__setattr__(self, "_radius", radius)
+        object.__setattr__(self, "_frame", (radial, hand * np.cross(axis, radial), axis))
+        object.__setattr__(self, "length", float(turn * np.hypot(radius, rise)))
+
+    def _rates(self) -> tuple[float, float]:
+        """Angle and rise for one metre of arc."""
+        rise = abs(self.pitch) / (2 * np.pi)
+        rate = 1.0 / np.hypot(self._radius, rise)
+        return float(rate), float(rise * rate)
+
+    def point(self, s: ArrayLike) -> Floats:
+        """Points (3, ...) at arc lengths s (...), in m."""
+        s = np.asarray(s, dtype=float)
+        rate, rise = self._rates()
+        radial, around, axis = self._frame
+        start = np.asarray(self.start).reshape((3,) + (1,) * s.ndim)
+        turned = _outer(radial, -2.0 * self._radius * np.sin(0.5 * rate * s) ** 2)
+        return (
+            start
+            + turned
+            + _outer(around, self._radius * np.sin(rate * s))
+            + _outer(axis, rise * s)
+        )
+
+    def tangent(self, s: ArrayLike) -> Floats:
+        """Unit tangents (3, ...) at arc lengths s (...)."""
+        s = np.asarray(s, dtype=float)
+        rate, rise = self._rates()
+        radial, around, axis = self._frame
+        speed = self._radius * rate
+        return (
+            _outer(radial, -speed * np.sin(rate * s))
+            + _outer(around, speed * np.cos(rate * s))
+            + _outer(axis, np.full(s.shape, rise))
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class CurveMoved:
+    """A curve moved as a rigid body: ``x -> rotation @ x + shift``.
+
+    Parameters
+    ----------
+    curve : Curve
+        The curve to move.
+    rotation : (3, 3)
+        Orthogonal matrix (a reflection is allowed).
+    shift : (3,)
+        Translation (m).
+
+    Examples
+    --------
+    >>> moved = CurveMoved(CurveLine((0, 0, 0), (1, 0, 0)), np.eye(3), np.array([0.0, 0.0, 3.0]))
+    >>> moved.point(1.0).tolist()
+    [1.0, 0.0, 3.0]
+    """
+
+    curve: Curve
+    rotation: Floats
+    shift: Floats
+
+    @property
+    def length(self) -> float:
+        """Arc length (m)."""
+        return self.curve.length
+
+    def point(self, s: ArrayLike) -> Floats:
+        """Points (3, ...) at arc lengths s (...), in m."""
+        shift = np.asarray(self.shift).reshape((3,) + (1,) * np.ndim(s))
+        return np.tensordot(self.rotation, self.curve.point(s), 1) + shift
+
+    def tangent(self, s: ArrayLike) -> Floats:
+        """Unit tangents (3, ...) at arc lengths s (...)."""
+        return np.tensordot(self.rotation, self.curve.tangent(s), 1)
+
+
+@dataclass(frozen=True, eq=False)
+class CurveSpline:
+    """Smooth curve through points: a cubic spline measured by its own arc length.
+
+    The spline's parameter is the chord length (not-a-knot ends, periodic if closed). Its arc
+    length is integrated by Gauss rules that are refined until it no longer changes.
+
+    Parameters
+    ----------
+    points : (n, 3)
+        Points in order (m), at least 2, for a closed curve at least 3 (the first one is not
+        repeated).
+    closed : bool
+        If the curve returns to its first point.
+
+    Attributes
+    ----------
+    length : float
+        Arc length (m).
+    knots : (n,) or (n + 1,)
+        Arc lengths at which the given points are met; a closed curve ends with ``length``.
+
+    Raises
+    ------
+    MeshError
+        For fewer points, repeated neighbours or numbers that are not finite.
+
+    Examples
+    --------
+    >>> spline = CurveSpline([(0, 0, 0), (1, 0, 0), (3, 0, 0)])
+    >>> round(spline.length, 12), spline.point(2.0).round(12).tolist()
+    (3.0, [2.0, 0.0, 0.0])
+    """
+
+    points: Any
+    closed: bool = False
+    length: float = field(init=False)
+    knots: Floats = field(init=False, repr=False)
+    _spline: CubicSpline = field(init=False, repr=False)
+    _rate: CubicSpline = field(init=False, repr=False)
+    _table: tuple[Floats, Floats] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        points = np.array(self.points, dtype=float)
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2 + self.closed:
+            raise MeshError(
+                "spline points",
+                f"got shape {points.shape}, expected ({2 + self.closed} or more, 3)",
+            )
+        if not np.isfinite(points).all():
+            row = int(np.argmin(np.isfinite(points).all(axis=1)))
+            raise MeshError("spline points", f"point {row} is {points[row].tolist()}: not finite")
+        path = np.vstack([points, points[:1]]) if self.closed else points
+        chords = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        if (chords == 0).any():
+            row = int(np.argmax(chords == 0))
+            raise MeshError("spline points", f"points {row} and {row + 1} are the same")
+        u = np.concatenate([[0.0], np.cumsum(chords)])
+        spline = CubicSpline(u, path, bc_type="periodic" if self.closed else "not-a-knot")
+        points.setflags(write=False)
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "_spline", spline)
+        object.__setattr__(self, "_rate", spline.derivative())
+        self._measure(u)
+
+    def _measure(self, u: Floats) -> None:
+        """Tabulate the arc length, on intervals halved until it no longer changes."""
+        grid, arcs = u, self._arc(u[:-1], u[1:])
+        pieces = 1
+        while pieces < 256:
+            finer = np.concatenate(
+                [np.stack([grid[:-1], 0.5 * (grid[:-1] + grid[1:])], 1).ravel(), u[-1:]]
+            )
+            halves = self._arc(finer[:-1], finer[1:])
+            change = np.abs(halves.reshape(-1, 2).sum(axis=1) - arcs).max()
+            grid, arcs, pieces = finer, halves, 2 * pieces
+            if change <= 1e-15 * halves.sum():
+                break
+        s = np.concatenate([[0.0], np.cumsum(arcs)])
+        object.__setattr__(self, "_table", (grid, s))
+        object.__setattr__(self, "knots", s[::pieces].copy())
+        object.__setattr__(self, "length", float(s[-1]))
+
+    def _arc(self, a: Floats, b: Floats) -> Floats:
+        """Arc lengths (...) between parameters a and b (...)."""
+        nodes = a[..., None] + (b - a)[..., None] * _GAUSS_X
+        return (b - a) * (np.linalg.norm(self._rate(nodes), axis=-1) @ _GAUSS_W)
+
+    def _parameter(self, s: ArrayLike) -> Floats:
+        """Spline parameters (...) at arc lengths s (...), by Newton's method."""
+        s = np.asarray(s, dtype=float)
+        grid, arcs = self._table
+        k = np.clip(np.searchsorted(arcs, s, side="right") - 1, 0, len(grid) - 2)
+        u = grid[k] + (grid[k + 1] - grid[k]) * (s - arcs[k]) / (arcs[k + 1] - arcs[k])
+        for _ in range(20):
+            step = (s - arcs[k] - self._arc(grid[k], u)) / np.linalg.norm(self._rate(u), axis=-1)
+            u = u + step
+            if np.abs(step).max(initial=0.0) <= 1e-15 * grid[-1]:
+                break
+        return u
+
+    def point(self, s: ArrayLike) -> Floats:
+        """Points (3, ...) at arc lengths s (...), in m."""
+        return np.moveaxis(self._spline(self._parameter(s)), -1, 0)
+
+    def tangent(self, s: ArrayLike) -> Floats:
+        """Unit tangents (3, ...) at arc lengths s (...)."""
+        rate = np.moveaxis(self._rate(self._parameter(s)), -1, 0)
+        return rate / np.linalg.norm(rate, axis=0)

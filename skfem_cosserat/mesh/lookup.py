@@ -1,0 +1,99 @@
+"""Finding nodes, beams and elements by name, number or position."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import MeshError
+from ..types import Array, Floats, IndexArray, VectorLike
+
+if TYPE_CHECKING:  # pragma: no cover - for annotations only
+    from .mesh import MeshCurve
+
+__all__ = ["element_finder", "element_numbers", "find_beam", "find_node"]
+
+#: Distance at which a position is said to meet a node, as a part of the mesh size.
+POSITION_TOLERANCE = 1e-8
+
+
+def _listed(names: Mapping[str, Any]) -> str:
+    """Names for a message."""
+    return ", ".join(f"'{name}'" for name in names) or "none"
+
+
+def find_beam(beams: Mapping[str, IndexArray], beam: str) -> IndexArray:
+    """Elements of a named beam."""
+    if beam not in beams:
+        raise MeshError(f"beam '{beam}'", f"unknown; known beams: {_listed(beams)}")
+    return beams[beam]
+
+
+def find_node(
+    points: Floats, names: Mapping[str, IndexArray], which: str | int | VectorLike, size: float
+) -> int:
+    """Number of the node in ``points`` (n, 3) given by name, number or position."""
+    if isinstance(which, str):
+        if which not in names:
+            raise MeshError(f"node '{which}'", f"unknown; known nodes: {_listed(names)}")
+        if len(names[which]) != 1:
+            raise MeshError(
+                f"node '{which}'", f"names {len(names[which])} nodes, expected exactly one"
+            )
+        return int(names[which][0])
+    if isinstance(which, (int, np.integer)) and not isinstance(which, bool):
+        if not 0 <= which < len(points):
+            raise MeshError(f"node {which}", f"the mesh has nodes 0 .. {len(points) - 1}")
+        return int(which)
+    place = np.asarray(which, dtype=float)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise MeshError(f"node {which!r}", "expected a name, a number or a position (3,)")
+    gaps = np.linalg.norm(points - place, axis=1)
+    hits = np.flatnonzero(gaps <= POSITION_TOLERANCE * size)
+    where = f"node at {place.tolist()}"
+    if hits.size == 0:
+        k = int(np.argmin(gaps))
+        raise MeshError(where, f"no node there; node {k} is nearest, {gaps[k]:.3g} m away")
+    if hits.size > 1:
+        raise MeshError(where, f"several nodes there: {hits.tolist()}; give the number or a name")
+    return int(hits[0])
+
+
+def element_numbers(which: Any, count: int) -> IndexArray:
+    """Element numbers from numbers or a mask (ne,)."""
+    index = np.atleast_1d(np.asarray(which))
+    if index.dtype == bool:
+        if index.shape != (count,):
+            raise MeshError("element mask", f"has shape {index.shape}, expected ({count},)")
+        return np.flatnonzero(index)
+    if index.size == 0:
+        return np.zeros(0, dtype=np.int64)
+    if not np.issubdtype(index.dtype, np.integer):
+        raise MeshError("element numbers", f"have type {index.dtype}, expected integers")
+    if index.min() < 0 or index.max() >= count:
+        bad = index.min() if index.min() < 0 else index.max()
+        raise MeshError(f"element {bad}", f"the mesh has elements 0 .. {count - 1}")
+    return index.astype(np.int64)
+
+
+def element_finder(mesh: MeshCurve) -> Callable[..., Array]:
+    """Function of coordinates x, y, z (n,) that returns the element each point lies on."""
+    mapping = mesh.mapping()
+    middle = mapping.F(np.array([[0.5]]))[:, :, 0]
+    reach = 0.5 * mesh.lengths + POSITION_TOLERANCE * mesh.size
+
+    def finder(x: Array, y: Array, z: Array) -> Array:
+        found = np.empty(len(x), dtype=np.int32)
+        for k, place in enumerate(np.stack([x, y, z], axis=1)):
+            near = np.flatnonzero(np.linalg.norm(middle.T - place, axis=1) <= reach)
+            at = np.broadcast_to(place[:, None, None], (3, len(near), 1))
+            feet = mapping.F(mapping.invF(at, near), near) if near.size else at
+            gaps = np.linalg.norm(feet - at, axis=0)[:, 0]
+            if near.size == 0 or gaps.min() > POSITION_TOLERANCE * mesh.size:
+                raise MeshError(f"point {place.tolist()}", "lies on no element of the mesh")
+            found[k] = near[np.argmin(gaps)]
+        return found
+
+    return finder

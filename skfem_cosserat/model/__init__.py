@@ -1,0 +1,6 @@
+"""The scene and the arrays it freezes to."""
+
+from .scene import Model
+from .system import System
+
+__all__ = ["Model", "System"]

@@ -1,0 +1,180 @@
+"""Checks of a scene while it is frozen: each error names the item and the value."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import InputError
+from ..joint import Joint
+from ..kernels import null_space_blocks
+from ..types import Floats
+
+if TYPE_CHECKING:
+    from .system import JointRows, System
+
+__all__ = ["check_inertia", "check_joints", "independent_loop_rows"]
+
+RANK_TOLERANCE = 1e-9
+
+
+def check_joints(joints: Sequence[Joint], t: float) -> None:
+    """Every joint closes in the reference configuration at time `t`."""
+    for joint in joints:
+        joint.check(t)
+
+
+def null_space_matrix(system: System, y: Floats) -> Floats:
+    """Dense ``P(y)`` (n, unknowns of the tree); for checks and small scenes."""
+    kin = system.kinematics
+    T = kin.T_matrix(kin.T_values(y, kin.axis)).toarray()
+    P = np.zeros((system.n, kin.unknowns))
+    blocks = null_space_blocks(kin.directors(y))
+    for k in range(len(kin.frames)):
+        start = 3 * int(kin.frame_rows[k])
+        P[start : start + 12] = blocks[k] @ T[kin.frame_twist[k]]
+    for k, v in enumerate(kin.points):
+        start = 3 * int(kin.row[v])
+        P[start : start + 3] = T[kin.point_twist[k]]
+    return P
+
+
+def independent_loop_rows(system: System, loops: Sequence[JointRows], y: Floats) -> int:
+    """Rank of the joints that close loops, given the tree; redundant rows are refused.
+
+    Only the reduced rows ``G_loop P`` are factorised, joint by joint: the first joint whose rows
+    depend on those before it is named.
+    """
+    if not loops:
+        return 0
+    kin = system.kinematics
+    T = kin.T_matrix(kin.T_values(y, _fixed_axes(system, y)))
+    G = system.constraints.jacobian(y).tocsr()
+    basis = np.zeros((0, kin.unknowns))
+    for jr in loops:
+        rows = G[jr.rows].toarray()
+        reduced = np.array(
+            [kin.twist_force(y[: system.rows], row.reshape(-1, 3)) for row in rows]
+        )
+        reduced = np.asarray((T.T @ reduced.T).T)
+        scale = np.linalg.norm(reduced, axis=1)
+        scale[scale == 0] = 1
+        for k, row in enumerate(reduced / scale[:, None]):
+            rest = row - basis.T @ (basis @ row)
+            rest -= basis.T @ (basis @ rest)
+            size = float(np.linalg.norm(rest))
+            if size <= RANK_TOLERANCE:
+                raise InputError(
+                    jr.joint.label,
+                    f"is redundant: its constraint row {k} of {len(reduced)} depends on the"
+                    f" others (remainder {size:.2g}); loosen this joint or remove it",
+                )
+            basis = np.vstack([basis, rest / size])
+    return len(basis)
+
+
+def _fixed_axes(system: System, y: Floats) -> Floats:
+    from .kinematics import Chart
+
+    chart = Chart(system.kinematics)
+    chart.begin(y, y[system.rows :])
+    return chart.fixed
+
+
+def check_inertia(system: System, y: Floats) -> None:
+    """Every direction of motion that joints leave free has mass.
+
+    A beam's d3 carries no mass, which is fine: rotations still move d1 and d2. What is refused is
+    a vertex (or a tree of joints) with a direction of ``P^T M P`` that vanishes, such as the spin
+    of a thin rod that no joint holds. Of a beam's consistent mass only the blocks of single nodes
+    enter: it is positive definite exactly if they are.
+    """
+    kin = system.kinematics
+    fixed = _fixed_axes(system, y)
+    inertia = _vertex_inertia(system, y)
+    # free vertices, all at once
+    for vertices in (kin.frames, kin.points):
+        free = np.intersect1d(vertices, system.tree.free)
+        if len(free):
+            worst, number = _weakest(np.array([inertia[int(v)] for v in free]))
+            if worst >= 0:
+                own = system.tree.own[int(free[worst])]
+                _report(system, own[number], y, fixed)
+    if not system.tree.edges:
+        return
+    T = kin.T_matrix(kin.T_values(y, fixed)).tocsr()
+    for vertices, coordinates in _trees(system):
+        if not coordinates:
+            continue
+        A = np.zeros((len(coordinates),) * 2)
+        for v in vertices:
+            start = int(kin.twist_of[v])
+            rows = T[start : start + len(inertia[v])][:, coordinates].toarray()
+            A += rows.T @ inertia[v] @ rows
+        worst, number = _weakest(A[None])
+        if worst >= 0:
+            _report(system, coordinates[number], y, fixed)
+
+
+def _weakest(blocks: Floats) -> tuple[int, int]:
+    """First singular block and the coordinate that moves most in its null vector, or (-1, -1)."""
+    diagonal = np.einsum("eii->ei", blocks)
+    scale = np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1)), 0)
+    values, vectors = np.linalg.eigh(blocks * scale[:, :, None] * scale[:, None, :])
+    bad = np.flatnonzero(values[:, 0] <= 1e-12)
+    if not len(bad):
+        return -1, -1
+    e = int(bad[0])
+    missing = np.flatnonzero(scale[e] == 0)
+    return e, int(missing[0]) if len(missing) else int(np.argmax(abs(vectors[e, :, 0])))
+
+
+def _trees(system: System) -> list[tuple[list[int], list[int]]]:
+    """Vertices and coordinates of each tree of joints; the ground separates trees."""
+    tree = system.tree
+    nv = len(system.origin_rows)
+    root: dict[int, int] = {}
+    for edge in tree.edges:
+        root[edge.child] = (
+            edge.child if edge.parent >= nv else root.setdefault(edge.parent, edge.parent)
+        )
+    members: dict[int, list[int]] = {}
+    for v in sorted(root):
+        members.setdefault(root[v], []).append(v)
+    return [(vs, [k for v in vs for k in tree.own[v]]) for vs in members.values()]
+
+
+def _vertex_inertia(system: System, y: Floats) -> dict[int, Floats]:
+    """``P_int^T M P_int`` of each vertex alone: (6, 6) of frames, (3, 3) of points."""
+    kin = system.kinematics
+    number = np.full(len(system.origin_rows), -1)
+    number[kin.frames] = np.arange(len(kin.frames))
+    M = np.zeros((len(kin.frames), 12, 12))
+    out = {}
+    for group in system.groups:
+        ne, nn = group.vertices.shape
+        size = group.mass.shape[1] // nn
+        blocks = np.einsum("eaiaj->eaij", group.mass.reshape(ne, nn, size, nn, size))
+        if group.framed:
+            np.add.at(M, number[group.vertices], blocks)
+        else:
+            out.update({int(v): blocks[e, 0] for e, v in enumerate(group.vertices[:, 0])})
+    P = null_space_blocks(kin.directors(y))
+    twists = P.transpose(0, 2, 1) @ M @ P
+    out.update({int(v): twists[k] for k, v in enumerate(kin.frames)})
+    return out
+
+
+def _report(system: System, number: int, y: Floats, fixed: Floats) -> None:
+    coordinate = system.tree.coordinates[number]
+    item = system.owner[coordinate.vertex]
+    axis = np.round(system.kinematics.axes(y, fixed)[number], 6).tolist()
+    what = "translation along" if coordinate.kind == "translation" else "rotation about"
+    x = np.round(y[system.vertex_rows[coordinate.vertex]], 9).tolist()
+    raise InputError(
+        item.label,
+        f"{what} {axis} of the vertex at {x} has no inertia and no joint holds it: a coordinate"
+        " needs mass or a joint",
+    )

@@ -1,0 +1,119 @@
+"""All constraints of a scene as one set of quadratic forms of the coordinate vectors.
+
+Coordinates are handled as rows of three numbers, ``y`` (nv, 3): phi, d1, d2, d3 of each frame,
+phi of each mass point, then the ground's frames. Every constraint is a sum of terms
+``c y_a . y_b`` plus linear terms and a constant, so that its Jacobian is linear in y and the
+midpoint Jacobian its exact discrete derivative.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csc_matrix
+
+from ..assembly import FrozenPattern
+from ..types import Array, Floats, IndexArray
+
+__all__ = ["ConstraintBuilder", "QuadraticConstraints"]
+
+
+def _sum_at(index: IndexArray, values: Array, size: int) -> Array:
+    if np.iscomplexobj(values):
+        real = np.bincount(index, values.real, size)
+        return real + 1j * np.bincount(index, values.imag, size)
+    return np.bincount(index, values, size)
+
+
+class ConstraintBuilder:
+    """Collects terms; rows are numbered in the order they are added."""
+
+    def __init__(self) -> None:
+        self.size = 0
+        self.linear: list[tuple[int, int, float]] = []
+        self.products: list[tuple[int, int, int, float]] = []
+
+    def zero(self, terms: list[tuple[int, float]]) -> None:
+        """Three rows ``sum c_a y_a = 0``."""
+        self.linear += [(self.size, a, c) for a, c in terms]
+        self.size += 3
+
+    def product(
+        self, left: list[tuple[int, float]], right: list[tuple[int, float]], factor: float
+    ) -> None:
+        """One row ``factor (sum c_a y_a) . (sum c_b y_b) = const``."""
+        self.products += [(self.size, a, b, factor * c * d) for a, c in left for b, d in right]
+        self.size += 1
+
+
+class QuadraticConstraints:
+    """Constraints ``g(y)`` (m,) and their Jacobian by the n free coordinates.
+
+    Parameters
+    ----------
+    builder : ConstraintBuilder
+    reference : (nv_all, 3) array
+        Where all constraints hold: fixes the constants.
+    free : int
+        Rows of y that are unknowns; the rest is ground.
+    """
+
+    def __init__(self, builder: ConstraintBuilder, reference: Floats, free: int) -> None:
+        m, n = builder.size, 3 * free
+        self.size, self.n = m, n
+        lk, la, lc = np.array(builder.linear, dtype=float).reshape(-1, 3).T
+        pk, pa, pb, pc = np.array(builder.products, dtype=float).reshape(-1, 4).T
+        self._lk = (lk.astype(np.int64)[:, None] + np.arange(3)).ravel()
+        self._la, self._lc = la.astype(np.int64), lc[:, None]
+        self._pk, self._pa, self._pb = (v.astype(np.int64) for v in (pk, pa, pb))
+        self._pc = pc[:, None]
+        self._constant = np.zeros(m)
+        products = (self._pc * reference[self._pa] * reference[self._pb]).sum(1)
+        self._constant = np.bincount(self._pk, products, m)
+        # Jacobian contributions: rows and columns never change
+        xyz = np.arange(3)
+        three = np.ones(3, dtype=np.int64)
+        self.rows = np.concatenate([self._lk, np.kron(self._pk, three), np.kron(self._pk, three)])
+        self.cols = np.concatenate(
+            [(3 * index[:, None] + xyz).ravel() for index in (self._la, self._pa, self._pb)]
+        )
+        self._scale = np.concatenate([self._pc, self._pc])
+        self._other = np.concatenate([self._pb, self._pa])
+        self._linear_values = np.repeat(lc, 3)
+        self.inside = np.flatnonzero(self.cols < n)
+        self._all_inside = len(self.inside) == len(self.cols)
+        self._pattern = FrozenPattern(self.rows[self.inside], self.cols[self.inside], (m, n))
+        # curvature: both vectors unknown
+        both = (self._pa < free) & (self._pb < free)
+        a, b = self._pa[both], self._pb[both]
+        self._curved_row = np.kron(np.concatenate([self._pk[both]] * 2), three)
+        self._curved_factor = np.repeat(np.concatenate([pc[both]] * 2), 3)
+        self.curvature_rows = (3 * np.concatenate([a, b])[:, None] + xyz).ravel()
+        self.curvature_cols = (3 * np.concatenate([b, a])[:, None] + xyz).ravel()
+
+    def values(self, y: Array) -> Array:
+        """``g(y)`` (m,)."""
+        products = (self._pc * (y[self._pa] * y[self._pb])).sum(1)
+        out = _sum_at(self._pk, products, self.size) - self._constant
+        return out + _sum_at(self._lk, (self._lc * y[self._la]).ravel(), self.size)
+
+    def jacobian_values(self, y: Array) -> Array:
+        """Contributions to G at ``(rows, cols)[inside]``, ground columns left out."""
+        values = np.concatenate([self._linear_values, (self._scale * y[self._other]).ravel()])
+        return values if self._all_inside else values[self.inside]
+
+    def jacobian(self, y: Array) -> csc_matrix:
+        """``G(y)`` (m, n) by the free coordinates."""
+        return self._pattern.matrix(self.jacobian_values(y))
+
+    def ground_rate(self, y: Array, ydot: Array) -> Array:
+        """``g_t`` (m,): rate of g from the motion of the ground rows alone."""
+        rates = np.zeros_like(ydot)
+        free = self.n // 3
+        rates[free:] = ydot[free:]
+        products = self._pc * (rates[self._pa] * y[self._pb] + y[self._pa] * rates[self._pb])
+        out = _sum_at(self._pk, products.sum(1), self.size)
+        return out + _sum_at(self._lk, (self._lc * rates[self._la]).ravel(), self.size)
+
+    def curvature_values(self, multipliers: Array) -> Array:
+        """``sum_k lambda_k H_k`` at ``(curvature_rows, curvature_cols)``."""
+        return multipliers[self._curved_row] * self._curved_factor

@@ -1,0 +1,122 @@
+"""The scene: items with names, collected first and numbered when frozen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TypeVar
+
+from ..beam import Beam
+from ..body import MassPoint, RigidBody
+from ..errors import InputError
+from ..frames import Item, Place, StructuralItem
+from ..joint import Joint
+from ..load import Load, LoadGravity, LoadLine
+from .system import System
+
+__all__ = ["Model"]
+
+ItemT = TypeVar("ItemT", bound=Item)
+
+
+class Model:
+    """A scene of beams, bodies, mass points, joints and loads.
+
+    Add items with names, then :meth:`freeze` to arrays. Numbering follows the order of adding.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import JointSpherical, LoadGravity, MassPoint, JointDistance, ground
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(1.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> gravity = model.add("gravity", LoadGravity((0, 0, -9.81)))
+    >>> model.freeze().counts()
+    {'n': 3, 'm': 1, 'rank': 1, 'unknowns': 2}
+    """
+
+    def __init__(self) -> None:
+        self._items: dict[str, Item] = {}
+
+    def add(self, name: str, item: ItemT) -> ItemT:
+        """Add an item under a new name and return it.
+
+        Parameters
+        ----------
+        name : str
+            Not empty and not in use.
+        item : Beam, RigidBody, MassPoint, a joint or a load
+
+        Raises
+        ------
+        InputError
+            For a name in use, an item that is already in a model, or anything else than an item.
+        """
+        if not isinstance(name, str) or not name:
+            raise InputError("model", f"name = {name!r}, expected a non-empty string")
+        if name in self._items:
+            raise InputError(
+                "model", f"duplicate name {name!r}: it is already the {self._items[name].label}"
+            )
+        if not isinstance(item, Beam | RigidBody | MassPoint | Joint | Load):
+            raise InputError(
+                f"model, item {name!r}",
+                f"is {type(item).__name__}, expected a beam, body, mass point, joint or load",
+            )
+        if item.name is not None:
+            raise InputError(f"model, item {name!r}", f"is already in a model as {item.name!r}")
+        item.name = name
+        self._items[name] = item
+        return item
+
+    def __getitem__(self, name: str) -> Item:
+        if name not in self._items:
+            raise InputError("model", f"unknown name {name!r}; known: {sorted(self._items)}")
+        return self._items[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def freeze(self) -> System:
+        """Number everything and check it: the arrays that all methods work on.
+
+        Raises
+        ------
+        InputError
+            Naming the item: references to items that are not in the model, joints that do not
+            close, redundant constraints, coordinates that have neither mass nor are held.
+        """
+        items = list(self._items.values())
+        structures = [i for i in items if isinstance(i, Beam | RigidBody | MassPoint)]
+        if not structures:
+            raise InputError("model", "has no beam, body or mass point")
+        known = {id(item) for item in structures}
+        for item in items:
+            for place in _places(item):
+                self._check_reference(item, place.item, known)
+            if isinstance(item, LoadLine):
+                self._check_reference(item, item.beam, known)
+        return System(
+            structures,
+            [i for i in items if isinstance(i, Joint)],
+            [i for i in items if isinstance(i, Load)],
+        )
+
+    @staticmethod
+    def _check_reference(item: Item, other: StructuralItem | None, known: set[int]) -> None:
+        if other is not None and id(other) not in known:
+            raise InputError(
+                item.label, f"refers to {other.label}, which is not in the model: add it first"
+            )
+
+
+def _places(item: Item) -> list[Place]:
+    if isinstance(item, Joint):
+        return [item.a, item.b]
+    if isinstance(item, MassPoint | RigidBody):
+        return [] if item.on is None else [item.on]
+    if isinstance(item, LoadLine | LoadGravity):
+        return []
+    return [item.place] if hasattr(item, "place") and isinstance(item.place, Place) else []

@@ -1,0 +1,345 @@
+"""A frozen scene: numbering, constant mass matrix, patterns, constraint graph. No time, no solver.
+
+Coordinates: ``q`` (n,) is ``y[:rows]`` flattened, where ``y`` (rows + ground, 3) holds phi, d1, d2,
+d3 of each frame and phi of each mass point in the order of adding, then the ground's frames (one
+at rest, one for each place in prescribed motion). Joints thus always connect two frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix
+
+from ..beam import Beam
+from ..body import MassPoint, RigidBody
+from ..errors import InputError
+from ..frames import Place
+from ..joint import Joint, Product, Zero
+from ..load import Load, LoadForce, LoadMoment
+from ..types import Array, Floats, IndexArray
+from .checks import check_inertia, check_joints, independent_loop_rows
+from .groups import BeamGroup, Group, mass_blocks
+from .kinematics import Kinematics
+from .loading import Loading
+from .quadratic import ConstraintBuilder, QuadraticConstraints
+from .tree import Spot, build_tree
+
+__all__ = ["JointRows", "System"]
+
+Structure = Beam | RigidBody | MassPoint
+
+
+@dataclass(frozen=True, eq=False)
+class JointRows:
+    """A joint, its constraint rows and its two spots."""
+
+    joint: Joint
+    rows: slice
+    a: Spot
+    b: Spot
+
+
+class System:
+    """Arrays of a frozen scene; made by :meth:`Model.freeze`.
+
+    Attributes
+    ----------
+    n, m : int
+        Coordinates and constraint rows (internal ones, 6 a frame, first; then joints in the order
+        of adding).
+    rank : int
+        Independent constraint rows.
+    unknowns : int
+        ``n - rank``, the unknowns of the null space method.
+    q0, v0 : (n,) array
+        Reference configuration and initial velocity.
+    """
+
+    def __init__(
+        self, structures: Sequence[Structure], joints: Sequence[Joint], loads: Sequence[Load]
+    ) -> None:
+        self.structures, self.joints, self.loads = list(structures), list(joints), list(loads)
+        self._number()
+        self._place_ground()
+        self._assemble_mass()
+        self._group()
+        self.loading = Loading(
+            self.loads,
+            self.first,
+            self.rows,
+            self.mass,
+            self.origin_rows,
+            self.beam_groups,
+            self.frame_group,
+        )
+        check_joints(self.joints, 0.0)
+        self._constrain()
+        self._span()
+
+    # -- construction ------------------------------------------------------------------------------
+
+    def _number(self) -> None:
+        self.first: dict[int, tuple[int, int]] = {}
+        rows: list[int] = []
+        framed: list[bool] = []
+        y: list[Floats] = []
+        rates: list[Floats] = []
+        self.owner: list[Structure] = []
+        row = 0
+        for item in self.structures:
+            vertices = item.vertices()
+            if vertices is None:
+                continue
+            self.first[id(item)] = (len(rows), row)
+            for k in range(len(vertices)):
+                rows.append(row)
+                framed.append(vertices.triads is not None)
+                self.owner.append(item)
+                y.append(vertices.positions[k : k + 1])
+                rates.append(vertices.velocities[k : k + 1])
+                row += 1
+                if vertices.triads is not None:
+                    y.append(vertices.triads[k])
+                    rates.append(np.cross(vertices.angular_velocities[k], vertices.triads[k]))
+                    row += 3
+        self.rows = row
+        self.n = 3 * row
+        self.origin_rows: IndexArray = np.array(rows, dtype=np.int64)
+        self.is_frame = np.array(framed, dtype=bool)
+        self._y0, self._v0 = np.concatenate(y), np.concatenate(rates)
+
+    def _place_ground(self) -> None:
+        self.moving: list[Place] = []
+        for joint in self.joints:
+            for place in (joint.a, joint.b):
+                if place.motion is not None and not any(place is p for p in self.moving):
+                    self.moving.append(place)
+        self.ground_rows = 4 * (1 + len(self.moving))
+        self.total = self.rows + self.ground_rows
+        nv = len(self.origin_rows)
+        self.vertex_rows = np.concatenate(
+            [self.origin_rows, self.rows + 4 * np.arange(1 + len(self.moving))]
+        )
+        self._static = nv
+        self._rest = np.vstack([np.zeros(3), np.eye(3)])
+
+    def spot(self, place: Place) -> Spot:
+        """Number of a place's vertex, with its material coordinates."""
+        offset = tuple(float(X) for X in place.offset)
+        if place.item is not None:
+            return Spot(self.first[id(place.item)][0] + place.vertex, offset)  # type: ignore[arg-type]
+        moving = [k for k, p in enumerate(self.moving) if p is place]
+        return Spot(self._static + (1 + moving[0] if moving else 0), offset)  # type: ignore[arg-type]
+
+    def _assemble_mass(self) -> None:
+        i, j, c = [], [], []
+
+        def add(rows: IndexArray, blocks: Floats) -> None:
+            ne, r = rows.shape
+            i.append(np.broadcast_to(rows[:, :, None], (ne, r, r)).ravel())
+            j.append(np.broadcast_to(rows[:, None, :], (ne, r, r)).ravel())
+            c.append(blocks.ravel())
+
+        self.lumps: list[tuple[int, Floats, bool]] = []  # (vertex, scalar mass, framed)
+        for item in self.structures:
+            if isinstance(item, Beam):
+                r = self.first[id(item)][1]
+                rows = (r + 4 * item.basis.connectivity[:, :, None] + np.arange(4)).reshape(
+                    len(item.basis.connectivity), -1
+                )
+                add(rows, item.scalar_mass())
+                continue
+            host = item if item.on is None else item.on.item
+            vertex = self.first[id(host)][0] + (0 if item.on is None else item.on.vertex)
+            block = item.scalar_mass()
+            self.lumps.append((vertex, block, len(block) == 4))
+            add(self.origin_rows[vertex] + np.arange(len(block))[None], block[None])
+        ij = (np.concatenate(i), np.concatenate(j))
+        self.mass: csr_matrix = coo_matrix(
+            (np.concatenate(c), ij), shape=(self.rows, self.rows)
+        ).tocsr()
+        self.mass.eliminate_zeros()
+
+    def _group(self) -> None:
+        beams = [item for item in self.structures if isinstance(item, Beam)]
+        self.beam_groups = [
+            BeamGroup([(b, *self.first[id(b)]) for b in beams if b.basis.order == order])
+            for order in sorted({b.basis.order for b in beams})
+        ]
+        single = {v for v, _, framed in self.lumps if framed}
+        single |= {
+            self.first[id(load.place.item)][0] + load.place.vertex
+            for load in self.loads
+            if isinstance(load, LoadMoment) or (isinstance(load, LoadForce) and load.follower)
+        }
+        self.frame_group = self._single_group(sorted(single), 4)
+        points = {v for v, _, framed in self.lumps if not framed}
+        self.point_group = self._single_group(sorted(points), 1)
+        self.groups: list[Group] = [
+            *self.beam_groups,
+            *([self.frame_group] if self.frame_group else []),
+            *([self.point_group] if self.point_group else []),
+        ]
+
+    def _single_group(self, vertices: list[int], size: int) -> Group | None:
+        if not vertices:
+            return None
+        scalar = np.zeros((len(vertices), size, size))
+        for v, block, _ in self.lumps:
+            if v in vertices and len(block) == size:
+                scalar[vertices.index(v)] += block
+        number = np.array(vertices, dtype=np.int64)
+        rows = self.origin_rows[number][:, None] + np.arange(size)
+        return Group(number[:, None], rows, mass_blocks(scalar), framed=size == 4)
+
+    def _constrain(self) -> None:
+        build = ConstraintBuilder()
+        for row in self.origin_rows[self.is_frame]:
+            d = [[(int(row) + k, 1.0)] for k in (1, 2, 3)]
+            for k in range(3):
+                build.product(d[k], d[k], 0.5)
+            for k, j in ((0, 1), (0, 2), (1, 2)):
+                build.product(d[k], d[j], 1.0)
+        self.internal = build.size
+        self.joint_rows: list[JointRows] = []
+        for joint in self.joints:
+            start = build.size
+            for row in joint.rows():
+                self._add_row(build, row)
+            self.joint_rows.append(
+                JointRows(joint, slice(start, build.size), self.spot(joint.a), self.spot(joint.b))
+            )
+        self.constraints = QuadraticConstraints(build, self.extend(self._y0, 0.0), self.rows)
+        self.m = build.size
+
+    def _add_row(self, build: ConstraintBuilder, row: Zero | Product) -> None:
+        def terms(expression_terms: tuple) -> list[tuple[int, float]]:  # type: ignore[type-arg]
+            return [
+                (int(self.vertex_rows[self.spot(p).vertex]) + k, c) for p, k, c in expression_terms
+            ]
+
+        if isinstance(row, Zero):
+            build.zero(terms(row.expression.terms))
+        else:
+            build.product(terms(row.left.terms), terms(row.right.terms), row.factor)
+
+    def _span(self) -> None:
+        material = {
+            id(joint): joint.a.material(joint.freedom().rotation)  # type: ignore[arg-type]
+            for joint in self.joints
+            if not isinstance(joint.freedom().rotation, str)
+        }
+        ends = [(jr.joint, jr.a, jr.b) for jr in self.joint_rows]
+        self.tree = build_tree(self.is_frame.tolist(), ends, material)
+        self.kinematics = Kinematics(self.tree, self.vertex_rows, self.is_frame, self.total)
+        loops = [jr for jr in self.joint_rows if any(jr.joint is j for j in self.tree.loops)]
+        y = self.extend(self._y0, 0.0)
+        self.unknowns = self.kinematics.unknowns - independent_loop_rows(self, loops, y)
+        self.rank = self.n - self.unknowns
+        check_inertia(self, y)
+
+    # -- use -------------------------------------------------------------------------------------
+
+    @property
+    def q0(self) -> Floats:
+        """Reference configuration (n,)."""
+        return self._y0.ravel().copy()
+
+    @property
+    def v0(self) -> Floats:
+        """Initial velocity (n,) given with the items."""
+        return self._v0.ravel().copy()
+
+    def counts(self) -> dict[str, int]:
+        """Coordinates n, constraint rows m, their rank, unknowns of the null space method."""
+        return {"n": self.n, "m": self.m, "rank": self.rank, "unknowns": self.unknowns}
+
+    def __repr__(self) -> str:
+        names = ", ".join(f"{i.label}" for i in self.structures)
+        c = self.counts()
+        return (
+            f"<System of {names}; n = {c['n']}, m = {c['m']} (rank {c['rank']}),"
+            f" unknowns {c['n'] + c['m']} with multipliers, {c['unknowns']} with the null space>"
+        )
+
+    def ground(self, t: float) -> Floats:
+        """Rows of the ground's frames at time `t`, (ground_rows, 3)."""
+        return np.concatenate([self._rest, *(p.motion.frame(p.position, t) for p in self.moving)])  # type: ignore[union-attr]
+
+    def ground_rate(self, t: float) -> Floats:
+        """Time derivative of :meth:`ground` (fourth-order differences of the callables)."""
+        if not self.moving:
+            return np.zeros((self.ground_rows, 3))
+        e = 1e-4
+        g = [self.ground(t + k * e) for k in (-2, -1, 1, 2)]
+        return (g[0] - 8 * g[1] + 8 * g[2] - g[3]) / (12 * e)
+
+    def extend(self, q: Array, t: float) -> Array:
+        """All rows ``y`` (total, 3): coordinates q and the ground at time t."""
+        y = np.empty((self.total, 3), dtype=q.dtype)
+        y[: self.rows] = q.reshape(-1, 3)
+        y[self.rows :] = self.ground(t)
+        return y
+
+    def frame_place(self, name: str) -> int:
+        """First number in q of the body or mass point `name`."""
+        for item in self.structures:
+            if item.name == name and id(item) in self.first:
+                return 3 * self.first[id(item)][1]
+        known = [i.name for i in self.structures if id(i) in self.first]
+        raise InputError("system", f"unknown name {name!r}; known: {known}")
+
+    def offset(self, place: Place) -> int:
+        """First number in q of the frame or point that carries a place."""
+        return int(3 * self.vertex_rows[self.spot(place).vertex])
+
+    @cached_property
+    def length(self) -> float:
+        """Extent of the scene (m), the scale of displacements."""
+        x = self._y0[self.origin_rows]
+        spots = [jr.joint.a.position for jr in self.joint_rows]
+        x = np.vstack([x, *spots]) if spots else x
+        size = float(np.linalg.norm(x.max(0) - x.min(0)))
+        if self.beam_groups or size > 0:
+            return size
+        return 1.0
+
+    # -- forces ------------------------------------------------------------------------------------
+
+    def strain(self, y: Array) -> list[tuple[Array, Array]]:
+        """(strains, B) of each beam group."""
+        return [g.strain(y) for g in self.beam_groups]
+
+    def internal_force(self, Bs: list[Array], stresses: list[Array]) -> Array:
+        """``sum int B^T S ds`` as rows (rows, 3)."""
+        dtype = np.result_type(*Bs, *stresses, float)
+        out = np.zeros((self.rows, 3), dtype=dtype)
+        for g, S, B, s in zip(self.beam_groups, self._scatter, Bs, stresses, strict=True):
+            out += S @ g.force(B, s).reshape(-1, 3)
+        return out
+
+    @cached_property
+    def _scatter(self) -> list[csr_matrix]:
+        out = []
+        for g in self.beam_groups:
+            count = g.rows.size
+            ones = np.ones(count)
+            out.append(
+                csr_matrix((ones, (g.rows.ravel(), np.arange(count))), shape=(self.rows, count))
+            )
+        return out
+
+    def strain_energy(self, epsilons: list[Array]) -> Array:
+        """Stored energy (J); works on stacks of states."""
+        return sum(
+            (g.energy(eps).sum(-1) for g, eps in zip(self.beam_groups, epsilons, strict=True)),
+            start=np.zeros(()),
+        )
+
+    def mass_tangent(self, factor: float) -> list[Array]:
+        """``factor * M`` as blocks of the groups; fresh arrays, to be added to."""
+        return [factor * g.mass for g in self.groups]

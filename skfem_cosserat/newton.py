@@ -1,0 +1,149 @@
+"""One Newton loop for all problems."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from .linear import SingularMatrixError
+from .log import logger
+from .types import Floats
+
+__all__ = ["NewtonProblem", "NewtonReport", "NewtonSettings", "newton"]
+
+
+class NewtonProblem(Protocol):
+    """What the loop needs to know."""
+
+    def residual(self) -> float:
+        """Evaluate at the present configuration; size of the residual against its terms."""
+
+    def direction(self) -> Floats:
+        """Newton increment at the configuration evaluated last."""
+
+    def sizes(self, increment: Floats) -> tuple[float, float]:
+        """Size of an increment (displacements relative to the scene, rotations in rad); of its
+        largest rotation alone."""
+
+    def apply(self, increment: Floats) -> None:
+        """Move the configuration."""
+
+    def save(self) -> object:
+        """The present configuration, for :meth:`restore`."""
+
+    def restore(self, saved: object) -> None:
+        """Back to a saved configuration."""
+
+
+@dataclass(frozen=True)
+class NewtonSettings:
+    """When to stop.
+
+    Attributes
+    ----------
+    iterations : int
+        Largest number of plain iterations; damped retries get `damped_iterations`.
+    increment : float
+        Converged when the *next* increment, estimated from the quadratic contraction of the last
+        two, is below this (relative displacement or rad). Increments, not residuals: a residual
+        tolerance becomes unreachable as steps or elements shrink, theory section 10.
+    negligible : float
+        Converged when an increment itself is below this.
+    stagnation : float
+        Increments below this that do not shrink any more are taken for the rounding floor.
+    rotation : float
+        Largest rotation (rad) in one iteration; longer increments are scaled down.
+    """
+
+    iterations: int = 20
+    damped_iterations: int = 100
+    increment: float = 1e-15
+    negligible: float = 1e-12
+    stagnation: float = 1e-8
+    rotation: float = 0.6
+
+
+@dataclass
+class NewtonReport:
+    """How it went."""
+
+    converged: bool
+    iterations: int
+    residual: float
+    reason: str
+    increments: list[float]
+    residuals: list[float]
+
+
+def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = False) -> NewtonReport:
+    """Solve; never raises for a failing iteration, the report says why it stopped.
+
+    Parameters
+    ----------
+    damped : bool
+        With a backtracking line search on the residual and more iterations.
+    """
+    report = NewtonReport(False, 0, np.inf, "", [], [])
+    limit = settings.damped_iterations if damped else settings.iterations
+    with np.errstate(all="ignore"):
+        size = problem.residual()
+        report.residuals.append(size)
+        while report.iterations < limit:
+            if not np.isfinite(size):
+                report.reason = "the residual is not finite"
+                break
+            try:
+                increment = problem.direction()
+            except SingularMatrixError as error:
+                report.reason = str(error)
+                break
+            report.iterations += 1
+            length, turn = problem.sizes(increment)
+            capped = turn > settings.rotation
+            if capped:
+                increment = increment * (settings.rotation / turn)
+            size = _advance(problem, increment, size, damped)
+            report.residuals.append(size)
+            report.increments.append(length)
+            logger.debug(
+                "Newton %d: increment %.3e residual %.3e", report.iterations, length, size
+            )
+            if not capped and np.isfinite(size) and _converged(report.increments, settings):
+                report.converged = True
+                break
+        else:
+            report.reason = f"no convergence in {limit} iterations"
+    report.residual = float(np.min(report.residuals)) if not report.converged else size
+    return report
+
+
+def _advance(problem: NewtonProblem, increment: Floats, before: float, damped: bool) -> float:
+    if not damped:
+        problem.apply(increment)
+        return problem.residual()
+    saved = problem.save()
+    factor = 1.0
+    for _ in range(8):
+        problem.apply(factor * increment)
+        size = problem.residual()
+        if np.isfinite(size) and size <= (1 - 1e-4 * factor) * before + 1e-14:
+            return size
+        problem.restore(saved)
+        factor /= 2
+    problem.apply(increment)
+    return problem.residual()
+
+
+def _converged(increments: list[float], settings: NewtonSettings) -> bool:
+    last = increments[-1]
+    if last <= settings.negligible:
+        return True
+    if len(increments) < 2:
+        return False
+    before = increments[-2]
+    if last < 1e-3 and last < before and last**3 / before**2 <= settings.increment:
+        return True
+    # the rounding floor: no contraction left although increments are tiny
+    return last <= settings.stagnation and last > 0.3 * before

@@ -1,0 +1,419 @@
+"""Charts (matplotlib) and pictures (pyvista) of a history; both packages are optional."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .errors import InputError
+from .export.geometry import BeamShape, beam_shapes, body_shapes
+from .history import History
+from .types import Array, Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pyvista import Plotter, PolyData
+
+__all__ = ["plot_energy", "plot_orbit", "plot_series", "render"]
+
+_ENERGIES = {
+    "kinetic": "kinetic",
+    "strain_energy": "strain",
+    "external": "external",
+    "energy": "total",
+    "energy_midpoint": "total (midpoint)",
+}
+_CAMERAS = ("xy", "xz", "yz", "iso")
+_MISSING = "is needed here: pip install skfem-cosserat[view]"
+
+
+def _figure(width: float, height: float) -> Figure:
+    """A figure that belongs to nobody else (no global state of pyplot)."""
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ImportError(f"matplotlib {_MISSING}") from error
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _write(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
+    if path is not None:
+        _check_folder(path)
+        figure.savefig(path, dpi=150)
+    return figure
+
+
+def _check_folder(path: str | os.PathLike[str]) -> None:
+    folder = Path(path).parent
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise InputError(f"folder {str(folder)!r}", "does not exist or cannot be written")
+
+
+def plot_energy(history: History, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Chart of the energies over time, and of the change of the total energy below it.
+
+    Parameters
+    ----------
+    history : History
+        With some of the series ``energy, energy_midpoint, kinetic, strain_energy, external (N,)``
+        in J.
+    path : path-like, optional
+        Write the chart here (``.png``, ``.svg``, ``.pdf``).
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If none of the series was recorded.
+    ImportError
+        Without matplotlib.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> zeros = np.zeros((2, 3))
+    >>> series = {"t": [0.0, 0.1], "step": [0, 1], "q": zeros, "p": zeros, "energy": [2.0, 2.0]}
+    >>> len(plot_energy(History({}, {}, series)).axes)
+    2
+    """
+    present = [name for name in _ENERGIES if name in history]
+    if not present:
+        raise InputError("history", f"has no energy series; expected some of {list(_ENERGIES)}")
+    totals = [name for name in present if _ENERGIES[name].startswith("total")]
+    figure = _figure(7.0, 5.0 if totals else 3.2)
+    ratios = [2, 1][: 1 + bool(totals)]
+    axes = figure.subplots(len(ratios), sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
+    for name in present:
+        style = {"color": "black"} if name == "energy" else {"linewidth": 1.0}
+        axes[0].plot(history.times, history[name], label=_ENERGIES[name], **style)
+    axes[0].set_ylabel("energy in J")
+    axes[0].legend(ncols=3, fontsize="small")
+    scale = max(float(np.nanmax(abs(history[name]), initial=0.0)) for name in present)
+    for name in totals:
+        valid = np.flatnonzero(np.isfinite(history[name]))
+        if len(valid) and scale > 0.0:
+            drift = (history[name] - history[name][valid[0]]) / scale
+            axes[1].plot(history.times, drift, linewidth=1.0, label=_ENERGIES[name])
+    if totals:
+        axes[1].set_ylabel("change of total\n/ largest energy")
+        axes[1].axhline(0.0, color="grey", linewidth=0.5)
+    axes[-1].set_xlabel("time in s")
+    return _write(figure, path)
+
+
+def plot_series(
+    history: History, names: Sequence[str], path: str | os.PathLike[str] | None = None
+) -> Figure:
+    """Chart of scalar or vector series over time, one panel for each.
+
+    Parameters
+    ----------
+    history : History
+        Recorded states.
+    names : sequence of str
+        Series of shape ``(N,)`` or ``(N, k)``.
+    path : path-like, optional
+        Write the chart here.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If a series does not exist or is no scalar or vector.
+    ImportError
+        Without matplotlib.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> zeros = np.zeros((2, 3))
+    >>> series = {"t": [0.0, 0.1], "step": [0, 1], "q": zeros, "p": zeros}
+    >>> len(plot_series(History({}, {}, series), ["q", "p"]).axes)
+    2
+    """
+    if not names:
+        raise InputError("argument names", "is empty, expected at least one series")
+    for name in names:
+        if history[name].ndim > 2:
+            raise InputError(f"series {name!r}", f"has shape {history[name].shape}")
+    figure = _figure(7.0, 1.0 + 2.0 * len(names))
+    axes = figure.subplots(len(names), sharex=True, squeeze=False)[:, 0]
+    for axis, name in zip(axes, names, strict=True):
+        lines = axis.plot(history.times, history[name], linewidth=1.0)
+        axis.set_ylabel(name)
+        if 1 < len(lines) <= 6:
+            axis.legend(lines, "xyz" if len(lines) == 3 else range(len(lines)), fontsize="small")
+    axes[-1].set_xlabel("time in s")
+    return _write(figure, path)
+
+
+def _path_of(history: History, what: str) -> Floats:
+    """Places ``(N, 3)`` of a body, mass point, beam node or joint."""
+    kind, _, rest = what.partition("/")
+    name, _, node = rest.rpartition("/")
+    if kind == "joint" and f"{what}/position" in history:
+        return history[f"{what}/position"]
+    if kind in ("body", "point") and f"{what}/offset" in history.static:
+        start = int(history.static[f"{what}/offset"])
+        return history["q"][:, start : start + 3]
+    if kind == "beam" and f"beam/{name}/offsets" in history.static:
+        offsets = history.static[f"beam/{name}/offsets"]
+        digits = node.removeprefix("-")
+        if digits.isdigit() and -len(offsets) <= int(node) < len(offsets):
+            start = int(offsets[int(node)])
+            return history["q"][:, start : start + 3]
+        raise InputError("argument what", f"got {what!r}, beam {name!r} has {len(offsets)} nodes")
+    raise InputError(
+        "argument what",
+        f"got {what!r}, expected 'body/NAME', 'point/NAME', 'joint/NAME' or 'beam/NAME/NODE'",
+    )
+
+
+def plot_orbit(
+    history: History,
+    what: str | Sequence[str],
+    path: str | os.PathLike[str] | None = None,
+    axes: str = "xy",
+) -> Figure:
+    """Chart of the way of one or several points, seen along a coordinate axis.
+
+    Parameters
+    ----------
+    history : History
+        Recorded states.
+    what : str or sequence of str
+        ``"body/NAME"``, ``"point/NAME"``, ``"joint/NAME"`` or ``"beam/NAME/NODE"`` (negative nodes
+        count from the end).
+    path : path-like, optional
+        Write the chart here.
+    axes : str
+        Two of ``x``, ``y``, ``z``: to the right and up.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If there is no such point, or ``axes`` are not two different axes.
+    ImportError
+        Without matplotlib.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> q = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    >>> series = {"t": [0.0, 0.1], "step": [0, 1], "q": q, "p": q}
+    >>> history = History({}, {"point/tip/offset": np.array(0)}, series)
+    >>> plot_orbit(history, "point/tip", axes="xz").axes[0].get_ylabel()
+    'z in m'
+    """
+    if len(axes) != 2 or len(set(axes)) != 2 or not set(axes) <= set("xyz"):
+        raise InputError("argument axes", f"got {axes!r}, expected two of 'x', 'y', 'z'")
+    names = [what] if isinstance(what, str) else list(what)
+    columns = ["xyz".index(letter) for letter in axes]
+    ways = [_path_of(history, name)[:, columns] for name in names]
+    figure = _figure(5.0, 5.0)
+    axis = figure.subplots()
+    for name, way in zip(names, ways, strict=True):
+        line = axis.plot(way[:, 0], way[:, 1], linewidth=1.0, label=name)[0]
+        axis.plot(way[:1, 0], way[:1, 1], "o", color=line.get_color(), markersize=4)
+    axis.set_aspect("equal", adjustable="datalim")
+    axis.set_xlabel(f"{axes[0]} in m")
+    axis.set_ylabel(f"{axes[1]} in m")
+    axis.legend(fontsize="small")
+    return _write(figure, path)
+
+
+def _instants(history: History, frames: int | Sequence[int]) -> list[int]:
+    """Numbers of the states in a picture."""
+    if not len(history):
+        raise InputError("history", "has no states")
+    if isinstance(frames, int):
+        if frames < 1:
+            raise InputError("argument frames", f"got {frames}, expected at least 1")
+        times = np.linspace(history.times[0], history.times[-1], frames)
+        return sorted({int(np.argmin(abs(history.times - t))) for t in times})
+    for i in frames:
+        if not -len(history) <= i < len(history):
+            raise InputError("argument frames", f"got state {i}, there are {len(history)}")
+    return [int(i) % len(history) for i in frames]
+
+
+def _circle(radius: float) -> Floats:
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _outlines(shape: BeamShape, radius: float | None, size: float) -> dict[int, Floats]:
+    """Outline by section; a circle where there is none or a radius is given."""
+    round_one = _circle(0.006 * size if radius is None else radius)
+    found = {}
+    for section in np.unique(shape.section):
+        own = shape.outline(section) if radius is None else None
+        found[int(section)] = round_one if own is None else own
+    return found
+
+
+def _beam_surface(
+    shape: BeamShape, row: Mapping[str, Array], outlines: dict[int, Floats], color: str
+) -> PolyData:
+    """Swept beam with the norm of a resultant at its faces, if recorded."""
+    import pyvista
+
+    sweep = shape.sweep(row["q"], outlines)
+    faces = [np.insert(sweep.quads, 0, 4, axis=1).ravel()]
+    faces += [np.insert(ring, 0, len(ring)) for ring in sweep.caps]
+    surface = pyvista.PolyData(sweep.points, np.concatenate(faces))
+    key = f"beam/{shape.name}/resultant"
+    if key in row and color:
+        part = row[key][:, :, :3] if color == "N" else row[key][:, :, 3:]
+        norm = np.linalg.norm(shape.average(part, shape.pieces), axis=1)
+        values = norm[sweep.element * shape.pieces + sweep.piece]
+        ends = np.array([values[(sweep.quads == ring[0]).any(1)][0] for ring in sweep.caps])
+        surface.cell_data[color] = np.concatenate([values, ends])
+    return surface
+
+
+def _extent(history: History, instants: list[int]) -> float:
+    """Diagonal of the box around everything at the instants, in m."""
+    parts = []
+    for i in instants:
+        q = history["q"][i]
+        parts += [s.points(q) for s in beam_shapes(history.meta, history.static)]
+        parts += [s.points(q) for s in body_shapes(history.meta, history.static)]
+    if not parts:
+        raise InputError("history", "has no beams, bodies or mass points to be drawn")
+    points = np.concatenate(parts)
+    return float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
+
+
+def _limits(history: History, instants: list[int], color: str) -> tuple[float, float]:
+    """Common range of the colours over all instants."""
+    top = 0.0
+    for shape in beam_shapes(history.meta, history.static):
+        key = f"beam/{shape.name}/resultant"
+        if key in history and color:
+            values = (
+                history[key][instants][..., :3] if color == "N" else history[key][instants][..., 3:]
+            )
+            top = max(top, float(np.linalg.norm(values, axis=-1).max(initial=0.0)))
+    return 0.0, top or 1.0
+
+
+def _draw(
+    plotter: Plotter, history: History, i: int, opacity: float, style: Mapping[str, Any]
+) -> None:
+    """Add one instant to a picture."""
+    import pyvista
+
+    row = history.row(i)
+    size = style["size"]
+    for shape in beam_shapes(history.meta, history.static):
+        outlines = _outlines(shape, style["radius"], size)
+        surface = _beam_surface(shape, row, outlines, style["color"])
+        look: dict[str, Any] = {"color": "steelblue"}
+        if style["color"] in surface.cell_data:
+            title = {"N": "|N| in N", "M": "|M| in N m"}[style["color"]]
+            bar = {"title": title, "fmt": "%.3g", "color": "black"}
+            look = {"scalars": style["color"], "cmap": "viridis", "clim": style["limits"]}
+            look["scalar_bar_args"] = bar
+        plotter.add_mesh(surface.clean(), opacity=opacity, **look)
+    for body in body_shapes(history.meta, history.static):
+        x = body.points(row["q"])
+        if body.material is None:
+            ball = pyvista.Sphere(radius=0.012 * size, center=x[0])
+            plotter.add_mesh(ball, color="firebrick", opacity=opacity, smooth_shading=True)
+        else:
+            faces = np.insert(body.faces, 0, 3, axis=1).ravel()
+            surface = pyvista.PolyData(x, faces)
+            plotter.add_mesh(surface, color="lightsteelblue", opacity=opacity)
+
+
+def render(
+    history: History,
+    path: str | os.PathLike[str],
+    frames: int | Sequence[int] = 5,
+    camera: str | Sequence[Sequence[float]] = "iso",
+    color: str = "M",
+    radius: float | None = None,
+    window: tuple[int, int] = (1600, 900),
+) -> Path:
+    """Picture of the scene at several instants in one image, without opening a window.
+
+    Beams are swept sections coloured by the norm of a resultant (the outline of the section, or a
+    tube without one), bodies surfaces, mass points balls. Earlier instants are more transparent.
+
+    Parameters
+    ----------
+    history : History
+        Recorded states.
+    path : path-like
+        Image file (``.png``).
+    frames : int or sequence of int
+        Number of instants, equally spaced in time, or numbers of the states.
+    camera : str or three points
+        ``"xy"``, ``"xz"``, ``"yz"``, ``"iso"``, or position, focal point and up direction.
+    color : str
+        ``"M"`` or ``"N"``: moment or force resultant; ``""``: one colour.
+    radius : float, optional
+        Draw all beams as tubes of this radius in m.
+    window : (2,) int
+        Width and height in pixels.
+
+    Returns
+    -------
+    Path
+        The image file.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to draw, the folder is missing or an argument is out of range.
+    ImportError
+        Without pyvista.
+
+    Notes
+    -----
+    VTK needs OpenGL (a display, or Mesa for off-screen use); without any it ends the whole process.
+
+    Examples
+    --------
+    >>> render(history, "swing.png", frames=8, camera="xz")  # doctest: +SKIP
+    """
+    if color not in ("", "M", "N"):
+        raise InputError("argument color", f"got {color!r}, expected 'M', 'N' or ''")
+    if isinstance(camera, str) and camera not in _CAMERAS:
+        raise InputError("argument camera", f"got {camera!r}, expected one of {_CAMERAS} or points")
+    instants = _instants(history, frames)
+    _check_folder(path)
+    size = _extent(history, instants)
+    try:
+        import pyvista
+    except ImportError as error:
+        raise ImportError(f"pyvista {_MISSING}") from error
+    limits = _limits(history, instants, color)
+    style = {"size": size, "radius": radius, "color": color, "limits": limits}
+    plotter = pyvista.Plotter(off_screen=True, window_size=list(window))
+    plotter.set_background("white")
+    plotter.enable_anti_aliasing("ssaa")
+    for k, i in enumerate(instants):
+        _draw(plotter, history, i, 1.0 - 0.7 * (len(instants) - 1 - k) / len(instants), style)
+    plotter.camera_position = camera
+    plotter.screenshot(str(path))
+    plotter.close()
+    return Path(path)

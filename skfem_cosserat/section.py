@@ -1,0 +1,291 @@
+"""Cross-sections: what a beam's constitutive law and inertia need, per unit of arc length.
+
+Order of strains everywhere: ``(Gamma_1, Gamma_2, Gamma_3, K_1, K_2, K_3)``: shear along d1 and d2,
+axial; bending about d1 and d2, torsion about d3 (the tangent of the reference line).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .errors import InputError
+from .types import ArrayLike, Floats
+
+__all__ = [
+    "Material",
+    "Section",
+    "SectionCircle",
+    "SectionRectangle",
+    "SectionTube",
+]
+
+
+def _positive(item: str, **values: float) -> None:
+    for name, value in values.items():
+        if not np.isfinite(value) or value <= 0:
+            raise InputError(item, f"{name} = {value!r}, expected a positive finite number")
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic linear elastic material.
+
+    Parameters
+    ----------
+    E : float
+        Young's modulus (N/m^2).
+    nu : float
+        Poisson's ratio, in (-1, 0.5].
+    rho : float
+        Density (kg/m^3).
+
+    Examples
+    --------
+    >>> round(Material(E=210e9, nu=0.3, rho=7850).G / 1e9, 3)
+    80.769
+    """
+
+    E: float
+    nu: float
+    rho: float
+
+    def __post_init__(self) -> None:
+        _positive("material", E=self.E, rho=self.rho)
+        if not -1 < self.nu <= 0.5:
+            raise InputError("material", f"nu = {self.nu!r}, expected -1 < nu <= 0.5")
+
+    @property
+    def G(self) -> float:
+        """Shear modulus ``E / (2 (1 + nu))`` (N/m^2)."""
+        return self.E / (2 * (1 + self.nu))
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Section given by its constants, up to a full 6x6 stiffness.
+
+    Parameters
+    ----------
+    stiffness : (6, 6) or (6,) array
+        Symmetric positive definite ``D`` with ``(N, M) = D (Gamma, K)``; six numbers are taken
+        for its diagonal ``(GA_1, GA_2, EA, EI_1, EI_2, GJ)`` (N and N m^2).
+    mass : float
+        Mass per length ``A_rho`` (kg/m).
+    inertia : (2,) array
+        ``(M_rho^1, M_rho^2)``, the inertia *along* d1 and d2: ``int rho X_k^2 dA`` (kg m). They
+        multiply the rates of d1 and d2, equation (114) of Leyendecker, Marsden & Ortiz (2008).
+    outline : (k, 2) array, optional
+        Closed polygon ``(X_1, X_2)`` (m) used to draw the beam; it has no influence on results.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite, the stiffness is not symmetric positive definite, or an
+        inertia is negative.
+
+    Examples
+    --------
+    >>> s = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> s.stiffness.shape
+    (6, 6)
+    """
+
+    stiffness: Floats
+    mass: float
+    inertia: Floats
+    outline: Floats | None = field(default=None, repr=False)
+
+    def __init__(
+        self,
+        stiffness: ArrayLike,
+        mass: float,
+        inertia: ArrayLike,
+        outline: ArrayLike | None = None,
+    ) -> None:
+        item = "section"
+        D = np.array(stiffness, dtype=float)
+        if D.shape == (6,):
+            D = np.diag(D)
+        if D.shape != (6, 6):
+            raise InputError(item, f"stiffness has shape {D.shape}, expected (6,) or (6, 6)")
+        if not np.isfinite(D).all():
+            raise InputError(item, f"stiffness is not finite: {np.diag(D).tolist()}")
+        diagonal = np.diag(D)
+        if (diagonal <= 0).any():
+            names = ("GA_1", "GA_2", "EA", "EI_1", "EI_2", "GJ")
+            k = int(np.argmin(diagonal))
+            raise InputError(
+                item,
+                f"{names[k]} = {diagonal[k]:g}: a section without stiffness against one of its"
+                " strains leaves the beam a mechanism; expected six positive stiffnesses",
+            )
+        if not np.allclose(D, D.T, rtol=1e-12, atol=0):
+            raise InputError(item, f"stiffness is not symmetric by {abs(D - D.T).max():.3g}")
+        scale = 1 / np.sqrt(diagonal)
+        lowest = float(np.linalg.eigvalsh(D * scale[:, None] * scale)[0])
+        if lowest <= 1e-14:
+            raise InputError(
+                item,
+                f"stiffness is not positive definite: lowest scaled eigenvalue {lowest:.3g}",
+            )
+        I = np.array(inertia, dtype=float)  # noqa: E741 - the field's symbol
+        if I.shape != (2,):
+            raise InputError(item, f"inertia has shape {I.shape}, expected (2,)")
+        if not np.isfinite(I).all() or (I < 0).any():
+            raise InputError(item, f"inertia = {I.tolist()}: negative or not finite")
+        _positive(item, mass=mass)
+        shape = None if outline is None else np.array(outline, dtype=float)
+        if shape is not None and (shape.ndim != 2 or shape.shape[1] != 2):
+            raise InputError(item, f"outline has shape {shape.shape}, expected (k, 2)")
+        for name, value in (
+            ("stiffness", (D + D.T) / 2),
+            ("mass", float(mass)),
+            ("inertia", I),
+            ("outline", shape),
+        ):
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_constants(
+        cls,
+        *,
+        EA: float,
+        GA: float | tuple[float, float],
+        EI: tuple[float, float],
+        GJ: float,
+        mass: float,
+        inertia: ArrayLike,
+        outline: ArrayLike | None = None,
+    ) -> Section:
+        """Section from engineering constants.
+
+        Parameters
+        ----------
+        EA, GJ : float
+            Axial (N) and torsional (N m^2) stiffness.
+        GA : float or (GA_1, GA_2)
+            Shear stiffness along d1 and d2 (N).
+        EI : (EI_1, EI_2)
+            Bending stiffness about d1 and d2 (N m^2).
+        mass, inertia, outline
+            As for :class:`Section`.
+
+        Examples
+        --------
+        >>> s = Section.from_constants(EA=1e4, GA=5e3, EI=(2., 3.), GJ=1., mass=1., inertia=(0, 0))
+        >>> s.stiffness.diagonal().tolist()
+        [5000.0, 5000.0, 10000.0, 2.0, 3.0, 1.0]
+        """
+        GA_1, GA_2 = (GA, GA) if np.isscalar(GA) else GA  # type: ignore[misc]
+        return cls([GA_1, GA_2, EA, EI[0], EI[1], GJ], mass, inertia, outline)
+
+
+def _solid(
+    material: Material, area: float, I: tuple[float, float], J: float, kappa: float  # noqa: E741
+) -> tuple[list[float], float, tuple[float, float]]:
+    """Stiffness diagonal, mass and inertia of a homogeneous section.
+
+    ``I = (int X_2^2 dA, int X_1^2 dA)``: second moments *about* d1 and d2.
+    """
+    E, G, rho = material.E, material.G, material.rho
+    shear = kappa * G * area
+    return (
+        [shear, shear, E * area, E * I[0], E * I[1], G * J],
+        rho * area,
+        (rho * I[1], rho * I[0]),  # inertia along d1 is the second moment about d2
+    )
+
+
+class SectionRectangle(Section):
+    """Solid rectangle.
+
+    Parameters
+    ----------
+    a, b : float
+        Edges along d1 and d2 (m).
+    material : Material
+    shear_factor : float
+        Applied to both shear stiffnesses; 5/6 by default.
+
+    Notes
+    -----
+    Torsion constant by the Saint-Venant series (Timoshenko & Goodier, Theory of Elasticity,
+    section 109), summed to round-off.
+
+    Examples
+    --------
+    >>> s = SectionRectangle(0.01, 0.02, Material(210e9, 0.3, 7850))
+    >>> round(s.mass, 3)
+    1.57
+    """
+
+    def __init__(self, a: float, b: float, material: Material, shear_factor: float = 5 / 6):
+        _positive("rectangle", a=a, b=b, shear_factor=shear_factor)
+        short, long = min(a, b), max(a, b)
+        k = np.arange(1, 400, 2)
+        series = (np.tanh(k * np.pi * long / (2 * short)) / k**5.0).sum()
+        J = long * short**3 * (1 / 3 - 64 / np.pi**5 * short / long * series)
+        area = a * b
+        I = (a * b**3 / 12, b * a**3 / 12)  # noqa: E741
+        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (a / 2, b / 2)
+        super().__init__(*_solid(material, area, I, float(J), shear_factor), corners)
+
+
+class SectionTube(Section):
+    """Circular tube.
+
+    Parameters
+    ----------
+    outer, inner : float
+        Radii (m), ``0 <= inner < outer``.
+    material : Material
+    shear_factor : float, optional
+        Default: Cowper's ``6 (1+nu)(1+m^2)^2 / ((7+6 nu)(1+m^2)^2 + (20+12 nu) m^2)``,
+        ``m = inner/outer`` (J. Appl. Mech. 33 (1966) 335).
+
+    Examples
+    --------
+    >>> s = SectionTube(0.05, 0.04, Material(70e9, 0.3, 2700))
+    >>> bool(s.stiffness[3, 3] == s.stiffness[4, 4])
+    True
+    """
+
+    def __init__(
+        self, outer: float, inner: float, material: Material, shear_factor: float | None = None
+    ):
+        _positive("tube", outer=outer)
+        if not 0 <= inner < outer:
+            raise InputError("tube", f"inner = {inner!r}, expected 0 <= inner < outer = {outer!r}")
+        if shear_factor is None:
+            nu, m2 = material.nu, (inner / outer) ** 2
+            square = (1 + m2) ** 2
+            shear_factor = 6 * (1 + nu) * square / ((7 + 6 * nu) * square + (20 + 12 * nu) * m2)
+        _positive("tube", shear_factor=shear_factor)
+        area = np.pi * (outer**2 - inner**2)
+        I = np.pi / 4 * (outer**4 - inner**4)  # noqa: E741
+        angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+        circle = outer * np.column_stack([np.cos(angle), np.sin(angle)])
+        super().__init__(*_solid(material, area, (I, I), 2 * I, shear_factor), circle)
+
+
+class SectionCircle(SectionTube):
+    """Solid circle: a tube without a hole.
+
+    Parameters
+    ----------
+    radius : float
+        Radius (m).
+    material : Material
+    shear_factor : float, optional
+        Default: Cowper's ``6 (1+nu)/(7+6 nu)``.
+
+    Examples
+    --------
+    >>> round(SectionCircle(0.005, Material(5e6, 0.5, 1100)).mass, 5)
+    0.08639
+    """
+
+    def __init__(self, radius: float, material: Material, shear_factor: float | None = None):
+        super().__init__(radius, 0.0, material, shear_factor)

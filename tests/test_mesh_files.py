@@ -1,0 +1,260 @@
+import importlib.util
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from skfem_cosserat.errors import MeshError
+from skfem_cosserat.mesh import MeshCurve, read_mesh, write_mesh
+
+MESHES = Path(__file__).parents[1] / "meshes"
+FORMATS = [("a.msh", None), ("a.msh", "gmsh"), ("a.msh", "gmsh22"), ("a.vtu", None)]
+HEAD = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n"
+NODES = "$Nodes\n1 3 1 3\n1 1 0 3\n1\n2\n3\n0 0 0\n1 0 0\n2 0 0\n$EndNodes\n"
+
+
+def network():
+    """Irrational coordinates, a branch, a beam with a space in its name, lines in no beam."""
+    a = MeshCurve.init_line((0, 0, 0), (np.pi, np.e / 7, -1 / 3), 3, "long boom", {"third": 1 / 3})
+    b = MeshCurve.init_line((0, 0, 0), (1e-17, -2.0**0.5, 1e5), 2, "web")
+    c = MeshCurve.init_line((5, 5, 5), (6, 5, 5), 2, "c")
+    mesh = a.joined(b, c)
+    beams = {k: v for k, v in mesh.beams.items() if k != "c"}
+    return replace(mesh, _subdomains={**beams, "ends": np.array([0, 4])})
+
+
+@pytest.mark.parametrize(("name", "kind"), FORMATS)
+def test_round_trip_is_exact(tmp_path, name, kind):
+    mesh = network()
+    path = tmp_path / name
+    write_mesh(path, mesh, kind)
+    back = read_mesh(path)
+    assert np.array_equal(back.p, mesh.p)
+    assert np.array_equal(back.t, mesh.t)
+    assert set(back.beams) == set(mesh.beams)
+    assert set(back.nodes) == set(mesh.nodes)
+    for k, v in mesh.beams.items():
+        assert np.array_equal(back.beams[k], v)
+    for k, v in mesh.nodes.items():
+        assert np.array_equal(back.nodes[k], v)
+    assert back.unnamed_elements().tolist() == [5, 6]
+
+
+@pytest.mark.parametrize(("name", "kind"), [("a.msh", None), ("a.msh", "gmsh22"), ("a.vtu", None)])
+def test_a_beam_and_a_node_may_share_a_name(tmp_path, name, kind):
+    mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "tip").with_nodes({"tip": 2})
+    write_mesh(tmp_path / name, mesh, kind)
+    back = read_mesh(tmp_path / name)
+    assert back.node("tip") == 2
+    assert back.elements_of("tip").tolist() == [0, 1]
+
+
+def test_save_and_load_are_the_same(tmp_path):
+    mesh = network()
+    mesh.save(tmp_path / "a.vtu", point_data={"u": mesh.p.T}, cell_data={"k": mesh.lengths})
+    data = meshio.read(tmp_path / "a.vtu")
+    assert np.array_equal(data.point_data["u"], mesh.p.T)
+    assert np.array_equal(data.cell_data["k"][0], mesh.lengths)
+    assert list(MeshCurve.load(tmp_path / "a.vtu").beams) == list(mesh.beams)
+
+
+def test_meshio_and_gmsh_22_agree_on_what_we_write(tmp_path):
+    mesh = MeshCurve.init_line((0, 0, 0), (1, 2, 3), 3, "boom")
+    write_mesh(tmp_path / "a.msh", mesh)
+    data = meshio.read(tmp_path / "a.msh")
+    assert np.array_equal(data.points.T, mesh.p)
+    assert np.array_equal(np.concatenate([c.data for c in data.cells if c.type == "line"]).T, mesh.t)
+    assert {"boom", "boom.start", "boom.end"} <= set(data.cell_sets)
+
+
+def _gmsh_model(tmp_path, version, binary, save_all=0):
+    gmsh = pytest.importorskip("gmsh")
+    path = tmp_path / "model.msh"
+    gmsh.initialize()
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        for tag, x in enumerate([(0, 0, 0), (2, 0, 0), (2, 1, 0), (2, -1, 0.5)], start=1):
+            gmsh.model.geo.addPoint(*x, meshSize=0.5, tag=tag)
+        gmsh.model.geo.addLine(1, 2, 1)
+        gmsh.model.geo.addLine(3, 2, 2)  # points against the first one
+        gmsh.model.geo.addLine(2, 4, 3)
+        gmsh.model.geo.synchronize()
+        gmsh.model.addPhysicalGroup(1, [1, 2], name="sec:chord")
+        if not save_all:
+            gmsh.model.addPhysicalGroup(1, [3], name="sec:brace")
+        gmsh.model.addPhysicalGroup(0, [1], name="support:root")
+        gmsh.model.addPhysicalGroup(0, [2], name="joint:k")
+        gmsh.model.mesh.generate(1)
+        gmsh.option.setNumber("Mesh.MshFileVersion", version)
+        gmsh.option.setNumber("Mesh.Binary", binary)
+        gmsh.option.setNumber("Mesh.SaveAll", save_all)
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("version", "binary"), [(4.1, 0), (4.1, 1), (2.2, 0), (2.2, 1)], ids=str
+)
+def test_files_of_gmsh_itself(tmp_path, version, binary):
+    mesh = read_mesh(_gmsh_model(tmp_path, version, binary))
+    assert set(mesh.beams) == {"sec:chord", "sec:brace"}
+    assert mesh.lengths[mesh.elements_of("sec:chord")].sum() == pytest.approx(3, rel=1e-14)
+    assert mesh.lengths[mesh.elements_of("sec:brace")].sum() == pytest.approx(np.sqrt(1.25))
+    assert mesh.p[:, mesh.node("support:root")].tolist() == [0, 0, 0]
+    assert len(mesh.elements_at("joint:k")) == 3
+    assert len(mesh.chains) == 2  # opposing lines of one group were turned
+
+
+def test_lines_in_no_group_are_kept(tmp_path):
+    mesh = read_mesh(_gmsh_model(tmp_path, 4.1, 0, save_all=1))
+    assert mesh.lengths[mesh.unnamed_elements()].sum() == pytest.approx(np.sqrt(1.25), rel=1e-14)
+    assert list(mesh.beams) == ["sec:chord"]
+
+
+def test_groups_without_a_name_are_called_by_their_tag(tmp_path):
+    elements = "$Elements\n1 2 1 2\n1 1 1 2\n1 1 2\n2 2 3\n$EndElements\n"
+    entities = "$Entities\n0 1 0 0\n1 0 0 0 2 0 0 1 12 0\n$EndEntities\n"
+    (tmp_path / "a.msh").write_text(HEAD + entities + NODES + elements)
+    assert list(read_mesh(tmp_path / "a.msh").beams) == ["physical-12"]
+
+
+def test_points_of_no_line_are_dropped(tmp_path):
+    cells = [("line", np.array([[3, 1], [1, 2]]))]
+    meshio.write(tmp_path / "a.vtu", meshio.Mesh(np.arange(12.0).reshape(4, 3), cells))
+    mesh = read_mesh(tmp_path / "a.vtu")
+    assert mesh.p[0].tolist() == [3, 6, 9]
+    assert mesh.t.T.tolist() == [[2, 0], [0, 1]]
+
+
+def test_sets_of_other_formats(tmp_path):
+    (tmp_path / "a.inp").write_text(
+        "*NODE\n1, 0., 0., 0.\n2, 1., 0., 0.\n3, 2., 0., 0.\n"
+        "*ELEMENT, TYPE=T3D2, ELSET=boom\n1, 1, 2\n2, 2, 3\n*NSET, NSET=root\n1\n"
+    )
+    mesh = read_mesh(tmp_path / "a.inp")
+    assert mesh.elements_of("boom").tolist() == [0, 1]
+    assert mesh.node("root") == 0
+
+
+def _plain(points, kind, cells):
+    return meshio.Mesh(np.asarray(points, float), [(kind, np.array(cells))])
+
+
+BROKEN = {
+    "no.msh": None,
+    "empty.msh": "",
+    "head.msh": HEAD,
+    "cut.msh": HEAD + NODES + "$Elements\n1 2 1 2\n1 1 1 2\n1 1 2\n$EndElements\n",
+    "words.msh": HEAD + NODES.replace("2 0 0", "2 x 0") + "$Elements\n0 0 0 0\n$EndElements\n",
+    "gone.msh": HEAD + NODES + "$Elements\n1 1 1 1\n1 1 1 1\n1 1 9\n$EndElements\n",
+    "v9.msh": "$MeshFormat\n9.9 0 8\n$EndMeshFormat\n",
+    "bad.vtu": "<VTKFile",
+    "other.vtu": "<VTKFile></VTKFile>",
+    "what.xyz": "1 2 3",
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_files_give_one_kind_of_error(tmp_path, name, capsys):
+    if BROKEN[name] is not None:
+        (tmp_path / name).write_text(BROKEN[name])
+    with pytest.raises(MeshError, match=name):
+        read_mesh(tmp_path / name)
+    captured = capsys.readouterr()
+    assert captured.out == captured.err == ""
+
+
+def test_truncated_files_never_leave_the_interpreter(tmp_path):
+    for source, kind in (("a.msh", "gmsh22"), ("b.msh", "gmsh"), ("c.vtu", "vtu")):
+        write_mesh(tmp_path / source, network(), kind)
+        text = (tmp_path / source).read_bytes()
+        for part in (0.2, 0.4, 0.6, 0.8, 0.95):
+            (tmp_path / source).write_bytes(text[: int(part * len(text))])
+            with pytest.raises(MeshError, match=source):
+                read_mesh(tmp_path / source)
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".msh"])
+def test_quadratic_and_missing_lines_are_refused(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    options = {"file_format": "gmsh"} if suffix == ".msh" else {}
+    if suffix == ".msh":
+        elements = "$Elements\n1 1 1 1\n1 1 8 1\n1 1 2 3\n$EndElements\n"
+        path.write_text(HEAD + NODES + elements)
+    else:
+        meshio.write(path, _plain(points, "line3", [[0, 1, 2]]), **options)
+    with pytest.raises(MeshError, match="1 (cells of type 'line3'|quadratic lines)"):
+        read_mesh(path)
+    if suffix == ".msh":
+        path.write_text(HEAD + NODES + elements.replace("1 1 8 1", "2 1 2 1"))
+    else:
+        meshio.write(path, _plain(points, "triangle", [[0, 1, 2]]), **options)
+    with pytest.raises(MeshError, match="no lines"):
+        read_mesh(path)
+
+
+def test_a_named_point_of_no_line_is_refused(tmp_path):
+    mesh = _plain([(0, 0, 0), (1, 0, 0), (7, 1, 0)], "line", [[0, 1]])
+    mesh.point_data["node:body:door"] = np.array([0, 0, 1])
+    meshio.write(tmp_path / "a.vtu", mesh)
+    with pytest.raises(MeshError, match=r"node 'body:door': at \[7.0, 1.0, 0.0\]"):
+        read_mesh(tmp_path / "a.vtu")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "words"),
+    [
+        ("a.stl", None, [r"a.stl", ".stl"]),
+        ("a.vtu", "xdmf", ["'xdmf'"]),
+    ],
+)
+def test_unknown_formats(tmp_path, name, kind, words):
+    with pytest.raises(MeshError) as caught:
+        write_mesh(tmp_path / name, network(), kind)
+    assert all(word in str(caught.value) for word in words)
+
+
+def test_names_a_format_cannot_hold(tmp_path):
+    mesh = network().with_nodes({'a "b"': 0})
+    with pytest.raises(MeshError, match='a "b"'):
+        write_mesh(tmp_path / "a.msh", mesh)
+    with pytest.raises(MeshError, match='a "b"'):
+        write_mesh(tmp_path / "a.vtu", mesh)
+    with pytest.raises(MeshError, match="data"):
+        network().save(tmp_path / "a.msh", point_data={"u": np.zeros(3)})
+
+
+@pytest.mark.parametrize("script", sorted(MESHES.glob("*.py")), ids=lambda p: p.stem)
+def test_scripts_reproduce_the_files(tmp_path, script):
+    spec = importlib.util.spec_from_file_location(script.stem, script)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    path = module.main(tmp_path / "again.msh")
+    assert os.fspath(path) == os.fspath(tmp_path / "again.msh")
+    new, kept = read_mesh(path), read_mesh(script.with_suffix(".msh"))
+    assert np.abs(new.p - kept.p).max() <= 4e-16 * new.size
+    assert np.array_equal(new.t, kept.t)
+    assert {k: v.tolist() for k, v in new.beams.items()} == {
+        k: v.tolist() for k, v in kept.beams.items()
+    }
+    assert {k: v.tolist() for k, v in new.nodes.items()} == {
+        k: v.tolist() for k, v in kept.nodes.items()
+    }
+
+
+def test_every_mesh_has_its_script():
+    assert {p.stem for p in MESHES.glob("*.msh")} == {p.stem for p in MESHES.glob("*.py")}
+
+
+def test_the_swing():
+    mesh = read_mesh(MESHES / "three_bar_swing.msh")
+    assert mesh.nelements == 20
+    assert [mesh.node(k) for k in ("left", "mid", "right")] == [0, 10, 20]
+    assert mesh.p[:, mesh.node("right")].tolist() == [0, 0.72, 0]
+    assert mesh.lengths.sum() == pytest.approx(0.72, rel=1e-14)
