@@ -236,7 +236,7 @@ class DirectorBasis(CellBasis):
         array = np.asarray(value, dtype=float)
         if array.shape == shape[:1] and not callable(coefficient):
             array = array[:, None]
-        if array.ndim not in (0, 2) or np.broadcast_shapes(array.shape, shape) != shape:
+        if array.shape not in {(), (shape[0], 1), shape}:
             raise InputError(
                 "argument coefficient", f"has shape {array.shape}, expected () or ({shape[0]},)"
             )

@@ -16,7 +16,7 @@ from .types import Floats
 __all__ = ["LinearSolver", "SingularMatrixError"]
 
 DENSE = 40  # unknowns below which a dense factorisation is fastest
-BAND = 45  # lower plus upper bandwidth up to which a banded one is faster than a sparse one
+BAND = 110  # lower plus upper bandwidth up to which a banded one is faster than a sparse one
 
 
 class SingularMatrixError(CosseratError):

@@ -166,9 +166,7 @@ def test_gradient_is_the_derivative_with_respect_to_arc_length():
     mesh = MeshCurve.init_helix((1, 0, 0), (0, 0, 0), (0, 0, 1), 0.5, 1.0, 5)
     basis = Basis(mesh, ElementLineP2(), intorder=6)
     s = np.empty(basis.N)
-    s[basis.dofs.element_dofs] = (
-        mesh.arc_starts + mesh.lengths * np.array([0.0, 1.0, 0.5])[:, None]
-    )
+    s[basis.dofs.element_dofs] = mesh.arc_starts + mesh.lengths * np.array([0.0, 1.0, 0.5])[:, None]
     form = Functional(lambda w: (w["u"].grad[0] - 2 * w["u"] * 0 - w["t"]) ** 2)
     along = basis.interpolate(s)
     value = form.assemble(basis, u=basis.interpolate(s**2), t=2 * np.asarray(along))
@@ -462,7 +460,7 @@ def test_restrict_keeps_curves_and_names():
 def test_directed_turns_opposing_elements():
     points = LINE[:, [0, 1, 2]]
     mesh = MeshCurve(points, np.array([[0, 2], [1, 1]]), _subdomains={"b": np.array([0, 1])})
-    with pytest.raises(MeshError, match="beam 'b': elements 0 and 1 point against .* node 1"):
+    with pytest.raises(MeshError, match=r"beam 'b': elements 0 and 1 point against .* node 1"):
         _ = mesh.chains
     turned = mesh.directed()
     assert turned.t.tolist() == [[0, 1], [1, 2]]

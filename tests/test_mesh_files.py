@@ -19,7 +19,7 @@ NODES = "$Nodes\n1 3 1 3\n1 1 0 3\n1\n2\n3\n0 0 0\n1 0 0\n2 0 0\n$EndNodes\n"
 def network():
     """Irrational coordinates, a branch, a beam with a space in its name, lines in no beam."""
     a = MeshCurve.init_line((0, 0, 0), (np.pi, np.e / 7, -1 / 3), 3, "long boom", {"third": 1 / 3})
-    b = MeshCurve.init_line((0, 0, 0), (1e-17, -2.0**0.5, 1e5), 2, "web")
+    b = MeshCurve.init_line((0, 0, 0), (1e-17, -(2.0**0.5), 1e5), 2, "web")
     c = MeshCurve.init_line((5, 5, 5), (6, 5, 5), 2, "c")
     mesh = a.joined(b, c)
     beams = {k: v for k, v in mesh.beams.items() if k != "c"}
@@ -66,7 +66,9 @@ def test_meshio_and_gmsh_22_agree_on_what_we_write(tmp_path):
     write_mesh(tmp_path / "a.msh", mesh)
     data = meshio.read(tmp_path / "a.msh")
     assert np.array_equal(data.points.T, mesh.p)
-    assert np.array_equal(np.concatenate([c.data for c in data.cells if c.type == "line"]).T, mesh.t)
+    assert np.array_equal(
+        np.concatenate([c.data for c in data.cells if c.type == "line"]).T, mesh.t
+    )
     assert {"boom", "boom.start", "boom.end"} <= set(data.cell_sets)
 
 
@@ -97,9 +99,7 @@ def _gmsh_model(tmp_path, version, binary, save_all=0):
     return path
 
 
-@pytest.mark.parametrize(
-    ("version", "binary"), [(4.1, 0), (4.1, 1), (2.2, 0), (2.2, 1)], ids=str
-)
+@pytest.mark.parametrize(("version", "binary"), [(4.1, 0), (4.1, 1), (2.2, 0), (2.2, 1)], ids=str)
 def test_files_of_gmsh_itself(tmp_path, version, binary):
     mesh = read_mesh(_gmsh_model(tmp_path, version, binary))
     assert set(mesh.beams) == {"sec:chord", "sec:brace"}
@@ -189,7 +189,7 @@ def test_quadratic_and_missing_lines_are_refused(tmp_path, suffix):
         path.write_text(HEAD + NODES + elements)
     else:
         meshio.write(path, _plain(points, "line3", [[0, 1, 2]]), **options)
-    with pytest.raises(MeshError, match="1 (cells of type 'line3'|quadratic lines)"):
+    with pytest.raises(MeshError, match=r"1 (cells of type 'line3'|quadratic lines)"):
         read_mesh(path)
     if suffix == ".msh":
         path.write_text(HEAD + NODES + elements.replace("1 1 8 1", "2 1 2 1"))

@@ -58,8 +58,8 @@ class BoundTreatment(ABC):
         """Residual (unknowns,) for the balance R (rows, 3)."""
 
     @abstractmethod
-    def scale(self, terms: Floats, y1: Array) -> Floats:
-        """Size of the terms the residual is made of, for the same projection."""
+    def relative(self, residual: Array, largest: float) -> float:
+        """Size of a residual against the largest term of the balance."""
 
     @abstractmethod
     def data(self, blocks: list[Array], R: Array, y1: Array, scaled: bool = True) -> Floats:

@@ -107,13 +107,12 @@ class BoundMultipliers(BoundTreatment):
         out[n:] = constraints.values(y1)
         return out
 
-    def scale(self, terms: Floats, y1: Array) -> Floats:
-        """See the base class; constraints are compared with unity."""
+    def relative(self, residual: Array, largest: float) -> float:
+        """See the base class; constraints are compared with the scene's size."""
         n = self.system.n
-        out = np.ones(self.unknowns)
-        out[:n] = (terms + abs(self._impulse.reshape(-1, 3))).reshape(-1)
-        out[n:] = 1.0 + self.system.length**2
-        return out
+        balance = float(abs(residual[:n]).max(initial=0.0))
+        violation = float(abs(residual[n:]).max(initial=0.0)) / (1.0 + self.system.length**2)
+        return max(balance / largest if largest > 0 else 0.0, violation)
 
     def data(self, blocks: list[Array], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class; with the columns' and rows' factors of this step."""

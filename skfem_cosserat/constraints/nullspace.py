@@ -166,10 +166,8 @@ class BoundNullSpace(BoundTreatment):
 
     def _set_left(self, y: Array) -> None:
         """P^T is evaluated at y."""
-        self._y_left = y
-        self._T_left = self.kin.T_values(y, self.chart.fixed)
-        # T as rows of its transpose shares the arrays
-        self._T_matrix = self.kin.T_matrix(self._T_left)
+        self._left = self.kin.locate(y, self.chart.fixed)
+        self._T_left = self.kin.T_values(self._left)
 
     def guess(self, extrapolate: bool) -> None:
         """See the base class."""
@@ -186,23 +184,16 @@ class BoundNullSpace(BoundTreatment):
         """``P(y_c)^T R``."""
         if self.weight:
             self._set_left(self.constraint_point(y1))
-        self._twist_force = self.kin.twist_force(self._y_left, R)
-        return self._T_matrix.T @ self._twist_force
+        self._twist_force = self.kin.twist_force(self._left.y, R)
+        return self.kin.reduce(self._T_left, self._twist_force)
 
-    def scale(self, terms: Floats, y1: Array) -> Floats:
-        """``|P|^T |terms|``."""
-        kin = self.kin
-        out = np.empty(kin.n_twist)
-        out[kin.frame_twist[:, :3]] = terms[kin.frame_rows]
-        moments = terms[kin.director_rows].sum((1, 2))
-        out[kin.frame_twist[:, 3:]] = moments[:, None]
-        if len(kin.points):
-            out[kin.point_twist] = terms[kin.row[kin.points]]
-        return abs(self._T_matrix.T) @ out
+    def relative(self, residual: Array, largest: float) -> float:
+        """See the base class."""
+        return float(abs(residual).max(initial=0.0)) / largest if largest > 0 else 0.0
 
     def _project(self, blocks: list[Array], right: Array) -> list[Array]:
         """Blocks by coordinates -> by twists, ``P_int(y_c)^T K P_int(y_1)``."""
-        left = null_space_blocks(self.kin.directors(self._y_left)).transpose(0, 2, 1)
+        left = null_space_blocks(self.kin.directors(self._left.y)).transpose(0, 2, 1)
         out = []
         for block, frames in zip(blocks, self._frames, strict=True):
             if frames is None:
@@ -221,7 +212,8 @@ class BoundNullSpace(BoundTreatment):
         D1 = kin.directors(y1)
         values = self._project(blocks, null_space_blocks(D1))
         extra = np.zeros(0)
-        T1 = kin.T_values(y1, self.chart.fixed)
+        right = kin.locate(y1, self.chart.fixed)
+        T1 = kin.T_values(right)
         if self.weight:
             # w d(P_int^T R): sum_i R_i^ d_i^ = D^T R - tr(D^T R) I with d_i of y_1
             W = D1.transpose(0, 2, 1) @ R[kin.director_rows]
@@ -229,9 +221,8 @@ class BoundNullSpace(BoundTreatment):
             W[:, (0, 1, 2), (0, 1, 2)] -= trace[:, None]
             values.append((self.weight * W).ravel())
             if len(kin.pair_number):
-                extra = self.weight * kin.curvature_values(
-                    self._y_left, y1, self._twist_force, self.chart.fixed
-                )
+                extra = kin.curvature_values(self._left, right, self._twist_force)
+                extra *= self.weight
         return self._congruence.data(np.concatenate(values), extra, self._T_left, T1)
 
     def scale_rows(self, residual: Array) -> Array:

@@ -78,6 +78,10 @@ def _commit_line(size: int) -> bytes:
     return b"%s %08x\n" % (digits, zlib.crc32(digits))
 
 
+def _block_line(size: int, payload: int, crc: int, payload_crc: int) -> bytes:
+    return b"BLOCK %010d %020d %08x %08x\n" % (size, payload, crc, payload_crc)
+
+
 class FileWriter:
     """Append blocks to a history file.
 
@@ -125,12 +129,7 @@ class FileWriter:
         ]
         text = json.dumps({**header, "arrays": listing}).encode()
         payload = b"".join(array.tobytes() for array in arrays.values())
-        line = b"BLOCK %010d %020d %08x %08x\n" % (
-            len(text),
-            len(payload),
-            zlib.crc32(text),
-            zlib.crc32(payload),
-        )
+        line = _block_line(len(text), len(payload), zlib.crc32(text), zlib.crc32(payload))
         block = line + text + payload
         self._write(self._end, block)
         self._end += len(block)
@@ -196,12 +195,15 @@ def _read_block(handle: BinaryIO, limit: int) -> Block:
 
     Raises ValueError or a relative of it if the bytes are not a block.
     """
-    words = handle.read(_BLOCK_BYTES).split()
-    if len(words) != 5 or words[0] != b"BLOCK":
+    line = handle.read(_BLOCK_BYTES)
+    words = line.split()
+    if len(words) != 5:
         raise ValueError("no block header")
     size, payload, crc, payload_crc = (*map(int, words[1:3]), *(int(w, 16) for w in words[3:]))
+    if line != _block_line(size, payload, crc, payload_crc):
+        raise ValueError("no block header")
     start = handle.tell() + size
-    if min(size, payload) < 0 or start + payload > limit:
+    if start + payload > limit:
         raise ValueError("the block is not complete")
     text = handle.read(size)
     if zlib.crc32(text) != crc:

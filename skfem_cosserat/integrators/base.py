@@ -57,12 +57,12 @@ class Evaluation:
     ----------
     R : (rows, 3) array
         Balance without constraint forces, in units of momentum.
-    terms : (rows, 3) array
-        Sum of the magnitudes of its terms: what rounding scales with.
+    size : float
+        Largest entry of its terms: what the residual is compared with.
     """
 
     R: Array
-    terms: Array
+    size: float
 
 
 class Integrator(ABC):
@@ -118,6 +118,11 @@ class Integrator(ABC):
             amplitudes,
             loading.dead_force(amplitudes),
         )
+
+
+def largest(*terms: Array) -> float:
+    """Largest magnitude in any of the arrays."""
+    return max(float(abs(term).max(initial=0.0)) for term in terms)
 
 
 def load_force(system: System, step: StepData, y: Array) -> Array:

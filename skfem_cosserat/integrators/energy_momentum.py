@@ -8,7 +8,7 @@ import numpy as np
 
 from ..model import System
 from ..types import Array, Floats
-from .base import Evaluation, Integrator, State, StepData, load_force
+from .base import Evaluation, Integrator, State, StepData, largest, load_force
 
 __all__ = ["EnergyMomentum"]
 
@@ -75,7 +75,7 @@ class EnergyMomentum(Integrator):
         external = load_force(system, step, mid)
         return _Evaluation(
             momentum - 2 * step.p0 + h * (internal - external),
-            abs(momentum) + 2 * abs(step.p0) + h * (abs(internal) + abs(external)),
+            largest(momentum, step.p0, h * internal),
             momentum,
             mid,
             stresses,

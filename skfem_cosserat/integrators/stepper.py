@@ -57,16 +57,14 @@ class _Problem:
     def residual(self) -> float:
         y1 = self.treatment.configuration()
         self.evaluation = self.integrator.evaluate(self.system, self.step, y1)
-        self._y1 = y1
+        self.y1 = y1
         self._r = self.treatment.residual(self.evaluation.R, y1)
-        scale = self.treatment.scale(self.evaluation.terms, y1)
-        largest = float(scale.max(initial=0.0))
-        return float(abs(self._r).max(initial=0.0)) / largest if largest > 0 else 0.0
+        return self.treatment.relative(self._r, self.evaluation.size)
 
     def direction(self) -> Floats:
         assert self.evaluation is not None
         blocks = self.integrator.tangent(self.system, self.step, self.evaluation)
-        data = self.treatment.data(blocks, self.evaluation.R, self._y1)
+        data = self.treatment.data(blocks, self.evaluation.R, self.y1)
         return -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
@@ -155,11 +153,8 @@ class Stepper:
             report = newton(problem, self.settings, damped)
             total += report.iterations
             if report.converged:
-                assert problem.evaluation is not None
                 new_time = state.time + self.h if time is None else time
-                return self._accept(
-                    state, step, problem.evaluation, new_time, total, attempt, report
-                )
+                return self._accept(state, problem, new_time, total, attempt, report)
             if best is None or report.residual < best.residual:
                 best = report
             logger.warning(
@@ -179,16 +174,16 @@ class Stepper:
     def _accept(
         self,
         state: State,
-        step: StepData,
-        evaluation: Evaluation,
+        problem: _Problem,
         time: float,
         iterations: int,
         attempts: int,
         report: NewtonReport,
     ) -> StepReport:
+        step, evaluation, y1 = problem.step, problem.evaluation, problem.y1
+        assert evaluation is not None
         self.bound.finish()
         impulse: Array = self.bound.constraint_impulse(evaluation.R)
-        y1 = self.bound.configuration()
         new = State(
             time,
             state.index + 1,
@@ -225,7 +220,7 @@ class Stepper:
         problem.residual()
         assert problem.evaluation is not None
         blocks = self.integrator.tangent(self.system, step, problem.evaluation)
-        data = bound.data(blocks, problem.evaluation.R, problem._y1, scaled)
+        data = bound.data(blocks, problem.evaluation.R, problem.y1, scaled)
         return bound.solver.pattern.assembled(data).toarray(), report
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..model import System
 from ..types import Array, Floats
-from .base import Evaluation, Integrator, StepData, load_force
+from .base import Evaluation, Integrator, StepData, largest, load_force
 
 __all__ = ["Variational"]
 
@@ -57,7 +57,7 @@ class Variational(Integrator):
         kick = (0.5 * h) * (external - internal)
         return _Evaluation(
             momentum - kick - step.p0,
-            abs(momentum) + (0.5 * h) * (abs(external) + abs(internal)) + abs(step.p0),
+            largest(momentum, step.p0, kick),
             momentum,
             kick,
             mid,

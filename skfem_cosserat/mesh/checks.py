@@ -41,7 +41,7 @@ def check_arrays(doflocs: Any, t: Any) -> tuple[Floats, Array]:
     if not used.all():
         node = int(np.argmin(used))
         raise MeshError(f"node {node}", f"at {points[:, node].tolist()} belongs to no element")
-    return points, lines
+    return np.ascontiguousarray(points), np.ascontiguousarray(lines)
 
 
 def check_geometry(mesh: MeshCurve) -> None:

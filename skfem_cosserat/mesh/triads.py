@@ -156,9 +156,9 @@ def _angles(twist: Any, s: Floats, item: str) -> Floats:
     """Angles (m, n) in rad at arc lengths s (m, n)."""
     if callable(twist):
         angles = np.array([[float(twist(x)) for x in row] for row in s.tolist()])
+    elif np.ndim(twist) == 0:
+        angles = float(twist) * s
     else:
-        angles = np.asarray(twist, dtype=float) * s
-    if angles.shape != s.shape:
         raise InputError(item, f"{twist!r} is neither a rate nor a function of arc length")
     if not np.isfinite(angles).all():
         where = s[~np.isfinite(angles)][0]

@@ -29,7 +29,7 @@ def check_joints(joints: Sequence[Joint], t: float) -> None:
 def null_space_matrix(system: System, y: Floats) -> Floats:
     """Dense ``P(y)`` (n, unknowns of the tree); for checks and small scenes."""
     kin = system.kinematics
-    T = kin.T_matrix(kin.T_values(y, kin.axis)).toarray()
+    T = kin.T_matrix(kin.T_values(kin.locate(y, kin.axis))).toarray()
     P = np.zeros((system.n, kin.unknowns))
     blocks = null_space_blocks(kin.directors(y))
     for k in range(len(kin.frames)):
@@ -50,7 +50,7 @@ def independent_loop_rows(system: System, loops: Sequence[JointRows], y: Floats)
     if not loops:
         return 0
     kin = system.kinematics
-    T = kin.T_matrix(kin.T_values(y, _fixed_axes(system, y)))
+    T = kin.T_matrix(kin.T_values(kin.locate(y, _fixed_axes(system, y))))
     G = system.constraints.jacobian(y).tocsr()
     basis = np.zeros((0, kin.unknowns))
     for jr in loops:
@@ -104,7 +104,7 @@ def check_inertia(system: System, y: Floats) -> None:
                 _report(system, own[number], y, fixed)
     if not system.tree.edges:
         return
-    T = kin.T_matrix(kin.T_values(y, fixed)).tocsr()
+    T = kin.T_matrix(kin.T_values(kin.locate(y, fixed))).tocsr()
     for vertices, coordinates in _trees(system):
         if not coordinates:
             continue
@@ -170,7 +170,7 @@ def _vertex_inertia(system: System, y: Floats) -> dict[int, Floats]:
 def _report(system: System, number: int, y: Floats, fixed: Floats) -> None:
     coordinate = system.tree.coordinates[number]
     item = system.owner[coordinate.vertex]
-    axis = np.round(system.kinematics.axes(y, fixed)[number], 6).tolist()
+    axis = np.round(system.kinematics.points_and_axes(y, fixed)[1][number], 6).tolist()
     what = "translation along" if coordinate.kind == "translation" else "rotation about"
     x = np.round(y[system.vertex_rows[coordinate.vertex]], 9).tolist()
     raise InputError(

@@ -15,9 +15,28 @@ from scipy.sparse import csr_matrix
 
 from ..kernels import cross, director_force, exp_quaternion, quaternion_product, rotation_matrix
 from ..types import Array, Floats, IndexArray
+from .quadratic import sum_at
 from .tree import Coordinate, Edge, Spot, Tree
 
 __all__ = ["Chart", "Kinematics"]
+
+
+@dataclass(eq=False)
+class Located:
+    """Points and axes of the tree at a configuration.
+
+    Attributes
+    ----------
+    y : (total, 3) array
+    x : (spots, 3) array
+    axis, arm : (pairs, 3) array
+        a_k, and target - centre, of each pair (vertex, coordinate).
+    """
+
+    y: Array
+    x: Array
+    axis: Array
+    arm: Array
 
 
 class Kinematics:
@@ -76,15 +95,15 @@ class Kinematics:
         rotates = np.array([p.rotates for p in turning], dtype=bool) & frame
         self.pair_rotates = np.flatnonzero(rotates)
         self.spots = list(self._spots)
-        self._spot_matrix = self._combination([self.spot_terms(s) for s in self.spots])
-        self._axis_matrix = self._combination(
-            [
+        # spots, then material axes: one product gives all points and axes of a configuration
+        self._combine = self._combination(
+            [self.spot_terms(s) for s in self.spots]
+            + [
                 [(int(self.row[c.guide]) + i + 1, float(c.axis[i])) for i in range(3)]
-                if c.kind == "axis"
-                else []
-                for c in cs
+                for c in self.guided
             ]
         )
+        self.hinges = np.array([c.number for c in self.guided], dtype=np.int64)
         # pattern of T: identity of free vertices, constant shifts, turning pairs
         rows, cols, ones = [], [], []
         for v in tree.free:
@@ -119,18 +138,40 @@ class Kinematics:
 
     # -- evaluation ----------------------------------------------------------------------------
 
-    def axes(self, y: Array, fixed: Floats) -> Array:
-        """Axes a_k (K, 3) at configuration y; `fixed` holds those that do not depend on it."""
-        return fixed + self._axis_matrix @ y if self.guided else fixed
+    def points_and_axes(self, y: Array, fixed: Floats) -> tuple[Array, Array]:
+        """Spots (k, 3) and axes a_k (K, 3) at y; `fixed` holds axes that do not depend on it."""
+        both = self._combine @ y
+        count = len(self.spots)
+        if not len(self.hinges):
+            return both, fixed
+        axes = fixed.astype(both.dtype)
+        axes[self.hinges] = both[count:]
+        return both[:count], axes
 
-    def T_values(self, y: Array, fixed: Floats) -> Array:
+    def locate(self, y: Array, fixed: Floats) -> Located:
+        """What all functions of the tree need at configuration y."""
+        if not len(self.pair_number):
+            return Located(y, y[:0], y[:0], y[:0])
+        x, axes = self.points_and_axes(y, fixed)
+        return Located(
+            y, x, axes[self.pair_number], x[self.pair_target] - x[self.pair_centre]
+        )
+
+    def T_values(self, at: Located) -> Array:
         """Entries of T at ``(T_rows, T_cols)``."""
         if not len(self.pair_number):
             return self._T_constant
-        axis = self.axes(y, fixed)[self.pair_number]
-        x = self._spot_matrix @ y
-        shift = cross(axis, x[self.pair_target] - x[self.pair_centre])
+        axis = at.axis
+        shift = cross(axis, at.arm)
         return np.concatenate([self._T_constant, shift.ravel(), axis[self.pair_rotates].ravel()])
+
+    def reduce(self, values: Array, twist_force: Array) -> Array:
+        """``T^T t`` (unknowns,) from T's entries."""
+        return sum_at(self.T_cols, values * twist_force[self.T_rows], self.unknowns)
+
+    def expand(self, values: Array, rates: Array) -> Array:
+        """``T nu`` (n_twist,) from T's entries."""
+        return sum_at(self.T_rows, values * rates[self.T_cols], self.n_twist)
 
     def T_matrix(self, values: Array) -> csr_matrix:
         """T (n_twist, unknowns) from its entries."""
@@ -177,28 +218,21 @@ class Kinematics:
             ]
         return np.concatenate(rows), np.concatenate(cols)
 
-    def curvature_values(
-        self, y: Array, y1: Array, twist_force: Array, fixed: Floats
-    ) -> Array:
+    def curvature_values(self, at: Located, at1: Located, twist_force: Array) -> Array:
         """``d(T^T t)`` for fixed t, evaluated at y, as rows on the twists that move y1.
 
         The factor of y1 in y (1/2 at the midpoint) is left to the caller.
         """
-        axis, axis1 = self.axes(y, fixed)[self.pair_number], self.axes(y1, fixed)
-        x, x1 = self._spot_matrix @ y, self._spot_matrix @ y1
-        base = self.twist_of[self.pair_vertex][:, None] + np.arange(3)
-        force = twist_force[base]
-        moment = cross(x[self.pair_target] - x[self.pair_centre], force)
-        moment[self.pair_rotates] += twist_force[base[self.pair_rotates] + 3]
+        force = twist_force[self._pair_twist]
+        moment = cross(at.arm, force)
+        moment[self.pair_rotates] += twist_force[self._pair_twist[self.pair_rotates] + 3]
         guided = self._guided_pairs()
-        parts = [cross(axis1[self.pair_number[guided]], moment[guided])]
-        g = cross(force, axis)
-        for spots, sign in ((self.pair_target, 1.0), (self.pair_centre, -1.0)):
-            on, _, turns = self._spot_twists(spots)
-            parts.append(sign * g[on])
-            where = spots[on][turns]
-            arm = x1[where] - y1[self._spot_base[where]]
-            parts.append(sign * cross(arm, g[on][turns]))
+        parts = [cross(at1.axis[guided], moment[guided])]
+        g = cross(force, at.axis)
+        for sign, (on, _, turns), where in self._spot_cache:
+            signed = sign * g[on]
+            arm = at1.x[where] - at1.y[self._spot_base[where]]
+            parts += [signed, cross(arm, signed[turns])]
         return np.concatenate(parts).ravel()
 
     def _guided_pairs(self) -> IndexArray:
@@ -211,6 +245,11 @@ class Kinematics:
             self._spot_vertex = np.array([s.vertex for s in self.spots], dtype=np.int64)
             self._spot_base = self.row[self._spot_vertex]
             self._spot_turns = np.array([any(s.offset) for s in self.spots], dtype=bool)
+            self._pair_twist = self.twist_of[self.pair_vertex][:, None] + np.arange(3)
+            self._spot_cache = []
+            for spots, sign in ((self.pair_target, 1.0), (self.pair_centre, -1.0)):
+                twists = self._spot_twists(spots)
+                self._spot_cache.append((sign, twists, spots[twists[0]][twists[2]]))
         return self._guided_cache
 
     def _spot_twists(self, spots: IndexArray) -> tuple[IndexArray, IndexArray, IndexArray]:
@@ -321,8 +360,7 @@ class Chart:
             self._arm = np.array([self._sphere_arm(e, y0) for e in self._sphere_edges])
             for numbers, arm in zip(self.sphere_numbers, self._arm, strict=True):
                 self.fixed[numbers] = _plane(arm)
-        axes = kin.axes(y0, self.fixed)
-        self._hinge_axis = axes[self.hinge_numbers]
+        self._hinge_axis = kin.points_and_axes(y0, self.fixed)[1][self.hinge_numbers]
         self.reset()
 
     def _sphere_arm(self, edge: Edge, y: Array) -> Array:

@@ -17,7 +17,8 @@ from ..types import Array, Floats, IndexArray
 __all__ = ["ConstraintBuilder", "QuadraticConstraints"]
 
 
-def _sum_at(index: IndexArray, values: Array, size: int) -> Array:
+def sum_at(index: IndexArray, values: Array, size: int) -> Array:
+    """Sums of `values` by `index` (size,), real or complex."""
     if np.iscomplexobj(values):
         real = np.bincount(index, values.real, size)
         return real + 1j * np.bincount(index, values.imag, size)
@@ -93,8 +94,8 @@ class QuadraticConstraints:
     def values(self, y: Array) -> Array:
         """``g(y)`` (m,)."""
         products = (self._pc * (y[self._pa] * y[self._pb])).sum(1)
-        out = _sum_at(self._pk, products, self.size) - self._constant
-        return out + _sum_at(self._lk, (self._lc * y[self._la]).ravel(), self.size)
+        out = sum_at(self._pk, products, self.size) - self._constant
+        return out + sum_at(self._lk, (self._lc * y[self._la]).ravel(), self.size)
 
     def jacobian_values(self, y: Array) -> Array:
         """Contributions to G at ``(rows, cols)[inside]``, ground columns left out."""
@@ -111,8 +112,8 @@ class QuadraticConstraints:
         free = self.n // 3
         rates[free:] = ydot[free:]
         products = self._pc * (rates[self._pa] * y[self._pb] + y[self._pa] * rates[self._pb])
-        out = _sum_at(self._pk, products.sum(1), self.size)
-        return out + _sum_at(self._lk, (self._lc * rates[self._la]).ravel(), self.size)
+        out = sum_at(self._pk, products.sum(1), self.size)
+        return out + sum_at(self._lk, (self._lc * rates[self._la]).ravel(), self.size)
 
     def curvature_values(self, multipliers: Array) -> Array:
         """``sum_k lambda_k H_k`` at ``(curvature_rows, curvature_cols)``."""

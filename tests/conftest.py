@@ -1,0 +1,167 @@
+"""Fixtures: a working off-screen renderer, and a synthetic scene with a known motion."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+SHOT = """
+import sys, pyvista
+plotter = pyvista.Plotter(off_screen=True, window_size=[64, 64])
+plotter.add_mesh(pyvista.Sphere())
+image = plotter.screenshot(return_img=True)
+sys.exit(0 if image.std() > 1.0 else 3)
+"""
+
+
+@pytest.fixture(scope="session")
+def renderer() -> None:
+    """Skip unless a picture can be taken; in a subprocess, for VTK without OpenGL ends its process.
+
+    With ``SKFEM_COSSERAT_RENDER=require`` in the environment the test fails instead.
+    """
+    try:
+        run = subprocess.run(
+            [sys.executable, "-c", SHOT], capture_output=True, text=True, timeout=60, check=False
+        )
+        code, text = run.returncode, run.stderr[-500:]
+    except subprocess.TimeoutExpired:
+        code, text = -1, "no answer within 60 s"
+    if code == 0:
+        return
+    message = f"off-screen rendering does not work (exit code {code}): {text}"
+    if os.environ.get("SKFEM_COSSERAT_RENDER") == "require":
+        pytest.fail(message)
+    pytest.skip(message)
+
+
+NODES = {
+    1: [0.0, 1.0],
+    2: [0.0, 0.5, 1.0],
+    3: [0.0, 0.5 - 0.2**0.5 / 2, 0.5 + 0.2**0.5 / 2, 1.0],
+    4: [0.0, 0.5 - (3 / 28) ** 0.5, 0.5, 0.5 + (3 / 28) ** 0.5, 1.0],
+}
+GAUSS = {k: (np.polynomial.legendre.leggauss(k)[0] + 1.0) / 2.0 for k in range(1, 5)}
+OUTLINE = np.array([[0.1, 0.05], [-0.1, 0.05], [-0.1, -0.05], [0.1, -0.05]])
+BOX = np.array([[x, y, z] for x in (-0.2, 0.2) for y in (-0.2, 0.2) for z in (-0.2, 0.2)])
+BOX_FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    + [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+)
+#: Triad (in rows) of a beam along x, and the rotation from it to that of a leg along y.
+ALONG_X = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+LEG = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+
+
+def turn(angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+class Scene:
+    """A straight beam, a bent beam, a box and a mass point turn about z with 1 rad/s and grow."""
+
+    def __init__(self, order: int = 1) -> None:
+        self.order = order
+        p, n = order, 2 * order + 1
+        line = np.concatenate([np.array(NODES[p][:-1]), 1.0 + np.array(NODES[p])])
+        self.nodes = {
+            "boom": np.column_stack([line, 0 * line, 0 * line]),
+            "angle": np.column_stack([np.minimum(line, 1.0), np.maximum(line - 1.0, 0.0), 0 * line])
+            + [0.0, 0.0, 1.0],
+        }
+        self.size = 2 * 12 * n + 12 + 3
+        self.static: dict[str, Any] = {}
+        for k, name in enumerate(self.nodes):
+            turns = np.tile(np.eye(3), (2, p + 1, 1, 1))
+            if name == "angle":
+                turns[1] = LEG
+            own = {
+                "offsets": 12 * (k * n + np.arange(n)),
+                "connectivity": np.array([np.arange(p + 1), p + np.arange(p + 1)]),
+                "lengths": np.ones(2),
+                "rotations": turns,
+                "part": np.array([0, k]),
+                "section": np.array([0, k]),
+                "gauss": GAUSS[p],
+                "outline/0": OUTLINE,
+            }
+            self.static |= {f"beam/{name}/{key}": value for key, value in own.items()}
+        self.static |= {
+            "body/hub/offset": np.array(24 * n),
+            "body/hub/points": BOX,
+            "body/hub/faces": BOX_FACES,
+            "point/ball/offset": np.array(24 * n + 12),
+        }
+        self.meta: dict[str, Any] = {
+            "integrator": "Synthetic",
+            "step": 0.1,
+            "versions": {"numpy": np.__version__},
+            "beams": [
+                {"name": "boom", "order": p, "parts": ["a"], "sections": ["box"]},
+                {"name": "angle", "order": p, "parts": ["b", "c"], "sections": ["box", "none"]},
+            ],
+            "bodies": [{"name": "hub", "shape": "box"}],
+            "points": [{"name": "ball"}],
+            "joints": [
+                {"name": "pin", "type": "revolute", "a": "hub", "b": "boom"},
+                {"name": "weld", "type": "rigid", "a": "boom", "b": "ball"},
+            ],
+        }
+
+    def motion(self, t: float) -> np.ndarray:
+        """Linear map of reference places to places at time t."""
+        return (1.0 + 0.1 * t) * turn(t)
+
+    def coordinates(self, t: float) -> np.ndarray:
+        A, R = self.motion(t), turn(t)
+        parts = []
+        for nodes in self.nodes.values():
+            d = np.tile((ALONG_X @ R.T).ravel(), (len(nodes), 1))
+            parts.append(np.hstack([nodes @ A.T, d]).ravel())
+        body = [*(A @ [-0.5, 0.0, 0.0]), *R.T.ravel()]
+        return np.concatenate([*parts, body, A @ [2.5, 0.0, 0.0]])
+
+    def row(self, k: int) -> dict[str, Any]:
+        t = 0.1 * k
+        q = self.coordinates(t)
+        e = 1e-6
+        row: dict[str, Any] = {
+            "t": t,
+            "step": k,
+            "q": q,
+            "p": 2.0 * q,
+            "v": (self.coordinates(t + e) - self.coordinates(t - e)) / (2 * e),
+            "energy": 1.0 + 1e-9 * k,
+            "kinetic": 0.5 + 0.4 * np.sin(t),
+            "strain_energy": 0.5 - 0.4 * np.sin(t),
+            "momentum": np.array([t, 2.0 * t, 1.0 / 3.0]),
+            "joint/pin/position": self.motion(t) @ [-0.3, 0.0, 0.0],
+            "joint/pin/force": np.array([1.0, t, 0.0]),
+            "joint/weld/position": self.motion(t) @ [2.0, 0.0, 0.0],
+        }
+        values = np.arange(2 * self.order * 6, dtype=float).reshape(2, self.order, 6)
+        for name in self.nodes:
+            row[f"beam/{name}/resultant"] = values + t
+            row[f"beam/{name}/strain"] = 0.001 * values + t
+        return row
+
+    def history(self, states: int = 5) -> Any:
+        from skfem_cosserat.history import HistoryWriter
+
+        writer = HistoryWriter(self.meta, self.static)
+        for k in range(states):
+            writer.append(self.row(k))
+        writer.close()
+        return writer.history()
+
+
+@pytest.fixture
+def make_scene() -> type[Scene]:
+    """Class of the synthetic scene."""
+    return Scene
