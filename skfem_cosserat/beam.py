@@ -14,7 +14,7 @@ from .frames import Place, StructuralItem, Vertices
 from .kernels import BeamElements, beam_force, beam_strain, beam_stress, beam_tangent
 from .mesh import MeshCurve
 from .section import Section
-from .types import Array, ArrayLike, Floats, IndexArray
+from .types import Array, ArrayLike, Floats, IndexArray, VectorLike
 
 __all__ = ["Beam"]
 
@@ -67,7 +67,7 @@ class Beam(StructuralItem):
         section: Section | Mapping[str, Section],
         *,
         order: int = 1,
-        director: ArrayLike | Mapping[str, ArrayLike] | None = None,
+        director: VectorLike | Mapping[str, VectorLike] | None = None,
         twist: Any = None,
         velocity: NodalField = None,
         angular_velocity: NodalField = None,
@@ -222,7 +222,7 @@ class Beam(StructuralItem):
             return np.arange(self.mesh.t.shape[1], dtype=np.int64)
         return self.mesh.elements_of(name)
 
-    def node(self, which: str | int | ArrayLike) -> Place:
+    def node(self, which: str | int | VectorLike) -> Place:
         """The place of a node, by name, number or reference position (3,).
 
         Raises

@@ -227,7 +227,7 @@ class RigidBody(_Lump):
     def local(self, X: ArrayLike) -> Place:
         """The material point with coordinates `X` (3,) (m) in the body frame."""
         offset = vector(self.label, "X", X)
-        base = self.triad if self.on is None else self.on.triad
+        base = self.triad if self.on is None or self.on.triad is None else self.on.triad
         return self.at(self.position + offset @ base)
 
     def scalar_mass(self) -> Floats:
@@ -266,7 +266,8 @@ def _prism(r: float, length: float, sides: int) -> tuple[Floats, Any]:
     i = np.arange(sides)
     j = (i + 1) % sides
     low, high = np.full(sides, 2 * sides), np.full(sides, 2 * sides + 1)
-    faces = [(i, j, j + sides), (i, j + sides, i + sides), (low, j, i), (high, i + sides, j + sides)]
+    sides_of = [(i, j, j + sides), (i, j + sides, i + sides)]
+    faces = [*sides_of, (low, j, i), (high, i + sides, j + sides)]
     return points, np.vstack([np.column_stack(face) for face in faces])
 
 

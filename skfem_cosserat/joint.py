@@ -79,13 +79,16 @@ class Freedom:
 
     Attributes
     ----------
-    rotation : "free", "locked" or (3,) array
-        Any rotation; none; about this axis, fixed in side A, given in space in the reference.
+    rotation : {"free", "locked", "axis"}
+        Any rotation; none; about `axis`.
+    axis : (3,) array or None
+        Fixed in side A, given in space in the reference.
     sphere : bool
         The point of one side moves on a sphere about that of the other (distance joint).
     """
 
-    rotation: str | Floats
+    rotation: str
+    axis: Floats | None = None
     sphere: bool = False
 
 
@@ -223,7 +226,7 @@ class JointRevolute(Joint):
 
     def freedom(self) -> Freedom:
         """Rotation about n."""
-        return Freedom(self.axis)
+        return Freedom("axis", self.axis)
 
 
 class JointFixed(Joint):

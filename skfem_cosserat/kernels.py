@@ -75,6 +75,19 @@ class BeamElements:
             self, "_wl", (self.weights[None, :] * self.lengths[:, None])[:, :, None].copy()
         )
 
+    def repeated(self, count: int) -> BeamElements:
+        """The same elements `count` times, to evaluate many states at once."""
+        turned = self.rotations
+        return BeamElements(
+            np.tile(self.lengths, count),
+            self.points,
+            self.weights,
+            self.table,
+            np.tile(self.stiffness, (count, 1, 1)),
+            np.tile(self.reference, (count, 1, 1)),
+            None if turned is None else np.tile(turned, (count, 1, 1, 1)),
+        )
+
     @classmethod
     def create(
         cls,
@@ -212,11 +225,12 @@ def director_force(directors: Array, force: Array) -> Array:
     return W[:, [5, 6, 1]] - W[:, [7, 2, 3]]
 
 
-# (row, column, director, component, sign) of -d^ below the identity of P_int
-_ROWS = np.array([3 * (i + 1) + r for i in range(3) for r, c in ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))])
-_COLS = np.array([3 + c for i in range(3) for r, c in ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))])
-_PART = np.array([3 * i + (3 - r - c) for i in range(3) for r, c in ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))])
-_SIGN = np.array([s for _ in range(3) for s in (1.0, -1.0, -1.0, 1.0, 1.0, -1.0)])
+# entries of -d^ below the identity of P_int: rows, columns, which number of d1, d2, d3, sign
+_OFF = np.array([(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)])
+_ROWS = (3 * np.arange(1, 4)[:, None] + _OFF[:, 0]).ravel()
+_COLS = np.tile(3 + _OFF[:, 1], 3)
+_PART = (3 * np.arange(3)[:, None] + 3 - _OFF.sum(1)).ravel()
+_SIGN = np.tile([1.0, -1.0, -1.0, 1.0, 1.0, -1.0], 3)
 
 
 def null_space_blocks(directors: Array) -> Array:

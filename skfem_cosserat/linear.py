@@ -94,7 +94,7 @@ class LinearSolver:
         cols = np.repeat(np.arange(self.n), np.diff(self.pattern.indptr))
         matrix[self.pattern.indices, cols] = data
         try:
-            return np.linalg.solve(matrix, rhs), 0
+            return np.asarray(np.linalg.solve(matrix, rhs), dtype=float), 0
         except np.linalg.LinAlgError:
             return rhs, 1
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -129,7 +130,7 @@ class FunctionOfTime:
         inside = self.kinks[(self.kinks > t0) & (self.kinks < t1)]
         ends = [t0, *inside.tolist(), t1]
         total = 0.0
-        for a, b in zip(ends[:-1], ends[1:], strict=True):
+        for a, b in pairwise(ends):
             total += self._integral(a, b, self._gauss(a, b), 40)
         return total / (t1 - t0)
 

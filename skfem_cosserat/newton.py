@@ -24,8 +24,7 @@ class NewtonProblem(Protocol):
         """Newton increment at the configuration evaluated last."""
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
-        """Size of an increment (displacements relative to the scene, rotations in rad); of its
-        largest rotation alone."""
+        """Size of an increment (relative displacement or rad), and of its largest rotation."""
 
     def apply(self, increment: Floats) -> None:
         """Move the configuration."""

@@ -269,6 +269,11 @@ def _outlines(shape: BeamShape, radius: float | None, size: float) -> dict[int, 
     return found
 
 
+def _three(resultants: Array, color: str) -> Array:
+    """Forces ``N`` or moments ``M`` of resultants ``(..., 6)``."""
+    return resultants[..., :3] if color == "N" else resultants[..., 3:]
+
+
 def _beam_surface(
     shape: BeamShape, row: Mapping[str, Array], outlines: dict[int, Floats], color: str
 ) -> PolyData:
@@ -281,8 +286,8 @@ def _beam_surface(
     surface = pyvista.PolyData(sweep.points, np.concatenate(faces))
     key = f"beam/{shape.name}/resultant"
     if key in row and color:
-        part = row[key][:, :, :3] if color == "N" else row[key][:, :, 3:]
-        norm = np.linalg.norm(shape.average(part, shape.pieces), axis=1)
+        part = shape.average(_three(row[key], color), shape.pieces)
+        norm = np.linalg.norm(part, axis=1)
         values = norm[sweep.element * shape.pieces + sweep.piece]
         ends = np.array([values[(sweep.quads == ring[0]).any(1)][0] for ring in sweep.caps])
         surface.cell_data[color] = np.concatenate([values, ends])
@@ -308,9 +313,7 @@ def _limits(history: History, instants: list[int], color: str) -> tuple[float, f
     for shape in beam_shapes(history.meta, history.static):
         key = f"beam/{shape.name}/resultant"
         if key in history and color:
-            values = (
-                history[key][instants][..., :3] if color == "N" else history[key][instants][..., 3:]
-            )
+            values = _three(history[key][instants], color)
             top = max(top, float(np.linalg.norm(values, axis=-1).max(initial=0.0)))
     return 0.0, top or 1.0
 
@@ -328,8 +331,9 @@ def _draw(
         surface = _beam_surface(shape, row, outlines, style["color"])
         look: dict[str, Any] = {"color": "steelblue"}
         if style["color"] in surface.cell_data:
-            title = {"N": "|N| in N", "M": "|M| in N m"}[style["color"]]
-            bar = {"title": title, "fmt": "%.3g", "color": "black"}
+            unit = {"N": "N", "M": "N m"}[style["color"]]
+            bar = {"title": f"norm of {style['color']} in {unit}", "fmt": "%.3g", "color": "black"}
+            bar |= {"width": 0.3, "height": 0.06, "position_x": 0.35, "position_y": 0.03, "n_labels": 3}
             look = {"scalars": style["color"], "cmap": "viridis", "clim": style["limits"]}
             look["scalar_bar_args"] = bar
         plotter.add_mesh(surface.clean(), opacity=opacity, **look)
@@ -410,10 +414,12 @@ def render(
     style = {"size": size, "radius": radius, "color": color, "limits": limits}
     plotter = pyvista.Plotter(off_screen=True, window_size=list(window))
     plotter.set_background("white")
-    plotter.enable_anti_aliasing("ssaa")
+    plotter.enable_depth_peeling(16)
     for k, i in enumerate(instants):
         _draw(plotter, history, i, 1.0 - 0.7 * (len(instants) - 1 - k) / len(instants), style)
     plotter.camera_position = camera
+    if isinstance(camera, str):
+        plotter.camera.zoom(1.25)
     plotter.screenshot(str(path))
     plotter.close()
     return Path(path)

@@ -178,7 +178,7 @@ class Section:
         >>> s.stiffness.diagonal().tolist()
         [5000.0, 5000.0, 10000.0, 2.0, 3.0, 1.0]
         """
-        GA_1, GA_2 = (GA, GA) if np.isscalar(GA) else GA  # type: ignore[misc]
+        GA_1, GA_2 = GA if isinstance(GA, tuple | list) else (GA, GA)
         return cls([GA_1, GA_2, EA, EI[0], EI[1], GJ], mass, inertia, outline)
 
 

@@ -337,6 +337,7 @@ def test_file_cut_short(make_scene, tmp_path):
     writer.close()
     whole = path.read_bytes()
     blocks = [i for i in range(len(whole)) if whole.startswith(b"BLOCK ", i)]
+    sound = scene.history(25)
     states = {1: 0, 2: 10, 3: 20, 4: 25}
     for k, n in states.items():
         for cut in ((blocks + [len(whole)])[k], (blocks + [len(whole)])[k] + 30):
@@ -352,7 +353,7 @@ def test_file_cut_short(make_scene, tmp_path):
             history = History.load(path, recover=True)
             assert (len(history), history.status) == (n, "killed")
             if n:
-                assert_equal(writer.history() if False else scene.history(25), history, n)
+                assert_equal(sound, history, n)
             with pytest.raises(HistoryError, match="cut short"):
                 read_meta(path)
     path.write_bytes(whole[: blocks[1] - 1])  # not even the head
@@ -397,8 +398,9 @@ def test_every_flipped_byte_is_noticed(tmp_path):
                 History.load(path)
         if MAGIC <= i < HEAD or i >= head_end:
             part = History.load(path, recover=True)
-            assert_equal(sound, part, len(part))
             assert len(part) == 3 or i >= head_end
+            if len(part):
+                assert_equal(sound, part, len(part))
 
 
 def test_long_history_loads_fast(tmp_path):

@@ -89,6 +89,7 @@ class BoundTreatment(ABC):
     def restore(self, saved: Any) -> None:
         """Back to a copy."""
 
+    @abstractmethod
     def finish(self) -> None:
         """The step is accepted: keep its increment for the next guess."""
 

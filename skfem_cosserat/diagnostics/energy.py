@@ -11,14 +11,18 @@ from scipy.sparse.linalg import splu
 
 from ..beam import Beam
 from ..errors import InputError
+from ..kernels import beam_strain
 from ..model import System
 from ..types import ArrayLike, Floats
 from .stacks import as_stack, as_times
+
+_CHUNK = 256  # states evaluated at once: bounds the memory
 
 __all__ = [
     "external_energy",
     "kinetic_energy",
     "kinetic_energy_of_velocity",
+    "momentum",
     "section_forces",
     "section_strains",
     "strain_energy",
@@ -63,12 +67,17 @@ def kinetic_energy(system: System, p: ArrayLike) -> Floats:
     return out[0] if single else out
 
 
-def kinetic_energy_of_velocity(system: System, v: ArrayLike) -> Floats:
-    """``v . M v / 2`` (J)."""
+def momentum(system: System, v: ArrayLike) -> Floats:
+    """``M v`` (N, n)."""
     V, single = as_stack(system, "v", v)
     rows = V.reshape(len(V), system.rows, 3).transpose(1, 0, 2).reshape(system.rows, -1)
-    out = 0.5 * (rows * (system.mass @ rows)).reshape(system.rows, len(V), 3).sum((0, 2))
-    return out[0] if single else out
+    out = (system.mass @ rows).reshape(system.rows, len(V), 3).transpose(1, 0, 2)
+    return out[0].reshape(-1) if single else out.reshape(len(V), -1)
+
+
+def kinetic_energy_of_velocity(system: System, v: ArrayLike) -> Floats:
+    """``v . M v / 2`` (J)."""
+    return 0.5 * (np.asarray(v, dtype=float) * momentum(system, v)).sum(-1)
 
 
 def strain_energy(system: System, q: ArrayLike) -> Floats:
@@ -111,15 +120,15 @@ def section_strains(system: System, beam: Beam, q: ArrayLike) -> Floats:
     if group is None:
         raise InputError(beam.label, "is not in this system")
     rows = group.rows[group.slices[id(beam)]]
-    e = beam.elements
-    y = Q.reshape(len(Q), -1, 3)[:, rows].reshape(len(Q), len(rows), -1)
-    if e.rotations is not None:
-        nodal = y.reshape(len(Q), *rows.shape[:1], -1, 4, 3).copy()
-        nodal[..., 1:, :] = e.rotations @ nodal[..., 1:, :]
-        y = nodal.reshape(y.shape)
-    B = np.einsum("nek,gijk->negij", y, e.table, optimize=True)
-    eps = 0.5 * np.einsum("negij,nej->negi", B, y) / e.lengths[:, None, None] - e.reference
-    return eps[0] if single else eps
+    ne, ng = len(rows), len(beam.elements.points)
+    out = np.empty((len(Q), ne, ng, 6))
+    for start in range(0, len(Q), _CHUNK):
+        y = Q[start : start + _CHUNK].reshape(-1, system.rows, 3)[:, rows]
+        count = len(y)
+        stacked = beam.elements.repeated(count)
+        eps, _ = beam_strain(stacked, y.reshape(count * ne, -1))
+        out[start : start + count] = eps.reshape(count, ne, ng, 6)
+    return out[0] if single else out
 
 
 def section_forces(system: System, beam: Beam, q: ArrayLike) -> Floats:

@@ -6,7 +6,6 @@ import numpy as np
 from scipy.sparse.linalg import splu
 
 from ..constraints import Treatment
-from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper
 from ..model import System

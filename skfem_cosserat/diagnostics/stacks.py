@@ -10,6 +10,7 @@ from ..types import ArrayLike, Floats
 
 
 def as_stack(system: System, name: str, value: ArrayLike) -> tuple[Floats, bool]:
+    """States (N, n), and whether only one was given."""
     array = np.asarray(value, dtype=float)
     if array.shape[-1:] != (system.n,) or array.ndim not in (1, 2):
         raise InputError(
@@ -19,4 +20,5 @@ def as_stack(system: System, name: str, value: ArrayLike) -> tuple[Floats, bool]
 
 
 def as_times(t: ArrayLike, count: int) -> Floats:
+    """One time for each state."""
     return np.broadcast_to(np.asarray(t, dtype=float), (count,))

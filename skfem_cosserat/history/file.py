@@ -208,6 +208,8 @@ def _read_block(handle: BinaryIO, limit: int) -> Block:
     text = handle.read(size)
     if zlib.crc32(text) != crc:
         raise ValueError("the header of the block is damaged")
+    if not payload and payload_crc:  # other payloads are checked when they are read
+        raise ValueError("the block is damaged")
     header = json.loads(text)
     if sum(_sizes(header)) != payload:
         raise ValueError("sizes of arrays and block differ")

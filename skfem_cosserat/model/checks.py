@@ -3,21 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..errors import InputError
+from ..frames import StructuralItem
 from ..joint import Joint
 from ..kernels import null_space_blocks
-from ..types import Floats
+from ..types import Floats, IndexArray
+from .groups import Group
+from .kinematics import Chart, Kinematics
+from .quadratic import QuadraticConstraints
+from .tree import Spot, Tree
 
-if TYPE_CHECKING:
-    from .system import JointRows, System
-
-__all__ = ["check_inertia", "check_joints", "independent_loop_rows"]
+__all__ = ["JointRows", "check_inertia", "check_joints", "independent_loop_rows"]
 
 RANK_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class JointRows:
+    """A joint, its constraint rows and its two spots."""
+
+    joint: Joint
+    rows: slice
+    a: Spot
+    b: Spot
+
+
+class Scene(Protocol):
+    """What the checks need of a system under construction."""
+
+    n: int
+    rows: int
+    origin_rows: IndexArray
+    vertex_rows: IndexArray
+    owner: list[Any]
+    groups: list[Group]
+    tree: Tree
+    kinematics: Kinematics
+    constraints: QuadraticConstraints
 
 
 def check_joints(joints: Sequence[Joint], t: float) -> None:
@@ -26,7 +53,7 @@ def check_joints(joints: Sequence[Joint], t: float) -> None:
         joint.check(t)
 
 
-def null_space_matrix(system: System, y: Floats) -> Floats:
+def null_space_matrix(system: Scene, y: Floats) -> Floats:
     """Dense ``P(y)`` (n, unknowns of the tree); for checks and small scenes."""
     kin = system.kinematics
     T = kin.T_matrix(kin.T_values(kin.locate(y, kin.axis))).toarray()
@@ -41,7 +68,7 @@ def null_space_matrix(system: System, y: Floats) -> Floats:
     return P
 
 
-def independent_loop_rows(system: System, loops: Sequence[JointRows], y: Floats) -> int:
+def independent_loop_rows(system: Scene, loops: Sequence[JointRows], y: Floats) -> int:
     """Rank of the joints that close loops, given the tree; redundant rows are refused.
 
     Only the reduced rows ``G_loop P`` are factorised, joint by joint: the first joint whose rows
@@ -75,15 +102,13 @@ def independent_loop_rows(system: System, loops: Sequence[JointRows], y: Floats)
     return len(basis)
 
 
-def _fixed_axes(system: System, y: Floats) -> Floats:
-    from .kinematics import Chart
-
+def _fixed_axes(system: Scene, y: Floats) -> Floats:
     chart = Chart(system.kinematics)
     chart.begin(y, y[system.rows :])
     return chart.fixed
 
 
-def check_inertia(system: System, y: Floats) -> None:
+def check_inertia(system: Scene, y: Floats) -> None:
     """Every direction of motion that joints leave free has mass.
 
     A beam's d3 carries no mass, which is fine: rotations still move d1 and d2. What is refused is
@@ -105,11 +130,11 @@ def check_inertia(system: System, y: Floats) -> None:
     if not system.tree.edges:
         return
     T = kin.T_matrix(kin.T_values(kin.locate(y, fixed))).tocsr()
-    for vertices, coordinates in _trees(system):
+    for members, coordinates in _trees(system):
         if not coordinates:
             continue
         A = np.zeros((len(coordinates),) * 2)
-        for v in vertices:
+        for v in members:
             start = int(kin.twist_of[v])
             rows = T[start : start + len(inertia[v])][:, coordinates].toarray()
             A += rows.T @ inertia[v] @ rows
@@ -131,7 +156,7 @@ def _weakest(blocks: Floats) -> tuple[int, int]:
     return e, int(missing[0]) if len(missing) else int(np.argmax(abs(vectors[e, :, 0])))
 
 
-def _trees(system: System) -> list[tuple[list[int], list[int]]]:
+def _trees(system: Scene) -> list[tuple[list[int], list[int]]]:
     """Vertices and coordinates of each tree of joints; the ground separates trees."""
     tree = system.tree
     nv = len(system.origin_rows)
@@ -146,7 +171,7 @@ def _trees(system: System) -> list[tuple[list[int], list[int]]]:
     return [(vs, [k for v in vs for k in tree.own[v]]) for vs in members.values()]
 
 
-def _vertex_inertia(system: System, y: Floats) -> dict[int, Floats]:
+def _vertex_inertia(system: Scene, y: Floats) -> dict[int, Floats]:
     """``P_int^T M P_int`` of each vertex alone: (6, 6) of frames, (3, 3) of points."""
     kin = system.kinematics
     number = np.full(len(system.origin_rows), -1)
@@ -167,9 +192,9 @@ def _vertex_inertia(system: System, y: Floats) -> dict[int, Floats]:
     return out
 
 
-def _report(system: System, number: int, y: Floats, fixed: Floats) -> None:
+def _report(system: Scene, number: int, y: Floats, fixed: Floats) -> None:
     coordinate = system.tree.coordinates[number]
-    item = system.owner[coordinate.vertex]
+    item: StructuralItem = system.owner[coordinate.vertex]
     axis = np.round(system.kinematics.points_and_axes(y, fixed)[1][number], 6).tolist()
     what = "translation along" if coordinate.kind == "translation" else "rotation about"
     x = np.round(y[system.vertex_rows[coordinate.vertex]], 9).tolist()

@@ -324,10 +324,7 @@ class Chart:
             def where(test: list[bool]) -> IndexArray:
                 return np.flatnonzero(np.array(test, dtype=bool))
 
-            locked = [
-                e.child in frame and e.child not in hinge_of and e.joint.freedom().rotation == "locked"
-                for e in es
-            ]
+            locked = [e.child in frame and e.joint.freedom().rotation == "locked" for e in es]
             hinged = where([e.child in hinge_of for e in es])
             sphere = where([e.child in sphere_of for e in es])
             out.append(
@@ -365,7 +362,7 @@ class Chart:
 
     def _sphere_arm(self, edge: Edge, y: Array) -> Array:
         def position(spot: Spot) -> Array:
-            return sum(c * y[a] for a, c in self.kin.spot_terms(spot))  # type: ignore[return-value]
+            return sum(c * y[a] for a, c in self.kin.spot_terms(spot))
 
         return position(edge.child_spot) - position(edge.parent_spot)
 
@@ -431,6 +428,7 @@ class Chart:
 
 
 _DIRECTORS = np.arange(1, 4)
+
 
 
 def _identity(count: int) -> Floats:

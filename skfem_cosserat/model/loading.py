@@ -56,7 +56,7 @@ class Loading:
                 channel = len(self.times)
                 self.times.append(time)
                 if isinstance(load, LoadMoment):
-                    v, r = first[id(load.place.item)]
+                    v, _ = first[id(load.place.item)]
                     block = self._frame_block(v + load.place.vertex)
                     moments.append((channel, block, load.follower, value))
                 elif load.follower:
@@ -155,16 +155,16 @@ class Loading:
             rows = self._group(number).rows[ids]
             np.add.at(out, rows, amplitudes[channel] * (block @ y[rows]))
         if len(self._moment_block):
-            D, reciprocal, m = self._moments(y, amplitudes)
+            reciprocal, m = self._moments(y, amplitudes)
             np.add.at(out, self._moment_rows, 0.5 * cross(m[:, None, :], reciprocal))
         return out
 
-    def _moments(self, y: Array, amplitudes: Floats) -> tuple[Array, Array, Array]:
+    def _moments(self, y: Array, amplitudes: Floats) -> tuple[Array, Array]:
         D = y[self._moment_rows]
         reciprocal = np.linalg.inv(D).transpose(0, 2, 1)
         value = amplitudes[self._moment_channel][:, None] * self._moment_value
         spatial = (value[:, :, None] * D).sum(1)
-        return D, reciprocal, np.where(self._moment_follows[:, None], spatial, value)
+        return reciprocal, np.where(self._moment_follows[:, None], spatial, value)
 
     def add_tangent(
         self, blocks: list[Array], y: Array, amplitudes: Floats, factor: float
@@ -175,7 +175,7 @@ class Loading:
             scaled = factor * amplitudes[channel] * np.kron(block, np.eye(3)[None])
             np.add.at(blocks[k], ids, scaled)
         if len(self._moment_block):
-            D, reciprocal, m = self._moments(y, amplitudes)
+            reciprocal, m = self._moments(y, amplitudes)
             f = 0.5 * cross(m[:, None, :], reciprocal)
             derivative = np.zeros((len(m), 4, 3, 4, 3), dtype=y.dtype)
             # d f_i / d d_j = -(1/2)(m x d^j) (x) d^i, and the follower's own turning

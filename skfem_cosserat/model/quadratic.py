@@ -8,6 +8,8 @@ midpoint Jacobian its exact discrete derivative.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.sparse import csc_matrix
 
@@ -23,6 +25,12 @@ def sum_at(index: IndexArray, values: Array, size: int) -> Array:
         real = np.bincount(index, values.real, size)
         return real + 1j * np.bincount(index, values.imag, size)
     return np.bincount(index, values, size)
+
+
+def _table(terms: Sequence[tuple[float, ...]], count: int) -> tuple[list[IndexArray], Floats]:
+    """Columns of numbers, and the factors in the last one."""
+    array = np.array(terms, dtype=float).reshape(-1, count + 1)
+    return [array[:, k].astype(np.int64) for k in range(count)], array[:, count].copy()
 
 
 class ConstraintBuilder:
@@ -61,15 +69,14 @@ class QuadraticConstraints:
     def __init__(self, builder: ConstraintBuilder, reference: Floats, free: int) -> None:
         m, n = builder.size, 3 * free
         self.size, self.n = m, n
-        lk, la, lc = np.array(builder.linear, dtype=float).reshape(-1, 3).T
-        pk, pa, pb, pc = np.array(builder.products, dtype=float).reshape(-1, 4).T
-        self._lk = (lk.astype(np.int64)[:, None] + np.arange(3)).ravel()
-        self._la, self._lc = la.astype(np.int64), lc[:, None]
-        self._pk, self._pa, self._pb = (v.astype(np.int64) for v in (pk, pa, pb))
+        linear, lc = _table(builder.linear, 2)
+        products, pc = _table(builder.products, 3)
+        self._lk = (linear[0][:, None] + np.arange(3)).ravel()
+        self._la, self._lc = linear[1], lc[:, None]
+        self._pk, self._pa, self._pb = products
         self._pc = pc[:, None]
-        self._constant = np.zeros(m)
-        products = (self._pc * reference[self._pa] * reference[self._pb]).sum(1)
-        self._constant = np.bincount(self._pk, products, m)
+        dots = (self._pc * reference[self._pa] * reference[self._pb]).sum(1)
+        self._constant = np.bincount(self._pk, dots, m)
         # Jacobian contributions: rows and columns never change
         xyz = np.arange(3)
         three = np.ones(3, dtype=np.int64)

@@ -10,7 +10,7 @@ from ..body import MassPoint, RigidBody
 from ..errors import InputError
 from ..frames import Item, Place, StructuralItem
 from ..joint import Joint
-from ..load import Load, LoadGravity, LoadLine
+from ..load import Load, LoadForce, LoadLine, LoadMoment
 from .system import System
 
 __all__ = ["Model"]
@@ -113,10 +113,11 @@ class Model:
 
 
 def _places(item: Item) -> list[Place]:
+    """The places an item refers to."""
     if isinstance(item, Joint):
         return [item.a, item.b]
     if isinstance(item, MassPoint | RigidBody):
         return [] if item.on is None else [item.on]
-    if isinstance(item, LoadLine | LoadGravity):
-        return []
-    return [item.place] if hasattr(item, "place") and isinstance(item.place, Place) else []
+    if isinstance(item, LoadForce | LoadMoment):
+        return [item.place]
+    return []

@@ -8,7 +8,6 @@ at rest, one for each place in prescribed motion). Joints thus always connect tw
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +20,7 @@ from ..frames import Place
 from ..joint import Joint, Product, Zero
 from ..load import Load, LoadForce, LoadMoment
 from ..types import Array, Floats, IndexArray
-from .checks import check_inertia, check_joints, independent_loop_rows
+from .checks import JointRows, check_inertia, check_joints, independent_loop_rows
 from .groups import BeamGroup, Group, mass_blocks
 from .kinematics import Kinematics
 from .loading import Loading
@@ -31,16 +30,6 @@ from .tree import Spot, build_tree
 __all__ = ["JointRows", "System"]
 
 Structure = Beam | RigidBody | MassPoint
-
-
-@dataclass(frozen=True, eq=False)
-class JointRows:
-    """A joint, its constraint rows and its two spots."""
-
-    joint: Joint
-    rows: slice
-    a: Spot
-    b: Spot
 
 
 class System:
@@ -217,7 +206,7 @@ class System:
         self.m = build.size
 
     def _add_row(self, build: ConstraintBuilder, row: Zero | Product) -> None:
-        def terms(expression_terms: tuple) -> list[tuple[int, float]]:  # type: ignore[type-arg]
+        def terms(expression_terms: tuple) -> list[tuple[int, float]]:
             return [
                 (int(self.vertex_rows[self.spot(p).vertex]) + k, c) for p, k, c in expression_terms
             ]
@@ -228,10 +217,11 @@ class System:
             build.product(terms(row.left.terms), terms(row.right.terms), row.factor)
 
     def _span(self) -> None:
+        axes = {id(joint): joint.freedom().axis for joint in self.joints}
         material = {
-            id(joint): joint.a.material(joint.freedom().rotation)  # type: ignore[arg-type]
+            id(joint): joint.a.material(axis)
             for joint in self.joints
-            if not isinstance(joint.freedom().rotation, str)
+            if (axis := axes[id(joint)]) is not None
         }
         ends = [(jr.joint, jr.a, jr.b) for jr in self.joint_rows]
         self.tree = build_tree(self.is_frame.tolist(), ends, material)

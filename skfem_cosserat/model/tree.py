@@ -174,9 +174,9 @@ def _own_coordinates(
     if freedom.sphere:
         for _ in range(2):
             add("sphere", np.zeros(3), centre=edge.parent_spot)
-    if not frame or (isinstance(freedom.rotation, str) and freedom.rotation == "locked"):
+    if not frame or freedom.rotation == "locked":
         return
-    if isinstance(freedom.rotation, str):
+    if freedom.rotation == "free":
         for axis in np.eye(3):
             add("rotation", axis, centre=edge.child_spot)
     else:
@@ -186,7 +186,7 @@ def _own_coordinates(
 
 def _passed_on(tree: Tree, edge: Edge, parent: list[Pair], is_frame: list[bool]) -> list[Pair]:
     freedom = edge.joint.freedom()
-    absolute = isinstance(freedom.rotation, str) and freedom.rotation == "free"
+    absolute = freedom.rotation == "free"
     c = edge.child
     pairs: list[Pair] = []
     for pair in parent:

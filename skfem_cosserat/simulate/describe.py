@@ -1,0 +1,146 @@
+"""What a history says about the system it belongs to: names, constant arrays, derived series."""
+
+from __future__ import annotations
+
+import platform
+from typing import Any
+
+import numpy as np
+import scipy
+import skfem
+
+from .. import diagnostics
+from ..beam import Beam
+from ..body import MassPoint, RigidBody
+from ..diagnostics import Projection
+from ..history import History
+from ..model import System
+from ..model.system import JointRows
+from ..types import Floats
+
+__all__ = ["VERSION", "derive_series", "describe", "fingerprint"]
+
+VERSION = "0.1.0"
+
+
+def fingerprint(system: System) -> dict[str, Any]:
+    """What makes a history belong to a system."""
+    return {
+        "n": system.n,
+        "m": system.m,
+        "items": [s.label for s in system.structures],
+        "joints": [j.label for j in system.joints],
+        "reference": [float(f"{abs(system.q0).sum():.12g}"), float(f"{system.mass.sum():.12g}")],
+    }
+
+
+def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
+    """Names and constant arrays of a system, as a history keeps them."""
+    meta: dict[str, Any] = {
+        "versions": {
+            "skfem_cosserat": VERSION,
+            "scikit-fem": skfem.__version__,
+            "numpy": np.__version__,
+            "scipy": scipy.__version__,
+            "python": platform.python_version(),
+        },
+        "machine": f"{platform.system()} {platform.machine()}",
+        "fingerprint": fingerprint(system),
+        **system.counts(),
+        "beams": [],
+        "bodies": [],
+        "points": [],
+        "joints": [],
+    }
+    static: dict[str, Any] = {}
+    for item in system.structures:
+        if isinstance(item, Beam):
+            meta["beams"].append(_describe_beam(system, item, static))
+        elif id(item) in system.first and isinstance(item, RigidBody):
+            meta["bodies"].append({"name": item.name, "shape": "surface"})
+            static[f"body/{item.name}/offset"] = np.array(3 * system.first[id(item)][1])
+            if item.surface is not None:
+                static[f"body/{item.name}/points"] = np.array(item.surface[0], dtype=float)
+                static[f"body/{item.name}/faces"] = np.array(item.surface[1], dtype=np.int64)
+        elif id(item) in system.first and isinstance(item, MassPoint):
+            meta["points"].append({"name": item.name})
+            static[f"point/{item.name}/offset"] = np.array(3 * system.first[id(item)][1])
+    for joint in system.joints:
+        kind = type(joint).__name__[5:].lower()
+        meta["joints"].append(
+            {"name": joint.name, "type": kind, "a": joint.a.label, "b": joint.b.label}
+        )
+    return meta, static
+
+
+def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[str, Any]:
+    key = f"beam/{beam.name}/"
+    row = system.first[id(beam)][1]
+    nodes = len(beam.basis.nodes)
+    names = sorted(beam.mesh.subdomains or {})
+    part = np.full(len(beam.section_id), -1, dtype=np.int64)
+    for k, name in enumerate(names):
+        part[beam.mesh.elements_of(name)] = k
+    static[key + "offsets"] = 3 * (row + 4 * np.arange(nodes, dtype=np.int64))
+    static[key + "connectivity"] = np.asarray(beam.basis.connectivity, dtype=np.int64)
+    static[key + "lengths"] = beam.elements.lengths
+    static[key + "rotations"] = beam.rotations
+    static[key + "part"] = part
+    static[key + "section"] = beam.section_id
+    static[key + "gauss"] = beam.elements.points
+    for k, section in enumerate(beam.sections.values()):
+        if section.outline is not None:
+            static[key + f"outline/{k}"] = section.outline
+    return {
+        "name": beam.name,
+        "order": beam.basis.order,
+        "parts": names,
+        "sections": list(beam.sections),
+    }
+
+
+def derive_series(system: System, history: History) -> None:
+    """Add what follows from the states: velocities, energies, momenta, forces, reactions.
+
+    Adds ``v, Qp`` (projected on the hidden constraints), ``kinetic, strain_energy, external,
+    energy`` (kinetic + strain at (q, p)), ``energy_projected``, ``linear_momentum``,
+    ``angular_momentum``, ``constraint_violation``, for each beam ``strain`` and ``resultant``, for
+    each joint ``position``, ``force`` and ``moment``.
+    """
+    q, p, t = history["q"], history["p"], history.times
+    v, projected = Projection(system).stack(q, p, t)
+    kinetic = diagnostics.kinetic_energy(system, p)
+    strain = diagnostics.strain_energy(system, q)
+    series: dict[str, Floats] = {
+        "v": v,
+        "Qp": projected,
+        "kinetic": kinetic,
+        "strain_energy": strain,
+        "external": diagnostics.external_energy(system, q, t),
+        "energy": kinetic + strain,
+        "energy_projected": diagnostics.kinetic_energy(system, projected) + strain,
+        "linear_momentum": diagnostics.linear_momentum(system, p),
+        "angular_momentum": diagnostics.angular_momentum(system, q, p),
+        "angular_momentum_projected": diagnostics.angular_momentum(system, q, projected),
+        "constraint_violation": diagnostics.constraint_violation(system, q, t),
+        "hidden_violation": diagnostics.hidden_violation(system, q, v, t),
+    }
+    for beam in (s for s in system.structures if isinstance(s, Beam)):
+        series[f"beam/{beam.name}/strain"] = diagnostics.section_strains(system, beam, q)
+        series[f"beam/{beam.name}/resultant"] = diagnostics.section_forces(system, beam, q)
+    y = diagnostics.constraint_points(system, history)
+    lam = diagnostics.multipliers(system, y, history["constraint_force"])
+    series["multipliers"] = lam
+    for name, (force, moment) in diagnostics.reactions(system, y, lam).items():
+        series[f"joint/{name}/force"], series[f"joint/{name}/moment"] = force, moment
+    for jr in system.joint_rows:
+        series[f"joint/{jr.joint.name}/position"] = _joint_positions(system, jr, q, t)
+    for name, values in series.items():
+        history.add_series(name, values)
+
+
+def _joint_positions(system: System, jr: JointRows, q: Floats, t: Floats) -> Floats:
+    """Where the joint's point on side A is, (N, 3)."""
+    terms = system.kinematics.spot_terms(jr.a)
+    y = np.array([system.extend(row, float(s)) for row, s in zip(q, t, strict=True)])
+    return np.asarray(sum(c * y[:, a] for a, c in terms))

@@ -1,0 +1,198 @@
+"""The loop in time: a generator of steps, and a simulation with a history on top of it."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..constraints import Treatment
+from ..errors import Diverged, InputError
+from ..history import History
+from ..integrators import Integrator, State, Stepper, StepReport
+from ..log import logger
+from ..model import System
+from ..newton import NewtonSettings
+from .describe import derive_series
+from .recorder import Recorder
+from .start import initial_state
+
+__all__ = ["simulate", "steps"]
+
+Callback = Callable[[StepReport], object]
+
+
+def steps(
+    system: System,
+    integrator: Integrator,
+    treatment: Treatment,
+    step: float,
+    start: State | None = None,
+    settings: NewtonSettings | None = None,
+) -> Iterator[StepReport]:
+    """Solve step after step, for a loop of your own; stops only when you do.
+
+    Parameters
+    ----------
+    system : System
+    integrator : Integrator
+        ``Variational()`` or ``EnergyMomentum()``.
+    treatment : Treatment
+        ``NullSpace()`` or ``Multipliers()``.
+    step : float
+        Step size (s).
+    start : State, optional
+        Default: :func:`initial_state`.
+
+    Yields
+    ------
+    StepReport
+        With the new state, and momentum and constraint force of the step that led to it.
+
+    Raises
+    ------
+    Diverged
+        When a step cannot be solved; the states yielded before remain valid.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Model, MassPoint, NullSpace, Variational
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 0)))
+    >>> for report in steps(model.freeze(), Variational(), NullSpace(), 0.1):
+    ...     if report.state.time > 0.45:
+    ...         break
+    >>> round(float(report.state.q[0]), 12)
+    0.5
+    """
+    stepper = Stepper(system, integrator, treatment, step, settings)
+    state = initial_state(system) if start is None else start
+    origin, first = state.time, state.index
+    while True:
+        # t_n = t_0 + n h: no rounding adds up over many steps
+        report = stepper.advance(state, origin + (state.index + 1 - first) * stepper.h)
+        yield report
+        state = report.state
+
+
+def simulate(
+    system: System,
+    integrator: Integrator,
+    treatment: Treatment,
+    step: float,
+    until: float,
+    *,
+    start: State | None = None,
+    every: int = 1,
+    at: Sequence[float] | None = None,
+    callbacks: Sequence[Callback] = (),
+    progress: bool | Callable[[float, float], object] = False,
+    path: str | os.PathLike[str] | None = None,
+    derive: bool = True,
+    settings: NewtonSettings | None = None,
+) -> History:
+    """Integrate a scene and return its history.
+
+    Parameters
+    ----------
+    system, integrator, treatment, step, start, settings
+        See :func:`steps`.
+    until : float
+        End time (s); the last step ends at or before it (to rounding).
+    every : int
+        Record every k-th step (the first and the last state always).
+    at : sequence of float, optional
+        Record the states nearest to these times instead.
+    callbacks : sequence of callable
+        Called with each :class:`StepReport`; one that returns True ends the run.
+    progress : bool or callable
+        True: a line on the log at INFO every second; a callable gets (time, until).
+    path : path, optional
+        Stream the history to this file, block by block.
+    derive : bool
+        Add energies, velocities, section forces and reactions at the end (:func:`derive_series`).
+
+    Returns
+    -------
+    History
+        ``history.meta["status"]`` says whether it ran to the end, was interrupted (Ctrl-C) or
+        stopped by a callback.
+
+    Raises
+    ------
+    Diverged
+        With ``error.history``, the history up to the failed step.
+    InputError
+        For bad arguments, before the first step.
+    """
+    state, count = _plan(system, start, step, until, every)
+    stepper = Stepper(system, integrator, treatment, step, settings)
+    recorder = Recorder(system, stepper, state, count, every, at, path)
+    report_progress = _progress(progress, until)
+    status = "completed"
+    failure: Diverged | None = None
+    origin, first = state.time, state.index
+    try:
+        for k in range(1, count + 1):
+            report = stepper.advance(state, origin + k * stepper.h)
+            recorder.take(report)
+            state = report.state
+            report_progress(state.time)
+            answers = [callback(report) for callback in callbacks]  # all are called
+            if any(answer is True for answer in answers):
+                status = "stopped"
+                break
+        recorder.look_ahead(state, origin + (state.index - first + 1) * stepper.h)
+    except KeyboardInterrupt:
+        status = "interrupted"
+        logger.warning("interrupted at t = %.6g s: the history up to there is kept", state.time)
+    except Diverged as error:
+        status, failure = "diverged", error
+    history = recorder.close(status, failure)
+    if derive:
+        derive_series(system, history)
+        if path is not None:
+            history.save(path)
+    logger.info("%s: %d states up to t = %.6g s", status, len(history), history.times[-1])
+    if failure is not None:
+        failure.history = history
+        raise failure
+    return history
+
+
+def _plan(
+    system: System, start: State | None, step: float, until: float, every: int
+) -> tuple[State, int]:
+    if not np.isfinite(step) or step <= 0:
+        raise InputError("argument step", f"{step!r}, expected a positive number of seconds")
+    if not np.isfinite(until) or until <= 0:
+        raise InputError("argument until", f"{until!r}, expected a positive number of seconds")
+    if not isinstance(every, int | np.integer) or every < 1:
+        raise InputError("argument every", f"{every!r}, expected a positive integer")
+    state = initial_state(system) if start is None else start
+    count = int(np.floor((until - state.time) / step * (1 + 1e-12) + 1e-9))
+    if count < 1:
+        raise InputError(
+            "argument until",
+            f"{until!r} s is less than one step of {step!r} s after the start at {state.time!r} s",
+        )
+    return state, count
+
+
+def _progress(progress: bool | Callable[[float, float], object], until: float) -> Any:
+    if callable(progress):
+        return lambda t: progress(t, until)
+    if not progress:
+        return lambda t: None
+    last = [time.monotonic()]
+
+    def log(t: float) -> None:
+        now = time.monotonic()
+        if now - last[0] >= 1:
+            last[0] = now
+            logger.info("t = %.6g s of %.6g s", t, until)
+
+    return log

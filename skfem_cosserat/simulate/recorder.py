@@ -1,0 +1,134 @@
+"""Which states are recorded, and when a row of the history is complete."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .. import kernels
+from ..diagnostics import Projection
+from ..errors import Diverged, InputError
+from ..history import History, HistoryWriter
+from ..integrators import State, Stepper, StepReport
+from ..log import logger
+from ..model import System
+from .describe import describe
+
+__all__ = ["Recorder"]
+
+
+class Recorder:
+    """Decides what is recorded and writes it."""
+
+    def __init__(
+        self,
+        system: System,
+        stepper: Stepper,
+        state: State,
+        count: int,
+        every: int,
+        at: Sequence[float] | None,
+        path: str | os.PathLike[str] | None,
+    ) -> None:
+        self.system, self.stepper = system, stepper
+        self.wanted = _wanted(state, stepper.h, count, every, at)
+        self.first = state.index
+        self.open = False
+        meta, static = describe(system)
+        meta |= {
+            "integrator": stepper.integrator.name,
+            "treatment": stepper.treatment.name,
+            "step": stepper.h,
+            "solver": stepper.bound.solver.method,
+            "unknowns": stepper.bound.unknowns,
+            "kernels": kernels.NAME,
+        }
+        self.writer = HistoryWriter(meta, static, path)
+        self.last: dict[str, Any] | None = None
+        self._append(self._row(state, 0, 1, 0.0))
+
+    def _row(self, state: State, iterations: int, attempts: int, residual: float) -> dict[str, Any]:
+        nan = np.full(self.system.n, np.nan)
+        row: dict[str, Any] = {
+            "t": state.time,
+            "step": state.index,
+            "q": state.q,
+            "p": state.p if state.fresh or self.stepper.integrator.constraint_weight else nan,
+            "carried": state.p,
+            "fresh": float(state.fresh),
+            "constraint_force": nan,
+            "newton_iterations": iterations,
+            "attempts": attempts,
+            "residual": residual,
+        }
+        if self.stepper.integrator.constraint_weight:
+            row["constraint_point"] = np.full(3 * self.system.total, np.nan)
+        return row
+
+    def _append(self, row: dict[str, Any]) -> None:
+        self.writer.append(row)
+        self.open = True
+
+    def _amend(self, report: StepReport) -> None:
+        if self.open:
+            fields = {"p": report.momentum, "constraint_force": report.constraint_force}
+            if self.stepper.integrator.constraint_weight:
+                fields["constraint_point"] = report.constraint_point.ravel()
+            self.writer.amend(**fields)
+            self.open = False
+
+    def take(self, report: StepReport) -> None:
+        """A step is done: complete the row of its start, record its end if wanted."""
+        self._amend(report)
+        state = report.state
+        row = self._row(state, report.iterations, report.attempts, report.residual)
+        if state.index - self.first in self.wanted:
+            self._append(row)
+            self.last = None
+        else:
+            self.last = row
+
+    def look_ahead(self, state: State, time: float) -> None:
+        """Momentum and constraint force of the last state belong to the step after it."""
+        if self.last is not None:
+            self._append(self.last)
+            self.last = None
+        try:
+            self._amend(self.stepper.advance(state, time))
+        except Diverged:
+            logger.info("no step after t = %.6g s: its momentum is the projected one", state.time)
+
+    def close(self, status: str, failure: Diverged | None) -> History:
+        """Close the file and give the history."""
+        if self.last is not None:
+            self._append(self.last)
+        if self.open:
+            row = self.writer.history().last()
+            if not np.isfinite(row["p"]).all():
+                p = Projection(self.system)(row["q"], row["carried"], float(row["t"]))[1]
+                self.writer.amend(p=p)
+        extra: dict[str, Any] = {
+            "factorisations": self.stepper.bound.solver.factorisations,
+        }
+        if failure is not None:
+            extra["failure"] = str(failure)
+        self.writer.close(status, **extra)
+        return self.writer.history()
+
+
+def _wanted(
+    state: State, h: float, count: int, every: int, at: Sequence[float] | None
+) -> set[int]:
+    if at is None:
+        return {*range(0, count + 1, int(every)), count}
+    times = np.asarray(at, dtype=float)
+    if times.ndim != 1 or not np.isfinite(times).all():
+        raise InputError("argument at", f"{at!r}, expected a list of times")
+    k = np.rint((times - state.time) / h).astype(int)
+    if (k < 0).any() or (k > count).any():
+        bad = times[(k < 0) | (k > count)][0]
+        raise InputError("argument at", f"time {bad!r} s is outside of the run")
+    return set(k.tolist())

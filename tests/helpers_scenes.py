@@ -1,0 +1,293 @@
+"""Scenes that several tests share: the swing, one with every item, random trees of joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from skfem_cosserat import (
+    Beam,
+    FunctionOfTime,
+    JointDistance,
+    JointFixed,
+    JointRevolute,
+    JointSpherical,
+    LoadForce,
+    LoadGravity,
+    LoadLine,
+    LoadMoment,
+    MassPoint,
+    MeshCurve,
+    Model,
+    Motion,
+    Place,
+    RigidBody,
+    Section,
+    System,
+    Table,
+    ground,
+    triad,
+)
+from skfem_cosserat.kernels import exp_quaternion, null_space_blocks, rotation_matrix
+from skfem_cosserat.model.kinematics import Chart
+
+#: Full 6x6 stiffness with every coupling, of moderate size.
+_COUPLING = np.random.default_rng(8).standard_normal((6, 6))
+FULL = np.diag([40.0, 50.0, 90.0, 12.0, 15.0, 8.0]) + _COUPLING @ _COUPLING.T
+#: Products of inertia, about the centre of mass (kg m^2).
+TENSOR = np.array([[0.5, 0.06, -0.04], [0.06, 0.6, 0.09], [-0.04, 0.09, 0.45]])
+SHAKE = Motion(
+    displacement=lambda t: (0.1 * np.sin(2 * t), 0.2 * t**2, -0.05 * t),
+    rotation=lambda t: (0.3 * np.sin(t), 0.2 * t, -0.4 * t**2),
+)
+
+
+def rotation(rng: np.random.Generator, size: float = 1.0) -> np.ndarray:
+    """Rotation matrix by a random rotation vector with deviations `size` (rad)."""
+    return rotation_matrix(exp_quaternion(size * rng.standard_normal((1, 3))))[0]
+
+
+def unit(rng: np.random.Generator) -> np.ndarray:
+    """Random unit vector."""
+    v = rng.standard_normal(3)
+    return v / np.linalg.norm(v)
+
+
+def full_section() -> Section:
+    """Section with a full stiffness and unequal inertias."""
+    return Section(FULL, mass=1.3, inertia=(0.11, 0.07))
+
+
+def swing(elements: int = 20) -> System:
+    """The three-bar swing of Leyendecker, Marsden & Ortiz (2008), published section."""
+    mesh = MeshCurve.init_line(
+        (0, 0, 0), (0, 0.72, 0), elements, nodes={"left": 0, "mid": 0.5, "right": 1}
+    )
+    section = Section.from_constants(
+        EA=547500,
+        GA=175480.7692,
+        EI=(114.0625, 10.2656),
+        GJ=13.7401,
+        mass=7500,
+        inertia=(1.5625, 0.1406),
+    )
+    model = Model()
+    beam = model.add("beam", Beam(mesh, section, director=(0, 0, 1)))
+    bodies = {}
+    for name, x0, x1 in (("left", (0, 0, 0), (0, 0, 0.36)), ("right", (0, 0.72, 0), (0, 1.08, 0.36))):
+        d = np.subtract(x1, x0)
+        bodies[name] = model.add(
+            f"link {name}",
+            RigidBody.pyramid(
+                0.01, 0.02, float(np.linalg.norm(d)), position=x0 + d / 4, triad=triad(d, (1, 0, 0))
+            ),
+        )
+        link = bodies[name]
+        model.add(
+            f"hinge {name}", JointRevolute(link.at(x0), beam.node(name), axis=(1.0, 0.0, 0.0))
+        )
+        model.add(f"support {name}", JointSpherical(ground(x1), link.at(x1)))
+    model.add("mass", MassPoint(5.0, on=beam.node("mid")))
+    pulse = Table([0, 0.125, 0.25], [0, 1e4, 0])
+    model.add("pulse", LoadForce(beam.node("mid"), (0, 1, 0), pulse))
+    return model.freeze()
+
+
+class _Builder:
+    """Adds joints either way round."""
+
+    def __init__(self, rng: np.random.Generator, swap: Callable[[], bool]) -> None:
+        self.model, self.rng, self.swap, self.count = Model(), rng, swap, 0
+
+    def join(self, kind: type, a: Place, b: Place, **options: Any) -> None:
+        if self.swap():
+            a, b = b, a
+        self.count += 1
+        self.model.add(f"joint {self.count}", kind(a, b, **options))
+
+    def body(self, name: str, position: Any, full: bool = True) -> RigidBody:
+        shape = {"inertia": TENSOR, "center": (0.1, -0.2, 0.15)} if full else {"euler": (1, 2, 3)}
+        R = rotation(self.rng).T
+        return self.model.add(name, RigidBody(1.5, position=position, triad=R, **shape))
+
+
+def everything(order: int = 1, swapped: bool = False, loads: bool = True) -> System:
+    """Every item: curved beam, network, bodies, points, lumps, all joints, all loads."""
+    rng = np.random.default_rng(order)
+    build = _Builder(rng, lambda: swapped)
+    model = build.model
+    arc = MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0.3), 1.5, 1.0, 2, "arc")
+    curved = model.add("curved", Beam(arc, full_section(), order=order, twist=0.4))
+    frame = model.add("frame", Beam(_corner(), _two_sections(), order=order))
+    build.join(
+        JointRevolute, ground((0, 0, 0), SHAKE), curved.node("arc.start"), axis=unit(rng)
+    )
+    end = curved.node("arc.end")
+    chain = _chain(build, end)
+    _second_chain(build)
+    model.add("lump", MassPoint(0.4, on=frame.node("leg.end")))
+    hub = RigidBody(0.7, TENSOR, center=(0.05, 0.1, -0.1), on=frame.node("corner"))
+    model.add("hub", hub)
+    corner = frame.node("corner").position
+    model.add("tool", MassPoint(0.3, on=hub.at(corner + (0.2, 0.1, 0.3))))
+    model.add("cup", RigidBody.cylinder(0.2, 0.1, 0.3, on=chain.at((0.3, 0.1, 2.0))))
+    if loads:
+        _loads(model, curved, frame, chain, hub)
+    return model.freeze()
+
+
+def _corner() -> MeshCurve:
+    """Three beams that meet at a node under angles."""
+    base = MeshCurve.init_line((0, 0, -1), (1, 0, -1), 2, "base")
+    leg = MeshCurve.init_line((1, 0, -1), (1, 0.8, -1.4), 1, "leg")
+    arm = MeshCurve.init_arc((1, 0, -1), (0, 0, -1), (1, 0, 0), 1.0, 0.7, 1, "arm")
+    return base.joined(leg, arm).with_nodes({"corner": (1, 0, -1)})
+
+
+def _two_sections() -> dict[str, Section]:
+    slim = Section([30, 35, 60, 4, 5, 3], mass=0.8, inertia=(0.02, 0.03))
+    return {"base": full_section(), "leg": slim, "arm": slim}
+
+
+def _chain(build: _Builder, start: Place) -> RigidBody:
+    """A chain of depth 6 that mixes all joints; gives its third body."""
+    rng, model = build.rng, build.model
+    x = start.position
+    one = build.body("one", x + (0.2, 0.1, 0))
+    two = build.body("two", x + (0.5, 0, 0.2))
+    three = build.body("three", x + (0.8, 0.3, 0), full=False)
+    four = build.body("four", x + (1.2, 0, 0))
+    five = build.body("five", x + (1.5, 0.2, 0.1))
+    build.join(JointSpherical, start, one.at(x))
+    build.join(JointRevolute, one.at(x + (0.3, 0, 0)), two.at(x + (0.3, 0, 0)), axis=unit(rng))
+    build.join(JointFixed, two.at(x + (0.6, 0, 0)), three.at(x + (0.6, 0, 0)))
+    build.join(JointDistance, three.at(x + (0.9, 0, 0.2)), four.at(x + (1.1, 0.3, 0)))
+    build.join(JointRevolute, four.at(x + (1.4, 0, 0)), five.at(x + (1.4, 0, 0)), axis=unit(rng))
+    point = model.add("point", MassPoint(0.6, x + (1.9, 0, 0.3)))
+    build.join(JointSpherical, five.at(point.position), point.place())
+    bob = model.add("bob", MassPoint(0.5, x + (2.1, 0.4, 0)))
+    build.join(JointDistance, point.place(), bob.place())
+    tail = build.body("tail", x + (2.3, 0.4, 0))
+    build.join(JointSpherical, bob.place(), tail.at(bob.position))
+    return three
+
+
+def _second_chain(build: _Builder) -> None:
+    """From moving ground, from ground at rest, and a free tree."""
+    rng, model = build.rng, build.model
+    x = np.array([0.0, 0.0, 3.0])
+    six = build.body("six", x + (0.1, 0, 0))
+    seven = build.body("seven", x + (0.4, 0, 0))
+    eight = build.body("eight", x + (0.7, 0.1, 0.3))
+    nine = build.body("nine", x + (1.0, 0.1, 0))
+    build.join(JointFixed, ground(x, SHAKE), six.at(x))
+    build.join(JointRevolute, six.at(x + (0.2, 0, 0)), seven.at(x + (0.2, 0, 0)), axis=unit(rng))
+    build.join(JointDistance, seven.at(x + (0.5, 0, 0)), eight.at(x + (0.6, 0.2, 0.2)))
+    build.join(JointFixed, eight.at(x + (0.8, 0, 0)), nine.at(x + (0.8, 0, 0)))
+    dangling = model.add("dangling", MassPoint(0.9, x - (0, 0, 0.7)))
+    build.join(JointDistance, ground(x, SHAKE), dangling.place())
+    door = build.body("door", (-1, 0.2, 0))
+    build.join(JointRevolute, ground((-1, 0, 0)), door.at((-1, 0, 0)), axis=unit(rng))
+    rod = model.add("rod", RigidBody.rod(1.0, 0.5, position=(-2, 0, 0)))
+    build.join(JointRevolute, ground((-2, 0, 0.2)), rod.at((-2, 0, 0.2)), axis=(1.0, 0, 0))
+    free = build.body("free", (-3, 0, 0))
+    tied = build.body("tied", (-3, 0.4, 0))
+    build.join(JointRevolute, free.at((-3, 0.1, 0)), tied.at((-3, 0.1, 0)), axis=unit(rng))
+    sphere = build.body("pendulum", (-4, 0, 0))
+    build.join(JointSpherical, ground((-4, 0, 0.5), SHAKE), sphere.at((-4, 0, 0.5)))
+    kite = build.body("kite", (-5, 0, 0))
+    build.join(JointDistance, ground((-5, 0.3, 1)), kite.at((-5, 0, 0.2)))
+    model.add("stone", MassPoint(0.2, (5, 5, 5)))
+
+
+def _loads(model: Model, curved: Beam, frame: Beam, body: RigidBody, hub: RigidBody) -> None:
+    wave = FunctionOfTime(lambda t: 1 + np.cos(3 * t))
+    ramp = Table([0.0, 0.4, 2.0], [0.2, 1.0, 0.5])
+    place = body.at((0.4, 0.5, 2.1))
+    node = curved.node("arc.end")
+    model.add("gravity", LoadGravity((0.3, -0.2, -9.81), wave))
+    model.add("dead force", LoadForce(place, (1, 2, 3), ramp))
+    model.add("dead force on a node", LoadForce(frame.node("arm.end"), lambda t: (t, 1, t**2)))
+    model.add("follower force", LoadForce(place, (-2, 1, 3), wave, follower=True))
+    model.add("follower on a node", LoadForce(node, (2, 1, -1), follower=True))
+    model.add("follower on a lump", LoadForce(hub.at((1.2, 0, -1)), (0, 2, 1), follower=True))
+    model.add("moment", LoadMoment(place, (1, -1, 2), ramp))
+    model.add("moment on a node", LoadMoment(frame.node("corner"), (3, 1, 2)))
+    model.add("follower moment", LoadMoment(node, (1, 2, -3), wave, follower=True))
+    model.add("follower moment on a body", LoadMoment(place, lambda t: (1, t, 2), follower=True))
+    model.add("line", LoadLine(curved, (1, 0, -2), ramp))
+    model.add("wind", LoadLine(frame, (0.5, 1, 0.3), wave, follower=True, part="leg"))
+    model.add("pressure", LoadLine(curved, (2.0, -1.0, 0.5), follower=True))
+    model.add("force on a point", LoadForce(model["point"].place(), (1, 1, 1)))
+
+
+def random_tree(seed: int, depth: int = 6) -> System:
+    """A random tree of bodies and points, at least `depth` joints deep, of all joints."""
+    rng = np.random.default_rng(seed)
+    build = _Builder(rng, lambda: bool(rng.integers(2)))
+    model = build.model
+    beam = MeshCurve.init_line((0, 0, 5), (1, 0, 5), 1)
+    holder = model.add("beam", Beam(beam, full_section()))
+    root = build.body("root", rng.standard_normal(3))
+    levels: list[list[Any]] = [
+        [
+            root,
+            holder.node("beam.end"),
+            ground(rng.standard_normal(3), SHAKE),
+            ground(rng.standard_normal(3)),
+        ]
+    ]
+    for k in range(depth):
+        below = []
+        for i in range(3):
+            parent = levels[-1][int(rng.integers(len(levels[-1])))]
+            is_point = bool(rng.integers(4) == 0) and (k == depth - 1 or i > 0)
+            below.append(_grow(build, parent, f"item {k}.{i}", is_point))
+        levels.append(below)
+    return model.freeze()
+
+
+def _grow(build: _Builder, parent: Any, name: str, is_point: bool) -> Any:
+    rng = build.rng
+    x, y = rng.standard_normal((2, 3))
+    if isinstance(parent, Place):
+        side, x = parent, parent.position
+    elif isinstance(parent, MassPoint):
+        side, x = parent.place(), parent.position
+    else:
+        side = parent.at(x)
+    kinds = [JointSpherical, JointDistance]
+    if not is_point and not isinstance(parent, MassPoint):
+        kinds += [JointRevolute, JointFixed]
+    kind = kinds[int(rng.integers(len(kinds)))]
+    if is_point:
+        item = build.model.add(name, MassPoint(1.0, y if kind is JointDistance else x))
+        other = item.place()
+    else:
+        item = build.body(name, rng.standard_normal(3))
+        other = item.at(y if kind is JointDistance else x)
+    build.join(kind, side, other, **({"axis": unit(rng)} if kind is JointRevolute else {}))
+    return item
+
+
+def random_state(system: System, rng: np.random.Generator, t: float = 0.0, size: float = 0.3) -> Any:
+    """A configuration (n,) at time t that fulfils all constraints, by random increments."""
+    chart = Chart(system.kinematics)
+    chart.begin(system.extend(system.q0, 0.0), system.ground(t))
+    chart.add(size * rng.standard_normal(system.kinematics.unknowns))
+    return chart.configuration()[: system.rows].ravel()
+
+
+def null_space(system: System, y: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+    """Dense ``P(y)`` (n, unknowns) with the axes `fixed` of a chart."""
+    kin = system.kinematics
+    T = kin.T_matrix(kin.T_values(kin.locate(y, fixed))).toarray()
+    P = np.zeros((system.n, kin.unknowns))
+    blocks = null_space_blocks(kin.directors(y))
+    for k, row in enumerate(kin.frame_rows):
+        P[3 * row : 3 * row + 12] = blocks[k] @ T[kin.frame_twist[k]]
+    for k, v in enumerate(kin.points):
+        P[3 * kin.row[v] : 3 * kin.row[v] + 3] = T[kin.point_twist[k]]
+    return P
