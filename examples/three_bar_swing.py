@@ -129,7 +129,7 @@ def main(
     elements: int = 20,
     out: str | Path | None = None,
 ) -> dict[str, Any]:
-    """Run the swing; see the issue of names in the module's docstring and the README.
+    """Run the swing; returns the quantities of the paper's figures.
 
     Parameters
     ----------
@@ -221,12 +221,7 @@ def evaluate(system: sc.System, history: sc.History) -> dict[str, Any]:
     step = history.meta["step"]
     projected = sc.Projection(system).stack(q, p, t)[1]
     strain = diagnostics.strain_energy(system, q)
-    rate, mid = np.diff(q, axis=0) / step, (q[1:] + q[:-1]) / 2
-    if history.meta["integrator"] == "variational":
-        stored = diagnostics.strain_energy(system, mid)
-    else:
-        stored = (strain[1:] + strain[:-1]) / 2
-    momentum = diagnostics.momentum(system, rate)
+    mean = history.meta["integrator"] == "energy-momentum"
     angle = _link_angle(system, q)
     beam: Any = system.structures[0]
     forces = diagnostics.section_forces(system, beam, q)
@@ -237,10 +232,10 @@ def evaluate(system: sc.System, history: sc.History) -> dict[str, Any]:
         "link_angle": angle,
         "energy": diagnostics.kinetic_energy(system, p) + strain,
         "energy_projected": diagnostics.kinetic_energy(system, projected) + strain,
-        "energy_midpoint": diagnostics.kinetic_energy_of_velocity(system, rate) + stored,
+        "energy_midpoint": diagnostics.midpoint_energy(system, q, step, mean),
         "angular_momentum": diagnostics.angular_momentum(system, q, p),
         "angular_momentum_projected": diagnostics.angular_momentum(system, q, projected),
-        "angular_momentum_midpoint": diagnostics.angular_momentum(system, mid, momentum),
+        "angular_momentum_midpoint": diagnostics.midpoint_angular_momentum(system, q, step),
         "axial_force": forces[:, number, 0, 2],
         "bending_moment": _spatial_moment(system, beam, q, forces, number),
         "unknowns": history.meta["unknowns"],
@@ -330,8 +325,9 @@ def write(system: sc.System, history: sc.History, folder: Path) -> list[Path]:
         from skfem_cosserat.plot import plot_energy, plot_orbit
 
         plot_energy(history, folder / "energy.png")
-        node = system.offset(system.structures[0].node("mid"))  # type: ignore[union-attr]
-        plot_orbit(history, folder / "orbit.png", offset=node)
+        beam: Any = system.structures[0]
+        mid = beam.node("mid").vertex
+        plot_orbit(history, f"beam/beam/{mid}", folder / "orbit.png", axes="yz")
     except ImportError:
         pass  # charts come with the extra "view"
     return paths

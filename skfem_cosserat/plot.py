@@ -12,7 +12,7 @@ import numpy as np
 from .errors import InputError
 from .export.geometry import BeamShape, beam_shapes, body_shapes
 from .history import History
-from .types import Array, Floats
+from .types import Array, ArrayLike, Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,6 +28,7 @@ _ENERGIES = {
     "energy_midpoint": "total (midpoint)",
 }
 _CAMERAS = ("xy", "xz", "yz", "iso")
+_STEEL, _BODY, _BALL = (0.27, 0.51, 0.71), (0.6, 0.66, 0.75), (0.7, 0.13, 0.13)
 _MISSING = "is needed here: pip install skfem-cosserat[view]"
 
 
@@ -294,8 +295,8 @@ def _beam_surface(
     return surface
 
 
-def _extent(history: History, instants: list[int]) -> float:
-    """Diagonal of the box around everything at the instants, in m."""
+def _places(history: History, instants: list[int]) -> Floats:
+    """Points ``(k, 3)`` of everything at the instants, in m."""
     parts = []
     for i in instants:
         q = history["q"][i]
@@ -303,8 +304,7 @@ def _extent(history: History, instants: list[int]) -> float:
         parts += [s.points(q) for s in body_shapes(history.meta, history.static)]
     if not parts:
         raise InputError("history", "has no beams, bodies or mass points to be drawn")
-    points = np.concatenate(parts)
-    return float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
+    return np.concatenate(parts)
 
 
 def _limits(history: History, instants: list[int], color: str) -> tuple[float, float]:
@@ -318,8 +318,52 @@ def _limits(history: History, instants: list[int], color: str) -> tuple[float, f
     return 0.0, top or 1.0
 
 
+def _faded(colors: ArrayLike, strength: float) -> Floats:
+    """Mix colours ``(..., 3)`` with white; opaque, as transparency needs sorted faces."""
+    return 1.0 - strength * (1.0 - np.asarray(colors, dtype=float))
+
+
+def _look(surface: PolyData, strength: float, style: Mapping[str, Any]) -> dict[str, Any]:
+    """Colours of a beam; the full ones come with a scale."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    color = style["color"]
+    if color not in surface.cell_data:
+        return {"color": _faded(_STEEL, strength)}
+    colors = colormaps["viridis"](np.linspace(0.0, 1.0, 256))[:, :3]
+    table = ListedColormap(_faded(colors, strength))
+    unit = {"N": "N", "M": "N m"}[color]
+    bar = {"title": f"norm of {color} in {unit}", "fmt": "%.3g", "color": "black", "n_labels": 2}
+    bar |= {"width": 0.3, "height": 0.06, "position_x": 0.35, "position_y": 0.03}
+    look = {"scalars": color, "cmap": table, "clim": style["limits"], "scalar_bar_args": bar}
+    return {**look, "show_scalar_bar": strength == 1.0}
+
+
+def _aim(plotter: Plotter, points: Floats) -> None:
+    """Parallel projection that just shows all points."""
+    camera = plotter.camera
+    forward = np.array(camera.focal_point) - np.array(camera.position)
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, camera.up)
+    right /= np.linalg.norm(right)
+    axes = np.array([right, np.cross(right, forward)])
+    seen = points @ axes.T
+    width, height = np.ptp(seen, axis=0)
+    aim = points.mean(0) + ((seen.max(0) + seen.min(0)) / 2.0 - points.mean(0) @ axes.T) @ axes
+    distance = 2.0 * np.linalg.norm(np.ptp(points, axis=0)) + 1.0
+    ratio = plotter.window_size[0] / plotter.window_size[1]
+    scale = 0.68 * max(height, width / ratio, 1e-3 * distance)
+    aim -= 0.1 * scale * axes[1]  # room for the scale of colours below
+    camera.focal_point = aim
+    camera.position = aim - distance * forward
+    plotter.enable_parallel_projection()
+    camera.parallel_scale = scale
+    plotter.renderer.reset_camera_clipping_range()
+
+
 def _draw(
-    plotter: Plotter, history: History, i: int, opacity: float, style: Mapping[str, Any]
+    plotter: Plotter, history: History, i: int, strength: float, style: Mapping[str, Any]
 ) -> None:
     """Add one instant to a picture."""
     import pyvista
@@ -329,23 +373,17 @@ def _draw(
     for shape in beam_shapes(history.meta, history.static):
         outlines = _outlines(shape, style["radius"], size)
         surface = _beam_surface(shape, row, outlines, style["color"])
-        look: dict[str, Any] = {"color": "steelblue"}
-        if style["color"] in surface.cell_data:
-            unit = {"N": "N", "M": "N m"}[style["color"]]
-            bar = {"title": f"norm of {style['color']} in {unit}", "fmt": "%.3g", "color": "black"}
-            bar |= {"width": 0.3, "height": 0.06, "position_x": 0.35, "position_y": 0.03, "n_labels": 3}
-            look = {"scalars": style["color"], "cmap": "viridis", "clim": style["limits"]}
-            look["scalar_bar_args"] = bar
-        plotter.add_mesh(surface.clean(), opacity=opacity, **look)
+        plotter.add_mesh(surface.clean(), **_look(surface, strength, style), ambient=0.25)
     for body in body_shapes(history.meta, history.static):
         x = body.points(row["q"])
         if body.material is None:
             ball = pyvista.Sphere(radius=0.012 * size, center=x[0])
-            plotter.add_mesh(ball, color="firebrick", opacity=opacity, smooth_shading=True)
+            color = _faded(_BALL, strength)
+            plotter.add_mesh(ball, color=color, smooth_shading=True, ambient=0.25)
         else:
             faces = np.insert(body.faces, 0, 3, axis=1).ravel()
             surface = pyvista.PolyData(x, faces)
-            plotter.add_mesh(surface, color="lightsteelblue", opacity=opacity)
+            plotter.add_mesh(surface, color=_faded(_BODY, strength), ambient=0.25)
 
 
 def render(
@@ -360,7 +398,7 @@ def render(
     """Picture of the scene at several instants in one image, without opening a window.
 
     Beams are swept sections coloured by the norm of a resultant (the outline of the section, or a
-    tube without one), bodies surfaces, mass points balls. Earlier instants are more transparent.
+    tube without one), bodies surfaces, mass points balls. Earlier instants are paler.
 
     Parameters
     ----------
@@ -405,7 +443,8 @@ def render(
         raise InputError("argument camera", f"got {camera!r}, expected one of {_CAMERAS} or points")
     instants = _instants(history, frames)
     _check_folder(path)
-    size = _extent(history, instants)
+    points = _places(history, instants)
+    size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
     try:
         import pyvista
     except ImportError as error:
@@ -414,12 +453,12 @@ def render(
     style = {"size": size, "radius": radius, "color": color, "limits": limits}
     plotter = pyvista.Plotter(off_screen=True, window_size=list(window))
     plotter.set_background("white")
-    plotter.enable_depth_peeling(16)
+    plotter.enable_anti_aliasing("ssaa")
     for k, i in enumerate(instants):
-        _draw(plotter, history, i, 1.0 - 0.7 * (len(instants) - 1 - k) / len(instants), style)
+        _draw(plotter, history, i, 1.0 - 0.75 * (len(instants) - 1 - k) / len(instants), style)
     plotter.camera_position = camera
     if isinstance(camera, str):
-        plotter.camera.zoom(1.25)
+        _aim(plotter, points)
     plotter.screenshot(str(path))
     plotter.close()
     return Path(path)

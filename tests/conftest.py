@@ -49,10 +49,8 @@ NODES = {
 GAUSS = {k: (np.polynomial.legendre.leggauss(k)[0] + 1.0) / 2.0 for k in range(1, 5)}
 OUTLINE = np.array([[0.1, 0.05], [-0.1, 0.05], [-0.1, -0.05], [0.1, -0.05]])
 BOX = np.array([[x, y, z] for x in (-0.2, 0.2) for y in (-0.2, 0.2) for z in (-0.2, 0.2)])
-BOX_FACES = np.array(
-    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
-    + [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
-)
+_FACES = "013 032 467 475 045 051 237 276 026 064 157 173"
+BOX_FACES = np.array([[int(corner) for corner in face] for face in _FACES.split()])
 #: Triad (in rows) of a beam along x, and the rotation from it to that of a leg along y.
 ALONG_X = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 LEG = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
@@ -72,8 +70,9 @@ class Scene:
         line = np.concatenate([np.array(NODES[p][:-1]), 1.0 + np.array(NODES[p])])
         self.nodes = {
             "boom": np.column_stack([line, 0 * line, 0 * line]),
-            "angle": np.column_stack([np.minimum(line, 1.0), np.maximum(line - 1.0, 0.0), 0 * line])
-            + [0.0, 0.0, 1.0],
+            "angle": np.column_stack(
+                [np.minimum(line, 1.0), np.maximum(line - 1.0, 0.0), 0 * line + 1.0]
+            ),
         }
         self.size = 2 * 12 * n + 12 + 3
         self.static: dict[str, Any] = {}

@@ -291,3 +291,45 @@ def null_space(system: System, y: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     for k, v in enumerate(kin.points):
         P[3 * kin.row[v] : 3 * kin.row[v] + 3] = T[kin.point_twist[k]]
     return P
+
+
+def triangle(last: type = JointSpherical, **options: Any) -> Model:
+    """Three bodies in a ring, hung at one corner: all joints spherical but the last."""
+    corners = np.array([[0.0, 0, 0], [1, 0, 0.2], [0.3, 1, 0]])
+    model = Model()
+    bodies = [
+        model.add(
+            f"bar {k}",
+            RigidBody.box(1.0, (0.2, 0.3, 1.0), position=(corners[k] + corners[k - 1]) / 2),
+        )
+        for k in range(3)
+    ]
+    for k in range(3):
+        kind = last if k == 2 else JointSpherical
+        model.add(
+            f"corner {k}",
+            kind(
+                bodies[k].at(corners[k]),
+                bodies[(k + 1) % 3].at(corners[k]),
+                **(options if k == 2 else {}),
+            ),
+        )
+    model.add("hook", JointSpherical(ground(corners[0]), bodies[0].at(corners[0])))
+    model.add("gravity", LoadGravity((0, 0, -9.81)))
+    return model
+
+
+def four_bar(kinds: tuple[type, ...] = (JointRevolute,) * 4) -> Model:
+    """A planar four-bar linkage in the xy plane: ground, crank, coupler, rocker."""
+    points = np.array([[0.0, 0, 0], [0, 1, 0], [2, 1.5, 0], [2, 0, 0]])
+    model = Model()
+    bars = [
+        model.add(name, RigidBody.box(1.0, (0.2, 0.3, 0.4), position=points[k : k + 2].mean(0)))
+        for k, name in enumerate(("crank", "coupler", "rocker"))
+    ]
+    before = [ground(points[0]), *(bar.at(x) for bar, x in zip(bars, points[1:], strict=True))]
+    after = [*(bar.at(x) for bar, x in zip(bars, points[:3], strict=True)), ground(points[3])]
+    for k, (kind, a, b) in enumerate(zip(kinds, before, after, strict=True)):
+        options = {"axis": (0, 0, 1.0)} if kind is JointRevolute else {}
+        model.add(f"pin {k}", kind(a, b, **options))
+    return model

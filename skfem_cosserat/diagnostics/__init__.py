@@ -9,19 +9,21 @@ from .energy import (
     external_energy,
     kinetic_energy,
     kinetic_energy_of_velocity,
+    midpoint_energy,
     momentum,
     section_forces,
     section_strains,
     strain_energy,
 )
 from .forces import condition_number, constraint_points, multipliers, reactions
-from .momentum import (
+from .momenta import (
     Projection,
     angular_momentum,
     constraint_violation,
     ground_part,
     hidden_violation,
     linear_momentum,
+    midpoint_angular_momentum,
 )
 
 __all__ = [
@@ -36,6 +38,8 @@ __all__ = [
     "kinetic_energy",
     "kinetic_energy_of_velocity",
     "linear_momentum",
+    "midpoint_angular_momentum",
+    "midpoint_energy",
     "momentum",
     "multipliers",
     "reactions",

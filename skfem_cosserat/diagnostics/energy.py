@@ -22,6 +22,7 @@ __all__ = [
     "external_energy",
     "kinetic_energy",
     "kinetic_energy_of_velocity",
+    "midpoint_energy",
     "momentum",
     "section_forces",
     "section_strains",
@@ -90,6 +91,26 @@ def strain_energy(system: System, q: ArrayLike) -> Floats:
         density = 0.5 * np.einsum("negi,eij,negj->neg", eps, e.stiffness, eps, optimize=True)
         out += np.einsum("neg,g,e->n", density, e.weights, e.lengths)
     return out[0] if single else out
+
+
+def midpoint_energy(system: System, q: ArrayLike, step: float, mean: bool) -> Floats:
+    """Kinetic and stored energy in terms of ``(q_n, q_{n+1})``, (N-1,) (J).
+
+    Parameters
+    ----------
+    q : (N, n) array
+        States of consecutive steps.
+    step : float
+        Step size (s); the velocity is ``(q_{n+1} - q_n)/step``.
+    mean : bool
+        Stored energy as the mean of both ends (energy-momentum) or at the midpoint (variational).
+    """
+    Q, _ = as_stack(system, "q", q)
+    kinetic = kinetic_energy_of_velocity(system, np.diff(Q, axis=0) / step)
+    if mean:
+        stored = strain_energy(system, Q)
+        return kinetic + (stored[1:] + stored[:-1]) / 2
+    return kinetic + strain_energy(system, (Q[1:] + Q[:-1]) / 2)
 
 
 def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:

@@ -40,7 +40,10 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     for k, (row, f) in enumerate(zip(y, force, strict=True)):
         if system.m and np.isfinite(f).all():
             G = system.constraints.jacobian(row)
-            out[k] = splu((G @ G.T).tocsc()).solve(G @ f)
+            try:
+                out[k] = splu((G @ G.T).tocsc()).solve(G @ f)
+            except RuntimeError:  # SuperLU: dependent rows at this configuration; stays NaN
+                continue
     return out
 
 

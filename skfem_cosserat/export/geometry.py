@@ -192,9 +192,7 @@ class BeamShape:
         self._inner: IndexArray | None = None
         if self.order <= 2:
             self.node_id: IndexArray = np.arange(len(self.offsets))
-            self.cells: IndexArray = conn[:, [0, 2, 1][: self.order + 1]] if ne else conn
-            if self.order == 1:
-                self.cells = conn
+            self.cells: IndexArray = conn if self.order == 1 else conn[:, [0, 2, 1]]
             self.cell_pieces = 1
         else:
             corners, ends = np.unique(conn[:, [0, -1]], return_inverse=True)

@@ -80,7 +80,8 @@ class Kinematics:
     def _pairs(self) -> None:
         tree, cs = self.tree, self.tree.coordinates
         K = len(cs)
-        self.axis = np.array([c.axis for c in cs]).reshape(K, 3) * [[c.kind != "axis"] for c in cs]
+        constant = np.array([c.kind != "axis" for c in cs], dtype=bool)
+        self.axis = np.array([c.axis for c in cs]).reshape(K, 3) * constant[:, None]
         self.guided = [c for c in cs if c.kind == "axis"]
         turning = [p for p in tree.pairs if p.target is not None]
         shifting = [p for p in tree.pairs if p.target is None]

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
+import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -10,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..constraints import Treatment
-from ..errors import Diverged, InputError
+from ..errors import CosseratError, Diverged, InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..log import logger
@@ -109,7 +112,7 @@ def simulate(
     callbacks : sequence of callable
         Called with each :class:`StepReport`; one that returns True ends the run.
     progress : bool or callable
-        True: a line on the log at INFO every second; a callable gets (time, until).
+        True: one line on stderr, kept up to date; a callable gets (time, until) after each step.
     path : path, optional
         Stream the history to this file, block by block.
     derive : bool
@@ -132,35 +135,71 @@ def simulate(
     stepper = Stepper(system, integrator, treatment, step, settings)
     recorder = Recorder(system, stepper, state, count, every, at, path)
     report_progress = _progress(progress, until)
-    status = "completed"
-    failure: Diverged | None = None
+    status, failure = "completed", None
     origin, first = state.time, state.index
-    try:
-        for k in range(1, count + 1):
-            report = stepper.advance(state, origin + k * stepper.h)
-            recorder.take(report)
-            state = report.state
-            report_progress(state.time)
-            answers = [callback(report) for callback in callbacks]  # all are called
-            if any(answer is True for answer in answers):
-                status = "stopped"
-                break
-        recorder.look_ahead(state, origin + (state.index - first + 1) * stepper.h)
-    except KeyboardInterrupt:
-        status = "interrupted"
-        logger.warning("interrupted at t = %.6g s: the history up to there is kept", state.time)
-    except Diverged as error:
-        status, failure = "diverged", error
+    with recorder, _Interrupt() as interrupt:
+        try:
+            for k in range(1, count + 1):
+                report = stepper.advance(state, origin + k * stepper.h)
+                recorder.take(report)
+                state = report.state
+                report_progress(state.time)
+                answers = [callback(report) for callback in callbacks]  # all are called
+                if interrupt.asked:
+                    status = "interrupted"
+                    break
+                if any(answer is True for answer in answers):
+                    status = "stopped"
+                    break
+            recorder.look_ahead(state, origin + (state.index - first + 1) * stepper.h)
+        except KeyboardInterrupt:  # raised by a callback, or a second Ctrl-C
+            status = "interrupted"
+        except Diverged as error:
+            status, failure = "diverged", error
     history = recorder.close(status, failure)
-    if derive:
-        derive_series(system, history)
-        if path is not None:
-            history.save(path)
-    logger.info("%s: %d states up to t = %.6g s", status, len(history), history.times[-1])
     if failure is not None:
         failure.history = history
+    if derive:
+        _derive(system, history, path)
+    logger.info("%s: %d states up to t = %.6g s", status, len(history), history.times[-1])
+    if failure is not None:
         raise failure
     return history
+
+
+def _derive(system: System, history: History, path: str | os.PathLike[str] | None) -> None:
+    """Add the derived series; a history that ended badly is kept whatever they give."""
+    try:
+        with np.errstate(all="ignore"):
+            derive_series(system, history)
+    except CosseratError as error:
+        logger.warning("energies and reactions could not be derived: %s", error)
+    if path is not None:
+        history.save(path)
+
+
+class _Interrupt:
+    """Ctrl-C ends a run after the step that is being solved; a second one ends it at once."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._main = threading.current_thread() is threading.main_thread()
+
+    def __enter__(self) -> _Interrupt:
+        if self._main:
+            self._before = signal.getsignal(signal.SIGINT)
+            signal.signal(signal.SIGINT, self._ask)
+        return self
+
+    def _ask(self, number: int, frame: object) -> None:
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True
+        logger.warning("interrupted: the run ends after this step, its history is kept")
+
+    def __exit__(self, *exception: object) -> None:
+        if self._main:
+            signal.signal(signal.SIGINT, self._before)
 
 
 def _plan(
@@ -187,12 +226,14 @@ def _progress(progress: bool | Callable[[float, float], object], until: float) -
         return lambda t: progress(t, until)
     if not progress:
         return lambda t: None
-    last = [time.monotonic()]
+    last = [0.0]
 
-    def log(t: float) -> None:
+    def line(t: float) -> None:
         now = time.monotonic()
-        if now - last[0] >= 1:
+        done = t >= until * (1 - 1e-12)
+        if done or now - last[0] >= 0.2:
             last[0] = now
-            logger.info("t = %.6g s of %.6g s", t, until)
+            sys.stderr.write(f"\rt = {t:.6g} s of {until:.6g} s" + ("\n" if done else ""))
+            sys.stderr.flush()
 
-    return log
+    return line

@@ -50,6 +50,14 @@ class Recorder:
         self.last: dict[str, Any] | None = None
         self._append(self._row(state, 0, 1, 0.0))
 
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
+        """An error of the user's own code: what was recorded so far is in the file."""
+        if kind is not None:
+            self.close("failed", None)
+
     def _row(self, state: State, iterations: int, attempts: int, residual: float) -> dict[str, Any]:
         nan = np.full(self.system.n, np.nan)
         row: dict[str, Any] = {

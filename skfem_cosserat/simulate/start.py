@@ -71,8 +71,7 @@ def initial_state(
         )
     if p is not None:
         p = _checked(system, "p", p)
-        v_p, projected = Projection(system)(q, p, time)
-        miss = float(abs(system.mass @ (v_p.reshape(-1, 3)) - p.reshape(-1, 3)).max())
+        miss = float(abs(Projection(system)(q, p, time)[1] - p).max())
         if miss > tolerance * max(float(abs(p).max()), 1e-300) and miss > 1e-13:
             raise InputError(
                 "initial state",

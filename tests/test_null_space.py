@@ -1,0 +1,244 @@
+"""Null space matrices, reparametrisation and counts on named scenes and random trees."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers_scenes import (
+    everything,
+    four_bar,
+    null_space,
+    random_tree,
+    rotation,
+    swing,
+    triangle,
+    unit,
+)
+
+from skfem_cosserat import (
+    EnergyMomentum,
+    IncompatibleError,
+    InputError,
+    JointDistance,
+    JointFixed,
+    JointRevolute,
+    JointSpherical,
+    MassPoint,
+    Model,
+    Multipliers,
+    NullSpace,
+    RigidBody,
+    Stepper,
+    Variational,
+    ground,
+    initial_state,
+    project,
+    simulate,
+)
+from skfem_cosserat.kernels import director_force, null_space_blocks, skew
+from skfem_cosserat.model.kinematics import Chart
+
+SCENES = {
+    **{f"tree {seed}": (lambda seed=seed: random_tree(seed)) for seed in range(24)},
+    "everything": lambda: everything(1),
+    "everything, swapped": lambda: everything(2, swapped=True),
+    "swing": lambda: swing(4),
+}
+
+
+def two_states(system, seed, size=0.5):
+    """Two configurations (all rows) one step apart, and the chart that led to the second."""
+    rng = np.random.default_rng(seed)
+    chart = Chart(system.kinematics)
+    chart.begin(system.extend(system.q0, 0.0), system.ground(0.3))
+    for _ in range(2):
+        chart.add(size * rng.standard_normal(system.unknowns))
+    y0 = chart.configuration()
+    chart.begin(y0, system.ground(0.5))
+    chart.add(0.3 * size * rng.standard_normal(system.unknowns))
+    chart.add(0.3 * size * rng.standard_normal(system.unknowns))
+    return y0, chart.configuration(), chart
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_null_space_at_nodes_and_midpoints(name):
+    system = SCENES[name]()
+    y0, y1, chart = two_states(system, seed=11)
+    assert abs(system.constraints.values(y0)).max() < 1e-13 * (1 + system.length**2)
+    assert abs(system.constraints.values(y1)).max() < 1e-13 * (1 + system.length**2)
+    for y in (y0, 0.5 * (y0 + y1), y1):
+        G = system.constraints.jacobian(y).toarray()
+        P = null_space(system, y, chart.fixed)
+        assert abs(G @ P).max() <= 1e-12 * abs(G).max() * abs(P).max()
+        assert np.linalg.matrix_rank(P) == P.shape[1] == system.unknowns
+        assert P.shape[1] == system.n - np.linalg.matrix_rank(G)
+        assert np.linalg.matrix_rank(G) == system.rank == system.m
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_null_space_is_the_derivative_of_the_chart(seed):
+    """d F_d / d(increment) = P(q_{n+1}), by the complex step."""
+    system = random_tree(seed)
+    _, y1, chart = two_states(system, seed)
+    P = null_space(system, y1, chart.fixed)
+    saved = (chart._shift, chart._turn, chart._swing, chart._hinge)
+    for k in range(system.unknowns):
+        increment = np.zeros(system.unknowns, dtype=complex)
+        increment[k] = 1e-40j
+        chart.add(increment)
+        column = chart.configuration()[: system.rows].imag.ravel() / 1e-40
+        assert abs(column - P[:, k]).max() < 1e-12
+        chart._shift, chart._turn, chart._swing, chart._hinge = saved
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_reduction_and_expansion_are_the_matrix(seed):
+    """The kernels that never form P: P^T f and P nu."""
+    system = random_tree(seed)
+    rng = np.random.default_rng(seed)
+    y0, _, chart = two_states(system, seed)
+    P = null_space(system, y0, chart.fixed)
+    kin = system.kinematics
+    values = kin.T_values(kin.locate(y0, chart.fixed))
+    f, nu = rng.standard_normal((system.rows, 3)), rng.standard_normal(system.unknowns)
+    reduced = kin.reduce(values, kin.twist_force(y0, f))
+    assert reduced == pytest.approx(P.T @ f.ravel(), rel=1e-12, abs=1e-12)
+    rates = kin.rates(y0, kin.expand(values, nu))[: system.rows]
+    assert rates.ravel() == pytest.approx(P @ nu, rel=1e-12, abs=1e-12)
+
+
+def test_constraints_hold_over_many_compositions():
+    """1000 steps of random increments: no drift beyond round-off."""
+    system = random_tree(3)
+    rng = np.random.default_rng(0)
+    chart = Chart(system.kinematics)
+    y = system.extend(system.q0, 0.0)
+    for k in range(1000):
+        chart.begin(y, system.ground(1e-3 * (k + 1)))
+        chart.add(0.02 * rng.standard_normal(system.unknowns))
+        y = chart.configuration()
+    directors = system.kinematics.directors(y)
+    products = directors @ directors.transpose(0, 2, 1)
+    assert abs(products - np.eye(3)).max() < 1e-12
+    assert abs(system.constraints.values(y)).max() < 1e-12 * (1 + abs(y).max() ** 2)
+
+
+def test_internal_null_space():
+    rng = np.random.default_rng(1)
+    D = np.array([rotation(rng).T for _ in range(5)])
+    P = null_space_blocks(D)
+    v, omega = rng.standard_normal((2, 3))
+    rate = (P @ np.concatenate([v, omega])).reshape(5, 4, 3)
+    assert rate[:, 0] == pytest.approx(np.tile(v, (5, 1)))
+    assert rate[:, 1:] == pytest.approx(np.cross(omega, D), abs=1e-15)
+    f = rng.standard_normal((5, 3, 3))
+    assert director_force(D, f) == pytest.approx(np.cross(D, f).sum(1), abs=1e-14)
+    assert skew(v) @ omega == pytest.approx(np.cross(v, omega))
+
+
+def test_counts_of_the_swing():
+    system = swing()
+    assert system.counts() == {"n": 276, "m": 154, "rank": 154, "unknowns": 122}
+    for integrator in (Variational(), EnergyMomentum()):
+        weight = integrator.constraint_weight
+        assert NullSpace().bind(system, weight).unknowns == 122
+        assert Multipliers().bind(system, weight).unknowns == 430
+    text = repr(system)
+    for word in ("n = 276", "m = 154", "430 with multipliers", "122 with the null space"):
+        assert word in text
+
+
+def test_counts_joint_by_joint():
+    """Three numbers for a point, 12 - 6 for a body; what each joint takes away."""
+    taken = {JointSpherical: 3, JointRevolute: 5, JointFixed: 6, JointDistance: 1}
+    for kind, size in taken.items():
+        model = Model()
+        body = model.add("body", RigidBody.box(1.0, (1, 2, 3)))
+        options = {"axis": (0, 0, 1.0)} if kind is JointRevolute else {}
+        a = ground((0, 0, 1)) if kind is JointDistance else ground((0, 0, 0))
+        joint = model.add("joint", kind(a, body.at((0, 0, 0)), **options))
+        assert joint.size == size
+        system = model.freeze()
+        assert system.counts() == {"n": 12, "m": 6 + size, "rank": 6 + size, "unknowns": 6 - size}
+
+
+def test_counts_of_points_and_lumps():
+    model = Model()
+    body = model.add("body", RigidBody.sphere(1.0, 1.0))
+    model.add("lump", MassPoint(1.0, on=body.at((1, 0, 0))))
+    model.add("second", RigidBody.sphere(1.0, 1.0, on=body.at((0, 1, 0))))
+    model.add("point", MassPoint(1.0))
+    assert model.freeze().counts() == {"n": 15, "m": 6, "rank": 6, "unknowns": 9}
+
+
+# ----------------------------------------------------------------------- loops
+@pytest.mark.parametrize("integrator", [Variational(), EnergyMomentum()], ids=lambda i: i.name)
+def test_null_space_refuses_a_loop_before_the_first_step(integrator):
+    system = triangle().freeze()
+    with pytest.raises(IncompatibleError) as caught:
+        Stepper(system, integrator, NullSpace(), 0.01)
+    for word in ("spherical joint 'corner", "null space", "Multipliers()"):
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("integrator", [Variational(), EnergyMomentum()], ids=lambda i: i.name)
+def test_closed_loop_with_multipliers(integrator):
+    """A rigid triangle on a ball joint whose bars may spin: mobility 6. Energy and constraints are kept."""
+    system = triangle().freeze()
+    assert system.counts() == {"n": 36, "m": 30, "rank": 30, "unknowns": 6}
+    G = system.constraints.jacobian(system.extend(system.q0, 0.0)).toarray()
+    assert np.linalg.matrix_rank(G) == 30
+    history = simulate(system, integrator, Multipliers(), 0.01, 0.5)
+    assert history["constraint_violation"].max() < 1e-11
+    energy = history["energy"] + history["external"]
+    bound = 1e-10 if isinstance(integrator, EnergyMomentum) else 0.02
+    assert np.ptp(energy) < bound * np.ptp(history["kinetic"])
+    assert np.ptp(history["kinetic"]) > 1
+
+
+def test_both_treatments_give_the_same_motion():
+    """Every item at once, from rest, both integrators."""
+    system = everything(1)
+    start = consistent(system)
+    for integrator in (Variational(), EnergyMomentum()):
+        found = [
+            simulate(system, integrator, treatment, 2e-3, 0.02, start=start, derive=False)["q"]
+            for treatment in (NullSpace(), Multipliers())
+        ]
+        assert abs(found[0] - found[1]).max() < 1e-9
+        assert abs(found[0][-1] - found[0][0]).max() > 1e-3
+
+
+def consistent(system):
+    """Initial state whose velocity follows the moving ground."""
+    v = project(system, system.q0, np.zeros(system.n))
+    return initial_state(system, v=v)
+
+
+def test_planar_four_bar_is_redundant_and_loosened_it_is_not():
+    with pytest.raises(InputError) as caught:
+        four_bar().freeze()
+    for word in ("revolute joint 'pin", "redundant", "loosen"):
+        assert word in str(caught.value)
+    loose = four_bar((JointRevolute, JointSpherical, JointSpherical, JointRevolute)).freeze()
+    # mobility 2: the four-bar's own, and the coupler's spin about its two ball joints
+    assert loose.unknowns == 2
+    G = loose.constraints.jacobian(loose.extend(loose.q0, 0.0)).toarray()
+    assert np.linalg.matrix_rank(G) == loose.m == loose.rank
+
+
+def test_a_hinge_keeps_its_axis():
+    """It turns about its own axis wherever its guide goes."""
+    rng = np.random.default_rng(2)
+    for swap in (False, True):
+        model = Model()
+        axis = unit(rng)
+        a = model.add("a", RigidBody.box(1.0, (1, 2, 3), triad=rotation(rng).T))
+        b = model.add("b", RigidBody.box(1.0, (1, 2, 3), position=(1, 0, 0)))
+        places = [a.at((0.5, 0, 0)), b.at((0.5, 0, 0))]
+        model.add("pin", JointRevolute(*places[:: -1 if swap else 1], axis=axis))
+        system = model.freeze()
+        _, y1, _ = two_states(system, 4, 1.0)
+        R = [(y1[k + 1 : k + 4].T @ d.triad) for k, d in ((0, a), (4, b))]
+        assert R[0] @ axis == pytest.approx(R[1] @ axis, abs=1e-13)
+        assert abs(R[0] - R[1]).max() > 0.1
