@@ -28,7 +28,8 @@ UNTIL = 1.2
 
 def _swing() -> Any:
     spec = importlib.util.spec_from_file_location("swing", HERE / "three_bar_swing.py")
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -57,7 +58,7 @@ def main(quick: bool = True, repeats: int = 3, out: str | Path | None = None) ->
     swing = _swing()
     system = swing.build()
     count = 4 if quick else 6
-    steps = [2e-2 / 2**k for k in range(count)]
+    steps = [2.5e-2 / 2**k for k in range(count)]  # kinks of the pulse on step ends
     fine = [steps[-1] / 4, steps[-1] / 8]
     coarse, finer = (_position(system, sc.EnergyMomentum(), sc.NullSpace(), h)[0] for h in fine)
     reference = finer + (finer - coarse) / 3

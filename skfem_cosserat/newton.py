@@ -106,9 +106,7 @@ def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = Fals
             size = _advance(problem, increment, size, damped)
             report.residuals.append(size)
             report.increments.append(length)
-            logger.debug(
-                "Newton %d: increment %.3e residual %.3e", report.iterations, length, size
-            )
+            logger.debug("Newton %d: increment %.3e residual %.3e", report.iterations, length, size)
             if not capped and np.isfinite(size) and _converged(report.increments, settings):
                 report.converged = True
                 break

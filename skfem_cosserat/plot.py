@@ -57,7 +57,11 @@ def _check_folder(path: str | os.PathLike[str]) -> None:
         raise InputError(f"folder {str(folder)!r}", "does not exist or cannot be written")
 
 
-def plot_energy(history: History, path: str | os.PathLike[str] | None = None) -> Figure:
+def plot_energy(
+    history: History,
+    path: str | os.PathLike[str] | None = None,
+    names: Sequence[str] = ("kinetic", "strain_energy", "energy", "energy_midpoint"),
+) -> Figure:
     """Chart of the energies over time, and of the change of the total energy below it.
 
     Parameters
@@ -67,6 +71,9 @@ def plot_energy(history: History, path: str | os.PathLike[str] | None = None) ->
         in J.
     path : path-like, optional
         Write the chart here (``.png``, ``.svg``, ``.pdf``).
+    names : sequence of str
+        Which of them, as far as recorded. The potential of the loads (``external``) is drawn on
+        request: that of a strong pulse would hide all others.
 
     Returns
     -------
@@ -75,7 +82,7 @@ def plot_energy(history: History, path: str | os.PathLike[str] | None = None) ->
     Raises
     ------
     InputError
-        If none of the series was recorded.
+        If none of the series was recorded, or a name is no energy.
     ImportError
         Without matplotlib.
 
@@ -87,9 +94,12 @@ def plot_energy(history: History, path: str | os.PathLike[str] | None = None) ->
     >>> len(plot_energy(History({}, {}, series)).axes)
     2
     """
-    present = [name for name in _ENERGIES if name in history]
+    unknown = [name for name in names if name not in _ENERGIES]
+    if unknown:
+        raise InputError("argument names", f"got {unknown[0]!r}, expected of {list(_ENERGIES)}")
+    present = [name for name in _ENERGIES if name in history and name in names]
     if not present:
-        raise InputError("history", f"has no energy series; expected some of {list(_ENERGIES)}")
+        raise InputError("history", f"has no energy series; expected some of {list(names)}")
     totals = [name for name in present if _ENERGIES[name].startswith("total")]
     figure = _figure(7.0, 5.0 if totals else 3.2)
     ratios = [2, 1][: 1 + bool(totals)]

@@ -183,7 +183,11 @@ class Section:
 
 
 def _solid(
-    material: Material, area: float, I: tuple[float, float], J: float, kappa: float  # noqa: E741
+    material: Material,
+    area: float,
+    I: tuple[float, float],
+    J: float,
+    kappa: float,  # noqa: E741
 ) -> tuple[list[float], float, tuple[float, float]]:
     """Stiffness diagonal, mass and inertia of a homogeneous section.
 

@@ -307,7 +307,7 @@ def test_bad_folder_and_rows(make_scene, tmp_path):
     row = scene.row(0)
     for key, value, words in [
         ("q", None, "'q'.*missing"),
-        ("joint/pin/position", None, "joint/pin/position.*missing"),
+        ("joint/pin/position", np.zeros(2), r"joint/pin/position.*\(2,\)"),
         ("joint/pin/force", np.zeros(2), r"joint/pin/force.*\(2,\)"),
         ("beam/boom/strain", np.zeros((2, 7, 6)), r"beam/boom/strain.*\(2, 7, 6\)"),
     ]:
@@ -320,6 +320,27 @@ def test_bad_folder_and_rows(make_scene, tmp_path):
             ParaViewWriter(
                 tmp_path, scene.meta, {k: v for k, v in scene.static.items() if k != key}
             )
+
+
+def test_joints_without_places_are_left_out(make_scene, tmp_path, caplog):
+    """A run that was killed has coordinates only."""
+    scene = make_scene()
+    writer = ParaViewWriter(tmp_path, scene.meta, scene.static)
+    row = scene.row(1)
+    del row["joint/pin/position"]
+    writer.write(0.0, row)
+    points, _, _, at_points, _ = read_vtu(tmp_path / "joints" / "000000.vtu")
+    np.testing.assert_array_equal(points, [row["joint/weld/position"]])
+    np.testing.assert_array_equal(at_points["joint_id"], [1])
+    assert "force" not in at_points
+    writer = ParaViewWriter(tmp_path, scene.meta, scene.static)
+    for k in range(2):
+        assert len(writer.write(0.1 * k, {"q": row["q"]})) == 2
+    assert read_index(tmp_path / "joints.pvd") == []
+    assert len(read_index(tmp_path / "beams.pvd")) == 2
+    warnings = [record for record in caplog.records if record.levelname == "WARNING"]
+    assert len(warnings) == 1
+    assert "joints.pvd" in warnings[0].getMessage()
 
 
 EXPORT = """

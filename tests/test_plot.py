@@ -24,6 +24,9 @@ def test_energy(make_scene, tmp_path):
     drift = lower.get_lines()[0].get_ydata()
     np.testing.assert_allclose(drift, 1e-9 * np.arange(20), rtol=1e-6)  # largest energy is 1
     assert "J" in upper.get_ylabel()
+    history.add_series("external", np.full(20, -1e4))
+    assert len(plot_energy(history).axes[0].get_lines()) == 3
+    assert len(plot_energy(history, names=["external"]).axes) == 1
     assert lower.get_xlabel() == "time in s"
 
 
@@ -76,6 +79,7 @@ def test_charts_leave_no_global_state(make_scene):
         (lambda h, p: plot_series(h, []), "names"),
         (lambda h, p: plot_series(h, ["beam/boom/strain"]), "beam/boom/strain"),
         (lambda h, p: plot_energy(h, p / "no" / "a.png"), "no"),
+        (lambda h, p: plot_energy(h, names=["momentum"]), "momentum"),
         (lambda h, p: render(h, p / "no" / "a.png"), "no"),
         (lambda h, p: render(h, p / "a.png", frames=0), "frames"),
         (lambda h, p: render(h, p / "a.png", frames=[0, 3]), "frames"),

@@ -76,17 +76,6 @@ def test_reference_is_free_of_strain_and_stress(order):
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_energy_does_not_depend_on_the_path(order):
-    """Two different histories of rotations to the same state: strains are functions of q alone."""
-    beam = network(order)
-    q = deformed(beam, 5)
-    assert (strains(beam, q) == strains(beam, q.copy())).all()
-    turned = q @ rotation(np.random.default_rng(1), 3.0).T
-    back = turned @ np.linalg.inv(rotation(np.random.default_rng(1), 3.0).T)
-    assert abs(strains(beam, back) - strains(beam, q)).max() < 1e-12
-
-
-@pytest.mark.parametrize("order", ORDERS)
 def test_internal_forces_are_in_balance(order):
     """Objectivity of the energy: no resultant, no moment, at any state."""
     beam = network(order)
@@ -165,22 +154,18 @@ def test_stretch_turns_with_the_beam():
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_fibre_strain(order):
-    """A fibre at (X_1, X_2) is stretched by Gamma_3 + X_2 K_1 - X_1 K_2."""
+    """A fibre at (X_1, X_2) is stretched by Gamma_3 + X_2 K_1 - X_1 K_2, to first order."""
     beam = straight(1.5, order)
     q = deformed(beam, 7, 1e-7)
-    reference = beam.reference.reshape(-1, 4, 3)
     eps = strains(beam, q)[0]
     slope = beam.basis.dshape(beam.elements.points) / 1.5
-    shape = beam.basis.shape(beam.elements.points)
     X1, X2 = 0.3, -0.2
-    fibre = [s[:, 0] + X1 * s[:, 1] + X2 * s[:, 2] for s in (q, reference)]
-    now, start = (np.linalg.norm(slope.T @ f, axis=1) for f in fibre)
-    wanted = now - start
-    # the linear part of Gamma_3 holds: d3 . phi', with d3 along the fibre to first order
+    along = q[beam.basis.connectivity[0]]
+    fibre = along[:, 0] + X1 * along[:, 1] + X2 * along[:, 2]
+    stretch = np.linalg.norm(slope.T @ fibre, axis=1) - 1
     found = eps[:, 2] + X2 * eps[:, 3] - X1 * eps[:, 4]
-    twist = np.einsum("ag,ai->gi", shape, q[:, 3])
-    exact = np.einsum("gi,gi->g", twist, slope.T @ fibre[0]) - start
-    assert abs(found - exact).max() < 3e-13 + 1e-5 * abs(exact).max() + 1e-6 * abs(wanted).max()
+    assert abs(found).max() > 1e-8
+    assert found == pytest.approx(stretch, abs=1e-12)
 
 
 @pytest.mark.parametrize("order", ORDERS)

@@ -231,7 +231,7 @@ def test_output_is_read_back_with_vtk(tmp_path):
     import pyvista
 
     result = swing.main("energy-momentum", until=0.05, out=tmp_path)
-    for layer, cells in (("beams", 20), ("bodies", 12), ("joints", 4)):
+    for layer, cells in (("beams", 20), ("bodies", 13), ("joints", 4)):
         reader = pyvista.PVDReader(str(tmp_path / f"{layer}.pvd"))
         assert np.allclose(reader.time_values, result["times"], rtol=0, atol=0)
         for k in range(len(result["times"])):

@@ -35,8 +35,8 @@ class Layer(ABC):
     name: str
 
     @abstractmethod
-    def mesh(self, row: Row, reference: Floats) -> meshio.Mesh:
-        """Mesh of one state.
+    def mesh(self, row: Row, reference: Floats) -> meshio.Mesh | None:
+        """Mesh of one state, None if the state has nothing for this layer.
 
         Parameters
         ----------
@@ -202,7 +202,7 @@ class BodyLayer(Layer):
 
 
 class JointLayer(Layer):
-    """Joints as points with type, reaction force and moment."""
+    """Joints as points with type, reaction force and moment, as far as places are recorded."""
 
     name = "joints"
 
@@ -216,12 +216,16 @@ class JointLayer(Layer):
             "type": np.array(codes, dtype=np.int64),
         }
 
-    def mesh(self, row: Row, reference: Floats) -> meshio.Mesh:
+    def mesh(self, row: Row, reference: Floats) -> meshio.Mesh | None:
         """Mesh of one state, see `Layer.mesh`."""
-        x = np.array([entry(row, f"joint/{name}/position", (3,)) for name in self._names])
-        fields: Fields = dict(self._labels)
+        known = [k for k, name in enumerate(self._names) if f"joint/{name}/position" in row]
+        if not known:
+            return None
+        names = [self._names[k] for k in known]
+        x = np.array([entry(row, f"joint/{name}/position", (3,)) for name in names])
+        fields: Fields = {label: values[known] for label, values in self._labels.items()}
         for field in ("force", "moment"):
-            keys = [f"joint/{name}/{field}" for name in self._names]
+            keys = [f"joint/{name}/{field}" for name in names]
             if any(key in row for key in keys):
                 nothing = np.full(3, np.nan)
                 values = [entry(row, key, (3,)) if key in row else nothing for key in keys]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -144,8 +145,8 @@ class ParaViewWriter:
             In s.
         row : mapping of str to array
             ``q (n,)`` and, as far as known, ``v``, ``beam/{name}/strain``,
-            ``beam/{name}/resultant``, ``joint/{name}/position`` (needed), ``joint/{name}/force``
-            and ``joint/{name}/moment``.
+            ``beam/{name}/resultant``, ``joint/{name}/position`` (joints without it are left out),
+            ``joint/{name}/force`` and ``joint/{name}/moment``.
 
         Returns
         -------
@@ -165,6 +166,10 @@ class ParaViewWriter:
         meshes = [layer.mesh(arrays, self._reference) for layer in self._layers]
         written = []
         for layer, index, mesh in zip(self._layers, self._indices, meshes, strict=True):
+            if mesh is None:
+                level = logging.DEBUG if self._frame else logging.WARNING
+                logger.log(level, "%s: nothing recorded for this layer", index.path)
+                continue
             name = f"{layer.name}/{self._frame:06d}.vtu"
             path = self.folder / name
             mesh.write(path, file_format="vtu", binary=True, compression=self._compression)

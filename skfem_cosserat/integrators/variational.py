@@ -47,9 +47,7 @@ class Variational(Integrator):
         h, rows = step.h, system.rows
         mid = 0.5 * (step.y0 + y1)
         strains = system.strain(mid)
-        stresses = [
-            g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)
-        ]
+        stresses = [g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)]
         Bs = [B for _, B in strains]
         momentum = (system.mass @ (y1[:rows] - step.y0[:rows])) / h
         internal = system.internal_force(Bs, stresses)

@@ -82,9 +82,7 @@ def independent_loop_rows(system: Scene, loops: Sequence[JointRows], y: Floats) 
     basis = np.zeros((0, kin.unknowns))
     for jr in loops:
         rows = G[jr.rows].toarray()
-        reduced = np.array(
-            [kin.twist_force(y[: system.rows], row.reshape(-1, 3)) for row in rows]
-        )
+        reduced = np.array([kin.twist_force(y[: system.rows], row.reshape(-1, 3)) for row in rows])
         reduced = np.asarray((T.T @ reduced.T).T)
         scale = np.linalg.norm(reduced, axis=1)
         scale[scale == 0] = 1

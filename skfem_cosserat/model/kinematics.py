@@ -154,9 +154,7 @@ class Kinematics:
         if not len(self.pair_number):
             return Located(y, y[:0], y[:0], y[:0])
         x, axes = self.points_and_axes(y, fixed)
-        return Located(
-            y, x, axes[self.pair_number], x[self.pair_target] - x[self.pair_centre]
-        )
+        return Located(y, x, axes[self.pair_number], x[self.pair_target] - x[self.pair_centre])
 
     def T_values(self, at: Located) -> Array:
         """Entries of T at ``(T_rows, T_cols)``."""
@@ -429,7 +427,6 @@ class Chart:
 
 
 _DIRECTORS = np.arange(1, 4)
-
 
 
 def _identity(count: int) -> Floats:

@@ -108,9 +108,7 @@ class Loading:
         """f_a = sum_b L_ab y_b with constant L: components times directors."""
         if isinstance(load, LoadLine):
             beam = load.beam
-            number = next(
-                k for k, g in enumerate(self._beam_groups) if id(beam) in g.slices
-            )
+            number = next(k for k, g in enumerate(self._beam_groups) if id(beam) in g.slices)
             ids = load.elements + self._beam_groups[number].slices[id(beam)].start
             shape = beam.basis.elemental_mass()[load.elements]
             ne, nn = shape.shape[:2]
@@ -166,9 +164,7 @@ class Loading:
         spatial = (value[:, :, None] * D).sum(1)
         return reciprocal, np.where(self._moment_follows[:, None], spatial, value)
 
-    def add_tangent(
-        self, blocks: list[Array], y: Array, amplitudes: Floats, factor: float
-    ) -> None:
+    def add_tangent(self, blocks: list[Array], y: Array, amplitudes: Floats, factor: float) -> None:
         """Add ``factor * df/dy`` to the groups' blocks (beam groups first, then frames)."""
         for channel, number, ids, block in self._followers:
             k = number if number >= 0 else len(self._beam_groups)

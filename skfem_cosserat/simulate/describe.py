@@ -52,25 +52,35 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         "points": [],
         "joints": [],
     }
-    static: dict[str, Any] = {}
+    static: dict[str, Any] = {"reference": system.q0}
     for item in system.structures:
         if isinstance(item, Beam):
             meta["beams"].append(_describe_beam(system, item, static))
-        elif id(item) in system.first and isinstance(item, RigidBody):
-            meta["bodies"].append({"name": item.name, "shape": "surface"})
-            static[f"body/{item.name}/offset"] = np.array(3 * system.first[id(item)][1])
-            if item.surface is not None:
-                static[f"body/{item.name}/points"] = np.array(item.surface[0], dtype=float)
-                static[f"body/{item.name}/faces"] = np.array(item.surface[1], dtype=np.int64)
-        elif id(item) in system.first and isinstance(item, MassPoint):
-            meta["points"].append({"name": item.name})
-            static[f"point/{item.name}/offset"] = np.array(3 * system.first[id(item)][1])
+        else:
+            _describe_lump(system, item, meta, static)
     for joint in system.joints:
         kind = type(joint).__name__[5:].lower()
         meta["joints"].append(
             {"name": joint.name, "type": kind, "a": joint.a.label, "b": joint.b.label}
         )
     return meta, static
+
+
+def _describe_lump(
+    system: System, item: RigidBody | MassPoint, meta: dict[str, Any], static: dict[str, Any]
+) -> None:
+    """A body or mass point, also one that is attached to a node: it moves with that frame."""
+    place = item.place() if isinstance(item, MassPoint) else item.at(item.position)
+    if isinstance(item, RigidBody):
+        meta["bodies"].append({"name": item.name, "shape": "surface"})
+        static[f"body/{item.name}/offset"] = np.array(system.offset(place))
+        if item.surface is not None:
+            points = np.array(item.surface[0], dtype=float) + place.offset
+            static[f"body/{item.name}/points"] = points
+            static[f"body/{item.name}/faces"] = np.array(item.surface[1], dtype=np.int64)
+    elif not place.offset.any():
+        meta["points"].append({"name": item.name})
+        static[f"point/{item.name}/offset"] = np.array(system.offset(place))
 
 
 def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[str, Any]:

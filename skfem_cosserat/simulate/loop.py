@@ -134,28 +134,9 @@ def simulate(
     state, count = _plan(system, start, step, until, every)
     stepper = Stepper(system, integrator, treatment, step, settings)
     recorder = Recorder(system, stepper, state, count, every, at, path)
-    report_progress = _progress(progress, until)
-    status, failure = "completed", None
-    origin, first = state.time, state.index
+    show = _progress(progress, until)
     with recorder, _Interrupt() as interrupt:
-        try:
-            for k in range(1, count + 1):
-                report = stepper.advance(state, origin + k * stepper.h)
-                recorder.take(report)
-                state = report.state
-                report_progress(state.time)
-                answers = [callback(report) for callback in callbacks]  # all are called
-                if interrupt.asked:
-                    status = "interrupted"
-                    break
-                if any(answer is True for answer in answers):
-                    status = "stopped"
-                    break
-            recorder.look_ahead(state, origin + (state.index - first + 1) * stepper.h)
-        except KeyboardInterrupt:  # raised by a callback, or a second Ctrl-C
-            status = "interrupted"
-        except Diverged as error:
-            status, failure = "diverged", error
+        status, failure = _run(stepper, state, count, recorder, callbacks, show, interrupt)
     history = recorder.close(status, failure)
     if failure is not None:
         failure.history = history
@@ -165,6 +146,37 @@ def simulate(
     if failure is not None:
         raise failure
     return history
+
+
+def _run(
+    stepper: Stepper,
+    state: State,
+    count: int,
+    recorder: Recorder,
+    callbacks: Sequence[Callback],
+    show: Callable[[float], object],
+    interrupt: _Interrupt,
+) -> tuple[str, Diverged | None]:
+    """The loop itself; gives the status it ended with."""
+    origin, status = state.time, "completed"
+    try:
+        for k in range(1, count + 1):
+            report = stepper.advance(state, origin + k * stepper.h)
+            recorder.take(report)
+            state = report.state
+            show(state.time)
+            answers = [callback(report) for callback in callbacks]  # all are called
+            if interrupt.asked:
+                return "interrupted", None
+            if any(answer is True for answer in answers):
+                status = "stopped"
+                break
+        recorder.look_ahead(state, state.time + stepper.h)
+    except KeyboardInterrupt:  # raised by a callback, or a second Ctrl-C
+        return "interrupted", None
+    except Diverged as error:
+        return "diverged", error
+    return status, None
 
 
 def _derive(system: System, history: History, path: str | os.PathLike[str] | None) -> None:

@@ -127,9 +127,7 @@ class Recorder:
         return self.writer.history()
 
 
-def _wanted(
-    state: State, h: float, count: int, every: int, at: Sequence[float] | None
-) -> set[int]:
+def _wanted(state: State, h: float, count: int, every: int, at: Sequence[float] | None) -> set[int]:
     if at is None:
         return {*range(0, count + 1, int(every)), count}
     times = np.asarray(at, dtype=float)

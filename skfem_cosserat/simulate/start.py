@@ -80,9 +80,7 @@ def initial_state(
             )
         return State(time, 0, q, p)
     v = system.v0 if v is None else _checked(system, "v", v)
-    hidden = abs(
-        system.constraints.jacobian(y) @ v + diagnostics.ground_part(system, y, time)
-    )
+    hidden = abs(system.constraints.jacobian(y) @ v + diagnostics.ground_part(system, y, time))
     worst = float(hidden.max(initial=0.0))
     if worst > tolerance * max(1.0, float(abs(v).max())):
         raise InputError(

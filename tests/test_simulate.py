@@ -1,0 +1,258 @@
+"""The loop: what is recorded, streamed, derived, continued and interrupted."""
+
+import io
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+
+import skfem_cosserat as sc
+from skfem_cosserat.simulate import derive_series
+
+INTEGRATORS = (sc.Variational, sc.EnergyMomentum)
+
+
+def pendulum():
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
+    section = sc.SectionCircle(5e-3, sc.Material(5e6, 0.5, 1100))
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, director=(0, 1, 0)))
+    model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), (0, 0, 1)))
+    model.add("ball", sc.RigidBody.sphere(0.05, 0.02, on=rod.node("rod.end")))
+    model.add("gravity", sc.LoadGravity((0, -9.81, 0)))
+    return model.freeze()
+
+
+@pytest.fixture(scope="module", params=INTEGRATORS)
+def full(request):
+    system = pendulum()
+    integrator = request.param
+    return system, integrator, sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1)
+
+
+def test_times_are_multiples_of_the_step(full):
+    _, _, history = full
+    assert np.array_equal(history.times, np.arange(21) * 5e-3)
+    assert np.array_equal(history["step"], np.arange(21))
+    assert history.status == "completed"
+
+
+def test_thinned_histories_hold_the_same_states(full):
+    """The momentum of a state needs the step after it, recorded or not."""
+    system, integrator, history = full
+    for choice, ids in (
+        ({"every": 4}, [0, 4, 8, 12, 16, 20]),
+        ({"every": 7}, [0, 7, 14, 20]),
+        ({"at": [0.02, 0.05]}, [4, 10]),
+    ):
+        thin = sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, **choice)
+        kept = [k for k in ids if k in thin["step"]]
+        assert kept == ids
+        rows = [list(thin["step"]).index(k) for k in ids]
+        for name in ("q", "p", "v", "energy", "joint/hinge/force", "newton_iterations"):
+            assert np.array_equal(thin[name][rows], history[name][ids]), name
+
+
+def test_last_momentum_comes_from_the_step_after(full):
+    system, integrator, history = full
+    longer = sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.2)
+    for name in ("q", "p", "constraint_force", "multipliers"):
+        assert np.array_equal(history[name], longer[name][: len(history)]), name
+
+
+def test_steps_is_the_primitive(full):
+    system, integrator, history = full
+    for k, report in enumerate(sc.steps(system, integrator(), sc.NullSpace(), 5e-3), 1):
+        assert np.array_equal(report.state.q, history["q"][k])
+        assert np.array_equal(report.momentum, history["p"][k - 1])
+        if k == 10:
+            break
+
+
+def test_streamed_history_equals_that_in_memory(full, tmp_path):
+    system, integrator, history = full
+    path = tmp_path / "run.history"
+    streamed = sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, path=path)
+    for loaded in (streamed, sc.History.load(path)):
+        assert set(loaded.series) == set(history.series)
+        for name in history.series:
+            assert np.array_equal(loaded[name], history[name], equal_nan=True), name
+
+
+@pytest.mark.parametrize("treatment", [sc.NullSpace, sc.Multipliers])
+def test_restart_goes_on_as_if_nothing_had_happened(full, treatment, tmp_path):
+    system, integrator, _ = full
+    whole = sc.simulate(system, integrator(), treatment(), 5e-3, 0.1)
+    half = sc.simulate(system, integrator(), treatment(), 5e-3, 0.05)
+    half.save(tmp_path / "half.history")
+    start = sc.restart(system, sc.History.load(tmp_path / "half.history"), integrator(), step=5e-3)
+    rest = sc.simulate(system, integrator(), treatment(), 5e-3, 0.1, start=start)
+    assert rest["step"].tolist() == list(range(10, 21))
+    assert abs(rest["q"] - whole["q"][10:]).max() < 1e-11
+    assert abs(rest["p"][1:] - whole["p"][11:]).max() < 1e-11
+    for other, step in ((sc.EnergyMomentum, 2.5e-3), (sc.Variational, 1e-3)):
+        start = sc.restart(system, half, other(), step)
+        rest = sc.simulate(system, other(), treatment(), step, 0.1, start=start)
+        assert abs(rest["q"][-1] - whole["q"][-1]).max() < 2e-3
+
+
+def test_restart_refuses_another_model(full):
+    _, integrator, history = full
+    model = sc.Model()
+    model.add("ball", sc.MassPoint(1.0))
+    with pytest.raises(sc.HistoryError, match="belongs to another model"):
+        sc.restart(model.freeze(), history, integrator(), 5e-3)
+
+
+def test_callbacks_and_progress(full, monkeypatch):
+    system, integrator, _ = full
+    seen, asked = [], []
+    history = sc.simulate(
+        system,
+        integrator(),
+        sc.NullSpace(),
+        5e-3,
+        0.1,
+        callbacks=[lambda report: seen.append(report.state.index), lambda r: r.state.index == 7],
+        progress=lambda t, until: asked.append((t, until)),
+    )
+    assert seen == list(range(1, 8))
+    assert history.status == "stopped" and history["step"][-1] == 7
+    assert asked[-1] == (pytest.approx(0.035), 0.1)
+    stream = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, progress=True)
+    assert "of 0.1 s" in stream.getvalue()
+
+
+def test_library_prints_nothing_unasked(full, capfd):
+    system, integrator, _ = full
+    sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.05)
+    captured = capfd.readouterr()
+    assert captured.out == "" and captured.err == ""
+
+
+def test_interrupt_keeps_a_valid_history(full, tmp_path):
+    system, integrator, history = full
+
+    def press(report):
+        if report.state.index == 5:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    before = signal.getsignal(signal.SIGINT)
+    path = tmp_path / "run.history"
+    cut = sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, callbacks=[press], path=path)
+    assert signal.getsignal(signal.SIGINT) is before
+    assert cut.status == "interrupted"
+    loaded = sc.History.load(path)
+    assert loaded.status == "interrupted"
+    assert np.array_equal(loaded["q"], history["q"][: len(loaded)]) and len(loaded) >= 6
+
+
+def test_error_in_a_callback_leaves_the_file(full, tmp_path):
+    system, integrator, history = full
+
+    def fail(report):
+        if report.state.index == 5:
+            raise KeyError("my own mistake")
+
+    path = tmp_path / "run.history"
+    with pytest.raises(KeyError):
+        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, callbacks=[fail], path=path)
+    loaded = sc.History.load(path)
+    assert np.array_equal(loaded["q"], history["q"][:6])
+
+
+def test_killed_run_is_readable_up_to_the_last_block(tmp_path):
+    path = tmp_path / "killed.history"
+    script = textwrap.dedent(f"""
+        import os, signal, skfem_cosserat as sc
+        model = sc.Model()
+        model.add("ball", sc.MassPoint(1.0, velocity=(1, 0, 0)))
+        def kill(report):
+            if report.state.index == 130:
+                os.kill(os.getpid(), signal.SIGKILL)
+        sc.simulate(model.freeze(), sc.Variational(), sc.NullSpace(), 0.01, 10.0,
+                    callbacks=[kill], path={str(path)!r})
+    """)
+    done = subprocess.run([sys.executable, "-c", script], check=False)
+    assert done.returncode == -signal.SIGKILL
+    history = sc.History.load(path)
+    assert len(history) >= 100
+    assert np.allclose(history["q"][:, 0], history.times, atol=1e-12)
+
+
+def test_diverged_run_leaves_its_history(tmp_path):
+    """A step far too large for a stiff beam: the error says when, how far and what to try."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 8, name="strip")
+    section = sc.SectionRectangle(1e-3, 5e-3, sc.Material(73e9, 0.3, 2700))
+    model = sc.Model()
+    strip = model.add(
+        "strip",
+        sc.Beam(
+            mesh,
+            section,
+            director=(0, 1, 0),
+            velocity=lambda x: np.sin(9 * x[:, [1, 0, 2]]) * (0, 60, 0),
+        ),
+    )
+    model.add("push", sc.LoadForce(strip.node("strip.end"), (0, 200.0, 0)))
+    path = tmp_path / "run.history"
+    with pytest.raises(sc.Diverged) as info:
+        sc.simulate(model.freeze(), sc.Variational(), sc.NullSpace(), 0.02, 20.0, path=path)
+    error = info.value
+    assert f"step {error.step} from t" in str(error) and "try a smaller step" in str(error)
+    assert np.isfinite(error.residual) or error.residual == np.inf
+    loaded = sc.History.load(path)
+    for history in (error.history, loaded):
+        assert history.status == "diverged"
+        assert history["step"][-1] == error.step - 1
+        assert history.times[-1] == error.time
+        assert np.isfinite(history["q"]).all() and np.isfinite(history["p"]).all()
+
+
+def test_derived_series(full):
+    system, _, history = full
+    assert {"kinetic", "strain_energy", "external", "energy", "v", "Qp", "multipliers"} <= set(
+        history.series
+    )
+    shape = (len(history), 4, 1, 6)
+    assert history["beam/rod/strain"].shape == history["beam/rod/resultant"].shape == shape
+    assert history["multipliers"].shape == (len(history), system.m)
+    again = sc.simulate(system, sc.Variational(), sc.NullSpace(), 5e-3, 0.02, derive=False)
+    assert "energy" not in again
+    derive_series(system, again)
+    assert np.array_equal(again["energy"], again["kinetic"] + again["strain_energy"])
+
+
+def test_history_file_of_another_kind_or_folder(full, tmp_path):
+    system, integrator, _ = full
+    missing = tmp_path / "nowhere" / "run.history"
+    with pytest.raises(sc.InputError, match="nowhere"):
+        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, path=missing)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("step", 0.0), ("step", -1e-3), ("step", np.nan), ("until", 0.0), ("until", np.inf)],
+)
+def test_bad_times(full, name, value):
+    system, integrator, _ = full
+    arguments = {"step": 5e-3, "until": 0.1, name: value}
+    with pytest.raises(sc.InputError, match=name) as info:
+        sc.simulate(system, integrator(), sc.NullSpace(), **arguments)
+    assert repr(value) in str(info.value)
+
+
+def test_bad_recording(full):
+    system, integrator, _ = full
+    with pytest.raises(sc.InputError, match="every"):
+        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, every=0)
+    with pytest.raises(sc.InputError, match="outside"):
+        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, at=[0.3])
+    with pytest.raises(sc.InputError, match="less than one step"):
+        sc.simulate(system, integrator(), sc.NullSpace(), 0.2, 0.1)
