@@ -130,11 +130,11 @@ class Section:
                 item,
                 f"stiffness is not positive definite: lowest scaled eigenvalue {lowest:.3g}",
             )
-        I = np.array(inertia, dtype=float)  # noqa: E741 - the field's symbol
-        if I.shape != (2,):
-            raise InputError(item, f"inertia has shape {I.shape}, expected (2,)")
-        if not np.isfinite(I).all() or (I < 0).any():
-            raise InputError(item, f"inertia = {I.tolist()}: negative or not finite")
+        moments = np.array(inertia, dtype=float)
+        if moments.shape != (2,):
+            raise InputError(item, f"inertia has shape {moments.shape}, expected (2,)")
+        if not np.isfinite(moments).all() or (moments < 0).any():
+            raise InputError(item, f"inertia = {moments.tolist()}: negative or not finite")
         _positive(item, mass=mass)
         shape = None if outline is None else np.array(outline, dtype=float)
         if shape is not None and (shape.ndim != 2 or shape.shape[1] != 2):
@@ -142,7 +142,7 @@ class Section:
         for name, value in (
             ("stiffness", (D + D.T) / 2),
             ("mass", float(mass)),
-            ("inertia", I),
+            ("inertia", moments),
             ("outline", shape),
         ):
             object.__setattr__(self, name, value)
@@ -185,20 +185,20 @@ class Section:
 def _solid(
     material: Material,
     area: float,
-    I: tuple[float, float],
+    about: tuple[float, float],
     J: float,
-    kappa: float,  # noqa: E741
+    kappa: float,
 ) -> tuple[list[float], float, tuple[float, float]]:
     """Stiffness diagonal, mass and inertia of a homogeneous section.
 
-    ``I = (int X_2^2 dA, int X_1^2 dA)``: second moments *about* d1 and d2.
+    ``about = (int X_2^2 dA, int X_1^2 dA)``: second moments *about* d1 and d2.
     """
     E, G, rho = material.E, material.G, material.rho
     shear = kappa * G * area
     return (
-        [shear, shear, E * area, E * I[0], E * I[1], G * J],
+        [shear, shear, E * area, E * about[0], E * about[1], G * J],
         rho * area,
-        (rho * I[1], rho * I[0]),  # inertia along d1 is the second moment about d2
+        (rho * about[1], rho * about[0]),  # inertia along d1 is the second moment about d2
     )
 
 
@@ -232,9 +232,9 @@ class SectionRectangle(Section):
         series = (np.tanh(k * np.pi * long / (2 * short)) / k**5.0).sum()
         J = long * short**3 * (1 / 3 - 64 / np.pi**5 * short / long * series)
         area = a * b
-        I = (a * b**3 / 12, b * a**3 / 12)  # noqa: E741
+        moments = (a * b**3 / 12, b * a**3 / 12)
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (a / 2, b / 2)
-        super().__init__(*_solid(material, area, I, float(J), shear_factor), corners)
+        super().__init__(*_solid(material, area, moments, float(J), shear_factor), corners)
 
 
 class SectionTube(Section):
@@ -268,10 +268,12 @@ class SectionTube(Section):
             shear_factor = 6 * (1 + nu) * square / ((7 + 6 * nu) * square + (20 + 12 * nu) * m2)
         _positive("tube", shear_factor=shear_factor)
         area = np.pi * (outer**2 - inner**2)
-        I = np.pi / 4 * (outer**4 - inner**4)  # noqa: E741
+        moments = np.pi / 4 * (outer**4 - inner**4)
         angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
         circle = outer * np.column_stack([np.cos(angle), np.sin(angle)])
-        super().__init__(*_solid(material, area, (I, I), 2 * I, shear_factor), circle)
+        super().__init__(
+            *_solid(material, area, (moments, moments), 2 * moments, shear_factor), circle
+        )
 
 
 class SectionCircle(SectionTube):

@@ -145,10 +145,16 @@ def upward_imports(modules: list[Module]) -> list[str]:
 
 
 def cyclic_imports(modules: list[Module]) -> list[str]:
-    """Cycles among modules, and among the names of the table."""
+    """Cycles among modules, and among the names of the table.
+
+    Inside one folder a module may name its neighbour for annotations alone.
+    """
     files: dict[str, set[str]] = {}
     names: dict[str, set[str]] = {}
+    run = {id(node) for module in modules for node in nodes_run(module.tree)}
     for each in own_imports(modules):
+        if id(each.node) not in run and each.module.top == each.target.split(".")[0]:
+            continue
         files.setdefault(each.module.name, set()).add(each.target)
         if each.module.top != each.target.split(".")[0]:
             names.setdefault(each.module.top, set()).add(each.target.split(".")[0])
@@ -159,6 +165,15 @@ def cyclic_imports(modules: list[Module]) -> list[str]:
         except CycleError as error:  # its path goes from a module to the one importing it
             found.append("imports in a circle: " + " imports ".join(reversed(error.args[1])))
     return found
+
+
+def nodes_run(node: ast.AST) -> Iterator[ast.AST]:
+    """Nodes below ``node`` that run some time: all but the blocks for annotations."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and ast.unparse(child.test) in TYPE_CHECKING:
+            child = ast.Module(child.orelse, [])
+        yield child
+        yield from nodes_run(child)
 
 
 def nodes_run_at_import(node: ast.AST) -> Iterator[ast.AST]:

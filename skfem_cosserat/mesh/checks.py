@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from ..errors import MeshError
 from ..types import Array, Floats
 from .topology import duplicates
 
-#: A ``MeshCurve``, whose module imports this one.
-Mesh = Any
+if TYPE_CHECKING:  # pragma: no cover - for annotations only
+    from .mesh import MeshCurve
 
 __all__ = ["check_arrays", "check_geometry"]
 
@@ -44,7 +44,7 @@ def check_arrays(doflocs: Any, t: Any) -> tuple[Floats, Array]:
     return np.ascontiguousarray(points), np.ascontiguousarray(lines)
 
 
-def check_geometry(mesh: Mesh) -> None:
+def check_geometry(mesh: MeshCurve) -> None:
     """Lengths, vertices on curves, duplicates and names."""
     size = mesh.size
     degenerate = (mesh.lengths <= 1e-14 * size) | (mesh.t[0] == mesh.t[1])
@@ -65,7 +65,7 @@ def check_geometry(mesh: Mesh) -> None:
         raise MeshError("argument feature_angle", f"{mesh.feature_angle} is not in [0, pi] rad")
 
 
-def _check_curves(mesh: Mesh, size: float) -> None:
+def _check_curves(mesh: MeshCurve, size: float) -> None:
     """Ends of elements against the curves they are said to lie on."""
     on_curve = np.flatnonzero(mesh.curve_ids >= 0)
     if on_curve.size == 0:
@@ -91,7 +91,7 @@ def _check_curves(mesh: Mesh, size: float) -> None:
         )
 
 
-def _check_names(mesh: Mesh) -> None:
+def _check_names(mesh: MeshCurve) -> None:
     """Index arrays of beams and nodes."""
     for kind, names, count in (
         ("beam", mesh._subdomains, mesh.nelements),
