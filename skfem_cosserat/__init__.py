@@ -22,6 +22,7 @@ from .model import Model, System
 from .newton import NewtonSettings
 from .section import Material, Section, SectionCircle, SectionRectangle, SectionTube
 from .simulate import initial_state, project, restart, simulate, steps
+from .version import VERSION as __version__
 
 __all__ = [
     "Beam",
@@ -72,4 +73,3 @@ __all__ = [
     "triad",
     "write_mesh",
 ]
-__version__ = "0.1.0"

@@ -22,10 +22,10 @@ PACKAGE = Path(__file__).resolve().parent.parent / NAME
 #: Lowest first: a module imports only from lines above its own, or from its own line without
 #: cycles. A name is a module or a folder of the package.
 LAYERS = (
-    ("errors", "types", "log"),
+    ("errors", "types", "log", "version"),
     ("mesh", "element", "basis", "assembly"),
     ("section", "strain", "kernels"),
-    ("frames", "beam", "body", "joint", "load", "timefunctions"),
+    ("frames", "beam", "body", "joint", "load"),
     ("model",),
     ("linear", "newton"),
     ("constraints",),

@@ -102,10 +102,9 @@ def _after_pulse(result, name):
     return values[result["times"][: len(values)] >= PULSE_END - 1e-12]
 
 
+@pytest.mark.parametrize("ten_seconds", ["energy-momentum"], indirect=True)
 def test_energy_momentum_keeps_the_energy(ten_seconds):
     system, histories = ten_seconds
-    if histories["null-space"].meta["integrator"] != "energy-momentum":
-        pytest.skip("shown to oscillate below")
     for history in histories.values():
         energy = diagnostics.kinetic_energy(system, history["p"])
         energy = (energy + diagnostics.strain_energy(system, history["q"]))[25:]
@@ -194,9 +193,7 @@ def test_bad_arguments(name, value):
 def test_other_meshes_converge_and_the_file_is_the_built_one():
     results = [swing.main(elements=n, until=0.5)["mass_position"][-1] for n in (10, 20, 40)]
     assert np.linalg.norm(results[1] - results[2]) < np.linalg.norm(results[0] - results[1])
-    built = swing.build(elements=20)
     line = sc.MeshCurve.init_line((0, 0, 0), (0, swing.SPAN, 0), 20)
-    assert abs(np.sort(built.q0) - np.sort(built.q0)).max() == 0
     assert np.array_equal(sc.read_mesh(swing.MESH).p, line.p)
 
 

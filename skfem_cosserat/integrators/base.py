@@ -51,7 +51,7 @@ class StepData:
 
 @dataclass(eq=False)
 class Evaluation:
-    """A discrete balance at a trial configuration.
+    """A discrete balance at a trial configuration, as the implicit midpoint schemes need it.
 
     Attributes
     ----------
@@ -59,10 +59,23 @@ class Evaluation:
         Balance without constraint forces, in units of momentum.
     size : float
         Largest entry of its terms: what the residual is compared with.
+    momentum : (rows, 3) array
+        Inertia term.
+    mid : (total, 3) array
+        Midpoint configuration, where the internal force ``int B^T S ds`` acts.
+    stresses, Bs : list of arrays
+        S and B of that force, one for each beam group.
+    B1s : list of arrays
+        B at the configuration through which S changes.
     """
 
     R: Array
     size: float
+    momentum: Array
+    mid: Array
+    stresses: list[Array]
+    Bs: list[Array]
+    B1s: list[Array]
 
 
 class Integrator(ABC):
@@ -123,6 +136,23 @@ class Integrator(ABC):
 def largest(*terms: Array) -> float:
     """Largest magnitude in any of the arrays."""
     return max(float(abs(term).max(initial=0.0)) for term in terms)
+
+
+def midpoint_tangent(
+    system: System, step: StepData, evaluation: Evaluation, mass: float, force: float
+) -> list[Array]:
+    """``mass * M + force * d(f_int - f)/dq_1`` as blocks of the groups.
+
+    At the midpoint half of a change of q_1 reaches B and the loads, and half of it the stress.
+    """
+    e = evaluation
+    blocks = system.mass_tangent(mass)
+    half = 0.5 * force
+    for k, g in enumerate(system.beam_groups):
+        blocks[k] += g.tangent(e.Bs[k], e.B1s[k], e.stresses[k], half, half)
+    if not system.loading.dead_only:
+        system.loading.add_tangent(blocks, e.mid[: system.rows], step.amplitudes, -half)
+    return blocks
 
 
 def load_force(system: System, step: StepData, y: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..model import System
 from ..types import Array, Floats
-from .base import Evaluation, Integrator, State, StepData, largest, load_force
+from .base import Evaluation, Integrator, State, StepData, largest, load_force, midpoint_tangent
 
 __all__ = ["EnergyMomentum"]
 
@@ -16,15 +16,6 @@ __all__ = ["EnergyMomentum"]
 @dataclass(eq=False)
 class _StepData(StepData):
     stresses0: list[Array]
-
-
-@dataclass(eq=False)
-class _Evaluation(Evaluation):
-    momentum: Array
-    mid: Array
-    stresses: list[Array]
-    Bs: list[Array]
-    B1s: list[Array]
 
 
 class EnergyMomentum(Integrator):
@@ -58,7 +49,7 @@ class EnergyMomentum(Integrator):
         ]
         return _StepData(**vars(step), stresses0=stresses)
 
-    def evaluate(self, system: System, step: StepData, y1: Array) -> _Evaluation:
+    def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:
         """See the base class."""
         assert isinstance(step, _StepData)
         h, rows = step.h, system.rows
@@ -73,7 +64,7 @@ class EnergyMomentum(Integrator):
         momentum = (2 / h) * (system.mass @ (y1[:rows] - step.y0[:rows]))
         internal = system.internal_force(Bs, stresses)
         external = load_force(system, step, mid)
-        return _Evaluation(
+        return Evaluation(
             momentum - 2 * step.p0 + h * (internal - external),
             largest(momentum, step.p0, h * internal),
             momentum,
@@ -85,19 +76,10 @@ class EnergyMomentum(Integrator):
 
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:
         """See the base class: ``2M/h + h d(DV)/dq_{n+1}``."""
-        assert isinstance(evaluation, _Evaluation)
-        e, h = evaluation, step.h
-        blocks = system.mass_tangent(2 / h)
-        for k, g in enumerate(system.beam_groups):
-            blocks[k] += g.tangent(e.Bs[k], e.B1s[k], e.stresses[k], 0.5 * h, 0.5 * h)
-        if not system.loading.dead_only:
-            mid = e.mid[: system.rows]
-            system.loading.add_tangent(blocks, mid, step.amplitudes, -0.5 * h)
-        return blocks
+        return midpoint_tangent(system, step, evaluation, 2 / step.h, step.h)
 
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """``M v_{n+1} = 2 M dq/h - M v_n``."""
-        assert isinstance(evaluation, _Evaluation)
         return np.asarray(evaluation.momentum - step.p0)
 
     def node_momentum(self, step: StepData, impulse: Floats, fresh: bool) -> Floats:

@@ -8,18 +8,14 @@ import numpy as np
 
 from ..model import System
 from ..types import Array, Floats
-from .base import Evaluation, Integrator, StepData, largest, load_force
+from .base import Evaluation, Integrator, StepData, largest, load_force, midpoint_tangent
 
 __all__ = ["Variational"]
 
 
 @dataclass(eq=False)
 class _Evaluation(Evaluation):
-    momentum: Array
     kick: Array
-    mid: Array
-    stresses: list[Array]
-    Bs: list[Array]
 
 
 class Variational(Integrator):
@@ -57,23 +53,16 @@ class Variational(Integrator):
             momentum - kick - step.p0,
             largest(momentum, step.p0, kick),
             momentum,
-            kick,
             mid,
             stresses,
             Bs,
+            Bs,
+            kick,
         )
 
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:
         """See the base class: ``M/h + (h/4) K(q_mid)``."""
-        assert isinstance(evaluation, _Evaluation)
-        e, h = evaluation, step.h
-        blocks = system.mass_tangent(1 / h)
-        for k, g in enumerate(system.beam_groups):
-            blocks[k] += g.tangent(e.Bs[k], e.Bs[k], e.stresses[k], 0.25 * h, 0.25 * h)
-        if not system.loading.dead_only:
-            mid = e.mid[: system.rows]
-            system.loading.add_tangent(blocks, mid, step.amplitudes, -0.25 * h)
-        return blocks
+        return midpoint_tangent(system, step, evaluation, 1 / step.h, 0.5 * step.h)
 
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """``p_{n+1}`` before its constraint force: ``D_2 L_d + f^+`` (35)."""

@@ -17,10 +17,9 @@ from ..history import History
 from ..model import System
 from ..model.system import JointRows
 from ..types import Floats
+from ..version import VERSION
 
-__all__ = ["VERSION", "derive_series", "describe", "fingerprint"]
-
-VERSION = "0.1.0"
+__all__ = ["derive_series", "describe", "fingerprint"]
 
 
 def fingerprint(system: System) -> dict[str, Any]:
