@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import heapq
+import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Protocol
@@ -95,6 +97,10 @@ class Table:
 
 
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(8)
+#: Intervals at most in an average: a function that is noisy or jumps without end stays affordable.
+PIECES = 1000
+_Quadrature = tuple[float, float]
+_Piece = tuple[float, float, float, _Quadrature, _Quadrature]
 
 
 class FunctionOfTime:
@@ -129,25 +135,33 @@ class FunctionOfTime:
         """Mean over [t0, t1]."""
         inside = self.kinks[(self.kinks > t0) & (self.kinks < t1)]
         ends = [t0, *inside.tolist(), t1]
-        total = 0.0
-        for a, b in pairwise(ends):
-            total += self._integral(a, b, self._gauss(a, b), 40)
-        return total / (t1 - t0)
+        return sum(self._integral(a, b) for a, b in pairwise(ends)) / (t1 - t0)
 
-    def _gauss(self, a: float, b: float) -> tuple[float, float]:
+    def _gauss(self, a: float, b: float) -> _Quadrature:
         """Integral and sum of magnitudes."""
         mid, half = (a + b) / 2, (b - a) / 2
         f = np.array([self.value(mid + half * x) for x in _GAUSS_X])
         return float(half * (f @ _GAUSS_W)), float(half * (abs(f) @ _GAUSS_W))
 
-    def _integral(self, a: float, b: float, whole: tuple[float, float], depth: int) -> float:
+    def _integral(self, a: float, b: float) -> float:
+        """Halve the interval of the largest error until none is left above round-off."""
+        pieces = [self._halved(a, b, self._gauss(a, b))]
+        scale = 0.0
+        while len(pieces) < PIECES:
+            error, a, b, left, right = pieces[0]
+            scale = max(scale, left[1] + right[1])
+            if -error <= 1e-14 * scale:
+                break
+            mid = (a + b) / 2
+            heapq.heapreplace(pieces, self._halved(a, mid, left))
+            heapq.heappush(pieces, self._halved(mid, b, right))
+        return math.fsum(left[0] + right[0] for _, _, _, left, right in pieces)
+
+    def _halved(self, a: float, b: float, whole: _Quadrature) -> _Piece:
+        """Both halves of an interval, after minus the error their sum shows."""
         mid = (a + b) / 2
         left, right = self._gauss(a, mid), self._gauss(mid, b)
-        value = left[0] + right[0]
-        close = abs(value - whole[0]) <= 1e-13 * max(whole[1], left[1] + right[1])
-        if close or depth == 0:
-            return value
-        return self._integral(a, mid, left, depth - 1) + self._integral(mid, b, right, depth - 1)
+        return -abs(left[0] + right[0] - whole[0]), a, b, left, right
 
 
 Amplitude = float | TimeFunction | Callable[[float], float] | None

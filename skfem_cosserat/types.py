@@ -1,4 +1,4 @@
-"""Array types used in annotations."""
+"""Array types used in annotations, and numbers from what a user gives."""
 
 from __future__ import annotations
 
@@ -8,7 +8,18 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Array", "ArrayLike", "Floats", "IndexArray", "TimeFunctionLike", "VectorLike"]
+from .errors import InputError
+
+__all__ = [
+    "Array",
+    "ArrayLike",
+    "Floats",
+    "IndexArray",
+    "TimeFunctionLike",
+    "VectorLike",
+    "numbers",
+    "positive",
+]
 
 #: Real or complex numbers: kernels take complex input so that tangents can be checked by the
 #: complex step.
@@ -19,3 +30,22 @@ IndexArray: TypeAlias = NDArray[np.int64]
 VectorLike: TypeAlias = Sequence[float] | NDArray[np.float64]
 #: A function of time: a number or three numbers for a time in s.
 TimeFunctionLike: TypeAlias = Callable[[float], Any]
+
+
+def numbers(item: str, name: str, value: Any) -> Floats:
+    """Fresh array of real numbers (NaN included), or an error naming item and argument."""
+    try:
+        return np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(item, f"{name} = {value!r}, expected real numbers") from error
+
+
+def positive(item: str, name: str, value: Any, unit: str = "") -> float:
+    """A positive finite number, or an error naming item and argument."""
+    try:
+        out = np.nan if isinstance(value, str) or np.ndim(value) else float(value)
+    except (TypeError, ValueError):
+        out = np.nan
+    if not (np.isfinite(out) and out > 0):
+        raise InputError(item, f"{name} = {value!r}, expected a positive finite number{unit}")
+    return out

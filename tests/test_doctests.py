@@ -1,0 +1,43 @@
+"""Every example in a docstring runs."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import pkgutil
+
+import pytest
+
+import skfem_cosserat
+
+MODULES = sorted(
+    ["skfem_cosserat"]
+    + [m.name for m in pkgutil.walk_packages(skfem_cosserat.__path__, "skfem_cosserat.")]
+)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_examples_of_a_module(name, tmp_path, monkeypatch):
+    if name.endswith("__main__"):
+        pytest.skip("would run the command line")
+    monkeypatch.chdir(tmp_path)  # examples that write files leave nothing behind
+    result = doctest.testmod(importlib.import_module(name), report=True)
+    assert result.failed == 0
+
+
+def test_there_are_examples():
+    finder = doctest.DocTestFinder()
+    count = sum(
+        bool(test.examples)
+        for name in MODULES
+        if not name.endswith("__main__")
+        for test in finder.find(importlib.import_module(name))
+    )
+    assert count > 60
+
+
+@pytest.mark.parametrize("name", skfem_cosserat.__all__)
+def test_public_names_are_documented(name):
+    doc = getattr(skfem_cosserat, name).__doc__
+    assert doc
+    assert len(doc.strip()) > 15
