@@ -22,7 +22,7 @@ from .model import Model, System
 from .newton import NewtonSettings
 from .section import Material, Section, SectionCircle, SectionRectangle, SectionTube
 from .simulate import initial_state, project, restart, simulate, steps
-from .version import VERSION as __version__
+from .version import VERSION
 
 __all__ = [
     "Beam",
@@ -73,3 +73,4 @@ __all__ = [
     "triad",
     "write_mesh",
 ]
+__version__ = VERSION

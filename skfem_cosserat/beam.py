@@ -14,7 +14,7 @@ from .frames import Place, StructuralItem, Vertices
 from .kernels import BeamElements, beam_force, beam_strain, beam_stress, beam_tangent
 from .mesh import MeshCurve
 from .section import Section
-from .types import Array, ArrayLike, Floats, IndexArray, VectorLike
+from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, numbers
 
 __all__ = ["Beam"]
 
@@ -122,7 +122,7 @@ class Beam(StructuralItem):
         nodes = self.basis.nodes
         if value is None:
             return np.zeros_like(nodes)
-        array = np.array(value(nodes) if callable(value) else value, dtype=float)
+        array = numbers(self.label, name, value(nodes) if callable(value) else value)
         if array.shape not in ((3,), nodes.shape):
             raise InputError(
                 self.label, f"{name} has shape {array.shape}, expected (3,) or {nodes.shape}"

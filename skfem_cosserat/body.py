@@ -8,7 +8,7 @@ import numpy as np
 
 from .errors import InputError
 from .frames import Place, StructuralItem, Vertices, check_triad, vector
-from .types import ArrayLike, Floats
+from .types import ArrayLike, Floats, numbers, positive
 
 __all__ = ["MassPoint", "RigidBody"]
 
@@ -19,11 +19,11 @@ class _Lump(StructuralItem):
     def __init__(
         self, mass: float, position: ArrayLike, velocity: ArrayLike, on: Place | None
     ) -> None:
-        if not np.isfinite(mass) or mass <= 0:
-            raise InputError(self.label, f"mass = {mass!r}, expected a positive finite number")
+        self.mass = positive(self.label, "mass", mass)
+        if on is not None and not isinstance(on, Place):
+            raise InputError(self.label, f"on = {type(on).__name__}, expected a Place")
         if on is not None and (on.item is None or on.triad is None):
             raise InputError(self.label, f"cannot be attached to {on.label}: needs a triad")
-        self.mass = float(mass)
         self.position = vector(self.label, "position", position) if on is None else on.position
         self.velocity = vector(self.label, "velocity", velocity)
         self.on = on
@@ -139,18 +139,18 @@ class RigidBody(_Lump):
         self.center = vector(self.label, "center", center)
         self.angular_velocity = vector(self.label, "angular_velocity", angular_velocity)
         self.euler = self._euler_tensor(inertia, euler)
-        self.surface = surface
+        self.surface = None if surface is None else self._checked_surface(*surface)
 
     def _euler_tensor(self, inertia: ArrayLike | None, euler: ArrayLike | None) -> Floats:
         if (inertia is None) == (euler is None):
             raise InputError(self.label, "give either inertia or euler, not both and not neither")
         name = "inertia" if euler is None else "euler"
-        value = np.array(inertia if euler is None else euler, dtype=float)
+        value = numbers(self.label, name, inertia if euler is None else euler)
         if value.shape == (3,):
             value = np.diag(value)
         if value.shape != (3, 3):
             raise InputError(self.label, f"{name} has shape {value.shape}, expected (3,) or (3, 3)")
-        if not np.isfinite(value).all() or not np.allclose(value, value.T, rtol=1e-12):
+        if not abs(value - value.T).max() <= 1e-12 * abs(value).max() < np.inf:
             raise InputError(self.label, f"{name} = {value.tolist()} is not finite and symmetric")
         E = value if euler is not None else np.trace(value) / 2 * np.eye(3) - value
         lowest = float(np.linalg.eigvalsh(E)[0])
@@ -162,6 +162,21 @@ class RigidBody(_Lump):
                 " not exceed the sum of the other two, and none may be negative)",
             )
         return E
+
+    def _checked_surface(self, points: ArrayLike, faces: ArrayLike) -> tuple[Floats, Any]:
+        x, triangles = numbers(self.label, "surface points", points), np.array(faces)
+        if x.ndim != 2 or x.shape[1] != 3 or not np.isfinite(x).all():
+            raise InputError(
+                self.label, f"surface points of shape {x.shape}, expected finite numbers (nv, 3)"
+            )
+        if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
+            raise InputError(
+                self.label, f"surface faces of shape {triangles.shape}, expected integers (nf, 3)"
+            )
+        wrong = triangles[(triangles < 0) | (triangles >= len(x))]
+        if len(wrong):
+            raise InputError(self.label, f"surface faces name point {wrong[0]} of {len(x)}")
+        return x, triangles
 
     # -- shapes ------------------------------------------------------------------------------
 
@@ -241,8 +256,8 @@ class RigidBody(_Lump):
 
 
 def _lengths(shape: str, **values: ArrayLike) -> Floats:
-    array = np.array(next(iter(values.values())) if len(values) == 1 else list(values.values()))
-    array = np.atleast_1d(array).astype(float)
+    given = next(iter(values.values())) if len(values) == 1 else list(values.values())
+    array = np.atleast_1d(numbers(f"rigid body ({shape})", ", ".join(values), given))
     if not (np.isfinite(array).all() and (array > 0).all()):
         raise InputError(f"rigid body ({shape})", f"{values} must be positive and finite")
     if shape == "box" and array.shape != (3,):

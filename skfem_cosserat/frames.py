@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import InputError
 from .kernels import exp_quaternion, rotation_matrix
-from .types import ArrayLike, Floats
+from .types import ArrayLike, Floats, numbers
 
 __all__ = ["Item", "Motion", "Place", "Vertices", "ground", "triad"]
 
@@ -22,7 +22,7 @@ TOLERANCE = 1e-9  # of lengths and cosines in the reference configuration
 
 def vector(item: str, name: str, value: ArrayLike) -> Floats:
     """Three finite numbers, or an error naming item and argument."""
-    array = np.array(value, dtype=float)
+    array = numbers(item, name, value)
     if array.shape != (3,):
         raise InputError(item, f"{name} has shape {array.shape}, expected (3,)")
     if not np.isfinite(array).all():
@@ -72,7 +72,7 @@ def triad(d3: ArrayLike, d1: ArrayLike | None = None) -> Floats:
 
 def check_triad(item: str, value: ArrayLike) -> Floats:
     """A (3, 3) right-handed orthonormal triad, rows d1, d2, d3."""
-    array = np.array(value, dtype=float)
+    array = numbers(item, "triad", value)
     if array.shape != (3, 3):
         raise InputError(item, f"triad has shape {array.shape}, expected (3, 3): rows d1, d2, d3")
     error = float(abs(array @ array.T - np.eye(3)).max())
@@ -104,6 +104,13 @@ class Motion:
 
     displacement: Callable[[float], ArrayLike] | None = None
     rotation: Callable[[float], ArrayLike] | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in (("displacement", self.displacement), ("rotation", self.rotation)):
+            if value is not None and not callable(value):
+                raise InputError(
+                    "prescribed motion", f"{name} = {value!r}, expected a function of time"
+                )
 
     def frame(self, position: Floats, t: float) -> Floats:
         """Rows ``(x, d1, d2, d3)`` (4, 3) at time ``t``."""
@@ -220,5 +227,7 @@ def ground(position: ArrayLike, motion: Motion | None = None) -> Place:
     [0.0, 0.0, 1.0]
     """
     x = vector("ground", "position", position)
+    if motion is not None and not isinstance(motion, Motion):
+        raise InputError(f"ground at {x.tolist()}", f"motion = {motion!r}, expected a Motion")
     # the static ground is one frame at the origin; a moving place is a frame of its own
     return Place(None, -1, x, x if motion is None else np.zeros(3), np.eye(3), motion)

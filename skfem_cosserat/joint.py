@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import InputError
 from .frames import TOLERANCE, Item, Place, unit_vector
-from .types import ArrayLike, Floats
+from .types import ArrayLike, Floats, positive
 
 __all__ = [
     "Freedom",
@@ -272,7 +272,8 @@ class JointDistance(Joint):
 
     def __init__(self, a: Place, b: Place, length: float | None = None) -> None:
         super().__init__(a, b)
-        self.length = float(np.linalg.norm(b.position - a.position)) if length is None else length
+        distance = float(np.linalg.norm(b.position - a.position))
+        self.length = positive(self.label, "length", distance if length is None else length)
 
     def check(self, t: float) -> None:
         """See the base class."""
@@ -282,8 +283,6 @@ class JointDistance(Joint):
             for p in (self.a, self.b)
         )
         distance = float(np.linalg.norm(x_b - x_a))
-        if not (np.isfinite(self.length) and self.length > 0):
-            raise InputError(self.label, f"length = {self.length!r}, expected a positive number")
         if abs(distance - self.length) > TOLERANCE * self.length:
             raise InputError(
                 self.label,

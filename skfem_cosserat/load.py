@@ -6,16 +6,14 @@ import heapq
 import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from .beam import Beam
 from .errors import InputError
 from .frames import Item, Place, vector
-from .types import ArrayLike, Floats
-
-if TYPE_CHECKING:
-    from .beam import Beam
+from .types import ArrayLike, Floats, numbers
 
 __all__ = [
     "Amplitude",
@@ -31,6 +29,7 @@ __all__ = [
 ]
 
 
+@runtime_checkable
 class TimeFunction(Protocol):
     """A number as a function of time, with its exact average over a step."""
 
@@ -72,8 +71,8 @@ class Table:
     """
 
     def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
-        self.times = np.array(times, dtype=float)
-        self.values = np.array(values, dtype=float)
+        self.times = numbers("table of time", "times", times)
+        self.values = numbers("table of time", "values", values)
         if self.times.ndim != 1 or self.times.shape != self.values.shape or len(self.times) == 0:
             raise InputError(
                 "table of time",
@@ -97,9 +96,13 @@ class Table:
 
 
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(8)
+#: the polynomial through the Gauss points, continued to both ends
+_AT_ENDS = np.polynomial.legendre.legvander(np.array([-1.0, 1.0]), 7) @ np.linalg.inv(
+    np.polynomial.legendre.legvander(_GAUSS_X, 7)
+)
 #: Intervals at most in an average: a function that is noisy or jumps without end stays affordable.
 PIECES = 1000
-_Quadrature = tuple[float, float]
+_Quadrature = tuple[float, float, float]
 _Piece = tuple[float, float, float, _Quadrature, _Quadrature]
 
 
@@ -121,8 +124,12 @@ class FunctionOfTime:
     """
 
     def __init__(self, function: Callable[[float], float], kinks: Sequence[float] = ()) -> None:
+        if not callable(function):
+            raise InputError("function of time", f"{function!r} is not callable")
         self.function = function
-        self.kinks = np.sort(np.array(kinks, dtype=float))
+        self.kinks = np.sort(numbers("function of time", "kinks", kinks))
+        if self.kinks.ndim != 1 or not np.isfinite(self.kinks).all():
+            raise InputError("function of time", f"kinks = {kinks!r}, expected finite times")
 
     def value(self, t: float) -> float:
         """The function's value, which must be a finite number."""
@@ -138,10 +145,12 @@ class FunctionOfTime:
         return sum(self._integral(a, b) for a, b in pairwise(ends)) / (t1 - t0)
 
     def _gauss(self, a: float, b: float) -> _Quadrature:
-        """Integral and sum of magnitudes."""
+        """Integral, that of the magnitude, and what a kink outside of the points can hide."""
         mid, half = (a + b) / 2, (b - a) / 2
         f = np.array([self.value(mid + half * x) for x in _GAUSS_X])
-        return float(half * (f @ _GAUSS_W)), float(half * (abs(f) @ _GAUSS_W))
+        ends = np.array([self.value(a), self.value(b)])
+        hidden = half * (1 - _GAUSS_X[-1]) * abs(_AT_ENDS @ f - ends).max()
+        return float(half * (f @ _GAUSS_W)), float(half * (abs(f) @ _GAUSS_W)), float(hidden)
 
     def _integral(self, a: float, b: float) -> float:
         """Halve the interval of the largest error until none is left above round-off."""
@@ -161,7 +170,10 @@ class FunctionOfTime:
         """Both halves of an interval, after minus the error their sum shows."""
         mid = (a + b) / 2
         left, right = self._gauss(a, mid), self._gauss(mid, b)
-        return -abs(left[0] + right[0] - whole[0]), a, b, left, right
+        error = abs(left[0] + right[0] - whole[0]) + left[2] + right[2]
+        if b - a <= 1e-14 * max(abs(a), abs(b)):  # a jump, pinned down to rounding
+            error = 0.0
+        return -error, a, b, left, right
 
 
 Amplitude = float | TimeFunction | Callable[[float], float] | None
@@ -170,15 +182,20 @@ Amplitude = float | TimeFunction | Callable[[float], float] | None
 def _amplitude(item: str, value: Amplitude) -> TimeFunction:
     if value is None:
         return Constant(1.0)
-    if isinstance(value, int | float):
+    if isinstance(value, int | float | np.number):
         if not np.isfinite(value):
             raise InputError(item, f"amplitude = {value!r} is not finite")
         return Constant(value)
-    if isinstance(value, Table | FunctionOfTime | Constant):
+    if isinstance(value, TimeFunction):
         return value
-    if callable(value):
-        return FunctionOfTime(value)
-    return value
+    if not callable(value):
+        raise InputError(
+            item, f"amplitude = {value!r}, expected a number, a Table or a function of time"
+        )
+    first = value(0.0)
+    if np.shape(first) != () or not np.isfinite(first):
+        raise InputError(item, f"amplitude is {first!r} at t = 0.0, expected a number")
+    return FunctionOfTime(value)
 
 
 class Load(Item):
@@ -218,7 +235,7 @@ class Load(Item):
 
 def _component(function: Callable[[float], ArrayLike], i: int) -> Callable[[float], float]:
     def component(t: float) -> float:
-        return float(np.asarray(function(t), dtype=float)[i])
+        return float(vector("load", f"value({t!r})", function(t))[i])
 
     return component
 
@@ -229,7 +246,8 @@ class _NodalLoad(Load):
     ) -> None:
         super().__init__(value, amplitude, follower)
         if not isinstance(place, Place) or place.item is None:
-            raise InputError(self.label, f"acts on {place!r}, expected the place of an item")
+            what = place.label if isinstance(place, Place) else type(place).__name__
+            raise InputError(self.label, f"acts on {what}, expected the place of an item")
         if place.triad is None and (follower or isinstance(self, LoadMoment)):
             raise InputError(self.label, f"{place.label} is a mass point and has no directions")
         self.place = place
@@ -279,6 +297,8 @@ class LoadLine(Load):
         part: str | None = None,
     ) -> None:
         super().__init__(value, amplitude, follower)
+        if not isinstance(beam, Beam):
+            raise InputError(self.label, f"acts on {type(beam).__name__}, expected a beam")
         self.beam = beam
         self.elements = beam.part(part)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .errors import InputError
-from .types import ArrayLike, Floats
+from .types import ArrayLike, Floats, numbers, positive
 
 __all__ = [
     "Material",
@@ -24,8 +24,7 @@ __all__ = [
 
 def _positive(item: str, **values: float) -> None:
     for name, value in values.items():
-        if not np.isfinite(value) or value <= 0:
-            raise InputError(item, f"{name} = {value!r}, expected a positive finite number")
+        positive(item, name, value)
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,8 @@ class Material:
 
     def __post_init__(self) -> None:
         _positive("material", E=self.E, rho=self.rho)
-        if not -1 < self.nu <= 0.5:
+        nu = numbers("material", "nu", self.nu)
+        if nu.shape != () or not -1 < nu <= 0.5:
             raise InputError("material", f"nu = {self.nu!r}, expected -1 < nu <= 0.5")
 
     @property
@@ -105,7 +105,7 @@ class Section:
         outline: ArrayLike | None = None,
     ) -> None:
         item = "section"
-        D = np.array(stiffness, dtype=float)
+        D = numbers(item, "stiffness", stiffness)
         if D.shape == (6,):
             D = np.diag(D)
         if D.shape != (6, 6):
@@ -130,15 +130,17 @@ class Section:
                 item,
                 f"stiffness is not positive definite: lowest scaled eigenvalue {lowest:.3g}",
             )
-        moments = np.array(inertia, dtype=float)
+        moments = numbers(item, "inertia", inertia)
         if moments.shape != (2,):
             raise InputError(item, f"inertia has shape {moments.shape}, expected (2,)")
         if not np.isfinite(moments).all() or (moments < 0).any():
             raise InputError(item, f"inertia = {moments.tolist()}: negative or not finite")
         _positive(item, mass=mass)
-        shape = None if outline is None else np.array(outline, dtype=float)
+        shape = None if outline is None else numbers(item, "outline", outline)
         if shape is not None and (shape.ndim != 2 or shape.shape[1] != 2):
             raise InputError(item, f"outline has shape {shape.shape}, expected (k, 2)")
+        if shape is not None and not np.isfinite(shape).all():
+            raise InputError(item, f"outline is not finite: {shape.tolist()}")
         for name, value in (
             ("stiffness", (D + D.T) / 2),
             ("mass", float(mass)),
@@ -178,8 +180,12 @@ class Section:
         >>> s.stiffness.diagonal().tolist()
         [5000.0, 5000.0, 10000.0, 2.0, 3.0, 1.0]
         """
-        GA_1, GA_2 = GA if isinstance(GA, tuple | list) else (GA, GA)
-        return cls([GA_1, GA_2, EA, EI[0], EI[1], GJ], mass, inertia, outline)
+        pairs = {"GA": (GA, GA) if np.ndim(GA) == 0 else GA, "EI": EI}
+        for name, pair in pairs.items():
+            if np.shape(pair) != (2,):
+                raise InputError("section", f"{name} = {pair!r}, expected two numbers")
+        (GA_1, GA_2), (EI_1, EI_2) = numbers("section", "GA and EI", list(pairs.values()))
+        return cls([GA_1, GA_2, EA, EI_1, EI_2, GJ], mass, inertia, outline)
 
 
 def _solid(
@@ -200,6 +206,11 @@ def _solid(
         rho * area,
         (rho * about[1], rho * about[0]),  # inertia along d1 is the second moment about d2
     )
+
+
+def _check_material(item: str, material: Material) -> None:
+    if not isinstance(material, Material):
+        raise InputError(item, f"material = {material!r}, expected a Material")
 
 
 class SectionRectangle(Section):
@@ -227,6 +238,7 @@ class SectionRectangle(Section):
 
     def __init__(self, a: float, b: float, material: Material, shear_factor: float = 5 / 6):
         _positive("rectangle", a=a, b=b, shear_factor=shear_factor)
+        _check_material("rectangle", material)
         short, long = min(a, b), max(a, b)
         k = np.arange(1, 400, 2)
         series = (np.tanh(k * np.pi * long / (2 * short)) / k**5.0).sum()
@@ -260,6 +272,7 @@ class SectionTube(Section):
         self, outer: float, inner: float, material: Material, shear_factor: float | None = None
     ):
         _positive("tube", outer=outer)
+        _check_material("tube", material)
         if not 0 <= inner < outer:
             raise InputError("tube", f"inner = {inner!r}, expected 0 <= inner < outer = {outer!r}")
         if shear_factor is None:

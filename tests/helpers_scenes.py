@@ -76,7 +76,10 @@ def swing(elements: int = 20) -> System:
     model = Model()
     beam = model.add("beam", Beam(mesh, section, director=(0, 0, 1)))
     bodies = {}
-    for name, x0, x1 in (("left", (0, 0, 0), (0, 0, 0.36)), ("right", (0, 0.72, 0), (0, 1.08, 0.36))):
+    for name, x0, x1 in (
+        ("left", (0, 0, 0), (0, 0, 0.36)),
+        ("right", (0, 0.72, 0), (0, 1.08, 0.36)),
+    ):
         d = np.subtract(x1, x0)
         bodies[name] = model.add(
             f"link {name}",
@@ -121,9 +124,7 @@ def everything(order: int = 1, swapped: bool = False, loads: bool = True) -> Sys
     arc = MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0.3), 1.5, 1.0, 2, "arc")
     curved = model.add("curved", Beam(arc, full_section(), order=order, twist=0.4))
     frame = model.add("frame", Beam(_corner(), _two_sections(), order=order))
-    build.join(
-        JointRevolute, ground((0, 0, 0), SHAKE), curved.node("arc.start"), axis=unit(rng)
-    )
+    build.join(JointRevolute, ground((0, 0, 0), SHAKE), curved.node("arc.start"), axis=unit(rng))
     end = curved.node("arc.end")
     chain = _chain(build, end)
     _second_chain(build)
@@ -131,7 +132,7 @@ def everything(order: int = 1, swapped: bool = False, loads: bool = True) -> Sys
     hub = RigidBody(0.7, TENSOR, center=(0.05, 0.1, -0.1), on=frame.node("corner"))
     model.add("hub", hub)
     corner = frame.node("corner").position
-    model.add("tool", MassPoint(0.3, on=hub.at(corner + (0.2, 0.1, 0.3))))
+    model.add("tool", MassPoint(0.3, on=hub.at(corner + np.array([0.2, 0.1, 0.3]))))
     model.add("cup", RigidBody.cylinder(0.2, 0.1, 0.3, on=chain.at((0.3, 0.1, 2.0))))
     if loads:
         _loads(model, curved, frame, chain, hub)
@@ -155,21 +156,25 @@ def _chain(build: _Builder, start: Place) -> RigidBody:
     """A chain of depth 6 that mixes all joints; gives its third body."""
     rng, model = build.rng, build.model
     x = start.position
-    one = build.body("one", x + (0.2, 0.1, 0))
-    two = build.body("two", x + (0.5, 0, 0.2))
-    three = build.body("three", x + (0.8, 0.3, 0), full=False)
-    four = build.body("four", x + (1.2, 0, 0))
-    five = build.body("five", x + (1.5, 0.2, 0.1))
+
+    def at(*shift: float) -> np.ndarray:
+        return x + np.array(shift)
+
+    one = build.body("one", at(0.2, 0.1, 0))
+    two = build.body("two", at(0.5, 0, 0.2))
+    three = build.body("three", at(0.8, 0.3, 0), full=False)
+    four = build.body("four", at(1.2, 0, 0))
+    five = build.body("five", at(1.5, 0.2, 0.1))
     build.join(JointSpherical, start, one.at(x))
-    build.join(JointRevolute, one.at(x + (0.3, 0, 0)), two.at(x + (0.3, 0, 0)), axis=unit(rng))
-    build.join(JointFixed, two.at(x + (0.6, 0, 0)), three.at(x + (0.6, 0, 0)))
-    build.join(JointDistance, three.at(x + (0.9, 0, 0.2)), four.at(x + (1.1, 0.3, 0)))
-    build.join(JointRevolute, four.at(x + (1.4, 0, 0)), five.at(x + (1.4, 0, 0)), axis=unit(rng))
-    point = model.add("point", MassPoint(0.6, x + (1.9, 0, 0.3)))
+    build.join(JointRevolute, one.at(at(0.3, 0, 0)), two.at(at(0.3, 0, 0)), axis=unit(rng))
+    build.join(JointFixed, two.at(at(0.6, 0, 0)), three.at(at(0.6, 0, 0)))
+    build.join(JointDistance, three.at(at(0.9, 0, 0.2)), four.at(at(1.1, 0.3, 0)))
+    build.join(JointRevolute, four.at(at(1.4, 0, 0)), five.at(at(1.4, 0, 0)), axis=unit(rng))
+    point = model.add("point", MassPoint(0.6, at(1.9, 0, 0.3)))
     build.join(JointSpherical, five.at(point.position), point.place())
-    bob = model.add("bob", MassPoint(0.5, x + (2.1, 0.4, 0)))
+    bob = model.add("bob", MassPoint(0.5, at(2.1, 0.4, 0)))
     build.join(JointDistance, point.place(), bob.place())
-    tail = build.body("tail", x + (2.3, 0.4, 0))
+    tail = build.body("tail", at(2.3, 0.4, 0))
     build.join(JointSpherical, bob.place(), tail.at(bob.position))
     return three
 
@@ -178,14 +183,18 @@ def _second_chain(build: _Builder) -> None:
     """From moving ground, from ground at rest, and a free tree."""
     rng, model = build.rng, build.model
     x = np.array([0.0, 0.0, 3.0])
-    six = build.body("six", x + (0.1, 0, 0))
-    seven = build.body("seven", x + (0.4, 0, 0))
-    eight = build.body("eight", x + (0.7, 0.1, 0.3))
-    nine = build.body("nine", x + (1.0, 0.1, 0))
+
+    def at(*shift: float) -> np.ndarray:
+        return x + np.array(shift)
+
+    six = build.body("six", at(0.1, 0, 0))
+    seven = build.body("seven", at(0.4, 0, 0))
+    eight = build.body("eight", at(0.7, 0.1, 0.3))
+    nine = build.body("nine", at(1.0, 0.1, 0))
     build.join(JointFixed, ground(x, SHAKE), six.at(x))
-    build.join(JointRevolute, six.at(x + (0.2, 0, 0)), seven.at(x + (0.2, 0, 0)), axis=unit(rng))
-    build.join(JointDistance, seven.at(x + (0.5, 0, 0)), eight.at(x + (0.6, 0.2, 0.2)))
-    build.join(JointFixed, eight.at(x + (0.8, 0, 0)), nine.at(x + (0.8, 0, 0)))
+    build.join(JointRevolute, six.at(at(0.2, 0, 0)), seven.at(at(0.2, 0, 0)), axis=unit(rng))
+    build.join(JointDistance, seven.at(at(0.5, 0, 0)), eight.at(at(0.6, 0.2, 0.2)))
+    build.join(JointFixed, eight.at(at(0.8, 0, 0)), nine.at(at(0.8, 0, 0)))
     dangling = model.add("dangling", MassPoint(0.9, x - (0, 0, 0.7)))
     build.join(JointDistance, ground(x, SHAKE), dangling.place())
     door = build.body("door", (-1, 0.2, 0))
@@ -272,7 +281,9 @@ def _grow(build: _Builder, parent: Any, name: str, is_point: bool) -> Any:
     return item
 
 
-def random_state(system: System, rng: np.random.Generator, t: float = 0.0, size: float = 0.3) -> Any:
+def random_state(
+    system: System, rng: np.random.Generator, t: float = 0.0, size: float = 0.3
+) -> Any:
     """A configuration (n,) at time t that fulfils all constraints, by random increments."""
     chart = Chart(system.kinematics)
     chart.begin(system.extend(system.q0, 0.0), system.ground(t))

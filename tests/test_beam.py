@@ -30,7 +30,7 @@ def tee(order=1, **options):
     """An arc with a straight leg: two sections, a relative rotation at their node."""
     arc = MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 2.0, 1.0, 3, "arc")
     root = arc.p[:, arc.node(1)]
-    leg = MeshCurve.init_line(root, root + (0, 0, 1.5), 2, "leg")
+    leg = MeshCurve.init_line(root, root + np.array([0, 0, 1.5]), 2, "leg")
     slim = Section([30, 35, 60, 4, 5, 3], mass=0.8, inertia=(0.02, 0.05))
     return Beam(
         arc.joined(leg), {"arc": full_section(), "leg": slim}, order=order, twist=0.3, **options

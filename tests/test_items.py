@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from helpers_scenes import SHAKE, TENSOR, everything, random_state, rotation, unit
+from scipy.spatial.transform import Rotation
 
 from skfem_cosserat import (
     Beam,
@@ -37,7 +40,7 @@ RNG_SEEDS = range(4)
 
 # ----------------------------------------------------------------------- bodies
 def volume_integrals(surface):
-    """Volume, first and second moments of a closed triangulated surface, tetrahedron by tetrahedron."""
+    """Volume, first and second moments of a closed triangulated surface, by tetrahedra."""
     points, faces = (np.asarray(part) for part in surface)
     V, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
     for a, b, c in points[faces]:
@@ -89,7 +92,9 @@ def test_kinetic_energy_of_a_body_with_offset_centre(seed):
     """1/2 v.M v = 1/2 m v_c^2 + 1/2 omega.J_c omega, momentum and spin about the origin too."""
     rng = np.random.default_rng(seed)
     R, x, v, omega, c = rotation(rng), *rng.standard_normal((4, 3))
-    body = RigidBody(1.7, TENSOR, position=x, triad=R.T, center=c, velocity=v, angular_velocity=omega)
+    body = RigidBody(
+        1.7, TENSOR, position=x, triad=R.T, center=c, velocity=v, angular_velocity=omega
+    )
     model = Model()
     model.add("body", body)
     system = model.freeze()
@@ -115,7 +120,12 @@ def test_reference_point_does_not_matter(integrator, treatment):
         model.add(
             "body",
             RigidBody(
-                1.5, TENSOR, position=position, center=center, velocity=speed, angular_velocity=omega
+                1.5,
+                TENSOR,
+                position=position,
+                center=center,
+                velocity=speed,
+                angular_velocity=omega,
             ),
         )
         q = simulate(model.freeze(), integrator, treatment, 1e-3, 0.2, derive=False)["q"][-1]
@@ -218,9 +228,7 @@ def test_motion_is_a_turn_about_its_place():
     x, t = np.array([1.0, 2.0, 3.0]), 0.6
     frame = SHAKE.frame(x, t)
     assert frame[0] == pytest.approx(x + SHAKE.displacement(t))
-    from scipy.spatial.transform import Rotation
-
-    assert frame[1:].T == pytest.approx(Rotation.from_rotvec(SHAKE.rotation(t)).as_matrix())
+    assert pytest.approx(Rotation.from_rotvec(SHAKE.rotation(t)).as_matrix()) == frame[1:].T
 
 
 def test_ground_rate_is_the_derivative_of_the_ground():
@@ -261,7 +269,9 @@ def seen(place, y, k):
 def test_joint_rows_are_their_geometry(kind, swap, seed):
     """Rows against positions and directions written down by hand."""
     n = unit(np.random.default_rng(seed + 100))
-    system, joint, y = two_bodies(kind, seed, swap, **({"axis": n} if kind is JointRevolute else {}))
+    system, joint, y = two_bodies(
+        kind, seed, swap, **({"axis": n} if kind is JointRevolute else {})
+    )
     g = system.constraints.values(system.extend(y.ravel(), 0.0))[system.joint_rows[0].rows]
     ka, kb = (4, 0) if swap else (0, 4)
     xa, Ra = seen(joint.a, y, ka)
@@ -286,9 +296,9 @@ def test_midpoint_jacobian_is_the_discrete_derivative(kind, swap):
     system, _, y1 = two_bodies(kind, 1, swap, **options)
     y0 = system.q0.reshape(-1, 3)
     states = [system.extend(y.ravel(), 0.0) for y in (y0, y1, (y0 + y1) / 2)]
-    g = system.constraints.values(states[1]) - system.constraints.values(states[0])
+    change = system.constraints.values(states[1]) - system.constraints.values(states[0])
     G = system.constraints.jacobian(states[2])
-    assert pytest.approx(G @ (y1 - y0).ravel(), abs=1e-13) == g
+    assert change == pytest.approx(G @ (y1 - y0).ravel(), abs=1e-13)
 
 
 def test_jacobian_is_the_derivative_of_all_constraints():
@@ -305,7 +315,10 @@ def test_jacobian_is_the_derivative_of_all_constraints():
     assert abs(G - wanted).max() < 1e-13
     # g_t: by the motion of the ground alone
     e = 1e-5
-    ends = [system.constraints.values(np.vstack([y[: system.rows], system.ground(0.3 + s * e)])) for s in (1, -1)]
+    ends = [
+        system.constraints.values(np.vstack([y[: system.rows], system.ground(0.3 + s * e)]))
+        for s in (1, -1)
+    ]
     rate = np.zeros_like(y)
     rate[system.rows :] = system.ground_rate(0.3)
     found = system.constraints.ground_rate(y, rate)
@@ -344,10 +357,17 @@ def simpson(function, a, b, n=20000):
 def test_table_and_function_of_time_average_exactly():
     table = Table([0, 0.125, 0.25, 1.0], [0, 1e4, 0, 3.0])
     same = FunctionOfTime(table.value)
-    for a, b in ((0.0, 0.3), (0.1, 0.13), (0.12, 0.125), (-1.0, 0.05), (0.9, 2.0), (0.2499, 0.2501)):
+    for a, b in (
+        (0.0, 0.3),
+        (0.1, 0.13),
+        (0.12, 0.125),
+        (-1.0, 0.05),
+        (0.9, 2.0),
+        (0.2499, 0.2501),
+    ):
         inner = table.times[(table.times > a) & (table.times < b)]
         cuts = [a, *inner, b]
-        exact = sum((v - u) * (table.value(u) + table.value(v)) / 2 for u, v in zip(cuts, cuts[1:], strict=False))
+        exact = sum((v - u) * (table.value(u) + table.value(v)) / 2 for u, v in pairwise(cuts))
         assert table.average(a, b) == pytest.approx(exact / (b - a), rel=1e-13)
         assert same.average(a, b) == pytest.approx(exact / (b - a), rel=1e-9)
     assert table.average(0.0, 0.25) * 0.25 == 1250.0
@@ -400,7 +420,11 @@ def test_model_knows_its_items():
 
 def test_numbering_follows_the_order_of_adding():
     model = Model()
-    for name, item in (("p", MassPoint(1.0)), ("b", RigidBody.sphere(1.0, 1.0)), ("q", MassPoint(2.0))):
+    for name, item in (
+        ("p", MassPoint(1.0)),
+        ("b", RigidBody.sphere(1.0, 1.0)),
+        ("q", MassPoint(2.0)),
+    ):
         model.add(name, item)
     system = model.freeze()
     assert [system.frame_place(name) for name in ("p", "b", "q")] == [0, 3, 15]

@@ -26,7 +26,7 @@ def network(order):
     """A helix, and a straight beam and an arc that leave its end under angles; twisted."""
     helix = MeshCurve.init_helix((1, 0, 0), (0, 0, 0), (0, 0, 1), 0.5, 0.4, 2, name="helix")
     end = helix.p[:, helix.node("helix.end")]
-    bar = MeshCurve.init_line(end, end + (0.3, 0.5, 0.1), 2, name="bar")
+    bar = MeshCurve.init_line(end, end + np.array([0.3, 0.5, 0.1]), 2, name="bar")
     arc = MeshCurve.init_arc(end, (0, 0, 1), (1, 0, 0), 0.8, 1.2, 2, name="arc")
     sections = {"helix": full_section(), "bar": full_section(), "arc": full_section()}
     twist = {"helix": 0.7, "arc": lambda s: s**2}

@@ -45,7 +45,7 @@ def test_counts():
 
 
 def test_all_four_pairs_run_ten_seconds_and_treatments_agree(ten_seconds):
-    system, histories = ten_seconds
+    _, histories = ten_seconds
     q = histories["null-space"]["q"]
     assert all(len(h) == 1001 and h.status == "completed" for h in histories.values())
     apart = abs(q - histories["multipliers"]["q"]).max(1) / abs(q).max(1)

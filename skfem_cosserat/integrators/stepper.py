@@ -11,7 +11,7 @@ from ..errors import Diverged, InputError
 from ..log import logger
 from ..model import System
 from ..newton import NewtonReport, NewtonSettings, newton
-from ..types import Array, Floats
+from ..types import Array, Floats, positive
 from .base import Evaluation, Integrator, State, StepData
 
 __all__ = ["StepReport", "Stepper"]
@@ -44,6 +44,14 @@ class StepReport:
     iterations: int
     attempts: int
     residual: float
+
+
+def _check_kind(name: str, value: object, kind: type) -> None:
+    if not isinstance(value, kind):
+        hint = ", as model.freeze() makes it" if kind is System else ""
+        raise InputError(
+            f"argument {name}", f"{value!r}, expected an object of type {kind.__name__}{hint}"
+        )
 
 
 class _Problem:
@@ -120,10 +128,11 @@ class Stepper:
         h: float,
         settings: NewtonSettings | None = None,
     ) -> None:
-        if not np.isfinite(h) or h <= 0:
-            raise InputError("argument step", f"{h!r}, expected a positive number of seconds")
+        _check_kind("system", system, System)
+        _check_kind("integrator", integrator, Integrator)
+        _check_kind("treatment", treatment, Treatment)
         self.system, self.integrator, self.treatment = system, integrator, treatment
-        self.h = float(h)
+        self.h = positive("argument step", "step", h, " of seconds")
         self.settings = settings or NewtonSettings()
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
 

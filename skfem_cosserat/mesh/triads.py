@@ -156,7 +156,7 @@ def _angles(twist: Any, s: Floats, item: str) -> Floats:
     """Angles (m, n) in rad at arc lengths s (m, n)."""
     if callable(twist):
         angles = np.array([[float(twist(x)) for x in row] for row in s.tolist()])
-    elif np.ndim(twist) == 0:
+    elif np.ndim(twist) == 0 and not isinstance(twist, str):
         angles = float(twist) * s
     else:
         raise InputError(item, f"{twist!r} is neither a rate nor a function of arc length")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+from scipy.linalg import null_space
 
 from ..errors import InputError
 from ..frames import StructuralItem
@@ -53,39 +54,25 @@ def check_joints(joints: Sequence[Joint], t: float) -> None:
         joint.check(t)
 
 
-def null_space_matrix(system: Scene, y: Floats) -> Floats:
-    """Dense ``P(y)`` (n, unknowns of the tree); for checks and small scenes."""
-    kin = system.kinematics
-    T = kin.T_matrix(kin.T_values(kin.locate(y, kin.axis))).toarray()
-    P = np.zeros((system.n, kin.unknowns))
-    blocks = null_space_blocks(kin.directors(y))
-    for k in range(len(kin.frames)):
-        start = 3 * int(kin.frame_rows[k])
-        P[start : start + 12] = blocks[k] @ T[kin.frame_twist[k]]
-    for k, v in enumerate(kin.points):
-        start = 3 * int(kin.row[v])
-        P[start : start + 3] = T[kin.point_twist[k]]
-    return P
-
-
-def independent_loop_rows(system: Scene, loops: Sequence[JointRows], y: Floats) -> int:
-    """Rank of the joints that close loops, given the tree; redundant rows are refused.
+def independent_loop_rows(system: Scene, loops: Sequence[JointRows], y: Floats) -> Floats:
+    """Orthonormal rows (r, unknowns) of the joints that close loops; redundant ones are refused.
 
     Only the reduced rows ``G_loop P`` are factorised, joint by joint: the first joint whose rows
     depend on those before it is named.
     """
-    if not loops:
-        return 0
     kin = system.kinematics
+    if not loops:
+        return np.zeros((0, kin.unknowns))
     T = kin.T_matrix(kin.T_values(kin.locate(y, _fixed_axes(system, y))))
     G = system.constraints.jacobian(y).tocsr()
     basis = np.zeros((0, kin.unknowns))
     for jr in loops:
         rows = G[jr.rows].toarray()
-        reduced = np.array([kin.twist_force(y[: system.rows], row.reshape(-1, 3)) for row in rows])
-        reduced = np.asarray((T.T @ reduced.T).T)
+        twists = np.array([kin.twist_force(y[: system.rows], row.reshape(-1, 3)) for row in rows])
+        reduced = np.asarray((T.T @ twists.T).T)
         scale = np.linalg.norm(reduced, axis=1)
-        scale[scale == 0] = 1
+        # what the tree holds already is left with round-off
+        scale[scale <= RANK_TOLERANCE * np.linalg.norm(twists, axis=1)] = np.inf
         for k, row in enumerate(reduced / scale[:, None]):
             rest = row - basis.T @ (basis @ row)
             rest -= basis.T @ (basis @ rest)
@@ -97,7 +84,7 @@ def independent_loop_rows(system: Scene, loops: Sequence[JointRows], y: Floats) 
                     f" others (remainder {size:.2g}); loosen this joint or remove it",
                 )
             basis = np.vstack([basis, rest / size])
-    return len(basis)
+    return basis
 
 
 def _fixed_axes(system: Scene, y: Floats) -> Floats:
@@ -106,20 +93,27 @@ def _fixed_axes(system: Scene, y: Floats) -> Floats:
     return chart.fixed
 
 
-def check_inertia(system: Scene, y: Floats) -> None:
+def check_inertia(system: Scene, y: Floats, closure: Floats) -> None:
     """Every direction of motion that joints leave free has mass.
 
     A beam's d3 carries no mass, which is fine: rotations still move d1 and d2. What is refused is
     a vertex (or a tree of joints) with a direction of ``P^T M P`` that vanishes, such as the spin
     of a thin rod that no joint holds. Of a beam's consistent mass only the blocks of single nodes
     enter: it is positive definite exactly if they are.
+
+    Parameters
+    ----------
+    closure : (r, unknowns) array
+        From :func:`independent_loop_rows`: joints that close loops hold coordinates, too.
     """
     kin = system.kinematics
     fixed = _fixed_axes(system, y)
     inertia = _vertex_inertia(system, y)
-    # free vertices, all at once
+    trees = _trees(system, closure)
+    # vertices without joints, all at once
+    alone = np.setdiff1d(system.tree.free, [v for members, _ in trees for v in members])
     for vertices in (kin.frames, kin.points):
-        free = np.intersect1d(vertices, system.tree.free)
+        free = np.intersect1d(vertices, alone)
         if len(free):
             worst, number = _weakest(np.array([inertia[int(v)] for v in free]))
             if worst >= 0:
@@ -128,7 +122,7 @@ def check_inertia(system: Scene, y: Floats) -> None:
     if not system.tree.edges:
         return
     T = kin.T_matrix(kin.T_values(kin.locate(y, fixed))).tocsr()
-    for members, coordinates in _trees(system):
+    for members, coordinates in trees:
         if not coordinates:
             continue
         A = np.zeros((len(coordinates),) * 2)
@@ -136,26 +130,37 @@ def check_inertia(system: Scene, y: Floats) -> None:
             start = int(kin.twist_of[v])
             rows = T[start : start + len(inertia[v])][:, coordinates].toarray()
             A += rows.T @ inertia[v] @ rows
-        worst, number = _weakest(A[None])
+        worst, number = _weakest(A[None], closure[:, coordinates])
         if worst >= 0:
             _report(system, coordinates[number], y, fixed)
 
 
-def _weakest(blocks: Floats) -> tuple[int, int]:
-    """First singular block and the coordinate that moves most in its null vector, or (-1, -1)."""
+def _weakest(blocks: Floats, closure: Floats | None = None) -> tuple[int, int]:
+    """First singular block and the coordinate that moves most in its null vector, or (-1, -1).
+
+    With `closure` (r, k) only motions that it maps to zero count; then there is one block.
+    """
     diagonal = np.einsum("eii->ei", blocks)
-    scale = np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1)), 0)
-    values, vectors = np.linalg.eigh(blocks * scale[:, :, None] * scale[:, None, :])
-    bad = np.flatnonzero(values[:, 0] <= 1e-12)
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1))
+    scaled = blocks * scale[:, :, None] * scale[:, None, :]
+    if closure is None or not closure.any():
+        values, vectors = np.linalg.eigh(scaled)
+    else:
+        free = null_space(closure * scale)
+        values, vectors = np.linalg.eigh(free.T @ scaled @ free)
+        vectors = free @ vectors
+    bad = np.flatnonzero((values <= 1e-12).any(1))
     if not len(bad):
         return -1, -1
     e = int(bad[0])
-    missing = np.flatnonzero(scale[e] == 0)
-    return e, int(missing[0]) if len(missing) else int(np.argmax(abs(vectors[e, :, 0])))
+    return e, int(np.argmax(abs(vectors[e, :, 0])))
 
 
-def _trees(system: Scene) -> list[tuple[list[int], list[int]]]:
-    """Vertices and coordinates of each tree of joints; the ground separates trees."""
+def _trees(system: Scene, closure: Floats) -> list[tuple[list[int], list[int]]]:
+    """Vertices and coordinates of each tree of joints; the ground separates trees.
+
+    Trees that the rows of `closure` couple count as one.
+    """
     tree = system.tree
     nv = len(system.origin_rows)
     root: dict[int, int] = {}
@@ -166,7 +171,15 @@ def _trees(system: Scene) -> list[tuple[list[int], list[int]]]:
     members: dict[int, list[int]] = {}
     for v in sorted(root):
         members.setdefault(root[v], []).append(v)
-    return [(vs, [k for v in vs for k in tree.own[v]]) for vs in members.values()]
+    looped: list[int] = []
+    apart: list[list[int]] = []
+    for vs in members.values():
+        if closure[:, [k for v in vs for k in tree.own[v]]].any():
+            looped += vs
+        else:
+            apart.append(vs)
+    together = [*apart, looped] if looped else apart
+    return [(vs, [k for v in vs for k in tree.own[v]]) for vs in together]
 
 
 def _vertex_inertia(system: Scene, y: Floats) -> dict[int, Floats]:

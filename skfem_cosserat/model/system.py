@@ -228,9 +228,10 @@ class System:
         self.kinematics = Kinematics(self.tree, self.vertex_rows, self.is_frame, self.total)
         loops = [jr for jr in self.joint_rows if any(jr.joint is j for j in self.tree.loops)]
         y = self.extend(self._y0, 0.0)
-        self.unknowns = self.kinematics.unknowns - independent_loop_rows(self, loops, y)
+        closure = independent_loop_rows(self, loops, y)
+        self.unknowns = self.kinematics.unknowns - len(closure)
         self.rank = self.n - self.unknowns
-        check_inertia(self, y)
+        check_inertia(self, y, closure)
 
     # -- use -------------------------------------------------------------------------------------
 

@@ -19,9 +19,10 @@ from ..integrators import Integrator, State, Stepper, StepReport
 from ..log import logger
 from ..model import System
 from ..newton import NewtonSettings
+from ..types import positive
 from .describe import derive_series
 from .recorder import Recorder
-from .start import initial_state
+from .start import checked_start, initial_state
 
 __all__ = ["simulate", "steps"]
 
@@ -72,7 +73,7 @@ def steps(
     0.5
     """
     stepper = Stepper(system, integrator, treatment, step, settings)
-    state = initial_state(system) if start is None else start
+    state = initial_state(system) if start is None else checked_start(system, start)
     origin, first = state.time, state.index
     while True:
         # t_n = t_0 + n h: no rounding adds up over many steps
@@ -131,8 +132,11 @@ def simulate(
     InputError
         For bad arguments, before the first step.
     """
-    state, count = _plan(system, start, step, until, every)
     stepper = Stepper(system, integrator, treatment, step, settings)
+    state, count = _plan(system, start, stepper.h, until, every)
+    for callback in callbacks:
+        if not callable(callback):
+            raise InputError("argument callbacks", f"{callback!r} is not callable")
     recorder = Recorder(system, stepper, state, count, every, at, path)
     show = _progress(progress, until)
     with recorder, _Interrupt() as interrupt:
@@ -217,13 +221,10 @@ class _Interrupt:
 def _plan(
     system: System, start: State | None, step: float, until: float, every: int
 ) -> tuple[State, int]:
-    if not np.isfinite(step) or step <= 0:
-        raise InputError("argument step", f"{step!r}, expected a positive number of seconds")
-    if not np.isfinite(until) or until <= 0:
-        raise InputError("argument until", f"{until!r}, expected a positive number of seconds")
+    until = positive("argument until", "until", until, " of seconds")
     if not isinstance(every, int | np.integer) or every < 1:
         raise InputError("argument every", f"{every!r}, expected a positive integer")
-    state = initial_state(system) if start is None else start
+    state = initial_state(system) if start is None else checked_start(system, start)
     count = int(np.floor((until - state.time) / step * (1 + 1e-12) + 1e-9))
     if count < 1:
         raise InputError(

@@ -15,6 +15,7 @@ from ..history import History, HistoryWriter
 from ..integrators import State, Stepper, StepReport
 from ..log import logger
 from ..model import System
+from ..types import numbers
 from .describe import describe
 
 __all__ = ["Recorder"]
@@ -130,7 +131,7 @@ class Recorder:
 def _wanted(state: State, h: float, count: int, every: int, at: Sequence[float] | None) -> set[int]:
     if at is None:
         return {*range(0, count + 1, int(every)), count}
-    times = np.asarray(at, dtype=float)
+    times = numbers("argument at", "at", at)
     if times.ndim != 1 or not np.isfinite(times).all():
         raise InputError("argument at", f"{at!r}, expected a list of times")
     k = np.rint((times - state.time) / h).astype(int)

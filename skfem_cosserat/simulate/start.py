@@ -10,7 +10,7 @@ from ..errors import HistoryError, InputError
 from ..history import History
 from ..integrators import Integrator, State
 from ..model import System
-from ..types import ArrayLike, Floats
+from ..types import ArrayLike, Floats, numbers
 from .describe import fingerprint
 
 __all__ = ["initial_state", "project", "restart"]
@@ -92,6 +92,15 @@ def initial_state(
     return State(time, 0, q, (system.mass @ v.reshape(-1, 3)).reshape(-1))
 
 
+def checked_start(system: System, start: State) -> State:
+    """A state whose arrays belong to the system."""
+    if not isinstance(start, State):
+        raise InputError("argument start", f"{start!r}, expected a State, see initial_state")
+    for name, array in (("q", start.q), ("p", start.p)):
+        _checked(system, name, array, "argument start")
+    return start
+
+
 def constraint_owner(system: System, row: int) -> str:
     """Which item a constraint row belongs to."""
     for jr in system.joint_rows:
@@ -101,14 +110,12 @@ def constraint_owner(system: System, row: int) -> str:
     return f"triad of {system.owner[frame].label}"
 
 
-def _checked(system: System, name: str, value: ArrayLike) -> Floats:
-    array = np.array(value, dtype=float)
+def _checked(system: System, name: str, value: ArrayLike, item: str = "initial state") -> Floats:
+    array = numbers(item, name, value)
     if array.shape != (system.n,):
-        raise InputError("initial state", f"{name} has shape {array.shape}, expected ({system.n},)")
+        raise InputError(item, f"{name} has shape {array.shape}, expected ({system.n},)")
     if not np.isfinite(array).all():
-        raise InputError(
-            "initial state", f"{name} is not finite at {np.flatnonzero(~np.isfinite(array))[:5]}"
-        )
+        raise InputError(item, f"{name} is not finite at {np.flatnonzero(~np.isfinite(array))[:5]}")
     return array
 
 
