@@ -13,19 +13,36 @@ from .types import ArrayLike, Floats, numbers, positive
 __all__ = ["MassPoint", "RigidBody"]
 
 
+_NOWHERE = (0.0, 0.0, 0.0)
+
+
 class _Lump(StructuralItem):
     """Shared by bodies and mass points: mass, placement, or attachment to another item."""
 
     def __init__(
-        self, mass: float, position: ArrayLike, velocity: ArrayLike, on: Place | None
+        self,
+        mass: float,
+        on: Place | None,
+        position: ArrayLike | None,
+        velocity: ArrayLike | None,
+        **others: ArrayLike | None,
     ) -> None:
         self.mass = positive(self.label, "mass", mass)
         if on is not None and not isinstance(on, Place):
             raise InputError(self.label, f"on = {type(on).__name__}, expected a Place")
         if on is not None and (on.item is None or on.triad is None):
             raise InputError(self.label, f"cannot be attached to {on.label}: needs a triad")
-        self.position = vector(self.label, "position", position) if on is None else on.position
-        self.velocity = vector(self.label, "velocity", velocity)
+        if on is not None:
+            given = {"position": position, "velocity": velocity, **others}
+            for name, value in given.items():
+                if value is not None:
+                    raise InputError(
+                        self.label,
+                        f"{name} = {value!r} together with on = {on.label}: it moves with it",
+                    )
+            position = on.position
+        self.position = vector(self.label, "position", _NOWHERE if position is None else position)
+        self.velocity = vector(self.label, "velocity", _NOWHERE if velocity is None else velocity)
         self.on = on
 
     def scalar_mass(self) -> Floats:
@@ -40,10 +57,11 @@ class MassPoint(_Lump):
     ----------
     mass : float
         (kg)
-    position, velocity : (3,) array
-        Initial position (m) and velocity (m/s).
+    position, velocity : (3,) array, optional
+        Initial position (m) and velocity (m/s), zero by default.
     on : Place, optional
-        Attach rigidly to this place: its mass is added there, position and velocity follow.
+        Attach rigidly to this place: its mass is added there, and it has no position or velocity
+        of its own.
 
     Examples
     --------
@@ -56,11 +74,11 @@ class MassPoint(_Lump):
     def __init__(
         self,
         mass: float,
-        position: ArrayLike = (0.0, 0.0, 0.0),
-        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        position: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
         on: Place | None = None,
     ) -> None:
-        super().__init__(mass, position, velocity, on)
+        super().__init__(mass, on, position, velocity)
 
     def vertices(self) -> Vertices | None:
         """One point, unless attached."""
@@ -97,19 +115,19 @@ class RigidBody(_Lump):
     euler : (3,) array, optional
         Instead of `inertia`: ``E_i = int rho X_i^2 dV`` about the centre of mass, (64). Zeros are
         allowed where joints determine the triad (a thin rod).
-    position : (3,) array
-        Reference point phi (m).
+    position : (3,) array, optional
+        Reference point phi (m); default: the origin.
     triad : (3, 3) array, optional
         Rows d1, d2, d3 (default: identity).
     center : (3,) array
         Centre of mass in the body frame, relative to the reference point (m).
-    velocity, angular_velocity : (3,) array
-        Of the reference point (m/s); in space (rad/s).
+    velocity, angular_velocity : (3,) array, optional
+        Of the reference point (m/s); in space (rad/s). Zero by default.
     surface : (points, faces), optional
         Material coordinates (nv, 3) and triangles (nf, 3), for pictures only.
     on : Place, optional
         Attach rigidly to this place: the inertia is added there (in the triad of that node), no
-        coordinates are added.
+        coordinates are added, and position, triad and velocities are those of the place.
 
     Examples
     --------
@@ -126,18 +144,24 @@ class RigidBody(_Lump):
         inertia: ArrayLike | None = None,
         *,
         euler: ArrayLike | None = None,
-        position: ArrayLike = (0.0, 0.0, 0.0),
+        position: ArrayLike | None = None,
         triad: ArrayLike | None = None,
-        center: ArrayLike = (0.0, 0.0, 0.0),
-        velocity: ArrayLike = (0.0, 0.0, 0.0),
-        angular_velocity: ArrayLike = (0.0, 0.0, 0.0),
+        center: ArrayLike = _NOWHERE,
+        velocity: ArrayLike | None = None,
+        angular_velocity: ArrayLike | None = None,
         surface: tuple[ArrayLike, ArrayLike] | None = None,
         on: Place | None = None,
     ) -> None:
-        super().__init__(mass, position, velocity, on)
+        super().__init__(
+            mass, on, position, velocity, triad=triad, angular_velocity=angular_velocity
+        )
         self.triad = np.eye(3) if triad is None else check_triad(self.label, triad)
         self.center = vector(self.label, "center", center)
-        self.angular_velocity = vector(self.label, "angular_velocity", angular_velocity)
+        self.angular_velocity = vector(
+            self.label,
+            "angular_velocity",
+            _NOWHERE if angular_velocity is None else angular_velocity,
+        )
         self.euler = self._euler_tensor(inertia, euler)
         self.surface = None if surface is None else self._checked_surface(*surface)
 

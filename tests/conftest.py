@@ -7,6 +7,9 @@ import subprocess
 import sys
 from typing import Any
 
+# before numpy is loaded: threads of BLAS only slow down the many small products
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import numpy as np
 import pytest
 

@@ -13,6 +13,7 @@ from skfem_cosserat import (
     Beam,
     EnergyMomentum,
     FunctionOfTime,
+    InputError,
     JointDistance,
     JointFixed,
     JointRevolute,
@@ -429,3 +430,16 @@ def test_numbering_follows_the_order_of_adding():
     system = model.freeze()
     assert [system.frame_place(name) for name in ("p", "b", "q")] == [0, 3, 15]
     assert system.mass.diagonal()[[0, 1, 5]].tolist() == [1, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("position", (1, 0, 0)), ("velocity", (0, 0, 0)), ("angular_velocity", (0, 0, 1))],
+)
+def test_attached_bodies_have_no_placement_of_their_own(name, value):
+    host = RigidBody.box(1.0, (1, 1, 1))
+    with pytest.raises(InputError, match=name):
+        RigidBody.sphere(1.0, 0.1, on=host.at((0, 0, 0)), **{name: value})
+    if name != "angular_velocity":
+        with pytest.raises(InputError, match=name):
+            MassPoint(1.0, on=host.at((0, 0, 0)), **{name: value})

@@ -1,0 +1,221 @@
+"""Reactions of joints against closed forms: what a joint exerts on its side B, about B's point."""
+
+import numpy as np
+import pytest
+from helpers_scenes import TENSOR, everything
+
+import skfem_cosserat as sc
+
+INTEGRATORS = (sc.Variational, sc.EnergyMomentum)
+TREATMENTS = (sc.NullSpace, sc.Multipliers)
+integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
+treatments = pytest.mark.parametrize("treatment", TREATMENTS)
+swaps = pytest.mark.parametrize("swap", [False, True])
+G = 9.81
+
+
+def sides(a, b, swap):
+    return (b, a) if swap else (a, b)
+
+
+def reaction(history, name):
+    """Force and moment at all states that have them."""
+    force, moment = history[f"joint/{name}/force"], history[f"joint/{name}/moment"]
+    good = np.isfinite(force).all(axis=1)
+    assert good[:-1].all()
+    return force[good], moment[good]
+
+
+@integrators
+@treatments
+@swaps
+@pytest.mark.parametrize("joint", [sc.JointSpherical, sc.JointRevolute, sc.JointFixed])
+def test_body_hanging_at_rest(integrator, treatment, swap, joint):
+    """The joint carries m g up on the body, which is side B; swapped, the ground feels it down."""
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody(2.5, TENSOR, position=(0, 0, -0.7)))
+    options = {"axis": (0.6, 0.8, 0)} if joint is sc.JointRevolute else {}
+    a, b = sides(sc.ground((0, 0, 0)), body.at((0, 0, 0)), swap)
+    model.add("hook", joint(a, b, **options))
+    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.02, 0.2)
+    assert abs(history["q"] - history["q"][0]).max() < 1e-13
+    force, moment = reaction(history, "hook")
+    sign = -1.0 if swap else 1.0
+    assert abs(force - (0, 0, sign * 2.5 * G)).max() < 1e-9
+    assert abs(moment).max() < 1e-9
+
+
+@integrators
+@treatments
+@swaps
+def test_cantilevered_body(integrator, treatment, swap):
+    """Weld to the ground: the moment balances the weight's lever, with an offset centre."""
+    center = np.array([0.1, -0.3, 0.2])
+    turn = sc.triad((1, 2, 2), (0, 1, 0))
+    model = sc.Model()
+    body = sc.RigidBody(2.5, TENSOR, position=(0.8, 0.1, 0.2), triad=turn, center=center)
+    model.add("body", body)
+    clamp = np.array([0.1, 0, 0.3])
+    model.add("clamp", sc.JointFixed(*sides(sc.ground(clamp), body.at(clamp), swap)))
+    model.add("gravity", sc.LoadGravity((1.0, 0, -G)))
+    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.02, 0.2)
+    weight = 2.5 * np.array([1.0, 0, -G])
+    lever = body.position + center @ turn - clamp
+    sign = -1.0 if swap else 1.0
+    force, moment = reaction(history, "clamp")
+    assert abs(force + sign * weight).max() < 1e-9
+    assert abs(moment + sign * np.cross(lever, weight)).max() < 1e-9
+
+
+@integrators
+@treatments
+def test_chain_at_rest(integrator, treatment):
+    """Each joint carries what hangs below it; a string pulls along itself, without a moment."""
+    model = sc.Model()
+    upper = model.add("upper", sc.RigidBody(2.0, TENSOR, position=(0, 0, -0.5)))
+    lower = model.add("lower", sc.RigidBody(3.0, TENSOR, position=(0, 0, -1.5)))
+    bob = model.add("bob", sc.MassPoint(0.5, (0, 0, -3)))
+    model.add("top", sc.JointSpherical(sc.ground((0, 0, 0)), upper.at((0, 0, 0))))
+    x = (0, 0, -1)
+    model.add("pin", sc.JointRevolute(lower.at(x), upper.at(x), (0, 1, 0)))  # side B is above
+    model.add("string", sc.JointDistance(lower.at((0, 0, -2)), bob.place()))
+    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.02, 0.2)
+    for name, load in (("top", 5.5), ("pin", -3.5), ("string", 0.5)):
+        force, moment = reaction(history, name)
+        assert abs(force - (0, 0, load * G)).max() < 1e-8, name
+        assert abs(moment).max() < 1e-8, name
+
+
+@integrators
+@treatments
+def test_clamped_beam_under_its_tip_body(integrator, treatment):
+    """Loads that the stiff clamp node takes directly: force and moment pass to the ground."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "beam")
+    section = sc.Section([60, 60, 80, 3, 4, 2.5], mass=0.8, inertia=(0.05, 0.06))
+    beam = model.add("beam", sc.Beam(mesh, section))
+    root = beam.node("beam.start")
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), root))
+    model.add("force", sc.LoadForce(root, (1, 2, 3)))
+    model.add("moment", sc.LoadMoment(root, (0.3, -0.2, 0.1)))
+    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.02, 0.2)
+    assert abs(history["q"] - history["q"][0]).max() < 1e-13
+    force, moment = reaction(history, "clamp")
+    assert abs(force + (1, 2, 3)).max() < 1e-9
+    assert abs(moment + (0.3, -0.2, 0.1)).max() < 1e-9
+
+
+# -- in motion -------------------------------------------------------------------------------------
+
+
+def spinning(joint, swap, w, m, r, **options):
+    """A body whose centre circles about e3 at radius r, free to do so."""
+    model = sc.Model()
+    body = sc.RigidBody(
+        m,
+        (0.3, 0.4, 0.5),
+        position=(r, 0, 0),
+        velocity=(0, w * r, 0),
+        angular_velocity=(0, 0, w),
+    )
+    model.add("body", body)
+    a, b = sides(sc.ground((0, 0, 0)), body.at((0, 0, 0)), swap)
+    model.add("joint", joint(a, b, **options))
+    return model.freeze()
+
+
+@integrators
+@treatments
+@swaps
+@pytest.mark.parametrize("joint", [sc.JointSpherical, sc.JointRevolute])
+def test_centripetal_force(integrator, treatment, swap, joint):
+    """m w^2 r towards the joint, at nodes (variational) or midpoints; second order."""
+    w, m, r = 2.0, 1.5, 0.6
+    options = {"axis": (0, 0, 1.0)} if joint is sc.JointRevolute else {}
+    errors = []
+    for steps in (25, 50, 100):
+        system = spinning(joint, swap, w, m, r, **options)
+        history = sc.simulate(system, integrator(), treatment(), 1 / steps, 1.0)
+        x = history["q"][:-1, :3]
+        if integrator is sc.EnergyMomentum:
+            x = (x + history["q"][1:, :3]) / 2
+        x = x / np.linalg.norm(x, axis=1)[:, None]
+        force, moment = (values[: len(x)] for values in reaction(history, "joint"))
+        sign = -1.0 if swap else 1.0
+        first = 1 if integrator is sc.Variational else 0  # lambda_0 is first order only
+        errors.append(abs(force + sign * m * w**2 * r * x)[first:].max())
+        assert abs(moment[first:]).max() < 1e-8
+    ratios = np.array(errors[:-1]) / errors[1:]
+    assert errors[-1] < 1e-3 * m * w**2 * r
+    assert ((ratios > 3.8) & (ratios < 4.2)).all()
+
+
+@integrators
+@treatments
+def test_string_of_a_circling_bob(integrator, treatment):
+    """Tension m w^2 r with conical pendulum: m g / cos(angle), constant."""
+    angle, l, m = 0.6, 1.2, 0.7  # noqa: E741
+    w = np.sqrt(G / (l * np.cos(angle)))
+    x = l * np.array([np.sin(angle), 0, -np.cos(angle)])
+    model = sc.Model()
+    bob = sc.MassPoint(m, x, velocity=np.cross((0, 0, w), x))
+    model.add("bob", bob)
+    model.add("string", sc.JointDistance(bob.place(), sc.ground((0, 0, 0))))  # ground is B
+    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.005, 1.0)
+    force, moment = reaction(history, "string")
+    tension = np.linalg.norm(force[1:], axis=1)
+    assert abs(tension - m * G / np.cos(angle)).max() < 1e-3
+    assert force[:, 2].max() < 0  # the ground is pulled down
+    assert abs(moment).max() == 0
+
+
+@integrators
+@treatments
+def test_swapped_sides_negate_the_reactions(integrator, treatment):
+    """Of two moving bodies: the same motion, force and moment turned round for each joint."""
+    kinds = {
+        "spherical": (sc.JointSpherical, {}),
+        "revolute": (sc.JointRevolute, {"axis": (0, 0.6, 0.8)}),
+        "fixed": (sc.JointFixed, {}),
+        "distance": (sc.JointDistance, {}),
+    }
+    for name, (kind, options) in kinds.items():
+        runs = []
+        for swap in (False, True):
+            model = sc.Model()
+            one = sc.RigidBody(1.0, TENSOR, center=(0.1, 0, 0.1))
+            two = sc.RigidBody(1.5, TENSOR, position=(1, 0.2, 0))
+            model.add("one", one)
+            model.add("two", two)
+            x = np.array([0.5, 0, 0.1])
+            y = x + (0.3, 0, 0) if kind is sc.JointDistance else x
+            model.add("joint", kind(*sides(one.at(x), two.at(y), swap), **options))
+            model.add("push", sc.LoadForce(two.at((1, 1, 0)), (1.0, 2, -1), follower=True))
+            model.add("twist", sc.LoadMoment(one.at((0, 0, 0)), (0.3, 0.1, -0.2)))
+            runs.append(sc.simulate(model.freeze(), integrator(), treatment(), 0.02, 0.4))
+        assert abs(runs[0]["q"] - runs[1]["q"]).max() < 1e-10, name
+        (f, m), (g, n) = (reaction(run, "joint") for run in runs)
+        assert abs(f + g)[1:].max() < 1e-8 * abs(f).max(), name
+        assert abs(m + n)[1:].max() < 1e-8 * abs(f).max(), name
+        assert abs(f).max() > 0.1
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@integrators
+def test_treatments_give_the_same_reactions(integrator, order):
+    """Of every joint in the scene that has everything, to 1e-9 of the largest."""
+    system = everything(order)
+    v = sc.project(system, system.q0, system.v0)
+    start = sc.initial_state(system, v=v)
+    one, two = (
+        sc.simulate(system, integrator(), treatment(), 0.005, 0.05, start=start)
+        for treatment in TREATMENTS
+    )
+    size = np.nanmax([abs(one[f"joint/{j.name}/force"]).max() for j in system.joints])
+    for joint in system.joints:
+        for f, g in zip(reaction(one, joint.name), reaction(two, joint.name), strict=True):
+            assert abs(f - g).max() < 1e-9 * size, joint.name
+    assert abs(one["constraint_force"] - two["constraint_force"])[:-1].max() < 1e-9 * size

@@ -1,0 +1,255 @@
+"""Null space against multipliers, repeatability, effort, and what happens when a step fails."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from helpers_scenes import TENSOR, everything, random_tree, swing, triangle
+
+import skfem_cosserat as sc
+
+INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
+integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
+TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
+treatments = pytest.mark.parametrize("treatment", TREATMENTS)
+
+
+def pair_of_bodies(kind, **options):
+    """A driven body carrying another one and a beam, by one kind of joint; follower loads."""
+
+    def make():
+        model = sc.Model()
+        shake = sc.Motion(
+            lambda t: (0.2 * np.sin(3 * t) - 0.6 * t, 0, t**2), lambda t: (t**2, 0, 0)
+        )
+        one = model.add("one", sc.RigidBody(1.0, TENSOR, center=(0.1, 0, 0.1)))
+        two = model.add("two", sc.RigidBody(1.5, TENSOR, position=(1, 0.2, 0)))
+        mesh = sc.MeshCurve.init_line((1.5, 0, 0), (2.5, 0, 0), 2, "beam")
+        section = sc.Section([60, 60, 80, 3, 4, 2.5], mass=0.8, inertia=(0.05, 0.06))
+        beam = model.add("beam", sc.Beam(mesh, section))
+        model.add("drive", sc.JointFixed(sc.ground((0, 0, 0), shake), one.at((0, 0, 0))))
+        x, y = np.array([0.5, 0, 0.1]), np.array([1.5, 0, 0])
+        gap = np.array([0.2, 0.1, 0]) if kind is sc.JointDistance else np.zeros(3)
+        model.add("first", kind(one.at(x), two.at(x + gap), **options))
+        model.add("second", kind(beam.node("beam.start"), two.at(y + gap), **options))
+        model.add("push", sc.LoadForce(two.at((1, 1, 0)), (1.0, 2, -1), follower=True))
+        model.add("wind", sc.LoadLine(beam, (0.5, 1.0, 0), follower=True))
+        model.add("twist", sc.LoadMoment(beam.node("beam.end"), (0.1, 0.1, -0.2), follower=True))
+        model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+        return model.freeze()
+
+    return make
+
+
+SCENES = {
+    "spherical": pair_of_bodies(sc.JointSpherical),
+    "revolute": pair_of_bodies(sc.JointRevolute, axis=(0, 0.6, 0.8)),
+    "fixed": pair_of_bodies(sc.JointFixed),
+    "distance": pair_of_bodies(sc.JointDistance),
+    "everything": everything,
+    "everything swapped": lambda: everything(2, swapped=True),
+    "tree 1": lambda: random_tree(1),
+    "tree 4": lambda: random_tree(4),
+    "swing": lambda: swing(6),
+}
+scenes = pytest.mark.parametrize("scene", SCENES)
+
+
+@cache
+def run(scene, integrator, treatment, again=0):
+    system = SCENES[scene]()
+    v = sc.project(system, system.q0, system.v0)
+    start = sc.initial_state(system, v=v)
+    h = 0.004
+    return sc.simulate(system, INTEGRATORS[integrator], TREATMENTS[treatment], h, 0.2, start=start)
+
+
+@scenes
+@integrators
+def test_both_treatments_give_the_same_motion(scene, integrator):
+    one, two = (run(scene, integrator, name) for name in TREATMENTS)
+    size = abs(one["q"]).max()
+    assert len(one) == 51
+    assert abs(one["q"] - two["q"]).max() < 1e-10 * size
+    assert abs(one["p"] - two["p"]).max() < 1e-8 * (1 + abs(one["p"]).max())
+    assert abs(one["q"][-1] - one["q"][0]).max() > 1e-3  # it moves
+
+
+@scenes
+@integrators
+@treatments
+def test_few_newton_iterations(scene, integrator, treatment):
+    history = run(scene, integrator, treatment)
+    assert (history["attempts"] == 1).all()
+    count = history["newton_iterations"][1:]
+    assert count.max() <= 6
+    assert count.mean() <= 4
+
+
+@pytest.mark.parametrize("scene", ["everything", "swing", "distance"])
+@integrators
+@treatments
+def test_repeated_runs_are_identical(scene, integrator, treatment):
+    one, two = (run(scene, integrator, treatment, again) for again in (0, 1))
+    assert one is not two
+    for name in one.series:
+        assert np.array_equal(one[name], two[name], equal_nan=True), name
+
+
+@integrators
+def test_unscaled_multipliers_solve_the_same(integrator):
+    one = run("spherical", integrator, "multipliers")
+    system = SCENES["spherical"]()
+    unscaled = sc.Multipliers(scaled=False)
+    two = sc.simulate(system, INTEGRATORS[integrator], unscaled, 0.004, 0.2)
+    assert abs(one["q"] - two["q"]).max() < 1e-10
+    assert unscaled.name == "multipliers"
+
+
+@integrators
+def test_loop_of_joints(integrator):
+    """Closed loops are for multipliers; the null space refuses them by name."""
+    system = triangle().freeze()
+    history = sc.simulate(system, INTEGRATORS[integrator], sc.Multipliers(), 0.01, 0.3)
+    assert history["constraint_violation"].max() < 1e-11
+    with pytest.raises(sc.IncompatibleError, match=r"corner 2|corner 1|corner 0"):
+        sc.simulate(system, INTEGRATORS[integrator], sc.NullSpace(), 0.01, 0.3)
+
+
+# -- failures --------------------------------------------------------------------------------------
+
+
+def stiff_whip():
+    """A steel-like thin beam hit hard: no step of a second can follow it."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 8, "beam")
+    section = sc.SectionRectangle(0.01, 0.002, sc.Material(7e10, 0.3, 2700))
+    beam = model.add("beam", sc.Beam(mesh, section))
+    model.add("hook", sc.JointSpherical(sc.ground((0, 0, 0)), beam.node("beam.start")))
+    blow = sc.Table([0, 2.0, 2.5, 3.0], [0, 0, 2e4, -2e4])
+    model.add("blow", sc.LoadForce(beam.node("beam.end"), (0.1, 1, 0.3), blow))
+    return model.freeze()
+
+
+@integrators
+@treatments
+def test_a_step_far_too_large_says_so(integrator, treatment, tmp_path):
+    system = stiff_whip()
+    path = tmp_path / "whip.history"
+    with pytest.raises(sc.Diverged) as caught:
+        sc.simulate(system, INTEGRATORS[integrator], TREATMENTS[treatment], 0.5, 20.0, path=path)
+    error = caught.value
+    history = error.history
+    assert error.step == len(history)  # the state before it is the last
+    assert error.time == pytest.approx(history.times[-1])
+    assert error.time >= 1.5  # at rest until the blow
+    assert error.residual > 0
+    for words in (f"step {error.step}", f"t = {error.time:.9g} s", "residual", "smaller step"):
+        assert words in str(error)
+    assert error.advice in str(error)
+    assert ("EnergyMomentum()" in error.advice) == (integrator == "variational")
+    assert history.status == "diverged"
+    assert history.meta["failure"] == str(error)
+    assert np.isfinite(history["q"]).all()
+    assert np.isfinite(history["p"]).all()
+    history.save(tmp_path / "copy.history")
+    for name in ("copy", "whip"):
+        loaded = sc.History.load(tmp_path / f"{name}.history")
+        assert loaded.status == "diverged"
+        for key in ("t", "q", "p", "carried"):
+            assert np.array_equal(loaded[key], history[key]), key
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, "beam")
+    section = sc.Section([60, 60, 80, 3, 4, 2.5], mass=0.8, inertia=(0.05, 0.06))
+    beam = model.add("beam", sc.Beam(mesh, section))
+    body = model.add("body", sc.RigidBody(0.8, TENSOR, position=(1.2, 0, 0)))
+    model.add("hook", sc.JointSpherical(sc.ground((0, 0, 0)), beam.node("beam.start")))
+    model.add("hinge", sc.JointRevolute(beam.node("beam.end"), body.at((1, 0, 0)), (0, 1, 0)))
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81), sc.Table([0, 0.0333, 1], [0, 1, 0.7])))
+    return model.freeze()
+
+
+@integrators
+@treatments
+def test_interrupt_raised_in_a_callback(pendulum, integrator, treatment, tmp_path):
+    def stop(report):
+        if report.state.index == 7:
+            raise KeyboardInterrupt
+
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    path = tmp_path / "run.history"
+    history = sc.simulate(pendulum, *pair, 0.01, 0.3, callbacks=[stop], path=path)
+    assert history.status == "interrupted"
+    whole = sc.simulate(pendulum, *pair, 0.01, 0.3)
+    loaded = sc.History.load(path)
+    assert loaded.status == "interrupted"
+    for h in (history, loaded):
+        assert h["step"].tolist() == list(range(8))
+        assert np.array_equal(h["q"], whole["q"][:8])
+        assert np.array_equal(h["p"][:-1], whole["p"][:7])
+        assert np.isfinite(h["p"]).all()
+        assert np.isfinite(h["energy"]).all()
+    # and it goes on from there
+    start = sc.restart(pendulum, loaded, pair[0], 0.01)
+    rest = sc.simulate(pendulum, *pair, 0.01, 0.3, start=start)
+    assert abs(rest["q"] - whole["q"][7:]).max() < 1e-12
+
+
+@integrators
+@treatments
+def test_restart_from_a_loaded_history(pendulum, integrator, treatment, tmp_path):
+    """The same run to rounding; with another step or integrator the same motion to O(h^2)."""
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    whole = sc.simulate(pendulum, *pair, 0.005, 0.4)
+    half = sc.simulate(pendulum, *pair, 0.005, 0.2)
+    half.save(tmp_path / "half.history")
+    loaded = sc.History.load(tmp_path / "half.history")
+    start = sc.restart(pendulum, loaded, pair[0], 0.005)
+    assert start.index == 40
+    rest = sc.simulate(pendulum, *pair, 0.005, 0.4, start=start)
+    assert rest["step"][-1] == 80
+    assert abs(rest["q"] - whole["q"][40:]).max() < 1e-12
+    assert abs(rest["p"][1:] - whole["p"][41:]).max() < 1e-12
+    assert abs(rest.times - whole.times[40:]).max() < 1e-14
+    for name, other in INTEGRATORS.items():
+        errors = []
+        for h in (0.01, 0.005):
+            first = sc.simulate(pendulum, *pair, h, 0.2)
+            finer = h if name != integrator else h / 2
+            start = sc.restart(pendulum, first, other, finer)
+            assert start.fresh
+            rest = sc.simulate(pendulum, other, pair[1], finer, 0.4, start=start)
+            reference = exact(pendulum)
+            errors.append(abs(rest["q"][-1] - reference).max())
+        assert errors[1] < 2e-3
+        assert 3 < errors[0] / errors[1] < 5, (name, errors)
+
+
+@cache
+def exact(system):
+    """Richardson value at 0.4 s of the variational scheme."""
+    a, b = (
+        sc.simulate(system, sc.Variational(), sc.Multipliers(), h, 0.4, derive=False)["q"][-1]
+        for h in (0.002, 0.001)
+    )
+    return (4 * b - a) / 3
+
+
+@integrators
+def test_callback_stops_the_run(pendulum, integrator):
+    pair = INTEGRATORS[integrator], sc.NullSpace()
+    history = sc.simulate(
+        pendulum, *pair, 0.01, 0.3, callbacks=[lambda report: report.state.time > 0.1499]
+    )
+    assert history.status == "stopped"
+    assert history["step"][-1] == 15
+    whole = sc.simulate(pendulum, *pair, 0.01, 0.3)
+    for name in ("q", "p", "constraint_force"):
+        assert np.array_equal(history[name], whole[name][:16]), name
+    # what is not True itself does not stop it
+    longer = sc.simulate(pendulum, *pair, 0.01, 0.05, callbacks=[lambda report: 1])
+    assert longer.status == "completed"
