@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
+from skfem_cosserat.export import prepare_folder
 from skfem_cosserat.simulate import derive_series
 
 MESH = Path(__file__).resolve().parent.parent / "meshes" / "three_bar_swing.msh"
@@ -54,7 +55,7 @@ def _section(name: str) -> sc.Section:
 
 
 def _choose(name: str, value: str, choices: dict[str, Any]) -> Any:
-    if value not in choices:
+    if not isinstance(value, str) or value not in choices:
         raise ValueError(f"{name} = {value!r}, expected one of {sorted(choices)}")
     return choices[value]
 
@@ -152,6 +153,8 @@ def main(
     chosen = _choose("integrator", integrator, INTEGRATORS)()
     constraints = _choose("treatment", treatment, TREATMENTS)()
     system = build(section, elements)
+    if out is not None:
+        prepare_folder(Path(out))  # before the run, not after it
     history, reason = run(system, chosen, constraints, step, until, PULSE[section][1])
     result = evaluate(system, history)
     result["diverged_at"] = float(history.times[-1]) if reason else None
@@ -268,10 +271,14 @@ def _spatial_moment(
 
 def _event_x(t: NDArray[np.float64], angle: NDArray[np.float64]) -> float | None:
     """First time after 0.3 s at which the link turns back, by a parabola through three states."""
-    before, after = angle[1:-1] - angle[:-2], angle[2:] - angle[1:-1]
-    for i in np.flatnonzero(before * after < 0):
-        step = t[i + 2] - t[i + 1]
-        time = t[i + 1] - step * (after[i] + before[i]) / (2 * (after[i] - before[i]))
+    turn = np.sign(np.diff(angle))
+    for i in range(1, len(turn)):
+        if turn[i] == 0:
+            turn[i] = turn[i - 1]  # a standstill is no reversal yet
+    for i in np.flatnonzero(turn[1:] * turn[:-1] < 0) + 1:
+        step = t[i + 1] - t[i]
+        before, after = angle[i] - angle[i - 1], angle[i + 1] - angle[i]
+        time = t[i] - step * (after + before) / (2 * (after - before))
         if time > 0.3:
             return float(time)
     return None
@@ -295,22 +302,32 @@ def condition_number(
     steps : sequence of int, optional
         Step numbers; default: 1, 10, 50, 100, 140, 146, 160, 200 for steps of 1e-2 and above,
         1, 10, 100, 200 below. At the converged state of each step, SI units, massless rows kept.
+        Steps after one that cannot be solved are left out; NaN if none is left.
     """
     chosen = _choose("integrator", integrator, INTEGRATORS)()
     constraints = _choose("treatment", treatment, TREATMENTS)()
-    numbers = CONDITION_STEPS[0 if step > 5e-3 else 1] if steps is None else tuple(steps)
-    if not numbers or min(numbers) < 1:
+    numbers = CONDITION_STEPS[0 if step > 5e-3 else 1] if steps is None else steps
+    if (
+        isinstance(numbers, str)
+        or not np.iterable(numbers)
+        or not (numbers := list(numbers))
+        or not all(isinstance(k, int | np.integer) and k >= 1 for k in numbers)
+    ):
         raise ValueError(f"steps = {steps!r}, expected positive step numbers")
     stepper = sc.Stepper(build(section, elements), chosen, constraints, step)
     state = sc.initial_state(stepper.system)
     values = []
-    for number in range(1, max(numbers) + 1):
-        if number in numbers:
-            matrix, report = stepper.iteration_matrix(state, scaled)
-            values.append(np.linalg.cond(matrix))
-        else:
-            report = stepper.advance(state)
-        state = report.state
+    try:
+        for number in range(1, max(numbers) + 1):
+            if number in numbers:
+                matrix, report = stepper.iteration_matrix(state, scaled)
+                values.append(np.linalg.cond(matrix))
+            else:
+                report = stepper.advance(state)
+            state = report.state
+    except sc.Diverged:  # the median of the steps that could be solved
+        if not values:
+            return float("nan")
     return float(np.median(values))
 
 

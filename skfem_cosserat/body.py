@@ -282,6 +282,8 @@ class RigidBody(_Lump):
 def _lengths(shape: str, **values: ArrayLike) -> Floats:
     given = next(iter(values.values())) if len(values) == 1 else list(values.values())
     array = np.atleast_1d(numbers(f"rigid body ({shape})", ", ".join(values), given))
+    if array.ndim > 1:
+        raise InputError(f"rigid body ({shape})", f"{values}, expected single numbers")
     if not (np.isfinite(array).all() and (array > 0).all()):
         raise InputError(f"rigid body ({shape})", f"{values} must be positive and finite")
     if shape == "box" and array.shape != (3,):

@@ -50,7 +50,7 @@ def lobatto_nodes(order: int) -> Floats:
     >>> lobatto_nodes(2).tolist()
     [0.0, 0.5, 1.0]
     """
-    if isinstance(order, bool) or order not in _NODES:
+    if isinstance(order, bool) or not isinstance(order, int | np.integer) or order not in _NODES:
         raise InputError("argument order", f"got {order!r}, expected 1, 2, 3 or 4")
     return np.array(_NODES[order])
 

@@ -98,8 +98,8 @@ class Motion:
     Examples
     --------
     >>> shake = Motion(displacement=lambda t: (0.01 * np.sin(t), 0.0, 0.0))
-    >>> shake.frame(np.zeros(3), 0.0)[0].tolist()
-    [0.0, 0.0, 0.0]
+    >>> shake.frame(ground((0, 0, 1.0), shake), 0.0)[0].tolist()
+    [0.0, 0.0, 1.0]
     """
 
     displacement: Callable[[float], ArrayLike] | None = None
@@ -112,15 +112,16 @@ class Motion:
                     "prescribed motion", f"{name} = {value!r}, expected a function of time"
                 )
 
-    def frame(self, position: Floats, t: float) -> Floats:
-        """Rows ``(x, d1, d2, d3)`` (4, 3) at time ``t``."""
+    def frame(self, place: Place, t: float) -> Floats:
+        """Rows ``(x, d1, d2, d3)`` (4, 3) of a ground place at time ``t``."""
+        item = f"prescribed motion of the {place.label}"
         out = np.empty((4, 3))
-        out[0] = position
+        out[0] = place.position
         if self.displacement is not None:
-            out[0] += vector("prescribed motion", f"displacement({t!r})", self.displacement(t))
+            out[0] += vector(item, f"displacement({t!r})", self.displacement(t))
         out[1:] = np.eye(3)
         if self.rotation is not None:
-            theta = vector("prescribed motion", f"rotation({t!r})", self.rotation(t))
+            theta = vector(item, f"rotation({t!r})", self.rotation(t))
             out[1:] = rotation_matrix(exp_quaternion(theta)).T
         return out
 

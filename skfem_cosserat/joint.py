@@ -133,17 +133,19 @@ class Joint(Item):
         text = f"{type(self).__name__[5:].lower()} {self.kind}"
         return text if self.name is None else f"{text} {self.name!r}"
 
-    def check(self, t: float) -> None:
-        """Raise InputError if it does not close in the reference configuration at time `t`."""
-        frames = [
-            None if p.motion is None else p.motion.frame(p.position, t) for p in (self.a, self.b)
-        ]
+    def check(self, t: float, length: float) -> None:
+        """Raise InputError if it does not close in the reference configuration at time `t`.
+
+        `length` (m) is the extent of the scene, against which a gap is measured.
+        """
+        frames = [None if p.motion is None else p.motion.frame(p, t) for p in (self.a, self.b)]
         x_a, x_b = (
             p.position if f is None else f[0] for p, f in zip((self.a, self.b), frames, strict=True)
         )
-        size = max(1.0, float(abs(x_a).max()), float(abs(x_b).max()))
         gap = float(np.linalg.norm(x_b - x_a))
-        if self.closed and gap > TOLERANCE * size:
+        # coordinates far from the origin are known to their own rounding only
+        rounding = 1e-15 * float(abs(x_a).max() + abs(x_b).max())
+        if self.closed and gap > TOLERANCE * length + rounding:
             raise InputError(
                 self.label,
                 f"does not close in the reference configuration at t = {t:g} s: {self.a.label} and"
@@ -275,12 +277,11 @@ class JointDistance(Joint):
         distance = float(np.linalg.norm(b.position - a.position))
         self.length = positive(self.label, "length", distance if length is None else length)
 
-    def check(self, t: float) -> None:
+    def check(self, t: float, length: float) -> None:
         """See the base class."""
-        super().check(t)
+        super().check(t, length)
         x_a, x_b = (
-            p.position if p.motion is None else p.motion.frame(p.position, t)[0]
-            for p in (self.a, self.b)
+            p.position if p.motion is None else p.motion.frame(p, t)[0] for p in (self.a, self.b)
         )
         distance = float(np.linalg.norm(x_b - x_a))
         if abs(distance - self.length) > TOLERANCE * self.length:

@@ -134,9 +134,12 @@ class FunctionOfTime:
     def value(self, t: float) -> float:
         """The function's value, which must be a finite number."""
         out = self.function(t)
-        if np.shape(out) != () or not np.isfinite(out):
+        if type(out) is float and math.isfinite(out):
+            return out  # by far the most common
+        number = numbers("function of time", f"value at t = {t!r}", out)
+        if number.shape != () or not np.isfinite(number):
             raise InputError("function of time", f"value {out!r} at t = {t!r}, expected a number")
-        return float(out)
+        return float(number)
 
     def average(self, t0: float, t1: float) -> float:
         """Mean over [t0, t1]."""
@@ -193,7 +196,8 @@ def _amplitude(item: str, value: Amplitude) -> TimeFunction:
             item, f"amplitude = {value!r}, expected a number, a Table or a function of time"
         )
     first = value(0.0)
-    if np.shape(first) != () or not np.isfinite(first):
+    number = numbers(item, "amplitude at t = 0.0", first)
+    if number.shape != () or not np.isfinite(number):
         raise InputError(item, f"amplitude is {first!r} at t = 0.0, expected a number")
     return FunctionOfTime(value)
 

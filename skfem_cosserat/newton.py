@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from .errors import InputError
 from .linear import SingularMatrixError
 from .log import logger
 from .types import Floats
@@ -49,7 +50,8 @@ class NewtonSettings:
         two, is below this (relative displacement or rad). Increments, not residuals: a residual
         tolerance becomes unreachable as steps or elements shrink, theory section 10.
     negligible : float
-        Converged when an increment itself is below this.
+        Converged when an increment itself is below this. Displacements count relative to the
+        extent of the scene.
     stagnation : float
         Increments below this that do not shrink any more are taken for the rounding floor.
     rotation : float
@@ -62,6 +64,11 @@ class NewtonSettings:
     negligible: float = 1e-12
     stagnation: float = 1e-8
     rotation: float = 0.6
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (np.isfinite(value) and value > 0):
+                raise InputError("Newton settings", f"{name} = {value!r}, expected it positive")
 
 
 @dataclass

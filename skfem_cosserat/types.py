@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,7 +15,6 @@ __all__ = [
     "ArrayLike",
     "Floats",
     "IndexArray",
-    "TimeFunctionLike",
     "VectorLike",
     "numbers",
     "positive",
@@ -28,8 +27,6 @@ Floats: TypeAlias = NDArray[np.float64]
 IndexArray: TypeAlias = NDArray[np.int64]
 #: Three numbers.
 VectorLike: TypeAlias = Sequence[float] | NDArray[np.float64]
-#: A function of time: a number or three numbers for a time in s.
-TimeFunctionLike: TypeAlias = Callable[[float], Any]
 
 
 def numbers(item: str, name: str, value: Any) -> Floats:

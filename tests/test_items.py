@@ -227,7 +227,7 @@ def test_triad():
 
 def test_motion_is_a_turn_about_its_place():
     x, t = np.array([1.0, 2.0, 3.0]), 0.6
-    frame = SHAKE.frame(x, t)
+    frame = SHAKE.frame(ground(x, SHAKE), t)
     assert frame[0] == pytest.approx(x + SHAKE.displacement(t))
     assert pytest.approx(Rotation.from_rotvec(SHAKE.rotation(t)).as_matrix()) == frame[1:].T
 

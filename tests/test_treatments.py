@@ -47,7 +47,7 @@ SCENES = {
     "fixed": pair_of_bodies(sc.JointFixed),
     "distance": pair_of_bodies(sc.JointDistance),
     "everything": everything,
-    "everything swapped": lambda: everything(2, swapped=True),
+    "everything swapped": lambda: everything(swapped=True),
     "tree 1": lambda: random_tree(1),
     "tree 4": lambda: random_tree(4),
     "swing": lambda: swing(6),
@@ -58,10 +58,13 @@ scenes = pytest.mark.parametrize("scene", SCENES)
 @cache
 def run(scene, integrator, treatment, again=0):
     system = SCENES[scene]()
-    v = sc.project(system, system.q0, system.v0)
+    v = system.v0
+    if scene.startswith("tree"):  # has no loads
+        v = np.random.default_rng(3).standard_normal(system.n)
+    v = sc.project(system, system.q0, v)
     start = sc.initial_state(system, v=v)
-    h = 0.004
-    return sc.simulate(system, INTEGRATORS[integrator], TREATMENTS[treatment], h, 0.2, start=start)
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    return sc.simulate(system, *pair, 0.004, 0.12, start=start, derive=scene == "distance")
 
 
 @scenes
@@ -69,7 +72,7 @@ def run(scene, integrator, treatment, again=0):
 def test_both_treatments_give_the_same_motion(scene, integrator):
     one, two = (run(scene, integrator, name) for name in TREATMENTS)
     size = abs(one["q"]).max()
-    assert len(one) == 51
+    assert len(one) == 31
     assert abs(one["q"] - two["q"]).max() < 1e-10 * size
     assert abs(one["p"] - two["p"]).max() < 1e-8 * (1 + abs(one["p"]).max())
     assert abs(one["q"][-1] - one["q"][0]).max() > 1e-3  # it moves
@@ -101,7 +104,7 @@ def test_unscaled_multipliers_solve_the_same(integrator):
     one = run("spherical", integrator, "multipliers")
     system = SCENES["spherical"]()
     unscaled = sc.Multipliers(scaled=False)
-    two = sc.simulate(system, INTEGRATORS[integrator], unscaled, 0.004, 0.2)
+    two = sc.simulate(system, INTEGRATORS[integrator], unscaled, 0.004, 0.12)
     assert abs(one["q"] - two["q"]).max() < 1e-10
     assert unscaled.name == "multipliers"
 
@@ -143,7 +146,7 @@ def test_a_step_far_too_large_says_so(integrator, treatment, tmp_path):
     assert error.step == len(history)  # the state before it is the last
     assert error.time == pytest.approx(history.times[-1])
     assert error.time >= 1.5  # at rest until the blow
-    assert error.residual > 0
+    assert 0 < error.residual < 1
     for words in (f"step {error.step}", f"t = {error.time:.9g} s", "residual", "smaller step"):
         assert words in str(error)
     assert error.advice in str(error)
@@ -158,6 +161,31 @@ def test_a_step_far_too_large_says_so(integrator, treatment, tmp_path):
         assert loaded.status == "diverged"
         for key in ("t", "q", "p", "carried"):
             assert np.array_equal(loaded[key], history[key]), key
+
+
+@integrators
+@treatments
+def test_residual_of_a_load_on_a_scene_at_rest(integrator, treatment):
+    """Regression: its size counts the load, else the line search starts from a residual of 0."""
+    system = stiff_whip()
+    stepper = sc.Stepper(system, INTEGRATORS[integrator], TREATMENTS[treatment], 0.5)
+    step = stepper.integrator.begin(system, sc.initial_state(system, time=2.0), 0.5)
+    evaluation = stepper.integrator.evaluate(system, step, step.y0)
+    assert evaluation.size > 0.4 * 0.5 * 1e4
+    assert abs(evaluation.R).max() <= evaluation.size
+
+
+@treatments
+def test_overflow_is_not_a_small_residual(treatment):
+    """Regression: terms that overflow give no residual of 0."""
+    system = stiff_whip()
+    bound = TREATMENTS[treatment].bind(system, 0.0)
+    residual = np.ones(bound.unknowns)
+    assert bound.relative(residual, np.inf) == np.inf
+    assert bound.relative(np.zeros(bound.unknowns), 0.0) == 0
+    residual[0] = np.nan
+    for largest in (1.0, np.nan, 0.0):
+        assert not np.isfinite(bound.relative(residual, largest))
 
 
 @pytest.fixture(scope="module")
@@ -196,13 +224,13 @@ def test_interrupt_raised_in_a_callback(pendulum, integrator, treatment, tmp_pat
     # and it goes on from there
     start = sc.restart(pendulum, loaded, pair[0], 0.01)
     rest = sc.simulate(pendulum, *pair, 0.01, 0.3, start=start)
-    assert abs(rest["q"] - whole["q"][7:]).max() < 1e-12
+    assert abs(rest["q"] - whole["q"][7:]).max() < 1e-11
 
 
 @integrators
 @treatments
 def test_restart_from_a_loaded_history(pendulum, integrator, treatment, tmp_path):
-    """The same run to rounding; with another step or integrator the same motion to O(h^2)."""
+    """The same run to the Newton tolerance; another step or integrator: the same to O(h^2)."""
     pair = INTEGRATORS[integrator], TREATMENTS[treatment]
     whole = sc.simulate(pendulum, *pair, 0.005, 0.4)
     half = sc.simulate(pendulum, *pair, 0.005, 0.2)
@@ -212,8 +240,9 @@ def test_restart_from_a_loaded_history(pendulum, integrator, treatment, tmp_path
     assert start.index == 40
     rest = sc.simulate(pendulum, *pair, 0.005, 0.4, start=start)
     assert rest["step"][-1] == 80
-    assert abs(rest["q"] - whole["q"][40:]).max() < 1e-12
-    assert abs(rest["p"][1:] - whole["p"][41:]).max() < 1e-12
+    # what is lost is the guess of the next step: the Newton tolerance is what differs
+    assert abs(rest["q"] - whole["q"][40:]).max() < 1e-11
+    assert abs(rest["p"][1:] - whole["p"][41:]).max() < 1e-11
     assert abs(rest.times - whole.times[40:]).max() < 1e-14
     for name, other in INTEGRATORS.items():
         errors = []

@@ -102,6 +102,13 @@ class BoundTreatment(ABC):
     y0: Array
 
 
+def relative_size(size: float, largest: float) -> float:
+    """Size of a residual against the largest term; infinite if the terms are."""
+    if np.isinf(largest):
+        return float("inf")
+    return size / largest if largest > 0 else size
+
+
 def group_pairs(system: System, dofs: list[IndexArray]) -> tuple[IndexArray, IndexArray]:
     """Row and column numbers of all block entries, groups one after the other."""
     rows = [np.repeat(d, d.shape[1], axis=1).ravel() for d in dofs]

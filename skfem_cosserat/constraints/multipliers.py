@@ -9,7 +9,7 @@ from ..errors import IncompatibleError
 from ..linear import LinearSolver
 from ..model import System
 from ..types import Array, Floats
-from .base import BoundTreatment, Treatment, group_pairs
+from .base import BoundTreatment, Treatment, group_pairs, relative_size
 
 __all__ = ["Multipliers"]
 
@@ -63,6 +63,8 @@ class BoundMultipliers(BoundTreatment):
             cols.append(g.curvature_cols)
         self.pattern = FrozenPattern(np.concatenate(rows), np.concatenate(cols), (n + m, n + m))
         self.solver = LinearSolver(self.pattern)
+        size = g.magnitudes(system.extend(system.q0, 0.0))
+        self._magnitude = np.where(size > 0, size, 1.0)
         self._q: Array = np.zeros(n)
         self._multiplier: Array = np.zeros(m)
         self._last: tuple[Array, Array] | None = None
@@ -108,11 +110,11 @@ class BoundMultipliers(BoundTreatment):
         return out
 
     def relative(self, residual: Array, largest: float) -> float:
-        """See the base class; constraints are compared with the scene's size."""
+        """See the base class; constraints are compared with their own terms."""
         n = self.system.n
         balance = float(abs(residual[:n]).max(initial=0.0))
-        violation = float(abs(residual[n:]).max(initial=0.0)) / (1.0 + self.system.length**2)
-        return max(balance / largest if largest > 0 else 0.0, violation)
+        violation = float((abs(residual[n:]) / self._magnitude).max(initial=0.0))
+        return float(np.max([relative_size(balance, largest), violation]))  # NaN stays
 
     def data(self, blocks: list[Array], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class; with the columns' and rows' factors of this step."""

@@ -11,7 +11,7 @@ from ..linear import LinearSolver
 from ..model import System
 from ..model.kinematics import Chart
 from ..types import Array, Floats, IndexArray
-from .base import BoundTreatment, Treatment, group_pairs
+from .base import BoundTreatment, Treatment, group_pairs, relative_size
 
 __all__ = ["NullSpace"]
 
@@ -189,7 +189,7 @@ class BoundNullSpace(BoundTreatment):
 
     def relative(self, residual: Array, largest: float) -> float:
         """See the base class."""
-        return float(abs(residual).max(initial=0.0)) / largest if largest > 0 else 0.0
+        return relative_size(float(abs(residual).max(initial=0.0)), largest)
 
     def _project(self, blocks: list[Array], right: Array) -> list[Array]:
         """Blocks by coordinates -> by twists, ``P_int(y_c)^T K P_int(y_1)``."""
@@ -247,13 +247,12 @@ class BoundNullSpace(BoundTreatment):
 
     def save(self) -> tuple[Array, ...]:
         """See the base class."""
-        c = self.chart
-        return c._shift, c._turn, c._swing, c._hinge, self._total
+        return *self.chart.save(), self._total
 
     def restore(self, saved: tuple[Array, ...]) -> None:
         """See the base class."""
-        c = self.chart
-        c._shift, c._turn, c._swing, c._hinge, self._total = saved
+        self.chart.restore(saved[:-1])
+        self._total = saved[-1]
 
     def finish(self) -> None:
         """See the base class."""

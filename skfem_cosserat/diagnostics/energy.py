@@ -73,7 +73,7 @@ def momentum(system: System, v: ArrayLike) -> Floats:
     V, single = as_stack(system, "v", v)
     rows = V.reshape(len(V), system.rows, 3).transpose(1, 0, 2).reshape(system.rows, -1)
     out = (system.mass @ rows).reshape(system.rows, len(V), 3).transpose(1, 0, 2)
-    return out[0].reshape(-1) if single else out.reshape(len(V), -1)
+    return out[0].reshape(-1) if single else out.reshape(len(V), system.n)
 
 
 def kinetic_energy_of_velocity(system: System, v: ArrayLike) -> Floats:

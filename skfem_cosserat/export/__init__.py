@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .paraview import ParaViewWriter, write_paraview
+from .paraview import ParaViewWriter, prepare_folder, write_paraview
 from .table import write_csv
 
-__all__ = ["ParaViewWriter", "write_csv", "write_paraview"]
+__all__ = ["ParaViewWriter", "prepare_folder", "write_csv", "write_paraview"]

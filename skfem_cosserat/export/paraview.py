@@ -17,7 +17,7 @@ from ..log import logger
 from ..types import Array, ArrayLike, Floats
 from .layers import BeamLayer, BodyLayer, JointLayer, Layer, SurfaceLayer
 
-__all__ = ["ParaViewWriter", "write_paraview"]
+__all__ = ["ParaViewWriter", "prepare_folder", "write_paraview"]
 
 _HEAD = b'<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
 _TAIL = b"  </Collection>\n</VTKFile>\n"
@@ -40,8 +40,14 @@ class _Index:
         self._end += len(line)
 
 
-def _prepare(folder: Path) -> None:
-    """Create the folder and try to write into it."""
+def prepare_folder(folder: Path) -> None:
+    """Make the folder and try to write into it: to be called before long work.
+
+    Raises
+    ------
+    InputError
+        Naming the folder.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / f".probe.{os.getpid()}.tmp"
@@ -122,10 +128,12 @@ class ParaViewWriter:
         if reference is not None:
             self._reference = np.array(reference, dtype=float)
         self._layers = _layers(meta, static, surfaces)
-        _prepare(self.folder)
+        prepare_folder(self.folder)
         self._indices = []
         for layer in self._layers:
             (self.folder / layer.name).mkdir(exist_ok=True)
+            for frame in (self.folder / layer.name).glob("[0-9]" * 6 + ".vtu"):
+                frame.unlink()  # of a longer earlier export: the index would not name it
             self._indices.append(_Index(self.folder / f"{layer.name}.pvd"))
         self._frame = 0
         names = json.dumps(_names(meta, self._layers), indent=1)
@@ -210,8 +218,8 @@ def _names(meta: Mapping[str, Any], layers: list[Layer]) -> dict[str, Any]:
 
 def _selection(times: Floats, every: int, fps: float | None) -> list[int]:
     """Numbers of the states to be written."""
-    if every < 1:
-        raise InputError("argument every", f"got {every}, expected at least 1")
+    if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
+        raise InputError("argument every", f"got {every!r}, expected an integer of at least 1")
     if fps is None:
         return list(range(0, len(times), every))
     if every != 1:

@@ -66,7 +66,7 @@ class EnergyMomentum(Integrator):
         external = load_force(system, step, mid)
         return Evaluation(
             momentum - 2 * step.p0 + h * (internal - external),
-            largest(momentum, step.p0, h * internal),
+            largest(momentum, step.p0, h * internal, h * external),
             momentum,
             mid,
             stresses,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -133,7 +133,8 @@ class Stepper:
         _check_kind("treatment", treatment, Treatment)
         self.system, self.integrator, self.treatment = system, integrator, treatment
         self.h = positive("argument step", "step", h, " of seconds")
-        self.settings = settings or NewtonSettings()
+        self.settings = NewtonSettings() if settings is None else settings
+        _check_kind("settings", self.settings, NewtonSettings)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
 
     def advance(self, state: State, time: float | None = None) -> StepReport:
@@ -231,8 +232,3 @@ class Stepper:
         blocks = self.integrator.tangent(self.system, step, problem.evaluation)
         data = bound.data(blocks, problem.evaluation.R, problem.y1, scaled)
         return bound.solver.pattern.assembled(data).toarray(), report
-
-
-def with_momentum(state: State, p: Floats) -> State:
-    """The same state as a fresh start from momentum p."""
-    return replace(state, p=p, fresh=True)

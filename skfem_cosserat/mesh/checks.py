@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import MeshError
-from ..types import Array, Floats
+from ..types import Array, Floats, numbers
 from .topology import duplicates
 
 if TYPE_CHECKING:  # pragma: no cover - for annotations only
@@ -18,7 +18,7 @@ __all__ = ["check_arrays", "check_geometry"]
 
 def check_arrays(doflocs: Any, t: Any) -> tuple[Floats, Array]:
     """Vertices (3, nv) and connectivity (2, ne) of sound shape and content."""
-    points = np.asarray(doflocs, dtype=float)
+    points = numbers("mesh points", "coordinates", doflocs)
     if points.ndim != 2 or points.shape[0] != 3:
         raise MeshError("mesh points", f"have shape {points.shape}, expected (3, nv)")
     lines = np.asarray(t)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import MeshError
-from ..types import Array, Floats, IndexArray, VectorLike
+from ..types import Array, Floats, IndexArray, VectorLike, numbers
 
 if TYPE_CHECKING:  # pragma: no cover - for annotations only
     from .mesh import MeshCurve
@@ -47,7 +47,7 @@ def find_node(
         if not 0 <= which < len(points):
             raise MeshError(f"node {which}", f"the mesh has nodes 0 .. {len(points) - 1}")
         return int(which)
-    place = np.asarray(which, dtype=float)
+    place = numbers(f"node {which!r}", "position", which)
     if place.shape != (3,) or not np.isfinite(place).all():
         raise MeshError(f"node {which!r}", "expected a name, a number or a position (3,)")
     gaps = np.linalg.norm(points - place, axis=1)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from ..errors import InputError, MeshError
-from ..types import Array, Floats, VectorLike
+from ..types import Array, Floats, VectorLike, numbers
 
 if TYPE_CHECKING:  # pragma: no cover - for annotations only
     from .mesh import MeshCurve
@@ -115,7 +115,7 @@ def _hints(mesh: MeshCurve, directors: Directors) -> Floats:
         if value is None:
             continue
         item = f"director of beam '{name}'" if name else f"director of beams {list(mesh.beams)}"
-        hint = np.asarray(value, dtype=float)
+        hint = numbers(item, "direction", value)
         if hint.shape != (3,):
             raise InputError(item, f"has shape {hint.shape}, expected three numbers")
         if not np.isfinite(hint).all():
@@ -155,7 +155,7 @@ def _orthonormal(d1: Array, tangent: Array) -> Floats:
 def _angles(twist: Any, s: Floats, item: str) -> Floats:
     """Angles (m, n) in rad at arc lengths s (m, n)."""
     if callable(twist):
-        angles = np.array([[float(twist(x)) for x in row] for row in s.tolist()])
+        angles = numbers(item, "twist", [[twist(x) for x in row] for row in s.tolist()])
     elif np.ndim(twist) == 0 and not isinstance(twist, str):
         angles = float(twist) * s
     else:

@@ -48,10 +48,10 @@ class Scene(Protocol):
     constraints: QuadraticConstraints
 
 
-def check_joints(joints: Sequence[Joint], t: float) -> None:
-    """Every joint closes in the reference configuration at time `t`."""
+def check_joints(joints: Sequence[Joint], t: float, length: float) -> None:
+    """Every joint closes in the reference configuration at time `t`, to the scene's extent."""
     for joint in joints:
-        joint.check(t)
+        joint.check(t, length)
 
 
 def independent_loop_rows(system: Scene, loops: Sequence[JointRows], y: Floats) -> Floats:

@@ -68,6 +68,7 @@ class Kinematics:
         self._frame_row = np.where(is_frame, row[:nv], -1)
         self._spots: dict[Spot, int] = {}
         self._pairs()
+        self._prepare_curvature()
 
     def _spot(self, spot: Spot) -> int:
         return self._spots.setdefault(spot, len(self._spots))
@@ -130,6 +131,22 @@ class Kinematics:
         self._order = order
         indptr = np.searchsorted(self.T_rows[order], np.arange(self.n_twist + 1))
         self._T_structure = (self.T_cols[order].astype(np.int32), indptr.astype(np.int32))
+
+    def _prepare_curvature(self) -> None:
+        """Which pairs have an axis or a point that moves with a vertex, and its twist."""
+        nv = len(self.twist_of)
+        guide = np.array([c.guide for c in self.tree.coordinates], dtype=np.int64)
+        which = guide[self.pair_number]
+        self._guided = np.flatnonzero((which >= 0) & (which < nv))
+        self._guide_twist = self.twist_of[which[self._guided]] + 3
+        self._spot_vertex = np.array([s.vertex for s in self.spots], dtype=np.int64)
+        self._spot_base = self.row[self._spot_vertex]
+        self._spot_turns = np.array([any(s.offset) for s in self.spots], dtype=bool)
+        self._pair_twist = self.twist_of[self.pair_vertex][:, None] + np.arange(3)
+        self._spot_cache = []
+        for spots, sign in ((self.pair_target, 1.0), (self.pair_centre, -1.0)):
+            twists = self._spot_twists(spots)
+            self._spot_cache.append((sign, twists, spots[twists[0]][twists[2]]))
 
     def _combination(self, terms: list[list[tuple[int, float]]]) -> csr_matrix:
         i = [k for k, row in enumerate(terms) for _ in row]
@@ -205,7 +222,7 @@ class Kinematics:
 
     def curvature_pattern(self) -> tuple[IndexArray, IndexArray]:
         """Rows (unknowns) and columns (twists) of :meth:`curvature_values`."""
-        guided = self._guided_pairs()
+        guided = self._guided
         rows = [np.repeat(self.pair_number[guided], 3)]
         cols = [(self._guide_twist[:, None] + np.arange(3)).ravel()]
         for spots in (self.pair_target, self.pair_centre):
@@ -225,7 +242,7 @@ class Kinematics:
         force = twist_force[self._pair_twist]
         moment = cross(at.arm, force)
         moment[self.pair_rotates] += twist_force[self._pair_twist[self.pair_rotates] + 3]
-        guided = self._guided_pairs()
+        guided = self._guided
         parts = [cross(at1.axis[guided], moment[guided])]
         g = cross(force, at.axis)
         for sign, (on, _, turns), where in self._spot_cache:
@@ -233,23 +250,6 @@ class Kinematics:
             arm = at1.x[where] - at1.y[self._spot_base[where]]
             parts += [signed, cross(arm, signed[turns])]
         return np.concatenate(parts).ravel()
-
-    def _guided_pairs(self) -> IndexArray:
-        if not hasattr(self, "_guided_cache"):
-            nv = len(self.twist_of)
-            guide = np.array([c.guide for c in self.tree.coordinates], dtype=np.int64)
-            which = guide[self.pair_number]
-            self._guided_cache = np.flatnonzero((which >= 0) & (which < nv))
-            self._guide_twist = self.twist_of[which[self._guided_cache]] + 3
-            self._spot_vertex = np.array([s.vertex for s in self.spots], dtype=np.int64)
-            self._spot_base = self.row[self._spot_vertex]
-            self._spot_turns = np.array([any(s.offset) for s in self.spots], dtype=bool)
-            self._pair_twist = self.twist_of[self.pair_vertex][:, None] + np.arange(3)
-            self._spot_cache = []
-            for spots, sign in ((self.pair_target, 1.0), (self.pair_centre, -1.0)):
-                twists = self._spot_twists(spots)
-                self._spot_cache.append((sign, twists, spots[twists[0]][twists[2]]))
-        return self._guided_cache
 
     def _spot_twists(self, spots: IndexArray) -> tuple[IndexArray, IndexArray, IndexArray]:
         """Pairs whose spot is on a vertex, its twist, and which of them feel its rotation."""
@@ -383,6 +383,14 @@ class Chart:
             numbers = self.sphere_numbers
             theta = (increment[numbers][:, :, None] * self.fixed[numbers]).sum(1)
             self._swing = quaternion_product(exp_quaternion(theta), self._swing)
+
+    def save(self) -> tuple[Array, ...]:
+        """The increments of the step so far."""
+        return self._shift, self._turn, self._swing, self._hinge
+
+    def restore(self, saved: tuple[Array, ...]) -> None:
+        """Back to saved increments."""
+        self._shift, self._turn, self._swing, self._hinge = saved
 
     def configuration(self) -> Array:
         """``y_{n+1}`` (all rows)."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from ..errors import InputError
 from ..kernels import cross, skew
 from ..load import Constant, Load, LoadForce, LoadGravity, LoadLine, LoadMoment, TimeFunction
 from ..types import Array, Floats, IndexArray
@@ -46,6 +49,7 @@ class Loading:
         self._first, self._mass, self._origins = first, mass, origins
         self._beam_groups, self._frame_group = beam_groups, frame_group
         self.times: list[TimeFunction] = []
+        self._labels: list[str] = []
         dead: list[Floats] = []
         self._dead_times: list[int] = []
         #: (channel, group number or -1 for frames, element ids, (e, r, r) scalar blocks)
@@ -55,6 +59,7 @@ class Loading:
             for value, time in load.channels:
                 channel = len(self.times)
                 self.times.append(time)
+                self._labels.append(load.label)
                 if isinstance(load, LoadMoment):
                     v, _ = first[id(load.place.item)]
                     block = self._frame_block(v + load.place.vertex)
@@ -134,11 +139,21 @@ class Loading:
 
     def averages(self, t0: float, t1: float) -> Floats:
         """Exact means of all channels over a step."""
-        return np.array([time.average(t0, t1) for time in self.times])
+        return self._each(lambda time: time.average(t0, t1))
 
     def values(self, t: float) -> Floats:
         """All channels at time `t`."""
-        return np.array([time.value(t) for time in self.times])
+        return self._each(lambda time: time.value(t))
+
+    def _each(self, number: Callable[[TimeFunction], float]) -> Floats:
+        """A number of each channel; an error of a function names its load."""
+        out = np.empty(len(self.times))
+        for k, time in enumerate(self.times):
+            try:
+                out[k] = number(time)
+            except InputError as error:
+                raise InputError(self._labels[k], str(error)) from error
+        return out
 
     def dead_force(self, amplitudes: Floats) -> Floats:
         """Generalised force (rows, 3) of the loads that do not depend on y."""

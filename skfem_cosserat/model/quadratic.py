@@ -104,6 +104,19 @@ class QuadraticConstraints:
         out = sum_at(self._pk, products, self.size) - self._constant
         return out + sum_at(self._lk, (self._lc * y[self._la]).ravel(), self.size)
 
+    def magnitudes(self, y: Floats, rates: Floats | None = None) -> Floats:
+        """Sizes (m,) of the terms of g(y), or of ``dg/dt`` for rates of y: what its error means."""
+        size = np.linalg.norm(y, axis=1)
+        if rates is None:
+            products, linear = size[self._pa] * size[self._pb], size[self._la]
+        else:
+            rate = np.linalg.norm(rates, axis=1)
+            products = size[self._pa] * rate[self._pb] + rate[self._pa] * size[self._pb]
+            linear = rate[self._la]
+        out = np.bincount(self._pk, abs(self._pc[:, 0]) * products, self.size)
+        terms = np.repeat(abs(self._lc[:, 0]) * linear, 3)
+        return np.asarray(out + np.bincount(self._lk, terms, self.size), dtype=float)
+
     def jacobian_values(self, y: Array) -> Array:
         """Contributions to G at ``(rows, cols)[inside]``, ground columns left out."""
         values = np.concatenate([self._linear_values, (self._scale * y[self._other]).ravel()])

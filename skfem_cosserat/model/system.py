@@ -65,7 +65,7 @@ class System:
             self.beam_groups,
             self.frame_group,
         )
-        check_joints(self.joints, 0.0)
+        check_joints(self.joints, 0.0, self.length)
         self._constrain()
         self._span()
 
@@ -259,15 +259,32 @@ class System:
 
     def ground(self, t: float) -> Floats:
         """Rows of the ground's frames at time `t`, (ground_rows, 3)."""
-        return np.concatenate([self._rest, *(p.motion.frame(p.position, t) for p in self.moving)])  # type: ignore[union-attr]
+        frames = [p.motion.frame(p, t) for p in self.moving if p.motion is not None]
+        return np.concatenate([self._rest, *frames])
 
     def ground_rate(self, t: float) -> Floats:
-        """Time derivative of :meth:`ground` (fourth-order differences of the callables)."""
+        """Time derivative of :meth:`ground`."""
+        return self.ground_rate_and_error(t)[0]
+
+    def ground_rate_and_error(self, t: float) -> tuple[Floats, float]:
+        """Time derivative of :meth:`ground` by differences of the callables, and its error.
+
+        One-sided, of fourth order, on shrinking intervals until two results agree best: a motion
+        is never asked for before t = 0 nor after t > 0, where it may not be defined.
+        """
         if not self.moving:
-            return np.zeros((self.ground_rows, 3))
-        e = 1e-4
-        g = [self.ground(t + k * e) for k in (-2, -1, 1, 2)]
-        return (g[0] - 8 * g[1] + 8 * g[2] - g[3]) / (12 * e)
+            return np.zeros((self.ground_rows, 3)), 0.0
+        here, best, error = self.ground(t), np.zeros((self.ground_rows, 3)), np.inf
+        before: Floats | None = None
+        width = 1e-2 if t <= 0 else -min(1e-2, t / 4)
+        for _ in range(12):
+            g = [self.ground(t + k * width) - here for k in (1, 2, 3, 4)]
+            rate = (48 * g[0] - 36 * g[1] + 16 * g[2] - 3 * g[3]) / (12 * width)
+            change = np.inf if before is None else float(abs(rate - before).max())
+            if change < error:
+                best, error = rate, change
+            before, width = rate, width / 4
+        return best, error
 
     def extend(self, q: Array, t: float) -> Array:
         """All rows ``y`` (total, 3): coordinates q and the ground at time t."""
@@ -290,14 +307,10 @@ class System:
 
     @cached_property
     def length(self) -> float:
-        """Extent of the scene (m), the scale of displacements."""
-        x = self._y0[self.origin_rows]
-        spots = [jr.joint.a.position for jr in self.joint_rows]
-        x = np.vstack([x, *spots]) if spots else x
-        size = float(np.linalg.norm(x.max(0) - x.min(0)))
-        if self.beam_groups or size > 0:
-            return size
-        return 1.0
+        """Extent of the scene (m), the scale of displacements and gaps; 1 if it is a point."""
+        places = [place.position for joint in self.joints for place in (joint.a, joint.b)]
+        x = np.vstack([self._y0[self.origin_rows], *places])
+        return float(np.linalg.norm(x.max(0) - x.min(0))) or 1.0
 
     # -- forces ------------------------------------------------------------------------------------
 

@@ -19,18 +19,40 @@ from ..model.system import JointRows
 from ..types import Floats
 from ..version import VERSION
 
-__all__ = ["derive_series", "describe", "fingerprint"]
+__all__ = ["derive_series", "describe", "fingerprint", "other_model"]
 
 
 def fingerprint(system: System) -> dict[str, Any]:
-    """What makes a history belong to a system."""
+    """What makes a history belong to a system: names, and sums that any change of numbers moves."""
+    y = system.extend(system.q0, 0.0)
+    stiffness = [g.elements.stiffness.ravel() for g in system.beam_groups]
+    numbers = {
+        "reference": system.q0,
+        "mass": system.mass.tocoo().data,
+        "stiffness": np.concatenate([*stiffness, np.zeros(0)]),
+        "constraints": system.constraints.jacobian_values(y),
+    }
+    # weights without a pattern, so that nothing cancels or trades places
+    sums = {k: float(v @ np.cos(1 + np.arange(len(v)) ** 1.5)) for k, v in numbers.items()}
     return {
-        "n": system.n,
-        "m": system.m,
         "items": [s.label for s in system.structures],
         "joints": [j.label for j in system.joints],
-        "reference": [float(f"{abs(system.q0).sum():.12g}"), float(f"{system.mass.sum():.12g}")],
+        "counts": [system.n, system.m],
+        "numbers": sums,
     }
+
+
+def other_model(system: System, found: dict[str, Any]) -> str | None:
+    """How a fingerprint differs from that of the system, or None."""
+    own = fingerprint(system)
+    for name in ("items", "joints", "counts"):
+        if found.get(name) != own[name]:
+            return f"{name} {found.get(name)}, expected {own[name]}"
+    for name, value in own["numbers"].items():
+        other = found.get("numbers", {}).get(name, np.nan)
+        if not np.isclose(other, value, rtol=1e-9, atol=1e-12):
+            return f"{name} differs (weighted sum {other!r}, expected {value!r})"
+    return None
 
 
 def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:

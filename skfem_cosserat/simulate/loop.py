@@ -128,12 +128,15 @@ def simulate(
     Raises
     ------
     Diverged
-        With ``error.history``, the history up to the failed step.
+        With ``error.history``, the history up to the failed step. (An error of a callback or a
+        function of time carries it too.)
     InputError
         For bad arguments, before the first step.
     """
     stepper = Stepper(system, integrator, treatment, step, settings)
     state, count = _plan(system, start, stepper.h, until, every)
+    if not isinstance(callbacks, Sequence):
+        raise InputError("argument callbacks", f"{callbacks!r}, expected a list of functions")
     for callback in callbacks:
         if not callable(callback):
             raise InputError("argument callbacks", f"{callback!r} is not callable")
@@ -172,7 +175,7 @@ def _run(
             answers = [callback(report) for callback in callbacks]  # all are called
             if interrupt.asked:
                 return "interrupted", None
-            if any(answer is True for answer in answers):
+            if any(isinstance(answer, bool | np.bool_) and answer for answer in answers):
                 status = "stopped"
                 break
         recorder.look_ahead(state, state.time + stepper.h)
@@ -222,7 +225,7 @@ def _plan(
     system: System, start: State | None, step: float, until: float, every: int
 ) -> tuple[State, int]:
     until = positive("argument until", "until", until, " of seconds")
-    if not isinstance(every, int | np.integer) or every < 1:
+    if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
         raise InputError("argument every", f"{every!r}, expected a positive integer")
     state = initial_state(system) if start is None else checked_start(system, start)
     count = int(np.floor((until - state.time) / step * (1 + 1e-12) + 1e-9))

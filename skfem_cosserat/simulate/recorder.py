@@ -20,6 +20,9 @@ from .describe import describe
 
 __all__ = ["Recorder"]
 
+#: what the step after the last one may raise: it is beyond the run the user asked for
+_NO_STEP = (Diverged, ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
+
 
 class Recorder:
     """Decides what is recorded and writes it."""
@@ -54,10 +57,14 @@ class Recorder:
     def __enter__(self) -> Recorder:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
-        """An error of the user's own code: what was recorded so far is in the file."""
-        if kind is not None:
-            self.close("failed", None)
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: object
+    ) -> None:
+        """An error of the user's own code takes the history so far along as ``error.history``."""
+        if error is not None:
+            history = self.close("failed", None)
+            error.history = history  # type: ignore[attr-defined]
+            error.add_note(f"the history up to t = {history.times[-1]:.6g} s is in .history")
 
     def _row(self, state: State, iterations: int, attempts: int, residual: float) -> dict[str, Any]:
         nan = np.full(self.system.n, np.nan)
@@ -107,8 +114,8 @@ class Recorder:
             self.last = None
         try:
             self._amend(self.stepper.advance(state, time))
-        except Diverged:
-            logger.info("no step after t = %.6g s: its momentum is the projected one", state.time)
+        except _NO_STEP as error:  # also loads and motions that end with the run
+            logger.info("no step after t = %.6g s, momentum projected: %s", state.time, error)
 
     def close(self, status: str, failure: Diverged | None) -> History:
         """Close the file and give the history."""

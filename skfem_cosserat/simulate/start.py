@@ -11,7 +11,7 @@ from ..history import History
 from ..integrators import Integrator, State
 from ..model import System
 from ..types import ArrayLike, Floats, numbers
-from .describe import fingerprint
+from .describe import other_model
 
 __all__ = ["initial_state", "project", "restart"]
 
@@ -59,16 +59,12 @@ def initial_state(
     if v is not None and p is not None:
         raise InputError("initial state", "give v or p, not both")
     q = system.q0 if q is None else _checked(system, "q", q)
-    if not np.isfinite(time):
-        raise InputError("initial state", f"time = {time!r} is not finite")
+    if isinstance(time, str) or not np.isfinite(time):
+        raise InputError("initial state", f"time = {time!r}, expected a finite number")
     y = system.extend(q, time)
-    g = abs(system.constraints.values(y))
-    if g.max(initial=0.0) > tolerance * max(1.0, system.length**2):
-        raise InputError(
-            "initial state",
-            f"q violates the constraints at t = {time:g} s by {g.max():.3g}"
-            f" ({constraint_owner(system, int(g.argmax()))})",
-        )
+    wrong = broken_constraint(system, y, tolerance)
+    if wrong:
+        raise InputError("initial state", f"q at t = {time:g} s {wrong}")
     if p is not None:
         p = _checked(system, "p", p)
         miss = float(abs(Projection(system)(q, p, time)[1] - p).max())
@@ -80,16 +76,36 @@ def initial_state(
             )
         return State(time, 0, q, p)
     v = system.v0 if v is None else _checked(system, "v", v)
+    _check_velocity(system, y, v, time, tolerance)
+    return State(time, 0, q, diagnostics.momentum(system, v))
+
+
+def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance: float) -> None:
+    """``G v + g_t = 0``, each row compared with the size of its terms."""
     hidden = abs(system.constraints.jacobian(y) @ v + diagnostics.ground_part(system, y, time))
-    worst = float(hidden.max(initial=0.0))
-    if worst > tolerance * max(1.0, float(abs(v).max())):
+    rate, error = system.ground_rate_and_error(time)
+    rates = np.concatenate([v.reshape(-1, 3), rate])
+    # the rate of a prescribed motion is known to a difference quotient's error only
+    floor = 4 * error + (1e-11 * system.length if system.moving else 0.0)
+    excess = hidden - tolerance * system.constraints.magnitudes(y, rates) - floor
+    if excess.max(initial=0.0) > 0:
+        row = int(excess.argmax())
         raise InputError(
             "initial state",
-            f"the velocity violates the hidden constraint of"
-            f" {constraint_owner(system, int(hidden.argmax()))} at t = {time:g} s by {worst:.6g}"
-            " (initial velocity against joints or prescribed motion): use project(system, q, v)",
+            f"the velocity violates the hidden constraint of {constraint_owner(system, row)} at"
+            f" t = {time:g} s by {hidden[row]:.6g} (initial velocity against joints or prescribed"
+            " motion): use project(system, q, v)",
         )
-    return State(time, 0, q, (system.mass @ v.reshape(-1, 3)).reshape(-1))
+
+
+def broken_constraint(system: System, y: Floats, tolerance: float) -> str | None:
+    """Which constraint does not hold at y, and by how much; relative to its terms."""
+    g = abs(system.constraints.values(y))
+    excess = g - tolerance * system.constraints.magnitudes(y)
+    if not excess.max(initial=0.0) > 0:
+        return None
+    row = int(excess.argmax())
+    return f"violates the constraint of the {constraint_owner(system, row)} by {g[row]:.6g}"
 
 
 def checked_start(system: System, start: State) -> State:
@@ -124,25 +140,29 @@ def restart(system: System, history: History, integrator: Integrator, step: floa
 
     With the integrator and step of the history the run continues as if it had not stopped; with
     another step or integrator it starts from (q, p) of the discrete Legendre transform, projected
-    on the hidden constraints.
+    on the hidden constraints. Loads may differ from those of the history: they are no part of the
+    state.
 
     Raises
     ------
     HistoryError
         If the history belongs to another model.
     """
-    if history.meta.get("fingerprint") != fingerprint(system):
-        raise HistoryError(
-            "history",
-            f"belongs to another model: {history.meta.get('fingerprint')} instead of"
-            f" {fingerprint(system)}",
-        )
+    difference = other_model(system, history.meta.get("fingerprint", {}))
+    if difference:
+        raise HistoryError("history", f"belongs to another model: {difference}")
     if len(history) == 0:
         raise HistoryError("history", "has no state to go on from")
     row = history.last()
+    y = system.extend(np.array(row["q"]), float(row["t"]))
+    wrong = broken_constraint(system, y, 1e-6)
+    if wrong:
+        raise HistoryError("history", f"belongs to another model: its last state {wrong}")
     t, index = float(row["t"]), int(row["step"])
     q = np.array(row["q"])
-    same = history.meta["integrator"] == integrator.name and history.meta["step"] == step
+    same = history.meta["integrator"] == integrator.name and np.isclose(
+        history.meta["step"], step, rtol=1e-12, atol=0
+    )
     if same:
         return State(t, index, q, np.array(row["carried"]), fresh=bool(row["fresh"]))
     p = np.array(row["p"])

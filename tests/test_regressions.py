@@ -1,0 +1,181 @@
+"""Faults that reviews found, one test each: what went wrong stands in the docstring."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skfem_cosserat as sc
+from skfem_cosserat.export import write_paraview
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def swing():
+    if "three_bar_swing" not in sys.modules:
+        path = ROOT / "examples" / "three_bar_swing.py"
+        spec = importlib.util.spec_from_file_location("three_bar_swing", path)
+        module = importlib.util.module_from_spec(spec)
+        sys.modules["three_bar_swing"] = module
+        spec.loader.exec_module(module)
+    return sys.modules["three_bar_swing"]
+
+
+def driven(displacement, velocity=(0, 0, 0)):
+    """A mass point held by a moving ground place."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, velocity=velocity))
+    motion = sc.Motion(displacement)
+    model.add("hand", sc.JointSpherical(sc.ground((0, 0, 0), motion), ball.place()))
+    return model.freeze()
+
+
+def rigid_pendulum(pivot=(0, 0, 0), gravity=9.81):
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.2, 0.3), position=(0.5, 0, 0)))
+    model.add("pivot", sc.JointSpherical(sc.ground(pivot), body.at(pivot)))
+    model.add("gravity", sc.LoadGravity((0, 0, -gravity)))
+    return model.freeze()
+
+
+def run(system, until=0.1, **options):
+    return sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, until, **options)
+
+
+def test_swing_whose_first_step_fails_returns():
+    """An empty history of midpoints could not be reshaped."""
+    result = swing().main(step=1.0, until=3.0, section="stiff")
+    assert result["diverged_at"] == 0.0 and result["times"].tolist() == [0.0]
+    assert result["energy_midpoint"].shape == (0,)
+    assert result["angular_momentum_midpoint"].shape == (0, 3)
+
+
+@pytest.mark.parametrize("frequency", [1.0, 1e3, 1e5])
+def test_rate_of_a_fast_prescribed_motion(frequency):
+    """The difference step was fixed at 1e-4 s."""
+    system = driven(lambda t: (np.sin(frequency * t) / frequency, 0, 0), velocity=(1.0, 0, 0))
+    assert sc.initial_state(system).p[0] == 1.0
+    assert sc.project(system, system.q0, 0 * system.v0)[0] == pytest.approx(1.0, rel=1e-7)
+    for t in (0.1, 1.0):
+        rate = system.ground_rate(t)[4, 0]
+        assert rate == pytest.approx(np.cos(frequency * t), abs=2e-6)
+
+
+def test_motion_is_asked_for_inside_of_the_run_only():
+    """Central differences called the user's function before the start."""
+
+    def slide(t):
+        assert 0 <= t <= 0.1 + 0.0101
+        return (t**1.5, 0, 0)
+
+    history = run(driven(slide))
+    assert history.status == "completed"
+    assert history["v"][5, 0] == pytest.approx(1.5 * np.sqrt(0.05), rel=1e-9)
+
+
+def test_functions_of_time_may_end_with_the_run():
+    """The step after the last one, for its momentum, let the user's error through."""
+
+    def push(t):
+        if t > 0.1 + 1e-12:
+            raise ValueError("beyond the record")
+        return t
+
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0))
+    model.add("push", sc.LoadForce(ball.place(), (1.0, 0, 0), push))
+    history = run(model.freeze())
+    assert len(history) == 11 and np.isfinite(history["p"]).all()
+
+
+@pytest.mark.parametrize("other", [{"pivot": (0, 0, 1)}, {"pivot": (1, 0, 0)}])
+def test_restart_compares_joints(other):
+    """Sums of coordinates and masses were all that was compared."""
+    history = run(rigid_pendulum())
+    with pytest.raises(sc.HistoryError, match="another model"):
+        sc.restart(rigid_pendulum(**other), history, sc.EnergyMomentum(), 0.01)
+    # loads are no part of the state
+    state = sc.restart(rigid_pendulum(gravity=1.62), history, sc.EnergyMomentum(), 0.01)
+    assert np.array_equal(state.q, history["q"][-1])
+
+
+def test_callbacks_may_answer_with_numpy():
+    """A numpy True did not end the run."""
+    history = run(rigid_pendulum(), callbacks=[lambda report: report.state.q[2] < -0.01])
+    assert history.status == "stopped"
+
+
+def test_error_of_a_callback_takes_the_history_along():
+    """The history in memory was lost."""
+
+    def fail(report):
+        if report.state.index == 4:
+            raise KeyError("mine")
+
+    with pytest.raises(KeyError) as info:
+        run(rigid_pendulum(), callbacks=[fail])
+    assert len(info.value.history) == 5 and info.value.history.status == "failed"
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e3])
+def test_gaps_are_measured_against_the_scene(size):
+    """Tolerances were absolute: a joint of a tiny scene could be wide open."""
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (size, size, size)))
+    corner = np.full(3, size / 2)
+    model.add("pivot", sc.JointSpherical(sc.ground(corner + 5e-4 * size), body.at(corner)))
+    with pytest.raises(sc.InputError, match="does not close"):
+        model.freeze()
+
+
+def test_small_velocities_against_a_small_joint():
+    """So were those of the hidden constraints."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, position=(1e-6, 0, 0), velocity=(9e-9, 0, 0)))
+    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), ball.place()))
+    with pytest.raises(sc.InputError, match="distance joint 'rod'"):
+        sc.initial_state(model.freeze())
+
+
+def test_swing_looks_at_its_folder_before_it_runs(tmp_path):
+    """The folder was found wanting after the whole run."""
+    (tmp_path / "file").write_text("")
+    with pytest.raises(sc.InputError, match="file"):
+        swing().main(until=1e9, out=tmp_path / "file" / "results")
+
+
+def test_condition_number_of_a_run_that_fails():
+    """It raised where a step could not be solved."""
+    value = swing().condition_number("variational", "null-space", 0.1, section="stiff")
+    assert value > 1
+    for bad in (3, [1.5], "12", [], [0]):
+        with pytest.raises(ValueError, match="steps"):
+            swing().condition_number("variational", "null-space", 1e-2, steps=bad)
+
+
+def test_event_over_a_standstill():
+    """Two equal angles hid the reversal between them."""
+    t = 0.2 * np.arange(5)
+    assert swing()._event_x(t, np.array([0.0, 1, 2, 2, 1])) == pytest.approx(0.5)
+    assert swing()._event_x(t, np.array([0.0, 1, 2, 2, 3])) is None
+
+
+def test_shorter_export_leaves_no_frames_of_a_longer_one(tmp_path):
+    """Stale frames stayed beside the index."""
+    history = run(rigid_pendulum())
+    write_paraview(history, tmp_path)
+    write_paraview(history.truncated(3), tmp_path)
+    assert len(list((tmp_path / "bodies").glob("*.vtu"))) == 3
+
+
+def test_errors_of_functions_name_their_item():
+    """They named the function only."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0))
+    model.add("push", sc.LoadForce(ball.place(), (1, 0, 0), lambda t: np.nan if t > 0.05 else t))
+    with pytest.raises(sc.InputError, match=r"'push'.*nan"):
+        run(model.freeze())
+    with pytest.raises(sc.InputError, match=r"ground at \[0.0, 0.0, 0.0\].*displacement"):
+        run(driven(lambda t: (0, 0, 0) if t < 0.05 else (0, 0)))
