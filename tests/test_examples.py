@@ -1,0 +1,52 @@
+"""Every example is imported without side effects, and its numbers are checked."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+EXAMPLES = sorted((Path(__file__).resolve().parent.parent / "examples").glob("*.py"))
+
+
+def load(name):
+    path = EXAMPLES[0].parent / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(f"example_{name}", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_import_has_no_side_effects(path, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    assert callable(load(path.stem).main)
+    captured = capfd.readouterr()
+    assert captured.out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_cantilever_of_scikit_fem_alone():
+    """Tip force, against Timoshenko's closed form: exact at the nodes."""
+    result = load("skfem_alone").main()
+    assert result["tip"] == pytest.approx(result["theory"], rel=1e-9)
+
+
+def test_cantilever_on_an_elastic_foundation():
+    """A form of the user's own adds to ours; closed form of Hetenyi without shear."""
+    k, EI, P, L = 1e4, 210e9 * np.pi * 0.01**4 / 4, 100.0, 1.0
+    b = (k / (4 * EI)) ** 0.25
+    x = b * L
+    shape = (np.sinh(x) * np.cosh(x) - np.sin(x) * np.cos(x)) / (np.cosh(x) ** 2 + np.cos(x) ** 2)
+    tip = load("skfem_alone").main(elements=16, foundation=k)["tip"]
+    assert tip == pytest.approx(2 * P * b / k * shape, rel=5e-4)
+
+
+def test_speed_accuracy_quick():
+    result = load("speed_accuracy").main(quick=True, repeats=1)
+    assert len(result["rows"]) == 16
+    errors = {row[:3]: row[3] for row in result["rows"]}
+    for integrator in ("variational", "energy-momentum"):
+        for treatment in ("null-space", "multipliers"):
+            assert errors[integrator, treatment, 0.0125] < errors[integrator, treatment, 0.025]
+    assert all(row[4] > 0 for row in result["rows"])
