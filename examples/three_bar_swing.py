@@ -160,7 +160,7 @@ def main(
     result["diverged_at"] = float(history.times[-1]) if reason else None
     result["divergence_reason"] = reason
     if out is not None:
-        write(system, history, Path(out))
+        write(system, history, Path(out), PULSE[section][1])
     return result
 
 
@@ -331,7 +331,7 @@ def condition_number(
     return float(np.median(values))
 
 
-def write(system: sc.System, history: sc.History, folder: Path) -> list[Path]:
+def write(system: sc.System, history: sc.History, folder: Path, pulse_end: float) -> list[Path]:
     """History, ParaView files and, where matplotlib is installed, charts."""
     from skfem_cosserat.export import write_paraview
 
@@ -341,7 +341,7 @@ def write(system: sc.System, history: sc.History, folder: Path) -> list[Path]:
     try:
         from skfem_cosserat.plot import plot_energy, plot_orbit
 
-        plot_energy(history, folder / "energy.png")
+        plot_energy(history, folder / "energy.png", since=pulse_end)
         beam: Any = system.structures[0]
         mid = beam.node("mid").vertex
         plot_orbit(history, f"beam/beam/{mid}", folder / "orbit.png", axes="yz")

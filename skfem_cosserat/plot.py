@@ -61,6 +61,7 @@ def plot_energy(
     history: History,
     path: str | os.PathLike[str] | None = None,
     names: Sequence[str] = ("kinetic", "strain_energy", "energy", "energy_midpoint"),
+    since: float = 0.0,
 ) -> Figure:
     """Chart of the energies over time, and of the change of the total energy below it.
 
@@ -74,6 +75,8 @@ def plot_energy(
     names : sequence of str
         Which of them, as far as recorded. The potential of the loads (``external``) is drawn on
         request: that of a strong pulse would hide all others.
+    since : float
+        Time in s from which the change of the total counts, such as the end of a pulse.
 
     Returns
     -------
@@ -111,10 +114,11 @@ def plot_energy(
     axes[0].legend(ncols=3, fontsize="small")
     scale = max(float(np.nanmax(abs(history[name]), initial=0.0)) for name in present)
     for name in totals:
-        valid = np.flatnonzero(np.isfinite(history[name]))
+        valid = np.flatnonzero(np.isfinite(history[name]) & (history.times >= since))
         if len(valid) and scale > 0.0:
-            drift = (history[name] - history[name][valid[0]]) / scale
-            axes[1].plot(history.times, drift, linewidth=1.0, label=_ENERGIES[name])
+            first = valid[0]  # later gaps stay gaps
+            drift = (history[name][first:] - history[name][first]) / scale
+            axes[1].plot(history.times[first:], drift, linewidth=1.0, label=_ENERGIES[name])
     if totals:
         axes[1].set_ylabel("change of total\n/ largest energy")
         axes[1].axhline(0.0, color="grey", linewidth=0.5)

@@ -35,7 +35,7 @@ def test_energy_with_gaps_and_without_total(make_scene):
     history.add_series("energy_midpoint", np.array([np.nan, 2.0, 2.0, 2.0, 3.0]))
     lower = plot_energy(history).axes[1]
     drift = lower.get_lines()[1].get_ydata()
-    np.testing.assert_allclose(drift, np.array([np.nan, 0.0, 0.0, 0.0, 1.0]) / 3.0)
+    np.testing.assert_allclose(drift, np.array([0.0, 0.0, 0.0, 1.0]) / 3.0)
     history._series.pop("energy")
     history._series.pop("energy_midpoint")
     assert len(plot_energy(history).axes) == 1
