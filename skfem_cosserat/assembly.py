@@ -133,7 +133,23 @@ class ElementForm(Form):
     Parameters
     ----------
     form : callable
-        ``function(basis, **params)`` that returns the element arrays.
+        ``function(basis, **params)`` that returns the element arrays, shape (ne,) here, (ne, k)
+        for a load, (ne, k, k) for a matrix.
+
+    Raises
+    ------
+    InputError
+        When assembled, if the function returns arrays of another shape.
+
+    Examples
+    --------
+    The form itself sums numbers of the elements:
+
+    >>> from skfem_cosserat.mesh import MeshCurve
+    >>> basis = DirectorBasis(MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2))
+    >>> length = ElementForm(lambda basis: basis.lengths)
+    >>> float(length.assemble(basis))
+    1.0
     """
 
     #: Number of local indices of the arrays.

@@ -223,12 +223,32 @@ class Beam(StructuralItem):
         return self.mesh.elements_of(name)
 
     def node(self, which: str | int | VectorLike) -> Place:
-        """The place of a node, by name, number or reference position (3,).
+        """The place of a node, for joints, loads and what is attached.
+
+        Parameters
+        ----------
+        which : str, int or (3,) array
+            Name (``"NAME.start"``, ``"NAME.end"`` or one given in the mesh), number among the
+            nodes of the elements, or reference position (m).
+
+        Returns
+        -------
+        Place
+            Its triad is that of the node in the reference.
 
         Raises
         ------
         MeshError
             If there is no such node; the message lists the names known.
+
+        Examples
+        --------
+        >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+        >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4, name="rod"), section)
+        >>> beam.node("rod.end").position.tolist()
+        [0.0, 2.0, 0.0]
+        >>> beam.node((0, 1, 0)).vertex
+        2
         """
         a = self.basis.node(which)
         note = f" node {which!r}" if isinstance(which, str) else f" node {a}"

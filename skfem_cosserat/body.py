@@ -63,6 +63,11 @@ class MassPoint(_Lump):
         Attach rigidly to this place: its mass is added there, and it has no position or velocity
         of its own.
 
+    Raises
+    ------
+    InputError
+        For a mass that is not positive and finite, wrong shapes, or a place without a triad.
+
     Examples
     --------
     >>> MassPoint(5.0, position=(0, 1, 0)).place().position.tolist()
@@ -88,7 +93,14 @@ class MassPoint(_Lump):
         return Vertices(self.position[None], None, self.velocity[None], zero)
 
     def place(self) -> Place:
-        """The point itself (where it is attached, if it is)."""
+        """The point itself (where it is attached, if it is), for joints and loads.
+
+        Examples
+        --------
+        >>> cube = RigidBody.box(1.0, (1, 1, 1))
+        >>> MassPoint(0.1, on=cube.at((0.5, 0, 0))).place().label
+        'rigid body at [0.5, 0.0, 0.0]'
+        """
         if self.on is not None:
             return self.on
         return Place(self, 0, self.position, np.zeros(3), None)
@@ -128,6 +140,12 @@ class RigidBody(_Lump):
     on : Place, optional
         Attach rigidly to this place: the inertia is added there (in the triad of that node), no
         coordinates are added, and position, triad and velocities are those of the place.
+
+    Raises
+    ------
+    InputError
+        Naming the value: an impossible inertia, a triad that is not right-handed orthonormal, a
+        placement together with `on`, wrong shapes, numbers that are not finite.
 
     Examples
     --------
@@ -206,27 +224,95 @@ class RigidBody(_Lump):
 
     @classmethod
     def box(cls, mass: float, edges: ArrayLike, **options: Any) -> RigidBody:
-        """Solid box with `edges` (3,) along d1, d2, d3 (m), reference point at its centre."""
+        """Solid box of uniform density, reference point at its centre.
+
+        Parameters
+        ----------
+        mass : float
+            (kg)
+        edges : (3,) array
+            Lengths along d1, d2, d3 (m).
+        **options
+            As for :class:`RigidBody`: position, triad, velocity, angular_velocity, on.
+
+        Raises
+        ------
+        InputError
+            If mass or lengths are not positive and finite.
+
+        Examples
+        --------
+        >>> RigidBody.box(12.0, (1, 2, 3)).euler.diagonal().tolist()
+        [1.0, 4.0, 9.0]
+        """
         a = _lengths("box", edges=edges)
         corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * a / 2
         return cls(mass, euler=mass * a**2 / 12, surface=(corners, _BOX), **options)
 
     @classmethod
     def cylinder(cls, mass: float, radius: float, length: float, **options: Any) -> RigidBody:
-        """Solid cylinder along d3 (m), reference point at its centre."""
+        """Solid cylinder along d3 of uniform density, reference point at its centre.
+
+        Parameters
+        ----------
+        mass : float
+            (kg)
+        radius, length : float
+            (m)
+        **options
+            As for :meth:`box`, and so are the errors.
+
+        Examples
+        --------
+        >>> RigidBody.cylinder(12.0, radius=1.0, length=2.0).euler.diagonal().tolist()
+        [3.0, 3.0, 4.0]
+        """
         r, l = _lengths("cylinder", radius=radius, length=length)  # noqa: E741
         E = mass * np.array([r**2 / 4, r**2 / 4, l**2 / 12])
         return cls(mass, euler=E, surface=_prism(r, l, 24), **options)
 
     @classmethod
     def sphere(cls, mass: float, radius: float, **options: Any) -> RigidBody:
-        """Solid sphere (m), reference point at its centre."""
+        """Solid sphere of uniform density, reference point at its centre.
+
+        Parameters
+        ----------
+        mass : float
+            (kg)
+        radius : float
+            (m)
+        **options
+            As for :meth:`box`, and so are the errors.
+
+        Examples
+        --------
+        >>> RigidBody.sphere(5.0, radius=2.0).euler.diagonal().tolist()
+        [4.0, 4.0, 4.0]
+        """
         (r,) = _lengths("sphere", radius=radius)
         return cls(mass, euler=np.full(3, mass * r**2 / 5), surface=_globe(r), **options)
 
     @classmethod
     def pyramid(cls, mass: float, edge: float, height: float, **options: Any) -> RigidBody:
-        """Square pyramid (m), apex towards +d3, reference point at its centre of mass."""
+        """Solid square pyramid, apex towards +d3, reference point at its centre of mass.
+
+        Parameters
+        ----------
+        mass : float
+            (kg)
+        edge : float
+            Of the base, whose edges are parallel to d1 and d2 (m).
+        height : float
+            (m); the centre of mass is a quarter of it above the base.
+        **options
+            As for :meth:`box`, and so are the errors.
+
+        Examples
+        --------
+        >>> points, faces = RigidBody.pyramid(1.0, edge=1.0, height=2.0).surface
+        >>> points[-1].tolist()   # the apex
+        [0.0, 0.0, 1.5]
+        """
         a, h = _lengths("pyramid", edge=edge, height=height)
         E = mass * np.array([a**2 / 20, a**2 / 20, 3 * h**2 / 80])
         base = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * a / 2
@@ -236,7 +322,22 @@ class RigidBody(_Lump):
 
     @classmethod
     def rod(cls, mass: float, length: float, **options: Any) -> RigidBody:
-        """Thin rod along d3 (m): no inertia about its own axis, which joints must hold."""
+        """Thin rod along d3: no inertia about its own axis, which joints must hold.
+
+        Parameters
+        ----------
+        mass : float
+            (kg)
+        length : float
+            (m); the reference point is at its middle.
+        **options
+            As for :meth:`box`, and so are the errors.
+
+        Examples
+        --------
+        >>> RigidBody.rod(12.0, length=2.0).euler.diagonal().tolist()
+        [0.0, 0.0, 4.0]
+        """
         (l,) = _lengths("rod", length=length)  # noqa: E741
         E = np.array([0.0, 0.0, mass * l**2 / 12])
         return cls(mass, euler=E, surface=_prism(l / 50, l, 8), **options)
@@ -255,7 +356,29 @@ class RigidBody(_Lump):
         )
 
     def at(self, position: ArrayLike) -> Place:
-        """The material point that is at `position` (3,) (m) in the reference configuration."""
+        """The material point that is at a given position in the reference configuration.
+
+        Parameters
+        ----------
+        position : (3,) array
+            In space (m); it need not lie inside of the body.
+
+        Returns
+        -------
+        Place
+            For joints, loads and what is attached.
+
+        Raises
+        ------
+        InputError
+            If `position` is not three finite numbers.
+
+        Examples
+        --------
+        >>> body = RigidBody.box(1.0, (1, 1, 1), position=(2, 0, 0))
+        >>> body.at((2.5, 0, 0)).offset.tolist()
+        [0.5, 0.0, 0.0]
+        """
         x = vector(self.label, "position", position)
         if self.on is not None:
             assert self.on.triad is not None  # checked at construction
@@ -264,7 +387,29 @@ class RigidBody(_Lump):
         return Place(self, 0, x, self.triad @ (x - self.position), self.triad)
 
     def local(self, X: ArrayLike) -> Place:
-        """The material point with coordinates `X` (3,) (m) in the body frame."""
+        """The material point with given coordinates in the body frame, (54).
+
+        Parameters
+        ----------
+        X : (3,) array
+            Components along d1, d2, d3 from the reference point (m).
+
+        Returns
+        -------
+        Place
+            For joints, loads and what is attached.
+
+        Raises
+        ------
+        InputError
+            If `X` is not three finite numbers.
+
+        Examples
+        --------
+        >>> body = RigidBody.box(1.0, (1, 1, 1), position=(2, 0, 0))
+        >>> body.local((0.5, 0, 0)).position.tolist()
+        [2.5, 0.0, 0.0]
+        """
         offset = vector(self.label, "X", X)
         base = self.triad if self.on is None or self.on.triad is None else self.on.triad
         return self.at(self.position + offset @ base)

@@ -9,7 +9,13 @@ if TYPE_CHECKING:  # pragma: no cover - for annotations only: errors is the lowe
 
 
 class CosseratError(Exception):
-    """Base of all errors raised by skfem_cosserat."""
+    """Base of all errors raised by skfem_cosserat.
+
+    Examples
+    --------
+    >>> issubclass(InputError, CosseratError), issubclass(Diverged, CosseratError)
+    (True, True)
+    """
 
 
 class InputError(CosseratError, ValueError):
@@ -21,6 +27,22 @@ class InputError(CosseratError, ValueError):
         What the error is about, e.g. ``"beam 'boom'"`` or ``"argument step"``.
     message : str
         What came (the value), what was expected and, where possible, what to do.
+
+    Attributes
+    ----------
+    item : str
+        As given; the text of the error is ``"item: message"``.
+
+    Examples
+    --------
+    It is a ``ValueError``, too:
+
+    >>> from skfem_cosserat import MassPoint
+    >>> try:
+    ...     ball = MassPoint(-1.0)
+    ... except InputError as error:
+    ...     print(error)
+    mass point: mass = -1.0, expected a positive finite number
     """
 
     def __init__(self, item: str, message: str) -> None:
@@ -29,15 +51,56 @@ class InputError(CosseratError, ValueError):
 
 
 class MeshError(InputError):
-    """A mesh that cannot carry beams (no lines, zero-length elements, unknown names)."""
+    """A mesh that cannot carry beams (no lines, zero-length elements, unknown names).
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MeshCurve
+    >>> try:
+    ...     elements = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="boom").elements_of("mast")
+    ... except MeshError as error:
+    ...     print(error)
+    beam 'mast': unknown; known beams: 'boom'
+    """
 
 
 class HistoryError(InputError):
-    """A history file that is not ours, cut short, or does not belong to the model."""
+    """A history file that is not ours, cut short, or does not belong to the model.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from skfem_cosserat import History
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "notes.txt"
+    ...     size = path.write_text("no history")
+    ...     try:
+    ...         history = History.load(path)
+    ...     except HistoryError as error:
+    ...         print(type(error).__name__)
+    HistoryError
+    """
 
 
 class IncompatibleError(InputError):
-    """Two choices that do not work together; both are named."""
+    """Two choices that do not work together; both are named.
+
+    Examples
+    --------
+    Two joints between the same items close a loop, which the null space method does not take:
+
+    >>> from skfem_cosserat import JointDistance, Model, NullSpace, RigidBody, ground
+    >>> model = Model()
+    >>> body = model.add("body", RigidBody.box(1.0, (1, 1, 1)))
+    >>> for x in (-0.5, 0.5):
+    ...     rod = JointDistance(ground((x, 0, 1)), body.local((x, 0, 0)))
+    ...     rod = model.add(f"rod {x}", rod)
+    >>> try:
+    ...     treatment = NullSpace().bind(model.freeze(), 0.0)
+    ... except IncompatibleError as error:
+    ...     print(error.item)
+    null space treatment
+    """
 
 
 class Diverged(CosseratError, RuntimeError):
@@ -51,8 +114,29 @@ class Diverged(CosseratError, RuntimeError):
         Number of the failed step (the first step has number 1).
     residual : float
         Smallest scaled residual that was reached.
-    history : object or None
-        The history up to the failed step, filled in by ``simulate``.
+    reason, advice : str
+        Why Newton's method stopped, and what to try.
+    history : History or None
+        The history up to the failed step, filled in by ``simulate``; None from ``steps``.
+
+    Examples
+    --------
+    A blow that the step does not resolve; what was computed before it is kept:
+
+    >>> from skfem_cosserat import JointDistance, LoadForce, MassPoint, Model, Multipliers
+    >>> from skfem_cosserat import Table, Variational, ground, simulate
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(1.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> blow = model.add("blow", LoadForce(bob.place(), (1e4, 0, 0), Table([0.3, 0.4], [0, 1])))
+    >>> try:
+    ...     history = simulate(model.freeze(), Variational(), Multipliers(), 0.1, until=1.0)
+    ... except Diverged as error:
+    ...     history = error.history
+    ...     print(f"step {error.step} from t = {error.time:.1f} s")
+    step 4 from t = 0.3 s
+    >>> len(history), history.status
+    (4, 'diverged')
     """
 
     def __init__(self, time: float, step: int, residual: float, reason: str, advice: str) -> None:

@@ -51,6 +51,16 @@ def triad(d3: ArrayLike, d1: ArrayLike | None = None) -> Floats:
     d1 : (3,) array, optional
         Hint for d1, orthogonalised against d3; by default the axis least parallel to d3.
 
+    Returns
+    -------
+    (3, 3) array
+        Row i is d_{i+1}.
+
+    Raises
+    ------
+    InputError
+        If d3 is zero or d1 parallel to it.
+
     Examples
     --------
     >>> triad((0, 0, 2.0), (1, 0, 0)).tolist()
@@ -94,6 +104,11 @@ class Motion:
     rotation : callable, optional
         ``t -> (3,)`` rotation vector (rad) about the place's position. Only joints that take up a
         direction of the ground (revolute, fixed) feel it.
+
+    Raises
+    ------
+    InputError
+        If one of them cannot be called, or (when it is needed) gives no three finite numbers.
 
     Examples
     --------
@@ -189,6 +204,19 @@ class Place:
         The vertex' reference triad; None for a mass point.
     motion : Motion or None
         Prescribed motion of a ground place.
+    note : str
+        Added to the item's label in messages, e.g. the name of a node.
+
+    Notes
+    -----
+    The point is ``x = phi + X_i d_i``, equation (54) of Leyendecker, Marsden & Ortiz (2008).
+
+    Examples
+    --------
+    >>> from skfem_cosserat import RigidBody
+    >>> corner = RigidBody.box(1.0, (1, 1, 1), position=(2, 0, 0)).at((2.5, 0.5, 0.5))
+    >>> corner.offset.tolist(), corner.label
+    ([0.5, 0.5, 0.5], 'rigid body at [2.5, 0.5, 0.5]')
     """
 
     item: StructuralItem | None
@@ -206,7 +234,19 @@ class Place:
         return f"{where}{self.note} at {np.round(self.position, 9).tolist()}"
 
     def material(self, direction: Floats) -> Floats:
-        """Components of a spatial reference direction in the vertex' triad."""
+        """Components (3,) of a spatial reference direction (3,) in the vertex' triad.
+
+        Raises
+        ------
+        InputError
+            For a mass point, which has no triad.
+
+        Examples
+        --------
+        >>> place = ground((0, 0, 0))
+        >>> place.material(np.array([0.0, 0.0, 1.0])).tolist()
+        [0.0, 0.0, 1.0]
+        """
         if self.triad is None:
             raise InputError(self.label, "a mass point has no directions")
         return self.triad @ direction
@@ -221,6 +261,11 @@ def ground(position: ArrayLike, motion: Motion | None = None) -> Place:
         Reference position (m).
     motion : Motion, optional
         Prescribed motion in time.
+
+    Raises
+    ------
+    InputError
+        If the position is not three finite numbers, or `motion` no Motion.
 
     Examples
     --------

@@ -75,7 +75,7 @@ class Product:
 
 @dataclass(frozen=True, eq=False)
 class Freedom:
-    """What a joint leaves free between its sides, for the null space (theory: section 4).
+    """What a joint leaves free between its sides, for the null space.
 
     Attributes
     ----------

@@ -63,6 +63,11 @@ class Table:
     times, values : (k,) array
         Strictly increasing times (s) and the values there.
 
+    Raises
+    ------
+    InputError
+        If shapes differ, times do not increase, or numbers are not finite.
+
     Examples
     --------
     >>> pulse = Table([0, 0.125, 0.25], [0, 1e4, 0])
@@ -115,6 +120,11 @@ class FunctionOfTime:
         ``t -> float``.
     kinks : sequence of float
         Times of known kinks or jumps (s); others are found by bisection.
+
+    Raises
+    ------
+    InputError
+        If it cannot be called, or a value (when it is needed) is no finite number.
 
     Examples
     --------
@@ -263,10 +273,28 @@ class LoadForce(_NodalLoad):
     Parameters
     ----------
     place : Place
+        Of a beam node, body or mass point; off a node or a body's reference point the force has
+        its moment there.
     value : (3,) array or callable of time
-        In space, or in the triad of the place if `follower`.
+        In space, or in the triad of the place if `follower` (N).
     amplitude, follower
         See :class:`Load`.
+
+    Raises
+    ------
+    InputError
+        If it acts on the ground, follows a mass point, or numbers are not finite.
+
+    Examples
+    --------
+    A pulse on a body, and thrust along its d3:
+
+    >>> from skfem_cosserat import RigidBody
+    >>> body = RigidBody.box(1.0, (1, 1, 1))
+    >>> push = LoadForce(body.local((0, 0, 0.5)), (0, 10.0, 0), Table([0, 1, 2], [0, 1, 0]))
+    >>> thrust = LoadForce(body.local((0, 0, 0)), (0, 0, 5.0), follower=True)
+    >>> push.constant, thrust.constant
+    (False, True)
     """
 
 
@@ -276,6 +304,32 @@ class LoadMoment(_NodalLoad):
     Enters as ``f_{d_i} = (1/2) m x d^i`` with the reciprocal basis ``d^i``, so that the angular
     momentum of a step changes by exactly its time integral. A moment about a spatially fixed axis
     is not conservative.
+
+    Parameters
+    ----------
+    place : Place
+        Of a beam node or body.
+    value : (3,) array or callable of time
+        In space, or in the triad of the place if `follower` (N m).
+    amplitude, follower
+        See :class:`Load`.
+
+    Raises
+    ------
+    InputError
+        If it acts on the ground or a mass point, or numbers are not finite.
+
+    Examples
+    --------
+    From rest, a wheel gets the angular momentum ``m t``:
+
+    >>> from skfem_cosserat import EnergyMomentum, Model, NullSpace, RigidBody, simulate
+    >>> model = Model()
+    >>> wheel = model.add("wheel", RigidBody.cylinder(2.0, radius=1.0, length=0.1))
+    >>> drive = model.add("drive", LoadMoment(wheel.local((0, 0, 0)), (0, 0, 3.0)))
+    >>> history = simulate(model.freeze(), EnergyMomentum(), NullSpace(), 0.1, until=0.2)
+    >>> round(float(history["angular_momentum"][-1, 2]), 9)
+    0.6
     """
 
 
@@ -286,10 +340,25 @@ class LoadLine(Load):
     ----------
     beam : Beam
     value : (3,) array or callable of time
+        In space, or in the section triad if `follower` (N/m).
     amplitude, follower
         See :class:`Load`.
     part : str, optional
         Name of the part of the mesh; default: the whole beam.
+
+    Raises
+    ------
+    InputError
+        If `beam` is no beam or numbers are not finite; MeshError for an unknown part.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MeshCurve, Section
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4, name="boom"), section)
+    >>> wind = LoadLine(beam, (3.0, 0, 0), amplitude=lambda t: 1 + t, part="boom")
+    >>> wind.elements.tolist()
+    [0, 1, 2, 3]
     """
 
     def __init__(
@@ -308,7 +377,30 @@ class LoadLine(Load):
 
 
 class LoadGravity(Load):
-    """Gravity on everything that has mass: acceleration `value` (3,) (m/s^2)."""
+    """Gravity on everything that has mass.
+
+    Parameters
+    ----------
+    value : (3,) array or callable of time
+        Acceleration in space (m/s^2).
+    amplitude
+        See :class:`Load`.
+
+    Raises
+    ------
+    InputError
+        If numbers are not finite.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, Model
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0))
+    >>> gravity = model.add("gravity", LoadGravity((0, 0, -9.81)))
+    >>> from skfem_cosserat.diagnostics import external_energy
+    >>> float(external_energy(model.freeze(), [0, 0, 3.0], 0.0))   # J, at a height of 3 m
+    58.86
+    """
 
     def __init__(self, value: Any, amplitude: Amplitude = None) -> None:
         super().__init__(value, amplitude)

@@ -39,7 +39,7 @@ class NewtonProblem(Protocol):
 
 @dataclass(frozen=True)
 class NewtonSettings:
-    """When to stop.
+    """When Newton's method stops.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class NewtonSettings:
     increment : float
         Converged when the *next* increment, estimated from the quadratic contraction of the last
         two, is below this (relative displacement or rad). Increments, not residuals: a residual
-        tolerance becomes unreachable as steps or elements shrink, theory section 10.
+        tolerance becomes unreachable as steps or elements shrink.
     negligible : float
         Converged when an increment itself is below this. Displacements count relative to the
         extent of the scene.
@@ -56,6 +56,19 @@ class NewtonSettings:
         Increments below this that do not shrink any more are taken for the rounding floor.
     rotation : float
         Largest rotation (rad) in one iteration; longer increments are scaled down.
+
+    Raises
+    ------
+    InputError
+        If a number is not positive and finite.
+
+    Examples
+    --------
+    Fewer iterations before a step is tried again, for ``simulate(..., settings=settings)``:
+
+    >>> settings = NewtonSettings(iterations=10)
+    >>> settings.iterations, settings.damped_iterations
+    (10, 100)
     """
 
     iterations: int = 20

@@ -60,7 +60,31 @@ def mass_solver(system: System) -> Callable[[Floats], Floats]:
 
 
 def kinetic_energy(system: System, p: ArrayLike) -> Floats:
-    """``p . M^-1 p / 2`` (J) over the blocks that have mass."""
+    """``p . M^-1 p / 2`` over the blocks that have mass (the d3 of beams have none).
+
+    Parameters
+    ----------
+    p : (n,) or (N, n) array
+        Momenta, e.g. ``history["p"]`` (kg m/s, kg m^2/s).
+
+    Returns
+    -------
+    float or (N,) array
+        (J)
+
+    Raises
+    ------
+    InputError
+        If the shape of `p` does not fit the system.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, Model
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0))
+    >>> float(kinetic_energy(model.freeze(), [6.0, 0, 0]))
+    9.0
+    """
     P, single = as_stack(system, "p", p)
     rows = P.reshape(len(P), system.rows, 3).transpose(1, 0, 2).reshape(system.rows, -1)
     v = mass_solver(system)(rows)
@@ -69,7 +93,31 @@ def kinetic_energy(system: System, p: ArrayLike) -> Floats:
 
 
 def momentum(system: System, v: ArrayLike) -> Floats:
-    """``M v`` (N, n)."""
+    """``M v``, zero in the blocks without mass.
+
+    Parameters
+    ----------
+    v : (n,) or (N, n) array
+        Velocities (m/s, 1/s).
+
+    Returns
+    -------
+    (n,) or (N, n) array
+        (kg m/s, kg m^2/s)
+
+    Raises
+    ------
+    InputError
+        If the shape of `v` does not fit the system.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, Model
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0))
+    >>> momentum(model.freeze(), [3.0, 0, 0]).tolist()
+    [6.0, 0.0, 0.0]
+    """
     V, single = as_stack(system, "v", v)
     rows = V.reshape(len(V), system.rows, 3).transpose(1, 0, 2).reshape(system.rows, -1)
     out = (system.mass @ rows).reshape(system.rows, len(V), 3).transpose(1, 0, 2)
@@ -77,12 +125,65 @@ def momentum(system: System, v: ArrayLike) -> Floats:
 
 
 def kinetic_energy_of_velocity(system: System, v: ArrayLike) -> Floats:
-    """``v . M v / 2`` (J)."""
+    """``v . M v / 2``.
+
+    Parameters
+    ----------
+    v : (n,) or (N, n) array
+        Velocities (m/s, 1/s).
+
+    Returns
+    -------
+    float or (N,) array
+        (J)
+
+    Raises
+    ------
+    InputError
+        If the shape of `v` does not fit the system.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, Model
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0))
+    >>> kinetic_energy_of_velocity(model.freeze(), [[0, 0, 0], [3.0, 0, 0]]).tolist()
+    [0.0, 9.0]
+    """
     return 0.5 * (np.asarray(v, dtype=float) * momentum(system, v)).sum(-1)
 
 
 def strain_energy(system: System, q: ArrayLike) -> Floats:
-    """Stored energy of all beams (J)."""
+    """Stored energy ``int (Gamma, K) . D (Gamma, K) / 2 ds`` of all beams.
+
+    Parameters
+    ----------
+    q : (n,) or (N, n) array
+        Configurations.
+
+    Returns
+    -------
+    float or (N,) array
+        (J), zero in the reference.
+
+    Raises
+    ------
+    InputError
+        If the shape of `q` does not fit the system.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> model = Model()
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)
+    >>> beam = model.add("beam", Beam(mesh, section, director=(1, 0, 0)))
+    >>> system = model.freeze()
+    >>> q = system.q0
+    >>> q[14] = 2.02   # the end, drawn by 1 %
+    >>> round(float(strain_energy(system, q)), 9)
+    1.0
+    """
     Q, single = as_stack(system, "q", q)
     out = np.zeros(len(Q))
     for beam in (s for s in system.structures if isinstance(s, Beam)):
@@ -94,16 +195,35 @@ def strain_energy(system: System, q: ArrayLike) -> Floats:
 
 
 def midpoint_energy(system: System, q: ArrayLike, step: float, mean: bool) -> Floats:
-    """Kinetic and stored energy in terms of ``(q_n, q_{n+1})``, (N-1,) (J).
+    """Kinetic and stored energy in terms of ``(q_n, q_{n+1})``.
 
     Parameters
     ----------
     q : (N, n) array
-        States of consecutive steps.
+        Configurations of consecutive steps.
     step : float
         Step size (s); the velocity is ``(q_{n+1} - q_n)/step``.
     mean : bool
         Stored energy as the mean of both ends (energy-momentum) or at the midpoint (variational).
+
+    Returns
+    -------
+    (N-1,) array
+        (J)
+
+    Raises
+    ------
+    InputError
+        If the shape of `q` does not fit the system.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, Model
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0))
+    >>> q = [[0.0, 0, 0], [0.5, 0, 0], [1.5, 0, 0]]
+    >>> midpoint_energy(model.freeze(), q, step=0.5, mean=False).tolist()
+    [1.0, 4.0]
     """
     Q, _ = as_stack(system, "q", q)
     kinetic = kinetic_energy_of_velocity(system, np.diff(Q, axis=0) / step)
@@ -117,6 +237,32 @@ def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
     """Potential ``-f(t) . q`` (J) of the dead loads and gravity with their value at time t.
 
     Moments and follower forces have no potential and are left out.
+
+    Parameters
+    ----------
+    q : (n,) or (N, n) array
+        Configurations.
+    t : float or (N,) array
+        Their times (s).
+
+    Returns
+    -------
+    float or (N,) array
+        (J)
+
+    Raises
+    ------
+    InputError
+        If the shape of `q` does not fit the system.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import LoadGravity, MassPoint, Model
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0))
+    >>> gravity = model.add("gravity", LoadGravity((0, 0, -10.0)))
+    >>> external_energy(model.freeze(), [[0, 0, 0], [0, 0, 3.0]], [0.0, 0.1]).tolist()
+    [0.0, 60.0]
     """
     Q, single = as_stack(system, "q", q)
     times = as_times(t, len(Q))
@@ -135,7 +281,41 @@ def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
 
 
 def section_strains(system: System, beam: Beam, q: ArrayLike) -> Floats:
-    """``(Gamma, K)`` at the Gauss points of a beam's elements, (N, ne, ng, 6)."""
+    """Strains ``(Gamma_1, Gamma_2, Gamma_3, K_1, K_2, K_3)`` at the Gauss points of a beam.
+
+    Shear along d1 and d2, axial; bending about d1 and d2, torsion. Relative to the interpolated
+    reference, in the section's frame.
+
+    Parameters
+    ----------
+    beam : Beam
+        Of this system.
+    q : (n,) or (N, n) array
+        Configurations.
+
+    Returns
+    -------
+    (ne, ng, 6) or (N, ne, ng, 6) array
+        At the ng Gauss points of the ne elements (-, 1/m).
+
+    Raises
+    ------
+    InputError
+        If the beam is not in the system, or the shape of `q` does not fit the system.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> model = Model()
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)
+    >>> beam = model.add("beam", Beam(mesh, section, director=(1, 0, 0)))
+    >>> system = model.freeze()
+    >>> q = system.q0
+    >>> q[14] = 2.02   # the end, drawn by 1 %
+    >>> (section_strains(system, beam, q)[0, 0].round(9) + 0.0).tolist()
+    [0.0, 0.0, 0.01, 0.0, 0.0, 0.0]
+    """
     Q, single = as_stack(system, "q", q)
     group = next((g for g in system.beam_groups if id(beam) in g.slices), None)
     if group is None:
@@ -155,7 +335,35 @@ def section_strains(system: System, beam: Beam, q: ArrayLike) -> Floats:
 def section_forces(system: System, beam: Beam, q: ArrayLike) -> Floats:
     """``(N_1, N_2, N_3, M_1, M_2, M_3)`` at the Gauss points, in the section's frame.
 
-    Forces (N) and moments (N m) on the face with outward normal +d3; tension positive.
+    On the face with outward normal +d3; tension positive.
+
+    Parameters
+    ----------
+    beam, q
+        As for :func:`section_strains`.
+
+    Returns
+    -------
+    (ne, ng, 6) or (N, ne, ng, 6) array
+        Forces (N) and moments (N m).
+
+    Raises
+    ------
+    InputError
+        As for :func:`section_strains`.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> model = Model()
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)
+    >>> beam = model.add("beam", Beam(mesh, section, director=(1, 0, 0)))
+    >>> system = model.freeze()
+    >>> q = system.q0
+    >>> q[14] = 2.02   # the end, drawn by 1 %
+    >>> (section_forces(system, beam, q)[0, 0].round(9) + 0.0).tolist()
+    [0.0, 0.0, 100.0, 0.0, 0.0, 0.0]
     """
     strains = section_strains(system, beam, q)
     return np.einsum("...egj,ejk->...egk", strains, beam.elements.stiffness)

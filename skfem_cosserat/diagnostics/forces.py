@@ -16,9 +16,32 @@ __all__ = ["condition_number", "constraint_points", "multipliers", "reactions"]
 
 
 def constraint_points(system: System, history: History) -> Floats:
-    """Where the constraint forces of each recorded step act, all rows of y: (N, total, 3).
+    """Where the constraint forces of each recorded step act.
 
     The nodes q_n with the variational scheme, the midpoints with energy-momentum.
+
+    Parameters
+    ----------
+    history : History
+        Of a run of this system.
+
+    Returns
+    -------
+    (N, total, 3) array
+        All rows of y: the coordinates, then the ground's frames (m, -). With energy-momentum the
+        last is NaN if the step after it could not be solved.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import JointDistance, MassPoint, Model, ground
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> system = model.freeze()
+    >>> from skfem_cosserat import NullSpace, Variational, simulate
+    >>> history = simulate(system, Variational(), NullSpace(), 0.1, until=0.2)
+    >>> constraint_points(system, history).shape   # the bob, and 4 rows of the ground
+    (3, 5, 3)
     """
     if "constraint_point" in history:
         return history["constraint_point"].reshape(len(history), system.total, 3)
@@ -27,14 +50,30 @@ def constraint_points(system: System, history: History) -> Floats:
 
 
 def multipliers(system: System, y: Floats, force: Floats) -> Floats:
-    """Multipliers (N, m) from ``G(y)^T lambda = force``, by ``(G G^T) lambda = G force``.
+    """Multipliers from ``G(y)^T lambda = force``, by ``(G G^T) lambda = G force``.
 
     Parameters
     ----------
     y : (N, total, 3) array
         Where the forces act, :func:`constraint_points`.
     force : (N, n) array
-        ``history["constraint_force"]``, in either treatment. NaN rows give NaN.
+        ``history["constraint_force"]``, in either treatment (N, N m). NaN rows give NaN.
+
+    Returns
+    -------
+    (N, m) array
+        One for each constraint row, in units of J over those of the row: N for a row in m, N m
+        for one without units, N/m for the one of a distance joint. NaN where ``G G^T`` is singular.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import JointDistance, MassPoint, Model, ground
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> y = model.freeze().extend(model.freeze().q0, 0.0)
+    >>> multipliers(model.freeze(), y[None], np.array([[0.0, 0, -20.0]])).tolist()
+    [[20.0]]
     """
     out = np.full((len(y), system.m), np.nan)
     for k, (row, f) in enumerate(zip(y, force, strict=True)):
@@ -50,15 +89,32 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
 def reactions(system: System, y: Floats, lam: Floats) -> dict[str, tuple[Floats, Floats]]:
     """Force and moment that each joint exerts on its side B, about the joint's point on B.
 
+    ``simulate`` adds them to its history as ``joint/NAME/force`` and ``joint/NAME/moment``.
+
     Parameters
     ----------
-    y, lam
-        As for :func:`multipliers`, and its result.
+    y : (N, total, 3) array
+        As for :func:`multipliers`.
+    lam : (N, m) array
+        Its result.
 
     Returns
     -------
     dict of str to (force, moment)
         (N, 3) each, in space (N, N m). The same in both treatments.
+
+    Examples
+    --------
+    A weight of 20 N that hangs on a rod:
+
+    >>> from skfem_cosserat import JointDistance, MassPoint, Model, ground
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> y = model.freeze().extend(model.freeze().q0, 0.0)
+    >>> force, moment = reactions(model.freeze(), y[None], np.array([[20.0]]))["rod"]
+    >>> (force + 0.0).tolist()
+    [[0.0, 0.0, 20.0]]
     """
     forces = {jr.joint.name or "": np.empty((len(y), 2, 3)) for jr in system.joint_rows}
     for k, (row, multiplier) in enumerate(zip(y, lam, strict=True)):
@@ -100,10 +156,33 @@ def condition_number(
 
     Parameters
     ----------
+    integrator, treatment
+        As for a simulation.
+    step : float
+        Step size (s).
     state : State
         At the start of the step.
     scaled : bool
-        Of the matrix actually factorised; False: without the scaling of multipliers.
+        Of the matrix actually factorised; False: without the scaling of multipliers, as in Table
+        2 of Leyendecker, Marsden & Ortiz (2008).
+
+    Raises
+    ------
+    Diverged
+        If the step cannot be solved.
+    IncompatibleError
+        If treatment and system do not work together.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import JointDistance, MassPoint, Model, ground
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> from skfem_cosserat import Multipliers, Variational, initial_state
+    >>> case = model.freeze(), Variational(), Multipliers(), 1e-3, initial_state(model.freeze())
+    >>> f"{condition_number(*case):.1f}", f"{condition_number(*case, scaled=False):.1e}"
+    ('2.6', '4.0e+09')
     """
     matrix, _ = Stepper(system, integrator, treatment, step).iteration_matrix(state, scaled)
     return float(np.linalg.cond(matrix))

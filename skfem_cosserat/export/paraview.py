@@ -43,10 +43,23 @@ class _Index:
 def prepare_folder(folder: Path) -> None:
     """Make the folder and try to write into it: to be called before long work.
 
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Made with its parents if there is none; what is in it stays.
+
     Raises
     ------
     InputError
-        Naming the folder.
+        If it cannot be made or written; the message names the folder.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as parent:
+    ...     prepare_folder(Path(parent) / "runs" / "swing")
+    ...     (Path(parent) / "runs" / "swing").is_dir()
+    True
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -22,12 +22,23 @@ class State:
     index : int
         Number of steps done.
     q : (n,) array
-        Configuration.
+        Configuration: phi (m) and d1, d2, d3 (-) of each frame, phi of each mass point.
     p : (n,) array
-        The momentum the integrator carries on: with the variational scheme
-        ``D_2 L_d + f^+`` *before* the constraint force of the node, with energy-momentum ``M v``.
+        The momentum the integrator carries on: with the variational scheme ``D_2 L_d + f^+`` of
+        (35) *before* the constraint force of the node, with energy-momentum ``M v``. In kg m/s,
+        that of directors in kg m^2/s.
     fresh : bool
         True for a start from given (q, p): p then contains the constraint force already.
+
+    Examples
+    --------
+    :func:`skfem_cosserat.initial_state` makes and checks it:
+
+    >>> from skfem_cosserat import MassPoint, Model, initial_state
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0, position=(0, 0, 1), velocity=(3, 0, 0)))
+    >>> initial_state(model.freeze())
+    State(time=0.0, index=0, q=array([0., 0., 1.]), p=array([6., 0., 0.]), fresh=True)
     """
 
     time: float

@@ -202,7 +202,7 @@ class Stepper:
             fresh=False,
         )
         momentum = self.integrator.node_momentum(step, impulse, state.fresh)
-        # a start from given p carries only half of the constraint force (section 5 of the theory)
+        # a start from given p carries only half of the constraint force
         first = 2.0 if state.fresh and self.integrator.constraint_weight == 0 else 1.0
         force = (first / self.h) * impulse
         return StepReport(

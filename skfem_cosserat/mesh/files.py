@@ -59,5 +59,14 @@ def write_mesh(path: str | PathLike[str], mesh: MeshCurve, file_format: str | No
     ------
     MeshError
         If the format is unknown or cannot hold a name.
+
+    Examples
+    --------
+    >>> import tempfile, os
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="boom")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_mesh(os.path.join(folder, "boom.msh"), mesh)
+    ...     os.listdir(folder)
+    ['boom.msh']
     """
     mesh.save(path, file_format=file_format)

@@ -50,6 +50,13 @@ class Model:
         ------
         InputError
             For a name in use, an item that is already in a model, or anything else than an item.
+
+        Examples
+        --------
+        >>> model = Model()
+        >>> ball = model.add("ball", MassPoint(1.0))
+        >>> model["ball"] is ball, list(model), len(model)
+        (True, ['ball'], 1)
         """
         if not isinstance(name, str) or not name:
             raise InputError("model", f"name = {name!r}, expected a non-empty string")
@@ -87,6 +94,13 @@ class Model:
         InputError
             Naming the item: references to items that are not in the model, joints that do not
             close, redundant constraints, coordinates that have neither mass nor are held.
+
+        Examples
+        --------
+        >>> model = Model()
+        >>> ball = model.add("ball", MassPoint(1.0, position=(1, 2, 3)))
+        >>> model.freeze().q0.tolist()
+        [1.0, 2.0, 3.0]
         """
         items = list(self._items.values())
         structures = [i for i in items if isinstance(i, Beam | RigidBody | MassPoint)]

@@ -35,17 +35,36 @@ Structure = Beam | RigidBody | MassPoint
 class System:
     """Arrays of a frozen scene; made by :meth:`Model.freeze`.
 
+    A frame is ``(phi, d1, d2, d3)``, 12 coordinates (55); a mass point has 3.
+
     Attributes
     ----------
     n, m : int
-        Coordinates and constraint rows (internal ones, 6 a frame, first; then joints in the order
-        of adding).
+        Coordinates and constraint rows (internal ones (56), 6 a frame, first; then joints in the
+        order of adding).
     rank : int
         Independent constraint rows.
     unknowns : int
         ``n - rank``, the unknowns of the null space method.
     q0, v0 : (n,) array
-        Reference configuration and initial velocity.
+        Reference configuration (m, -) and initial velocity (m/s, 1/s).
+    mass : (n/3, n/3) sparse matrix
+        Constant mass matrix (64), (114) without the factor I_3 (kg, kg m, kg m^2).
+    constraints : QuadraticConstraints
+        ``g(y)`` and its Jacobian ``G(y)``, y from :meth:`extend`.
+    length : float
+        Extent of the scene (m).
+
+    Examples
+    --------
+    >>> from skfem_cosserat import JointRevolute, Model, RigidBody, ground
+    >>> model = Model()
+    >>> link = model.add("link", RigidBody.box(2.0, (0.1, 0.1, 1.0)))
+    >>> hinge = JointRevolute(ground((0, 0, 0.5)), link.local((0, 0, 0.5)), axis=(1, 0, 0))
+    >>> hinge = model.add("hinge", hinge)
+    >>> model.freeze()   # doctest: +NORMALIZE_WHITESPACE
+    <System of rigid body 'link'; n = 12, m = 11 (rank 11),
+     unknowns 23 with multipliers, 1 with the null space>
     """
 
     def __init__(
@@ -246,7 +265,16 @@ class System:
         return self._v0.ravel().copy()
 
     def counts(self) -> dict[str, int]:
-        """Coordinates n, constraint rows m, their rank, unknowns of the null space method."""
+        """Coordinates n, constraint rows m, their rank, unknowns of the null space method.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import Model
+        >>> model = Model()
+        >>> body = model.add("body", RigidBody.sphere(1.0, 1.0))
+        >>> model.freeze().counts()
+        {'n': 12, 'm': 6, 'rank': 6, 'unknowns': 6}
+        """
         return {"n": self.n, "m": self.m, "rank": self.rank, "unknowns": self.unknowns}
 
     def __repr__(self) -> str:
@@ -289,14 +317,39 @@ class System:
         return best, error
 
     def extend(self, q: Array, t: float) -> Array:
-        """All rows ``y`` (total, 3): coordinates q and the ground at time t."""
+        """All rows ``y`` (total, 3): coordinates q (n,) and the ground at time t (s).
+
+        Examples
+        --------
+        >>> from skfem_cosserat import Model
+        >>> model = Model()
+        >>> ball = model.add("ball", MassPoint(1.0, position=(1, 2, 3)))
+        >>> system = model.freeze()
+        >>> system.extend(system.q0, 0.0)[0].tolist()
+        [1.0, 2.0, 3.0]
+        """
         y = np.empty((self.total, 3), dtype=q.dtype)
         y[: self.rows] = q.reshape(-1, 3)
         y[self.rows :] = self.ground(t)
         return y
 
     def frame_place(self, name: str) -> int:
-        """First number in q of the body or mass point `name`."""
+        """First number in q of the item `name` (of its first node if it is a beam).
+
+        Raises
+        ------
+        InputError
+            If no item of this name has coordinates; the message lists those that have.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import Model
+        >>> model = Model()
+        >>> body = model.add("body", RigidBody.sphere(1.0, 1.0))
+        >>> ball = model.add("ball", MassPoint(1.0, position=(1, 2, 3)))
+        >>> model.freeze().frame_place("ball")
+        12
+        """
         for item in self.structures:
             if item.name == name and id(item) in self.first:
                 return 3 * self.first[id(item)][1]

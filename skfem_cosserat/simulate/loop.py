@@ -50,6 +50,8 @@ def steps(
         Step size (s).
     start : State, optional
         Default: :func:`initial_state`.
+    settings : NewtonSettings, optional
+        When Newton's method stops.
 
     Yields
     ------
@@ -132,6 +134,15 @@ def simulate(
         function of time carries it too.)
     InputError
         For bad arguments, before the first step.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import EnergyMomentum, MassPoint, Model, NullSpace
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 0)))
+    >>> history = simulate(model.freeze(), EnergyMomentum(), NullSpace(), step=0.1, until=0.5)
+    >>> history["q"][-1].round(12).tolist(), float(history["energy"][-1].round(12))
+    ([0.5, 0.0, 0.0], 1.0)
     """
     stepper = Stepper(system, integrator, treatment, step, settings)
     state, count = _plan(system, start, stepper.h, until, every)

@@ -17,7 +17,33 @@ __all__ = ["initial_state", "project", "restart"]
 
 
 def project(system: System, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> Floats:
-    """Velocity (n,) nearest to v (in the kinetic energy) that fulfils the hidden constraints."""
+    """Velocity nearest to v (in the kinetic energy) that fulfils the hidden constraints.
+
+    It is the v of the saddle point with ``p = M v``, see
+    :class:`~skfem_cosserat.Projection` and equations (39), (46).
+
+    Parameters
+    ----------
+    q, v : (n,) array
+        Configuration (m, -) and velocity (m/s, 1/s).
+    t : float
+        Time (s), at which a prescribed motion is taken.
+
+    Returns
+    -------
+    (n,) array
+        Velocity with ``G(q) v + g_t = 0``, for :func:`initial_state`.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import JointDistance, MassPoint, Model, ground
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> system = model.freeze()
+    >>> project(system, system.q0, [1.0, 0, 3.0]).tolist()   # not along the rod
+    [1.0, 0.0, 0.0]
+    """
     v = np.asarray(v, dtype=float)
     p = (system.mass @ v.reshape(-1, 3)).reshape(-1)
     return Projection(system)(q, p, t)[0]
@@ -36,7 +62,7 @@ def initial_state(
     Parameters
     ----------
     q, v, p : (n,) array, optional
-        Configuration, and velocity *or* momentum.
+        Configuration (m, -), and velocity (m/s, 1/s) *or* momentum (kg m/s, kg m^2/s).
     time : float
         Start (s).
     tolerance : float
@@ -143,10 +169,38 @@ def restart(system: System, history: History, integrator: Integrator, step: floa
     on the hidden constraints. Loads may differ from those of the history: they are no part of the
     state.
 
+    Parameters
+    ----------
+    system : System
+        Of the same model.
+    history : History
+        Of a run, also one that diverged or was killed; ``history.truncated(k + 1)`` goes on from
+        its state k.
+    integrator : Integrator
+        Of the run that goes on.
+    step : float
+        Its step size (s).
+
+    Returns
+    -------
+    State
+        For the argument ``start`` of :func:`simulate` and :func:`steps`.
+
     Raises
     ------
     HistoryError
-        If the history belongs to another model.
+        If the history belongs to another model or has no state.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, Model, NullSpace, Variational, simulate
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 0)))
+    >>> system, scheme = model.freeze(), Variational()
+    >>> first = simulate(system, scheme, NullSpace(), 0.1, until=0.5)
+    >>> start = restart(system, first, scheme, 0.05)   # goes on with half the step
+    >>> simulate(system, scheme, NullSpace(), 0.05, until=1.0, start=start).times[[0, -1]].tolist()
+    [0.5, 1.0]
     """
     difference = other_model(system, history.meta.get("fingerprint", {}))
     if difference:
