@@ -98,6 +98,13 @@ class Integrator(ABC):
         Order of convergence in q and p.
     constraint_weight : float
         Constraint forces act at ``(1 - w) q_n + w q_{n+1}``.
+    start_share : float
+        Part of the first step's constraint force that a start from given momentum leaves to the
+        step (the rest is in the momentum already).
+    carries_node_momentum : bool
+        Whether the momentum carried on is p_n of the node; else the next step completes it.
+    advice : str
+        What to try beside a smaller step when a step cannot be solved.
     conserves : str
         In words.
     reference : str
@@ -107,6 +114,9 @@ class Integrator(ABC):
     name: str
     order: int
     constraint_weight: float
+    start_share: float = 1.0
+    carries_node_momentum: bool = True
+    advice: str = "a finer mesh, a softer section"
     conserves: str
     reference: str
 

@@ -177,8 +177,7 @@ class Stepper:
             state.index + 1,
             best.residual,
             f"{best.reason}, after {len(ATTEMPTS)} attempts with {total} Newton iterations",
-            f"try a smaller step than {self.h:g} s, a finer mesh, a softer section"
-            + ("" if self.integrator.name == "energy-momentum" else ", or EnergyMomentum()"),
+            f"try a smaller step than {self.h:g} s, {self.integrator.advice}",
         )
 
     def _accept(
@@ -202,9 +201,8 @@ class Stepper:
             fresh=False,
         )
         momentum = self.integrator.node_momentum(step, impulse, state.fresh)
-        # a start from given p carries only half of the constraint force
-        first = 2.0 if state.fresh and self.integrator.constraint_weight == 0 else 1.0
-        force = (first / self.h) * impulse
+        share = self.integrator.start_share if state.fresh else 1.0
+        force = impulse / (share * self.h)
         return StepReport(
             new,
             np.array(momentum).reshape(-1),

@@ -35,6 +35,9 @@ class Variational(Integrator):
     name = "variational"
     order = 2
     constraint_weight = 0.0
+    start_share = 0.5
+    carries_node_momentum = False
+    advice = "a finer mesh, a softer section, or EnergyMomentum()"
     conserves = "symplectic form, linear and angular momentum"
     reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equations (22) and (25)"
 

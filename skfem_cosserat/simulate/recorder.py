@@ -68,11 +68,12 @@ class Recorder:
 
     def _row(self, state: State, iterations: int, attempts: int, residual: float) -> dict[str, Any]:
         nan = np.full(self.system.n, np.nan)
+        known = state.fresh or self.stepper.integrator.carries_node_momentum
         row: dict[str, Any] = {
             "t": state.time,
             "step": state.index,
             "q": state.q,
-            "p": state.p if state.fresh or self.stepper.integrator.constraint_weight else nan,
+            "p": state.p if known else nan,
             "carried": state.p,
             "fresh": float(state.fresh),
             "constraint_force": nan,
