@@ -290,7 +290,7 @@ class RigidBody(_Lump):
         [4.0, 4.0, 4.0]
         """
         (r,) = _lengths("sphere", radius=radius)
-        return cls(mass, euler=np.full(3, mass * r**2 / 5), surface=_globe(r), **options)
+        return cls(mass, euler=np.full(3, mass * r**2 / 5), surface=ball_surface(r), **options)
 
     @classmethod
     def pyramid(cls, mass: float, edge: float, height: float, **options: Any) -> RigidBody:
@@ -457,7 +457,8 @@ def _prism(r: float, length: float, sides: int) -> tuple[Floats, Any]:
     return points, np.vstack([np.column_stack(face) for face in faces])
 
 
-def _globe(r: float, rings: int = 8, sides: int = 16) -> tuple[Floats, Any]:
+def ball_surface(r: float, rings: int = 8, sides: int = 16) -> tuple[Floats, Any]:
+    """Points (nv, 3) and triangles (nf, 3) of a ball of radius r (m), for pictures."""
     angle = np.pi * np.arange(1, rings) / rings
     turn = 2 * np.pi * np.arange(sides) / sides
     a, b = np.meshgrid(angle, turn, indexing="ij")

@@ -103,6 +103,7 @@ class Joint(Item):
     """
 
     kind = "joint"
+    type = "general"
     needs_triads = True
     closed = True  # both points coincide
 
@@ -130,7 +131,7 @@ class Joint(Item):
     @property
     def label(self) -> str:
         """How errors call it."""
-        text = f"{type(self).__name__[5:].lower()} {self.kind}"
+        text = f"{self.type} {self.kind}"
         return text if self.name is None else f"{text} {self.name!r}"
 
     def check(self, t: float, length: float) -> None:
@@ -185,6 +186,7 @@ class JointSpherical(Joint):
     3
     """
 
+    type = "spherical"
     needs_triads = False
 
     def rows(self) -> list[Zero | Product]:
@@ -212,6 +214,8 @@ class JointRevolute(Joint):
     >>> JointRevolute(ground((0, 0, 0)), body.at((0, 0, 0)), axis=(1, 0, 0)).size
     5
     """
+
+    type = "revolute"
 
     def __init__(self, a: Place, b: Place, axis: ArrayLike) -> None:
         super().__init__(a, b)
@@ -241,6 +245,8 @@ class JointFixed(Joint):
     6
     """
 
+    type = "fixed"
+
     def rows(self) -> list[Zero | Product]:
         """Spherical, and three products of one triad seen from both sides."""
         a = [direction(self.a, e) for e in np.eye(3)]
@@ -269,6 +275,7 @@ class JointDistance(Joint):
     1
     """
 
+    type = "distance"
     needs_triads = False
     closed = False
 

@@ -1,6 +1,8 @@
 """Faults that reviews found, one test each: what went wrong stands in the docstring."""
 
 import importlib.util
+import os
+import signal
 import sys
 from pathlib import Path
 
@@ -179,3 +181,74 @@ def test_errors_of_functions_name_their_item():
         run(model.freeze())
     with pytest.raises(sc.InputError, match=r"ground at \[0.0, 0.0, 0.0\].*displacement"):
         run(driven(lambda t: (0, 0, 0) if t < 0.05 else (0, 0)))
+
+
+def test_interrupt_while_series_are_derived(monkeypatch, tmp_path):
+    """Ctrl-C after the loop lost the history in memory."""
+    from skfem_cosserat.simulate import loop
+
+    def press(system, history):
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(10**7):  # the signal arrives between two bytecodes
+            pass
+
+    monkeypatch.setattr(loop, "derive_series", press)
+    history = run(rigid_pendulum())
+    assert history.status == "completed" and len(history) == 11
+
+
+def test_going_on_does_not_overwrite_the_history(tmp_path):
+    """A run that went on from a file into the same file replaced it."""
+    path = tmp_path / "run.history"
+    system = rigid_pendulum()
+    first = run(system, path=path)
+    start = sc.restart(system, sc.History.load(path), sc.EnergyMomentum(), 0.01)
+    with pytest.raises(sc.InputError, match=r"run\.history.*goes on from step 10"):
+        run(system, until=0.2, start=start, path=path)
+    assert len(sc.History.load(path)) == len(first)
+    assert len(run(system, until=0.2, start=start, path=tmp_path / "rest.history")) == 11
+    run(system, path=path)  # a fresh run may
+
+
+def test_mass_off_the_origin_of_its_body_is_drawn(tmp_path):
+    """It was left out of the pictures without a word."""
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
+    model.add("weight", sc.MassPoint(1.0, on=body.at((0.5, 0, 0))))
+    history = run(model.freeze())
+    assert [b["name"] for b in history.meta["bodies"]] == ["body", "weight"]
+    points = history.static["body/weight/points"]
+    assert points.mean(0) == pytest.approx([0.5, 0, 0], abs=1e-6)
+
+
+def test_ring_of_twelve_chords_is_smooth():
+    """A turning angle equal to the feature angle was a corner, or not, by rounding."""
+    angle = 2 * np.pi * np.arange(12) / 12
+    p = np.array([np.cos(angle), np.sin(angle), 0 * angle])
+    t = np.array([np.arange(12), (np.arange(12) + 1) % 12])
+    mesh = sc.MeshCurve(p, t).with_beams({"ring": np.arange(12)})
+    section = sc.Section([1.0] * 6, 1.0, (1.0, 1.0))
+    beam = sc.Beam(mesh, section, director=(0, 0, 1))
+    assert np.array_equal(beam.rotations, np.broadcast_to(np.eye(3), beam.rotations.shape))
+
+
+def test_writing_a_mesh_to_a_missing_folder():
+    """A bare FileNotFoundError came out."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2)
+    for suffix in ("msh", "vtu"):
+        with pytest.raises(sc.MeshError, match="no folder"):
+            sc.write_mesh(f"/nowhere/at/all/mesh.{suffix}", mesh)
+
+
+def test_progress_of_a_run_that_ends_before_until(capfd):
+    """Its last line never came."""
+    run(rigid_pendulum(), until=0.105, progress=True)
+    assert capfd.readouterr().err.endswith("t = 0.1 s of 0.105 s\n")
+    with pytest.raises(sc.InputError, match="yes"):
+        run(rigid_pendulum(), progress="yes")
+
+
+def test_swing_shorter_than_a_step():
+    """It raised; the start is a state as well."""
+    result = swing().main(until=1e-3)
+    assert result["times"].tolist() == [0.0] and result["diverged_at"] is None

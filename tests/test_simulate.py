@@ -254,5 +254,8 @@ def test_bad_recording(full):
         sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, every=0)
     with pytest.raises(sc.InputError, match="outside"):
         sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, at=[0.3])
-    with pytest.raises(sc.InputError, match="less than one step"):
-        sc.simulate(system, integrator(), sc.NullSpace(), 0.2, 0.1)
+    with pytest.raises(sc.InputError, match="only one"):
+        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, every=2, at=[0.05])
+    short = sc.simulate(system, integrator(), sc.NullSpace(), 0.02, 0.01)
+    assert short.times.tolist() == [0.0]
+    assert np.isfinite(short["p"]).all()

@@ -63,7 +63,7 @@ def read_lines(path: str | PathLike[str]) -> LineData:
     file = Path(path)
     if not file.is_file():
         raise MeshError(f"file '{file}'", "does not exist")
-    if _is_ascii_gmsh41(file):
+    if _is_gmsh41(file, b"0"):
         return _from_gmsh41(file)
     mesh = _meshio(file)
     kinds = {block.type: len(block.data) for block in mesh.cells}
@@ -78,18 +78,25 @@ def read_lines(path: str | PathLike[str]) -> LineData:
         raise MeshError(f"file '{file}'", f"has no lines; cells found: {kinds or 'none'}")
     lines = np.vstack([block.data for block in mesh.cells if block.type == "line"])
     beams, nodes = _meshio_names(mesh, file)
+    if _is_gmsh41(file, b"1"):
+        for name, (_, dimension) in mesh.field_data.items():
+            if dimension <= 1 and name not in beams and name not in nodes:
+                raise MeshError(f"file '{file}'", f"group '{name}' cannot be read; {_AS_ASCII}")
     points = np.zeros((len(mesh.points), 3))
     points[:, : mesh.points.shape[1]] = mesh.points
     return _cleaned(file, points, lines, beams, nodes)
 
 
-def _is_ascii_gmsh41(file: Path) -> bool:
-    """If a file starts like an ASCII gmsh file of version 4.1."""
+_AS_ASCII = "of a binary gmsh 4.1 file not all is understood: save it as ASCII (Mesh.Binary = 0)"
+
+
+def _is_gmsh41(file: Path, kind: bytes) -> bool:
+    """If a file starts like a gmsh file of version 4.1, ASCII (b"0") or binary (b"1")."""
     if file.suffix.lower() != ".msh":
         return False
     with file.open("rb") as stream:
         head = stream.read(4096).split(b"$MeshFormat", 1)[-1].split()
-    return head[:2] == [b"4.1", b"0"]
+    return head[:2] == [b"4.1", kind]
 
 
 def _meshio(file: Path) -> Any:
@@ -103,6 +110,8 @@ def _meshio(file: Path) -> Any:
         raise MeshError(f"file '{file}'", f"cannot be read ({message})") from None
     except _BROKEN as error:
         reason = f"{type(error).__name__}: {error}"
+        if file.is_file() and _is_gmsh41(file, b"1"):
+            reason += f"; {_AS_ASCII}"
         raise MeshError(f"file '{file}'", f"cannot be read ({reason})") from error
 
 
@@ -233,6 +242,8 @@ def write_lines(
         raise MeshError(
             f"file '{file}'", f"format {kind!r} of suffix '{file.suffix}' is not .msh or .vtu"
         )
+    if not file.parent.is_dir():
+        raise MeshError(f"file '{file}'", f"cannot be written: no folder '{file.parent}'")
     if kind == "vtu":
         _write_vtu(file, lines, point_data or {}, cell_data or {})
         return

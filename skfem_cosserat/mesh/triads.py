@@ -40,7 +40,7 @@ def node_tangents(mesh: MeshCurve, xi: Floats) -> Floats:
         return exact
     own = exact[:, 0]
     ends = np.stack([own, own], axis=1)
-    cosine = np.cos(mesh.feature_angle)
+    cosine = np.cos(mesh.feature_angle) - 1e-9  # an angle equal to it is smooth too
     for chain in mesh.chains:
         e = chain.elements
         f = np.roll(e, -1)

@@ -11,7 +11,7 @@ import skfem
 
 from .. import diagnostics
 from ..beam import Beam
-from ..body import MassPoint, RigidBody
+from ..body import MassPoint, RigidBody, ball_surface
 from ..diagnostics import Projection
 from ..history import History
 from ..model import System
@@ -80,10 +80,8 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         else:
             _describe_lump(system, item, meta, static)
     for joint in system.joints:
-        kind = type(joint).__name__[5:].lower()
-        meta["joints"].append(
-            {"name": joint.name, "type": kind, "a": joint.a.label, "b": joint.b.label}
-        )
+        ends = {"a": joint.a.label, "b": joint.b.label}
+        meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
     return meta, static
 
 
@@ -99,7 +97,13 @@ def _describe_lump(
             points = np.array(item.surface[0], dtype=float) + place.offset
             static[f"body/{item.name}/points"] = points
             static[f"body/{item.name}/faces"] = np.array(item.surface[1], dtype=np.int64)
-    elif not place.offset.any():
+    elif place.offset.any():  # off the origin of its frame: a small ball that moves with it
+        meta["bodies"].append({"name": item.name, "shape": "ball"})
+        points, faces = ball_surface(0.01 * system.length)
+        static[f"body/{item.name}/offset"] = np.array(system.offset(place))
+        static[f"body/{item.name}/points"] = points + place.offset
+        static[f"body/{item.name}/faces"] = faces
+    else:
         meta["points"].append({"name": item.name})
         static[f"point/{item.name}/offset"] = np.array(system.offset(place))
 

@@ -8,7 +8,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -111,13 +110,14 @@ def simulate(
     every : int
         Record every k-th step (the first and the last state always).
     at : sequence of float, optional
-        Record the states nearest to these times instead.
+        Record the states nearest to these times instead, beside the first and the last.
     callbacks : sequence of callable
         Called with each :class:`StepReport`; one that returns True ends the run.
     progress : bool or callable
         True: one line on stderr, kept up to date; a callable gets (time, until) after each step.
     path : path, optional
-        Stream the history to this file, block by block.
+        Stream the history to this file, block by block. An older file is replaced, but not by a
+        run that goes on from a history.
     derive : bool
         Add energies, velocities, section forces and reactions at the end (:func:`derive_series`).
 
@@ -146,20 +146,18 @@ def simulate(
     """
     stepper = Stepper(system, integrator, treatment, step, settings)
     state, count = _plan(system, start, stepper.h, until, every)
-    if not isinstance(callbacks, Sequence):
-        raise InputError("argument callbacks", f"{callbacks!r}, expected a list of functions")
-    for callback in callbacks:
-        if not callable(callback):
-            raise InputError("argument callbacks", f"{callback!r} is not callable")
+    _check_run(callbacks, path, state)
+    show = _progress(progress, until, state.time + count * stepper.h)
     recorder = Recorder(system, stepper, state, count, every, at, path)
-    show = _progress(progress, until)
-    with recorder, _Interrupt() as interrupt:
-        status, failure = _run(stepper, state, count, recorder, callbacks, show, interrupt)
-    history = recorder.close(status, failure)
-    if failure is not None:
-        failure.history = history
-    if derive:
-        _derive(system, history, path)
+    with _Interrupt() as interrupt:
+        with recorder:
+            status, failure = _run(stepper, state, count, recorder, callbacks, show, interrupt)
+        history = recorder.close(status, failure)
+        if failure is not None:
+            failure.history = history
+        if derive:
+            interrupt.asked = True  # nothing is lost any more: end at once
+            _derive(system, history, path)
     logger.info("%s: %d states up to t = %.6g s", status, len(history), history.times[-1])
     if failure is not None:
         raise failure
@@ -204,6 +202,8 @@ def _derive(system: System, history: History, path: str | os.PathLike[str] | Non
             derive_series(system, history)
     except CosseratError as error:
         logger.warning("energies and reactions could not be derived: %s", error)
+    except KeyboardInterrupt:
+        logger.warning("interrupted: energies and reactions are missing, see derive_series")
     if path is not None:
         history.save(path)
 
@@ -232,6 +232,22 @@ class _Interrupt:
             signal.signal(signal.SIGINT, self._before)
 
 
+def _check_run(
+    callbacks: Sequence[Callback], path: str | os.PathLike[str] | None, state: State
+) -> None:
+    if not isinstance(callbacks, Sequence):
+        raise InputError("argument callbacks", f"{callbacks!r}, expected a list of functions")
+    for callback in callbacks:
+        if not callable(callback):
+            raise InputError("argument callbacks", f"{callback!r} is not callable")
+    if path is not None and state.index > 0 and os.path.exists(path):
+        raise InputError(
+            "argument path",
+            f"{os.fspath(path)!r} exists and the run goes on from step {state.index}: name"
+            " another file, or the states before would be lost",
+        )
+
+
 def _plan(
     system: System, start: State | None, step: float, until: float, every: int
 ) -> tuple[State, int]:
@@ -240,26 +256,25 @@ def _plan(
         raise InputError("argument every", f"{every!r}, expected a positive integer")
     state = initial_state(system) if start is None else checked_start(system, start)
     count = int(np.floor((until - state.time) / step * (1 + 1e-12) + 1e-9))
-    if count < 1:
-        raise InputError(
-            "argument until",
-            f"{until!r} s is less than one step of {step!r} s after the start at {state.time!r} s",
-        )
+    if count < 0:
+        raise InputError("argument until", f"{until!r} s is before the start at {state.time!r} s")
     return state, count
 
 
-def _progress(progress: bool | Callable[[float, float], object], until: float) -> Any:
+def _progress(progress: object, until: float, last: float) -> Callable[[float], object]:
     if callable(progress):
         return lambda t: progress(t, until)
+    if not isinstance(progress, bool):
+        raise InputError("argument progress", f"{progress!r}, expected True, False or a function")
     if not progress:
         return lambda t: None
-    last = [0.0]
+    shown = [0.0]
 
     def line(t: float) -> None:
         now = time.monotonic()
-        done = t >= until * (1 - 1e-12)
-        if done or now - last[0] >= 0.2:
-            last[0] = now
+        done = t >= last * (1 - 1e-12)
+        if done or now - shown[0] >= 0.2:
+            shown[0] = now
             sys.stderr.write(f"\rt = {t:.6g} s of {until:.6g} s" + ("\n" if done else ""))
             sys.stderr.flush()
 

@@ -21,7 +21,7 @@ from .describe import describe
 __all__ = ["Recorder"]
 
 #: what the step after the last one may raise: it is beyond the run the user asked for
-_NO_STEP = (Diverged, ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
+_NO_STEP = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
 
 
 class Recorder:
@@ -115,8 +115,14 @@ class Recorder:
             self.last = None
         try:
             self._amend(self.stepper.advance(state, time))
-        except _NO_STEP as error:  # also loads and motions that end with the run
+        except Diverged as error:
             logger.info("no step after t = %.6g s, momentum projected: %s", state.time, error)
+        except _NO_STEP as error:  # loads and motions that are not known beyond the run
+            logger.warning(
+                "the step after t = %.6g s, which completes the last momentum, failed (%r):"
+                " the momentum is projected, the last multipliers are NaN",
+                *(state.time, error),
+            )
 
     def close(self, status: str, failure: Diverged | None) -> History:
         """Close the file and give the history."""
@@ -137,6 +143,8 @@ class Recorder:
 
 
 def _wanted(state: State, h: float, count: int, every: int, at: Sequence[float] | None) -> set[int]:
+    if at is not None and every != 1:
+        raise InputError("arguments every, at", f"{every} and {at}, expected only one of them")
     if at is None:
         return {*range(0, count + 1, int(every)), count}
     times = numbers("argument at", "at", at)
@@ -144,6 +152,6 @@ def _wanted(state: State, h: float, count: int, every: int, at: Sequence[float] 
         raise InputError("argument at", f"{at!r}, expected a list of times")
     k = np.rint((times - state.time) / h).astype(int)
     if (k < 0).any() or (k > count).any():
-        bad = times[(k < 0) | (k > count)][0]
+        bad = float(times[(k < 0) | (k > count)][0])
         raise InputError("argument at", f"time {bad!r} s is outside of the run")
     return set(k.tolist())

@@ -98,7 +98,7 @@ def initial_state(
             raise InputError(
                 "initial state",
                 f"p violates the hidden constraints by {miss:.3g} kg m/s: project it with"
-                " Projection(system)(q, p)",
+                " Projection(system)(q, p)[1]",
             )
         return State(time, 0, q, p)
     v = system.v0 if v is None else _checked(system, "v", v)
