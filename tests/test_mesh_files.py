@@ -72,36 +72,12 @@ def test_meshio_and_gmsh_22_agree_on_what_we_write(tmp_path):
     assert {"boom", "boom.start", "boom.end"} <= set(data.cell_sets)
 
 
-def _gmsh_model(tmp_path, version, binary, save_all=0):
-    gmsh = pytest.importorskip("gmsh")
-    path = tmp_path / "model.msh"
-    gmsh.initialize()
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        for tag, x in enumerate([(0, 0, 0), (2, 0, 0), (2, 1, 0), (2, -1, 0.5)], start=1):
-            gmsh.model.geo.addPoint(*x, meshSize=0.5, tag=tag)
-        gmsh.model.geo.addLine(1, 2, 1)
-        gmsh.model.geo.addLine(3, 2, 2)  # points against the first one
-        gmsh.model.geo.addLine(2, 4, 3)
-        gmsh.model.geo.synchronize()
-        gmsh.model.addPhysicalGroup(1, [1, 2], name="sec:chord")
-        if not save_all:
-            gmsh.model.addPhysicalGroup(1, [3], name="sec:brace")
-        gmsh.model.addPhysicalGroup(0, [1], name="support:root")
-        gmsh.model.addPhysicalGroup(0, [2], name="joint:k")
-        gmsh.model.mesh.generate(1)
-        gmsh.option.setNumber("Mesh.MshFileVersion", version)
-        gmsh.option.setNumber("Mesh.Binary", binary)
-        gmsh.option.setNumber("Mesh.SaveAll", save_all)
-        gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
-    return path
+DATA = Path(__file__).parent / "data"  # files written by gmsh itself
 
 
-@pytest.mark.parametrize(("version", "binary"), [(4.1, 0), (4.1, 1), (2.2, 0), (2.2, 1)], ids=str)
-def test_files_of_gmsh_itself(tmp_path, version, binary):
-    mesh = read_mesh(_gmsh_model(tmp_path, version, binary))
+@pytest.mark.parametrize("name", ["4.1_ascii", "4.1_binary", "2.2_ascii", "2.2_binary"])
+def test_files_of_gmsh_itself(name):
+    mesh = read_mesh(DATA / f"gmsh_{name}.msh")
     assert set(mesh.beams) == {"sec:chord", "sec:brace"}
     assert mesh.lengths[mesh.elements_of("sec:chord")].sum() == pytest.approx(3, rel=1e-14)
     assert mesh.lengths[mesh.elements_of("sec:brace")].sum() == pytest.approx(np.sqrt(1.25))
@@ -110,8 +86,22 @@ def test_files_of_gmsh_itself(tmp_path, version, binary):
     assert len(mesh.chains) == 2  # opposing lines of one group were turned
 
 
-def test_lines_in_no_group_are_kept(tmp_path):
-    mesh = read_mesh(_gmsh_model(tmp_path, 4.1, 0, save_all=1))
+@pytest.mark.parametrize("name", ["4.1_binary_partly", "4.1_binary_twice"])
+def test_binary_files_that_lose_a_group_are_refused(name):
+    """What meshio drops from them is not dropped in silence."""
+    with pytest.raises(MeshError, match=rf"gmsh_{name}.*save it as ASCII"):
+        read_mesh(DATA / f"gmsh_{name}.msh")
+
+
+def test_lines_in_two_groups():
+    mesh = read_mesh(DATA / "gmsh_4.1_ascii_twice.msh")
+    assert set(mesh.beams) == {"all", "second"}
+    assert mesh.lengths[mesh.elements_of("second")].sum() == pytest.approx(1, rel=1e-14)
+    assert len(mesh.unnamed_elements()) == 0
+
+
+def test_lines_in_no_group_are_kept():
+    mesh = read_mesh(DATA / "gmsh_4.1_ascii_partly.msh")
     assert mesh.lengths[mesh.unnamed_elements()].sum() == pytest.approx(np.sqrt(1.25), rel=1e-14)
     assert list(mesh.beams) == ["sec:chord"]
 
