@@ -6,7 +6,7 @@ complex step) and know no model: the seam where compiled kernels enter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -31,7 +31,7 @@ __all__ = [
 NAME = "numpy"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class BeamElements:
     """Constant data of a group of director beam elements of one order.
 
@@ -60,20 +60,21 @@ class BeamElements:
     reference: Floats
     rotations: Floats | None = None
 
+    # what the kernels multiply with, computed once
+    B_table: Floats = field(init=False, repr=False)
+    C_table: Floats = field(init=False, repr=False)
+    weighted_stiffness: Floats = field(init=False, repr=False)
+    inverse_length: Floats = field(init=False, repr=False)
+    measure: Floats = field(init=False, repr=False)
+
     def __post_init__(self) -> None:
         ng, _, k, _ = self.table.shape
         # one matrix product gives B of all elements and points
-        object.__setattr__(self, "_B_table", self.table.reshape(ng * 6 * k, k).T.copy())
-        object.__setattr__(self, "_C_table", self.table.reshape(ng * 6, k * k))
-        scale = self.weights[None, :, None, None] * self.lengths[:, None, None, None]
-        object.__setattr__(self, "_D_weighted", scale * self.stiffness[:, None])
-        # one factor 1/l is that of B, the weight carries l
-        object.__setattr__(
-            self, "_inv_l", np.ascontiguousarray((1 / self.lengths)[:, None], dtype=float)
-        )
-        object.__setattr__(
-            self, "_wl", (self.weights[None, :] * self.lengths[:, None])[:, :, None].copy()
-        )
+        self.B_table = self.table.reshape(ng * 6 * k, k).T.copy()
+        self.C_table = self.table.reshape(ng * 6, k * k)
+        self.measure = (self.weights * self.lengths[:, None])[:, :, None]
+        self.weighted_stiffness = self.measure[..., None] * self.stiffness[:, None]
+        self.inverse_length = (1 / self.lengths)[:, None]
 
     def repeated(self, count: int) -> BeamElements:
         """The same elements `count` times, to evaluate many states at once."""
@@ -128,7 +129,7 @@ def beam_strain(elements: BeamElements, q: Array) -> tuple[Array, Array]:
     ne, k = q.shape
     ng = len(elements.points)
     section = q if elements.rotations is None else _to_section(elements.rotations, q)
-    B = (section * elements._inv_l) @ elements._B_table  # type: ignore[attr-defined]
+    B = (section * elements.inverse_length) @ elements.B_table
     B = B.reshape(ne, 6 * ng, k)
     eps = 0.5 * (B @ section[:, :, None])
     if elements.rotations is not None:
@@ -144,7 +145,7 @@ def beam_stress(elements: BeamElements, eps: Array) -> Array:
 def beam_force(elements: BeamElements, B: Array, stress: Array) -> Array:
     """Internal force ``int B^T S ds`` (ne, 12 nn) for stress (ne, ng, 6)."""
     ne = len(B)
-    weighted = stress * elements._wl  # type: ignore[attr-defined]
+    weighted = stress * elements.measure
     return (weighted.reshape(ne, 1, -1) @ B)[:, 0]
 
 
@@ -163,7 +164,7 @@ def beam_tangent(
     """
     ne, rows, k = B_left.shape
     ng = rows // 6
-    D = elements._D_weighted  # type: ignore[attr-defined]
+    D = elements.weighted_stiffness
     if ng == 1:
         DB = (material * D[:, 0]) @ B_right
     else:
@@ -171,7 +172,7 @@ def beam_tangent(
     K = B_left.transpose(0, 2, 1) @ DB
     # weight l times the 1/l of C
     S = (geometric * stress * elements.weights[:, None]).reshape(ne, rows)
-    G = (S @ elements._C_table).reshape(ne, k, k)  # type: ignore[attr-defined]
+    G = (S @ elements.C_table).reshape(ne, k, k)
     if elements.rotations is not None:
         G = _from_section(elements.rotations, G)
         G = _from_section(elements.rotations, G.transpose(0, 2, 1)).transpose(0, 2, 1)
