@@ -45,6 +45,10 @@ class _Lump(StructuralItem):
         self.velocity = vector(self.label, "velocity", _NOWHERE if velocity is None else velocity)
         self.on = on
 
+    def references(self) -> list[StructuralItem]:
+        """What it is attached to."""
+        return [] if self.on is None or self.on.item is None else [self.on.item]
+
     def scalar_mass(self) -> Floats:
         """Mass matrix of (phi, d1, d2, d3) without the factor I_3: (4, 4) or (1, 1)."""
         raise NotImplementedError

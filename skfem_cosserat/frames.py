@@ -174,6 +174,10 @@ class Item:
         """How errors call it."""
         return self.kind if self.name is None else f"{self.kind} {self.name!r}"
 
+    def references(self) -> list[StructuralItem]:
+        """Items it is attached to or acts on: they must be in the same model."""
+        return []
+
 
 class StructuralItem(Item):
     """An item with coordinates, or with inertia lumped on the place of another one."""

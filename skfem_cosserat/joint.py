@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import InputError
-from .frames import TOLERANCE, Item, Place, unit_vector
+from .frames import TOLERANCE, Item, Place, StructuralItem, unit_vector
 from .types import ArrayLike, Floats, positive
 
 __all__ = [
@@ -133,6 +133,10 @@ class Joint(Item):
         """How errors call it."""
         text = f"{self.type} {self.kind}"
         return text if self.name is None else f"{text} {self.name!r}"
+
+    def references(self) -> list[StructuralItem]:
+        """The items of both sides."""
+        return [place.item for place in (self.a, self.b) if place.item is not None]
 
     def check(self, t: float, length: float) -> None:
         """Raise InputError if it does not close in the reference configuration at time `t`.

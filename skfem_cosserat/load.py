@@ -12,7 +12,7 @@ import numpy as np
 
 from .beam import Beam
 from .errors import InputError
-from .frames import Item, Place, vector
+from .frames import Item, Place, StructuralItem, vector
 from .types import ArrayLike, Floats, numbers
 
 __all__ = [
@@ -241,6 +241,10 @@ class Load(Item):
                 (vector(self.label, "value", value), _amplitude(self.label, amplitude))
             ]
 
+    def frame_place(self) -> Place | None:
+        """Place of a single frame whose directors it depends on."""
+        return None
+
     @property
     def constant(self) -> bool:
         """Whether it does not change in time."""
@@ -265,6 +269,14 @@ class _NodalLoad(Load):
         if place.triad is None and (follower or isinstance(self, LoadMoment)):
             raise InputError(self.label, f"{place.label} is a mass point and has no directions")
         self.place = place
+
+    def references(self) -> list[StructuralItem]:
+        """The item it acts on."""
+        return [] if self.place.item is None else [self.place.item]
+
+    def frame_place(self) -> Place | None:
+        """Its place, if it follows the triad."""
+        return self.place if self.follower else None
 
 
 class LoadForce(_NodalLoad):
@@ -332,6 +344,10 @@ class LoadMoment(_NodalLoad):
     0.6
     """
 
+    def frame_place(self) -> Place | None:
+        """Its place: even a dead moment acts through the directors."""
+        return self.place
+
 
 class LoadLine(Load):
     """Force per reference length (N/m) along a beam, dead or following the section triad.
@@ -374,6 +390,10 @@ class LoadLine(Load):
             raise InputError(self.label, f"acts on {type(beam).__name__}, expected a beam")
         self.beam = beam
         self.elements = beam.part(part)
+
+    def references(self) -> list[StructuralItem]:
+        """The beam."""
+        return [self.beam]
 
 
 class LoadGravity(Load):

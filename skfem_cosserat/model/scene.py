@@ -8,9 +8,9 @@ from typing import TypeVar
 from ..beam import Beam
 from ..body import MassPoint, RigidBody
 from ..errors import InputError
-from ..frames import Item, Place, StructuralItem
+from ..frames import Item
 from ..joint import Joint
-from ..load import Load, LoadForce, LoadLine, LoadMoment
+from ..load import Load
 from .system import System
 
 __all__ = ["Model"]
@@ -108,30 +108,14 @@ class Model:
             raise InputError("model", "has no beam, body or mass point")
         known = {id(item) for item in structures}
         for item in items:
-            for place in _places(item):
-                self._check_reference(item, place.item, known)
-            if isinstance(item, LoadLine):
-                self._check_reference(item, item.beam, known)
+            for other in item.references():
+                if id(other) not in known:
+                    raise InputError(
+                        item.label,
+                        f"refers to {other.label}, which is not in the model: add it first",
+                    )
         return System(
             structures,
             [i for i in items if isinstance(i, Joint)],
             [i for i in items if isinstance(i, Load)],
         )
-
-    @staticmethod
-    def _check_reference(item: Item, other: StructuralItem | None, known: set[int]) -> None:
-        if other is not None and id(other) not in known:
-            raise InputError(
-                item.label, f"refers to {other.label}, which is not in the model: add it first"
-            )
-
-
-def _places(item: Item) -> list[Place]:
-    """The places an item refers to."""
-    if isinstance(item, Joint):
-        return [item.a, item.b]
-    if isinstance(item, MassPoint | RigidBody):
-        return [] if item.on is None else [item.on]
-    if isinstance(item, LoadForce | LoadMoment):
-        return [item.place]
-    return []

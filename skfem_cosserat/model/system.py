@@ -18,7 +18,7 @@ from ..body import MassPoint, RigidBody
 from ..errors import InputError
 from ..frames import Place
 from ..joint import Joint, Product, Zero
-from ..load import Load, LoadForce, LoadMoment
+from ..load import Load
 from ..types import Array, Floats, IndexArray
 from .checks import JointRows, check_inertia, check_joints, independent_loop_rows
 from .groups import BeamGroup, Group, mass_blocks
@@ -179,11 +179,8 @@ class System:
             for order in sorted({b.basis.order for b in beams})
         ]
         single = {v for v, _, framed in self.lumps if framed}
-        single |= {
-            self.first[id(load.place.item)][0] + load.place.vertex
-            for load in self.loads
-            if isinstance(load, LoadMoment) or (isinstance(load, LoadForce) and load.follower)
-        }
+        places = [place for load in self.loads if (place := load.frame_place()) is not None]
+        single |= {self.spot(place).vertex for place in places}
         self.frame_group = self._single_group(sorted(single), 4)
         points = {v for v, _, framed in self.lumps if not framed}
         self.point_group = self._single_group(sorted(points), 1)
