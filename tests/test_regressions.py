@@ -197,6 +197,19 @@ def test_interrupt_while_series_are_derived(monkeypatch, tmp_path):
     assert history.status == "completed" and len(history) == 11
 
 
+def test_error_while_series_are_derived_takes_the_history_along(monkeypatch):
+    """A function of time that fails at a recorded instant lost the whole run."""
+    from skfem_cosserat.simulate import loop
+
+    def fail(system, history):
+        raise ZeroDivisionError("1/t at t = 0")
+
+    monkeypatch.setattr(loop, "derive_series", fail)
+    with pytest.raises(ZeroDivisionError) as info:
+        run(rigid_pendulum())
+    assert info.value.history.status == "completed" and len(info.value.history) == 11
+
+
 def test_going_on_does_not_overwrite_the_history(tmp_path):
     """A run that went on from a file into the same file replaced it."""
     path = tmp_path / "run.history"

@@ -99,8 +99,3 @@ class BeamGroup(Group):
     ) -> Array:
         """See :func:`skfem_cosserat.kernels.beam_tangent`."""
         return beam_tangent(self.elements, left, right, stress, material, geometric)
-
-    def energy(self, eps: Array) -> Array:
-        """Stored energy of each element (..., ne) in J, for strains (..., ne, ng, 6)."""
-        density = 0.5 * (eps * (eps @ self.elements.stiffness)).sum(-1)
-        return (density * self.elements.weights).sum(-1) * self.elements.lengths

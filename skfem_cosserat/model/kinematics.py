@@ -16,7 +16,7 @@ from scipy.sparse import csr_matrix
 from ..kernels import cross, director_force, exp_quaternion, quaternion_product, rotation_matrix
 from ..types import Array, Floats, IndexArray
 from .quadratic import sum_at
-from .tree import Coordinate, Edge, Spot, Tree
+from .tree import Edge, Spot, Tree
 
 __all__ = ["Chart", "Kinematics"]
 
@@ -299,8 +299,6 @@ class Chart:
         edges = {e.child: e for e in tree.edges}
         self._sphere_edges = [edges[int(v)] for v in spheres]
         self._levels = self._make_levels(edges)
-        # hinge axes are taken at q_n: R_rel = exp(theta n_n)
-        self._hinges: list[Coordinate] = kinematics.guided
         self.rotating = np.concatenate(
             [self.turn_numbers.ravel(), self.hinge_numbers, self.sphere_numbers.ravel()]
         )

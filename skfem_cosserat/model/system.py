@@ -389,13 +389,6 @@ class System:
             )
         return out
 
-    def strain_energy(self, epsilons: list[Array]) -> Array:
-        """Stored energy (J); works on stacks of states."""
-        return sum(
-            (g.energy(eps).sum(-1) for g, eps in zip(self.beam_groups, epsilons, strict=True)),
-            start=np.zeros(()),
-        )
-
     def mass_tangent(self, factor: float) -> list[Array]:
         """``factor * M`` as blocks of the groups; fresh arrays, to be added to."""
         return [factor * g.mass for g in self.groups]

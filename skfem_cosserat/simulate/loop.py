@@ -149,9 +149,8 @@ def simulate(
     _check_run(callbacks, path, state)
     show = _progress(progress, until, state.time + count * stepper.h)
     recorder = Recorder(system, stepper, state, count, every, at, path)
-    with _Interrupt() as interrupt:
-        with recorder:
-            status, failure = _run(stepper, state, count, recorder, callbacks, show, interrupt)
+    with recorder, _Interrupt() as interrupt:
+        status, failure = _run(stepper, state, count, recorder, callbacks, show, interrupt)
         history = recorder.close(status, failure)
         if failure is not None:
             failure.history = history

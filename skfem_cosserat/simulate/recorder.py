@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import kernels
 from ..diagnostics import Projection
-from ..errors import Diverged, InputError
+from ..errors import CosseratError, Diverged, InputError
 from ..history import History, HistoryWriter
 from ..integrators import State, Stepper, StepReport
 from ..log import logger
@@ -52,6 +52,7 @@ class Recorder:
         }
         self.writer = HistoryWriter(meta, static, path)
         self.last: dict[str, Any] | None = None
+        self.closed: History | None = None
         self._append(self._row(state, 0, 1, 0.0))
 
     def __enter__(self) -> Recorder:
@@ -62,7 +63,7 @@ class Recorder:
     ) -> None:
         """An error of the user's own code takes the history so far along as ``error.history``."""
         if error is not None:
-            history = self.close("failed", None)
+            history = self.close("failed", None) if self.closed is None else self.closed
             error.history = history  # type: ignore[attr-defined]
             error.add_note(f"the history up to t = {history.times[-1]:.6g} s is in .history")
 
@@ -131,15 +132,19 @@ class Recorder:
         if self.open:
             row = self.writer.history().last()
             if not np.isfinite(row["p"]).all():
-                p = Projection(self.system)(row["q"], row["carried"], float(row["t"]))[1]
-                self.writer.amend(p=p)
+                try:
+                    p = Projection(self.system)(row["q"], row["carried"], float(row["t"]))[1]
+                    self.writer.amend(p=p)
+                except CosseratError as error:  # a singular configuration: p stays NaN
+                    logger.warning("the last momentum could not be projected: %s", error)
         extra: dict[str, Any] = {
             "factorisations": self.stepper.bound.solver.factorisations,
         }
         if failure is not None:
             extra["failure"] = str(failure)
         self.writer.close(status, **extra)
-        return self.writer.history()
+        self.closed = self.writer.history()
+        return self.closed
 
 
 def _wanted(state: State, h: float, count: int, every: int, at: Sequence[float] | None) -> set[int]:
