@@ -4,6 +4,7 @@ from .beam import Beam
 from .body import MassPoint, RigidBody
 from .constraints import Multipliers, NullSpace
 from .diagnostics import Projection
+from .drive import JointDrive
 from .errors import (
     CosseratError,
     Diverged,
@@ -15,7 +16,17 @@ from .errors import (
 from .frames import Motion, Place, ground, triad
 from .history import History
 from .integrators import EnergyMomentum, State, Stepper, Variational
-from .joint import JointDistance, JointFixed, JointRevolute, JointSpherical
+from .joint import (
+    JointCylindrical,
+    JointDistance,
+    JointFixed,
+    JointPlanar,
+    JointPointOnLine,
+    JointPrismatic,
+    JointRevolute,
+    JointSpherical,
+    JointUniversal,
+)
 from .load import FunctionOfTime, LoadForce, LoadGravity, LoadLine, LoadMoment, Table
 from .mesh import MeshCurve, read_mesh, write_mesh
 from .model import Model, System
@@ -34,10 +45,16 @@ __all__ = [
     "HistoryError",
     "IncompatibleError",
     "InputError",
+    "JointCylindrical",
     "JointDistance",
+    "JointDrive",
     "JointFixed",
+    "JointPlanar",
+    "JointPointOnLine",
+    "JointPrismatic",
     "JointRevolute",
     "JointSpherical",
+    "JointUniversal",
     "LoadForce",
     "LoadGravity",
     "LoadLine",

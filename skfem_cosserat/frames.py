@@ -6,7 +6,7 @@ an orthonormal triad ``d1, d2, d3`` (equation (55)); a material point is ``x = p
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -174,7 +174,7 @@ class Item:
         """How errors call it."""
         return self.kind if self.name is None else f"{self.kind} {self.name!r}"
 
-    def references(self) -> list[StructuralItem]:
+    def references(self) -> Sequence[Item]:
         """Items it is attached to or acts on: they must be in the same model."""
         return []
 

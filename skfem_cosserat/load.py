@@ -192,7 +192,8 @@ class FunctionOfTime:
 Amplitude = float | TimeFunction | Callable[[float], float] | None
 
 
-def _amplitude(item: str, value: Amplitude) -> TimeFunction:
+def time_function(item: str, value: Amplitude) -> TimeFunction:
+    """A number, table or function of time as such; None: one."""
     if value is None:
         return Constant(1.0)
     if isinstance(value, int | float | np.number):
@@ -238,7 +239,7 @@ class Load(Item):
             ]
         else:
             self.channels = [
-                (vector(self.label, "value", value), _amplitude(self.label, amplitude))
+                (vector(self.label, "value", value), time_function(self.label, amplitude))
             ]
 
     def frame_place(self) -> Place | None:

@@ -31,7 +31,7 @@ from skfem_cosserat import (
     triad,
 )
 from skfem_cosserat.kernels import exp_quaternion, null_space_blocks, rotation_matrix
-from skfem_cosserat.model.kinematics import Chart
+from skfem_cosserat.model.chart import Chart
 
 #: Full 6x6 stiffness with every coupling, of moderate size.
 _COUPLING = np.random.default_rng(8).standard_normal((6, 6))

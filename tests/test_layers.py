@@ -25,7 +25,7 @@ LAYERS = (
     ("errors", "types", "log", "version"),
     ("mesh", "element", "basis", "assembly"),
     ("section", "strain", "kernels"),
-    ("frames", "beam", "body", "joint", "load"),
+    ("frames", "relative", "beam", "body", "joint", "load", "coupling"),
     ("model",),
     ("linear", "newton"),
     ("constraints",),

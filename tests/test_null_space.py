@@ -36,7 +36,7 @@ from skfem_cosserat import (
     simulate,
 )
 from skfem_cosserat.kernels import director_force, null_space_blocks, skew
-from skfem_cosserat.model.kinematics import Chart
+from skfem_cosserat.model.chart import Chart
 
 SCENES = {
     **{f"tree {seed}": (lambda seed=seed: random_tree(seed)) for seed in range(24)},

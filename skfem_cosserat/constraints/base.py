@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..linear import LinearSolver
 from ..model import System
@@ -36,6 +37,8 @@ class BoundTreatment(ABC):
 
     solver: LinearSolver
     unknowns: int
+    #: why the last configuration could not be formed, such as a loop that does not close
+    trouble: str | None = None
 
     def __init__(self, system: System, weight: float) -> None:
         self.system = system
@@ -64,6 +67,10 @@ class BoundTreatment(ABC):
     @abstractmethod
     def data(self, blocks: list[Array], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """Entries of the iteration matrix in the solver's pattern; as solved, or unscaled."""
+
+    def active(self) -> NDArray[np.bool_] | None:
+        """Which unknowns of the solver are in use; None: all."""
+        return None
 
     @abstractmethod
     def scale_rows(self, residual: Array) -> Array:
@@ -114,3 +121,12 @@ def group_pairs(system: System, dofs: list[IndexArray]) -> tuple[IndexArray, Ind
     rows = [np.repeat(d, d.shape[1], axis=1).ravel() for d in dofs]
     cols = [np.tile(d, (1, d.shape[1])).ravel() for d in dofs]
     return np.concatenate(rows), np.concatenate(cols)
+
+
+def pair_numbers(pairs: IndexArray, base: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """Row and column numbers of 3x3 blocks at `pairs` (k, 2) of rows of y, numbered from `base`."""
+    xyz = np.arange(3)
+    rows = base[pairs[:, 0]][:, None, None] + xyz[:, None]
+    cols = base[pairs[:, 1]][:, None, None] + xyz
+    shape = (len(pairs), 3, 3)
+    return np.broadcast_to(rows, shape).ravel(), np.broadcast_to(cols, shape).ravel()

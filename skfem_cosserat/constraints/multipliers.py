@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..assembly import FrozenPattern
-from ..errors import IncompatibleError
 from ..linear import LinearSolver
 from ..model import System
 from ..types import Array, Floats
-from .base import BoundTreatment, Treatment, group_pairs, relative_size
+from .base import BoundTreatment, Treatment, group_pairs, pair_numbers, relative_size
 
 __all__ = ["Multipliers"]
 
 
 class Multipliers(Treatment):
     """Lagrange multipliers, n + m unknowns ``(q_{n+1}, lambda)``; equation (22).
+
+    Of redundant constraint rows an independent set is chosen at the start of each step; the
+    multipliers of the others are zero in that step, so that n + rank unknowns are left.
 
     Parameters
     ----------
@@ -38,11 +41,6 @@ class Multipliers(Treatment):
 
     def bind(self, system: System, weight: float) -> BoundMultipliers:
         """See the base class."""
-        if system.rank < system.m:  # the model refuses redundant joints; kept for later items
-            raise IncompatibleError(
-                "Lagrange multipliers",
-                f"do not work with {system.m - system.rank} redundant constraint rows",
-            )
         return BoundMultipliers(system, weight, self.scaled)
 
 
@@ -53,11 +51,14 @@ class BoundMultipliers(BoundTreatment):
         super().__init__(system, weight)
         n, m, g = system.n, system.m, system.constraints
         self.scaled = scaled
-        self.unknowns = n + m
+        self.unknowns = n + system.rank
         i, j = group_pairs(system, [group.dofs for group in system.groups])
         gi, gj = g.rows[g.inside], g.cols[g.inside]
-        rows = [i, gj, n + gi]
-        cols = [j, n + gi, gj]
+        self._redundant = system.rank < m
+        loop = n + system.closure.rows if self._redundant else np.zeros(0, dtype=np.int64)
+        ci, cj = pair_numbers(system.coupled_rows, 3 * np.arange(system.rows))
+        rows = [i, ci, gj, n + gi, loop]
+        cols = [j, cj, n + gi, gj, loop]
         if weight:
             rows.append(g.curvature_rows)
             cols.append(g.curvature_cols)
@@ -68,10 +69,13 @@ class BoundMultipliers(BoundTreatment):
         self._q: Array = np.zeros(n)
         self._multiplier: Array = np.zeros(m)
         self._last: tuple[Array, Array] | None = None
+        self._keep = np.ones(m)
 
     def begin(self, y0: Array, ground1: Array, h: float) -> None:
         """See the base class."""
         self.y0, self._ground1, self.h = y0, ground1, h
+        if self._redundant:
+            self._keep = self.system.independent_rows(y0).astype(float)
         self._q0 = y0[: self.system.rows].reshape(-1)
         self._jacobian = self.system.constraints.jacobian_values(y0)
         self._size: float | None = None
@@ -81,7 +85,13 @@ class BoundMultipliers(BoundTreatment):
         use = extrapolate and self._last is not None
         dq, multiplier = self._last if use and self._last else (0.0, np.zeros(self.system.m))
         self._q = self._q0 + dq
-        self._multiplier = multiplier.copy()
+        self._multiplier = multiplier * self._keep
+
+    def active(self) -> NDArray[np.bool_] | None:
+        """See the base class: not the multipliers of rows that depend on others."""
+        if not self._redundant:
+            return None
+        return np.concatenate([np.ones(self.system.n, dtype=bool), self._keep > 0])
 
     def configuration(self) -> Array:
         """See the base class."""
@@ -98,8 +108,8 @@ class BoundMultipliers(BoundTreatment):
         self._left = self._transposed(y1)
         rows, cols = constraints.rows[constraints.inside], constraints.cols[constraints.inside]
         force = self._left * self._multiplier[rows]
-        out = np.empty(self.unknowns, dtype=np.result_type(R, force, y1))
         n = self.system.n
+        out = np.empty(n + self.system.m, dtype=np.result_type(R, force, y1))
         if np.iscomplexobj(force):
             summed = np.bincount(cols, force.real, n) + 1j * np.bincount(cols, force.imag, n)
         else:
@@ -107,6 +117,8 @@ class BoundMultipliers(BoundTreatment):
         self._impulse = summed
         out[:n] = R.reshape(-1) + summed
         out[n:] = constraints.values(y1)
+        if self._redundant:
+            out[n:] *= self._keep
         return out
 
     def relative(self, residual: Array, largest: float) -> float:
@@ -124,9 +136,16 @@ class BoundMultipliers(BoundTreatment):
         size = self._size
         column, row = (size, size) if self.scaled and scaled else (self.h, 1.0)
         values = [b.ravel() for b in blocks]
-        values += [column * self._left, row * constraints.jacobian_values(y1)]
+        left, right = self._left, constraints.jacobian_values(y1)
+        dead = np.zeros(0)
+        if self._redundant:
+            rows = constraints.rows[constraints.inside]
+            left, right = left * self._keep[rows], right * self._keep[rows]
+            dead = 1.0 - self._keep[self.system.closure.rows]
+        values += [column * left, row * right, row * dead]
         if self.weight:
-            values.append(self.weight * constraints.curvature_values(self._multiplier))
+            at = self.constraint_point(y1)
+            values.append(self.weight * constraints.curvature_values(self._multiplier, at))
         return self.pattern.data(np.concatenate(values))
 
     def scale_rows(self, residual: Array) -> Array:

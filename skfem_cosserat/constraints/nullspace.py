@@ -5,23 +5,34 @@ from __future__ import annotations
 import numpy as np
 
 from ..assembly import FrozenPattern
-from ..errors import IncompatibleError
-from ..kernels import null_space_blocks
+from ..kernels import null_space_blocks, skew
 from ..linear import LinearSolver
 from ..model import System
-from ..model.kinematics import Chart
+from ..model.chart import Chart
+from ..model.closure import Selected, continued
+from ..model.quadratic import sum_at
 from ..types import Array, Floats, IndexArray
-from .base import BoundTreatment, Treatment, group_pairs, relative_size
+from .base import BoundTreatment, Treatment, group_pairs, pair_numbers, relative_size
 
 __all__ = ["NullSpace"]
+
+#: iterations to close the loops of one Newton iterate
+CLOSING = 30
+#: violation, relative to the size of the rows' terms, below which a loop counts as closed
+CLOSED = 4e-16
+#: a correction (rad, or relative to the scene) this small needs no other
+QUADRATIC = 1e-9
+#: a correction this large means that the loop does not close near here
+FAR = 3.0
 
 
 class NullSpace(Treatment):
     """Null space method with nodal reparametrisation, equations (25), (61), (68), (69).
 
     Constraints are fulfilled to round-off by construction. The null space matrix comes from the
-    tree of joints, without a factorisation of the constraint Jacobian; joints that close a loop
-    are refused.
+    tree of joints, without a factorisation of the constraint Jacobian. Joints that close a loop
+    are eliminated as well: their rows are factorised in the tree's coordinates, and the loops are
+    closed in every Newton iterate.
 
     Examples
     --------
@@ -37,12 +48,6 @@ class NullSpace(Treatment):
 
     def bind(self, system: System, weight: float) -> BoundNullSpace:
         """See the base class."""
-        if system.tree.loops:
-            names = ", ".join(joint.label for joint in system.tree.loops)
-            raise IncompatibleError(
-                "null space treatment",
-                f"does not take the {names}, which closes a loop of joints: use Multipliers()",
-            )
         return BoundNullSpace(system, weight)
 
 
@@ -121,74 +126,164 @@ def _expand(
 
 
 class BoundNullSpace(BoundTreatment):
-    """See :class:`NullSpace`."""
+    """See :class:`NullSpace`.
+
+    With loops ``P = P_int T Z``, where Z spans what the closure rows leave free of the K
+    coordinates of the tree; it is evaluated where P is, with the rows chosen at the step's start.
+    """
 
     def __init__(self, system: System, weight: float) -> None:
         super().__init__(system, weight)
         kin = self.kin = system.kinematics
-        self.unknowns = kin.unknowns
+        self.closure = system.closure
+        self.unknowns = system.unknowns
         self.chart = Chart(kin)
         number = np.zeros(len(system.origin_rows), dtype=np.int64)
         number[kin.frames] = np.arange(len(kin.frames))
         self._frames = [number[g.vertices] if g.framed else None for g in system.groups]
-        dofs = [
-            (kin.twist_of[g.vertices][:, :, None] + np.arange(6 if g.framed else 3)).reshape(
-                len(g.vertices), -1
-            )
-            for g in system.groups
-        ]
-        i, j = group_pairs(system, dofs)
-        extra = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
-        if weight:  # derivative of P: moments on each frame, and the tree's
-            omega = kin.frame_twist[:, 3:]
-            i = np.concatenate([i, np.repeat(omega, 3, axis=1).ravel()])
-            j = np.concatenate([j, np.tile(omega, (1, 3)).ravel()])
-            if len(kin.pair_number):
-                extra = kin.curvature_pattern()
-        self._congruence = Congruence(
-            (i, j), extra, (kin.T_rows, kin.T_cols, kin.n_fixed), (kin.n_twist, kin.unknowns)
-        )
-        self.pattern = self._congruence.pattern
-        self.solver = LinearSolver(self.pattern)
+        self._make_pattern()
         turning = np.zeros(kin.unknowns, dtype=bool)
         turning[self.chart.rotating] = True
         self._turning = np.flatnonzero(turning)
         self._shifting = np.flatnonzero(~turning)
         self._total: Array = np.zeros(kin.unknowns)
         self._last: Array | None = None
+        self._direction: list[Floats] | None = None
+
+    def _make_pattern(self) -> None:
+        system, kin = self.system, self.kin
+        dofs = [
+            (kin.twist_of[g.vertices][:, :, None] + np.arange(6 if g.framed else 3)).reshape(
+                len(g.vertices), -1
+            )
+            for g in system.groups
+        ]
+        self._loops = len(self.closure.rows) > 0
+        self._curved, loop_pairs = system.constraints.curvature_of(self.closure.rows)
+        curved = self._loops and self.weight > 0
+        #: pairs of rows of y with 3x3 blocks: couplings, then curvature of loop rows
+        self._row_pairs = np.vstack([system.coupled_rows, loop_pairs[: len(loop_pairs) * curved]])
+        i, j = group_pairs(system, dofs)
+        ci, cj = pair_numbers(self._row_pairs, kin.row_twist)
+        i, j = np.concatenate([i, ci]), np.concatenate([j, cj])
+        extra = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+        if self.weight:  # derivative of P: moments on each frame, and the tree's
+            omega = kin.frame_twist[:, 3:]
+            i = np.concatenate([i, np.repeat(omega, 3, axis=1).ravel()])
+            j = np.concatenate([j, np.tile(omega, (1, 3)).ravel()])
+            if len(kin.tree.pairs):
+                extra = kin.curvature_pattern()
+        self._congruence = Congruence(
+            (i, j), extra, (kin.T_rows, kin.T_cols, kin.n_fixed), (kin.n_twist, kin.unknowns)
+        )
+        self.pattern = self._congruence.pattern
+        if self._loops:
+            tree = self.pattern
+            cols = np.repeat(np.arange(tree.shape[1]), np.diff(tree.indptr))
+            Z = self.closure.null_pattern()
+            none = np.zeros(0, dtype=np.int64)
+            self._ones = Z[2]
+            self._reduction = Congruence(
+                (tree.indices, cols), (none, none), Z, (kin.unknowns, self.unknowns)
+            )
+            self.pattern = self._reduction.pattern
+            self._Z = (Z[0], Z[1])
+        self.solver = LinearSolver(self.pattern)
+
+    # -- a step ----------------------------------------------------------------------------------
 
     def begin(self, y0: Array, ground1: Array, h: float) -> None:
         """See the base class."""
         self.y0, self.h = y0, h
         self.chart.begin(y0, ground1)
+        if self._loops:
+            self._choose(y0)
         if self.weight == 0:
             self._set_left(y0)
+
+    def _choose(self, y0: Array) -> None:
+        """Independent closure rows at the start of the step."""
+        T = self.kin.T_values(self.kin.locate(y0, self.chart.fixed))
+        self._chosen = self.closure.select(y0, T)
+        if self._direction is not None:
+            self._chosen = [
+                continued(s, before)
+                for s, before in zip(self._chosen, self._direction, strict=True)
+            ]
+        self._direction = [s.Q2 for s in self._chosen]
+
+    def _selected(self, y: Array, T: Array) -> list[Selected]:
+        return self._chosen if y is self.y0 else self.closure.again(self._chosen, y, T)
 
     def _set_left(self, y: Array) -> None:
         """P^T is evaluated at y."""
         self._left = self.kin.locate(y, self.chart.fixed)
         self._T_left = self.kin.T_values(self._left)
+        if self._loops:
+            self._selected_left = self._selected(y, self._T_left)
+            self._Z_left = self.closure.null_values(self._selected_left, self._ones)
 
     def guess(self, extrapolate: bool) -> None:
         """See the base class."""
         self.chart.reset()
-        self._total = np.zeros(self.unknowns)
+        self._total = np.zeros(self.kin.unknowns)
         if extrapolate and self._last is not None:
-            self.apply(self._last)
+            self._add(self._last)
+
+    def _add(self, increment: Array) -> None:
+        self.chart.add(increment)
+        self._total = self._total + increment
 
     def configuration(self) -> Array:
-        """See the base class."""
-        return self.chart.configuration()
+        """See the base class; loops are closed first."""
+        y1 = self.chart.configuration()
+        return self._close(y1) if self._loops else y1
+
+    def _close(self, y1: Array) -> Array:
+        """Shortest changes of the tree's coordinates until the loops close."""
+        self.trouble = None
+        kin, closure = self.kin, self.closure
+        for _ in range(CLOSING):
+            T = kin.T_values(kin.locate(y1, self.chart.fixed))
+            self._at1 = closure.again(self._chosen, y1, T)
+            g = self.system.constraints.values(y1)
+            step = np.zeros(kin.unknowns, dtype=y1.dtype)
+            gap = 0.0
+            for s in self._at1:
+                violation = closure.violation(s, g)
+                gap = max(gap, float(abs(violation).max(initial=0.0)))
+                step[s.component.columns] = s.correction(violation)
+            if gap <= CLOSED:
+                return y1
+            size = self._size(step)[0]
+            if not np.isfinite(size) or size > FAR:
+                break
+            self._add(step)
+            y1 = self.chart.configuration()
+            if size < QUADRATIC:  # what is left is the square of it
+                T = kin.T_values(kin.locate(y1, self.chart.fixed))
+                self._at1 = closure.again(self._chosen, y1, T)
+                return y1
+        names = ", ".join(joint.label for joint in self.system.tree.loops)
+        self.trouble = f"the loop through the {names} does not close"
+        return y1
 
     def residual(self, R: Array, y1: Array) -> Array:
         """``P(y_c)^T R``."""
         if self.weight:
             self._set_left(self.constraint_point(y1))
         self._twist_force = self.kin.twist_force(self._left.y, R)
-        return self.kin.reduce(self._T_left, self._twist_force)
+        reduced = self.kin.reduce(self._T_left, self._twist_force)
+        self._tree_force = reduced
+        if not self._loops:
+            return reduced
+        rows, cols = self._Z
+        return sum_at(cols, self._Z_left * reduced[rows], self.unknowns)
 
     def relative(self, residual: Array, largest: float) -> float:
         """See the base class."""
+        if self.trouble is not None:
+            return float("inf")
         return relative_size(float(abs(residual).max(initial=0.0)), largest)
 
     def _project(self, blocks: list[Array], right: Array) -> list[Array]:
@@ -206,40 +301,89 @@ class BoundNullSpace(BoundTreatment):
             out.append(full.swapaxes(1, 2).ravel())
         return out
 
+    def _project_pairs(self, blocks: Array, y1: Array) -> Array:
+        """3x3 blocks at pairs of rows of y -> by twists; the rate of a director is omega x d."""
+        a, b = self._row_pairs.T
+        out = np.array(blocks)
+        left, right = (np.flatnonzero(self.kin.row_is_director[k]) for k in (a, b))
+        out[left] = skew(self._left.y[a[left]]) @ out[left]
+        out[right] = out[right] @ -skew(y1[b[right]])
+        return out.ravel()
+
+    def _balanced(self, R: Array) -> tuple[Array, Array, Array]:
+        """Balance and twist force without the forces that close the loops, and their curvature.
+
+        Derivative of ``Z^T f`` at a solution: as if the closure's multipliers mu, which balance f
+        best, acted as forces.
+        """
+        constraints = self.system.constraints
+        mu = np.zeros(constraints.size)
+        for s in self._selected_left:
+            rows, values = self.closure.multipliers(s, self._tree_force)
+            mu[rows] = values
+        y = self._left.y
+        entries = constraints.jacobian_values(y) * mu[constraints.rows[constraints.inside]]
+        force = sum_at(constraints.cols[constraints.inside], entries, constraints.n)
+        balanced = R - force.reshape(-1, 3)
+        curvature = -self.weight * constraints.curvature_factors(self._curved, mu, y)
+        blocks = curvature[:, None, None] * np.eye(3)
+        return balanced, self.kin.twist_force(y, balanced), blocks
+
     def data(self, blocks: list[Array], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class."""
         kin = self.kin
         D1 = kin.directors(y1)
-        values = self._project(blocks, null_space_blocks(D1))
+        count = len(self._frames)
+        values = self._project(blocks[:count], null_space_blocks(D1))
+        pairs = blocks[count:]
         extra = np.zeros(0)
         right = kin.locate(y1, self.chart.fixed)
         T1 = kin.T_values(right)
+        force = self._twist_force
+        if self.weight and self._loops:
+            R, force, curvature = self._balanced(R)
+            pairs = [*pairs, curvature]
+        if pairs:
+            values.append(self._project_pairs(np.concatenate(pairs), y1))
         if self.weight:
             # w d(P_int^T R): sum_i R_i^ d_i^ = D^T R - tr(D^T R) I with d_i of y_1
             W = D1.transpose(0, 2, 1) @ R[kin.director_rows]
             trace = W[:, 0, 0] + W[:, 1, 1] + W[:, 2, 2]
             W[:, (0, 1, 2), (0, 1, 2)] -= trace[:, None]
             values.append((self.weight * W).ravel())
-            if len(kin.pair_number):
-                extra = kin.curvature_values(self._left, right, self._twist_force)
+            if len(kin.tree.pairs):
+                extra = kin.curvature_values(self._left, right, force)
                 extra *= self.weight
-        return self._congruence.data(np.concatenate(values), extra, self._T_left, T1)
+        out = self._congruence.data(np.concatenate(values), extra, self._T_left, T1)
+        if not self._loops:
+            return out
+        self._Z1 = self.closure.null_values(self._at1, self._ones)
+        return self._reduction.data(out, np.zeros(0), self._Z_left, self._Z1)
 
     def scale_rows(self, residual: Array) -> Array:
         """No scaling."""
         return residual
 
+    def _by_tree(self, increment: Array) -> Array:
+        """Increment of the unknowns -> of the tree's coordinates, at the last matrix."""
+        if not self._loops:
+            return increment
+        rows, cols = self._Z
+        return sum_at(rows, self._Z1 * increment[cols], self.kin.unknowns)
+
     def apply(self, increment: Array) -> None:
         """See the base class."""
-        self.chart.add(increment)
-        self._total = self._total + increment
+        self._add(self._by_tree(increment))
 
-    def sizes(self, increment: Floats) -> tuple[float, float]:
-        """See the base class."""
+    def _size(self, increment: Array) -> tuple[float, float]:
         d = abs(increment)
         shift = d[self._shifting].max(initial=0.0) / self.system.length
         turn = d[self._turning].max(initial=0.0)
         return float(max(shift, turn)), float(turn)
+
+    def sizes(self, increment: Floats) -> tuple[float, float]:
+        """See the base class."""
+        return self._size(self._by_tree(increment))
 
     def constraint_impulse(self, R: Array) -> Array:
         """All of the balance that the null space does not see."""

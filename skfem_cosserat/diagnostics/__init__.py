@@ -15,15 +15,22 @@ from .energy import (
     section_strains,
     strain_energy,
 )
-from .forces import condition_number, constraint_points, multipliers, reactions
+from .forces import condition_number, constraint_points, multipliers, multipliers_at, reactions
+from .legendre import legendre_transforms
 from .momenta import (
-    Projection,
     angular_momentum,
     constraint_violation,
     ground_part,
     hidden_violation,
     linear_momentum,
     midpoint_angular_momentum,
+    momentum_violation,
+)
+from .projection import (
+    Projection,
+    prescribed_velocity,
+    reduced_momentum,
+    velocity_from_reduced,
 )
 
 __all__ = [
@@ -37,13 +44,19 @@ __all__ = [
     "hidden_violation",
     "kinetic_energy",
     "kinetic_energy_of_velocity",
+    "legendre_transforms",
     "linear_momentum",
     "midpoint_angular_momentum",
     "midpoint_energy",
     "momentum",
+    "momentum_violation",
     "multipliers",
+    "multipliers_at",
+    "prescribed_velocity",
     "reactions",
+    "reduced_momentum",
     "section_forces",
     "section_strains",
     "strain_energy",
+    "velocity_from_reduced",
 ]

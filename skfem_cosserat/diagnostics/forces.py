@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
-from scipy.sparse.linalg import splu
 
 from ..constraints import Treatment
+from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper
+from ..linear import SingularMatrixError
 from ..model import System
 from ..model.system import JointRows
 from ..types import Floats
+from .rowspace import RowSpace
+from .stacks import as_stack, check_consecutive
 
-__all__ = ["condition_number", "constraint_points", "multipliers", "reactions"]
+__all__ = ["condition_number", "constraint_points", "multipliers", "multipliers_at", "reactions"]
 
 
 def constraint_points(system: System, history: History) -> Floats:
@@ -52,6 +57,10 @@ def constraint_points(system: System, history: History) -> Floats:
 def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     """Multipliers from ``G(y)^T lambda = force``, by ``(G G^T) lambda = G force``.
 
+    Where constraint rows are redundant, only ``G^T lambda`` is unique: of all lambda that give
+    it, this is the one of least norm, ``sum lambda^2`` over all rows. How the forces are shared
+    between the joints of such a loop is then a choice, not a result.
+
     Parameters
     ----------
     y : (N, total, 3) array
@@ -63,7 +72,8 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     -------
     (N, m) array
         One for each constraint row, in units of J over those of the row: N for a row in m, N m
-        for one without units, N/m for the one of a distance joint. NaN where ``G G^T`` is singular.
+        for one without units, N/m for the one of a distance joint. NaN where ``G G^T`` of the
+        independent rows is singular.
 
     Examples
     --------
@@ -78,11 +88,73 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     out = np.full((len(y), system.m), np.nan)
     for k, (row, f) in enumerate(zip(y, force, strict=True)):
         if system.m and np.isfinite(f).all():
-            G = system.constraints.jacobian(row)
             try:
-                out[k] = splu((G @ G.T).tocsc()).solve(G @ f)
-            except RuntimeError:  # SuperLU: dependent rows at this configuration; stays NaN
+                out[k] = RowSpace(system, row).multipliers(f)
+            except SingularMatrixError:  # dependent rows at this configuration; stays NaN
                 continue
+    return out
+
+
+def multipliers_at(
+    system: System, history: History, where: Literal["nodes", "midpoints"]
+) -> Floats:
+    """Multipliers of a run at the nodes t_n, or halfway from there to the next ones.
+
+    Those of the variational scheme live at nodes, those of energy-momentum at midpoints; at the
+    other places the mean of both neighbours is given, which is of second order too. Multipliers
+    taken at different instants agree to first order only.
+
+    Parameters
+    ----------
+    system : System
+    history : History
+        Of a run of this system; each step recorded if the mean is asked for.
+    where : {"nodes", "midpoints"}
+        Row n is at ``t_n``, or at ``t_n + h/2``.
+
+    Returns
+    -------
+    (N, m) array
+        As :func:`multipliers`. NaN where a neighbour is missing: at midpoints the last row of the
+        variational scheme, at nodes the first row of energy-momentum. The first one of the
+        variational scheme, from a start with given momentum, is of first order only.
+
+    Raises
+    ------
+    InputError
+        For another `where`, or if the history does not fit the system.
+    IncompatibleError
+        If the mean is asked for and steps between the recorded states are missing.
+
+    Examples
+    --------
+    A weight of 20 N that hangs on a rod:
+
+    >>> from skfem_cosserat import JointDistance, LoadGravity, MassPoint, Model, ground
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> gravity = model.add("gravity", LoadGravity((0, 0, -10.0)))
+    >>> system = model.freeze()
+    >>> from skfem_cosserat import NullSpace, Variational, simulate
+    >>> history = simulate(system, Variational(), NullSpace(), 0.1, until=0.2)
+    >>> multipliers_at(system, history, "midpoints").round(9).ravel().tolist()
+    [20.0, 20.0, nan]
+    """
+    if where not in ("nodes", "midpoints"):
+        raise InputError("argument where", f"{where!r}, expected 'nodes' or 'midpoints'")
+    force = as_stack(system, "history", history["constraint_force"])[0]
+    lam = multipliers(system, constraint_points(system, history), force)
+    found = "midpoints" if "constraint_point" in history else "nodes"
+    if where == found:
+        return lam
+    check_consecutive(history, f"multipliers at {where}")
+    out = np.full_like(lam, np.nan)
+    means = (lam[1:] + lam[:-1]) / 2
+    if where == "midpoints":
+        out[:-1] = means
+    else:
+        out[1:] = means
     return out
 
 

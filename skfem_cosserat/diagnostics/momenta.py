@@ -1,28 +1,29 @@
-"""Momenta, their projection, and violations of the constraints."""
+"""Momentum maps, and violations of the constraints by positions, velocities and momenta."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..assembly import FrozenPattern
-from ..linear import LinearSolver
 from ..model import System
 from ..types import ArrayLike, Floats
-from .energy import momentum
+from .energy import mass_solver, momentum
+from .rowspace import massless, rows_touching
 from .stacks import as_stack, as_times
 
 __all__ = [
-    "Projection",
     "angular_momentum",
     "constraint_violation",
     "ground_part",
     "hidden_violation",
     "linear_momentum",
     "midpoint_angular_momentum",
+    "momentum_violation",
 ]
 
 
-def angular_momentum(system: System, q: ArrayLike, p: ArrayLike) -> Floats:
+def angular_momentum(
+    system: System, q: ArrayLike, p: ArrayLike, massive_only: bool = False
+) -> Floats:
     """``sum q_a x p_a`` about the origin over all blocks, phi and the directors.
 
     The momentum map that both integrators conserve where the scene has the symmetry. With p of
@@ -33,6 +34,9 @@ def angular_momentum(system: System, q: ArrayLike, p: ArrayLike) -> Floats:
     ----------
     q, p : (n,) or (N, n) array
         Configurations and momenta, e.g. ``history["q"]`` and ``history["p"]``.
+    massive_only : bool
+        Leave out the blocks without mass. With the variational scheme the sum then is not
+        conserved any more: it oscillates with O(h^2).
 
     Returns
     -------
@@ -54,8 +58,9 @@ def angular_momentum(system: System, q: ArrayLike, p: ArrayLike) -> Floats:
     """
     Q, single = as_stack(system, "q", q)
     P, _ = as_stack(system, "p", p)
+    rows = system.mass.diagonal() > 0 if massive_only else np.ones(system.rows, dtype=bool)
     shape = (len(Q), system.rows, 3)
-    out = np.cross(Q.reshape(shape), P.reshape(shape)).sum(1)
+    out = np.cross(Q.reshape(shape)[:, rows], P.reshape(shape)[:, rows]).sum(1)
     return out[0] if single else out
 
 
@@ -206,6 +211,51 @@ def hidden_violation(system: System, q: ArrayLike, v: ArrayLike, t: ArrayLike = 
     return out[0] if single else out
 
 
+def momentum_violation(system: System, q: ArrayLike, p: ArrayLike, t: ArrayLike = 0.0) -> Floats:
+    """Largest ``|G M^-1 p + g_t|`` of each state: the hidden constraint (115) on momentum level.
+
+    Over the coordinates with mass and the constraint rows without others: those of a beam's d3,
+    which have no momentum, are left out.
+
+    Parameters
+    ----------
+    q, p : (n,) or (N, n) array
+        Configurations and momenta, e.g. ``history["p"]`` or ``history["Qp"]``.
+    t : float or (N,) array
+        Their times (s), for prescribed motion.
+
+    Returns
+    -------
+    float or (N,) array
+        In the units of :func:`constraint_violation` per second.
+
+    Raises
+    ------
+    InputError
+        If the shape of `q` or `p` does not fit the system.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import JointDistance, MassPoint, Model, ground
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> float(momentum_violation(model.freeze(), [0, 0, -1.0], [2.0, 0, 6.0]))
+    3.0
+    """
+    Q, single = as_stack(system, "q", q)
+    P, _ = as_stack(system, "p", p)
+    inverse = mass_solver(system)
+    kept = np.flatnonzero(~rows_touching(system, massless(system)))
+    out = np.empty(len(Q))
+    for k, (row, force, s) in enumerate(zip(Q, P, as_times(t, len(Q)), strict=True)):
+        y = system.extend(row, float(s))
+        rate = inverse(force.reshape(-1, 3)).reshape(-1)
+        hidden = system.constraints.jacobian(y) @ rate + ground_part(system, y, float(s))
+        out[k] = abs(hidden[kept]).max(initial=0.0)
+    return out[0] if single else out
+
+
 def ground_part(system: System, y: Floats, t: float) -> Floats:
     """``g_t``, the rate of the constraints that prescribed motion causes at fixed q.
 
@@ -237,62 +287,3 @@ def ground_part(system: System, y: Floats, t: float) -> Floats:
     rate = np.zeros_like(y)
     rate[system.rows :] = system.ground_rate(t)
     return system.constraints.ground_rate(y, rate)
-
-
-class Projection:
-    """Projection ``Q p = M v`` of momenta on the hidden constraint (39), (46), without M^-1.
-
-    Solves the saddle point ``[[M, G^T], [G, 0]] (v, mu) = (p, -g_t)``, which is regular although
-    a beam's mass matrix is singular on its d3.
-
-    Examples
-    --------
-    >>> from skfem_cosserat import Model, MassPoint, JointDistance, ground
-    >>> model = Model()
-    >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
-    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
-    >>> Projection(model.freeze())([0, 0, -1.0], [2.0, 0, 6.0])[0].tolist()   # velocity
-    [1.0, 0.0, 0.0]
-    """
-
-    def __init__(self, system: System) -> None:
-        self.system = system
-        n, m, g = system.n, system.m, system.constraints
-        mass = system.mass.tocoo()
-        xyz = np.arange(3)
-        i = (3 * mass.row[:, None].astype(np.int64) + xyz).ravel()
-        j = (3 * mass.col[:, None].astype(np.int64) + xyz).ravel()
-        gi, gj = g.rows[g.inside], g.cols[g.inside]
-        self._pattern = FrozenPattern(
-            np.concatenate([i, gj, n + gi]), np.concatenate([j, n + gi, gj]), (n + m, n + m)
-        )
-        self._solver = LinearSolver(self._pattern)
-        self._mass = np.repeat(mass.data, 3)
-        self._scale = float(abs(mass.data).max())
-
-    def __call__(self, q: ArrayLike, p: ArrayLike, t: float = 0.0) -> tuple[Floats, Floats]:
-        """Velocity v (n,) with ``G v + g_t = 0`` and projected momentum ``Q p = M v`` (n,).
-
-        Parameters
-        ----------
-        q, p : (n,) array
-            Configuration and momentum (kg m/s, kg m^2/s).
-        t : float
-            Time (s), for prescribed motion.
-        """
-        system = self.system
-        n = system.n
-        y = system.extend(np.asarray(q, dtype=float), t)
-        G = self._scale * system.constraints.jacobian_values(y)
-        rhs = np.zeros(n + system.m)
-        rhs[:n] = p
-        rhs[n:] = -self._scale * ground_part(system, y, t)
-        data = self._pattern.data(np.concatenate([self._mass, G, G]))
-        v = self._solver.solve(data, rhs)[:n]
-        return v, (system.mass @ v.reshape(-1, 3)).reshape(-1)
-
-    def stack(self, q: Floats, p: Floats, t: ArrayLike) -> tuple[Floats, Floats]:
-        """The same for stacks q, p (N, n) at times t (s), a number or (N,)."""
-        times = as_times(t, len(q))
-        pairs = [self(a, b, float(s)) for a, b, s in zip(q, p, times, strict=True)]
-        return np.array([v for v, _ in pairs]), np.array([w for _, w in pairs])

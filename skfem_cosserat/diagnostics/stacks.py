@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import IncompatibleError, InputError
+from ..history import History
 from ..model import System
 from ..types import ArrayLike, Floats
 
@@ -22,3 +23,15 @@ def as_stack(system: System, name: str, value: ArrayLike) -> tuple[Floats, bool]
 def as_times(t: ArrayLike, count: int) -> Floats:
     """One time for each state."""
     return np.broadcast_to(np.asarray(t, dtype=float), (count,))
+
+
+def check_consecutive(history: History, item: str) -> None:
+    """Refuse a history that does not hold every step."""
+    jumps = np.flatnonzero(np.diff(history["step"]) != 1)
+    if len(jumps):
+        first, then = history["step"][jumps[0] : jumps[0] + 2]
+        raise IncompatibleError(
+            item,
+            f"needs every step, the history goes from step {first:.0f} to {then:.0f}: record with"
+            " every=1",
+        )

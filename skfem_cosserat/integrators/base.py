@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..model import System
-from ..types import Array, Floats
+from ..model.couplings import CoupledForce, CoupledStart
+from ..types import Array, Floats, IndexArray
 
-__all__ = ["Evaluation", "Integrator", "State", "StepData"]
+__all__ = ["Evaluation", "Integrator", "State", "StepData", "StepWork"]
 
 
 @dataclass(eq=False)
@@ -29,6 +30,9 @@ class State:
         that of directors in kg m^2/s.
     fresh : bool
         True for a start from given (q, p): p then contains the constraint force already.
+    turns : (k,) int array or None
+        Full turns of the angles that springs, dampers and actuators act on, in the order of
+        ``system.couplings.angles``; None: none.
 
     Examples
     --------
@@ -46,6 +50,27 @@ class State:
     q: Floats
     p: Floats
     fresh: bool = True
+    turns: IndexArray | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True)
+class StepWork:
+    """Work done in a step (J): by what enters the energy balance beside kinetic and stored energy.
+
+    Attributes
+    ----------
+    loads, actuators : float
+        By loads, and by actuators on joint coordinates.
+    dissipated : float
+        Lost in dampers, not negative.
+    ground : float
+        By moving ground through springs, dampers and bushings that end there.
+    """
+
+    loads: float
+    actuators: float = 0.0
+    dissipated: float = 0.0
+    ground: float = 0.0
 
 
 @dataclass(eq=False)
@@ -58,6 +83,7 @@ class StepData:
     h: float
     amplitudes: Floats
     dead: Floats
+    couplings: CoupledStart | None
 
 
 @dataclass(eq=False)
@@ -78,6 +104,10 @@ class Evaluation:
         S and B of that force, one for each beam group.
     B1s : list of arrays
         B at the configuration through which S changes.
+    external : (rows, 3) array
+        Loads.
+    coupled : CoupledForce or None
+        Force elements, if there are any.
     """
 
     R: Array
@@ -87,6 +117,8 @@ class Evaluation:
     stresses: list[Array]
     Bs: list[Array]
     B1s: list[Array]
+    external: Array
+    coupled: CoupledForce | None
 
 
 class Integrator(ABC):
@@ -126,7 +158,7 @@ class Integrator(ABC):
 
     @abstractmethod
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:
-        """``dR/dq_1`` as blocks of the system's groups."""
+        """``dR/dq_1`` as blocks of the system's groups, then of its couplings if it has any."""
 
     @abstractmethod
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
@@ -144,14 +176,26 @@ class Integrator(ABC):
         t0 = state.time
         loading = system.loading
         amplitudes = loading.averages(t0, t0 + h)
+        y0 = system.extend(state.q, t0)
+        coupled = system.couplings.count > 0
         return StepData(
-            system.extend(state.q, t0),
+            y0,
             state.p.reshape(-1, 3),
             t0,
             h,
             amplitudes,
             loading.dead_force(amplitudes),
+            system.couplings.begin(y0, state.turns, t0, h) if coupled else None,
         )
+
+    def work(self, system: System, step: StepData, evaluation: Evaluation, y1: Floats) -> StepWork:
+        """Work of the forces of a solved step along the way from y0 to y1 (all rows)."""
+        rows = system.rows
+        loads = float((evaluation.external * (y1[:rows] - step.y0[:rows])).sum())
+        if step.couplings is None or evaluation.coupled is None:
+            return StepWork(loads)
+        done = system.couplings.work(step.couplings, evaluation.coupled, y1)
+        return StepWork(loads, done.actuators, done.dissipated, done.ground)
 
 
 def largest(*terms: Array) -> float:
@@ -162,7 +206,7 @@ def largest(*terms: Array) -> float:
 def midpoint_tangent(
     system: System, step: StepData, evaluation: Evaluation, mass: float, force: float
 ) -> list[Array]:
-    """``mass * M + force * d(f_int - f)/dq_1`` as blocks of the groups.
+    """``mass * M + force * d(f_int - f)/dq_1`` as blocks of the groups, then of the couplings.
 
     At the midpoint half of a change of q_1 reaches B and the loads, and half of it the stress.
     """
@@ -173,6 +217,8 @@ def midpoint_tangent(
         blocks[k] += g.tangent(e.Bs[k], e.B1s[k], e.stresses[k], half, half)
     if not system.loading.dead_only:
         system.loading.add_tangent(blocks, e.mid[: system.rows], step.amplitudes, -half)
+    if e.coupled is not None:
+        blocks.append(system.couplings.tangent(e.coupled, force))
     return blocks
 
 

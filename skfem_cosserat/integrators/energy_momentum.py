@@ -22,7 +22,8 @@ class EnergyMomentum(Integrator):
     """Midpoint scheme with the discrete derivative of the stored energy.
 
     ``q_{n+1} - q_n = h v_mid``, ``M (v_{n+1} - v_n) = -h DV - h G(q_mid)^T lambda + h f``, where
-    ``DV = int B(q_mid)^T (S_n + S_{n+1})/2 ds`` for the quadratic stored energy. Conserves energy,
+    ``DV = int B(q_mid)^T (S_n + S_{n+1})/2 ds`` for the quadratic stored energy; springs and other
+    force elements by discrete derivatives of their coordinates. Conserves energy,
     linear and angular momentum exactly, up to the Newton tolerance. Stays bounded for stiff beams,
     but a solution of a step is not guaranteed.
 
@@ -63,6 +64,10 @@ class EnergyMomentum(Integrator):
         ]
         momentum = (2 / h) * (system.mass @ (y1[:rows] - step.y0[:rows]))
         internal = system.internal_force(Bs, stresses)
+        coupled = None
+        if step.couplings is not None:
+            coupled = system.couplings.discrete(step.couplings, mid, y1)
+            internal = internal + coupled.force[:rows]
         external = load_force(system, step, mid)
         return Evaluation(
             momentum - 2 * step.p0 + h * (internal - external),
@@ -72,6 +77,8 @@ class EnergyMomentum(Integrator):
             stresses,
             Bs,
             [B for _, B in strains1],
+            external,
+            coupled,
         )
 
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:

@@ -12,7 +12,7 @@ from ..log import logger
 from ..model import System
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, positive
-from .base import Evaluation, Integrator, State, StepData
+from .base import Evaluation, Integrator, State, StepData, StepWork
 
 __all__ = ["StepReport", "Stepper"]
 
@@ -35,6 +35,8 @@ class StepReport:
         Newton iterations (of all attempts) and attempts (1: none was repeated).
     residual : float
         Scaled residual at the solution.
+    work : StepWork
+        Of loads, actuators and dampers in the step.
     """
 
     state: State
@@ -44,6 +46,7 @@ class StepReport:
     iterations: int
     attempts: int
     residual: float
+    work: StepWork
 
 
 def _check_kind(name: str, value: object, kind: type) -> None:
@@ -199,6 +202,9 @@ class Stepper:
             np.array(y1[: self.system.rows]).reshape(-1),
             self.integrator.carry(self.system, step, evaluation).reshape(-1),
             fresh=False,
+            turns=None
+            if step.couplings is None
+            else self.system.couplings.turns(step.couplings, y1),
         )
         momentum = self.integrator.node_momentum(step, impulse, state.fresh)
         share = self.integrator.start_share if state.fresh else 1.0
@@ -211,6 +217,7 @@ class Stepper:
             iterations,
             attempts,
             report.residual,
+            self.integrator.work(self.system, step, evaluation, y1),
         )
 
     def iteration_matrix(self, state: State, scaled: bool = True) -> tuple[Floats, StepReport]:
@@ -229,4 +236,6 @@ class Stepper:
         assert problem.evaluation is not None
         blocks = self.integrator.tangent(self.system, step, problem.evaluation)
         data = bound.data(blocks, problem.evaluation.R, problem.y1, scaled)
-        return bound.solver.pattern.assembled(data).toarray(), report
+        matrix = bound.solver.pattern.assembled(data).toarray()
+        active = bound.active()
+        return matrix if active is None else matrix[np.ix_(active, active)], report

@@ -50,6 +50,10 @@ class Variational(Integrator):
         Bs = [B for _, B in strains]
         momentum = (system.mass @ (y1[:rows] - step.y0[:rows])) / h
         internal = system.internal_force(Bs, stresses)
+        coupled = None
+        if step.couplings is not None:
+            coupled = system.couplings.midpoint(step.couplings, mid, y1)
+            internal = internal + coupled.force[:rows]
         external = load_force(system, step, mid)
         kick = (0.5 * h) * (external - internal)
         return _Evaluation(
@@ -60,6 +64,8 @@ class Variational(Integrator):
             stresses,
             Bs,
             Bs,
+            external,
+            coupled,
             kick,
         )
 

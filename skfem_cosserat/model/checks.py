@@ -9,26 +9,37 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.linalg import null_space
 
+from ..drive import JointDrive
 from ..errors import InputError
-from ..frames import StructuralItem
+from ..frames import Place, StructuralItem
 from ..joint import Joint
 from ..kernels import null_space_blocks
 from ..types import Floats, IndexArray
+from .chart import Chart
+from .closure import Closure
 from .groups import Group
-from .kinematics import Chart, Kinematics
+from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
 from .tree import Spot, Tree
 
-__all__ = ["JointRows", "check_inertia", "check_joints", "independent_loop_rows"]
+__all__ = [
+    "JointRows",
+    "check_consistency",
+    "check_drives",
+    "check_inertia",
+    "check_joints",
+    "check_mobility",
+]
 
-RANK_TOLERANCE = 1e-9
+#: prescribed motion (m, rad) small enough to tell first from second order
+SMALL_MOTION = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class JointRows:
-    """A joint, its constraint rows and its two spots."""
+    """A joint or drive, its constraint rows and its two spots."""
 
-    joint: Joint
+    joint: Joint | JointDrive
     rows: slice
     a: Spot
     b: Spot
@@ -46,51 +57,92 @@ class Scene(Protocol):
     tree: Tree
     kinematics: Kinematics
     constraints: QuadraticConstraints
+    closure: Closure
+    joint_rows: list[JointRows]
+    moving: list[Place]
+    unknowns: int
+    rank: int
+    m: int
+
+    @property
+    def q0(self) -> Floats:
+        """Reference configuration."""
+
+    def extend(self, q: Floats, t: float) -> Floats:
+        """See :class:`System`."""
+
+    def ground(self, t: float) -> Floats:
+        """See :class:`System`."""
 
 
-def check_joints(joints: Sequence[Joint], t: float, length: float) -> None:
+def check_joints(joints: Sequence[Joint | JointDrive], t: float, length: float) -> None:
     """Every joint closes in the reference configuration at time `t`, to the scene's extent."""
     for joint in joints:
         joint.check(t, length)
 
 
-def independent_loop_rows(system: Scene, loops: Sequence[JointRows], y: Floats) -> Floats:
-    """Orthonormal rows (r, unknowns) of the joints that close loops; redundant ones are refused.
-
-    Only the reduced rows ``G_loop P`` are factorised, joint by joint: the first joint whose rows
-    depend on those before it is named.
-    """
-    kin = system.kinematics
-    if not loops:
-        return np.zeros((0, kin.unknowns))
-    T = kin.T_matrix(kin.T_values(kin.locate(y, _fixed_axes(system, y))))
-    G = system.constraints.jacobian(y).tocsr()
-    basis = np.zeros((0, kin.unknowns))
-    for jr in loops:
-        rows = G[jr.rows].toarray()
-        twists = np.array([kin.twist_force(y[: system.rows], row.reshape(-1, 3)) for row in rows])
-        reduced = np.asarray((T.T @ twists.T).T)
-        scale = np.linalg.norm(reduced, axis=1)
-        # what the tree holds already is left with round-off
-        scale[scale <= RANK_TOLERANCE * np.linalg.norm(twists, axis=1)] = np.inf
-        for k, row in enumerate(reduced / scale[:, None]):
-            rest = row - basis.T @ (basis @ row)
-            rest -= basis.T @ (basis @ rest)
-            size = float(np.linalg.norm(rest))
-            if size <= RANK_TOLERANCE:
+def check_drives(drives: Sequence[JointDrive]) -> None:
+    """No coordinate is driven twice."""
+    for k, drive in enumerate(drives):
+        for other in drives[:k]:
+            if drive.joint is other.joint and drive.coordinate.name == other.coordinate.name:
                 raise InputError(
-                    jr.joint.label,
-                    f"is redundant: its constraint row {k} of {len(reduced)} depends on the"
-                    f" others (remainder {size:.2g}); loosen this joint or remove it",
+                    drive.label,
+                    f"contradicts the {other.label}: both prescribe the {drive.coordinate.name} of"
+                    f" the {drive.joint.label}",
                 )
-            basis = np.vstack([basis, rest / size])
-    return basis
 
 
-def _fixed_axes(system: Scene, y: Floats) -> Floats:
+def check_mobility(system: Scene) -> None:
+    """Something can move, or is moved by a drive."""
+    if system.unknowns > 0 or system.moving:
+        return
+    raise InputError(
+        "model",
+        f"mobility is zero: {system.n} coordinates and {system.rank} independent constraints"
+        f" ({system.m} rows) leave no motion; free a joint or add a drive",
+    )
+
+
+def check_consistency(system: Scene, redundant: Sequence[tuple[Any, IndexArray, Floats]]) -> None:
+    """Redundant rows must not prescribe different motions.
+
+    A vanishing combination of closure rows must stay so when drives and moving ground set out:
+    what they change in the rows is compared with what moving the tree can change there.
+    """
+    if not system.moving or not redundant:
+        return
+    closure = system.closure
+    start = system.extend(system.q0, 0.0)
     chart = Chart(system.kinematics)
-    chart.begin(y, y[system.rows :])
-    return chart.fixed
+    for t in (0.1, 1e-2, 1e-3, 1e-4):
+        chart.begin(start, system.ground(t))
+        y = chart.configuration()  # the tree follows its own drives
+        size = float(abs((y - start)[system.rows :]).max())
+        if size > SMALL_MOTION:
+            continue
+        g = system.constraints.values(y)
+        for component, dropped, combination in redundant:
+            rows = closure.rows[component.rows]
+            scaled = g[rows] / closure.magnitude[component.rows]
+            for row, weights in zip(dropped, combination, strict=True):
+                miss = abs(float(weights @ scaled))
+                # the loop's own curvature is of second order in the motion
+                if miss > 20 * SMALL_MOTION * size + 1e-13:
+                    _contradiction(system, int(rows[row]), rows[abs(weights) > 1e-6], t, miss)
+        return
+
+
+def _contradiction(system: Scene, row: int, others: IndexArray, t: float, miss: float) -> None:
+    def owner(k: int) -> str:
+        return next(jr.joint.label for jr in system.joint_rows if jr.rows.start <= k < jr.rows.stop)
+
+    names = sorted({owner(int(k)) for k in others})
+    raise InputError(
+        owner(row),
+        f"contradicts the rest of its closed loop at t = {t:g} s (by {miss:.3g} relative): its"
+        f" prescribed motion cannot be together with {', '.join(names)}",
+    )
 
 
 def check_inertia(system: Scene, y: Floats, closure: Floats) -> None:
@@ -104,10 +156,10 @@ def check_inertia(system: Scene, y: Floats, closure: Floats) -> None:
     Parameters
     ----------
     closure : (r, unknowns) array
-        From :func:`independent_loop_rows`: joints that close loops hold coordinates, too.
+        Independent rows of the joints that close loops: they hold coordinates, too.
     """
     kin = system.kinematics
-    fixed = _fixed_axes(system, y)
+    fixed = kin.fixed_axes(y)
     inertia = _vertex_inertia(system, y)
     trees = _trees(system, closure)
     # vertices without joints, all at once

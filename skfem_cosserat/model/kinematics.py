@@ -1,9 +1,6 @@
-"""Null space matrix and nodal reparametrisation of a scene, from its spanning tree.
+"""Null space matrix of a tree of joints.
 
-``qdot = P(q) nu``, ``P = P_int(q) T(q)`` (theory: Betsch & Leyendecker, IJNME 67 (2006) 499), and
-``q_{n+1} = F_d(u, q_n)`` (61), where rotations are kept as unit quaternions during a step and
-Newton increments are composed with them: the derivative of q_{n+1} by an increment is
-``P(q_{n+1})``, without the tangent of the exponential map.
+``qdot = P(q) nu``, ``P = P_int(q) T(q)`` (theory: Betsch & Leyendecker, IJNME 67 (2006) 499).
 """
 
 from __future__ import annotations
@@ -13,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from ..kernels import cross, director_force, exp_quaternion, quaternion_product, rotation_matrix
+from ..kernels import cross, director_force
+from ..relative import normals
 from ..types import Array, Floats, IndexArray
 from .quadratic import sum_at
-from .tree import Edge, Spot, Tree
+from .tree import Coordinate, Spot, Tree
 
-__all__ = ["Chart", "Kinematics"]
+__all__ = ["Kinematics", "Located"]
 
 
 @dataclass(eq=False)
@@ -30,13 +28,18 @@ class Located:
     y : (total, 3) array
     x : (spots, 3) array
     axis, arm : (pairs, 3) array
-        a_k, and target - centre, of each pair (vertex, coordinate).
+        a_k, and target - centre, of each turning pair (vertex, coordinate).
+    left, right, slide : (slides, 3) array
+        left_k, right_k and their cross product, of each sliding pair.
     """
 
     y: Array
     x: Array
     axis: Array
     arm: Array
+    left: Array
+    right: Array
+    slide: Array
 
 
 class Kinematics:
@@ -59,6 +62,15 @@ class Kinematics:
         self.twist_of = np.concatenate([[0], np.cumsum(size)])[:-1].astype(np.int64)
         self.n_twist = int(size.sum())
         self.unknowns = len(tree.coordinates)
+        #: first twist number that moves each unknown row of y, and which of them are directors
+        free = 4 * int(is_frame.sum()) + int((~is_frame).sum())
+        self.row_twist = np.zeros(free, dtype=np.int64)
+        self.row_is_director = np.zeros(free, dtype=bool)
+        self.row_twist[row[:nv]] = self.twist_of
+        for k in (1, 2, 3):
+            directors = row[:nv][is_frame] + k
+            self.row_twist[directors] = self.twist_of[is_frame] + 3
+            self.row_is_director[directors] = True
         self.frames = np.flatnonzero(is_frame)
         self.points = np.flatnonzero(~is_frame)
         self.frame_rows = row[self.frames]
@@ -67,6 +79,15 @@ class Kinematics:
         self.point_twist = self.twist_of[self.points][:, None] + np.arange(3)
         self._frame_row = np.where(is_frame, row[:nv], -1)
         self._spots: dict[Spot, int] = {}
+        #: (coordinate numbers, (parent spot, child spot)) of points that move on spheres
+        self.spheres = [
+            (
+                [k for k in tree.own[e.child] if tree.coordinates[k].kind == "sphere"],
+                (e.parent_spot, e.child_spot),
+            )
+            for e in tree.edges
+            if e.joint.freedom().sphere
+        ]
         self._pairs()
         self._prepare_curvature()
 
@@ -80,12 +101,14 @@ class Kinematics:
 
     def _pairs(self) -> None:
         tree, cs = self.tree, self.tree.coordinates
-        K = len(cs)
-        constant = np.array([c.kind != "axis" for c in cs], dtype=bool)
-        self.axis = np.array([c.axis for c in cs]).reshape(K, 3) * constant[:, None]
-        self.guided = [c for c in cs if c.kind == "axis"]
+        both = [*cs, *tree.driven]
+        constant = np.array([c.kind not in ("axis", "slide") for c in both], dtype=bool)
+        self.axis = np.array([c.axis for c in both]).reshape(len(both), 3) * constant[:, None]
+        self.guided = [c for c in both if c.kind == "axis"]
+        self.sliding = [c for c in both if c.kind == "slide"]
         turning = [p for p in tree.pairs if p.target is not None]
-        shifting = [p for p in tree.pairs if p.target is None]
+        shifting = [p for p in tree.pairs if p.target is None and cs[p.number].kind != "slide"]
+        slides = [p for p in tree.pairs if p.target is None and cs[p.number].kind == "slide"]
         self.pair_vertex = np.array([p.vertex for p in turning], dtype=np.int64)
         self.pair_number = np.array([p.number for p in turning], dtype=np.int64)
         self.pair_target = np.array([self._spot(p.target) for p in turning], dtype=np.int64)  # type: ignore[arg-type]
@@ -93,6 +116,9 @@ class Kinematics:
             [self._spot(cs[p.number].centre) for p in turning],  # type: ignore[arg-type]
             dtype=np.int64,
         )
+        slide_of = {c.number: i for i, c in enumerate(self.sliding)}
+        self.slide_number = np.array([p.number for p in slides], dtype=np.int64)
+        self._slide_of = np.array([slide_of[p.number] for p in slides], dtype=np.int64)
         frame = self._frame_row[self.pair_vertex] >= 0 if turning else np.zeros(0, dtype=bool)
         rotates = np.array([p.rotates for p in turning], dtype=bool) & frame
         self.pair_rotates = np.flatnonzero(rotates)
@@ -100,12 +126,12 @@ class Kinematics:
         # spots, then material axes: one product gives all points and axes of a configuration
         self._combine = self._combination(
             [self.spot_terms(s) for s in self.spots]
-            + [
-                [(int(self.row[c.guide]) + i + 1, float(c.axis[i])) for i in range(3)]
-                for c in self.guided
-            ]
+            + [self._axis_terms(c, c.axis) for c in self.guided]
+            + [self._axis_terms(c, c.axis) for c in self.sliding]
+            + [self._axis_terms(c, c.right) for c in self.sliding if c.right is not None]
         )
         self.hinges = np.array([c.number for c in self.guided], dtype=np.int64)
+        self.tracks = np.array([c.number for c in self.sliding], dtype=np.int64)
         # pattern of T: identity of free vertices, constant shifts, turning pairs
         rows, cols, ones = [], [], []
         for v in tree.free:
@@ -119,11 +145,23 @@ class Kinematics:
             ones += cs[p.number].axis.tolist()
         base = self.twist_of[self.pair_vertex][:, None] + np.arange(3)
         number = np.repeat(self.pair_number[:, None], 3, axis=1)
+        slide_vertex = np.array([p.vertex for p in slides], dtype=np.int64)
+        self._slide_twist = self.twist_of[slide_vertex][:, None] + np.arange(3)
         self.T_rows = np.concatenate(
-            [np.array(rows, dtype=np.int64), base.ravel(), (base[rotates] + 3).ravel()]
+            [
+                np.array(rows, dtype=np.int64),
+                base.ravel(),
+                (base[rotates] + 3).ravel(),
+                self._slide_twist.ravel(),
+            ]
         )
         self.T_cols = np.concatenate(
-            [np.array(cols, dtype=np.int64), number.ravel(), number[rotates].ravel()]
+            [
+                np.array(cols, dtype=np.int64),
+                number.ravel(),
+                number[rotates].ravel(),
+                np.repeat(self.slide_number, 3),
+            ]
         )
         self._T_constant = np.array(ones)
         self.n_fixed = len(ones)
@@ -132,9 +170,15 @@ class Kinematics:
         indptr = np.searchsorted(self.T_rows[order], np.arange(self.n_twist + 1))
         self._T_structure = (self.T_cols[order].astype(np.int32), indptr.astype(np.int32))
 
+    def _axis_terms(self, c: Coordinate, axis: Floats) -> list[tuple[int, float]]:
+        return [(int(self.row[c.guide]) + i + 1, float(axis[i])) for i in range(3)]
+
     def _prepare_curvature(self) -> None:
         """Which pairs have an axis or a point that moves with a vertex, and its twist."""
         nv = len(self.twist_of)
+        track = np.array([c.guide for c in self.sliding], dtype=np.int64)[self._slide_of]
+        self._on_track = np.flatnonzero(track < nv)
+        self._track_twist = self.twist_of[track[self._on_track]] + 3
         guide = np.array([c.guide for c in self.tree.coordinates], dtype=np.int64)
         which = guide[self.pair_number]
         self._guided = np.flatnonzero((which >= 0) & (which < nv))
@@ -156,30 +200,49 @@ class Kinematics:
 
     # -- evaluation ----------------------------------------------------------------------------
 
-    def points_and_axes(self, y: Array, fixed: Floats) -> tuple[Array, Array]:
-        """Spots (k, 3) and axes a_k (K, 3) at y; `fixed` holds axes that do not depend on it."""
+    def combined(self, y: Array) -> tuple[Array, Array, Array, Array]:
+        """Spots, axes of hinges, left and right vectors of slides at y."""
         both = self._combine @ y
-        count = len(self.spots)
-        if not len(self.hinges):
-            return both, fixed
-        axes = fixed.astype(both.dtype)
-        axes[self.hinges] = both[count:]
-        return both[:count], axes
+        a, b = len(self.spots), len(self.hinges)
+        c = a + b + len(self.tracks)
+        return both[:a], both[a : a + b], both[a + b : c], both[c:]
+
+    def points_and_axes(self, y: Array, fixed: Floats) -> tuple[Array, Array]:
+        """Spots (k, 3) and axes or slides (K + driven, 3); `fixed` holds what y does not change."""
+        x, hinges, left, right = self.combined(y)
+        if not (len(hinges) or len(left)):
+            return x, fixed
+        axes = fixed.astype(x.dtype)
+        axes[self.hinges] = hinges
+        if len(left):
+            axes[self.tracks] = cross(left, right)
+        return x, axes
 
     def locate(self, y: Array, fixed: Floats) -> Located:
         """What all functions of the tree need at configuration y."""
-        if not len(self.pair_number):
-            return Located(y, y[:0], y[:0], y[:0])
-        x, axes = self.points_and_axes(y, fixed)
-        return Located(y, x, axes[self.pair_number], x[self.pair_target] - x[self.pair_centre])
+        if not len(self.pair_number) and not len(self.slide_number):
+            return Located(y, *(y[:0],) * 6)
+        x, hinges, left, right = self.combined(y)
+        axes = fixed
+        if len(hinges):
+            axes = fixed.astype(x.dtype)
+            axes[self.hinges] = hinges
+        arm = x[self.pair_target] - x[self.pair_centre]
+        if not len(self.slide_number):
+            return Located(y, x, axes[self.pair_number], arm, left, right, left)
+        left, right = left[self._slide_of], right[self._slide_of]
+        return Located(y, x, axes[self.pair_number], arm, left, right, cross(left, right))
 
     def T_values(self, at: Located) -> Array:
         """Entries of T at ``(T_rows, T_cols)``."""
-        if not len(self.pair_number):
+        if not len(self.T_rows) > self.n_fixed:
             return self._T_constant
         axis = at.axis
         shift = cross(axis, at.arm)
-        return np.concatenate([self._T_constant, shift.ravel(), axis[self.pair_rotates].ravel()])
+        parts = [self._T_constant, shift.ravel(), axis[self.pair_rotates].ravel()]
+        if len(self.slide_number):
+            parts.append(at.slide.ravel())
+        return np.concatenate(parts)
 
     def reduce(self, values: Array, twist_force: Array) -> Array:
         """``T^T t`` (unknowns,) from T's entries."""
@@ -218,6 +281,16 @@ class Kinematics:
             out[self.row[self.points]] = twist[self.point_twist]
         return out
 
+    def fixed_axes(self, y0: Array) -> Floats:
+        """Axes (K + driven, 3) that stay as they are during a step from y0."""
+        if not self.spheres:
+            return self.axis
+        fixed = self.axis.copy()
+        for numbers, ends in self.spheres:
+            a, b = (sum(c * y0[row] for row, c in self.spot_terms(spot)) for spot in ends)
+            fixed[numbers] = _plane(b - a)
+        return fixed
+
     # -- derivative of T^T f by the configuration, for schemes that evaluate T at midpoints ------
 
     def curvature_pattern(self) -> tuple[IndexArray, IndexArray]:
@@ -232,6 +305,8 @@ class Kinematics:
                 (twist[:, None] + np.arange(3)).ravel(),
                 (twist[turns][:, None] + 3 + np.arange(3)).ravel(),
             ]
+        rows.append(np.repeat(self.slide_number[self._on_track], 3))
+        cols.append((self._track_twist[:, None] + np.arange(3)).ravel())
         return np.concatenate(rows), np.concatenate(cols)
 
     def curvature_values(self, at: Located, at1: Located, twist_force: Array) -> Array:
@@ -249,6 +324,13 @@ class Kinematics:
             signed = sign * g[on]
             arm = at1.x[where] - at1.y[self._spot_base[where]]
             parts += [signed, cross(arm, signed[turns])]
+        on = self._on_track
+        if len(on):
+            f = twist_force[self._slide_twist[on]]
+            parts.append(
+                cross(at1.left[on], cross(at.right[on], f))
+                + cross(at1.right[on], cross(f, at.left[on]))
+            )
         return np.concatenate(parts).ravel()
 
     def _spot_twists(self, spots: IndexArray) -> tuple[IndexArray, IndexArray, IndexArray]:
@@ -258,192 +340,6 @@ class Kinematics:
         return on, self.twist_of[vertex[on]], np.flatnonzero(self._spot_turns[spots[on]])
 
 
-@dataclass
-class _Level:
-    """Tree vertices of one depth, as arrays."""
-
-    child: IndexArray
-    parent: IndexArray
-    parent_rows: IndexArray  # (c, 4)
-    parent_factor: Floats
-    offset: Floats  # (c, 3) of the child
-    sphere: IndexArray  # which of the children move on a sphere
-    sphere_number: IndexArray
-    locked: IndexArray
-    hinged: IndexArray
-    hinge_number: IndexArray
-    framed: IndexArray
-
-
-class Chart:
-    """Nodal reparametrisation ``q_{n+1} = F_d(u, q_n)``, composed increment by increment."""
-
-    def __init__(self, kinematics: Kinematics) -> None:
-        self.kin = kinematics
-        tree = kinematics.tree
-        nv = len(kinematics.twist_of)
-        self._grounds = np.arange(nv, len(kinematics.row))
-
-        def pick(kind: str, size: int) -> tuple[IndexArray, IndexArray]:
-            cs = [c for c in tree.coordinates if c.kind == kind]
-            numbers = np.array([c.number for c in cs], dtype=np.int64).reshape(-1, size)
-            vertices = np.array([c.vertex for c in cs], dtype=np.int64).reshape(-1, size)[:, 0]
-            return numbers, vertices
-
-        self.shift_numbers, self._shift_vertices = pick("translation", 3)
-        self.turn_numbers, self._turn_vertices = pick("rotation", 3)
-        self.sphere_numbers, spheres = pick("sphere", 2)
-        self.hinge_numbers = np.array([c.number for c in kinematics.guided], dtype=np.int64)
-        free = np.array(tree.free, dtype=np.int64)
-        self._free_frames = free[np.isin(free, kinematics.frames)]
-        edges = {e.child: e for e in tree.edges}
-        self._sphere_edges = [edges[int(v)] for v in spheres]
-        self._levels = self._make_levels(edges)
-        self.rotating = np.concatenate(
-            [self.turn_numbers.ravel(), self.hinge_numbers, self.sphere_numbers.ravel()]
-        )
-
-    def _make_levels(self, edges: dict[int, Edge]) -> list[_Level]:
-        kin = self.kin
-        levels: dict[int, list[Edge]] = {}
-        for e in self.kin.tree.edges:
-            levels.setdefault(kin.tree.depth[e.child], []).append(e)
-        hinge_of = {c.vertex: i for i, c in enumerate(kin.guided)}
-        sphere_of = {e.child: i for i, e in enumerate(self._sphere_edges)}
-        out = []
-        for depth in sorted(levels):
-            es = levels[depth]
-            terms = [kin.spot_terms(e.parent_spot) for e in es]
-            rows = np.array([[t[0] for t in ts] + [ts[0][0]] * (4 - len(ts)) for ts in terms])
-            factor = np.array([[t[1] for t in ts] + [0.0] * (4 - len(ts)) for ts in terms])
-            frame = set(kin.frames.tolist())
-
-            def where(test: list[bool]) -> IndexArray:
-                return np.flatnonzero(np.array(test, dtype=bool))
-
-            locked = [e.child in frame and e.joint.freedom().rotation == "locked" for e in es]
-            hinged = where([e.child in hinge_of for e in es])
-            sphere = where([e.child in sphere_of for e in es])
-            out.append(
-                _Level(
-                    child=np.array([e.child for e in es]),
-                    parent=np.array([e.parent for e in es]),
-                    parent_rows=rows,
-                    parent_factor=factor[:, :, None],
-                    offset=np.array([e.child_spot.offset for e in es])[:, None, :],
-                    sphere=sphere,
-                    sphere_number=np.array([sphere_of[es[i].child] for i in sphere], dtype=int),
-                    locked=where(locked),
-                    hinged=hinged,
-                    hinge_number=np.array([hinge_of[es[i].child] for i in hinged], dtype=int),
-                    framed=where([e.child in frame for e in es]),
-                )
-            )
-        return out
-
-    # -- a step ----------------------------------------------------------------------------------
-
-    def begin(self, y0: Array, ground1: Array) -> None:
-        """Start a step from y0 (all rows); the ground's rows at its end are `ground1`."""
-        kin = self.kin
-        self.y0 = y0
-        self._ground1 = ground1
-        self.fixed = kin.axis
-        if self._sphere_edges:
-            self.fixed = kin.axis.copy()
-            self._arm = np.array([self._sphere_arm(e, y0) for e in self._sphere_edges])
-            for numbers, arm in zip(self.sphere_numbers, self._arm, strict=True):
-                self.fixed[numbers] = _plane(arm)
-        self._hinge_axis = kin.points_and_axes(y0, self.fixed)[1][self.hinge_numbers]
-        self.reset()
-
-    def _sphere_arm(self, edge: Edge, y: Array) -> Array:
-        def position(spot: Spot) -> Array:
-            return sum(c * y[a] for a, c in self.kin.spot_terms(spot))
-
-        return position(edge.child_spot) - position(edge.parent_spot)
-
-    def reset(self) -> None:
-        """Back to the start of the step: zero increments."""
-        self._shift: Array = np.zeros((len(self.shift_numbers), 3))
-        self._turn: Array = _identity(len(self.turn_numbers))
-        self._swing: Array = _identity(len(self.sphere_numbers))
-        self._hinge: Array = np.zeros(len(self.hinge_numbers))
-
-    def add(self, increment: Array) -> None:
-        """Compose with an increment (unknowns,) at the present configuration."""
-        self._shift = self._shift + increment[self.shift_numbers]
-        step = exp_quaternion(increment[self.turn_numbers])
-        self._turn = quaternion_product(step, self._turn)
-        if len(self._hinge):
-            self._hinge = self._hinge + increment[self.hinge_numbers]
-        if len(self._swing):
-            numbers = self.sphere_numbers
-            theta = (increment[numbers][:, :, None] * self.fixed[numbers]).sum(1)
-            self._swing = quaternion_product(exp_quaternion(theta), self._swing)
-
-    def save(self) -> tuple[Array, ...]:
-        """The increments of the step so far."""
-        return self._shift, self._turn, self._swing, self._hinge
-
-    def restore(self, saved: tuple[Array, ...]) -> None:
-        """Back to saved increments."""
-        self._shift, self._turn, self._swing, self._hinge = saved
-
-    def configuration(self) -> Array:
-        """``y_{n+1}`` (all rows)."""
-        kin, y0 = self.kin, self.y0
-        y = y0.astype(np.result_type(y0, self._shift, self._turn, self._hinge, self._swing))
-        n_ground = len(self._ground1)
-        y[len(y) - n_ground :] = self._ground1
-        y[kin.row[self._shift_vertices]] += self._shift
-        R = np.empty((len(kin.row), 3, 3), dtype=y.dtype)
-        R[self._turn_vertices] = rotation_matrix(self._turn)
-        free = self._free_frames
-        rows = kin.row[free][:, None] + _DIRECTORS
-        y[rows] = y0[rows] @ R[free].transpose(0, 2, 1)
-        if self._levels:
-            rows = kin.row[self._grounds][:, None] + _DIRECTORS
-            R[self._grounds] = y[rows].transpose(0, 2, 1) @ y0[rows]
-            hinge = rotation_matrix(exp_quaternion(self._hinge[:, None] * self._hinge_axis))
-            arms = None
-            if len(self._swing):
-                arms = (rotation_matrix(self._swing) @ self._arm[:, :, None])[:, :, 0]
-            for level in self._levels:
-                self._advance(level, y, R, hinge, arms)
-        return y
-
-    def _advance(self, level: _Level, y: Array, R: Array, hinge: Array, arms: Array | None) -> None:
-        row = self.kin.row
-        if len(level.hinged):
-            child, parent = level.child[level.hinged], level.parent[level.hinged]
-            R[child] = R[parent] @ hinge[level.hinge_number]
-        if len(level.locked):
-            R[level.child[level.locked]] = R[level.parent[level.locked]]
-        x = (level.parent_factor * y[level.parent_rows]).sum(1)
-        if arms is not None and len(level.sphere):
-            x[level.sphere] += arms[level.sphere_number]
-        if len(level.framed):
-            framed = level.child[level.framed]
-            rows = row[framed][:, None] + _DIRECTORS
-            directors = self.y0[rows] @ R[framed].transpose(0, 2, 1)
-            y[rows] = directors
-            x[level.framed] -= (level.offset[level.framed] @ directors)[:, 0]
-        y[row[level.child]] = x
-
-
-_DIRECTORS = np.arange(1, 4)
-
-
-def _identity(count: int) -> Floats:
-    out = np.zeros((count, 4))
-    out[:, 0] = 1
-    return out
-
-
 def _plane(arm: Array) -> Floats:
     """Two unit vectors (2, 3) normal to `arm` and to each other."""
-    unit = np.real(arm) / np.linalg.norm(np.real(arm))
-    first = np.cross(unit, np.eye(3)[np.argmin(abs(unit))])
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(unit, first)])
+    return normals(np.real(arm) / np.linalg.norm(np.real(arm)))

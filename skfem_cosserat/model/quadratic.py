@@ -3,7 +3,8 @@
 Coordinates are handled as rows of three numbers, ``y`` (nv, 3): phi, d1, d2, d3 of each frame,
 phi of each mass point, then the ground's frames. Every constraint is a sum of terms
 ``c y_a . y_b`` plus linear terms and a constant, so that its Jacobian is linear in y and the
-midpoint Jacobian its exact discrete derivative.
+midpoint Jacobian its exact discrete derivative. Where a drive prescribes an angle, c is a number
+of a ground row (the cosine or sine of the angle) and thus prescribed in time.
 """
 
 from __future__ import annotations
@@ -40,18 +41,38 @@ class ConstraintBuilder:
         self.size = 0
         self.linear: list[tuple[int, int, float]] = []
         self.products: list[tuple[int, int, int, float]] = []
+        #: number of a product -> (row of y, component) that it is multiplied by
+        self.amplitudes: dict[int, tuple[int, int]] = {}
 
     def zero(self, terms: list[tuple[int, float]]) -> None:
         """Three rows ``sum c_a y_a = 0``."""
         self.linear += [(self.size, a, c) for a, c in terms]
         self.size += 3
 
+    def add(
+        self,
+        left: list[tuple[int, float]],
+        right: list[tuple[int, float]],
+        factor: float,
+        amplitude: tuple[int, int] | None = None,
+    ) -> None:
+        """Add ``factor (sum c_a y_a) . (sum c_b y_b)`` to the row under construction."""
+        for a, c in left:
+            for b, d in right:
+                if amplitude is not None:
+                    self.amplitudes[len(self.products)] = amplitude
+                self.products.append((self.size, a, b, factor * c * d))
+
+    def end_row(self) -> None:
+        """The row, ``sum of products = const``, is complete."""
+        self.size += 1
+
     def product(
         self, left: list[tuple[int, float]], right: list[tuple[int, float]], factor: float
     ) -> None:
         """One row ``factor (sum c_a y_a) . (sum c_b y_b) = const``."""
-        self.products += [(self.size, a, b, factor * c * d) for a, c in left for b, d in right]
-        self.size += 1
+        self.add(left, right, factor)
+        self.end_row()
 
 
 class QuadraticConstraints:
@@ -75,7 +96,11 @@ class QuadraticConstraints:
         self._la, self._lc = linear[1], lc[:, None]
         self._pk, self._pa, self._pb = products
         self._pc = pc[:, None]
-        dots = (self._pc * reference[self._pa] * reference[self._pb]).sum(1)
+        self._driven = np.array(sorted(builder.amplitudes), dtype=np.int64)
+        where = [builder.amplitudes[k] for k in sorted(builder.amplitudes)]
+        self._drive_row = np.array([w[0] for w in where], dtype=np.int64)
+        self._drive_component = np.array([w[1] for w in where], dtype=np.int64)
+        dots = (self._factors(reference) * reference[self._pa] * reference[self._pb]).sum(1)
         self._constant = np.bincount(self._pk, dots, m)
         # Jacobian contributions: rows and columns never change
         xyz = np.arange(3)
@@ -84,7 +109,6 @@ class QuadraticConstraints:
         self.cols = np.concatenate(
             [(3 * index[:, None] + xyz).ravel() for index in (self._la, self._pa, self._pb)]
         )
-        self._scale = np.concatenate([self._pc, self._pc])
         self._other = np.concatenate([self._pb, self._pa])
         self._linear_values = np.repeat(lc, 3)
         self.inside = np.flatnonzero(self.cols < n)
@@ -93,14 +117,21 @@ class QuadraticConstraints:
         # curvature: both vectors unknown
         both = (self._pa < free) & (self._pb < free)
         a, b = self._pa[both], self._pb[both]
-        self._curved_row = np.kron(np.concatenate([self._pk[both]] * 2), three)
-        self._curved_factor = np.repeat(np.concatenate([pc[both]] * 2), 3)
+        self._curved = np.flatnonzero(both)
         self.curvature_rows = (3 * np.concatenate([a, b])[:, None] + xyz).ravel()
         self.curvature_cols = (3 * np.concatenate([b, a])[:, None] + xyz).ravel()
 
+    def _factors(self, y: Array) -> Array:
+        """Factors (products, 1), some prescribed in time by ground rows of y."""
+        if not len(self._driven):
+            return self._pc
+        out = np.array(self._pc, dtype=y.dtype)
+        out[self._driven, 0] *= y[self._drive_row, self._drive_component]
+        return out
+
     def values(self, y: Array) -> Array:
         """``g(y)`` (m,)."""
-        products = (self._pc * (y[self._pa] * y[self._pb])).sum(1)
+        products = (self._factors(y) * (y[self._pa] * y[self._pb])).sum(1)
         out = sum_at(self._pk, products, self.size) - self._constant
         return out + sum_at(self._lk, (self._lc * y[self._la]).ravel(), self.size)
 
@@ -119,7 +150,9 @@ class QuadraticConstraints:
 
     def jacobian_values(self, y: Array) -> Array:
         """Contributions to G at ``(rows, cols)[inside]``, ground columns left out."""
-        values = np.concatenate([self._linear_values, (self._scale * y[self._other]).ravel()])
+        factors = self._factors(y)
+        scale = np.concatenate([factors, factors])
+        values = np.concatenate([self._linear_values, (scale * y[self._other]).ravel()])
         return values if self._all_inside else values[self.inside]
 
     def jacobian(self, y: Array) -> csc_matrix:
@@ -131,10 +164,34 @@ class QuadraticConstraints:
         rates = np.zeros_like(ydot)
         free = self.n // 3
         rates[free:] = ydot[free:]
-        products = self._pc * (rates[self._pa] * y[self._pb] + y[self._pa] * rates[self._pb])
+        products = self._factors(y) * (
+            rates[self._pa] * y[self._pb] + y[self._pa] * rates[self._pb]
+        )
+        if len(self._driven):
+            dots = (y[self._pa[self._driven]] * y[self._pb[self._driven]]).sum(1)
+            speed = rates[self._drive_row, self._drive_component]
+            products[self._driven, 0] += self._pc[self._driven, 0] * speed * dots
         out = sum_at(self._pk, products.sum(1), self.size)
         return out + sum_at(self._lk, (self._lc * rates[self._la]).ravel(), self.size)
 
-    def curvature_values(self, multipliers: Array) -> Array:
-        """``sum_k lambda_k H_k`` at ``(curvature_rows, curvature_cols)``."""
-        return multipliers[self._curved_row] * self._curved_factor
+    def curvature_values(self, multipliers: Array, y: Array) -> Array:
+        """``sum_k lambda_k H_k(y)`` at ``(curvature_rows, curvature_cols)``.
+
+        H depends on y only through numbers prescribed in time.
+        """
+        each = multipliers[self._pk[self._curved]] * self._factors(y)[self._curved, 0]
+        return np.repeat(np.concatenate([each, each]), 3)
+
+    def curvature_of(self, rows: IndexArray) -> tuple[IndexArray, IndexArray]:
+        """Products (p,) with both vectors unknown in some rows, and pairs (2 p, 2) of rows of y.
+
+        For :meth:`curvature_factors`; each pair stands for a block ``value * I_3``.
+        """
+        which = self._curved[np.isin(self._pk[self._curved], rows)]
+        a, b = self._pa[which], self._pb[which]
+        return which, np.concatenate([np.column_stack([a, b]), np.column_stack([b, a])])
+
+    def curvature_factors(self, which: IndexArray, multipliers: Array, y: Array) -> Array:
+        """``sum_k lambda_k H_k(y)`` (2 p,) at the pairs of :meth:`curvature_of`."""
+        each = multipliers[self._pk[which]] * self._factors(y)[which, 0]
+        return np.concatenate([each, each])

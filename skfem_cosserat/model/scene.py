@@ -7,6 +7,8 @@ from typing import TypeVar
 
 from ..beam import Beam
 from ..body import MassPoint, RigidBody
+from ..coupling import Coupling
+from ..drive import JointDrive
 from ..errors import InputError
 from ..frames import Item
 from ..joint import Joint
@@ -19,7 +21,7 @@ ItemT = TypeVar("ItemT", bound=Item)
 
 
 class Model:
-    """A scene of beams, bodies, mass points, joints and loads.
+    """A scene of beams, bodies, mass points, joints, drives, loads and force elements.
 
     Add items with names, then :meth:`freeze` to arrays. Numbering follows the order of adding.
 
@@ -44,7 +46,7 @@ class Model:
         ----------
         name : str
             Not empty and not in use.
-        item : Beam, RigidBody, MassPoint, a joint or a load
+        item : Beam, RigidBody, MassPoint, a joint, a drive, a load or a force element
 
         Raises
         ------
@@ -64,10 +66,13 @@ class Model:
             raise InputError(
                 "model", f"duplicate name {name!r}: it is already the {self._items[name].label}"
             )
-        if not isinstance(item, Beam | RigidBody | MassPoint | Joint | Load):
+        if not isinstance(
+            item, Beam | RigidBody | MassPoint | Joint | JointDrive | Load | Coupling
+        ):
             raise InputError(
                 f"model, item {name!r}",
-                f"is {type(item).__name__}, expected a beam, body, mass point, joint or load",
+                f"is {type(item).__name__}, expected a beam, body, mass point, joint, drive,"
+                " load or force element",
             )
         if item.name is not None:
             raise InputError(f"model, item {name!r}", f"is already in a model as {item.name!r}")
@@ -106,7 +111,7 @@ class Model:
         structures = [i for i in items if isinstance(i, Beam | RigidBody | MassPoint)]
         if not structures:
             raise InputError("model", "has no beam, body or mass point")
-        known = {id(item) for item in structures}
+        known = {id(item) for item in items}
         for item in items:
             for other in item.references():
                 if id(other) not in known:
@@ -114,8 +119,17 @@ class Model:
                         item.label,
                         f"refers to {other.label}, which is not in the model: add it first",
                     )
+        drives = [i for i in items if isinstance(i, JointDrive)]
+        for drive in drives:
+            if not any(drive.joint is item for item in items):
+                raise InputError(
+                    drive.label,
+                    f"refers to the {drive.joint.label}, which is not in the model: add it first",
+                )
         return System(
             structures,
             [i for i in items if isinstance(i, Joint)],
             [i for i in items if isinstance(i, Load)],
+            drives,
+            [i for i in items if isinstance(i, Coupling)],
         )

@@ -11,21 +11,36 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
 from ..beam import Beam
 from ..body import MassPoint, RigidBody
+from ..coupling import Coupling
+from ..drive import JointDrive
 from ..errors import InputError
 from ..frames import Place
-from ..joint import Joint, Product, Zero
+from ..joint import Joint
+from ..kernels import null_space_blocks
 from ..load import Load
-from ..types import Array, Floats, IndexArray
-from .checks import JointRows, check_inertia, check_joints, independent_loop_rows
+from ..relative import Expression, Form, Product, Zero
+from ..types import Array, ArrayLike, Floats, IndexArray
+from .checks import (
+    JointRows,
+    check_consistency,
+    check_drives,
+    check_inertia,
+    check_joints,
+    check_mobility,
+)
+from .closure import Closure, Selected
+from .couplings import Couplings
+from .ground import Ground
 from .groups import BeamGroup, Group, mass_blocks
 from .kinematics import Kinematics
 from .loading import Loading
 from .quadratic import ConstraintBuilder, QuadraticConstraints
-from .tree import Spot, build_tree
+from .tree import End, Spot, build_tree
 
 __all__ = ["JointRows", "System"]
 
@@ -68,11 +83,17 @@ class System:
     """
 
     def __init__(
-        self, structures: Sequence[Structure], joints: Sequence[Joint], loads: Sequence[Load]
+        self,
+        structures: Sequence[Structure],
+        joints: Sequence[Joint],
+        loads: Sequence[Load],
+        drives: Sequence[JointDrive] = (),
+        couplings: Sequence[Coupling] = (),
     ) -> None:
         self.structures, self.joints, self.loads = list(structures), list(joints), list(loads)
+        self.drives = list(drives)
         self._number()
-        self._place_ground()
+        self._place_ground(couplings)
         self._assemble_mass()
         self._group()
         self.loading = Loading(
@@ -84,8 +105,11 @@ class System:
             self.beam_groups,
             self.frame_group,
         )
-        check_joints(self.joints, 0.0, self.length)
+        check_joints([*self.joints, *self.drives], 0.0, self.length)
+        check_drives(self.drives)
         self._constrain()
+        reference = self.extend(self._y0, 0.0)
+        self.couplings = Couplings(couplings, self.row_of, reference, self.rows)
         self._span()
 
     # -- construction ------------------------------------------------------------------------------
@@ -120,28 +144,26 @@ class System:
         self.is_frame = np.array(framed, dtype=bool)
         self._y0, self._v0 = np.concatenate(y), np.concatenate(rates)
 
-    def _place_ground(self) -> None:
-        self.moving: list[Place] = []
-        for joint in self.joints:
-            for place in (joint.a, joint.b):
-                if place.motion is not None and not any(place is p for p in self.moving):
-                    self.moving.append(place)
-        self.ground_rows = 4 * (1 + len(self.moving))
-        self.total = self.rows + self.ground_rows
-        nv = len(self.origin_rows)
-        self.vertex_rows = np.concatenate(
-            [self.origin_rows, self.rows + 4 * np.arange(1 + len(self.moving))]
-        )
-        self._static = nv
-        self._rest = np.vstack([np.zeros(3), np.eye(3)])
+    def _place_ground(self, couplings: Sequence[Coupling]) -> None:
+        places = [place for joint in self.joints for place in (joint.a, joint.b)]
+        places += [place for coupling in couplings for place in (coupling.a, coupling.b)]
+        self._sides = [place.position for place in places]
+        self._ground = Ground([*places, *(drive.place for drive in self.drives)])
+        self.moving = self._ground.moving
+        self.total = self.rows + self._ground.rows
+        frames = np.arange(0, self._ground.rows, 4)
+        self.vertex_rows = np.concatenate([self.origin_rows, self.rows + frames])
 
     def spot(self, place: Place) -> Spot:
         """Number of a place's vertex, with its material coordinates."""
         offset = tuple(float(X) for X in place.offset)
         if place.item is not None:
             return Spot(self.first[id(place.item)][0] + place.vertex, offset)  # type: ignore[arg-type]
-        moving = [k for k, p in enumerate(self.moving) if p is place]
-        return Spot(self._static + (1 + moving[0] if moving else 0), offset)  # type: ignore[arg-type]
+        return Spot(len(self.origin_rows) + self._ground.number(place), offset)  # type: ignore[arg-type]
+
+    def row_of(self, place: Place) -> int:
+        """First row of y of a place's vertex."""
+        return int(self.vertex_rows[self.spot(place).vertex])
 
     def _assemble_mass(self) -> None:
         i, j, c = [], [], []
@@ -211,43 +233,89 @@ class System:
                 build.product(d[k], d[j], 1.0)
         self.internal = build.size
         self.joint_rows: list[JointRows] = []
-        for joint in self.joints:
+        items: list[Joint | JointDrive] = [*self.joints, *self.drives]
+        for item in items:
             start = build.size
-            for row in joint.rows():
+            for row in item.rows():
                 self._add_row(build, row)
-            self.joint_rows.append(
-                JointRows(joint, slice(start, build.size), self.spot(joint.a), self.spot(joint.b))
-            )
+            rows = slice(start, build.size)
+            self.joint_rows.append(JointRows(item, rows, self.spot(item.a), self.spot(item.b)))
         self.constraints = QuadraticConstraints(build, self.extend(self._y0, 0.0), self.rows)
         self.m = build.size
 
-    def _add_row(self, build: ConstraintBuilder, row: Zero | Product) -> None:
-        def terms(expression_terms: tuple) -> list[tuple[int, float]]:
-            return [
-                (int(self.vertex_rows[self.spot(p).vertex]) + k, c) for p, k, c in expression_terms
-            ]
+    def terms(self, expression: Expression) -> list[tuple[int, float]]:
+        """Rows of y and factors whose sum is the expression."""
+        return [(int(self.vertex_rows[self.spot(p).vertex]) + k, c) for p, k, c in expression.terms]
 
+    def _add_row(self, build: ConstraintBuilder, row: Zero | Product | Form) -> None:
         if isinstance(row, Zero):
-            build.zero(terms(row.expression.terms))
-        else:
-            build.product(terms(row.left.terms), terms(row.right.terms), row.factor)
+            build.zero(self.terms(row.expression))
+            return
+        for p in (row,) if isinstance(row, Product) else row:
+            amplitude = None
+            if p.amplitude is not None:
+                place = int(self.vertex_rows[self.spot(p.amplitude.place).vertex])
+                amplitude = (place, p.amplitude.component)
+            build.add(self.terms(p.left), self.terms(p.right), p.factor, amplitude)
+        build.end_row()
 
     def _span(self) -> None:
-        axes = {id(joint): joint.freedom().axis for joint in self.joints}
-        material = {
-            id(joint): joint.a.material(axis)
+        driven: dict[int, dict[str, int]] = {}
+        for drive in self.drives:
+            frame = self.spot(drive.place).vertex
+            driven.setdefault(id(drive.joint), {})[drive.coordinate.name] = frame
+        ends = [
+            End(joint, self.spot(joint.a), self.spot(joint.b), driven.get(id(joint), {}))
             for joint in self.joints
-            if (axis := axes[id(joint)]) is not None
-        }
-        ends = [(jr.joint, jr.a, jr.b) for jr in self.joint_rows]
-        self.tree = build_tree(self.is_frame.tolist(), ends, material)
+        ]
+        self.tree = build_tree(self.is_frame.tolist(), ends)
         self.kinematics = Kinematics(self.tree, self.vertex_rows, self.is_frame, self.total)
-        loops = [jr for jr in self.joint_rows if any(jr.joint is j for j in self.tree.loops)]
-        y = self.extend(self._y0, 0.0)
-        closure = independent_loop_rows(self, loops, y)
-        self.unknowns = self.kinematics.unknowns - len(closure)
+        self._close()
+        self.unknowns = self.kinematics.unknowns - self.closure.rank
         self.rank = self.n - self.unknowns
-        check_inertia(self, y, closure)
+        check_mobility(self)
+        check_inertia(self, self.extend(self._y0, 0.0), self._closure_rows())
+
+    def _close(self) -> None:
+        """Rows of the joints that close loops, and of drives on them; which are redundant."""
+
+        def joint_of(item: Joint | JointDrive) -> Joint:
+            return item.joint if isinstance(item, JointDrive) else item
+
+        rows = [
+            np.arange(jr.rows.start, jr.rows.stop)
+            for jr in self.joint_rows
+            if any(joint_of(jr.joint) is j for j in self.tree.loops)
+        ]
+        numbers = np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
+        self.closure = Closure(self.kinematics, self.constraints, numbers, self.length)
+        y, T = self._tree_at(self.q0, 0.0)
+        redundant = self.closure.decide(y, T)
+        check_consistency(self, redundant)
+        #: constraint rows that depend on the others, in the reference configuration
+        self.redundant: IndexArray = np.sort(
+            np.concatenate(
+                [np.zeros(0, dtype=np.int64)]
+                + [self.closure.rows[c.rows[dropped]] for c, dropped, _ in redundant]
+            )
+        )
+
+    def _tree_at(self, q: Floats, t: float) -> tuple[Floats, Floats]:
+        """All rows of y, and the values of the tree's T there."""
+        y = self.extend(q, t)
+        kin = self.kinematics
+        return y, kin.T_values(kin.locate(y, kin.fixed_axes(y)))
+
+    def _closure_rows(self) -> Floats:
+        """Independent closure rows (rank, K) in the reference configuration."""
+        y, T = self._tree_at(self.q0, 0.0)
+        out = np.zeros((self.closure.rank, self.kinematics.unknowns))
+        start = 0
+        for s in self.closure.select(y, T):
+            c = s.component
+            out[start : start + c.rank, c.columns] = s.Q1.T / c.scale
+            start += c.rank
+        return out
 
     # -- use -------------------------------------------------------------------------------------
 
@@ -279,39 +347,86 @@ class System:
         c = self.counts()
         return (
             f"<System of {names}; n = {c['n']}, m = {c['m']} (rank {c['rank']}),"
-            f" unknowns {c['n'] + c['m']} with multipliers, {c['unknowns']} with the null space>"
+            f" unknowns {c['n'] + c['rank']} with multipliers, {c['unknowns']} with the null space>"
         )
 
+    def independent_rows(self, y: Floats) -> NDArray[np.bool_]:
+        """Which constraint rows (m,) to keep at a configuration: the others depend on them.
+
+        Parameters
+        ----------
+        y : (total, 3) array
+            All rows, from :meth:`extend`.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import Model
+        >>> model = Model()
+        >>> body = model.add("body", RigidBody.sphere(1.0, 1.0))
+        >>> system = model.freeze()
+        >>> system.independent_rows(system.extend(system.q0, 0.0)).tolist()
+        [True, True, True, True, True, True]
+        """
+        keep = np.ones(self.m, dtype=bool)
+        if self.rank < self.m:
+            kin = self.kinematics
+            T = kin.T_values(kin.locate(y, kin.fixed_axes(y)))
+            keep[self.closure.rows] = False
+            for s in self.closure.select(y, T):
+                keep[s.rows] = True
+        return keep
+
+    def null_space(self, q: ArrayLike, t: float = 0.0) -> Floats:
+        """Null space matrix ``P(q)`` (n, unknowns) with ``G P = 0``, dense.
+
+        Parameters
+        ----------
+        q : (n,) array
+            Configuration that fulfils the constraints.
+        t : float
+            Time (s), for prescribed motion.
+
+        Notes
+        -----
+        ``P = P_int T Z``: (68), (69), the joints of the tree, and an orthonormal basis of what the
+        loops leave free. For diagnostics: the solvers never form it.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import Model
+        >>> model = Model()
+        >>> body = model.add("body", RigidBody.sphere(1.0, 1.0))
+        >>> system = model.freeze()
+        >>> system.null_space(system.q0).shape
+        (12, 6)
+        """
+        y, T = self._tree_at(np.asarray(q, dtype=float), t)
+        return self.null_space_at(y, T, self.closure.select(y, T))
+
+    def null_space_at(self, y: Floats, T: Floats, selected: list[Selected]) -> Floats:
+        """P (n, unknowns) from all rows y, the tree's values T and the closure's null space."""
+        kin = self.kinematics
+        Z = self.closure.null_matrix(selected)
+        rates = kin.T_matrix(T) @ Z
+        out = np.zeros((self.n, self.unknowns))
+        blocks = null_space_blocks(kin.directors(y))
+        for k, row in enumerate(kin.frame_rows):
+            out[3 * row : 3 * row + 12] = blocks[k] @ rates[kin.frame_twist[k]]
+        for k, v in enumerate(kin.points):
+            out[3 * kin.row[v] : 3 * kin.row[v] + 3] = rates[kin.point_twist[k]]
+        return out
+
     def ground(self, t: float) -> Floats:
-        """Rows of the ground's frames at time `t`, (ground_rows, 3)."""
-        frames = [p.motion.frame(p, t) for p in self.moving if p.motion is not None]
-        return np.concatenate([self._rest, *frames])
+        """Rows of the ground's frames at time `t`, (total - rows, 3)."""
+        return self._ground.at(t)
 
     def ground_rate(self, t: float) -> Floats:
         """Time derivative of :meth:`ground`."""
-        return self.ground_rate_and_error(t)[0]
+        return self._ground.rate_and_error(t)[0]
 
     def ground_rate_and_error(self, t: float) -> tuple[Floats, float]:
-        """Time derivative of :meth:`ground` by differences of the callables, and its error.
-
-        One-sided, of fourth order, on shrinking intervals until two results agree best: a motion
-        is never asked for before t = 0 nor after t > 0, where it may not be defined.
-        """
-        if not self.moving:
-            return np.zeros((self.ground_rows, 3)), 0.0
-        here, best, error = self.ground(t), np.zeros((self.ground_rows, 3)), np.inf
-        before: Floats | None = None
-        width = 1e-2 if t <= 0 else -min(1e-2, t / 4)
-        for _ in range(12):
-            g = [self.ground(t + k * width) - here for k in (1, 2, 3, 4)]
-            rate = (48 * g[0] - 36 * g[1] + 16 * g[2] - 3 * g[3]) / (12 * width)
-            change = np.inf if before is None else float(abs(rate - before).max())
-            if change < error:
-                best, error = rate, change
-            if change <= 1e-12 * float(abs(rate).max()):
-                break
-            before, width = rate, width / 4
-        return best, error
+        """Time derivative of :meth:`ground` by differences of the callables, and its error."""
+        return self._ground.rate_and_error(t)
 
     def extend(self, q: Array, t: float) -> Array:
         """All rows ``y`` (total, 3): coordinates q (n,) and the ground at time t (s).
@@ -357,11 +472,15 @@ class System:
         """First number in q of the frame or point that carries a place."""
         return int(3 * self.vertex_rows[self.spot(place).vertex])
 
+    @property
+    def coupled_rows(self) -> IndexArray:
+        """Pairs (k, 2) of rows of y that couplings connect by 3x3 blocks."""
+        return self.couplings.pairs
+
     @cached_property
     def length(self) -> float:
         """Extent of the scene (m), the scale of displacements and gaps; 1 if it is a point."""
-        places = [place.position for joint in self.joints for place in (joint.a, joint.b)]
-        x = np.vstack([self._y0[self.origin_rows], *places])
+        x = np.vstack([self._y0[self.origin_rows], *self._sides])
         return float(np.linalg.norm(x.max(0) - x.min(0))) or 1.0
 
     # -- forces ------------------------------------------------------------------------------------

@@ -2,19 +2,24 @@
 
 Vertices are frames and mass points, joints are edges, the ground is one root. Beam elements are
 force elements and no edges. Every vertex in the tree moves with the joint coordinates on its path
-to the root; written with *absolute* rotations across spherical joints and relative ones across
-the others, the velocity of vertex c by coordinate k is
+to the root; written with *absolute* rotations across joints that leave any rotation free and
+relative ones across the others, the velocity of vertex c by coordinate k is
 
 ``omega_c = a_k`` (if the rotation is passed on to c), ``v_c = a_k x (target_ck - centre_k)``
 
 where a_k is an axis, centre_k a point on it, and target_ck the origin of c or the first joint on
-the path that does not pass the rotation on. All three are linear in q, so the null space matrix
-is evaluated for all pairs (c, k) at once, at nodes and midpoints alike.
+the path that does not pass the rotation on; a slide gives ``v_c = left_k x right_k``. Axes and
+points are linear in q, so the null space matrix is evaluated for all pairs (c, k) at once, at
+nodes and midpoints alike.
+
+With r = x_b - x_a and the guide on side a: ``omega_b - omega_a`` is the relative rotation and
+``rdot - omega_a x r`` the slide, whichever side is the parent. Both sides thus turn about x_b.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,7 +27,7 @@ import numpy as np
 from ..joint import Joint
 from ..types import Floats
 
-__all__ = ["Coordinate", "Edge", "Spot", "Tree", "build_tree"]
+__all__ = ["Coordinate", "Edge", "End", "Spot", "Tree", "build_tree"]
 
 
 @dataclass(frozen=True)
@@ -33,25 +38,45 @@ class Spot:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class End:
+    """A joint with its spots, and which of its coordinates are driven by which ground frame."""
+
+    joint: Joint
+    a: Spot
+    b: Spot
+    driven: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
 class Edge:
     """A joint in the tree, from parent to child."""
 
-    joint: Joint
+    end: End
     child: int
     parent: int
     child_spot: Spot
     parent_spot: Spot
-    sign: float  # +1: the child is side B (rotation counts from A to B)
-    guide: int  # vertex of side A, which carries the axis
+    sign: float  # +1: the child is side B (coordinates count from A to B)
+
+    @property
+    def joint(self) -> Joint:
+        """Its joint."""
+        return self.end.joint
+
+    @property
+    def guide(self) -> int:
+        """Vertex of side A, which carries axes and slides."""
+        return self.end.a.vertex
 
 
 @dataclass
 class Coordinate:
-    """One unknown of the null space.
+    """One coordinate of the tree: an unknown of the null space, or driven.
 
     ``kind``: "translation" or "rotation" of a free vertex or absolute across a joint (constant
-    axis), "axis" (material in `guide`), "sphere" (axis fixed during a step).
+    axis), "axis" (material in `guide`), "slide" (left x right, material in `guide`), "sphere"
+    (axis fixed during a step).
     """
 
     kind: str
@@ -60,6 +85,8 @@ class Coordinate:
     axis: Floats
     guide: int = -1
     centre: Spot | None = None
+    right: Floats | None = None
+    drive: int | None = None  # ground frame whose position prescribes it
 
 
 @dataclass
@@ -77,26 +104,25 @@ class Tree:
     """Result of :func:`build_tree`."""
 
     coordinates: list[Coordinate] = field(default_factory=list)
+    driven: list[Coordinate] = field(default_factory=list)  # numbered behind the others
     edges: list[Edge] = field(default_factory=list)  # parents before children
     free: list[int] = field(default_factory=list)  # vertices without a parent
     depth: dict[int, int] = field(default_factory=dict)
     pairs: list[Pair] = field(default_factory=list)  # of the vertices with a parent
     loops: list[Joint] = field(default_factory=list)  # joints that close a loop
     own: dict[int, list[int]] = field(default_factory=dict)
+    turns: dict[int, list[Coordinate]] = field(default_factory=dict)  # relative, of a child
+    slides: dict[int, list[Coordinate]] = field(default_factory=dict)
 
 
-def build_tree(
-    is_frame: list[bool], ends: list[tuple[Joint, Spot, Spot]], material: dict[int, Floats]
-) -> Tree:
+def build_tree(is_frame: list[bool], ends: list[End]) -> Tree:
     """Breadth-first spanning tree and its coordinates.
 
     Parameters
     ----------
     is_frame : list of bool
         Of the structural vertices; higher numbers in `ends` are ground frames.
-    ends : list of (joint, spot of side a, spot of side b)
-    material : dict
-        ``id(joint) -> (3,)`` axis of a revolute joint in the triad of its side A.
+    ends : list of End
     """
     nv = len(is_frame)
     tree = Tree()
@@ -104,7 +130,9 @@ def build_tree(
     by_child = {edge.child: edge for edge in edges}
     children = {edge.parent for edge in edges}
     for v in range(nv):  # numbering in vertex order keeps neighbours close
-        _own_coordinates(tree, v, is_frame[v], by_child.get(v), material)
+        _Own(tree, v, is_frame[v], by_child.get(v)).add_all()
+    for k, coordinate in enumerate(tree.driven):
+        coordinate.number = len(tree.coordinates) + k
     moving: dict[int, list[Pair]] = {}
     for v in tree.free:
         if v in children:
@@ -119,10 +147,10 @@ def build_tree(
     return tree
 
 
-def _span(nv: int, ends: list[tuple[Joint, Spot, Spot]], tree: Tree) -> list[Edge]:
+def _span(nv: int, ends: list[End], tree: Tree) -> list[Edge]:
     around: dict[int, list[int]] = {}
-    for j, (_, a, b) in enumerate(ends):
-        for spot in (a, b):
+    for j, end in enumerate(ends):
+        for spot in (end.a, end.b):
             around.setdefault(min(spot.vertex, nv), []).append(j)
     seen = {nv}
     used: set[int] = set()
@@ -138,7 +166,8 @@ def _span(nv: int, ends: list[tuple[Joint, Spot, Spot]], tree: Tree) -> list[Edg
         while queue:
             v = queue.popleft()
             for j in around.get(v, []):
-                joint, a, b = ends[j]
+                end = ends[j]
+                a, b = end.a, end.b
                 parent, child = (a, b) if min(a.vertex, nv) == v else (b, a)
                 if j in used or child.vertex in seen or child.vertex >= nv:
                     continue
@@ -146,47 +175,67 @@ def _span(nv: int, ends: list[tuple[Joint, Spot, Spot]], tree: Tree) -> list[Edg
                 seen.add(child.vertex)
                 tree.depth[child.vertex] = tree.depth.get(parent.vertex, 0) + 1
                 sign = 1.0 if child is b else -1.0
-                edges.append(
-                    Edge(joint, child.vertex, parent.vertex, child, parent, sign, a.vertex)
-                )
+                edges.append(Edge(end, child.vertex, parent.vertex, child, parent, sign))
                 queue.append(child.vertex)
-    tree.loops = [joint for j, (joint, _, _) in enumerate(ends) if j not in used]
+    tree.loops = [end.joint for j, end in enumerate(ends) if j not in used]
     return edges
 
 
-def _own_coordinates(
-    tree: Tree, v: int, frame: bool, edge: Edge | None, material: dict[int, Floats]
-) -> None:
-    def add(kind: str, axis: Floats, guide: int = -1, centre: Spot | None = None) -> None:
-        k = len(tree.coordinates)
-        tree.coordinates.append(Coordinate(kind, v, k, axis, guide, centre))
-        tree.own.setdefault(v, []).append(k)
+class _Own:
+    """Adds the coordinates of one vertex."""
 
-    tree.own[v] = []
-    if edge is None:
-        for axis in np.eye(3):
-            add("translation", axis)
-        if frame:
+    def __init__(self, tree: Tree, v: int, frame: bool, edge: Edge | None) -> None:
+        self.tree, self.v, self.frame, self.edge = tree, v, frame, edge
+        tree.own[v] = []
+
+    def add(self, kind: str, axis: Floats, drive: int | None = None, **more: object) -> Coordinate:
+        tree = self.tree
+        new = Coordinate(kind, self.v, len(tree.coordinates), axis, drive=drive, **more)  # type: ignore[arg-type]
+        if drive is None:
+            tree.coordinates.append(new)
+            tree.own[self.v].append(new.number)
+        else:
+            tree.driven.append(new)
+        return new
+
+    def add_all(self) -> None:
+        edge = self.edge
+        if edge is None:
             for axis in np.eye(3):
-                add("rotation", axis, centre=Spot(v))
-        return
-    freedom = edge.joint.freedom()
-    if freedom.sphere:
-        for _ in range(2):
-            add("sphere", np.zeros(3), centre=edge.parent_spot)
-    if not frame or freedom.rotation == "locked":
-        return
-    if freedom.rotation == "free":
-        for axis in np.eye(3):
-            add("rotation", axis, centre=edge.child_spot)
-    else:
-        axis = edge.sign * material[id(edge.joint)]
-        add("axis", axis, guide=edge.guide, centre=edge.child_spot)
+                self.add("translation", axis)
+            if self.frame:
+                for axis in np.eye(3):
+                    self.add("rotation", axis, centre=Spot(self.v))
+            return
+        freedom = edge.joint.freedom()
+        if freedom.sphere:
+            for _ in range(2):
+                self.add("sphere", np.zeros(3), centre=edge.parent_spot)
+        a, b = edge.joint.a, edge.joint.b
+        driven = edge.end.driven
+        for slide in freedom.slides:
+            left, right = edge.sign * a.material(slide.left), a.material(slide.right)
+            new = self.add("slide", left, driven.get(slide.name), guide=edge.guide, right=right)
+            self.tree.slides.setdefault(self.v, []).append(new)
+        if not self.frame:
+            return
+        centre = edge.end.b if freedom.slides else edge.child_spot
+        if freedom.turns is None:
+            for axis in np.eye(3):
+                self.add("rotation", axis, centre=centre)
+            return
+        # relative rotations are composed from the parent outwards
+        for turn in freedom.turns if edge.sign > 0 else reversed(freedom.turns):
+            place, guide = (a, edge.guide) if turn.side == "a" else (b, edge.end.b.vertex)
+            axis = edge.sign * place.material(turn.axis)
+            new = self.add("axis", axis, driven.get(turn.name), guide=guide, centre=centre)
+            self.tree.turns.setdefault(self.v, []).append(new)
 
 
 def _passed_on(tree: Tree, edge: Edge, parent: list[Pair], is_frame: list[bool]) -> list[Pair]:
     freedom = edge.joint.freedom()
-    absolute = freedom.rotation == "free"
+    absolute = freedom.turns is None
+    fulcrum = edge.end.b if freedom.slides else edge.parent_spot
     c = edge.child
     pairs: list[Pair] = []
     for pair in parent:
@@ -195,10 +244,14 @@ def _passed_on(tree: Tree, edge: Edge, parent: list[Pair], is_frame: list[bool])
         elif not pair.rotates or not is_frame[edge.parent]:
             pairs.append(Pair(c, pair.number, pair.target, False))
         elif absolute or not is_frame[c]:
-            pairs.append(Pair(c, pair.number, edge.parent_spot, False))
+            pairs.append(Pair(c, pair.number, fulcrum, False))
         else:
             pairs.append(Pair(c, pair.number, Spot(c), True))
     for k in tree.own[c]:
-        sphere = tree.coordinates[k].kind == "sphere"
-        pairs.append(Pair(c, k, edge.child_spot if sphere else Spot(c), not sphere))
+        kind = tree.coordinates[k].kind
+        if kind == "slide":
+            pairs.append(Pair(c, k, None, False))
+        else:
+            sphere = kind == "sphere"
+            pairs.append(Pair(c, k, edge.child_spot if sphere else Spot(c), not sphere))
     return pairs

@@ -56,8 +56,10 @@ def initial_state(
     p: ArrayLike | None = None,
     time: float = 0.0,
     tolerance: float = 1e-8,
+    *,
+    nu: ArrayLike | None = None,
 ) -> State:
-    """Start from (q, v) or (q, p); default: the reference and the items' initial velocities.
+    """Start from (q, v), (q, p) or (q, nu); default: reference and the items' initial velocities.
 
     Parameters
     ----------
@@ -67,12 +69,17 @@ def initial_state(
         Start (s).
     tolerance : float
         Largest relative violation of the constraints and the hidden constraints.
+    nu : (unknowns,) array, optional
+        Reduced velocity instead of v or p: ``v = P(q) nu + qdot_prescribed`` with the null space
+        matrix ``system.null_space(q, time)`` (m/s of translations, rad/s of rotations), see
+        :func:`~skfem_cosserat.diagnostics.prescribed_velocity`.
 
     Raises
     ------
     InputError
         If q violates the constraints, or v or p the hidden ones ``G v + g_t = 0``;
-        :func:`project` gives the nearest velocity that does not.
+        :func:`project` gives the nearest velocity that does not. If more than one of v, p and nu
+        is given.
 
     Examples
     --------
@@ -81,9 +88,11 @@ def initial_state(
     >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 0)))
     >>> initial_state(model.freeze()).p.tolist()
     [2.0, 0.0, 0.0]
+    >>> initial_state(model.freeze(), nu=[0, 3.0, 0]).p.tolist()
+    [0.0, 6.0, 0.0]
     """
-    if v is not None and p is not None:
-        raise InputError("initial state", "give v or p, not both")
+    if sum(value is not None for value in (v, p, nu)) > 1:
+        raise InputError("initial state", "give v or p or nu, only one of them")
     q = system.q0 if q is None else _checked(system, "q", q)
     if isinstance(time, str) or not np.isfinite(time):
         raise InputError("initial state", f"time = {time!r}, expected a finite number")
@@ -101,9 +110,23 @@ def initial_state(
                 " Projection(system)(q, p)[1]",
             )
         return State(time, 0, q, p)
+    if nu is not None:
+        v = _velocity(system, q, nu, time)
     v = system.v0 if v is None else _checked(system, "v", v)
     _check_velocity(system, y, v, time, tolerance)
     return State(time, 0, q, diagnostics.momentum(system, v))
+
+
+def _velocity(system: System, q: Floats, nu: ArrayLike, time: float) -> Floats:
+    """``P nu + qdot_prescribed``."""
+    rates = numbers("initial state", "nu", nu)
+    if rates.shape != (system.unknowns,) or not np.isfinite(rates).all():
+        raise InputError(
+            "initial state",
+            f"nu = {nu!r} with shape {rates.shape}, expected ({system.unknowns},) finite numbers",
+        )
+    start = diagnostics.prescribed_velocity(system, q, time)
+    return np.asarray(system.null_space(q, time) @ rates + start)
 
 
 def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance: float) -> None:

@@ -1,0 +1,397 @@
+"""Force elements between places and on joint coordinates: springs, dampers, actuators, bushings.
+
+Each acts on relative coordinates ``xi`` of two places with a generalised force: a spring and damper
+``K (xi - neutral) + C dxi/dt`` against the motion, an actuator with a prescribed one. All are
+internal forces: what one side gets, the other loses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from .errors import InputError
+from .frames import Item, Place, vector
+from .joint import Joint
+from .load import Amplitude, Constant, FunctionOfTime, TimeFunction, time_function
+from .relative import RelativeCoordinate, displacement, distance, rotation
+from .types import ArrayLike, Floats, numbers, positive
+
+__all__ = ["Bushing", "Cable", "Coupling", "JointActuator", "JointSpringDamper", "SpringDamper"]
+
+
+class Coupling(Item):
+    """Base of the force elements.
+
+    Attributes
+    ----------
+    a, b : Place
+        Its sides.
+    coordinates : tuple of RelativeCoordinate
+        What it acts on, m components in all.
+    stiffness, damping : (m, m) array
+        Symmetric and positive semidefinite.
+    neutral : (m,) array
+        Coordinates without spring force.
+    channels : tuple of TimeFunction
+        Generalised forces of an actuator, m or none.
+    slack : bool
+        Whether it carries tension only.
+    """
+
+    kind = "coupling"
+    slack = False
+    channels: tuple[TimeFunction, ...] = ()
+    a: Place
+    b: Place
+    coordinates: tuple[RelativeCoordinate, ...]
+    stiffness: Floats
+    damping: Floats
+    neutral: Floats
+
+    @property
+    def size(self) -> int:
+        """Number m of components."""
+        return sum(c.size for c in self.coordinates)
+
+    def references(self) -> Sequence[Item]:
+        """The items of both sides."""
+        return [place.item for place in (self.a, self.b) if place.item is not None]
+
+    def _set_law(self, stiffness: Any, damping: Any, neutral: Any) -> None:
+        self.stiffness = self._matrix("stiffness", stiffness)
+        self.damping = self._matrix("damping", damping)
+        if not (self.stiffness.any() or self.damping.any()):
+            raise InputError(self.label, "stiffness and damping are both zero: it does nothing")
+        value = numbers(self.label, "neutral", neutral)
+        if value.shape not in ((), (self.size,)) or not np.isfinite(value).all():
+            expected = "a finite number" if self.size == 1 else f"({self.size},) finite numbers"
+            raise InputError(self.label, f"neutral = {value.tolist()}, expected {expected}")
+        self.neutral = np.broadcast_to(value, (self.size,)).astype(float)
+
+    def _matrix(self, name: str, value: Any) -> Floats:
+        """(m, m) from a number for all components or a matrix."""
+        array, m = numbers(self.label, name, value), self.size
+        if array.shape not in ((), (m, m)):
+            expected = "a number" + ("" if m == 1 else f" or ({m}, {m})")
+            raise InputError(self.label, f"{name} has shape {array.shape}, expected {expected}")
+        if not np.isfinite(array).all():
+            raise InputError(self.label, f"{name} = {array.tolist()} is not finite")
+        if array.ndim == 0:
+            if array < 0:
+                raise InputError(
+                    self.label, f"{name} = {float(array)!r}, expected a number that is not negative"
+                )
+            return np.asarray(float(array) * np.eye(m))
+        size = float(abs(array).max())
+        skewed = float(abs(array - array.T).max())
+        if skewed > 1e-12 * size:
+            raise InputError(
+                self.label, f"{name} is not symmetric (off by {skewed:.6g}): {array.tolist()}"
+            )
+        lowest = float(np.linalg.eigvalsh(array)[0])
+        if lowest < -1e-12 * size:
+            raise InputError(
+                self.label,
+                f"{name} is not positive semidefinite (eigenvalue {lowest:.6g}): {array.tolist()}",
+            )
+        return 0.5 * (array + array.T)
+
+
+class _OnJoint(Coupling):
+    def __init__(self, joint: Joint, coordinate: str | None) -> None:
+        if not isinstance(joint, Joint):
+            raise InputError(self.label, f"joint is {joint!r}, expected a joint of the model")
+        self.joint = joint
+        self.a, self.b = joint.a, joint.b
+        try:
+            self.coordinates = (joint.coordinate(coordinate),)
+        except InputError as error:
+            raise InputError(self.label, str(error)) from error
+
+    def references(self) -> Sequence[Item]:
+        """The joint."""
+        return [self.joint]
+
+
+class JointSpringDamper(_OnJoint):
+    """Linear spring and damper on a relative coordinate of a joint.
+
+    Against the motion of side b it acts with ``K (xi - neutral) + C dxi/dt`` (N or N m).
+
+    Parameters
+    ----------
+    joint : Joint
+        Of the same model.
+    stiffness : float, or (3, 3) array on a rotation vector
+        K (N/m or N m/rad), symmetric, positive semidefinite.
+    damping : float, or (3, 3) array on a rotation vector
+        C (N s/m or N m s/rad), likewise.
+    coordinate : str, optional
+        Its name, see :meth:`Joint.coordinates`; needed if the joint has several.
+    neutral : float, or (3,) array on a rotation vector
+        Coordinate without spring force (m or rad). Angles are followed over several turns.
+
+    Raises
+    ------
+    InputError
+        If there is no such coordinate, both coefficients are zero, or one is negative, not
+        symmetric or not finite.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import JointRevolute, RigidBody, ground
+    >>> body = RigidBody.box(1.0, (1, 1, 1))
+    >>> hinge = JointRevolute(ground((0, 0, 0)), body.at((0, 0, 0)), axis=(1, 0, 0))
+    >>> spring = JointSpringDamper(hinge, stiffness=20.0, damping=0.5, neutral=np.pi / 2)
+    >>> spring.coordinates[0].name, spring.stiffness.tolist()
+    ('angle', [[20.0]])
+    """
+
+    kind = "joint spring"
+
+    def __init__(
+        self,
+        joint: Joint,
+        stiffness: float | ArrayLike = 0.0,
+        damping: float | ArrayLike = 0.0,
+        coordinate: str | None = None,
+        neutral: float | ArrayLike = 0.0,
+    ) -> None:
+        super().__init__(joint, coordinate)
+        self._set_law(stiffness, damping, neutral)
+
+
+class JointActuator(_OnJoint):
+    """Prescribed torque or force on a relative coordinate of a joint.
+
+    Positive values push side b towards larger coordinates, and side a back. As with loads the
+    average of each step acts.
+
+    Parameters
+    ----------
+    joint : Joint
+        Of the same model.
+    amplitude : float, TimeFunction or callable
+        Force (N) or torque (N m), also as a function of time (s). On a rotation vector: (3,) array
+        or callable with such a value, the generalised force that does work on its components.
+    coordinate : str, optional
+        Its name, see :meth:`Joint.coordinates`; needed if the joint has several.
+
+    Raises
+    ------
+    InputError
+        If there is no such coordinate, or the amplitude is no finite number or function.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import JointRevolute, RigidBody, ground
+    >>> body = RigidBody.box(1.0, (1, 1, 1))
+    >>> hinge = JointRevolute(ground((0, 0, 0)), body.at((0, 0, 0)), axis=(1, 0, 0))
+    >>> motor = JointActuator(hinge, lambda t: 5.0 * np.sin(t))
+    >>> motor.channels[0].value(0.0)
+    0.0
+    """
+
+    kind = "joint actuator"
+
+    def __init__(
+        self,
+        joint: Joint,
+        amplitude: Amplitude | ArrayLike | Callable[[float], ArrayLike],
+        coordinate: str | None = None,
+    ) -> None:
+        super().__init__(joint, coordinate)
+        m = self.size
+        self.stiffness = self.damping = np.zeros((m, m))
+        self.neutral = np.zeros(m)
+        if m == 1:
+            if amplitude is None:
+                raise InputError(self.label, "amplitude is None, expected a force or torque")
+            self.channels = (time_function(self.label, amplitude),)  # type: ignore[arg-type]
+        elif callable(amplitude):
+            vector(self.label, "amplitude(0)", amplitude(0.0))
+            self.channels = tuple(
+                FunctionOfTime(_component(self.label, amplitude, i)) for i in range(m)
+            )
+        else:
+            values = vector(self.label, "amplitude", amplitude)  # type: ignore[arg-type]
+            self.channels = tuple(Constant(float(value)) for value in values)
+
+
+def _component(
+    label: str, function: Callable[[float], ArrayLike], i: int
+) -> Callable[[float], float]:
+    def component(t: float) -> float:
+        return float(vector(label, f"amplitude({t!r})", function(t))[i])
+
+    return component
+
+
+class _BetweenPlaces(Coupling):
+    def __init__(self, a: Place, b: Place) -> None:
+        for side, place in (("a", a), ("b", b)):
+            if not isinstance(place, Place):
+                raise InputError(
+                    self.label,
+                    f"side {side} is {place!r}, expected a place such as beam.node('tip'),"
+                    " body.at(x) or ground(x)",
+                )
+        if a.item is None and b.item is None:
+            raise InputError(self.label, "both sides are ground")
+        if a.item is b.item and a.vertex == b.vertex:
+            raise InputError(self.label, f"both sides are on {a.label}")
+        self.a, self.b = a, b
+
+    def _along_line(self, length: float | None) -> Floats:
+        """Acts on the distance; gives the unstressed one."""
+        self.coordinates = (distance("distance", self.a, self.b),)
+        ends = [
+            p.position if p.motion is None else p.motion.frame(p, 0.0)[0] for p in (self.a, self.b)
+        ]
+        span = float(np.linalg.norm(ends[1] - ends[0]))
+        if span == 0:
+            raise InputError(
+                self.label,
+                f"both points are at {ends[0].tolist()} in the reference configuration: it has no"
+                " direction, use a Bushing",
+            )
+        return np.array(positive(self.label, "length", span if length is None else length, " (m)"))
+
+
+class SpringDamper(_BetweenPlaces):
+    """Linear spring and damper along the line between two points.
+
+    Pulls both together with ``k (l - length) + c dl/dt`` (N), pushes if this is negative.
+
+    Parameters
+    ----------
+    a, b : Place
+        Of beam nodes, bodies, mass points or the ground, at rest or in prescribed motion.
+    stiffness, damping : float
+        k (N/m) and c (N s/m), not negative.
+    length : float, optional
+        Unstressed length (m); default: the distance in the reference configuration.
+
+    Raises
+    ------
+    InputError
+        If the points coincide in the reference configuration, are on the same body or node, or a
+        number is negative or not finite.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, ground
+    >>> bob = MassPoint(1.0, position=(0, 0, -2))
+    >>> SpringDamper(ground((0, 0, 0)), bob.place(), stiffness=50.0).neutral.tolist()
+    [2.0]
+    """
+
+    kind = "spring"
+
+    def __init__(
+        self,
+        a: Place,
+        b: Place,
+        stiffness: float,
+        damping: float = 0.0,
+        length: float | None = None,
+    ) -> None:
+        super().__init__(a, b)
+        self._set_law(stiffness, damping, self._along_line(length))
+
+
+class Cable(_BetweenPlaces):
+    """Cable between two points: tension ``k (l - length) + c dl/dt`` (N) while it is longer.
+
+    It never pushes: shorter than `length` it is slack, and the damper does not push either.
+
+    Parameters
+    ----------
+    a, b, damping, length
+        See :class:`SpringDamper`.
+    stiffness : float
+        k (N/m), positive.
+
+    Raises
+    ------
+    InputError
+        See :class:`SpringDamper`.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, ground
+    >>> bob = MassPoint(1.0, position=(0, 0, -2))
+    >>> Cable(ground((0, 0, 0)), bob.place(), stiffness=1e3, length=2.5).neutral.tolist()
+    [2.5]
+    """
+
+    kind = "cable"
+    slack = True
+
+    def __init__(
+        self,
+        a: Place,
+        b: Place,
+        stiffness: float,
+        damping: float = 0.0,
+        length: float | None = None,
+    ) -> None:
+        super().__init__(a, b)
+        positive(self.label, "stiffness", stiffness, " (N/m)")
+        self._set_law(stiffness, damping, self._along_line(length))
+
+
+class Bushing(_BetweenPlaces):
+    """Elastic connection in all six directions, with full 6x6 stiffness and damping.
+
+    Acts on ``(u, psi)``: u are the components of ``x_b - x_a`` less its reference value along
+    axes that move with side a and are those of space in the reference, psi is the rotation vector
+    from a to b in these axes (below a turn of pi).
+
+    Parameters
+    ----------
+    a, b : Place
+        Of beam nodes, bodies or the ground; mass points do not rotate.
+    stiffness : float or (6, 6) array
+        K (N/m, N/rad, N m/rad), symmetric, positive semidefinite.
+    damping : float or (6, 6) array, optional
+        C (the same times s), likewise.
+
+    Raises
+    ------
+    InputError
+        If a side is a mass point, both are on the same body or node, or a matrix is not
+        symmetric, not positive semidefinite or not finite.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import RigidBody, ground
+    >>> engine = RigidBody.box(100.0, (0.6, 0.5, 0.4))
+    >>> K = np.diag([1e6, 1e6, 5e5, 2e3, 2e3, 1e3])
+    >>> mount = Bushing(ground((0.3, 0, 0)), engine.at((0.3, 0, 0)), K, damping=1e-3 * K)
+    >>> mount.size
+    6
+    """
+
+    kind = "bushing"
+
+    def __init__(
+        self,
+        a: Place,
+        b: Place,
+        stiffness: float | ArrayLike,
+        damping: float | ArrayLike | None = None,
+    ) -> None:
+        super().__init__(a, b)
+        for side, place in (("a", a), ("b", b)):
+            if place.triad is None:
+                raise InputError(
+                    self.label,
+                    f"side {side} is {place.label}: a mass point does not rotate, use SpringDamper",
+                )
+        shifts = [displacement(f"u_{k + 1}", a, b, e) for k, e in enumerate(np.eye(3))]
+        self.coordinates = (*shifts, rotation("psi", a, b))
+        self._set_law(stiffness, 0.0 if damping is None else damping, 0.0)

@@ -1,0 +1,384 @@
+"""Relative coordinates as functions of quadratic invariants: values, slopes, discrete derivatives.
+
+A coordinate ``xi`` (m,) is a function of invariants ``pi`` (k,) of
+:mod:`skfem_cosserat.relative`. Variational schemes need its slope at the midpoint, schemes that
+conserve energy ``Psi`` with
+
+``Psi(pi_0, pi_1) . (pi_1 - pi_0) = xi_1 - xi_0``,
+
+exactly where both ends fulfil the constraints. Both multiply the gradients of the invariants at the
+midpoint, which are objective: momentum is conserved. Everything takes stacks (..., k) and complex
+numbers.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from itertools import pairwise
+
+import numpy as np
+
+from ..types import Array, Floats
+
+__all__ = ["KINDS", "Angle", "Displacement", "Distance", "Joined", "Kind", "Rotation"]
+
+
+class Kind(ABC):
+    """A kind of relative coordinate.
+
+    Attributes
+    ----------
+    size, invariants : int
+        m and k.
+    period : float
+        2 pi for an angle, which is continued over several turns, else 0.
+    """
+
+    size = 1
+    invariants = 1
+    period = 0.0
+
+    @abstractmethod
+    def value(self, pi: Array) -> Array:
+        """``xi`` (..., m), the principal value of an angle."""
+
+    @abstractmethod
+    def slope(self, pi: Array) -> Array:
+        """``dxi/dpi`` (..., m, k)."""
+
+    @abstractmethod
+    def curvature(self, pi: Array) -> Array:
+        """``d^2 xi/dpi^2`` (..., m, k, k)."""
+
+    @abstractmethod
+    def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """``Psi`` (..., m, k)."""
+
+    @abstractmethod
+    def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """``dPsi/dpi_1`` (..., m, k, k), the last index that of ``pi_1``."""
+
+    def continued(self, pi: Array, before: Array) -> Array:
+        """``xi``, an angle by less than half a turn from the value `before`."""
+        xi = self.value(pi)
+        if self.period:
+            xi = xi - self.period * np.round((xi - before).real / self.period)
+        return xi
+
+
+class Displacement(Kind):
+    """``xi = pi``; the reference value is part of the neutral one."""
+
+    def value(self, pi: Array) -> Array:
+        """See the base class."""
+        return pi
+
+    def slope(self, pi: Array) -> Array:
+        """See the base class."""
+        return np.ones((*pi.shape, 1))
+
+    def curvature(self, pi: Array) -> Array:
+        """See the base class."""
+        return np.zeros((*pi.shape, 1, 1))
+
+    def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """See the base class."""
+        return np.ones((*pi1.shape, 1))
+
+    def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """See the base class."""
+        return np.zeros((*pi1.shape, 1, 1))
+
+
+class Distance(Kind):
+    """``xi = sqrt(pi)``; ``Psi = 1/(xi_0 + xi_1)``."""
+
+    def value(self, pi: Array) -> Array:
+        """See the base class."""
+        return np.sqrt(pi)
+
+    def slope(self, pi: Array) -> Array:
+        """See the base class."""
+        return 0.5 / np.sqrt(pi)[..., None]
+
+    def curvature(self, pi: Array) -> Array:
+        """See the base class."""
+        return -0.25 / (pi * np.sqrt(pi))[..., None, None]
+
+    def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """See the base class."""
+        return 1 / (xi0 + xi1)[..., None]
+
+    def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """See the base class."""
+        return -0.5 / (xi1 * (xi0 + xi1) ** 2)[..., None, None]
+
+
+class Angle(Kind):
+    """``xi = atan2(pi_2, pi_1)``, where ``pi`` is the cosine and the sine.
+
+    With the mean angle ``m`` and the difference D of the ends ``Psi = (D/2)/sin(D/2) (-sin m,
+    cos m)``; exact for unit vectors pi.
+    """
+
+    invariants = 2
+    period = 2 * np.pi
+
+    def value(self, pi: Array) -> Array:
+        """See the base class."""
+        return _atan2(pi[..., 1:], pi[..., :1])
+
+    def slope(self, pi: Array) -> Array:
+        """See the base class."""
+        c, s = pi[..., 0], pi[..., 1]
+        return (np.stack([-s, c], -1) / (c * c + s * s)[..., None])[..., None, :]
+
+    def curvature(self, pi: Array) -> Array:
+        """See the base class."""
+        c, s = pi[..., 0], pi[..., 1]
+        twice, difference = 2 * c * s, s * s - c * c
+        rows = np.stack([twice, difference, difference, -twice], -1)
+        rows = rows / (c * c + s * s)[..., None] ** 2
+        return rows.reshape(*pi.shape[:-1], 1, 2, 2)
+
+    def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """See the base class."""
+        mean, factor = 0.5 * (xi0 + xi1), _half_over_sine(0.5 * (xi1 - xi0))
+        return factor[..., None] * np.stack([-np.sin(mean), np.cos(mean)], -1)
+
+    def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """See the base class."""
+        mean, half = 0.5 * (xi0 + xi1), 0.5 * (xi1 - xi0)
+        factor, rate = _half_over_sine(half), _half_over_sine_rate(half)
+        sine, cosine = np.sin(mean), np.cos(mean)
+        by_angle = 0.5 * np.stack(
+            [-rate * sine - factor * cosine, rate * cosine - factor * sine], -1
+        )
+        return by_angle[..., None] * self.slope(pi1)[..., None, :]
+
+
+class Rotation(Kind):
+    """``xi = phi(c) a`` with ``a = pi_1..3 = sin(theta) n``, ``c = pi_4 - 1/2 = cos(theta)``.
+
+    ``Psi = [phi_m I, a_m (phi_1 - phi_0)/(c_1 - c_0)]`` with the means of both ends; below a turn
+    of pi.
+    """
+
+    size = 3
+    invariants = 4
+
+    def value(self, pi: Array) -> Array:
+        """See the base class."""
+        return turn_factors(pi[..., 3] - 0.5)[0][..., None] * pi[..., :3]
+
+    def slope(self, pi: Array) -> Array:
+        """See the base class."""
+        phi = turn_factors(pi[..., 3] - 0.5)
+        return _bordered(phi[0], phi[1][..., None] * pi[..., :3])
+
+    def curvature(self, pi: Array) -> Array:
+        """See the base class."""
+        phi = turn_factors(pi[..., 3] - 0.5)
+        out = np.zeros((*pi.shape[:-1], 3, 4, 4), dtype=pi.dtype)
+        out[..., _XYZ, _XYZ, 3] = out[..., _XYZ, 3, _XYZ] = phi[1][..., None]
+        out[..., 3, 3] = phi[2][..., None] * pi[..., :3]
+        return out
+
+    def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """See the base class."""
+        phi0, phi1, quotient, _ = self._ends(pi0, pi1)
+        mean = 0.5 * (pi0 + pi1)[..., :3]
+        return _bordered(0.5 * (phi0[0] + phi1[0]), quotient[..., None] * mean)
+
+    def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """See the base class."""
+        _, phi1, quotient, rate = self._ends(pi0, pi1)
+        out = np.zeros((*pi1.shape[:-1], 3, 4, 4), dtype=pi1.dtype)
+        out[..., _XYZ, _XYZ, 3] = 0.5 * phi1[1][..., None]
+        out[..., _XYZ, 3, _XYZ] = 0.5 * quotient[..., None]
+        out[..., 3, 3] = rate[..., None] * 0.5 * (pi0 + pi1)[..., :3]
+        return out
+
+    def _ends(self, pi0: Array, pi1: Array) -> tuple[Array, Array, Array, Array]:
+        c0, c1 = pi0[..., 3] - 0.5, pi1[..., 3] - 0.5
+        phi0, phi1 = turn_factors(c0), turn_factors(c1)
+        return phi0, phi1, *_turn_quotient(c0, c1, phi0, phi1)
+
+
+class Joined(Kind):
+    """Several coordinates side by side, for laws that couple them (bushings)."""
+
+    def __init__(self, kinds: tuple[Kind, ...]) -> None:
+        self.kinds = kinds
+        self.size = sum(kind.size for kind in kinds)
+        self.invariants = sum(kind.invariants for kind in kinds)
+        ends = np.cumsum([0, *(kind.size for kind in kinds)])
+        ends_pi = np.cumsum([0, *(kind.invariants for kind in kinds)])
+        self._xi = [slice(a, b) for a, b in pairwise(ends)]
+        self._pi = [slice(a, b) for a, b in pairwise(ends_pi)]
+
+    def value(self, pi: Array) -> Array:
+        """See the base class."""
+        parts = [kind.value(pi[..., p]) for kind, p in zip(self.kinds, self._pi, strict=True)]
+        return np.concatenate(parts, axis=-1)
+
+    def slope(self, pi: Array) -> Array:
+        """See the base class."""
+        return self._blocks(
+            [k.slope(pi[..., p]) for k, p in zip(self.kinds, self._pi, strict=True)]
+        )
+
+    def curvature(self, pi: Array) -> Array:
+        """See the base class."""
+        parts = [k.curvature(pi[..., p]) for k, p in zip(self.kinds, self._pi, strict=True)]
+        return self._blocks(parts, 2)
+
+    def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """See the base class."""
+        return self._blocks([k.discrete(*ends) for k, ends in self._split(pi0, xi0, pi1, xi1)])
+
+    def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """See the base class."""
+        parts = [k.discrete_slope(*ends) for k, ends in self._split(pi0, xi0, pi1, xi1)]
+        return self._blocks(parts, 2)
+
+    def _split(
+        self, pi0: Array, xi0: Array, pi1: Array, xi1: Array
+    ) -> list[tuple[Kind, tuple[Array, Array, Array, Array]]]:
+        return [
+            (kind, (pi0[..., p], xi0[..., x], pi1[..., p], xi1[..., x]))
+            for kind, x, p in zip(self.kinds, self._xi, self._pi, strict=True)
+        ]
+
+    def _blocks(self, parts: list[Array], axes: int = 1) -> Array:
+        """Block diagonal arrays (..., m, k) or (..., m, k, k)."""
+        shape = (*parts[0].shape[: -1 - axes], self.size, *(self.invariants,) * axes)
+        out = np.zeros(shape, dtype=np.result_type(*parts))
+        for part, x, p in zip(parts, self._xi, self._pi, strict=True):
+            if axes == 1:
+                out[..., x, p] = part
+            else:
+                out[..., x, p, p] = part
+        return out
+
+
+#: by the name of :class:`skfem_cosserat.relative.RelativeCoordinate`
+KINDS: dict[str, Kind] = {
+    "displacement": Displacement(),
+    "distance": Distance(),
+    "angle": Angle(),
+    "rotation": Rotation(),
+}
+_XYZ = np.arange(3)
+
+
+def _bordered(diagonal: Array, column: Array) -> Array:
+    """``[diagonal I, column]`` (..., 3, 4)."""
+    out = np.zeros((*column.shape, 4), dtype=np.result_type(diagonal, column))
+    out[..., _XYZ, _XYZ] = diagonal[..., None]
+    out[..., 3] = column
+    return out
+
+
+def _atan2(y: Array, x: Array) -> Array:
+    """Of real numbers; of complex ones with a small imaginary part to first order in it."""
+    out = np.arctan2(y.real, x.real)
+    if np.iscomplexobj(y) or np.iscomplexobj(x):
+        slope = (x.real * y.imag - y.real * x.imag) / (x.real**2 + y.real**2)
+        return out + 1j * slope
+    return np.asarray(out)
+
+
+# -- x / sin x -------------------------------------------------------------------------------------
+
+#: powers 0, 2, 4, ... of x/sin x, enough below _SMALL_ANGLE
+_COSECANT = np.array([1, 1 / 6, 7 / 360, 31 / 15120, 127 / 604800, 73 / 3421440])
+_SMALL_ANGLE = 0.1
+
+
+def _polynomial(coefficients: Floats, x: Array) -> Array:
+    out = np.full(x.shape, coefficients[-1], dtype=x.dtype)
+    for a in coefficients[-2::-1]:
+        out = out * x + a
+    return out
+
+
+def _half_over_sine(x: Array) -> Array:
+    small = abs(x.real) < _SMALL_ANGLE
+    safe = np.where(small, 1.0, x)
+    return np.where(small, _polynomial(_COSECANT, x * x), safe / np.sin(safe))
+
+
+def _half_over_sine_rate(x: Array) -> Array:
+    small = abs(x.real) < _SMALL_ANGLE
+    safe = np.where(small, 1.0, x)
+    sine = np.sin(safe)
+    series = x * _polynomial(_COSECANT[1:] * 2 * np.arange(1, 6), x * x)
+    return np.where(small, series, (sine - safe * np.cos(safe)) / (sine * sine))
+
+
+# -- phi(c) = theta / sin theta, c = cos theta -----------------------------------------------------
+
+
+def _turn_series(count: int = 24) -> Floats:
+    """Powers of ``u = 1 - c`` of phi: ``2^n (n!)^2 / (2n+1)!``; converges for u < 2."""
+    a = np.ones(count)
+    for n in range(count - 1):
+        a[n + 1] = a[n] * (n + 1) / (2 * n + 3)
+    return a
+
+
+_TURN = _turn_series()
+_FIRST = np.arange(1, len(_TURN)) * _TURN[1:]
+#: columns: powers of u in phi, -phi' and phi''
+_TURN_POWERS = np.zeros((len(_TURN), 3))
+_TURN_POWERS[:, 0] = _TURN
+_TURN_POWERS[:-1, 1] = _FIRST
+_TURN_POWERS[:-2, 2] = np.arange(1, len(_FIRST)) * _FIRST[1:]
+_TURN_POWERS[:, 1] *= -1
+#: so many terms are exact to round-off up to here
+_NEAR_ONE = 0.25
+_QUADRATURE = np.polynomial.legendre.leggauss(5)
+
+
+def turn_factors(c: Array) -> Array:
+    """``phi = theta / sin(theta)`` of ``c = cos(theta)``, phi' and phi'' (3, ...); analytic at 1.
+
+    Beside the series at c = 1 by ``(1 - c^2) phi' = c phi - 1``.
+
+    Examples
+    --------
+    >>> turn_factors(np.cos([0.0, 1e-9, 0.5]))[0].round(12).tolist()
+    [1.0, 1.0, 1.042914821467]
+    """
+    u = 1 - c
+    near = abs(u.real) < _NEAR_ONE
+    small = np.where(near, u, 0.0)
+    powers = np.ones((*c.shape, len(_TURN)), dtype=c.dtype)
+    powers[..., 1:] = small[..., None]
+    series = np.cumprod(powers, axis=-1) @ _TURN_POWERS
+    safe = np.where(near, 0.0, c)
+    square = 1 - safe * safe
+    sine = np.sqrt(square)
+    phi = _atan2(sine, safe) / sine
+    first = (safe * phi - 1) / square
+    second = (phi + 3 * safe * first) / square
+    return np.where(near, np.moveaxis(series, -1, 0), np.stack([phi, first, second]))
+
+
+def _turn_quotient(c0: Array, c1: Array, phi0: Array, phi1: Array) -> tuple[Array, Array]:
+    """``(phi_1 - phi_0)/(c_1 - c_0)`` and its derivative by ``c_1``.
+
+    From phi and its derivatives at both ends; where these are close to each other as the mean of
+    phi' between them, by quadrature.
+    """
+    step = c1 - c0
+    close = abs(step.real) < 0.05 * (1 + np.minimum(c0.real, c1.real))
+    safe = np.where(close, 1.0, step)
+    quotient = (phi1[0] - phi0[0]) / safe
+    rate = (phi1[1] - quotient) / safe
+    share = 0.5 * (1 + _QUADRATURE[0])
+    weight = 0.5 * _QUADRATURE[1]
+    inside = turn_factors(c0 + np.multiply.outer(share, np.where(close, step, 0.0)))
+    mean, mean_rate = weight @ inside[1], (weight * share) @ inside[2]
+    return np.where(close, mean, quotient), np.where(close, mean_rate, rate)

@@ -1,0 +1,413 @@
+"""All force elements of a scene as arrays: forces, tangents, energy and work of a step.
+
+Couplings whose coordinates and law are of one kind are evaluated together. A coupling's force on
+the rows of y is ``sum_k s_k grad pi_k(y_mid)``: its invariants ``pi`` are quadratic, so that this
+does the work ``s . (pi_1 - pi_0)`` in a step, exactly, and leaves the momentum of free systems
+alone. Schemes differ in s, see :meth:`Couplings.midpoint` and :meth:`Couplings.discrete`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from ..coupling import Coupling
+from ..errors import InputError
+from ..frames import Place
+from ..load import Constant, TimeFunction
+from ..log import logger
+from ..relative import Form, RelativeCoordinate
+from ..types import Array, Floats, IndexArray
+from .coordinates import KINDS, Joined, Kind
+from .laws import Law, LinearLaw, SlackLaw, apply
+
+__all__ = ["CoupledForce", "CoupledStart", "CouplingWork", "Couplings", "Invariants"]
+
+#: first row of y of a place's vertex
+RowOf = Callable[[Place], int]
+
+
+class Invariants:
+    """Quadratic invariants ``pi_k = y . A_k y / 2`` of several couplings on their local rows of y.
+
+    Parameters
+    ----------
+    forms : list of tuple of Form
+        k forms for each of the c couplings.
+    row_of : callable
+        First row of y of a place's vertex.
+
+    Attributes
+    ----------
+    rows : (c, R) int array
+        Rows of y; couplings of fewer rows repeat their first one, with zeros in A.
+    real : (c, R) bool array
+        Which of them are no repetition.
+    A : (c, k, R, R) array
+        Symmetric.
+    """
+
+    def __init__(self, forms: Sequence[tuple[Form, ...]], row_of: RowOf) -> None:
+        tables = [[_table(form, row_of) for form in each] for each in forms]
+        owned = [sorted({a for table in each for ab in table for a in ab}) for each in tables]
+        R = max(len(rows) for rows in owned)
+        self.rows = np.array([rows + rows[:1] * (R - len(rows)) for rows in owned])
+        self.real = np.array([[k < len(rows) for k in range(R)] for rows in owned])
+        self.A = np.zeros((len(forms), len(forms[0]), R, R))
+        for c, (each, rows) in enumerate(zip(tables, owned, strict=True)):
+            local = {row: i for i, row in enumerate(rows)}
+            for k, table in enumerate(each):
+                for (a, b), factor in table.items():
+                    self.A[c, k, local[a], local[b]] += factor
+                    self.A[c, k, local[b], local[a]] += factor
+
+    def gradients(self, y: Array) -> Array:
+        """``A_k y`` (..., c, k, R, 3) for y (..., total, 3)."""
+        return self.A @ y[..., self.rows, :][..., None, :, :]
+
+    def values(self, y: Array) -> Array:
+        """``pi`` (..., c, k)."""
+        local = y[..., self.rows, :][..., None, :, :]
+        return 0.5 * ((self.A @ local) * local).sum((-2, -1))
+
+
+def _table(form: Form, row_of: RowOf) -> dict[tuple[int, int], float]:
+    """Factor of each product of rows."""
+    out: dict[tuple[int, int], float] = {}
+    for product in form:
+        for p, i, left in product.left.terms:
+            for q, j, right in product.right.terms:
+                key = row_of(p) + i, row_of(q) + j
+                out[key] = out.get(key, 0.0) + product.factor * left * right
+    return out
+
+
+def kind_of(coordinates: Sequence[RelativeCoordinate]) -> Kind:
+    """The kind of one coordinate, or of several side by side."""
+    kinds = tuple(KINDS[c.kind] for c in coordinates)
+    return kinds[0] if len(kinds) == 1 else Joined(kinds)
+
+
+# -- groups ----------------------------------------------------------------------------------------
+
+
+@dataclass(eq=False)
+class _Start:
+    """A group at the start of a step."""
+
+    pi: Floats
+    xi: Floats
+    amplitude: Floats
+
+
+@dataclass(eq=False)
+class _Response:
+    """A group at a trial configuration.
+
+    `travel` (c, m) is what the forces sigma do work on, `slopes` gives the derivatives of s by the
+    invariants at the midpoint (or None) and at the end, (c, k, k) each.
+    """
+
+    s: Array
+    gradients: Array
+    gradients1: Array
+    travel: Array
+    dissipated: Array
+    slopes: Callable[[], tuple[Array | None, Array]]
+
+
+class _Group:
+    """Couplings of one kind of coordinates and one law."""
+
+    def __init__(
+        self, members: list[Coupling], row_of: RowOf, reference: Floats, free: int, channel: int
+    ) -> None:
+        self.members = members
+        self.kind = kind_of(members[0].coordinates)
+        self.invariants = Invariants(
+            [tuple(f for c in m.coordinates for f in c.forms) for m in members], row_of
+        )
+        self.law: Law = SlackLaw(members) if members[0].slack else LinearLaw(members)
+        self.neutral = np.array([m.neutral for m in members])
+        shifts = np.array(
+            [c.kind == "displacement" for c in members[0].coordinates for _ in range(c.size)]
+        )
+        # displacements count from the reference
+        self.neutral += shifts * self.kind.value(self.invariants.values(reference))
+        #: numbers of the actuators' channels, -1 for none
+        self.channels = np.full((len(members), self.kind.size), -1)
+        for i, member in enumerate(members):
+            if member.channels:
+                self.channels[i] = np.arange(channel, channel + self.kind.size)
+                channel += self.kind.size
+        inside = self.invariants.real & (self.invariants.rows < free)
+        self.kept = inside[:, :, None] & inside[:, None, :]
+        a = np.broadcast_to(self.invariants.rows[:, :, None], self.kept.shape)
+        self.pairs = np.stack([a[self.kept], a.swapaxes(1, 2)[self.kept]], axis=-1)
+
+    def stretch(self, xi: Array) -> Array:
+        return xi - self.neutral
+
+    def discrete(self, start: _Start, h: float, mid: Array, y1: Array) -> _Response:
+        """``s = Psi^T sigma`` with the discrete derivatives of coordinates and energy."""
+        kind, pi0, xi0 = self.kind, start.pi, start.xi
+        pi1 = self.invariants.values(y1)
+        xi1 = kind.continued(pi1, xi0)
+        Psi = kind.discrete(pi0, xi0, pi1, xi1)
+        law, by_e1, dissipated = self.law.discrete(self.stretch(xi0), self.stretch(xi1), h)
+        sigma = law - start.amplitude
+
+        def slopes() -> tuple[Array | None, Array]:
+            H = Psi.swapaxes(-1, -2) @ by_e1 @ kind.slope(pi1)
+            turned = kind.discrete_slope(pi0, xi0, pi1, xi1)
+            return None, H + (sigma[..., None, None] * turned).sum(-3)
+
+        return _Response(
+            apply(Psi.swapaxes(-1, -2), sigma),
+            self.invariants.gradients(mid),
+            self.invariants.gradients(y1),
+            xi1 - xi0,
+            dissipated,
+            slopes,
+        )
+
+    def midpoint(self, start: _Start, h: float, mid: Array, y1: Array) -> _Response:
+        """``s = xi'(pi_mid)^T sigma`` of the coordinates of the midpoint configuration."""
+        kind = self.kind
+        pi, pi1 = self.invariants.values(mid), self.invariants.values(y1)
+        xi, xi1 = kind.continued(pi, start.xi), kind.continued(pi1, start.xi)
+        J, change = kind.slope(pi), pi1 - start.pi
+        travel = apply(J, change)
+        law, by_e, by_rate, by_e1, dissipated = self.law.midpoint(
+            self.stretch(xi), travel / h, self.stretch(start.xi), self.stretch(xi1), h
+        )
+        sigma = law - start.amplitude
+
+        def slopes() -> tuple[Array | None, Array]:
+            X, left = kind.curvature(pi), J.swapaxes(-1, -2)
+            rate = (X * change[..., None, None, :]).sum(-1) / h
+            at_mid = left @ (by_e @ J + by_rate @ rate) + (sigma[..., None, None] * X).sum(-3)
+            return at_mid, left @ (by_rate @ J / h + by_e1 @ kind.slope(pi1))
+
+        return _Response(
+            apply(J.swapaxes(-1, -2), sigma),
+            self.invariants.gradients(mid),
+            self.invariants.gradients(y1),
+            travel,
+            dissipated,
+            slopes,
+        )
+
+    def tangent(self, response: _Response) -> Array:
+        """Derivative of the force on row a by row b of y_1, at :attr:`pairs`; (k, 3, 3)."""
+        r = response
+        at_mid, at_end = r.slopes()
+        c, k, R, _ = r.gradients.shape
+        left = r.gradients.reshape(c, k, 3 * R)
+        right = at_end @ r.gradients1.reshape(c, k, 3 * R)
+        if at_mid is not None:
+            right = right + 0.5 * (at_mid @ left)
+        K = (left.swapaxes(1, 2) @ right).reshape(c, R, 3, R, 3).swapaxes(2, 3)
+        curved = 0.5 * (r.s[:, :, None, None] * self.invariants.A).sum(1)
+        for i in range(3):
+            K[..., i, i] += curved
+        return K[self.kept]
+
+
+# -- all -------------------------------------------------------------------------------------------
+
+
+@dataclass(eq=False)
+class CoupledStart:
+    """All couplings at the start of a step of size h."""
+
+    h: float
+    y0: Floats
+    groups: list[_Start]
+
+
+@dataclass(eq=False)
+class CoupledForce:
+    """All couplings at a trial configuration.
+
+    Attributes
+    ----------
+    force : (total, 3) array
+        On all rows of y, the ground included, in the sense of an internal force.
+    """
+
+    force: Array
+    responses: list[_Response]
+
+
+@dataclass(frozen=True)
+class CouplingWork:
+    """Work in a step (J): by actuators, lost in dampers, done by moving ground on couplings."""
+
+    actuators: float
+    dissipated: float
+    ground: float
+
+
+class Couplings:
+    """Springs, dampers, cables, bushings and actuators of a scene.
+
+    Parameters
+    ----------
+    items : list of Coupling
+    row_of : callable
+        First row of y of a place's vertex.
+    reference : (total, 3) array
+        Reference configuration, all rows: displacements count from there.
+    free : int
+        Rows of y that are unknowns; the rest is ground.
+
+    Attributes
+    ----------
+    count : int
+        Number of couplings.
+    pairs : (k, 2) int array
+        Rows (a, b) of y, both unknowns, at which :meth:`tangent` has blocks.
+    angles : list of Coupling
+        Those on an angle, whose full turns are part of the state.
+    """
+
+    def __init__(
+        self, items: Sequence[Coupling], row_of: RowOf, reference: Floats, free: int
+    ) -> None:
+        self.items, self.count, self._free = list(items), len(items), free
+        families: dict[tuple[object, ...], list[Coupling]] = {}
+        for item in items:
+            key = (item.slack, *(c.kind for c in item.coordinates))
+            families.setdefault(key, []).append(item)
+        self.times: list[TimeFunction] = []
+        self._labels: list[str] = []
+        self._groups: list[_Group] = []
+        for members in families.values():
+            self._groups.append(_Group(members, row_of, reference, free, len(self.times)))
+            for member in members:
+                self.times += member.channels
+                self._labels += [member.label] * len(member.channels)
+        self._constant = all(isinstance(time, Constant) for time in self.times)
+        self._amplitudes: Floats | None = None
+        none = np.zeros((0, 2), dtype=np.int64)
+        self.pairs: IndexArray = np.concatenate([none, *(g.pairs for g in self._groups)])
+        self.angles = [m for g in self._groups if g.kind.period for m in g.members]
+        rows = np.concatenate([none.ravel(), *(g.invariants.rows.ravel() for g in self._groups)])
+        self._scatter = csr_matrix(
+            (np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(len(reference), len(rows))
+        )
+
+    # -- a step ----------------------------------------------------------------------------------
+
+    def begin(self, y0: Floats, turns: IndexArray | None, t0: float, h: float) -> CoupledStart:
+        """Couplings at the start of a step; `turns` as in a state."""
+        amplitudes = self._averages(t0, t0 + h)
+        starts = [
+            _Start(pi, xi, amplitudes[g.channels])
+            for g, (pi, xi) in zip(self._groups, self._values(y0, turns), strict=True)
+        ]
+        return CoupledStart(h, y0, starts)
+
+    def discrete(self, start: CoupledStart, mid: Array, y1: Array) -> CoupledForce:
+        """Forces that do the work ``V_1 - V_0``: springs conserve energy.
+
+        Dampers and actuators work on the change of their coordinates.
+        """
+        return self._assemble(
+            [
+                g.discrete(s, start.h, mid, y1)
+                for g, s in zip(self._groups, start.groups, strict=True)
+            ]
+        )
+
+    def midpoint(self, start: CoupledStart, mid: Array, y1: Array) -> CoupledForce:
+        """Forces of the midpoint configuration: springs have the potential ``V(y_mid)``."""
+        return self._assemble(
+            [
+                g.midpoint(s, start.h, mid, y1)
+                for g, s in zip(self._groups, start.groups, strict=True)
+            ]
+        )
+
+    def _assemble(self, responses: list[_Response]) -> CoupledForce:
+        nodal = [(r.s[:, :, None, None] * r.gradients).sum(1).reshape(-1, 3) for r in responses]
+        return CoupledForce(self._scatter @ np.concatenate(nodal), responses)
+
+    def tangent(self, force: CoupledForce, factor: float) -> Array:
+        """``factor`` times the derivative of the force on row a by row b of y_1, (k, 3, 3)."""
+        blocks = [g.tangent(r) for g, r in zip(self._groups, force.responses, strict=True)]
+        return factor * np.concatenate(blocks)
+
+    def work(self, start: CoupledStart, force: CoupledForce, y1: Floats) -> CouplingWork:
+        """What a solved step did."""
+        pairs = list(zip(start.groups, force.responses, strict=True))
+        moved = y1[self._free :] - start.y0[self._free :]
+        return CouplingWork(
+            sum(float((s.amplitude * r.travel).sum()) for s, r in pairs),
+            sum(float(r.dissipated.sum()) for _, r in pairs),
+            float((force.force[self._free :] * moved).sum()),
+        )
+
+    def turns(self, start: CoupledStart, y1: Floats) -> IndexArray | None:
+        """Full turns of :attr:`angles` at the end of a step; None if there are none.
+
+        Warns of a rotation vector that passed a turn of pi, where it jumps.
+        """
+        out = []
+        for g, s in zip(self._groups, start.groups, strict=True):
+            pi = g.invariants.values(y1)
+            if g.kind.period:
+                turned = (g.kind.continued(pi, s.xi) - g.kind.value(pi)) / g.kind.period
+                out.append(np.rint(turned[:, 0]).astype(np.int64))
+            elif g.kind.size > 1:
+                jump = abs(g.kind.value(pi)[:, -3:] - s.xi[:, -3:]).max(1) > np.pi
+                for i in np.flatnonzero(jump):
+                    logger.warning(
+                        "%s: the relative rotation passed pi, where its rotation vector jumps",
+                        g.members[i].label,
+                    )
+        return np.concatenate(out) if out else None
+
+    # -- states ------------------------------------------------------------------------------------
+
+    def energy(self, y: Floats, turns: IndexArray | None = None) -> Floats:
+        """Stored energy (...) of states y (..., total, 3) with `turns` (..., angles)."""
+        out = np.zeros(y.shape[:-2])
+        for g, (_, xi) in zip(self._groups, self._values(y, turns), strict=True):
+            out += g.law.energy(g.stretch(xi)).sum(-1)
+        return out
+
+    def _values(self, y: Floats, turns: IndexArray | None) -> list[tuple[Floats, Floats]]:
+        """(pi, xi) of each group."""
+        out, first = [], 0
+        if turns is not None and np.shape(turns)[-1:] != (len(self.angles),):
+            raise InputError(
+                "turns of angles", f"shape {np.shape(turns)}, expected (..., {len(self.angles)})"
+            )
+        for g in self._groups:
+            pi = g.invariants.values(y)
+            xi = g.kind.value(pi)
+            if g.kind.period and turns is not None:
+                own = turns[..., first : first + len(g.members)]
+                xi = xi + g.kind.period * own[..., None]
+                first += len(g.members)
+            out.append((pi, xi))
+        return out
+
+    def _averages(self, t0: float, t1: float) -> Floats:
+        """Means of all channels over a step, and a zero for who has none."""
+        if self._amplitudes is not None:
+            return self._amplitudes
+        out = np.zeros(len(self.times) + 1)
+        for k, time in enumerate(self.times):
+            try:
+                out[k] = time.average(t0, t1)
+            except InputError as error:
+                raise InputError(self._labels[k], str(error)) from error
+        if self._constant:
+            self._amplitudes = out
+        return out

@@ -1,0 +1,71 @@
+"""The ground's frames: one at rest, and one for each place in prescribed motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..frames import Place
+from ..types import Floats
+
+__all__ = ["Ground"]
+
+_REST = np.vstack([np.zeros(3), np.eye(3)])
+
+
+class Ground:
+    """Rows ``(x, d1, d2, d3)`` of the ground's frames as functions of time.
+
+    Parameters
+    ----------
+    places : sequence of Place
+        Among them those of the ground in prescribed motion; each counts once.
+
+    Attributes
+    ----------
+    moving : list of Place
+        In prescribed motion, drives included.
+    rows : int
+        Four for each frame.
+    """
+
+    def __init__(self, places: Sequence[Place]) -> None:
+        self.moving: list[Place] = []
+        for place in places:
+            if place.motion is not None and not any(place is p for p in self.moving):
+                self.moving.append(place)
+        self.rows = 4 * (1 + len(self.moving))
+
+    def number(self, place: Place) -> int:
+        """Which frame a ground place belongs to; 0 is the one at rest."""
+        return next((1 + k for k, p in enumerate(self.moving) if p is place), 0)
+
+    def at(self, t: float) -> Floats:
+        """Rows (rows, 3) at time `t`."""
+        if not self.moving:
+            return _REST
+        frames = [p.motion.frame(p, t) for p in self.moving if p.motion is not None]
+        return np.concatenate([_REST, *frames])
+
+    def rate_and_error(self, t: float) -> tuple[Floats, float]:
+        """Time derivative of :meth:`at` by differences of the callables, and its error.
+
+        One-sided, of fourth order, on shrinking intervals until two results agree best: a motion
+        is never asked for before t = 0 nor after t > 0, where it may not be defined.
+        """
+        if not self.moving:
+            return np.zeros((self.rows, 3)), 0.0
+        here, best, error = self.at(t), np.zeros((self.rows, 3)), np.inf
+        before: Floats | None = None
+        width = 1e-2 if t <= 0 else -min(1e-2, t / 4)
+        for _ in range(12):
+            g = [self.at(t + k * width) - here for k in (1, 2, 3, 4)]
+            rate = (48 * g[0] - 36 * g[1] + 16 * g[2] - 3 * g[3]) / (12 * width)
+            change = np.inf if before is None else float(abs(rate - before).max())
+            if change < error:
+                best, error = rate, change
+            if change <= 1e-12 * float(abs(rate).max()):
+                break
+            before, width = rate, width / 4
+        return best, error

@@ -1,0 +1,177 @@
+"""Relative motion of two places: expressions at most quadratic in q, and coordinates made of them.
+
+Everything a joint, a drive, a spring or a bushing needs of two places is a sum of products
+``(sum c_a y_a) . (sum c_b y_b)`` of coordinate vectors. Such an invariant ``pi`` is objective, its
+gradient is linear in q and the gradient at a midpoint its exact discrete derivative. A relative
+coordinate ``xi`` is a function of one to four invariants.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .frames import Place, ground
+from .types import Floats
+
+__all__ = [
+    "ORIGIN",
+    "Amplitude",
+    "Expression",
+    "Product",
+    "RelativeCoordinate",
+    "Zero",
+    "angle",
+    "direction",
+    "displacement",
+    "distance",
+    "normals",
+    "point",
+    "rotation",
+]
+
+#: the ground at rest: its directors are the axes of space
+ORIGIN = ground((0.0, 0.0, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Expression:
+    """Linear combination of coordinate vectors: terms ``(place, row, factor)``.
+
+    ``row`` 0 is phi of the place's vertex, 1 to 3 its directors.
+    """
+
+    terms: tuple[tuple[Place, int, float], ...]
+
+    def __sub__(self, other: Expression) -> Expression:
+        return Expression(self.terms + tuple((p, r, -c) for p, r, c in other.terms))
+
+
+def point(place: Place) -> Expression:
+    """``x = phi + X_i d_i`` of a place."""
+    terms = [(place, 0, 1.0)]
+    terms += [(place, i + 1, float(X)) for i, X in enumerate(place.offset) if X != 0]
+    return Expression(tuple(terms))
+
+
+def direction(place: Place, axis: Floats) -> Expression:
+    """``n = n_i d_i``, the direction that is `axis` in space in the reference configuration."""
+    components = place.material(axis)
+    return Expression(
+        tuple((place, i + 1, float(c)) for i, c in enumerate(components) if abs(c) > 1e-15)
+    )
+
+
+def normals(axis: Floats) -> Floats:
+    """Two unit vectors m_1, m_2 (2, 3) normal to `axis` and to each other, ``m_1 x m_2 = n``."""
+    first = np.cross(axis, np.eye(3)[np.argmin(abs(axis))])
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(axis, first)])
+
+
+@dataclass(frozen=True, eq=False)
+class Amplitude:
+    """A number that is prescribed in time: a component of a ground place's position."""
+
+    place: Place
+    component: int
+
+
+@dataclass(frozen=True, eq=False)
+class Zero:
+    """Three rows: ``expression = 0``."""
+
+    expression: Expression
+    size = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Product:
+    """``factor * amplitude * (left . right)``; `amplitude` is 1 unless prescribed in time."""
+
+    left: Expression
+    right: Expression
+    factor: float = 1.0
+    amplitude: Amplitude | None = None
+    size = 1
+
+
+#: A sum of products; as a constraint row: the sum keeps its reference value.
+Form = tuple[Product, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class RelativeCoordinate:
+    """A relative coordinate of two places as a function of quadratic invariants.
+
+    Attributes
+    ----------
+    name : str
+        Such as "angle" or "displacement".
+    kind : {"angle", "displacement", "distance", "rotation"}
+        ``atan2(pi_2, pi_1)``; ``pi_1`` less its reference value; ``sqrt(pi_1)``; the rotation
+        vector of which ``pi_1..3`` is the sine times the axis and ``pi_4`` the cosine.
+    forms : tuple of sums of products
+        The invariants.
+    """
+
+    name: str
+    kind: str
+    forms: tuple[Form, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of components: 3 for a rotation vector, else 1."""
+        return 3 if self.kind == "rotation" else 1
+
+
+def angle(
+    name: str, a: Place, b: Place, axis: Floats, side: str = "a", across: Floats | None = None
+) -> RelativeCoordinate:
+    """Angle from side a to side b about an axis, zero in the reference.
+
+    The axis n is material in `side`. `across` is a direction normal to n that side b (a if `side`
+    is "b") keeps normal to it: the other axis of a universal joint; by default any, as both sides
+    have n in common.
+    """
+    first = normals(axis)[0] if across is None else across
+    second = np.cross(axis, first)
+    if side == "b":
+        a, b, second = b, a, -second
+    turned = direction(b, first)
+    cosine = Product(direction(a, first), turned)
+    sine = Product(direction(a, second), turned)
+    return RelativeCoordinate(name, "angle", ((cosine,), (sine,)))
+
+
+def displacement(name: str, a: Place, b: Place, axis: Floats) -> RelativeCoordinate:
+    """``n^A . (x_b - x_a)`` less its reference value."""
+    form = (Product(direction(a, axis), point(b) - point(a)),)
+    return RelativeCoordinate(name, "displacement", (form,))
+
+
+def distance(name: str, a: Place, b: Place) -> RelativeCoordinate:
+    """``|x_b - x_a|``."""
+    r = point(b) - point(a)
+    return RelativeCoordinate(name, "distance", ((Product(r, r),),))
+
+
+def rotation(name: str, a: Place, b: Place) -> RelativeCoordinate:
+    """Rotation vector from side a to side b, components along the reference axes of space.
+
+    With ``D_ij = e_i^A . e_j^B`` (both triads parallel to space in the reference) the invariants
+    are ``sin(theta) n_k = eps_kij D_ji / 2`` and ``cos(theta) = (tr D - 1)/2``; the constant is
+    left out of the form.
+    """
+    A = [direction(a, e) for e in np.eye(3)]
+    B = [direction(b, e) for e in np.eye(3)]
+    sines = tuple(
+        (
+            Product(A[(k + 2) % 3], B[(k + 1) % 3], 0.5),
+            Product(A[(k + 1) % 3], B[(k + 2) % 3], -0.5),
+        )
+        for k in range(3)
+    )
+    cosine = tuple(Product(A[k], B[k], 0.5) for k in range(3))
+    return RelativeCoordinate(name, "rotation", (*sines, cosine))
