@@ -201,9 +201,9 @@ class Charts:
 
     def convergence(self, run: int, result: dict[str, Any]) -> None:
         """Figure 25: left energy-momentum with multipliers, right with the null space."""
-        figure = _figure(12.0, 8.0)
-        axes = figure.subplots(2, 2, sharex=True, sharey="row")
-        kinds = (convergence.SAME_END, convergence.TO_VARIATIONAL)
+        figure = _figure(12.0, 11.0)
+        axes = figure.subplots(3, 2, sharex=True, sharey="row")
+        kinds = (convergence.SAME_END, convergence.TO_VARIATIONAL, convergence.TO_MOMENTUM)
         for column, treatment in zip(axes.T, ("multipliers", "null-space"), strict=True):
             errors = result[treatment]["errors"]
             for axis, kind in zip(column, kinds, strict=True):
@@ -211,14 +211,15 @@ class Charts:
                 for name in (*convergence.QUANTITIES, convergence.SHIFTED):
                     style = "x--" if name == convergence.SHIFTED else "o-"
                     line = [errors[kind][h][name] for h in steps]
-                    axis.loglog(steps, line, style, ms=4, lw=1, label=name)
+                    open_marker = {"ms": 8, "mfc": "none"} if name == "p" else {"ms": 4}
+                    axis.loglog(steps, line, style, lw=1, label=name, **open_marker)
                 low = min(errors[kind][steps[-1]].values())
                 axis.loglog(steps, 0.3 * low * (steps / steps[-1]) ** 2, "k:", label="order 2")
                 axis.grid(which="both", alpha=0.25)
                 axis.set_title(f"energy-momentum with {treatment}\n{kind}", fontsize="small")
-            column[1].set_xlabel("step in s")
-            column[1].set_xticks(steps, [f"{h:g}" for h in steps], fontsize="small")
-            column[1].minorticks_off()
+            column[-1].set_xlabel("step in s")
+            column[-1].set_xticks(steps, [f"{h:g}" for h in steps], fontsize="small")
+            column[-1].minorticks_off()
         for axis in axes[:, 0]:
             axis.set_ylabel("relative difference")
         figure.legend(

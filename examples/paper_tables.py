@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,9 @@ TABLE_2 = {
 }
 #: n and independent constraints, of the captions
 COUNTS_1, COUNTS_2 = (72, 71), (276, 154)
+
+TIMED_STEPS = 50
+ROUNDS = {True: 3, False: 15}  # quick or not
 
 Work = Callable[[], None]
 
@@ -144,7 +147,9 @@ def own_choice(system: sc.System) -> dict[tuple[str, str], str]:
     }
 
 
-def condition_numbers(example: Any) -> dict[tuple[str, str], dict[float, dict[str, float]]]:
+def condition_numbers(
+    example: Any, steps: Sequence[float] = STEPS
+) -> dict[tuple[str, str], dict[float, dict[str, float]]]:
     """Medians by pair and step: ``unscaled``, and ``scaled`` with multipliers."""
     return {
         (i, t): {
@@ -153,19 +158,23 @@ def condition_numbers(example: Any) -> dict[tuple[str, str], dict[float, dict[st
                 for name, scaled in (("unscaled", False), ("scaled", True))
                 if t == "multipliers" or not scaled
             }
-            for h in STEPS
+            for h in steps
         }
         for i, t in PAIRS
     }
 
 
-def slopes(condition: dict[float, dict[str, float]]) -> list[float]:
-    """Exponents s of the growth with h^s between neighbouring steps, unscaled."""
-    values = [condition[h]["unscaled"] for h in STEPS]
+def slopes(values: Sequence[float]) -> list[float]:
+    """Exponents s of the growth with h^s between neighbours of STEPS."""
     return [
         float(np.log(b / a) / np.log(k / h))
         for (h, k), (a, b) in zip(pairwise(STEPS), pairwise(values), strict=True)
     ]
+
+
+def unscaled(condition: dict[float, dict[str, float]]) -> list[float]:
+    """In the order of STEPS."""
+    return [condition[h]["unscaled"] for h in STEPS]
 
 
 def _all_costs(
@@ -217,8 +226,10 @@ def table_1(quick: bool = True) -> dict[str, Any]:
         "unknowns": {pair: run["unknowns"] for pair, run in runs.items()}
         | {RELATIVE: other["unknowns"]},
         "condition": condition,
-        "slopes": {pair: slopes(c) for pair, c in condition.items() if pair[1] != "null-space"},
-        "cpu": _all_costs(system, (1e-2,), 50, 3 if quick else 15, relative=True),
+        "slopes": {
+            pair: slopes(unscaled(c)) for pair, c in condition.items() if pair[1] != "null-space"
+        },
+        "cpu": _all_costs(system, (1e-2,), TIMED_STEPS, ROUNDS[quick], relative=True),
         "solvers": own_choice(system),
         "relative accuracy": relative_accuracy(),
     }
@@ -236,8 +247,8 @@ def table_2(quick: bool = True) -> dict[str, Any]:
         "m": first["m"],
         "unknowns": {pair: run["unknowns"] for pair, run in runs.items()},
         "condition": condition,
-        "slopes": {pair: slopes(c) for pair, c in condition.items()},
-        "cpu": _all_costs(system, steps, 50, 3 if quick else 15, relative=False),
+        "slopes": {pair: slopes(unscaled(c)) for pair, c in condition.items()},
+        "cpu": _all_costs(system, steps, TIMED_STEPS, ROUNDS[quick], relative=False),
         "solvers": own_choice(system),
     }
 

@@ -44,7 +44,7 @@ REFERENCE = {
     10.0: (0.9999999600604265, -1.0002690106935694, 0.9997309558318888),
 }
 RANK_TOLERANCE = 1e-8
-CONDITION_STEPS = (1, 10, 50, 100)
+CONDITION_STEPS = (1, 10, 20, 50, 100)
 #: what sums over the bodies at and beyond each hinge
 _BEYOND = np.triu(np.ones((BODIES, BODIES)))
 _UPTO = _BEYOND.T.copy()
@@ -286,7 +286,7 @@ def condition_number(step: float, scaled: bool = False, steps: Any = None) -> fl
     scaled : bool
         With the rows and columns of the closure scaled by the largest entry of the dynamic block.
     steps : sequence of int, optional
-        Step numbers; default: 1, 10, 50, 100.
+        Step numbers; default: 1, 10, 20, 50, 100.
     """
     numbers = CONDITION_STEPS if steps is None else tuple(steps)
     if not numbers or not all(isinstance(k, int | np.integer) and k >= 1 for k in numbers):

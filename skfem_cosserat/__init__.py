@@ -3,6 +3,7 @@
 from .beam import Beam
 from .body import MassPoint, RigidBody
 from .constraints import Multipliers, NullSpace
+from .coupling import Bushing, Cable, JointActuator, JointSpringDamper, SpringDamper
 from .diagnostics import Projection
 from .drive import JointDrive
 from .errors import (
@@ -37,6 +38,8 @@ from .version import VERSION
 
 __all__ = [
     "Beam",
+    "Bushing",
+    "Cable",
     "CosseratError",
     "Diverged",
     "EnergyMomentum",
@@ -45,6 +48,7 @@ __all__ = [
     "HistoryError",
     "IncompatibleError",
     "InputError",
+    "JointActuator",
     "JointCylindrical",
     "JointDistance",
     "JointDrive",
@@ -54,6 +58,7 @@ __all__ = [
     "JointPrismatic",
     "JointRevolute",
     "JointSpherical",
+    "JointSpringDamper",
     "JointUniversal",
     "LoadForce",
     "LoadGravity",
@@ -75,6 +80,7 @@ __all__ = [
     "SectionCircle",
     "SectionRectangle",
     "SectionTube",
+    "SpringDamper",
     "State",
     "Stepper",
     "System",

@@ -10,7 +10,7 @@ import numpy as np
 from .assembly import ElementLoad, ElementMatrix
 from .basis import DirectorBasis
 from .errors import InputError
-from .frames import Place, StructuralItem, Vertices
+from .frames import Place, StructuralItem, Vertices, vector
 from .kernels import BeamElements, beam_force, beam_strain, beam_stress, beam_tangent
 from .mesh import MeshCurve
 from .section import Section
@@ -222,14 +222,16 @@ class Beam(StructuralItem):
             return np.arange(self.mesh.t.shape[1], dtype=np.int64)
         return self.mesh.elements_of(name)
 
-    def node(self, which: str | int | VectorLike) -> Place:
-        """The place of a node, for joints, loads and what is attached.
+    def node(self, which: str | int | VectorLike, offset: VectorLike = (0.0, 0.0, 0.0)) -> Place:
+        """The place of a node, for joints, loads and what is attached, or a point rigid with it.
 
         Parameters
         ----------
         which : str, int or (3,) array
             Name (``"NAME.start"``, ``"NAME.end"`` or one given in the mesh), number among the
             nodes of the elements, or reference position (m).
+        offset : (3,) array
+            Material coordinates ``X_i`` of the point in the node's triad (m): an eccentric end.
 
         Returns
         -------
@@ -240,6 +242,8 @@ class Beam(StructuralItem):
         ------
         MeshError
             If there is no such node; the message lists the names known.
+        InputError
+            If the offset is not three finite numbers.
 
         Examples
         --------
@@ -249,9 +253,10 @@ class Beam(StructuralItem):
         [0.0, 2.0, 0.0]
         >>> beam.node((0, 1, 0)).vertex
         2
+        >>> beam.node("rod.end", offset=(0, 0, 0.1)).position.tolist()   # 0.1 m further along d3
+        [0.0, 2.1, 0.0]
         """
         a = self.basis.node(which)
         note = f" node {which!r}" if isinstance(which, str) else f" node {a}"
-        return Place(
-            self, a, self.basis.nodes[a].copy(), np.zeros(3), self.triads[a].copy(), None, note
-        )
+        X, triad = vector(self.label, "offset", offset), self.triads[a].copy()
+        return Place(self, a, self.basis.nodes[a] + X @ triad, X, triad, None, note)

@@ -10,10 +10,15 @@ import numpy as np
 from skfem_cosserat import (
     Beam,
     FunctionOfTime,
+    JointCylindrical,
     JointDistance,
     JointFixed,
+    JointPlanar,
+    JointPointOnLine,
+    JointPrismatic,
     JointRevolute,
     JointSpherical,
+    JointUniversal,
     LoadForce,
     LoadGravity,
     LoadLine,
@@ -53,6 +58,39 @@ def unit(rng: np.random.Generator) -> np.ndarray:
     """Random unit vector."""
     v = rng.standard_normal(3)
     return v / np.linalg.norm(v)
+
+
+#: Every joint, with the number of motions it leaves free between two bodies.
+JOINTS: dict[type, int] = {
+    JointSpherical: 3,
+    JointRevolute: 1,
+    JointCylindrical: 2,
+    JointPrismatic: 1,
+    JointPlanar: 3,
+    JointUniversal: 2,
+    JointFixed: 0,
+    JointDistance: 5,
+    JointPointOnLine: 4,
+}
+#: Those that hold a mass point; the last one only on side b.
+POINT_JOINTS = (JointSpherical, JointDistance, JointPointOnLine)
+
+
+def fitting(kind: type, rng: np.random.Generator) -> tuple[dict[str, Any], np.ndarray]:
+    """Random axes of a joint, and where the other point may be seen from the first."""
+    n, m = unit(rng), unit(rng)
+    across = np.cross(n, m) / np.linalg.norm(np.cross(n, m))
+    if kind is JointUniversal:
+        return {"axis_a": n, "axis_b": across}, np.zeros(3)
+    if kind is JointPlanar:
+        return {"normal": n, "x": across}, rng.standard_normal() * np.cross(
+            n, across
+        ) + 0.3 * across
+    if kind in (JointCylindrical, JointPrismatic, JointPointOnLine):
+        return {"axis": n}, rng.standard_normal() * n
+    if kind is JointRevolute:
+        return {"axis": n}, np.zeros(3)
+    return {}, rng.standard_normal(3) if kind is JointDistance else np.zeros(3)
 
 
 def full_section() -> Section:
@@ -233,7 +271,7 @@ def _loads(model: Model, curved: Beam, frame: Beam, body: RigidBody, hub: RigidB
 
 
 def random_tree(seed: int, depth: int = 6) -> System:
-    """A random tree of bodies and points, at least `depth` joints deep, of all joints."""
+    """A random tree of bodies and points, at least `depth` joints deep, of all nine joints."""
     rng = np.random.default_rng(seed)
     build = _Builder(rng, lambda: bool(rng.integers(2)))
     model = build.model
@@ -260,24 +298,30 @@ def random_tree(seed: int, depth: int = 6) -> System:
 
 def _grow(build: _Builder, parent: Any, name: str, is_point: bool) -> Any:
     rng = build.rng
-    x, y = rng.standard_normal((2, 3))
+    x = rng.standard_normal(3)
     if isinstance(parent, Place):
         side, x = parent, parent.position
     elif isinstance(parent, MassPoint):
         side, x = parent.place(), parent.position
     else:
         side = parent.at(x)
-    kinds = [JointSpherical, JointDistance]
-    if not is_point and not isinstance(parent, MassPoint):
-        kinds += [JointRevolute, JointFixed]
+    from_point = isinstance(parent, MassPoint)
+    kinds = list(POINT_JOINTS if is_point or from_point else JOINTS)
+    if is_point and from_point:
+        kinds.remove(JointPointOnLine)
     kind = kinds[int(rng.integers(len(kinds)))]
+    options, gap = fitting(kind, rng)
     if is_point:
-        item = build.model.add(name, MassPoint(1.0, y if kind is JointDistance else x))
+        item = build.model.add(name, MassPoint(1.0, x + gap))
         other = item.place()
     else:
         item = build.body(name, rng.standard_normal(3))
-        other = item.at(y if kind is JointDistance else x)
-    build.join(kind, side, other, **({"axis": unit(rng)} if kind is JointRevolute else {}))
+        other = item.at(x + gap)
+    if kind is JointPointOnLine and (is_point or from_point):
+        frame, point = (side, other) if is_point else (other, side)
+        build.model.add(f"line {name}", kind(frame, point, **options))
+    else:
+        build.join(kind, side, other, **options)
     return item
 
 

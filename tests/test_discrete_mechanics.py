@@ -4,7 +4,16 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_scenes import FULL, TENSOR, everything, four_bar, random_state, random_tree, swing
+from helpers_scenes import (
+    FULL,
+    TENSOR,
+    everything,
+    four_bar,
+    random_state,
+    random_tree,
+    swing,
+    triangle,
+)
 from scipy.sparse import csr_matrix
 
 import skfem_cosserat as sc
@@ -213,6 +222,29 @@ def test_transforms_where_a_run_goes_on():
     assert abs(plus[0] - before).max() < 1e-12 * abs(second["p"]).max()
 
 
+def test_transforms_with_springs_and_dampers():
+    """A wheel that winds its spring up by three turns, with a damped pendulum on its rim."""
+    model = sc.Model()
+    wheel = model.add("wheel", sc.RigidBody(2.0, (0.3, 0.3, 0.5), angular_velocity=(0, 0, 20.0)))
+    bob = sc.RigidBody(0.3, (0.01, 0.01, 0.01), position=(0.5, 0, 0), velocity=(0, 8.0, 0))
+    model.add("bob", bob)
+    axle = sc.JointRevolute(sc.ground((0, 0, 0)), wheel.at((0, 0, 0)), (0, 0, 1.0))
+    pin = sc.JointRevolute(wheel.at((0.4, 0, 0)), bob.at((0.4, 0, 0)), (0, 0, 1.0))
+    model.add("axle", axle)
+    model.add("pin", pin)
+    model.add("spring", sc.JointSpringDamper(axle, stiffness=0.4, damping=0.02))
+    model.add("damper", sc.JointSpringDamper(pin, damping=0.01))
+    system = model.freeze()
+    run = sc.Variational(), sc.Multipliers(), 0.005
+    history = sc.simulate(system, *run, 1.0)
+    minus, plus = diagnostics.legendre_transforms(system, history)
+    assert abs(history["turns"]).max() == 3
+    assert abs(minus - plus)[1:-1].max() < 1e-12 * abs(history["p"]).max()
+    start = sc.restart(system, history.truncated(150), sc.Variational(), 0.005)
+    again = sc.simulate(system, *run, 1.0, start=start)
+    assert abs(again["q"][-1] - history["q"][-1]).max() < 1e-11
+
+
 def test_transforms_of_a_run_that_ends_early_or_at_once():
     system = system_of("chain")
     history = sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.1)
@@ -403,6 +435,33 @@ def test_projection_with_redundant_rows(scene, method):
     assert abs(Qp[bare] - M @ expected).max() < 1e-12 * abs(p).max()
 
 
+@treatments
+@pytest.mark.parametrize("scene", [four_bar, triangle])
+def test_closed_loops(scene, treatment):
+    """With and without redundant rows: the same statements as for trees."""
+    system = scene().freeze()
+    start = sc.initial_state(system, nu=np.linspace(1, 2, system.unknowns))
+    history = sc.simulate(
+        system, sc.Variational(), TREATMENTS[treatment], 0.01, 0.3, start=start, settings=SHARP
+    )
+    q, p, t = history["q"], history["p"], history.times
+    minus, plus = diagnostics.legendre_transforms(system, history)
+    assert abs(minus - plus)[1:-1].max() < 1e-12 * abs(p).max()
+    y = diagnostics.constraint_points(system, history)
+    pairs = zip(y, history["multipliers"], strict=True)
+    force = np.array([system.constraints.jacobian(row).T @ lam for row, lam in pairs])
+    assert abs(force - history["constraint_force"]).max() < 1e-10 * abs(force).max()
+    v = Projection(system).stack(q, p, t)[0]
+    w = Projection(system, "reduced").stack(q, p, t)[0]
+    assert abs(v - w).max() < 1e-12 * abs(v).max()
+    assert diagnostics.hidden_violation(system, q, v, t).max() < 1e-12 * abs(v).max()
+    assert diagnostics.momentum_violation(system, q, p, t)[1:].max() > 1e-7 * abs(v).max()
+    pi = diagnostics.reduced_momentum(system, q, p, t)
+    back = diagnostics.velocity_from_reduced(system, q, pi, t)
+    assert abs(back - v).max() < 1e-12 * abs(v).max()
+    assert abs(q[-1] - q[0]).max() > 0.1
+
+
 # -- reduced momenta and velocities ----------------------------------------------------------------
 
 
@@ -459,6 +518,34 @@ def test_prescribed_velocity_has_least_kinetic_energy():
     assert abs(v).max() > 0.1
     pi = diagnostics.reduced_momentum(system, q, diagnostics.momentum(system, v), t)
     assert abs(pi).max() < 1e-12 * abs(M @ v).max()
+
+
+def test_driven_joint():
+    """A hinge that is prescribed in time, and a free one: closed form of the driven link."""
+    model = sc.Model()
+    arm = model.add("arm", sc.RigidBody(1.0, TENSOR, position=(0.5, 0, 0)))
+    hand = model.add("hand", sc.RigidBody(0.7, TENSOR, position=(1.4, 0.1, 0)))
+    axis = np.array([0, 0.6, 0.8])
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), arm.at((0, 0, 0)), axis)
+    model.add("shoulder", hinge)
+    model.add("motor", sc.JointDrive(hinge, lambda t: 0.5 * np.sin(2 * t)))
+    model.add("wrist", sc.JointRevolute(arm.at((1, 0, 0)), hand.at((1, 0, 0)), (0, 1.0, 0)))
+    system = model.freeze()
+    assert system.unknowns == 1
+    v = diagnostics.prescribed_velocity(system, system.q0)
+    assert abs(v[:3] - np.cross(axis, (0.5, 0, 0))).max() < 1e-11
+    start = sc.initial_state(system, nu=[0.0])
+    assert abs(start.p - diagnostics.momentum(system, v)).max() < 1e-14
+    history = sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.3, start=start)
+    q, p, t = history["q"], history["p"], history.times
+    minus, plus = diagnostics.legendre_transforms(system, history)
+    assert abs(minus - plus)[1:-1].max() < 1e-12 * abs(p).max()
+    one = Projection(system).stack(q, p, t)[0]
+    two = Projection(system, "reduced").stack(q, p, t)[0]
+    assert abs(one - two).max() < 1e-12 * abs(one).max()
+    assert diagnostics.hidden_violation(system, q, one, t).max() < 1e-12 * abs(one).max()
+    rate = np.cos(2 * t)[:, None] * axis
+    assert abs(one[:, :3] - np.cross(rate, q[:, :3])).max() < 1e-9
 
 
 def test_start_from_reduced_velocities():

@@ -21,7 +21,7 @@ CLOSING = 30
 #: violation, relative to the size of the rows' terms, below which a loop counts as closed
 CLOSED = 4e-16
 #: a correction (rad, or relative to the scene) this small needs no other
-QUADRATIC = 1e-9
+QUADRATIC = 3e-8
 #: a correction this large means that the loop does not close near here
 FAR = 3.0
 

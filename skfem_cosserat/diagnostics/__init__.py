@@ -32,6 +32,7 @@ from .projection import (
     reduced_momentum,
     velocity_from_reduced,
 )
+from .relative import coupling_energy, coupling_forces, joint_coordinates
 
 __all__ = [
     "Projection",
@@ -39,9 +40,12 @@ __all__ = [
     "condition_number",
     "constraint_points",
     "constraint_violation",
+    "coupling_energy",
+    "coupling_forces",
     "external_energy",
     "ground_part",
     "hidden_violation",
+    "joint_coordinates",
     "kinetic_energy",
     "kinetic_energy_of_velocity",
     "legendre_transforms",

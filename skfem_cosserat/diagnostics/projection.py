@@ -233,6 +233,11 @@ def reduced_momentum(system: System, q: ArrayLike, p: ArrayLike, t: ArrayLike = 
     InputError
         If the shape of `q` or `p` does not fit the system.
 
+    Notes
+    -----
+    With closed loops the unknowns refer to a basis that each configuration has of its own
+    (``system.null_space``): compare the velocities, :func:`velocity_from_reduced`.
+
     Examples
     --------
     A bar of 3 kg m^2 about its hinge, at 2 rad/s:

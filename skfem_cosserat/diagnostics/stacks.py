@@ -35,3 +35,15 @@ def check_consecutive(history: History, item: str) -> None:
             f"needs every step, the history goes from step {first:.0f} to {then:.0f}: record with"
             " every=1",
         )
+
+
+def all_rows(system: System, q: Floats, t: Floats) -> Floats:
+    """All rows of y (N, total, 3) of states q (N, n) at times t (N,)."""
+    out = np.empty((len(q), system.total, 3))
+    out[:, : system.rows] = q.reshape(len(q), system.rows, 3)
+    if system.moving:
+        for row, s in zip(out, t, strict=True):
+            row[system.rows :] = system.ground(float(s))
+    else:
+        out[:, system.rows :] = system.ground(0.0)
+    return out

@@ -20,7 +20,7 @@ from ..kernels import skew
 from ..log import logger
 from ..types import Array, Floats, IndexArray
 from .kinematics import Kinematics
-from .quadratic import QuadraticConstraints
+from .quadratic import QuadraticConstraints, sum_at
 
 __all__ = ["RANK_TOLERANCE", "SINGULAR", "Closure", "Selected"]
 
@@ -35,7 +35,7 @@ class _Component:
 
     rows: IndexArray  # among the loop rows
     columns: IndexArray  # tree coordinates
-    twists: IndexArray
+    twists: IndexArray  # among the columns of Closure.by_twists
     entries: tuple[IndexArray, IndexArray]  # of T: which, and where in (twists, columns)
     scale: Floats  # columns: translations count relative to the scene's extent
     rank: int = 0
@@ -128,10 +128,16 @@ class Closure:
         turning = kinematics.row_is_director[y_row]
         self._plain, self._turning = np.flatnonzero(~turning), np.flatnonzero(turning)
         base = kinematics.row_twist[y_row]
-        self._plain_twist = base[self._plain] + component[self._plain]
+        plain_twist = base[self._plain] + component[self._plain]
+        turning_twist = (base[self._turning][:, None] + np.arange(3)).ravel()
+        #: twists of the vertices on loops: the only columns of :meth:`by_twists`
+        self._twists = np.unique(np.concatenate([plain_twist, turning_twist]))
+        count = len(self._twists)
+        self._plain_at = self._row[self._plain] * count + np.searchsorted(self._twists, plain_twist)
+        turning_row = np.repeat(self._row[self._turning], 3)
+        self._turning_at = turning_row * count + np.searchsorted(self._twists, turning_twist)
         self._director = y_row[self._turning]
         self._component = component[self._turning]
-        self._turning_twist = base[self._turning]
         scale = np.ones(kinematics.unknowns)
         for c in kinematics.tree.coordinates:
             if c.kind in ("translation", "slide"):
@@ -141,11 +147,11 @@ class Closure:
 
     def _split(self, scale: Floats) -> list[_Component]:
         kin = self.kin
-        row = np.concatenate([self._row[self._plain], np.repeat(self._row[self._turning], 3)])
-        twist = np.concatenate(
-            [self._plain_twist, (self._turning_twist[:, None] + np.arange(3)).ravel()]
-        )
         r, K, nt = len(self.rows), kin.unknowns, kin.n_twist
+        row, twist = np.divmod(
+            np.concatenate([self._plain_at, self._turning_at]), max(1, len(self._twists))
+        )
+        twist = self._twists[twist]
         # bipartite graph of rows and coordinates
         ones = np.ones(len(row))
         B = coo_matrix((ones, (row, twist)), shape=(r, nt)).tocsr()
@@ -163,7 +169,8 @@ class Closure:
             i, j = at_twist[kin.T_rows], at_column[kin.T_cols]
             which = np.flatnonzero((i >= 0) & (j >= 0))
             where = i[which] * len(columns) + j[which]
-            out.append(_Component(rows, columns, twists, (which, where), scale[columns]))
+            at = np.searchsorted(self._twists, twists)
+            out.append(_Component(rows, columns, at, (which, where), scale[columns]))
         return out
 
     @property
@@ -174,16 +181,15 @@ class Closure:
     # -- evaluation --------------------------------------------------------------------------------
 
     def by_twists(self, y: Array) -> Array:
-        """``B = G_loop P_int`` (r, n_twist), dense."""
+        """``B = G_loop P_int`` (r, twists), dense, of the vertices on loops."""
         values = self.constraints.jacobian_values(y)[self._entries]
-        out = np.zeros((len(self.rows), self.kin.n_twist), dtype=values.dtype)
-        np.add.at(out, (self._row[self._plain], self._plain_twist), values[self._plain])
         # moment of a force e_c on a director: d x e_c
         arms = skew(y[self._director])[np.arange(len(self._director)), :, self._component]
         moments = arms * values[self._turning][:, None]
-        twist = self._turning_twist[:, None] + np.arange(3)
-        np.add.at(out, (self._row[self._turning][:, None], twist), moments)
-        return out
+        where = np.concatenate([self._plain_at, self._turning_at])
+        weights = np.concatenate([values[self._plain], moments.ravel()])
+        shape = (len(self.rows), len(self._twists))
+        return sum_at(where, weights, shape[0] * shape[1]).reshape(shape)
 
     def matrices(self, y: Array, T: Array) -> list[Array]:
         """C (rows, columns) of each component at y, columns scaled; T are the tree's values."""
@@ -191,9 +197,8 @@ class Closure:
         out = []
         for c in self.components:
             which, where = c.entries
-            flat = np.zeros(len(c.twists) * len(c.columns), dtype=T.dtype)
-            np.add.at(flat, where, T[which])
-            local = B[np.ix_(c.rows, c.twists)] @ flat.reshape(len(c.twists), len(c.columns))
+            flat = sum_at(where, T[which], len(c.twists) * len(c.columns))
+            local = B[c.rows[:, None], c.twists] @ flat.reshape(len(c.twists), len(c.columns))
             out.append(local * c.scale / self.magnitude[c.rows][:, None])
         return out
 

@@ -73,6 +73,10 @@ class Invariants:
         local = y[..., self.rows, :][..., None, :, :]
         return 0.5 * ((self.A @ local) * local).sum((-2, -1))
 
+    def rates(self, y: Array, ydot: Array) -> Array:
+        """``dpi/dt`` (..., c, k) for rates ydot of all rows."""
+        return (self.gradients(y) * ydot[..., self.rows, :][..., None, :, :]).sum((-2, -1))
+
 
 def _table(form: Form, row_of: RowOf) -> dict[tuple[int, int], float]:
     """Factor of each product of rows."""
@@ -136,7 +140,8 @@ class _Group:
             [c.kind == "displacement" for c in members[0].coordinates for _ in range(c.size)]
         )
         # displacements count from the reference
-        self.neutral += shifts * self.kind.value(self.invariants.values(reference))
+        self.origin = shifts * self.kind.value(self.invariants.values(reference))
+        self.neutral += self.origin
         #: numbers of the actuators' channels, -1 for none
         self.channels = np.full((len(members), self.kind.size), -1)
         for i, member in enumerate(members):
@@ -150,6 +155,9 @@ class _Group:
 
     def stretch(self, xi: Array) -> Array:
         return xi - self.neutral
+
+    def rate(self, y: Array, ydot: Array, pi: Array) -> Array:
+        return apply(self.kind.slope(pi), self.invariants.rates(y, ydot))
 
     def discrete(self, start: _Start, h: float, mid: Array, y1: Array) -> _Response:
         """``s = Psi^T sigma`` with the discrete derivatives of coordinates and energy."""
@@ -379,6 +387,25 @@ class Couplings:
         out = np.zeros(y.shape[:-2])
         for g, (_, xi) in zip(self._groups, self._values(y, turns), strict=True):
             out += g.law.energy(g.stretch(xi)).sum(-1)
+        return out
+
+    def forces(
+        self, y: Floats, ydot: Floats, turns: IndexArray | None = None
+    ) -> list[tuple[Coupling, Floats, Floats]]:
+        """Coordinates and forces (..., m) of each coupling but actuators, at y and its rate.
+
+        The force is that of spring and damper; where it is positive it pulls the coordinate back.
+        """
+        out = []
+        for g, (pi, xi) in zip(self._groups, self._values(y, turns), strict=True):
+            rate = g.rate(y, ydot, pi)
+            force = g.law.force(g.stretch(xi), rate)
+            shown = xi - g.origin
+            out += [
+                (m, shown[..., i, :], force[..., i, :])
+                for i, m in enumerate(g.members)
+                if not m.channels
+            ]
         return out
 
     def _values(self, y: Floats, turns: IndexArray | None) -> list[tuple[Floats, Floats]]:

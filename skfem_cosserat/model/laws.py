@@ -24,6 +24,10 @@ class Law(ABC):
         """Stored energy (..., c)."""
 
     @abstractmethod
+    def force(self, e: Array, rate: Array) -> Array:
+        """Force (..., c, m) against a larger stretch: tension is positive."""
+
+    @abstractmethod
     def discrete(self, e0: Array, e1: Array, h: float) -> tuple[Array, Array, Array]:
         """Force sigma (c, m), ``dsigma/de_1`` (c, m, m), and what is dissipated (c,).
 
@@ -55,6 +59,10 @@ class LinearLaw(Law):
         """See the base class."""
         return 0.5 * (e * apply(self.K, e)).sum(-1)
 
+    def force(self, e: Array, rate: Array) -> Array:
+        """See the base class."""
+        return apply(self.K, e) + apply(self.C, rate)
+
     def discrete(self, e0: Array, e1: Array, h: float) -> tuple[Array, Array, Array]:
         """See the base class."""
         change = e1 - e0
@@ -67,8 +75,7 @@ class LinearLaw(Law):
     ) -> tuple[Array, Array, Array, Array, Array]:
         """See the base class."""
         dissipated = h * (apply(self._root, rate) ** 2).sum(-1)
-        sigma = apply(self.K, e) + apply(self.C, rate)
-        return sigma, self.K, self.C, self._none, dissipated
+        return self.force(e, rate), self.K, self.C, self._none, dissipated
 
 
 class SlackLaw(Law):
@@ -84,6 +91,10 @@ class SlackLaw(Law):
     def energy(self, e: Array) -> Array:
         """See the base class."""
         return 0.5 * (self.k * _positive(e) ** 2).sum(-1)
+
+    def force(self, e: Array, rate: Array) -> Array:
+        """See the base class."""
+        return np.where(e.real > 0, _positive(self.k * e + self.c * rate), 0.0)
 
     def discrete(self, e0: Array, e1: Array, h: float) -> tuple[Array, Array, Array]:
         """See the base class."""

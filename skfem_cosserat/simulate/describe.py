@@ -13,13 +13,14 @@ from .. import diagnostics
 from ..beam import Beam
 from ..body import MassPoint, RigidBody, ball_surface
 from ..diagnostics import Projection
+from ..diagnostics.relative import relative_series
 from ..history import History
 from ..model import System
 from ..model.system import JointRows
-from ..types import Floats
+from ..types import Floats, IndexArray
 from ..version import VERSION
 
-__all__ = ["derive_series", "describe", "fingerprint", "other_model"]
+__all__ = ["derive_series", "describe", "fingerprint", "other_model", "recorded_turns"]
 
 
 def fingerprint(system: System) -> dict[str, Any]:
@@ -72,6 +73,9 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         "bodies": [],
         "points": [],
         "joints": [],
+        "couplings": [],
+        #: force elements whose angles the series "turns" counts
+        "turns": [item.name for item in system.couplings.angles],
     }
     static: dict[str, Any] = {"reference": system.q0}
     for item in system.structures:
@@ -82,7 +86,19 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     for joint in system.joints:
         ends = {"a": joint.a.label, "b": joint.b.label}
         meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
+    for coupling in system.couplings.items:
+        ends = {"a": coupling.a.label, "b": coupling.b.label}
+        meta["couplings"].append({"name": coupling.name, "type": coupling.kind, **ends})
     return meta, static
+
+
+def recorded_turns(system: System, history: History) -> IndexArray | None:
+    """Full turns of the system's angles at the last state; zero for those not recorded."""
+    angles = system.couplings.angles
+    if not angles or "turns" not in history:
+        return None
+    known = dict(zip(history.meta.get("turns", []), history["turns"][-1], strict=True))
+    return np.array([known.get(item.name, 0) for item in angles], dtype=np.int64)
 
 
 def _describe_lump(
@@ -138,28 +154,43 @@ def derive_series(system: System, history: History) -> None:
     """Add what follows from the states: velocities, energies, momenta, forces, reactions.
 
     Adds ``v, Qp`` (projected on the hidden constraints), ``kinetic, strain_energy, external,
-    energy`` (kinetic + strain at (q, p)), ``energy_projected``, ``linear_momentum``,
-    ``angular_momentum``, ``constraint_violation``, for each beam ``strain`` and ``resultant``, for
-    each joint ``position``, ``force`` and ``moment``.
+    coupling_energy, energy`` (kinetic + strain + coupling at (q, p)), ``energy_projected``,
+    ``energy_balance``, ``linear_momentum``, ``angular_momentum``, ``constraint_violation``, for
+    each beam ``strain`` and ``resultant``, for each joint ``position``, ``force`` and ``moment``,
+    its relative coordinates and their rates, for each spring, damper, cable and bushing
+    ``coordinate`` and ``force``.
+
+    ``energy_balance`` is ``energy - work_loads - work_actuators - work_drives + dissipated`` less
+    its first value: zero up to the solver's tolerance with energy-momentum, where all terms
+    belong to the discrete equations; with the variational scheme an error of second order in the
+    step that oscillates.
     """
     q, p, t = history["q"], history["p"], history.times
     v, projected = Projection(system).stack(q, p, t)
     kinetic = diagnostics.kinetic_energy(system, p)
+    turns = history.series.get("turns")
     strain = diagnostics.strain_energy(system, q)
+    coupling = diagnostics.coupling_energy(system, q, t, turns)
     series: dict[str, Floats] = {
         "v": v,
         "Qp": projected,
         "kinetic": kinetic,
         "strain_energy": strain,
         "external": diagnostics.external_energy(system, q, t),
-        "energy": kinetic + strain,
-        "energy_projected": diagnostics.kinetic_energy(system, projected) + strain,
+        "coupling_energy": coupling,
+        "energy": kinetic + strain + coupling,
+        "energy_projected": diagnostics.kinetic_energy(system, projected) + strain + coupling,
         "linear_momentum": diagnostics.linear_momentum(system, p),
         "angular_momentum": diagnostics.angular_momentum(system, q, p),
         "angular_momentum_projected": diagnostics.angular_momentum(system, q, projected),
         "constraint_violation": diagnostics.constraint_violation(system, q, t),
         "hidden_violation": diagnostics.hidden_violation(system, q, v, t),
     }
+    series |= relative_series(system, q, v, t, turns)
+    if "work_loads" in history:
+        work = sum(history[name] for name in ("work_loads", "work_actuators", "work_drives"))
+        balance = series["energy"] - work + history["dissipated"]
+        series["energy_balance"] = balance - balance[:1]
     for beam in (s for s in system.structures if isinstance(s, Beam)):
         series[f"beam/{beam.name}/strain"] = diagnostics.section_strains(system, beam, q)
         series[f"beam/{beam.name}/resultant"] = diagnostics.section_forces(system, beam, q)

@@ -17,6 +17,7 @@ from ..log import logger
 from ..model import System
 from ..types import numbers
 from .describe import describe
+from .works import Works
 
 __all__ = ["Recorder"]
 
@@ -50,6 +51,7 @@ class Recorder:
             "unknowns": stepper.bound.unknowns,
             "kernels": kernels.NAME,
         }
+        self.works = Works(system, stepper.integrator, state.q)
         self.writer = HistoryWriter(meta, static, path)
         self.last: dict[str, Any] | None = None
         self.closed: History | None = None
@@ -81,7 +83,11 @@ class Recorder:
             "newton_iterations": iterations,
             "attempts": attempts,
             "residual": residual,
+            **self.works.row(),
         }
+        if self.system.couplings.angles:
+            none = np.zeros(len(self.system.couplings.angles), dtype=np.int64)
+            row["turns"] = none if state.turns is None else state.turns
         if self.stepper.integrator.constraint_weight:
             row["constraint_point"] = np.full(3 * self.system.total, np.nan)
         return row
@@ -91,8 +97,13 @@ class Recorder:
         self.open = True
 
     def _amend(self, report: StepReport) -> None:
+        self.works.finish(report.constraint_force)
         if self.open:
-            fields = {"p": report.momentum, "constraint_force": report.constraint_force}
+            fields: dict[str, Any] = {
+                "p": report.momentum,
+                "constraint_force": report.constraint_force,
+                "work_drives": self.works.drives,
+            }
             if self.stepper.integrator.constraint_weight:
                 fields["constraint_point"] = report.constraint_point.ravel()
             self.writer.amend(**fields)
@@ -101,6 +112,7 @@ class Recorder:
     def take(self, report: StepReport) -> None:
         """A step is done: complete the row of its start, record its end if wanted."""
         self._amend(report)
+        self.works.add(report)
         state = report.state
         row = self._row(state, report.iterations, report.attempts, report.residual)
         if state.index - self.first in self.wanted:

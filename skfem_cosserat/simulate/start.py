@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from .. import diagnostics
@@ -11,12 +13,19 @@ from ..history import History
 from ..integrators import Integrator, State
 from ..model import System
 from ..types import ArrayLike, Floats, numbers
-from .describe import other_model
+from .describe import other_model, recorded_turns
+from .rates import with_joint_rates
 
 __all__ = ["initial_state", "project", "restart"]
 
 
-def project(system: System, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> Floats:
+def project(
+    system: System,
+    q: ArrayLike,
+    v: ArrayLike | None = None,
+    t: float = 0.0,
+    rates: Mapping[str, float] | None = None,
+) -> Floats:
     """Velocity nearest to v (in the kinetic energy) that fulfils the hidden constraints.
 
     It is the v of the saddle point with ``p = M v``, see
@@ -24,15 +33,25 @@ def project(system: System, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> Float
 
     Parameters
     ----------
-    q, v : (n,) array
-        Configuration (m, -) and velocity (m/s, 1/s).
+    q : (n,) array
+        Configuration (m, -).
+    v : (n,) array, optional
+        Velocity (m/s, 1/s); default: rest.
     t : float
         Time (s), at which a prescribed motion is taken.
+    rates : dict of str to float, optional
+        Rates (rad/s, m/s) that joint coordinates are to have: by the joint's name, or
+        ``"joint/coordinate"`` if it has several.
 
     Returns
     -------
     (n,) array
         Velocity with ``G(q) v + g_t = 0``, for :func:`initial_state`.
+
+    Raises
+    ------
+    InputError
+        If the mechanism cannot move with these rates, or there is no such joint or coordinate.
 
     Examples
     --------
@@ -44,9 +63,9 @@ def project(system: System, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> Float
     >>> project(system, system.q0, [1.0, 0, 3.0]).tolist()   # not along the rod
     [1.0, 0.0, 0.0]
     """
-    v = np.asarray(v, dtype=float)
-    p = (system.mass @ v.reshape(-1, 3)).reshape(-1)
-    return Projection(system)(q, p, t)[0]
+    velocity = np.zeros(system.n) if v is None else np.asarray(v, dtype=float)
+    configuration = np.asarray(q, dtype=float)
+    return with_joint_rates(system, configuration, velocity, rates or {}, t)
 
 
 def initial_state(
@@ -58,6 +77,7 @@ def initial_state(
     tolerance: float = 1e-8,
     *,
     nu: ArrayLike | None = None,
+    rates: Mapping[str, float] | None = None,
 ) -> State:
     """Start from (q, v), (q, p) or (q, nu); default: reference and the items' initial velocities.
 
@@ -73,13 +93,16 @@ def initial_state(
         Reduced velocity instead of v or p: ``v = P(q) nu + qdot_prescribed`` with the null space
         matrix ``system.null_space(q, time)`` (m/s of translations, rad/s of rotations), see
         :func:`~skfem_cosserat.diagnostics.prescribed_velocity`.
+    rates : dict of str to float, optional
+        Rates of joint coordinates (rad/s, m/s) instead of v, p or nu; the rest of the scene moves
+        as little as the joints allow, see :func:`project`.
 
     Raises
     ------
     InputError
         If q violates the constraints, or v or p the hidden ones ``G v + g_t = 0``;
-        :func:`project` gives the nearest velocity that does not. If more than one of v, p and nu
-        is given.
+        :func:`project` gives the nearest velocity that does not. If more than one of v, p, nu and
+        rates is given, or the mechanism cannot move with the rates.
 
     Examples
     --------
@@ -91,8 +114,8 @@ def initial_state(
     >>> initial_state(model.freeze(), nu=[0, 3.0, 0]).p.tolist()
     [0.0, 6.0, 0.0]
     """
-    if sum(value is not None for value in (v, p, nu)) > 1:
-        raise InputError("initial state", "give v or p or nu, only one of them")
+    if sum(value is not None for value in (v, p, nu, rates)) > 1:
+        raise InputError("initial state", "give v or p or nu or rates, only one of them")
     q = system.q0 if q is None else _checked(system, "q", q)
     if isinstance(time, str) or not np.isfinite(time):
         raise InputError("initial state", f"time = {time!r}, expected a finite number")
@@ -112,6 +135,8 @@ def initial_state(
         return State(time, 0, q, p)
     if nu is not None:
         v = _velocity(system, q, nu, time)
+    if rates is not None:
+        v = project(system, q, None, time, rates)
     v = system.v0 if v is None else _checked(system, "v", v)
     _check_velocity(system, y, v, time, tolerance)
     return State(time, 0, q, diagnostics.momentum(system, v))
@@ -136,7 +161,10 @@ def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance
     rates = np.concatenate([v.reshape(-1, 3), rate])
     # the rate of a prescribed motion is known to a difference quotient's error only
     floor = 4 * error + (1e-11 * system.length if system.moving else 0.0)
-    excess = hidden - tolerance * system.constraints.magnitudes(y, rates) - floor
+    # what is held at rest in a moving scene has rates of rounding size only
+    largest = np.full_like(rates, abs(rates).max(initial=0.0))
+    rounding = 1e-13 * system.constraints.magnitudes(y, largest)
+    excess = hidden - tolerance * system.constraints.magnitudes(y, rates) - floor - rounding
     if excess.max(initial=0.0) > 0:
         row = int(excess.argmax())
         raise InputError(
@@ -240,9 +268,10 @@ def restart(system: System, history: History, integrator: Integrator, step: floa
     same = history.meta["integrator"] == integrator.name and np.isclose(
         history.meta["step"], step, rtol=1e-12, atol=0
     )
+    turns = recorded_turns(system, history)
     if same:
-        return State(t, index, q, np.array(row["carried"]), fresh=bool(row["fresh"]))
+        return State(t, index, q, np.array(row["carried"]), bool(row["fresh"]), turns)
     p = np.array(row["p"])
     if not np.isfinite(p).all():
         p = np.array(row["carried"])
-    return State(t, index, q, Projection(system)(q, p, t)[1])
+    return State(t, index, q, Projection(system)(q, p, t)[1], turns=turns)

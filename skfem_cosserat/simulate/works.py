@@ -1,0 +1,54 @@
+"""Work done since the start of a run, for the balance of energy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..integrators import Integrator, StepReport
+from ..model import System
+from ..types import Floats
+
+__all__ = ["Works"]
+
+
+class Works:
+    """Sums of the works of all steps.
+
+    Prescribed motion and drives work through the constraint forces: ``-(G^T lambda) . dq``. Where
+    these act at the nodes, a step takes half of the force at its start and half of that at its
+    end, which is known one step later.
+    """
+
+    def __init__(self, system: System, integrator: Integrator, q: Floats) -> None:
+        self._driven = bool(system.moving)
+        self._share = 0.5 + integrator.constraint_weight
+        self._q = q
+        self._waiting: Floats | None = None
+        self.loads = self.actuators = self.dissipated = self.drives = 0.0
+
+    def add(self, report: StepReport) -> None:
+        """A step is done; its constraint force has been given to :meth:`finish` before."""
+        work, q = report.work, report.state.q
+        self.loads += work.loads
+        self.actuators += work.actuators
+        self.dissipated += work.dissipated
+        if self._driven:
+            change = q - self._q
+            self.drives += work.ground - self._share * float(report.constraint_force @ change)
+            self._waiting = change if self._share < 1 else None
+        self._q = q
+
+    def finish(self, force: Floats) -> None:
+        """The constraint force (n,) of the step that follows the last one."""
+        if self._waiting is not None:
+            self.drives -= (1 - self._share) * float(force @ self._waiting)
+            self._waiting = None
+
+    def row(self) -> dict[str, float]:
+        """Entries of the history; the work of drives is NaN while a part of it is unknown."""
+        return {
+            "work_loads": self.loads,
+            "work_actuators": self.actuators,
+            "work_drives": self.drives if self._waiting is None else np.nan,
+            "dissipated": self.dissipated,
+        }
