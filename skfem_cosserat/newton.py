@@ -73,7 +73,7 @@ class NewtonSettings:
 
     iterations: int = 20
     damped_iterations: int = 100
-    increment: float = 1e-15
+    increment: float = 1e-17
     negligible: float = 1e-12
     stagnation: float = 1e-8
     rotation: float = 0.6

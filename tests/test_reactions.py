@@ -38,8 +38,9 @@ def test_body_hanging_at_rest(integrator, treatment, swap, joint):
     a, b = sides(sc.ground((0, 0, 0)), body.at((0, 0, 0)), swap)
     model.add("hook", joint(a, b, **options))
     model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    model.add("stone", sc.MassPoint(1.0, (5, 0, 0)))  # a weld alone leaves nothing to move
     history = sc.simulate(model.freeze(), integrator(), treatment(), 0.02, 0.2)
-    assert abs(history["q"] - history["q"][0]).max() < 1e-13
+    assert abs(history["q"] - history["q"][0])[:, :12].max() < 1e-13
     force, moment = reaction(history, "hook")
     sign = -1.0 if swap else 1.0
     assert abs(force - (0, 0, sign * 2.5 * G)).max() < 1e-9
@@ -59,6 +60,7 @@ def test_cantilevered_body(integrator, treatment, swap):
     clamp = np.array([0.1, 0, 0.3])
     model.add("clamp", sc.JointFixed(*sides(sc.ground(clamp), body.at(clamp), swap)))
     model.add("gravity", sc.LoadGravity((1.0, 0, -G)))
+    model.add("stone", sc.MassPoint(1.0, (5, 0, 0)))
     history = sc.simulate(model.freeze(), integrator(), treatment(), 0.02, 0.2)
     weight = 2.5 * np.array([1.0, 0, -G])
     lever = body.position + center @ turn - clamp

@@ -209,6 +209,14 @@ class _Group:
             slopes,
         )
 
+    def stiffness(self, y: Array) -> Array:
+        """``B^T K B`` with ``delta xi = B delta y``, at :attr:`pairs`; a cable as if taut."""
+        J, gradients = self.kind.slope(self.invariants.values(y)), self.invariants.gradients(y)
+        c, k, R, _ = gradients.shape
+        B = J @ gradients.reshape(c, k, 3 * R)
+        K = (B.swapaxes(1, 2) @ self.law.K @ B).reshape(c, R, 3, R, 3).swapaxes(2, 3)
+        return K[self.kept]
+
     def tangent(self, response: _Response) -> Array:
         """Derivative of the force on row a by row b of y_1, at :attr:`pairs`; (k, 3, 3)."""
         r = response
@@ -388,6 +396,11 @@ class Couplings:
         for g, (_, xi) in zip(self._groups, self._values(y, turns), strict=True):
             out += g.law.energy(g.stretch(xi)).sum(-1)
         return out
+
+    def stiffness(self, y: Array) -> Array:
+        """Material stiffness of springs by row b on row a, at :attr:`pairs`; (k, 3, 3)."""
+        none = np.zeros((0, 3, 3))
+        return np.concatenate([none, *(g.stiffness(y) for g in self._groups)])
 
     def forces(
         self, y: Floats, ydot: Floats, turns: IndexArray | None = None

@@ -17,7 +17,16 @@ class Law(ABC):
     """Generalised force of c couplings by their stretch e (..., c, m).
 
     The stretch is the coordinate less its neutral value. Numbers may be complex.
+
+    Attributes
+    ----------
+    K, C : (c, m, m) array
+        Stiffness and damping.
     """
+
+    def __init__(self, members: Sequence[Coupling]) -> None:
+        self.K = np.array([c.stiffness for c in members])
+        self.C = np.array([c.damping for c in members])
 
     @abstractmethod
     def energy(self, e: Array) -> Array:
@@ -48,8 +57,7 @@ class LinearLaw(Law):
     """``K e + C de/dt``."""
 
     def __init__(self, members: Sequence[Coupling]) -> None:
-        self.K = np.array([c.stiffness for c in members])
-        self.C = np.array([c.damping for c in members])
+        super().__init__(members)
         values, vectors = np.linalg.eigh(self.C)
         # so that what is dissipated is a sum of squares
         self._root = np.sqrt(values.clip(0))[..., None] * vectors.swapaxes(-1, -2)
@@ -85,8 +93,8 @@ class SlackLaw(Law):
     """
 
     def __init__(self, members: Sequence[Coupling]) -> None:
-        self.k = np.array([c.stiffness[0] for c in members])
-        self.c = np.array([c.damping[0] for c in members])
+        super().__init__(members)
+        self.k, self.c = self.K[:, 0], self.C[:, 0]
 
     def energy(self, e: Array) -> Array:
         """See the base class."""
