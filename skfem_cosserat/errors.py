@@ -116,6 +116,8 @@ class Diverged(CosseratError, RuntimeError):
         Smallest scaled residual that was reached.
     reason, advice : str
         Why Newton's method stopped, and what to try.
+    residuals : list of lists of float
+        Scaled residuals of each attempt at the step, iteration by iteration.
     history : History or None
         The history up to the failed step, filled in by ``simulate``; None from ``steps``.
 
@@ -139,12 +141,21 @@ class Diverged(CosseratError, RuntimeError):
     (4, 'diverged')
     """
 
-    def __init__(self, time: float, step: int, residual: float, reason: str, advice: str) -> None:
+    def __init__(
+        self,
+        time: float,
+        step: int,
+        residual: float,
+        reason: str,
+        advice: str,
+        residuals: list[list[float]] | None = None,
+    ) -> None:
         self.time = time
         self.step = step
         self.residual = residual
         self.reason = reason
         self.advice = advice
+        self.residuals = [] if residuals is None else residuals
         self.history: Any = None
         super().__init__(
             f"step {step} from t = {time:.9g} s could not be solved: {reason}"

@@ -16,6 +16,7 @@ from .energy import (
     strain_energy,
 )
 from .forces import condition_number, constraint_points, multipliers, multipliers_at, reactions
+from .frequency import highest_frequency
 from .legendre import legendre_transforms
 from .momenta import (
     angular_momentum,
@@ -45,6 +46,7 @@ __all__ = [
     "external_energy",
     "ground_part",
     "hidden_violation",
+    "highest_frequency",
     "joint_coordinates",
     "kinetic_energy",
     "kinetic_energy_of_velocity",

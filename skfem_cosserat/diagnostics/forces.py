@@ -202,18 +202,18 @@ def _wrench(system: System, jr: JointRows, y: Floats, f: Floats) -> Floats:
     """Force and moment from the generalised force f (rows, 3) of one joint.
 
     The balance reads ``... + G^T lambda = 0``, so a joint acts with ``-G^T lambda``; if side B is
-    the ground, the reaction of side A is turned round.
+    the ground, the reaction of side A, about the same point of B, is turned round.
     """
     on_b = jr.b.vertex < len(system.origin_rows)
-    spot, sign = (jr.b, 1.0) if on_b else (jr.a, -1.0)
-    r = int(system.vertex_rows[spot.vertex])
+    vertex, sign = (jr.b.vertex, 1.0) if on_b else (jr.a.vertex, -1.0)
+    b = int(system.vertex_rows[jr.b.vertex])
+    x = y[b] + sum(X * y[b + i + 1] for i, X in enumerate(jr.b.offset) if X != 0)
+    r = int(system.vertex_rows[vertex])
     force = f[r]
-    if not system.is_frame[spot.vertex]:
-        return sign * np.array([force, np.zeros(3)])
-    directors = y[r + 1 : r + 4]
-    moment = np.cross(directors, f[r + 1 : r + 4]).sum(0)
-    arm = np.asarray(spot.offset) @ directors
-    return sign * np.array([force, moment - np.cross(arm, force)])
+    moment = np.cross(y[r] - x, force)
+    if system.is_frame[vertex]:
+        moment += np.cross(y[r + 1 : r + 4], f[r + 1 : r + 4]).sum(0)
+    return sign * np.array([force, moment])
 
 
 def condition_number(

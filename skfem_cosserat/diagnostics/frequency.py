@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix, kron
+from scipy.sparse import coo_matrix, csr_matrix, identity, kron
 from scipy.sparse.linalg import splu
 
 from ..errors import InputError
 from ..kernels import null_space_blocks
+from ..linear import SingularMatrixError
 from ..model import System
-from ..model.chart import Chart
 from ..types import ArrayLike, Floats
 from .stacks import as_stack
 
@@ -25,7 +25,7 @@ def highest_frequency(system: System, q: ArrayLike | None = None, iterations: in
     Parameters
     ----------
     system : System
-        Joints that close a loop are left open, which can only raise the frequency.
+        Springs and bushings are left out.
     q : (n,) array, optional
         Configuration; default: the reference.
     iterations : int
@@ -40,8 +40,9 @@ def highest_frequency(system: System, q: ArrayLike | None = None, iterations: in
     Raises
     ------
     InputError
-        If the shape of `q` does not fit the system, `iterations` is not positive, or a coordinate
-        has inertia only through a joint that closes a loop.
+        If the shape of `q` does not fit the system or `iterations` is not a positive integer.
+    SingularMatrixError
+        If a motion has no inertia.
 
     Examples
     --------
@@ -52,27 +53,24 @@ def highest_frequency(system: System, q: ArrayLike | None = None, iterations: in
     >>> steel = Material(210e9, 0.3, 7850.0)
     >>> mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 10)
     >>> model = Model()
-    >>> bar = model.add("bar", Beam(mesh, SectionRectangle(0.5, 0.5, steel), (0, 1, 0)))
+    >>> bar = model.add("bar", Beam(mesh, SectionRectangle(0.5, 0.5, steel), director=(0, 1, 0)))
     >>> omega = highest_frequency(model.freeze())
     >>> bool(0.95 < omega / (2 * 3**0.5 / 0.1 * (210e9 / 7850) ** 0.5) <= 1)
     True
     """
-    if isinstance(iterations, bool) or not isinstance(iterations, int | np.integer):
-        raise InputError("argument iterations", f"{iterations!r}, expected a positive integer")
-    if iterations < 1:
+    whole = isinstance(iterations, int | np.integer) and not isinstance(iterations, bool)
+    if not whole or iterations < 1:
         raise InputError("argument iterations", f"{iterations!r}, expected a positive integer")
     where = as_stack(system, "q", system.q0 if q is None else q)[0][0]
-    if not system.beam_groups:
+    if not system.beam_groups or not system.unknowns:
         return 0.0
     P = _null_space(system, where)
     K = (P.T @ _stiffness(system, where) @ P).tocsr()
-    M = (P.T @ kron(system.mass, np.eye(3)) @ P).tocsc()
+    M = (P.T @ kron(system.mass, identity(3)) @ P).tocsc()
     try:
         solve = splu(M).solve
     except RuntimeError as error:  # SuperLU: exactly singular
-        raise InputError(
-            "system", "a coordinate has no inertia of its own while loops are open"
-        ) from error
+        raise SingularMatrixError("P^T M P is singular: a motion has no inertia") from error
     x = np.random.default_rng(0).standard_normal(M.shape[0])
     square = 0.0
     for _ in range(int(iterations)):
@@ -86,28 +84,26 @@ def highest_frequency(system: System, q: ArrayLike | None = None, iterations: in
 
 
 def _null_space(system: System, q: Floats) -> csr_matrix:
-    """``P(q) = P_int T`` (n, unknowns of the tree)."""
-    kin = system.kinematics
+    """``system.null_space(q)`` as a sparse matrix: beams may have thousands of unknowns."""
+    kin, closure = system.kinematics, system.closure
     y = system.extend(q, 0.0)
-    chart = Chart(kin)
-    chart.begin(y, y[system.rows :])
-    T = kin.T_matrix(kin.T_values(kin.locate(y, chart.fixed)))
+    values = kin.T_values(kin.locate(y, kin.fixed_axes(y)))
+    rows, cols, ones = closure.null_pattern()
+    Z = coo_matrix(
+        (closure.null_values(closure.select(y, values), ones), (rows, cols)),
+        shape=(kin.unknowns, system.unknowns),
+    )
     blocks = null_space_blocks(kin.directors(y))
-    frames = (3 * kin.frame_rows[:, None] + np.arange(12))[:, :, None]
-    points = 3 * kin.row[kin.points][:, None] + np.arange(3)
-    rows = np.broadcast_to(frames, blocks.shape).ravel()
-    cols = np.broadcast_to(kin.frame_twist[:, None, :], blocks.shape).ravel()
-    P_int = coo_matrix(
-        (
-            np.concatenate([blocks.ravel(), np.ones(points.size)]),
-            (
-                np.concatenate([rows, points.ravel()]),
-                np.concatenate([cols, kin.point_twist.ravel()]),
-            ),
-        ),
+    coordinates = 3 * kin.frame_rows[:, None, None] + np.arange(12)[:, None]
+    points = (3 * kin.row[kin.points][:, None] + np.arange(3)).ravel()
+    i = np.concatenate([np.broadcast_to(coordinates, blocks.shape).ravel(), points])
+    twists = np.broadcast_to(kin.frame_twist[:, None, :], blocks.shape)
+    j = np.concatenate([twists.ravel(), kin.point_twist.ravel()])
+    P = coo_matrix(
+        (np.concatenate([blocks.ravel(), np.ones(len(points))]), (i, j)),
         shape=(system.n, kin.n_twist),
     )
-    return (P_int.tocsr() @ T).tocsr()
+    return P.tocsr() @ (kin.T_matrix(values) @ Z.tocsr())
 
 
 def _stiffness(system: System, q: Floats) -> csr_matrix:

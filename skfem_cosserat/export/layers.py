@@ -1,4 +1,4 @@
-"""The layers of a scene as meshes with data: beams, swept surfaces, bodies, joints."""
+"""The layers of a scene as meshes with data: beams, swept surfaces, bodies, joints, springs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from ..errors import InputError
 from ..types import Array, Floats
 from .geometry import BeamShape, beam_shapes, body_shapes, quaternions
 
-__all__ = ["BeamLayer", "BodyLayer", "JointLayer", "Layer", "SurfaceLayer"]
+__all__ = ["BeamLayer", "BodyLayer", "CouplingLayer", "JointLayer", "Layer", "SurfaceLayer"]
+
+#: Relative coordinates that joints have as numbers at their points.
+_COORDINATES = ("angle", "displacement")
 
 #: Names of the six numbers of a strain or resultant series.
 _STRAIN = ("Gamma", "K")
@@ -230,5 +233,35 @@ class JointLayer(Layer):
                 nothing = np.full(3, np.nan)
                 values = [entry(row, key, (3,)) if key in row else nothing for key in keys]
                 fields[field] = np.array(values)
+        for field in _COORDINATES:
+            keys = [f"joint/{name}/{field}" for name in names]
+            if any(key in row for key in keys):
+                numbers = [entry(row, key, ()) if key in row else np.nan for key in keys]
+                fields[field] = np.array(numbers, dtype=float)
         cells = [("vertex", np.arange(len(x), dtype=np.int64)[:, None])]
         return meshio.Mesh(x, cells, fields)
+
+
+class CouplingLayer(Layer):
+    """Springs, cables, bushings as lines between their ends, with length and force of scalars."""
+
+    name = "couplings"
+
+    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
+        couplings = meta.get("couplings", [])
+        self._names = [coupling["name"] for coupling in couplings]
+
+    def mesh(self, row: Row, reference: Floats) -> meshio.Mesh | None:
+        """Mesh of one state, see `Layer.mesh`."""
+        known = [k for k, name in enumerate(self._names) if f"coupling/{name}/ends" in row]
+        if not known:
+            return None
+        names = [self._names[k] for k in known]
+        ends = [entry(row, f"coupling/{name}/ends", (2, 3)) for name in names]
+        lines = np.arange(2 * len(known), dtype=np.int64).reshape(-1, 2)
+        data: dict[str, list[Array]] = {"coupling_id": [np.array(known, dtype=np.int64)]}
+        for field in ("coordinate", "force"):
+            values = [np.asarray(row.get(f"coupling/{name}/{field}", np.nan)) for name in names]
+            numbers = [float(v) if v.shape == () else np.nan for v in values]
+            data[field] = [np.array(numbers)]
+        return meshio.Mesh(np.concatenate(ends), [("line", lines)], cell_data=data)

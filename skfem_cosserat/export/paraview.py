@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..history import History
 from ..log import logger
 from ..types import Array, ArrayLike, Floats
-from .layers import BeamLayer, BodyLayer, JointLayer, Layer, SurfaceLayer
+from .layers import BeamLayer, BodyLayer, CouplingLayer, JointLayer, Layer, SurfaceLayer
 
 __all__ = ["ParaViewWriter", "prepare_folder", "write_paraview"]
 
@@ -76,10 +76,11 @@ class ParaViewWriter:
     """Write frames one by one, also while a simulation runs.
 
     For each layer of the scene there is an index ``beams.pvd``, ``bodies.pvd`` (rigid bodies and
-    mass points), ``joints.pvd`` and, on request, ``beam_surfaces.pvd``; open these in ParaView. An
-    index is complete after each frame, so a run that was killed can be looked at. Names that belong
-    to the numbers ``beam_id``, ``part_id``, ``section_id``, ``body_id``, ``joint_id`` and joint
-    ``type`` are in ``names.json``.
+    mass points), ``joints.pvd``, ``couplings.pvd`` (springs, cables, bushings as lines) and, on
+    request, ``beam_surfaces.pvd``; open these in ParaView. An index is complete after each frame,
+    so a run that was killed can be looked at. Names that belong to the numbers ``beam_id``,
+    ``part_id``, ``section_id``, ``body_id``, ``joint_id``, ``coupling_id`` and joint ``type`` are
+    in ``names.json``.
 
     **The points are written where they are (deformed).** ``u`` is for colours: the filter *Warp By
     Vector* with ``u`` would show the motion twice.
@@ -211,6 +212,8 @@ def _layers(meta: Mapping[str, Any], static: Mapping[str, Array], surfaces: bool
         layers.append(BodyLayer(meta, static))
     if meta.get("joints"):
         layers.append(JointLayer(meta, static))
+    if meta.get("couplings"):
+        layers.append(CouplingLayer(meta, static))
     return layers
 
 
@@ -225,6 +228,7 @@ def _names(meta: Mapping[str, Any], layers: list[Layer]) -> dict[str, Any]:
         "section_id": {beam["name"]: list(beam.get("sections", [])) for beam in beams},
         "body_id": [body["name"] for body in bodies],
         "joint_id": [joint["name"] for joint in meta.get("joints", [])],
+        "coupling_id": [coupling["name"] for coupling in meta.get("couplings", [])],
         "type": types,
     }
 

@@ -135,6 +135,9 @@ class Integrator(ABC):
         step (the rest is in the momentum already).
     carries_node_momentum : bool
         Whether the momentum carried on is p_n of the node; else the next step completes it.
+    frequency_limit : float or None
+        Step size times highest natural frequency above which a run is likely to fail; None: the
+        scheme itself sets no such limit.
     advice : str
         What to try beside a smaller step when a step cannot be solved.
     conserves : str
@@ -148,6 +151,7 @@ class Integrator(ABC):
     constraint_weight: float
     start_share: float = 1.0
     carries_node_momentum: bool = True
+    frequency_limit: float | None = None
     advice: str = "a finer mesh, a softer section"
     conserves: str
     reference: str

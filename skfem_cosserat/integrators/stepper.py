@@ -160,6 +160,7 @@ class Stepper:
         self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h)
         total = 0
         best: NewtonReport | None = None
+        residuals = []
         for attempt, (extrapolate, damped) in enumerate(ATTEMPTS, 1):
             self.bound.guess(extrapolate)
             problem = _Problem(self, step)
@@ -168,6 +169,7 @@ class Stepper:
             if report.converged:
                 new_time = state.time + self.h if time is None else time
                 return self._accept(state, problem, new_time, total, attempt, report)
+            residuals.append(report.residuals)
             if best is None or report.residual < best.residual:
                 best = report
             logger.warning(
@@ -181,6 +183,7 @@ class Stepper:
             best.residual,
             f"{best.reason}, after {len(ATTEMPTS)} attempts with {total} Newton iterations",
             f"try a smaller step than {self.h:g} s, {self.integrator.advice}",
+            residuals,
         )
 
     def _accept(

@@ -24,7 +24,9 @@ class Variational(Integrator):
     Discrete Euler-Lagrange equations (22) in position-momentum form:
     ``M dq/h + (h/2) (f_int - f)(q_mid) - p_n + h G(q_n)^T lambda_n = 0``. Symplectic, conserves
     momentum maps exactly; energy oscillates without drift while high frequencies are resolved, and
-    blows up with stiff beams.
+    blows up with stiff beams: constraint forces act at the nodes, as in the leapfrog scheme, so
+    rotations that alternate from step to step grow where a beam is compressed by more than a strain
+    of about ``0.4/(h omega)^2``, omega its highest frequency (``diagnostics.highest_frequency``).
 
     Examples
     --------
@@ -37,6 +39,7 @@ class Variational(Integrator):
     constraint_weight = 0.0
     start_share = 0.5
     carries_node_momentum = False
+    frequency_limit = 10.0  # measured by examples/failure_map.py, explained there
     advice = "a finer mesh, a softer section, or EnergyMomentum()"
     conserves = "symplectic form, linear and angular momentum"
     reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equations (22) and (25)"

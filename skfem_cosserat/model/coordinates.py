@@ -357,7 +357,8 @@ def turn_factors(c: Array) -> Array:
     powers = np.ones((*c.shape, len(_TURN)), dtype=c.dtype)
     powers[..., 1:] = small[..., None]
     series = np.cumprod(powers, axis=-1) @ _TURN_POWERS
-    safe = np.where(near, 0.0, c)
+    # no rotation has a cosine below -1: NaN, so that Newton's method steps back
+    safe = np.where(near, 0.0, np.where(c.real > -1, c, np.nan))
     square = 1 - safe * safe
     sine = np.sqrt(square)
     phi = _atan2(sine, safe) / sine

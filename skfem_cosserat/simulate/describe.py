@@ -14,9 +14,10 @@ from ..beam import Beam
 from ..body import MassPoint, RigidBody, ball_surface
 from ..diagnostics import Projection
 from ..diagnostics.relative import relative_series
+from ..diagnostics.stacks import all_rows
+from ..frames import Place
 from ..history import History
 from ..model import System
-from ..model.system import JointRows
 from ..types import Floats, IndexArray
 from ..version import VERSION
 
@@ -199,14 +200,17 @@ def derive_series(system: System, history: History) -> None:
     series["multipliers"] = lam
     for name, (force, moment) in diagnostics.reactions(system, y, lam).items():
         series[f"joint/{name}/force"], series[f"joint/{name}/moment"] = force, moment
+    rows = all_rows(system, q, t)
     for jr in system.joint_rows:
-        series[f"joint/{jr.joint.name}/position"] = _joint_positions(system, jr, q, t)
+        series[f"joint/{jr.joint.name}/position"] = _positions(system, jr.joint.a, rows)
+    for item in system.couplings.items:
+        ends = [_positions(system, place, rows) for place in (item.a, item.b)]
+        series[f"coupling/{item.name}/ends"] = np.stack(ends, axis=1)
     for name, values in series.items():
         history.add_series(name, values)
 
 
-def _joint_positions(system: System, jr: JointRows, q: Floats, t: Floats) -> Floats:
-    """Where the joint's point on side A is, (N, 3)."""
-    terms = system.kinematics.spot_terms(jr.a)
-    y = np.array([system.extend(row, float(s)) for row, s in zip(q, t, strict=True)])
+def _positions(system: System, place: Place, y: Floats) -> Floats:
+    """Where a place is, (N, 3)."""
+    terms = system.kinematics.spot_terms(system.spot(place))
     return np.asarray(sum(c * y[:, a] for a, c in terms))

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from ..constraints import Treatment
+from ..diagnostics import highest_frequency
 from ..errors import CosseratError, Diverged, InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper, StepReport
@@ -149,6 +150,7 @@ def simulate(
     _check_run(callbacks, path, state)
     show = _progress(progress, until, state.time + count * stepper.h)
     recorder = Recorder(system, stepper, state, count, every, at, path)
+    _warn_if_unresolved(stepper)
     with recorder, _Interrupt() as interrupt:
         status, failure = _run(stepper, state, count, recorder, callbacks, show, interrupt)
         history = recorder.close(status, failure)
@@ -192,6 +194,24 @@ def _run(
     except Diverged as error:
         return "diverged", error
     return status, None
+
+
+def _warn_if_unresolved(stepper: Stepper) -> None:
+    """Say once that the step leaves frequencies unresolved which the integrator needs."""
+    limit, system = stepper.integrator.frequency_limit, stepper.system
+    if limit is None or not system.beam_groups:
+        return
+    try:
+        omega = highest_frequency(system)
+    except (CosseratError, ArithmeticError, ValueError) as error:  # never stops a run
+        logger.debug("the highest frequency could not be estimated: %s", error)
+        return
+    if stepper.h * omega > limit:
+        logger.warning(
+            "the step %.3g s times the highest frequency of the beams, %.3g rad/s, is %.3g: above"
+            " %.3g the %s integrator is likely to fail; try steps below %.2g s, or another one",
+            *(stepper.h, omega, stepper.h * omega, limit, stepper.integrator.name, limit / omega),
+        )
 
 
 def _derive(system: System, history: History, path: str | os.PathLike[str] | None) -> None:

@@ -1,0 +1,661 @@
+"""Every joint between every pair of sides, either way round, in both treatments and integrators.
+
+One scene for each kind of joint holds it between bodies, ground at rest and in motion, beam nodes
+(also eccentric) and mass points, at random places and orientations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from helpers_scenes import (
+    JOINTS,
+    POINT_JOINTS,
+    SHAKE,
+    TENSOR,
+    fitting,
+    full_section,
+    null_space,
+    random_tree,
+    rotation,
+    unit,
+)
+from test_tangents import TOLERANCE, Step, worst
+
+import skfem_cosserat as sc
+from skfem_cosserat import diagnostics
+from skfem_cosserat.model.chart import Chart
+
+INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
+TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
+integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
+treatments = pytest.mark.parametrize("treatment", TREATMENTS)
+kinds = pytest.mark.parametrize("kind", JOINTS, ids=lambda kind: kind.type)
+GRAVITY = np.array([0.4, -0.3, -9.81])
+PARTNERS = ("body", "ground", "moving", "node", "eccentric", "point")
+
+
+# -- scenes ----------------------------------------------------------------------------------------
+
+
+def eccentric(place, X):
+    """A place beside another one, X in its triad."""
+    return replace(place, position=place.position + X @ place.triad, offset=place.offset + X)
+
+
+class Builder:
+    """Pairs of items with one kind of joint between them."""
+
+    def __init__(self, kind, seed=0):
+        self.kind, self.rng, self.model = kind, np.random.default_rng(seed), sc.Model()
+        self.sides = {}  # joint -> (item of side a or None, item of side b or None)
+
+    def body(self, name):
+        rng = self.rng
+        body = sc.RigidBody(
+            *(1.5, TENSOR),
+            center=(0.1, -0.2, 0.15),
+            position=rng.standard_normal(3),
+            triad=rotation(rng).T,
+        )
+        return self.model.add(name, body)
+
+    def partner(self, what, name):
+        """A place on something else, and the item if its momentum can be told apart."""
+        rng, x = self.rng, self.rng.standard_normal(3)
+        if what == "body":
+            item = self.body(name)
+            return item.at(x), item
+        if what in ("ground", "moving"):
+            return sc.ground(x, SHAKE if what == "moving" else None), None
+        if what == "point":
+            item = self.model.add(name, sc.MassPoint(0.8, x))
+            return item.place(), item
+        mesh = sc.MeshCurve.init_line(x, x + unit(rng), 1, name)
+        node = self.model.add(name, sc.Beam(mesh, full_section())).node(f"{name}.end")
+        return (
+            eccentric(node, 0.3 * rng.standard_normal(3)) if what == "eccentric" else node
+        ), None
+
+    def add(self, what, swap):
+        """Body "two" on side b, the partner on side a; or the other way round."""
+        name = f"{what} {'b-a' if swap else 'a-b'}"
+        options, gap = fitting(self.kind, self.rng)
+        place, item = self.partner(what, f"partner {name}")
+        body = self.body(f"body {name}")
+        sides = [(place, item), (body.at(place.position + gap), body)]
+        if swap:
+            sides.reverse()
+        joint = self.kind(sides[0][0], sides[1][0], **options)
+        self.model.add(name, joint)
+        self.sides[name] = sides[0][1], sides[1][1]
+
+
+def pairs(kind):
+    """What a kind of joint may connect, and which way round."""
+    out = [(what, swap) for what in PARTNERS[:-1] for swap in (False, True)]
+    if kind in POINT_JOINTS:
+        out.append(("point", True))  # the point is side b
+        if kind is not sc.JointPointOnLine:
+            out.append(("point", False))
+    return out
+
+
+@cache
+def scene(kind):
+    build = Builder(kind, list(JOINTS).index(kind))
+    for what, swap in pairs(kind):
+        build.add(what, swap)
+    build.model.add("gravity", sc.LoadGravity(GRAVITY))
+    return build.model.freeze(), build.sides
+
+
+def two_states(system, seed=3, size=0.7):
+    """Two configurations far from the reference and from each other, and the chart between."""
+    rng = np.random.default_rng(seed)
+    chart = Chart(system.kinematics)
+    chart.begin(system.extend(system.q0, 0.0), system.ground(0.3))
+    for _ in range(3):
+        chart.add(size * rng.standard_normal(system.kinematics.unknowns))
+    y0 = chart.configuration()
+    chart.begin(y0, system.ground(0.5))
+    for _ in range(2):
+        chart.add(0.5 * size * rng.standard_normal(system.kinematics.unknowns))
+    return y0, chart.configuration(), chart
+
+
+def size_of(system, y):
+    """Sizes of the terms of each constraint row."""
+    return np.maximum(system.constraints.magnitudes(y), 1.0)
+
+
+# -- counts ----------------------------------------------------------------------------------------
+
+
+@kinds
+def test_counts(kind):
+    """Each pair is one tree: what its joint leaves free, and the motion of the whole."""
+    system, _ = scene(kind)
+    free = JOINTS[kind]
+    unknowns = 0
+    for what, _swap in pairs(kind):
+        if what == "point":
+            unknowns += 3 + free
+        elif what == "body":
+            unknowns += 6 + free
+        elif what in ("ground", "moving"):
+            unknowns += free
+        else:
+            unknowns += 12 + free  # two nodes of a beam
+    assert system.unknowns == unknowns
+    assert system.rank == system.m == system.n - unknowns
+    assert len(system.redundant) == 0
+    taken = {j.size for j in system.joints}
+    assert taken == {6 - free}
+
+
+# -- null space ------------------------------------------------------------------------------------
+
+
+@kinds
+def test_null_space_at_nodes_and_midpoints(kind):
+    system, _ = scene(kind)
+    y0, y1, chart = two_states(system)
+    assert abs(y1 - y0)[: system.rows].max() > 0.5
+    for y in (y0, y1):
+        assert (abs(system.constraints.values(y)) / size_of(system, y)).max() < 1e-13
+    for y in (y0, 0.5 * (y0 + y1), y1):
+        G = system.constraints.jacobian(y).toarray()
+        P = null_space(system, y, chart.fixed)
+        assert abs(G @ P).max() <= 1e-12 * abs(G).max() * abs(P).max()
+        assert np.linalg.matrix_rank(P) == system.unknowns
+        assert np.linalg.matrix_rank(G) == system.n - system.unknowns == system.m
+
+
+@kinds
+def test_null_space_is_the_derivative_of_the_chart(kind):
+    system, _ = scene(kind)
+    _, y1, chart = two_states(system)
+    P = null_space(system, y1, chart.fixed)
+    saved = chart.save()
+    for k in range(system.unknowns):
+        increment = np.zeros(system.unknowns, dtype=complex)
+        increment[k] = 1e-40j
+        chart.add(increment)
+        column = chart.configuration()[: system.rows].imag.ravel() / 1e-40
+        assert abs(column - P[:, k]).max() < 1e-12
+        chart.restore(saved)
+
+
+def seen(system, place, y):
+    """Position of a place, and the rotation of its side since the reference."""
+    r = system.row_of(place)
+    if place.triad is None:
+        return y[r], None
+    D = y[r + 1 : r + 4]
+    return y[r] + place.offset @ D, D.T @ place.triad
+
+
+@kinds
+def test_geometry(kind):
+    """What each joint holds, written down by hand from positions and rotations."""
+    system, _ = scene(kind)
+    _, y, _ = two_states(system)
+    for joint in system.joints:
+        (xa, Ra), (xb, Rb) = (seen(system, place, y) for place in (joint.a, joint.b))
+        r, r0 = xb - xa, joint.b.position - joint.a.position
+        if kind is sc.JointDistance:
+            assert np.linalg.norm(r) == pytest.approx(np.linalg.norm(r0), rel=1e-13)
+            continue
+        if kind in (sc.JointSpherical, sc.JointRevolute, sc.JointUniversal, sc.JointFixed):
+            assert abs(r).max() < 1e-13 * (1 + abs(xb).max()), joint.name
+        if kind in (sc.JointCylindrical, sc.JointPrismatic, sc.JointPointOnLine):
+            n = Ra @ joint.axis
+            assert abs(np.cross(n, r)).max() < 1e-13 * (1 + abs(xb).max()), joint.name
+            assert abs(n @ r - joint.axis @ r0) > 1e-3  # it slides
+        if kind is sc.JointPlanar:
+            assert abs(Ra @ joint.normal @ r) < 1e-13 * (1 + abs(xb).max()), joint.name
+            assert abs(Ra.T @ r - r0).max() > 1e-3
+        if kind in (sc.JointRevolute, sc.JointCylindrical):
+            assert abs(Ra @ joint.axis - Rb @ joint.axis).max() < 1e-13, joint.name
+        if kind is sc.JointPlanar:
+            assert abs(Ra @ joint.normal - Rb @ joint.normal).max() < 1e-13, joint.name
+        if kind in (sc.JointPrismatic, sc.JointFixed):
+            assert abs(Ra - Rb).max() < 1e-13, joint.name
+        elif Rb is not None and Ra is not None:
+            assert abs(Ra - Rb).max() > 1e-2  # it turns
+        if kind is sc.JointUniversal:
+            assert abs((Ra @ joint.axis_a) @ (Rb @ joint.axis_b)) < 1e-13, joint.name
+
+
+# -- steps -----------------------------------------------------------------------------------------
+
+
+@kinds
+@integrators
+@treatments
+def test_tangent(kind, integrator, treatment):
+    """Iteration matrix at a far trial state against the complex step."""
+    system, _ = scene(kind)
+    step = Step(system, INTEGRATORS[integrator], TREATMENTS[treatment], seed=2)
+    assert worst(step.matrix(), step.derivative()) < TOLERANCE
+
+
+@cache
+def run(kind, integrator, treatment):
+    system, _ = scene(kind)
+    v = np.random.default_rng(4).standard_normal(system.n)
+    start = sc.initial_state(system, v=sc.project(system, system.q0, v))
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    return sc.simulate(system, *pair, 0.01, 0.2, start=start)
+
+
+@kinds
+@integrators
+def test_both_treatments_give_the_same_motion(kind, integrator):
+    one, two = (run(kind, integrator, treatment) for treatment in TREATMENTS)
+    assert len(one) == 21
+    assert abs(one["q"] - two["q"]).max() < 1e-10
+    assert abs(one["q"][-1] - one["q"][0]).max() > 0.3
+    assert one["constraint_violation"].max() < 1e-12
+    assert two["constraint_violation"].max() < 1e-11
+    for history in (one, two):
+        assert history["newton_iterations"][1:].mean() <= 4
+        assert (history["attempts"] == 1).all()
+    size = abs(one["constraint_force"][:-1]).max()
+    difference = abs(one["constraint_force"] - two["constraint_force"])[:-1]
+    assert difference.max() < 1e-8 * size
+    for name in scene(kind)[1]:
+        for what in ("force", "moment"):
+            f, g = (history[f"joint/{name}/{what}"][:-1] for history in (one, two))
+            assert abs(f - g).max() < 1e-8 * size, name
+
+
+def momenta(system, history, item):
+    """Momentum and angular momentum about the origin (N, 3) of one body or point, and its q."""
+    r = system.frame_place(item.name) // 3
+    rows = slice(r, r + (1 if isinstance(item, sc.MassPoint) else 4))
+    q, p = (history[k].reshape(len(history), -1, 3)[:, rows] for k in ("q", "p"))
+    return p[:, 0], np.cross(q, p).sum(1), q
+
+
+def weight(item, q):
+    """Force and moment about the origin (N, 3) of gravity at configurations (N, rows, 3)."""
+    force = item.mass * GRAVITY
+    if isinstance(item, sc.MassPoint):
+        return force, np.cross(q[:, 0], force)
+    return force, np.cross(q[:, 0] + np.einsum("i,nij->nj", item.center, q[:, 1:]), force)
+
+
+@kinds
+@integrators
+@treatments
+def test_reactions_balance_the_momenta_of_both_sides(kind, integrator, treatment):
+    """Exact in the discrete motion: dp = h (F + m g), dL = h (x_B x F + M + moment of m g).
+
+    Force and moment act on side B about its point of the joint, the opposite on side A about the
+    same point. With the variational scheme half of them belongs to each end of a step.
+    """
+    system, sides = scene(kind)
+    history = run(kind, integrator, treatment)
+    h, worst_force, worst_moment = 0.01, 0.0, 0.0
+    points = diagnostics.constraint_points(system, history)
+    for joint in system.joints:
+        F, M = (history[f"joint/{joint.name}/{k}"] for k in ("force", "moment"))
+        x = np.array([seen(system, joint.b, y)[0] for y in points])
+        T = M + np.cross(x, F)
+        if integrator == "variational":
+            F, T = (0.5 * (f[1:-2] + f[2:-1]) for f in (F, T))
+            steps = slice(1, -2), slice(2, -1)
+        else:
+            F, T = F[:-2], T[:-2]
+            steps = slice(0, -2), slice(1, -1)
+        for item, sign in zip(sides[joint.name], (-1.0, 1.0), strict=True):
+            if item is None:
+                continue
+            p, L, q = momenta(system, history, item)
+            before, after = steps
+            force, moment = weight(item, 0.5 * (q[before] + q[after]))
+            size = 1 + abs(L).max()
+            dp, dL = (k[after] - k[before] for k in (p, L))
+            worst_force = max(worst_force, abs(dp - h * (sign * F + force)).max() / size)
+            worst_moment = max(worst_moment, abs(dL - h * (sign * T + moment)).max() / size)
+    assert worst_force < 1e-11
+    assert worst_moment < 1e-11
+
+
+@integrators
+@treatments
+def test_free_joints_transmit_nothing_along_their_freedoms(integrator, treatment):
+    """No moment about hinge axes, no force along slides, no moment of a rod or a point."""
+    for kind in JOINTS:
+        system, _ = scene(kind)
+        history = run(kind, integrator, treatment)
+        points = diagnostics.constraint_points(system, history)[:-1]
+        for joint in system.joints:
+            F, M = (history[f"joint/{joint.name}/{k}"][:-1] for k in ("force", "moment"))
+            R = (
+                np.array([seen(system, joint.a, y)[1] for y in points])
+                if joint.a.triad is not None
+                else None
+            )
+            tiny = 1e-9 * (1 + abs(F).max())
+            if joint.freedom().turns is None:
+                assert abs(M).max() < tiny, (kind, joint.name)
+            for turn in joint.freedom().turns or ():
+                place = joint.a if turn.side == "a" else joint.b
+                axes = np.array([seen(system, place, y)[1] @ turn.axis for y in points])
+                assert abs((M * axes).sum(1)).max() < tiny, (kind, joint.name)
+            for slide in joint.freedom().slides:
+                left, right = R @ slide.left, R @ slide.right
+                assert abs((F * np.cross(left, right)).sum(1)).max() < tiny, (kind, joint.name)
+
+
+# -- trees -----------------------------------------------------------------------------------------
+
+
+def body_at(model, name, x, rng=None):
+    """A body with every product of inertia, at x."""
+    R = np.eye(3) if rng is None else rotation(rng).T
+    item = sc.RigidBody(1.2, TENSOR, center=(0.1, 0.05, -0.1), position=x, triad=R)
+    return model.add(name, item)
+
+
+def robot():
+    """Waist, shoulder with two axes, telescope, welded tool: 1 + 2 + 1 + 0."""
+    model = sc.Model()
+    base, arm, boom, tool = (body_at(model, f"link {k}", (0.3 * k, 0, 0.5 * k)) for k in range(4))
+    model.add("waist", sc.JointRevolute(sc.ground((0, 0, 0)), base.at((0, 0, 0)), (0, 0, 1)))
+    x, y, z = np.array([0.2, 0, 0.4]), (0.5, 0, 0.9), (0.9, 0.1, 1.4)
+    model.add("shoulder", sc.JointUniversal(arm.at(x), base.at(x), (0, 1, 0), (0.6, 0, 0.8)))
+    slide = np.array([0.6, 0, 0.8])
+    model.add("telescope", sc.JointPrismatic(arm.at(y), boom.at(y + 0.5 * slide), slide))
+    model.add("flange", sc.JointFixed(tool.at(z), boom.at(z)))
+    return model, 4
+
+
+def pump():
+    """Piston in a bore that shakes, a rod on a ball, a bead on the rod: 2 + 3 + 1."""
+    model = sc.Model()
+    piston, rod = (body_at(model, name, (k, 0.1, 0)) for k, name in enumerate(("piston", "rod")))
+    x = (0.5, 0.1, 0.2)
+    model.add(
+        "bore", sc.JointCylindrical(piston.at((1, 0, 0)), sc.ground((0, 0, 0), SHAKE), (1, 0, 0))
+    )
+    model.add("ball", sc.JointSpherical(piston.at(x), rod.at(x)))
+    bead = model.add("bead", sc.MassPoint(0.4, (1.5, 0.1, 0.2)))
+    model.add("line", sc.JointPointOnLine(rod.at(x), bead.place(), (1, 0, 0)))
+    return model, 6
+
+
+def table():
+    """A puck on a table carries a string with a bob, and a disc slides on the puck: 3 + 2 + 3."""
+    model = sc.Model()
+    puck, disc = body_at(model, "puck", (0.3, 0.2, 0)), body_at(model, "disc", (0.1, 0.2, 0.4))
+    model.add("table", sc.JointPlanar(sc.ground((0, 0, 0)), puck.at((0.3, 0.2, 0)), (0, 0, 1)))
+    n = np.array([0, 0.6, 0.8])
+    a, b = np.array([0.3, 0.2, 0.2]), np.array([0.1, 0.2, 0.2])
+    model.add("face", sc.JointPlanar(disc.at(b), puck.at(a), n, (1, 0, 0)))
+    bob = model.add("bob", sc.MassPoint(0.5, (0.3, 1.0, -0.5)))
+    model.add("string", sc.JointDistance(bob.place(), puck.at((0.3, 0.2, -0.1))))
+    return model, 8
+
+
+def satellite():
+    """Free hub with cardan boom, a slider on it, a swinging lid and two spinning wheels."""
+    model, rng = sc.Model(), np.random.default_rng(1)
+    hub, boom, slider, lid, wheel, drum = (
+        body_at(model, name, x, rng)
+        for name, x in (
+            ("hub", (0, 0, 0)),
+            ("boom", (1, 0, 0)),
+            ("slider", (1.5, 0.2, 0)),
+            ("lid", (0, 0, 1)),
+            ("wheel", (0, 1, 0)),
+            ("drum", (0, -1, 0)),
+        )
+    )
+    x = np.array([0.5, 0, 0])
+    model.add("cardan", sc.JointUniversal(hub.at(x), boom.at(x), (0, 1, 0), (0, 0, 1)))
+    model.add("track", sc.JointPrismatic(slider.at(3 * x), boom.at(2 * x), (1, 0, 0)))
+    model.add("lid hinge", sc.JointRevolute(lid.at((0, 0, 0.5)), hub.at((0, 0, 0.5)), (1, 0, 0)))
+    model.add("axle", sc.JointRevolute(hub.at((0, 1, 0)), wheel.at((0, 1, 0)), (0, 0.6, 0.8)))
+    model.add("sleeve", sc.JointCylindrical(drum.at((0, -1, 0)), hub.at((0, -0.5, 0)), (0, 1, 0)))
+    return model, 6 + 2 + 1 + 1 + 1 + 2
+
+
+def rigging():
+    """Points and bodies on strings, wires and balls, hung from a free mass point."""
+    model = sc.Model()
+    top = model.add("top", sc.MassPoint(2.0, (0, 0, 1)))
+    plate, ring = body_at(model, "plate", (0.2, 0, 0.3)), body_at(model, "ring", (0.5, 0, -1))
+    bob = model.add("bob", sc.MassPoint(0.5, (0.4, 0.3, -1.5)))
+    model.add("rope", sc.JointDistance(top.place(), plate.at((0.2, 0, 0.5))))
+    model.add("wire", sc.JointPointOnLine(plate.at((0.5, 0, 0)), ring.at((0.5, 0, -1)), (0, 0, 1)))
+    model.add("eye", sc.JointSpherical(ring.at(bob.position), bob.place()))
+    lamp = body_at(model, "lamp", (0.4, 0.3, -2))
+    model.add("cord", sc.JointDistance(lamp.at((0.4, 0.3, -1.9)), bob.place()))
+    return model, 3 + 5 + 4 + 0 + 5
+
+
+def crane():
+    """A clamped beam; a trolley slides on its eccentric tip, another rides on a wire."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (0, 0, 1), 2, "mast")
+    mast = model.add("mast", sc.Beam(mesh, full_section()))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), mast.node("mast.start")))
+    tip = eccentric(mast.node("mast.end"), np.array([0.2, 0.1, 0.1]))
+    trolley = body_at(model, "trolley", tip.position + (0.3, 0, 0))
+    model.add("jib", sc.JointPrismatic(tip, trolley.at(tip.position + (0.3, 0, 0)), (1, 0, 0)))
+    bag = body_at(model, "bag", tip.position + (0.3, 0, -0.5))
+    x = tip.position + (0.3, 0, -0.2)
+    model.add("hook", sc.JointUniversal(bag.at(x), trolley.at(x), (1, 0, 0), (0, 1, 0)))
+    rider = body_at(model, "rider", (0.5, 0.5, 0.5))
+    side = eccentric(mast.node(1), np.array([0.0, 0.2, 0]))
+    line = sc.JointPointOnLine(side, rider.at(side.position + (0, 0.4, 0)), (0, 1, 0))
+    model.add("wire", line)
+    return model, 2 * 6 + 1 + 2 + 4
+
+
+TREES = {make.__name__: make for make in (robot, pump, table, satellite, rigging, crane)}
+trees = pytest.mark.parametrize("tree", TREES)
+
+
+def test_the_trees_have_every_joint():
+    found = {type(j) for make in TREES.values() for j in make()[0].freeze().joints}
+    assert found == set(JOINTS)
+
+
+@trees
+def test_unknowns_of_trees(tree):
+    model, unknowns = TREES[tree]()
+    system = model.freeze()
+    assert system.counts() == {
+        "n": system.n,
+        "m": system.n - unknowns,
+        "rank": system.n - unknowns,
+        "unknowns": unknowns,
+    }
+    y0, y1, chart = two_states(system)
+    for y in (y0, y1, 0.5 * (y0 + y1)):
+        G = system.constraints.jacobian(y).toarray()
+        P = null_space(system, y, chart.fixed)
+        assert np.linalg.matrix_rank(G) == system.n - unknowns
+        assert np.linalg.matrix_rank(P) == unknowns
+        assert abs(G @ P).max() <= 1e-12 * abs(G).max() * abs(P).max()
+
+
+@cache
+def run_tree(tree, integrator, treatment):
+    model = TREES[tree]()[0]
+    free = tree in ("satellite", "rigging")
+    if not free:
+        model.add("gravity", sc.LoadGravity(GRAVITY))
+    system = model.freeze()
+    v = np.random.default_rng(4).standard_normal(system.n)
+    start = sc.initial_state(system, v=sc.project(system, system.q0, v))
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    return system, sc.simulate(system, *pair, 0.01, 0.3, start=start)
+
+
+@trees
+@integrators
+def test_treatments_agree_on_trees(tree, integrator):
+    (_, one), (_, two) = (run_tree(tree, integrator, treatment) for treatment in TREATMENTS)
+    assert len(one) == 31
+    assert abs(one["q"] - two["q"]).max() < 1e-10
+    assert abs(one["q"][-1] - one["q"][0]).max() > 0.3
+    assert one["constraint_violation"].max() < 1e-12
+
+
+@pytest.mark.parametrize("tree", ["satellite", "rigging"])
+@integrators
+@treatments
+def test_free_trees_keep_their_momenta(tree, integrator, treatment):
+    system, history = run_tree(tree, integrator, treatment)
+    for name in ("linear", "angular"):
+        if name == "linear":
+            values = diagnostics.linear_momentum(system, history["p"])
+        else:
+            values = diagnostics.angular_momentum(system, history["q"], history["p"])
+        assert np.isfinite(values).all()
+        assert abs(values - values[0]).max() < 1e-12 * np.linalg.norm(values[0])
+    if integrator == "energy-momentum":
+        assert np.ptp(history["energy"]) < 1e-12 * abs(history["energy"][0])
+
+
+@pytest.mark.parametrize("tree", ["robot", "table", "satellite", "crane"])
+@integrators
+def test_tangent_of_trees(tree, integrator):
+    """Slides and cardan joints one behind the other, at the midpoint with energy-momentum."""
+    system, _ = run_tree(tree, integrator, "null space")
+    for treatment in TREATMENTS.values():
+        step = Step(system, INTEGRATORS[integrator], treatment, seed=2)
+        assert worst(step.matrix(), step.derivative()) < TOLERANCE
+
+
+def random_run(seed, integrator, treatment):
+    system = random_tree(seed)
+    v = np.random.default_rng(seed).standard_normal(system.n)
+    start = sc.initial_state(system, v=sc.project(system, system.q0, v))
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    return sc.simulate(system, *pair, 0.005, 0.1, start=start, derive=False)["q"]
+
+
+@pytest.mark.parametrize(
+    "seed", [*range(100, 104), *(pytest.param(k, marks=pytest.mark.slow) for k in range(104, 140))]
+)
+@integrators
+def test_treatments_agree_on_random_trees(seed, integrator):
+    one, two = (random_run(seed, integrator, treatment) for treatment in TREATMENTS)
+    assert abs(one - two).max() < 1e-10 * (1 + abs(one).max())
+    assert abs(one[-1] - one[0]).max() > 0.1
+
+
+def test_random_trees_have_every_joint():
+    found = [
+        (type(j), j.a.item is None or bool(j.b.item), j.b.item is None)
+        for seed in range(40)
+        for j in random_tree(seed).joints
+    ]
+    assert {kind for kind, _, _ in found} == set(JOINTS)
+    assert {kind for kind, _, to_ground in found if to_ground} >= set(JOINTS) - {
+        sc.JointPointOnLine
+    }
+
+
+def test_many_compositions_do_not_drift():
+    """200 steps of random increments in trees with slides and cardan joints."""
+    for make in TREES.values():
+        system = make()[0].freeze()
+        rng, chart = np.random.default_rng(0), Chart(system.kinematics)
+        y = system.extend(system.q0, 0.0)
+        for k in range(200):
+            chart.begin(y, system.ground(1e-3 * (k + 1)))
+            chart.add(0.02 * rng.standard_normal(system.unknowns))
+            y = chart.configuration()
+        assert (abs(system.constraints.values(y)) / size_of(system, y)).max() < 2e-13
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+BALL = sc.RigidBody.sphere(1.0, 1.0)
+HERE, PLACE, POINT = sc.ground((0, 0, 0)), BALL.at((0, 0, 0)), sc.MassPoint(1.0).place()
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (
+            lambda: sc.JointUniversal(HERE, PLACE, (1, 0, 0), (0.6, 0.8, 0)),
+            ["universal joint", "axis_a = [1.0, 0.0, 0.0]", "53.1301 degrees", "expected 90"],
+        ),
+        (lambda: sc.JointUniversal(HERE, PLACE, (1, 0, 0), (1, 0, 0)), ["0 degrees", "90"]),
+        (lambda: sc.JointUniversal(HERE, PLACE, (1, 0, 0), (0, 2, 0)), ["axis_b", "length 2"]),
+        (lambda: sc.JointUniversal(HERE, POINT, (1, 0, 0), (0, 1, 0)), ["side b", "mass point"]),
+        (lambda: sc.JointCylindrical(HERE, PLACE, (1, 1, 0)), ["cylindrical joint", "1.41421356"]),
+        (lambda: sc.JointCylindrical(POINT, PLACE, (1, 0, 0)), ["side a", "mass point"]),
+        (lambda: sc.JointPrismatic(HERE, PLACE, (0, 0, 0)), ["prismatic joint", "length 0"]),
+        (lambda: sc.JointPrismatic(HERE, POINT, (1, 0, 0)), ["side b", "mass point"]),
+        (
+            lambda: sc.JointPlanar(HERE, PLACE, (0, 0, 1), (0.6, 0, 0.8)),
+            ["planar joint", "not normal", "x . n = 0.8"],
+        ),
+        (lambda: sc.JointPlanar(HERE, PLACE, (0, 0, 3)), ["normal", "length 3"]),
+        (lambda: sc.JointPlanar(HERE, PLACE, (0, 0, 1), (2, 0, 0)), ["planar", "x", "length 2"]),
+        (lambda: sc.JointPlanar(HERE, POINT, (0, 0, 1)), ["side b", "mass point"]),
+        (lambda: sc.JointPointOnLine(POINT, PLACE, (1, 0, 0)), ["side a", "mass point"]),
+        (lambda: sc.JointPointOnLine(HERE, POINT, (float("nan"), 0, 0)), ["point-on-line", "nan"]),
+        (lambda: sc.JointPointOnLine(PLACE, BALL.at((1, 0, 0)), (1, 0, 0)), ["both sides are"]),
+    ],
+)
+def test_bad_joints(call, words):
+    with pytest.raises(sc.InputError) as caught:
+        call()
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        (sc.JointCylindrical, {"axis": (1.0, 0, 0)}),
+        (sc.JointPrismatic, {"axis": (1.0, 0, 0)}),
+        (sc.JointPointOnLine, {"axis": (1.0, 0, 0)}),
+        (sc.JointPlanar, {"normal": (0, 0.6, 0.8)}),
+        (sc.JointUniversal, {"axis_a": (1.0, 0, 0), "axis_b": (0, 1.0, 0)}),
+    ],
+    ids=lambda value: getattr(value, "type", ""),
+)
+@pytest.mark.parametrize("swap", [False, True])
+def test_joints_that_do_not_close(kind, options, swap):
+    """0.05 m off; along a slide nothing is missing."""
+    off = np.array([0, 0.03, 0.04])
+    along = np.zeros(3) if kind is sc.JointUniversal else np.array([0.7, 0, 0])
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (1, 2, 3), position=(1, 0, 0)))
+    for shift, good in ((off, False), (0 * off, True)):
+        sides = [sc.ground((0, 0, 0)), body.at(along + shift)]
+        name = "good" if good else "bad"
+        joint = kind(*(sides[::-1] if swap else sides), **options)
+        if good:
+            joint.check(0.0, 1.0)
+            continue
+        model.add(name, joint)
+        with pytest.raises(sc.InputError) as caught:
+            model.freeze()
+        for word in (f"{kind.type} joint 'bad'", "does not close", "0.05 m"):
+            assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", [sc.JointCylindrical, sc.JointPrismatic, sc.JointRevolute])
+def test_prescribed_rotation_must_start_from_zero(kind):
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (1, 2, 3)))
+    place = sc.ground((0, 0, 0), sc.Motion(rotation=lambda t: (0.1, 0, 0)))
+    model.add("joint", kind(place, body.at((0, 0, 0)), axis=(0, 0, 1)))
+    with pytest.raises(sc.InputError, match=r"joint 'joint'.*rotation is not zero"):
+        model.freeze()
