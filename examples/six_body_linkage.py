@@ -83,27 +83,28 @@ def _gap(twist: float, x: float, y: float) -> Floats:
 def closing_angle(twist: float, x: float) -> float:
     """Joint angle y (rad) that closes the ring x, y, x, y, x, y; of several the nearest to x.
 
+    By least squares from the lowest points of a grid.
+
     Raises
     ------
     InputError
         If the ring cannot close, with the smallest gap that was found.
     """
-    found, best = [], None
-    for start in np.linspace(-np.pi, np.pi, 24, endpoint=False):
-        fit = least_squares(
-            lambda y: _gap(twist, x, float(y[0])), start, xtol=1e-15, ftol=1e-15, gtol=1e-15
-        )
-        gap = float(np.linalg.norm(fit.fun))
-        if best is None or gap < best:
-            best = gap
-            miss = fit.fun
-        if gap < CLOSED:
-            found.append(float(np.arctan2(np.sin(fit.x[0]), np.cos(fit.x[0]))))
+    grid = np.linspace(-np.pi, np.pi, 72, endpoint=False)
+    gaps = np.array([np.linalg.norm(_gap(twist, x, y)) for y in grid])
+    lowest = np.flatnonzero((gaps <= np.roll(gaps, 1)) & (gaps <= np.roll(gaps, -1)))
+    exact = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
+    fits = [
+        least_squares(lambda y: _gap(twist, x, float(y[0])), start, **exact)
+        for start in grid[lowest]
+    ]
+    found = [float(fit.x[0]) for fit in fits if np.linalg.norm(fit.fun) < CLOSED]
     if not found:
+        miss = min((fit.fun for fit in fits), key=np.linalg.norm)
         raise sc.InputError(
             "linkage",
-            f"cannot close with twist = {twist:.6g} rad and angle = {x:.6g} rad: the ends stay"
-            f" {np.linalg.norm(miss[:3]):.3g} m apart and their directions by"
+            f"cannot close with twist = {twist:.6g} rad and angle = {x:.6g} rad: its ends stay"
+            f" {np.linalg.norm(miss[:3]):.3g} m apart, with directions that differ by"
             f" {np.linalg.norm(miss[3:]):.3g}",
         )
     return min(found, key=lambda y: 1 - np.cos(y - x))
@@ -234,8 +235,7 @@ def evaluate(system: sc.System, history: sc.History, twist: float) -> dict[str, 
         "P3": _point(system, q, 3),
         "joint_angles": angles,
         "closure": abs(relation(twist, angles, np.roll(angles, -1, axis=1))).max(1),
-        "energy": diagnostics.kinetic_energy(system, p)
-        + diagnostics.external_energy(system, q, t),
+        "energy": diagnostics.kinetic_energy(system, p) + diagnostics.external_energy(system, q, t),
         "energy_midpoint": diagnostics.midpoint_energy(system, q, step, mean)
         + diagnostics.external_energy(system, middle, (t[1:] + t[:-1]) / 2),
         "unknowns": history.meta["unknowns"],
@@ -360,9 +360,9 @@ if __name__ == "__main__":
     result = main(**arguments)
     energy = result["energy"]
     print(f"six-body linkage: {arguments['integrator']}, {arguments['treatment']}")
-    print(f"  n = {result['n']}, {result['m_rows']} constraint rows of rank {result['rank']},", end="")
-    print(f" unknowns = {result['unknowns']}")
-    print(f"  {len(result['times']) - 1} steps, {result['newton_iterations'].sum()} iterations")
+    print(f"  n = {result['n']}, {result['m_rows']} constraint rows of rank {result['rank']}")
+    print(f"  {result['unknowns']} unknowns", end="")
+    print(f", {len(result['times']) - 1} steps, {result['newton_iterations'].sum()} iterations")
     print(f"  P3 at the end {np.round(result['P3'][-1], 6).tolist()} m")
     print(f"  energy between {energy.min():.9g} and {energy.max():.9g} J", end="")
     print(f", closed form fulfilled to {result['closure'].max():.3g}")

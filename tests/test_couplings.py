@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_scenes import FULL, SHAKE, TENSOR, random_state, rotation, unit
+from helpers_scenes import FULL, SHAKE, TENSOR, four_bar, random_state, rotation, unit
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
@@ -344,7 +344,7 @@ def test_torsional_spring_has_its_frequency(integrator, treatment):
 
 
 def test_hinge_comes_to_rest_at_the_neutral_angle():
-    history = simulate(pendulum(1.3, 5.0, 2.0), "energy-momentum", 0.02, 20.0, every=100)
+    history = simulate(pendulum(1.3, 5.0, 2.0), "energy-momentum", 0.05, 10.0, every=50)
     assert history["joint/hinge/angle"][-1] == pytest.approx(1.3, abs=1e-9)
 
 
@@ -359,7 +359,7 @@ def test_bushing_under_a_wrench():
     model.add("mount", sc.Bushing(sc.ground((0.1, 0, 0)), place, K, 3.0))
     model.add("force", sc.LoadForce(place, force))
     model.add("moment", sc.LoadMoment(place, moment))
-    history = simulate(model.freeze(), "energy-momentum", 0.05, 40.0, every=100)
+    history = simulate(model.freeze(), "energy-momentum", 0.05, 20.0, every=100)
     xi = history["coupling/mount/coordinate"][-1]
     u, psi = xi[:3], xi[3:]
     assert np.linalg.norm(psi) > 0.3
@@ -538,14 +538,51 @@ def shaken():
 @pytest.mark.parametrize("moving", [False, True], ids=["rest", "moving"])
 def test_energy_balance_of_the_variational_scheme(moving):
     worst_of = []
-    for h in (0.02, 0.01, 0.005):
+    for h in (0.01, 0.005, 0.0025):
         system = shaken() if moving else zoo(0)
-        history = simulate(system, "variational", h, 0.4, start=pushed(system))
+        history = simulate(system, "variational", h, 0.2, start=pushed(system))
         worst_of.append(abs(history["energy_balance"]).max() / history["energy"].max())
         assert np.diff(history["dissipated"]).min() > 0
     orders = np.log2(np.array(worst_of[:-1]) / worst_of[1:])
     assert worst_of[0] > 1e-6  # not conserved
     assert (abs(orders - 2) < 0.15).all()
+
+
+@integrators
+def test_works_of_all_steps_are_recorded(integrator):
+    """Also when few states are; the variational work of drives is known one step later."""
+    system = shaken()
+    start = pushed(system)
+    whole = simulate(system, integrator, 0.01, 0.3, start=start)
+    rare = simulate(system, integrator, 0.01, 0.3, start=start, every=7)
+    for name in ("work_loads", "work_actuators", "work_drives", "dissipated", "energy_balance"):
+        assert np.isfinite(whole[name]).all()
+        picked = whole[name][np.isin(whole["step"], rare["step"])]
+        assert abs(rare[name] - picked).max() < 1e-14
+    assert abs(whole["work_drives"][1:]).min() > 0
+
+
+def linkage():
+    """A four-bar linkage (redundant rows) with springs on all pins, a motor and a cable."""
+    model = four_bar()
+    for k in range(4):
+        spring = sc.JointSpringDamper(model[f"pin {k}"], 3.0 + k, 0.05 * k, neutral=0.3 * k)
+        model.add(f"spring {k}", spring)
+    model.add("motor", sc.JointActuator(model["pin 0"], lambda t: 2 * np.sin(3 * t)))
+    top = model["crank"].at((0, 1, 0))
+    model.add("cable", sc.Cable(top, sc.ground((2, 0, 0)), 20.0, 0.1))
+    return model.freeze()
+
+
+@integrators
+def test_elements_in_a_closed_loop(integrator):
+    found = [simulate(linkage(), integrator, 0.01, 1.0, treatment) for treatment in TREATMENTS]
+    assert abs(found[0]["q"] - found[1]["q"]).max() < 1e-12
+    scale = found[0]["energy"].max()
+    for history in found:
+        limit = 1e-12 if integrator == "energy-momentum" else 1e-4
+        assert abs(history["energy_balance"]).max() < limit * scale
+    assert np.ptp(found[0]["joint/pin 2/angle"]) > 0.1
 
 
 def driven(motion):
@@ -595,17 +632,17 @@ def test_free_scenes_keep_their_momenta(integrator, treatment):
     p = diagnostics.linear_momentum(system, history["p"])
     assert len(L) == 51
     # compared with the sizes of the terms: in a random motion they nearly cancel
-    terms = np.cross(history["q"][0].reshape(-1, 3), history["p"][0].reshape(-1, 3))
-    size = np.linalg.norm(terms, axis=1).sum()
+    y, momenta = history["q"][0].reshape(-1, 3), history["p"][0].reshape(-1, 3)
+    size = np.linalg.norm(np.cross(y, momenta), axis=1).sum()
     assert abs(L - L[0]).max() < 1e-12 * size
-    assert abs(p - p[0]).max() < 1e-12 * np.linalg.norm(p[0])
+    assert abs(p - p[0]).max() < 1e-12 * np.linalg.norm(momenta[system.origin_rows], axis=1).sum()
     assert np.linalg.norm(L[0]) > 0.01 * size
     assert np.ptp(history["energy"]) > 0.05 * history["energy"][0]
 
 
 def test_undamped_free_scene_keeps_its_energy():
     system = zoo(1, grounded=False, damping=0.0, actuated=False)
-    history = simulate(system, "energy-momentum", 0.02, 2.0, start=pushed(system, size=1.0))
+    history = simulate(system, "energy-momentum", 0.02, 1.0, start=pushed(system, size=1.0))
     assert np.ptp(history["energy"]) < 1e-12 * history["energy"][0]
     assert np.ptp(history["coupling_energy"]) > 0.1 * history["energy"][0]
     assert (history["dissipated"] == 0).all()
@@ -619,26 +656,26 @@ def test_undamped_free_scene_keeps_its_energy():
 def test_spring_wound_over_several_turns(integrator, treatment, tmp_path):
     """Its energy and angle count all turns, recorded rarely, and go on from a file."""
     system = pendulum(stiffness=0.05, spin=8.0)
-    h = 0.02
+    h = 0.04
     whole = simulate(system, integrator, h, 8.0, treatment)
     w = np.sqrt(0.05 / 0.4)
     exact = 8.0 / w * np.sin(w * whole.times)
     assert exact.max() > 7 * np.pi
     angle = whole["joint/hinge/angle"]
-    assert abs(angle - exact).max() < 0.1  # of phase
+    assert abs(angle - exact).max() < 0.4  # of phase
     assert whole["turns"].max() >= 3
     stored = 0.5 * 0.05 * angle**2
     assert abs(whole["coupling_energy"] - stored).max() < 1e-12 * stored.max()
     if integrator == "energy-momentum":
         assert np.ptp(whole["energy"]) < 1e-12 * whole["energy"][0]
-    rare = simulate(system, integrator, h, 8.0, treatment, every=100)
-    assert abs(rare["joint/hinge/angle"] - angle[::100]).max() < 1e-12
+    rare = simulate(system, integrator, h, 8.0, treatment, every=50)
+    assert abs(rare["joint/hinge/angle"] - angle[::50]).max() < 1e-12
     first = simulate(system, integrator, h, 4.0, treatment, path=tmp_path / "half")
     first = sc.History.load(tmp_path / "half")
     start = sc.restart(system, first, INTEGRATORS[integrator], h)
     assert start.turns.tolist() == first["turns"][-1].tolist() != [0]
     second = simulate(system, integrator, h, 8.0, treatment, start=start)
-    assert abs(second["joint/hinge/angle"] - angle[200:]).max() < 1e-11
+    assert abs(second["joint/hinge/angle"] - angle[100:]).max() < 1e-11
 
 
 def test_wrapped_angle_would_lose_the_energy():

@@ -195,7 +195,7 @@ def strain_energy(system: System, q: ArrayLike) -> Floats:
 
 
 def midpoint_energy(system: System, q: ArrayLike, step: float, mean: bool) -> Floats:
-    """Kinetic and stored energy in terms of ``(q_n, q_{n+1})``.
+    """Kinetic energy, and stored energy of beams, in terms of ``(q_n, q_{n+1})``.
 
     Parameters
     ----------

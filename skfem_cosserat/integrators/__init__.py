@@ -1,8 +1,16 @@
 """Time integrators: each module writes only its discrete equations."""
 
-from .base import Integrator, State
+from .base import Integrator, State, StepWork
 from .energy_momentum import EnergyMomentum
 from .stepper import Stepper, StepReport
 from .variational import Variational
 
-__all__ = ["EnergyMomentum", "Integrator", "State", "StepReport", "Stepper", "Variational"]
+__all__ = [
+    "EnergyMomentum",
+    "Integrator",
+    "State",
+    "StepReport",
+    "StepWork",
+    "Stepper",
+    "Variational",
+]

@@ -16,7 +16,7 @@ from ..joint import Joint
 from ..kernels import null_space_blocks
 from ..types import Floats, IndexArray
 from .chart import Chart
-from .closure import Closure
+from .closure import Closure, Selected
 from .groups import Group
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
@@ -29,10 +29,15 @@ __all__ = [
     "check_inertia",
     "check_joints",
     "check_mobility",
+    "check_regular",
 ]
 
 #: prescribed motion (m, rad) small enough to tell first from second order
 SMALL_MOTION = 1e-3
+#: motion (rad, relative to the extent) that shows which redundancy is one of a single position only
+BESIDE = 1e-2
+#: violation of redundant rows after it, which is of the order of BESIDE^2 in a singular position
+STILL_REDUNDANT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,13 +138,75 @@ def check_consistency(system: Scene, redundant: Sequence[tuple[Any, IndexArray, 
         return
 
 
-def _contradiction(system: Scene, row: int, others: IndexArray, t: float, miss: float) -> None:
-    def owner(k: int) -> str:
-        return next(jr.joint.label for jr in system.joint_rows if jr.rows.start <= k < jr.rows.stop)
+def check_regular(system: Scene, redundant: Sequence[tuple[Any, IndexArray, Floats]]) -> None:
+    """Redundant rows must stay so beside the reference configuration.
 
-    names = sorted({owner(int(k)) for k in others})
+    Otherwise the reference is a singular position: more motions seem free there than the closed
+    loops leave, and rows that count anywhere else would be dropped for good. The mechanism is moved
+    a little along some of the apparent free directions (always the same), loops closed by the
+    independent rows.
+    """
+    if not redundant:
+        return
+    closure = system.closure
+    start = system.extend(system.q0, 0.0)
+    chart = Chart(system.kinematics)
+    chart.begin(start, system.ground(0.0))
+    chosen = closure.select(start, _tree_values(system, start, chart))
+    Z = closure.null_matrix(chosen)
+    random = np.random.default_rng(0)
+    for _ in range(3):
+        move = Z @ random.standard_normal(Z.shape[1])
+        size = max(abs(move[s.component.columns] / s.component.scale).max() for s in chosen)
+        if size == 0:
+            continue
+        chart.reset()
+        chart.add(BESIDE / size * move)
+        g = _closed(system, chart, chosen)
+        if g is None:
+            continue
+        for component, dropped, combination in redundant:
+            rows = closure.rows[component.rows]
+            miss = abs(combination @ (g[rows] / closure.magnitude[component.rows]))
+            if miss.max() > STILL_REDUNDANT:
+                raise InputError(
+                    _owner(system, int(rows[dropped[miss.argmax()]])),
+                    f"closes a loop in a singular position: {Z.shape[1]} motions seem"
+                    " free in the reference configuration, but beside it some of them open the"
+                    " loop; start from another position of the mechanism",
+                )
+
+
+def _tree_values(system: Scene, y: Floats, chart: Chart) -> Floats:
+    return system.kinematics.T_values(system.kinematics.locate(y, chart.fixed))
+
+
+def _closed(system: Scene, chart: Chart, chosen: list[Selected]) -> Floats | None:
+    """Constraint values (m,) after closing the loops by their independent rows; None: in vain."""
+    closure = system.closure
+    for _ in range(20):
+        y = chart.configuration()
+        g = system.constraints.values(y)
+        step, gap = np.zeros(system.kinematics.unknowns), 0.0
+        for s in closure.again(chosen, y, _tree_values(system, y, chart)):
+            violation = closure.violation(s, g)
+            gap = max(gap, float(abs(violation).max(initial=0.0)))
+            step[s.component.columns] = s.correction(violation)
+        if gap < 1e-14:
+            return g
+        chart.add(step)
+    return None
+
+
+def _owner(system: Scene, row: int) -> str:
+    """Label of the joint or drive that a constraint row belongs to."""
+    return next(jr.joint.label for jr in system.joint_rows if jr.rows.start <= row < jr.rows.stop)
+
+
+def _contradiction(system: Scene, row: int, others: IndexArray, t: float, miss: float) -> None:
+    names = sorted({_owner(system, int(k)) for k in others})
     raise InputError(
-        owner(row),
+        _owner(system, row),
         f"contradicts the rest of its closed loop at t = {t:g} s (by {miss:.3g} relative): its"
         f" prescribed motion cannot be together with {', '.join(names)}",
     )

@@ -32,6 +32,7 @@ from .checks import (
     check_inertia,
     check_joints,
     check_mobility,
+    check_regular,
 )
 from .closure import Closure, Selected
 from .couplings import Couplings
@@ -292,6 +293,7 @@ class System:
         y, T = self._tree_at(self.q0, 0.0)
         redundant = self.closure.decide(y, T)
         check_consistency(self, redundant)
+        check_regular(self, redundant)
         #: constraint rows that depend on the others, in the reference configuration
         self.redundant: IndexArray = np.sort(
             np.concatenate(
