@@ -153,6 +153,7 @@ def sail(
     watch = _Watch(system, integrator.name == "energy-momentum", step)
     outcome, failed, reason, residuals = "completed", None, "", []
     iterations = repeated = beyond = 0
+    count = int(until / step * (1 + 1e-12) + 1e-9)
     start, state = time.perf_counter(), sc.initial_state(system)
     try:
         for report in sc.steps(system, integrator, sc.NullSpace(), step, settings=SETTINGS):
@@ -163,7 +164,7 @@ def sail(
             if not watch.blown:
                 iterations += report.iterations
                 repeated += report.attempts > 1
-            if state.time >= until * (1 - 1e-9) or beyond > BEYOND:
+            if state.index >= count or beyond > BEYOND:
                 break
             if time.perf_counter() - start > patience:
                 outcome = "stopped, still running"

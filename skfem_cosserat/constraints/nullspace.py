@@ -22,6 +22,8 @@ CLOSING = 30
 CLOSED = 4e-16
 #: a correction (rad, or relative to the scene) this small needs no other
 QUADRATIC = 3e-8
+#: the same for the first guess of a step
+GUESSED = 1e-2
 #: a correction this large means that the loop does not close near here
 FAR = 3.0
 
@@ -148,6 +150,7 @@ class BoundNullSpace(BoundTreatment):
         self._shifting = np.flatnonzero(~turning)
         self._total: Array = np.zeros(kin.unknowns)
         self._last: Array | None = None
+        self._enough = QUADRATIC
         self._direction: list[Floats] | None = None
 
     def _make_pattern(self) -> None:
@@ -227,6 +230,7 @@ class BoundNullSpace(BoundTreatment):
         """See the base class."""
         self.chart.reset()
         self._total = np.zeros(self.kin.unknowns)
+        self._enough = GUESSED
         if extrapolate and self._last is not None:
             self._add(self._last)
 
@@ -240,29 +244,28 @@ class BoundNullSpace(BoundTreatment):
         return self._close(y1) if self._loops else y1
 
     def _close(self, y1: Array) -> Array:
-        """Shortest changes of the tree's coordinates until the loops close."""
+        """Shortest changes of the tree's coordinates until the loops close.
+
+        A step's first guess is moved once only: an iteration follows.
+        """
         self.trouble = None
         kin, closure = self.kin, self.closure
+        enough, self._enough = self._enough, QUADRATIC
         for _ in range(CLOSING):
-            T = kin.T_values(kin.locate(y1, self.chart.fixed))
-            self._at1 = closure.again(self._chosen, y1, T)
             g = self.system.constraints.values(y1)
-            step = np.zeros(kin.unknowns, dtype=y1.dtype)
-            gap = 0.0
-            for s in self._at1:
-                violation = closure.violation(s, g)
-                gap = max(gap, float(abs(violation).max(initial=0.0)))
-                step[s.component.columns] = s.correction(violation)
-            if gap <= CLOSED:
+            gaps = [closure.violation(s, g) for s in self._chosen]
+            if max(float(abs(gap).max(initial=0.0)) for gap in gaps) <= CLOSED:
                 return y1
+            T = kin.T_values(kin.locate(y1, self.chart.fixed))
+            step = np.zeros(kin.unknowns, dtype=y1.dtype)
+            for s, gap in zip(closure.again(self._chosen, y1, T), gaps, strict=True):
+                step[s.component.columns] = s.correction(gap)
             size = self._size(step)[0]
             if not np.isfinite(size) or size > FAR:
                 break
             self._add(step)
             y1 = self.chart.configuration()
-            if size < QUADRATIC:  # what is left is the square of it
-                T = kin.T_values(kin.locate(y1, self.chart.fixed))
-                self._at1 = closure.again(self._chosen, y1, T)
+            if size < enough:  # what is left is the square of it
                 return y1
         names = ", ".join(joint.label for joint in self.system.tree.loops)
         self.trouble = f"the loop through the {names} does not close"
@@ -357,7 +360,7 @@ class BoundNullSpace(BoundTreatment):
         out = self._congruence.data(np.concatenate(values), extra, self._T_left, T1)
         if not self._loops:
             return out
-        self._Z1 = self.closure.null_values(self._at1, self._ones)
+        self._Z1 = self.closure.null_values(self._selected(y1, T1), self._ones)
         return self._reduction.data(out, np.zeros(0), self._Z_left, self._Z1)
 
     def scale_rows(self, residual: Array) -> Array:

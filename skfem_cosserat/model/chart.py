@@ -9,10 +9,11 @@ the start of the step.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from ..kernels import exp_quaternion, quaternion_product, rotation_matrix
 from ..types import Array, Floats, IndexArray
@@ -24,22 +25,14 @@ __all__ = ["Chart"]
 
 @dataclass
 class _Level:
-    """Tree vertices of one depth, as arrays."""
+    """Tree edges of one depth, as arrays of rows of y, vertices and numbers."""
 
-    child: IndexArray
+    child_row: IndexArray
+    parent_row: IndexArray
+    edge: IndexArray
+    child: IndexArray  # those whose rotation is relative to the parent's
     parent: IndexArray
-    guide: IndexArray
-    parent_rows: IndexArray  # (c, 4)
-    parent_factor: Floats
-    offset: Floats  # (c, 3) of the child
-    sphere: IndexArray  # which of the children move on a sphere
-    sphere_number: IndexArray
-    relative: IndexArray  # which have a rotation that the parent's is passed on to
-    turns: list[tuple[IndexArray, IndexArray]]  # first, second: (which children, hinges)
-    open: IndexArray  # which have slides, their arms, and (which of them, tracks)
-    arm_number: IndexArray
-    slides: list[tuple[IndexArray, IndexArray]]
-    framed: IndexArray
+    relative: IndexArray
 
 
 class _Drives:
@@ -96,64 +89,67 @@ class Chart:
         edges = {e.child: e for e in tree.edges}
         self._sphere_edges = [edges[int(v)] for v in spheres]
         self._open_edges = [e for e in tree.edges if tree.slides.get(e.child)]
-        self._levels = self._make_levels()
+        self._prepare_rotations()
+        self._prepare_positions()
         self.rotating = np.concatenate(
             [self.turn_numbers.ravel(), self._hinges.numbers, self.sphere_numbers.ravel()]
         )
 
-    def _make_levels(self) -> list[_Level]:
+    def _prepare_rotations(self) -> None:
+        """Relative rotation of each child: of one or two hinges, or none."""
         kin, tree = self.kin, self.kin.tree
+        frame = set(kin.frames.tolist())
+        self._relative = [
+            e for e in tree.edges if e.child in frame and e.joint.freedom().turns is not None
+        ]
+        number = {c.number: i for i, c in enumerate(kin.guided)}
+        self._layers = _layers([tree.turns.get(e.child, []) for e in self._relative], number)
+        framed = np.array([e.child for e in tree.edges if e.child in frame], dtype=np.int64)
+        self._framed = framed
+        self._framed_rows = kin.row[framed][:, None] + _DIRECTORS
+        place = {e.child: i for i, e in enumerate(tree.edges)}
+        turned = {e.child: i for i, e in enumerate(self._relative)}
         levels: dict[int, list[Edge]] = {}
         for e in tree.edges:
             levels.setdefault(tree.depth[e.child], []).append(e)
-        hinge = {c.number: i for i, c in enumerate(kin.guided)}
-        track = {c.number: i for i, c in enumerate(kin.sliding)}
-        sphere_of = {e.child: i for i, e in enumerate(self._sphere_edges)}
-        arm_of = {e.child: i for i, e in enumerate(self._open_edges)}
-        frame = set(kin.frames.tolist())
-
-        def where(test: list[bool]) -> IndexArray:
-            return np.flatnonzero(np.array(test, dtype=bool))
-
-        def layers(
-            es: list[Edge], of: dict[int, list[Coordinate]], number: dict[int, int]
-        ) -> list[tuple[IndexArray, IndexArray]]:
-            out = []
-            for k in (0, 1):
-                which = where([len(of.get(e.child, [])) > k for e in es])
-                ids = [number[of[es[i].child][k].number] for i in which]
-                if len(which):
-                    out.append((which, np.array(ids, dtype=np.int64)))
-            return out
-
-        out = []
+        self._levels = []
         for depth in sorted(levels):
             es = levels[depth]
-            terms = [kin.spot_terms(e.parent_spot) for e in es]
-            rows = np.array([[t[0] for t in ts] + [ts[0][0]] * (4 - len(ts)) for ts in terms])
-            factor = np.array([[t[1] for t in ts] + [0.0] * (4 - len(ts)) for ts in terms])
-            passed = [e.child in frame and e.joint.freedom().turns is not None for e in es]
-            sphere = where([e.child in sphere_of for e in es])
-            opened = where([e.child in arm_of for e in es])
-            out.append(
+            rs = [e for e in es if e.child in turned]
+
+            def array(numbers: Sequence[int]) -> IndexArray:
+                return np.array(numbers, dtype=np.int64)
+
+            self._levels.append(
                 _Level(
-                    child=np.array([e.child for e in es]),
-                    parent=np.array([e.parent for e in es]),
-                    guide=np.array([e.guide for e in es]),
-                    parent_rows=rows,
-                    parent_factor=factor[:, :, None],
-                    offset=np.array([e.child_spot.offset for e in es])[:, None, :],
-                    sphere=sphere,
-                    sphere_number=np.array([sphere_of[es[i].child] for i in sphere], dtype=int),
-                    relative=where(passed),
-                    turns=layers(es, tree.turns, hinge),
-                    open=opened,
-                    arm_number=np.array([arm_of[es[i].child] for i in opened], dtype=int),
-                    slides=layers(es, tree.slides, track),
-                    framed=where([e.child in frame for e in es]),
+                    child_row=kin.row[[e.child for e in es]],
+                    parent_row=kin.row[[e.parent for e in es]],
+                    edge=array([place[e.child] for e in es]),
+                    child=array([e.child for e in rs]),
+                    parent=array([e.parent for e in rs]),
+                    relative=array([turned[e.child] for e in rs]),
                 )
             )
-        return out
+
+    def _prepare_positions(self) -> None:
+        """``phi_child - phi_parent`` of each edge from directors, arms on spheres, slides."""
+        kin, tree = self.kin, self.kin.tree
+        edges = tree.edges
+        rows, factors = [], []
+        for e in edges:
+            parent = [(a, c) for a, c in kin.spot_terms(e.parent_spot)[1:]]
+            terms = parent + [(a, -c) for a, c in kin.spot_terms(e.child_spot)[1:]]
+            terms += [(0, 0.0)] * (6 - len(terms))
+            rows.append([a for a, _ in terms])
+            factors.append([c for _, c in terms])
+        self._arm_rows = np.array(rows, dtype=np.int64).reshape(-1, 6)
+        self._arm_factors = np.array(factors).reshape(-1, 6, 1)
+        place = {e.child: i for i, e in enumerate(edges)}
+        self._sphere_at = np.array([place[e.child] for e in self._sphere_edges], dtype=np.int64)
+        self._open_at = np.array([place[e.child] for e in self._open_edges], dtype=np.int64)
+        self._guide = np.array([e.guide for e in self._open_edges], dtype=np.int64)
+        number = {c.number: i for i, c in enumerate(kin.sliding)}
+        self._slides = _layers([tree.slides[e.child] for e in self._open_edges], number)
 
     # -- a step ----------------------------------------------------------------------------------
 
@@ -196,8 +192,9 @@ class Chart:
     def add(self, increment: Array) -> None:
         """Compose with an increment (K,) of the tree's coordinates at the present configuration."""
         self._shift = self._shift + increment[self.shift_numbers]
-        step = exp_quaternion(increment[self.turn_numbers])
-        self._turn = quaternion_product(step, self._turn)
+        if len(self._turn):
+            step = exp_quaternion(increment[self.turn_numbers])
+            self._turn = quaternion_product(step, self._turn)
         self._hinge = self._hinges.moved(self._hinge, increment)
         self._track = self._tracks.moved(self._track, increment)
         if len(self._swing):
@@ -221,48 +218,60 @@ class Chart:
         y[len(y) - n_ground :] = self._ground1
         y[kin.row[self._shift_vertices]] += self._shift
         R = np.empty((len(kin.row), 3, 3), dtype=y.dtype)
-        R[self._turn_vertices] = rotation_matrix(self._turn)
-        free = self._free_frames
-        rows = kin.row[free][:, None] + _DIRECTORS
-        y[rows] = y0[rows] @ R[free].transpose(0, 2, 1)
+        if len(self._turn):
+            R[self._turn_vertices] = rotation_matrix(self._turn)
+            free = self._free_frames
+            rows = kin.row[free][:, None] + _DIRECTORS
+            y[rows] = y0[rows] @ R[free].transpose(0, 2, 1)
         if self._levels:
             rows = kin.row[self._grounds][:, None] + _DIRECTORS
             R[self._grounds] = y[rows].transpose(0, 2, 1) @ y0[rows]
-            hinge = rotation_matrix(exp_quaternion(self._hinge[:, None] * self._hinge_axis))
-            arms = None
-            if len(self._swing):
-                arms = (rotation_matrix(self._swing) @ self._arm[:, :, None])[:, :, 0]
-            slide = self._track[:, None] * self._track_axis
+            turns = self._relative_rotations(y.dtype)
             for level in self._levels:
-                self._advance(level, y, R, hinge, arms, slide)
+                if len(level.child):
+                    R[level.child] = R[level.parent] @ turns[level.relative]
+            y[self._framed_rows] = y0[self._framed_rows] @ R[self._framed].transpose(0, 2, 1)
+            arms = self._arms(y, R)
+            for level in self._levels:
+                y[level.child_row] = y[level.parent_row] + arms[level.edge]
         return y
 
-    def _advance(
-        self, level: _Level, y: Array, R: Array, hinge: Array, arms: Array | None, slide: Array
-    ) -> None:
-        row = self.kin.row
-        if len(level.relative):
-            R[level.child[level.relative]] = R[level.parent[level.relative]]
-        for which, number in level.turns:
-            child = level.child[which]
-            R[child] = R[child] @ hinge[number]
-        x = (level.parent_factor * y[level.parent_rows]).sum(1)
-        if arms is not None and len(level.sphere):
-            x[level.sphere] += arms[level.sphere_number]
-        if len(level.open):
-            arm = np.zeros_like(x)
-            arm[level.open] = self._open_arm[level.arm_number]
-            for which, number in level.slides:
+    def _relative_rotations(self, dtype: DTypeLike) -> Array:
+        """``exp(alpha a_n) exp(beta b_n)`` of each child with a relative rotation."""
+        out = np.empty((len(self._relative), 3, 3), dtype=dtype)
+        out[:] = np.eye(3)
+        if len(self._hinge):
+            hinge = rotation_matrix(exp_quaternion(self._hinge[:, None] * self._hinge_axis))
+            for which, number in self._layers:
+                out[which] = out[which] @ hinge[number]
+        return out
+
+    def _arms(self, y: Array, R: Array) -> Array:
+        """``phi_child - phi_parent`` of each edge."""
+        out = (self._arm_factors * y[self._arm_rows]).sum(1)
+        if len(self._swing):
+            turned = rotation_matrix(self._swing) @ self._arm[:, :, None]
+            out[self._sphere_at] += turned[:, :, 0]
+        if len(self._open_at):
+            arm = self._open_arm.astype(y.dtype)
+            slide = self._track[:, None] * self._track_axis
+            for which, number in self._slides:
                 arm[which] += slide[number]
-            turned = R[level.guide[level.open]] @ arm[level.open][:, :, None]
-            x[level.open] += turned[:, :, 0]
-        if len(level.framed):
-            framed = level.child[level.framed]
-            rows = row[framed][:, None] + _DIRECTORS
-            directors = self.y0[rows] @ R[framed].transpose(0, 2, 1)
-            y[rows] = directors
-            x[level.framed] -= (level.offset[level.framed] @ directors)[:, 0]
-        y[row[level.child]] = x
+            out[self._open_at] += (R[self._guide] @ arm[:, :, None])[:, :, 0]
+        return out
+
+
+def _layers(
+    each: Sequence[Sequence[Coordinate]], number: Mapping[int, int]
+) -> list[tuple[IndexArray, IndexArray]]:
+    """First and second coordinates of several joints: which joints, and which of all numbers."""
+    out = []
+    for k in (0, 1):
+        which = [i for i, coordinates in enumerate(each) if len(coordinates) > k]
+        ids = [number[each[i][k].number] for i in which]
+        if which:
+            out.append((np.array(which, dtype=np.int64), np.array(ids, dtype=np.int64)))
+    return out
 
 
 _DIRECTORS = np.arange(1, 4)
