@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
 from ..beam import Beam
 from ..body import MassPoint, RigidBody
@@ -38,6 +38,7 @@ from .closure import Closure, Selected
 from .couplings import Couplings
 from .ground import Ground
 from .groups import BeamGroup, Group, mass_blocks
+from .inertia import assemble_mass
 from .kinematics import Kinematics
 from .loading import Loading
 from .quadratic import ConstraintBuilder, QuadraticConstraints
@@ -95,7 +96,7 @@ class System:
         self.drives = list(drives)
         self._number()
         self._place_ground(couplings)
-        self._assemble_mass()
+        self.mass, self.lumps = assemble_mass(self.structures, self.first, self.rows)
         self._group()
         self.loading = Loading(
             self.loads,
@@ -165,35 +166,6 @@ class System:
     def row_of(self, place: Place) -> int:
         """First row of y of a place's vertex."""
         return int(self.vertex_rows[self.spot(place).vertex])
-
-    def _assemble_mass(self) -> None:
-        i, j, c = [], [], []
-
-        def add(rows: IndexArray, blocks: Floats) -> None:
-            ne, r = rows.shape
-            i.append(np.broadcast_to(rows[:, :, None], (ne, r, r)).ravel())
-            j.append(np.broadcast_to(rows[:, None, :], (ne, r, r)).ravel())
-            c.append(blocks.ravel())
-
-        self.lumps: list[tuple[int, Floats, bool]] = []  # (vertex, scalar mass, framed)
-        for item in self.structures:
-            if isinstance(item, Beam):
-                r = self.first[id(item)][1]
-                rows = (r + 4 * item.basis.connectivity[:, :, None] + np.arange(4)).reshape(
-                    len(item.basis.connectivity), -1
-                )
-                add(rows, item.scalar_mass())
-                continue
-            host = item if item.on is None else item.on.item
-            vertex = self.first[id(host)][0] + (0 if item.on is None else item.on.vertex)
-            block = item.scalar_mass()
-            self.lumps.append((vertex, block, len(block) == 4))
-            add(self.origin_rows[vertex] + np.arange(len(block))[None], block[None])
-        ij = (np.concatenate(i), np.concatenate(j))
-        self.mass: csr_matrix = coo_matrix(
-            (np.concatenate(c), ij), shape=(self.rows, self.rows)
-        ).tocsr()
-        self.mass.eliminate_zeros()
 
     def _group(self) -> None:
         beams = [item for item in self.structures if isinstance(item, Beam)]
