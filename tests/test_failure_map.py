@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers_scenes import everything, random_tree
+from helpers_scenes import everything, four_bar, full_section, random_tree
 from scipy.linalg import eigh
 
 import skfem_cosserat as sc
@@ -51,12 +51,23 @@ def bar(elements: int, order: int = 1, size: float = 0.5, clamped: bool = False)
     return model.freeze()
 
 
+def loop_with_a_beam() -> sc.System:
+    """A closed linkage of three bodies that carries a beam."""
+    ball, pin = sc.JointSpherical, sc.JointRevolute
+    model = four_bar((pin, ball, ball, pin))
+    mesh = sc.MeshCurve.init_line((1, 1.2, 0), (1, 1.2, 0.5), 3, name="mast")
+    mast = model.add("mast", sc.Beam(mesh, full_section(), director=(1, 0, 0)))
+    model.add("foot", sc.JointFixed(model["coupler"].at((1, 1.2, 0)), mast.node("mast.start")))
+    return model.freeze()
+
+
 # -- highest frequency -----------------------------------------------------------------------------
 
 SCENES = {
     **{f"swing, {name}": (lambda name=name: swing.build(name)) for name in swing.PULSE},
     **{f"tree {seed}": (lambda seed=seed: random_tree(seed)) for seed in range(3)},
     "everything": lambda: everything(1),
+    "closed loop": loop_with_a_beam,
     "thick bar": lambda: bar(7),
     "slender, of order 3": lambda: bar(5, 3, 0.01, clamped=True),
 }
@@ -174,9 +185,12 @@ def column(force: float) -> tuple[sc.System, np.ndarray]:
     return system, y.ravel()
 
 
-def linear_prediction(system: sc.System, q: np.ndarray, load: np.ndarray, h: float) -> float:
-    """Growth exponent per step about an equilibrium: midpoint rule for K, leapfrog for K_c.
+def linear_prediction(
+    system: sc.System, q: np.ndarray, load: np.ndarray, h: float
+) -> tuple[float, np.ndarray]:
+    """Largest growth exponent per step about an equilibrium, and the rates (n,) of its mode.
 
+    Midpoint rule for K, leapfrog for K_c:
     ``M (u_{n+1} - 2 u_n + u_{n-1})/h^2 + K (u_{n+1} + 2 u_n + u_{n-1})/4 + K_c u_n = 0``.
     """
     P = system.null_space(q)
@@ -194,8 +208,8 @@ def linear_prediction(system: sc.System, q: np.ndarray, load: np.ndarray, h: flo
     T = kin.T_matrix(kin.T_values(kin.locate(y, kin.fixed_axes(y)))).toarray()
     Kc = T.T @ blocks @ T
     K, M = P.T @ stiffness(system, q, 1.0) @ P, P.T @ mass(system) @ P
-    mu = eigh(-(K / 2 - 2 * M / h**2 + Kc), K / 4 + M / h**2, eigvals_only=True)
-    return float(np.arccosh(max(1.0, -mu[0] / 2)))
+    mu, modes = eigh(-(K / 2 - 2 * M / h**2 + Kc), K / 4 + M / h**2)
+    return float(np.arccosh(max(1.0, -mu[0] / 2))), P @ modes[:, 0]
 
 
 @pytest.mark.parametrize(
@@ -209,30 +223,28 @@ def linear_prediction(system: sc.System, q: np.ndarray, load: np.ndarray, h: flo
     ],
 )
 def test_alternating_rotations_grow_beyond_the_leapfrog_limit(force, h, grows):
-    """A compressed column at rest, disturbed by 1e-8: exactly as the linear analysis says."""
+    """A compressed column, disturbed by 1e-8 rad: exactly as the linear analysis says."""
     system, q = column(force)
     load = np.zeros(system.n)
     load[system.offset(system.structures[0].node("column.end")) + 2] = -force
-    predicted = linear_prediction(system, q, load, h)
-    v = 1e-8 * np.random.default_rng(1).standard_normal(system.n)
-    start = sc.initial_state(system, q, sc.project(system, q, v))
+    predicted, mode = linear_prediction(system, q, load, h)
+    start = sc.initial_state(system, q + 1e-8 * mode / abs(mode).max(), np.zeros(system.n))
     states, forces = [], []
     for report in sc.steps(system, sc.Variational(), sc.NullSpace(), h, start=start):
         states.append(report.state.q)
         forces.append(report.constraint_force)
-        size = abs(states[-1] - q).max()
-        if len(states) == 600 or size > 1e-3:
+        if len(states) == 400 or abs(states[-1] - q).max() > 1e-4:
             break
     theta = example.alternating_rotations(system, np.array(states))
     limit = h * example.constraint_frequency(system, q, forces[1])
     assert (limit > 2) == grows == (predicted > 0)
     largest = abs(theta).max((1, 2))
     if not grows:
-        assert largest[300:].max() < 3 * largest[:300].max()
+        assert largest.max() < 1e-7
         return
     half = len(theta) // 2
     late = np.polyfit(np.arange(half), np.log(largest[-half:]), 1)[0]
-    assert late == pytest.approx(predicted, rel=0.02)
+    assert late == pytest.approx(predicted, rel=1e-4)
     node, axis = np.unravel_index(np.argmax(abs(theta[-1])), theta.shape[1:])
     assert (np.diff(np.sign(theta[-half:, node, axis])) != 0).all()  # every step
 
@@ -241,11 +253,11 @@ def test_mechanism_in_the_failing_swing():
     """Nodes alternate and their energy grows; the midpoints' energy does not notice."""
     m = example.mechanism()
     assert m["growth"] > 5
-    assert m["sign_changes"] > 0.7
+    assert m["sign_changes"] > 0.8
     assert m["energy_growth"] > 1.5
     assert m["midpoint_change"] < 5e-3
     before = (m["times"] >= m["window"][0]) & (m["times"] <= m["window"][1])
-    assert m["h_omega_c"][before].min() > 2
+    assert np.median(m["h_omega_c"][before]) > 2
     assert m["alternation"].shape == m["times"].shape == m["energy_midpoint"].shape
 
 

@@ -4,6 +4,7 @@ import importlib.util
 import json
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +44,7 @@ def five_seconds():
     return system, histories, results
 
 
-# -- structure ------------------------------------------------------------------------------------
+# -- structure -------------------------------------------------------------------------------------
 
 
 def test_geometry_and_counts():
@@ -74,7 +75,7 @@ def test_shapes(five_seconds):
         assert N == 501 and {k: result[k].shape for k in shapes} == shapes
 
 
-# -- 500 steps --------------------------------------------------------------------------------------
+# -- 500 steps -------------------------------------------------------------------------------------
 
 
 def test_treatments_agree(five_seconds):
@@ -85,7 +86,7 @@ def test_treatments_agree(five_seconds):
 
 
 def test_closed_form(five_seconds):
-    """Over the whole run; with the wrong sign of a twist it would fail from the first step on."""
+    """Over the whole run; that of another twist does not hold."""
     for pair, result in five_seconds[2].items():
         assert result["closure"].max() < 1e-11, pair
         assert result["constraint_violation"].max() < 1e-12
@@ -96,9 +97,9 @@ def test_closed_form(five_seconds):
 def test_joint_angles_against_the_joints_own_coordinates(five_seconds):
     """The angles from rod to rod, less their start, are the relative coordinates of the joints."""
     system, _, results = five_seconds
-    history = sc.simulate(system, sc.Variational(), sc.NullSpace(), 1e-2, 5.0)
+    history = sc.simulate(system, sc.Variational(), sc.NullSpace(), 1e-2, 1.0)
     series = np.column_stack([history[f"joint/P{k}/angle"] for k in range(6)])
-    angles = results["variational", "null-space"]["joint_angles"]
+    angles = results["variational", "null-space"]["joint_angles"][:101]
     assert abs(series - (angles - angles[0])).max() < 1e-12
 
 
@@ -129,8 +130,8 @@ def test_energy(five_seconds):
         if integrator == "energy-momentum":
             assert np.ptp(result["energy"]) < 1e-10, treatment
         else:
-            fine = six.main(integrator, "multipliers", 5e-3, 5.0)
-            ratio = np.ptp(result["energy"]) / np.ptp(fine["energy"])
+            coarse = six.main(integrator, "multipliers", 2e-2, 5.0)
+            ratio = np.ptp(coarse["energy"]) / np.ptp(result["energy"])
             assert ratio == pytest.approx(4, abs=0.05)
             assert abs(result["energy"][-1] - result["energy"][0]) < 1e-7
         assert abs(result["energy_midpoint"] - result["energy"][0]).max() < 0.01
@@ -142,17 +143,17 @@ def test_comes_back(five_seconds):
         assert abs(result["P3"][-1] - (1, -1, 1)).max() < 1e-4
 
 
-# -- reference ----------------------------------------------------------------------------------------
+# -- reference -------------------------------------------------------------------------------------
 
 
 def converge(integrator, treatment, until):
-    """Errors of three levels against R4 and of their limit, at the reference times up to `until`."""
+    """Errors of three levels against R4, and of their limit, at the times up to `until`."""
     times = TIMES[until >= TIMES]
     levels = []
     for h in (0.05, 0.025, 0.0125):
         result = six.main(integrator, treatment, h, until)
         levels.append(result["P3"][np.rint(times / h).astype(int)])
-    limits = [(4 * b - a) / 3 for a, b in zip(levels, levels[1:], strict=False)]
+    limits = [(4 * b - a) / 3 for a, b in pairwise(levels)]
     limit = (16 * limits[1] - limits[0]) / 15
     errors = [np.linalg.norm(level - P3[: len(times)], axis=1) for level in levels]
     return errors, abs(limit - P3[: len(times)]).max()
@@ -161,7 +162,7 @@ def converge(integrator, treatment, until):
 @pairs
 def test_reference(integrator, treatment):
     errors, miss = converge(integrator, treatment, 2.0)
-    for a, b in zip(errors, errors[1:], strict=False):
+    for a, b in pairwise(errors):
         assert (abs(a / b - 4) < 0.1).all()
     assert miss < 1e-8
 
@@ -172,7 +173,7 @@ def test_reference_over_ten_seconds(integrator, treatment):
     """At 5 and 10 s P3 turns: its error there is the square of one in phase, and no measure."""
     errors, miss = converge(integrator, treatment, 10.0)
     moving = ~np.isin(TIMES, (5.0, 10.0))
-    for a, b in zip(errors, errors[1:], strict=False):
+    for a, b in pairwise(errors):
         assert (abs(a / b - 4)[moving] < 0.1).all()
     assert miss < 2e-8
 
@@ -187,7 +188,7 @@ def test_ten_seconds(integrator, treatment):
         assert np.ptp(result["energy"]) < 1e-10
 
 
-# -- other linkages of the family -----------------------------------------------------------------------
+# -- other linkages of the family ------------------------------------------------------------------
 
 
 def closing(rng, twist):
@@ -270,7 +271,7 @@ def test_start_in_the_singular_position_is_refused():
     assert six.build(np.pi / 3, np.pi - 1e-3).unknowns == 1  # beside it
 
 
-# -- condition numbers ------------------------------------------------------------------------------------
+# -- condition numbers -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -300,7 +301,7 @@ def test_condition_number_of_chosen_steps():
     assert both != first
 
 
-# -- bad input, output --------------------------------------------------------------------------------------
+# -- bad input, output -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

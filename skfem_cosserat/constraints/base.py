@@ -39,6 +39,10 @@ class BoundTreatment(ABC):
     unknowns: int
     #: why the last configuration could not be formed, such as a loop that does not close
     trouble: str | None = None
+    #: what the start of the step is worth a warning for, such as a singular position
+    notice: str | None = None
+    #: momentum (n,) with which a run starts; None later on
+    momentum: Floats | None = None
 
     def __init__(self, system: System, weight: float) -> None:
         self.system = system

@@ -8,10 +8,16 @@ from numpy.typing import NDArray
 from ..assembly import FrozenPattern
 from ..linear import LinearSolver
 from ..model import System
+from ..model.closure import SINGULAR, Selected
+from ..model.loops import tree_values
+from ..model.singular import Passages, velocity_along, way_on
 from ..types import Array, Floats
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers, relative_size
 
 __all__ = ["Multipliers"]
+
+#: how far (m, -) from a singular position the limit of the constraint Jacobian is taken
+LIMIT = 1e-6
 
 
 class Multipliers(Treatment):
@@ -70,20 +76,52 @@ class BoundMultipliers(BoundTreatment):
         self._multiplier: Array = np.zeros(m)
         self._last: tuple[Array, Array] | None = None
         self._keep = np.ones(m)
+        self._passages = Passages(system)
+        self._away: Floats | None = None
 
     def begin(self, y0: Array, ground1: Array, h: float) -> None:
         """See the base class."""
         self.y0, self._ground1, self.h = y0, ground1, h
-        if self._redundant:
-            self._keep = self.system.independent_rows(y0).astype(float)
+        if len(self.system.closure.rows):
+            self._choose(y0)
         self._q0 = y0[: self.system.rows].reshape(-1)
-        self._jacobian = self.system.constraints.jacobian_values(y0)
+        self._jacobian = self.system.constraints.jacobian_values(self._regular(y0))
         self._size: float | None = None
+
+    def _choose(self, y0: Array) -> None:
+        """Independent rows of closed loops at the start of the step."""
+        closure = self.system.closure
+        T = tree_values(self.system, y0)
+        chosen = closure.select(y0, T)
+        self.notice = self._passages.look(y0, T, chosen)
+        self._keep[closure.rows] = 0
+        self._away = None
+        for s in chosen:
+            self._keep[s.rows] = 1
+            if (s.pivots <= SINGULAR).any():
+                self._away = self._way(y0, s) + (0.0 if self._away is None else self._away)
+
+    def _way(self, y0: Array, s: Selected) -> Floats:
+        """Increment (n,) that leads away from a singular position."""
+        if self.momentum is None and self._last is not None:
+            return self._last[0]
+        way = way_on(self.system, y0, s, None, self.momentum)
+        return self.h * velocity_along(self.system, y0, way, self.momentum)
+
+    def _regular(self, y0: Array) -> Array:
+        """Where the rows are independent: the limit on leaving a singular position."""
+        if self._away is None or not self._away.any():
+            return y0
+        out = y0.copy()
+        out[: self.system.rows] += (LIMIT / abs(self._away).max() * self._away).reshape(-1, 3)
+        return out
 
     def guess(self, extrapolate: bool) -> None:
         """See the base class."""
         use = extrapolate and self._last is not None
         dq, multiplier = self._last if use and self._last else (0.0, np.zeros(self.system.m))
+        if not use and self._away is not None:
+            dq = self._away
         self._q = self._q0 + dq
         self._multiplier = multiplier * self._keep
 

@@ -11,6 +11,7 @@ from ..model import System
 from ..model.chart import Chart
 from ..model.closure import Selected, continued
 from ..model.quadratic import sum_at
+from ..model.singular import Passages, way_on
 from ..types import Array, Floats, IndexArray
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers, relative_size
 
@@ -152,6 +153,7 @@ class BoundNullSpace(BoundTreatment):
         self._last: Array | None = None
         self._enough = QUADRATIC
         self._direction: list[Floats] | None = None
+        self._passages = Passages(system)
 
     def _make_pattern(self) -> None:
         system, kin = self.system, self.kin
@@ -207,16 +209,20 @@ class BoundNullSpace(BoundTreatment):
     def _choose(self, y0: Array) -> None:
         """Independent closure rows at the start of the step."""
         T = self.kin.T_values(self.kin.locate(y0, self.chart.fixed))
-        self._chosen = self.closure.select(y0, T)
-        if self._direction is not None:
-            self._chosen = [
-                continued(s, before)
-                for s, before in zip(self._chosen, self._direction, strict=True)
-            ]
+        chosen = self.closure.select(y0, T)
+        self.notice = self._passages.look(y0, T, chosen)
+        before = self._direction
+        self._chosen = [
+            way_on(self.system, y0, s, None if before is None else before[k], self.momentum)
+            for k, s in enumerate(chosen)
+        ]
         self._direction = [s.Q2 for s in self._chosen]
 
     def _selected(self, y: Array, T: Array) -> list[Selected]:
-        return self._chosen if y is self.y0 else self.closure.again(self._chosen, y, T)
+        if y is self.y0:
+            return self._chosen
+        again = self.closure.again(self._chosen, y, T)
+        return [continued(s, c.Q2) for s, c in zip(again, self._chosen, strict=True)]
 
     def _set_left(self, y: Array) -> None:
         """P^T is evaluated at y."""

@@ -56,7 +56,8 @@ class _SaddlePoint(_Rule):
         i = (3 * mass.row[:, None].astype(np.int64) + xyz).ravel()
         j = (3 * mass.col[:, None].astype(np.int64) + xyz).ravel()
         gi, gj = g.rows[g.inside], g.cols[g.inside]
-        spare = np.arange(m) if system.rank < m else np.flatnonzero(self._touching)
+        loops = len(system.closure.rows) > 0
+        spare = np.arange(m) if loops else np.flatnonzero(self._touching)
         self._diagonal = np.concatenate([np.flatnonzero(self._without), n + spare])
         self._pattern = FrozenPattern(
             np.concatenate([i, gj, n + gi, self._diagonal]),
@@ -100,7 +101,7 @@ class _DirectorsDropped(_SaddlePoint):
 
     def _rows_left_out(self, y: Floats) -> IndexArray:
         system, touching = self.system, self._touching
-        if system.rank == system.m or not touching.any():
+        if not len(system.closure.rows) or not touching.any():
             return np.union1d(np.flatnonzero(touching), dependent_rows(system, y))
         # rows that depend only on rows left out here are needed: decided anew among the others
         rows = np.flatnonzero(~touching)

@@ -31,7 +31,7 @@ def rows_touching(system: System, coordinates: Array) -> Array:
 
 def dependent_rows(system: System, y: Floats) -> IndexArray:
     """Numbers of the constraint rows that depend on the others at y (total, 3)."""
-    if system.rank == system.m:
+    if not len(system.closure.rows):
         return np.zeros(0, dtype=np.int64)
     return np.flatnonzero(~system.independent_rows(y))
 

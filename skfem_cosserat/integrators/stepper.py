@@ -10,6 +10,7 @@ from ..constraints import BoundTreatment, Treatment
 from ..errors import Diverged, InputError
 from ..log import logger
 from ..model import System
+from ..model.singular import contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, positive
 from .base import Evaluation, Integrator, State, StepData, StepWork
@@ -154,10 +155,14 @@ class Stepper:
         ------
         Diverged
             If all attempts fail: from the extrapolated and from a zero increment, then both with
-            a line search.
+            a line search. If prescribed motion has reached a dead point of a closed loop, or
+            contradicts another one around it, the reason says so.
         """
         step = self.integrator.begin(self.system, state, self.h)
+        self.bound.momentum = state.p if state.fresh else None
         self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h)
+        if self.bound.notice:
+            logger.warning("t = %.6g s: %s", state.time, self.bound.notice)
         total = 0
         best: NewtonReport | None = None
         residuals = []
@@ -167,6 +172,7 @@ class Stepper:
             report = newton(problem, self.settings, damped)
             total += report.iterations
             if report.converged:
+                self._check_motion(state, problem.y1, report.residual)
                 new_time = state.time + self.h if time is None else time
                 return self._accept(state, problem, new_time, total, attempt, report)
             residuals.append(report.residuals)
@@ -177,14 +183,26 @@ class Stepper:
                 *(state.index + 1, state.time, attempt, len(ATTEMPTS), report.reason),
             )
         assert best is not None
-        raise Diverged(
-            state.time,
-            state.index + 1,
-            best.residual,
-            f"{best.reason}, after {len(ATTEMPTS)} attempts with {total} Newton iterations",
-            f"try a smaller step than {self.h:g} s, {self.integrator.advice}",
-            residuals,
-        )
+        effort = f"after {len(ATTEMPTS)} attempts with {total} Newton iterations"
+        reason, advice = self._explained(step, best.reason)
+        where = state.time, state.index + 1, best.residual
+        raise Diverged(*where, f"{reason}, {effort}", advice, residuals)
+
+    def _explained(self, step: StepData, reason: str) -> tuple[str, str]:
+        """Why a step failed and what to try: a dead point, a loop that does not close, Newton."""
+        stop = dead_point(self.system, step.y0, step.t0, self.h)
+        if stop is not None:
+            return stop.reason, "stop or turn the drive before it, or drive another joint"
+        if self.bound.trouble is not None:
+            reason = f"{reason}: {self.bound.trouble}"
+        return reason, f"try a smaller step than {self.h:g} s, {self.integrator.advice}"
+
+    def _check_motion(self, state: State, y1: Array, residual: float) -> None:
+        """Raise Diverged if prescribed motions no longer agree around a closed loop."""
+        reason = contradiction(self.system, y1, state.time + self.h)
+        if reason is not None:
+            advice = "leave out one of the drives, or let it follow the motion of the other"
+            raise Diverged(state.time, state.index + 1, residual, reason, advice)
 
     def _accept(
         self,

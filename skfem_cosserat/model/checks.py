@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from scipy.linalg import null_space
+from scipy.sparse import csr_matrix
 
 from ..drive import JointDrive
 from ..errors import InputError
@@ -16,7 +17,7 @@ from ..joint import Joint
 from ..kernels import null_space_blocks
 from ..types import Floats, IndexArray
 from .chart import Chart
-from .closure import Closure, Selected
+from .closure import Closure
 from .groups import Group
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
@@ -29,15 +30,10 @@ __all__ = [
     "check_inertia",
     "check_joints",
     "check_mobility",
-    "check_regular",
 ]
 
 #: prescribed motion (m, rad) small enough to tell first from second order
 SMALL_MOTION = 1e-3
-#: motion (rad, relative to the extent) that shows which redundancy is one of a single position only
-BESIDE = 1e-2
-#: violation of redundant rows after it, which is of the order of BESIDE^2 in a singular position
-STILL_REDUNDANT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +59,10 @@ class Scene(Protocol):
     kinematics: Kinematics
     constraints: QuadraticConstraints
     closure: Closure
+    redundant: IndexArray
     joint_rows: list[JointRows]
     moving: list[Place]
+    mass: csr_matrix
     unknowns: int
     rank: int
     m: int
@@ -72,6 +70,10 @@ class Scene(Protocol):
     @property
     def q0(self) -> Floats:
         """Reference configuration."""
+
+    @property
+    def length(self) -> float:
+        """Extent."""
 
     def extend(self, q: Floats, t: float) -> Floats:
         """See :class:`System`."""
@@ -136,66 +138,6 @@ def check_consistency(system: Scene, redundant: Sequence[tuple[Any, IndexArray, 
                 if miss > 20 * SMALL_MOTION * size + 1e-13:
                     _contradiction(system, int(rows[row]), rows[abs(weights) > 1e-6], t, miss)
         return
-
-
-def check_regular(system: Scene, redundant: Sequence[tuple[Any, IndexArray, Floats]]) -> None:
-    """Redundant rows must stay so beside the reference configuration.
-
-    Otherwise the reference is a singular position: more motions seem free there than the closed
-    loops leave, and rows that count anywhere else would be dropped for good. The mechanism is moved
-    a little along some of the apparent free directions (always the same), loops closed by the
-    independent rows.
-    """
-    if not redundant:
-        return
-    closure = system.closure
-    start = system.extend(system.q0, 0.0)
-    chart = Chart(system.kinematics)
-    chart.begin(start, system.ground(0.0))
-    chosen = closure.select(start, _tree_values(system, start, chart))
-    Z = closure.null_matrix(chosen)
-    random = np.random.default_rng(0)
-    for _ in range(3):
-        move = Z @ random.standard_normal(Z.shape[1])
-        size = max(abs(move[s.component.columns] / s.component.scale).max() for s in chosen)
-        if size == 0:
-            continue
-        chart.reset()
-        chart.add(BESIDE / size * move)
-        g = _closed(system, chart, chosen)
-        if g is None:
-            continue
-        for component, dropped, combination in redundant:
-            rows = closure.rows[component.rows]
-            miss = abs(combination @ (g[rows] / closure.magnitude[component.rows]))
-            if miss.max() > STILL_REDUNDANT:
-                raise InputError(
-                    _owner(system, int(rows[dropped[miss.argmax()]])),
-                    f"closes a loop in a singular position: {Z.shape[1]} motions seem"
-                    " free in the reference configuration, but beside it some of them open the"
-                    " loop; start from another position of the mechanism",
-                )
-
-
-def _tree_values(system: Scene, y: Floats, chart: Chart) -> Floats:
-    return system.kinematics.T_values(system.kinematics.locate(y, chart.fixed))
-
-
-def _closed(system: Scene, chart: Chart, chosen: list[Selected]) -> Floats | None:
-    """Constraint values (m,) after closing the loops by their independent rows; None: in vain."""
-    closure = system.closure
-    for _ in range(20):
-        y = chart.configuration()
-        g = system.constraints.values(y)
-        step, gap = np.zeros(system.kinematics.unknowns), 0.0
-        for s in closure.again(chosen, y, _tree_values(system, y, chart)):
-            violation = closure.violation(s, g)
-            gap = max(gap, float(abs(violation).max(initial=0.0)))
-            step[s.component.columns] = s.correction(violation)
-        if gap < 1e-14:
-            return g
-        chart.add(step)
-    return None
 
 
 def _owner(system: Scene, row: int) -> str:

@@ -3,12 +3,13 @@
 ``C = G_loop P_tree`` (rows, K) is small: it couples the coordinates on the loops only and falls
 into components. Of its rows, `rank` are independent; the others are redundant (a closed chain in
 the plane built of spatial hinges has three). Which ones are kept is decided at the start of each
-step by a QR factorisation with column pivoting of C^T, the *number* once, in the reference
-configuration: a loop may pass positions where C loses rank, and must not change its mobility there.
+step by a QR factorisation with column pivoting of C^T, the *number* once: a loop may pass positions
+where C loses rank, and must not change its mobility there.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,12 +18,19 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from ..kernels import skew
-from ..log import logger
 from ..types import Array, Floats, IndexArray
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints, sum_at
 
-__all__ = ["RANK_TOLERANCE", "SINGULAR", "Closure", "Selected"]
+__all__ = [
+    "RANK_TOLERANCE",
+    "SINGULAR",
+    "Closure",
+    "Component",
+    "Selected",
+    "continued",
+    "directed",
+]
 
 RANK_TOLERANCE = 1e-9
 #: smallest against largest diagonal entry of R below which a configuration counts as singular
@@ -30,7 +38,7 @@ SINGULAR = 1e-7
 
 
 @dataclass(eq=False)
-class _Component:
+class Component:
     """Rows and tree coordinates that are coupled with each other only."""
 
     rows: IndexArray  # among the loop rows
@@ -53,7 +61,7 @@ class Selected:
     ``C D = R^T Q1^T`` with the column scaling D; ``Z = D Q2`` spans the null space of C.
     """
 
-    component: _Component
+    component: Component
     local: IndexArray  # among the component's rows
     rows: IndexArray  # constraint row numbers
     R: Floats
@@ -145,7 +153,7 @@ class Closure:
         self.components = self._split(scale)
         self.magnitude: Floats = np.ones(len(rows))
 
-    def _split(self, scale: Floats) -> list[_Component]:
+    def _split(self, scale: Floats) -> list[Component]:
         kin = self.kin
         r, K, nt = len(self.rows), kin.unknowns, kin.n_twist
         row, twist = np.divmod(
@@ -170,7 +178,7 @@ class Closure:
             which = np.flatnonzero((i >= 0) & (j >= 0))
             where = i[which] * len(columns) + j[which]
             at = np.searchsorted(self._twists, twists)
-            out.append(_Component(rows, columns, at, (which, where), scale[columns]))
+            out.append(Component(rows, columns, at, (which, where), scale[columns]))
         return out
 
     @property
@@ -202,7 +210,7 @@ class Closure:
             out.append(local * c.scale / self.magnitude[c.rows][:, None])
         return out
 
-    def decide(self, y: Array, T: Array) -> list[tuple[_Component, IndexArray, Floats]]:
+    def decide(self, y: Array, T: Array) -> list[tuple[Component, IndexArray, Floats]]:
         """Fix the rank at a configuration.
 
         Returns
@@ -238,14 +246,14 @@ class Closure:
             out.append(self._factor(c, C, order[: c.rank]))
         return out
 
-    def again(self, chosen: list[Selected], y: Array, T: Array) -> list[Selected]:
+    def again(self, chosen: Sequence[Selected], y: Array, T: Array) -> list[Selected]:
         """The same rows at another configuration of the step."""
         out = []
         for s, C in zip(chosen, self.matrices(y, T), strict=True):
             out.append(self._factor(s.component, C, s.local))
         return out
 
-    def _factor(self, c: _Component, C: Array, local: IndexArray) -> Selected:
+    def _factor(self, c: Component, C: Array, local: IndexArray) -> Selected:
         Q, R = np.linalg.qr(C[local].T, mode="complete")
         rows = self.rows[c.rows[local]]
         return Selected(c, local, rows, R[: c.rank], Q[:, : c.rank], Q[:, c.rank :])
@@ -287,25 +295,24 @@ class Closure:
 
 
 def continued(selected: Selected, before: Floats) -> Selected:
-    """In a singular configuration: the null directions that continue those of `before`.
+    """In a singular configuration: with the null directions nearest to those of `before`.
 
     C has more null directions there than the mechanism has degrees of freedom; the motion goes on
     along the branch it came from.
     """
-    pivots = selected.pivots
-    bad = int((pivots <= SINGULAR).sum())
+    bad = int((selected.pivots <= SINGULAR).sum())
     if not bad:
         return selected
-    logger.warning(
-        "singular configuration: the closed loop has %d more free directions at this instant; the"
-        " motion goes on along the branch it came from",
-        bad,
-    )
     c = selected.component
     _, _, V = np.linalg.svd((selected.Q1 @ selected.R).T)
     N = V[c.rank - bad :].T  # all null directions
     U, _, _ = np.linalg.svd(N.T @ before)
-    Q2 = N @ U[:, : c.free]
+    return directed(selected, N @ U[:, : c.free])
+
+
+def directed(selected: Selected, Q2: Floats) -> Selected:
+    """The same rows with other null directions (columns, free), orthonormal."""
+    c = selected.component
     Q1 = np.linalg.qr(np.column_stack([Q2, selected.Q1]), mode="complete")[0][:, c.free :]
     R = Q1.T @ selected.Q1 @ selected.R
     return Selected(c, selected.local, selected.rows, R, Q1, Q2)

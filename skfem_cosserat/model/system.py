@@ -27,20 +27,19 @@ from ..relative import Expression, Form, Product, Zero
 from ..types import Array, ArrayLike, Floats, IndexArray
 from .checks import (
     JointRows,
-    check_consistency,
     check_drives,
     check_inertia,
     check_joints,
     check_mobility,
-    check_regular,
 )
-from .closure import Closure, Selected
+from .closure import SINGULAR, Selected
 from .couplings import Couplings
 from .ground import Ground
 from .groups import BeamGroup, Group, mass_blocks
 from .inertia import assemble_mass
 from .kinematics import Kinematics
 from .loading import Loading
+from .loops import close_loops, closure_rows, redundancies, tree_values
 from .quadratic import ConstraintBuilder, QuadraticConstraints
 from .tree import End, Spot, build_tree
 
@@ -61,6 +60,8 @@ class System:
         order of adding).
     rank : int
         Independent constraint rows.
+    redundant : (m - rank,) int array
+        Constraint rows that depend on the others; by joints: :meth:`redundancies`.
     unknowns : int
         ``n - rank``, the unknowns of the null space method.
     q0, v0 : (n,) array
@@ -243,53 +244,17 @@ class System:
         ]
         self.tree = build_tree(self.is_frame.tolist(), ends)
         self.kinematics = Kinematics(self.tree, self.vertex_rows, self.is_frame, self.total)
-        self._close()
+        self.closure, self.redundant = close_loops(self)
         self.unknowns = self.kinematics.unknowns - self.closure.rank
         self.rank = self.n - self.unknowns
         check_mobility(self)
-        check_inertia(self, self.extend(self._y0, 0.0), self._closure_rows())
-
-    def _close(self) -> None:
-        """Rows of the joints that close loops, and of drives on them; which are redundant."""
-
-        def joint_of(item: Joint | JointDrive) -> Joint:
-            return item.joint if isinstance(item, JointDrive) else item
-
-        rows = [
-            np.arange(jr.rows.start, jr.rows.stop)
-            for jr in self.joint_rows
-            if any(joint_of(jr.joint) is j for j in self.tree.loops)
-        ]
-        numbers = np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
-        self.closure = Closure(self.kinematics, self.constraints, numbers, self.length)
-        y, T = self._tree_at(self.q0, 0.0)
-        redundant = self.closure.decide(y, T)
-        check_consistency(self, redundant)
-        check_regular(self, redundant)
-        #: constraint rows that depend on the others, in the reference configuration
-        self.redundant: IndexArray = np.sort(
-            np.concatenate(
-                [np.zeros(0, dtype=np.int64)]
-                + [self.closure.rows[c.rows[dropped]] for c, dropped, _ in redundant]
-            )
-        )
+        check_inertia(self, self.extend(self._y0, 0.0), closure_rows(self))
 
     def _tree_at(self, q: Floats, t: float) -> tuple[Floats, Floats]:
         """All rows of y, and the values of the tree's T there."""
         y = self.extend(q, t)
         kin = self.kinematics
         return y, kin.T_values(kin.locate(y, kin.fixed_axes(y)))
-
-    def _closure_rows(self) -> Floats:
-        """Independent closure rows (rank, K) in the reference configuration."""
-        y, T = self._tree_at(self.q0, 0.0)
-        out = np.zeros((self.closure.rank, self.kinematics.unknowns))
-        start = 0
-        for s in self.closure.select(y, T):
-            c = s.component
-            out[start : start + c.rank, c.columns] = s.Q1.T / c.scale
-            start += c.rank
-        return out
 
     # -- use -------------------------------------------------------------------------------------
 
@@ -324,8 +289,29 @@ class System:
             f" unknowns {c['n'] + c['rank']} with multipliers, {c['unknowns']} with the null space>"
         )
 
+    def redundancies(self) -> dict[str, list[int]]:
+        """Redundant constraint rows: numbers within each joint or drive that has some.
+
+        Which of the rows around a closed loop count as redundant is a choice; how many is not.
+
+        Examples
+        --------
+        A door on two hinges: the second one could go without.
+
+        >>> from skfem_cosserat import JointRevolute, Model, ground
+        >>> model = Model()
+        >>> door = model.add("door", RigidBody.box(20.0, (0.8, 0.04, 2.0), position=(0.4, 0, 1)))
+        >>> for name, x in (("low", (0, 0, 0.3)), ("high", (0, 0, 1.7))):
+        ...     hinge = model.add(name, JointRevolute(ground(x), door.at(x), axis=(0, 0, 1)))
+        >>> model.freeze().redundancies()
+        {'high': [0, 1, 2, 3, 4]}
+        """
+        return redundancies(self)
+
     def independent_rows(self, y: Floats) -> NDArray[np.bool_]:
         """Which constraint rows (m,) to keep at a configuration: the others depend on them.
+
+        In a singular position they are fewer than elsewhere.
 
         Parameters
         ----------
@@ -342,12 +328,10 @@ class System:
         [True, True, True, True, True, True]
         """
         keep = np.ones(self.m, dtype=bool)
-        if self.rank < self.m:
-            kin = self.kinematics
-            T = kin.T_values(kin.locate(y, kin.fixed_axes(y)))
+        if len(self.closure.rows):
             keep[self.closure.rows] = False
-            for s in self.closure.select(y, T):
-                keep[s.rows] = True
+            for s in self.closure.select(y, tree_values(self, y)):
+                keep[s.rows[s.pivots > SINGULAR]] = True
         return keep
 
     def null_space(self, q: ArrayLike, t: float = 0.0) -> Floats:

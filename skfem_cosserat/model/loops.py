@@ -1,0 +1,223 @@
+"""Which joints close loops, and which of their constraint rows depend on the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..drive import JointDrive
+from ..joint import Joint
+from ..log import logger
+from ..types import Floats, IndexArray
+from .chart import Chart
+from .checks import JointRows, Scene, check_consistency
+from .closure import Closure, Component, Selected
+
+__all__ = ["close_loops", "closed", "closure_rows", "loop_joints", "redundancies", "tree_values"]
+
+#: what a closed loop may violate its rows by, relative to the sizes of their terms
+CLOSED = 1e-13
+#: move (rad, relative to the extent) from the reference to the positions where the rank is decided
+BESIDE = 0.03
+#: violation there of rows that are redundant in the reference only; of the order of BESIDE^2
+STILL_REDUNDANT = 1e-9
+
+Redundant = Sequence[tuple[Component, IndexArray, Floats]]
+
+
+def joint_of(jr: JointRows) -> Joint:
+    """The joint, or that of the drive."""
+    return jr.joint.joint if isinstance(jr.joint, JointDrive) else jr.joint
+
+
+def tree_values(system: Scene, y: Floats, fixed: Floats | None = None) -> Floats:
+    """Values of the tree's T at all rows y, with the axes `fixed` of a chart if there is one."""
+    kin = system.kinematics
+    return kin.T_values(kin.locate(y, kin.fixed_axes(y) if fixed is None else fixed))
+
+
+def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
+    """Rows of the joints that close loops and of drives on them, and which are redundant."""
+    rows = [
+        np.arange(jr.rows.start, jr.rows.stop)
+        for jr in system.joint_rows
+        if any(joint_of(jr) is j for j in system.tree.loops)
+    ]
+    none = np.zeros(0, dtype=np.int64)
+    numbers = np.concatenate([none, *rows])
+    system.closure = Closure(system.kinematics, system.constraints, numbers, system.length)
+    start = system.extend(system.q0, 0.0)
+    there = system.closure.decide(start, tree_values(system, start))
+    check_consistency(system, there)
+    redundant = _beside(system, start, there)
+    dropped = [system.closure.rows[c.rows[which]] for c, which, _ in redundant]
+    return system.closure, np.sort(np.concatenate([none, *dropped]))
+
+
+def closure_rows(system: Scene) -> Floats:
+    """Independent closure rows (rank, K) in the reference configuration."""
+    y = system.extend(system.q0, 0.0)
+    out = np.zeros((system.closure.rank, system.kinematics.unknowns))
+    start = 0
+    for s in system.closure.select(y, tree_values(system, y)):
+        c = s.component
+        out[start : start + c.rank, c.columns] = s.Q1.T / c.scale
+        start += c.rank
+    return out
+
+
+def redundancies(system: Scene) -> dict[str, list[int]]:
+    """Numbers of the redundant rows within each joint or drive that has some."""
+    out: dict[str, list[int]] = {}
+    for jr in system.joint_rows:
+        inside = system.redundant[
+            (system.redundant >= jr.rows.start) & (system.redundant < jr.rows.stop)
+        ]
+        if len(inside):
+            out[jr.joint.name or ""] = (inside - jr.rows.start).tolist()
+    return out
+
+
+def loop_joints(system: Scene, rows: IndexArray) -> list[Joint]:
+    """Joints around the loops that these constraint rows close, in the order of adding."""
+    above = {e.child: e for e in system.tree.edges}
+    found: set[int] = set()
+    for jr in system.joint_rows:
+        if not ((rows >= jr.rows.start) & (rows < jr.rows.stop)).any():
+            continue
+        paths: list[set[int]] = []
+        for vertex in (jr.a.vertex, jr.b.vertex):
+            path = set()
+            while vertex in above:
+                path.add(id(above[vertex].joint))
+                vertex = above[vertex].parent
+            paths.append(path)
+        found |= (paths[0] ^ paths[1]) | {id(joint_of(jr))}
+    return [jr.joint for jr in system.joint_rows if id(jr.joint) in found]  # type: ignore[misc]
+
+
+def closed(system: Scene, chart: Chart, chosen: Sequence[Selected]) -> tuple[Floats | None, int]:
+    """Configuration near that of the chart in which the chosen rows hold.
+
+    Returns
+    -------
+    y : (total, 3) array or None
+        None if the loops do not close.
+    worst : int
+        The component with the largest violation, in the end.
+    """
+    closure = system.closure
+    worst = 0
+    for _ in range(30):
+        y = chart.configuration()
+        g = system.constraints.values(y)
+        step = np.zeros(system.kinematics.unknowns)
+        gaps, size = [], 0.0
+        for s in closure.again(chosen, y, tree_values(system, y, chart.fixed)):
+            violation = closure.violation(s, g)
+            gaps.append(float(abs(violation).max(initial=0.0)))
+            part = s.correction(violation)
+            step[s.component.columns] = part
+            size = max(size, float(abs(part / s.component.scale).max(initial=0.0)))
+        worst = int(np.argmax(gaps))
+        if gaps[worst] < CLOSED:
+            return y, worst
+        if not size < 1:
+            break
+        chart.add(step)
+    return None, worst
+
+
+# -- a singular reference configuration ------------------------------------------------------------
+
+
+def _beside(system: Scene, start: Floats, redundant: Redundant) -> Redundant:
+    """Redundant rows beside the reference configuration, if they are fewer there.
+
+    Then the reference is a singular position, and a warning says so. The mechanism is moved a
+    little along some of the directions that seem free (always the same ones), drives move on, and
+    the loops are closed again.
+    """
+    closure = system.closure
+    if not redundant or closure.rank == system.kinematics.unknowns:
+        return redundant
+    T = tree_values(system, start)
+    chosen = closure.select(start, T)
+    before = [c.rank for c in closure.components]
+    best, ranks, where = redundant, before, start
+    chart, random = Chart(system.kinematics), np.random.default_rng(0)
+    grounds = [system.ground(0.0), _moved_ground(system)]
+    for k in range(4):
+        closure.decide(start, T)
+        chart.begin(start, grounds[k % 2])
+        chart.add(_small_move(system, chosen, random))
+        y = _regular_place(system, chart, chosen)
+        if y is None:
+            continue
+        found = closure.decide(y, tree_values(system, y))
+        now = [c.rank for c in closure.components]
+        if sum(now) > sum(ranks):
+            best, ranks, where = found, now, y
+    closure.decide(where, tree_values(system, where))
+    if where is not start:
+        _warn(system, before, ranks)
+    return best
+
+
+def _warn(system: Scene, before: Sequence[int], ranks: Sequence[int]) -> None:
+    closure = system.closure
+    lost = [
+        closure.rows[c.rows]
+        for c, rank, more in zip(closure.components, before, ranks, strict=True)
+        if more > rank
+    ]
+    logger.warning(
+        "the reference configuration is a singular position of the closed loop through the %s:"
+        " %d of its constraint rows are independent there, %d beside it, which is what counts",
+        ", ".join(joint.label for joint in loop_joints(system, np.concatenate(lost))),
+        *(sum(before), sum(ranks)),
+    )
+
+
+def _small_move(system: Scene, chosen: Sequence[Selected], random: np.random.Generator) -> Floats:
+    """Of the tree's coordinates (K,), along what the rows leave free."""
+    move = np.zeros(system.kinematics.unknowns)
+    for s in chosen:
+        part = s.Q2 @ random.standard_normal(s.component.free)
+        size = abs(part).max(initial=1e-300)
+        move[s.component.columns] = BESIDE / size * s.component.scale * part
+    return move
+
+
+def _moved_ground(system: Scene) -> Floats:
+    """The ground a little later."""
+    now = system.ground(0.0)
+    for t in (0.1, 1e-2, 1e-3):
+        later = system.ground(t)
+        if abs(later - now).max() < 2 * BESIDE * max(1.0, system.length):
+            return later
+    return now
+
+
+def _regular_place(system: Scene, chart: Chart, chosen: Sequence[Selected]) -> Floats | None:
+    """Where the loops close and C has its largest rank; None if the chosen rows do it all."""
+    closure, saved = system.closure, chart.save()
+    y, _ = closed(system, chart, chosen)
+    if y is not None:
+        g = abs(system.constraints.values(y)[closure.rows]) / closure.magnitude
+        if g.max() < STILL_REDUNDANT:
+            return None
+    chart.restore(saved)
+    for _ in range(4):  # halves the distance from the singular position, if nothing is free there
+        y = chart.configuration()
+        g = system.constraints.values(y)[closure.rows] / closure.magnitude
+        step = np.zeros(system.kinematics.unknowns)
+        matrices = closure.matrices(y, tree_values(system, y, chart.fixed))
+        for c, C in zip(closure.components, matrices, strict=True):
+            step[c.columns] = -c.scale * np.linalg.lstsq(C, g[c.rows], rcond=1e-6)[0]
+        chart.add(step)
+    y = chart.configuration()
+    T = tree_values(system, y, chart.fixed)
+    closure.decide(y, T)
+    return closed(system, chart, closure.select(y, T))[0]
