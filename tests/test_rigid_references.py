@@ -342,11 +342,20 @@ def test_four_bar_windows_at_singular_nodes_and_midpoints(integrator, treatment,
     assert apart < (1e-10 if treatment is sc.NullSpace else 1e-5)
 
 
-def test_start_in_a_singular_position_is_refused():
-    """The mobility there is not that of the mechanism: three instead of one."""
-    with pytest.raises(sc.InputError, match=r"closes a loop in a singular position: 3 motions"):
-        windows(np.pi / 2)
-    assert windows(np.pi / 2 - 1e-4).unknowns == 1
+@pairs
+def test_four_bar_windows_start_in_a_singular_position(integrator, treatment, caplog):
+    """A warning says so; mobility and motion are those of the parallelograms beside it."""
+    ends = []
+    for angle in (np.pi / 2, np.pi / 2 - 1e-6):
+        caplog.clear()
+        system = windows(angle)
+        assert ("singular position" in caplog.text) == (angle == np.pi / 2)
+        assert system.counts() == {"n": 60, "m": 65, "rank": 59, "unknowns": 1}
+        history = sc.simulate(system, integrator(), treatment(), 0.02, 0.5, derive=False)
+        angles = column_angles(system, history["q"])
+        assert abs(angles - angles[:, :1]).max() < 1e-9
+        ends.append(angles[-1, 0])
+    assert np.diff(ends) == pytest.approx(0, abs=1e-5)
 
 
 # -- R6: Andrews' squeezing mechanism --------------------------------------------------------------

@@ -123,7 +123,20 @@ class BoundMultipliers(BoundTreatment):
         if not use and self._away is not None:
             dq = self._away
         self._q = self._q0 + dq
+        if use:
+            self._turn_directors(dq)
         self._multiplier = multiplier * self._keep
+
+    def _turn_directors(self, dq: Array) -> None:
+        """Directors of the guess turned on by the last rotation.
+
+        By the last increment they would get longer: an error that, near a singular position, has
+        led to the wrong branch of the motion.
+        """
+        rows = self.system.kinematics.director_rows
+        D = self.y0[rows]
+        before = D - dq.reshape(-1, 3)[rows]
+        self._q.reshape(-1, 3)[rows] = D @ before.transpose(0, 2, 1) @ D
 
     def active(self) -> NDArray[np.bool_] | None:
         """See the base class: not the multipliers of rows that depend on others."""
