@@ -127,7 +127,7 @@ def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = Fals
             report.residuals.append(size)
             report.increments.append(length)
             logger.debug("Newton %d: increment %.3e residual %.3e", report.iterations, length, size)
-            if not capped and np.isfinite(size) and _converged(report.increments, settings):
+            if not capped and np.isfinite(size) and _converged(report.increments, size, settings):
                 report.converged = True
                 break
         else:
@@ -153,7 +153,7 @@ def _advance(problem: NewtonProblem, increment: Floats, before: float, damped: b
     return problem.residual()
 
 
-def _converged(increments: list[float], settings: NewtonSettings) -> bool:
+def _converged(increments: list[float], size: float, settings: NewtonSettings) -> bool:
     last = increments[-1]
     if last <= settings.negligible:
         return True
@@ -162,5 +162,8 @@ def _converged(increments: list[float], settings: NewtonSettings) -> bool:
     before = increments[-2]
     if last < 1e-3 and last < before and last**3 / before**2 <= settings.increment:
         return True
-    # the rounding floor: no contraction left although increments are tiny
-    return last <= settings.stagnation and last > 0.3 * before
+    if last <= 0.3 * before:
+        return False
+    # the rounding floor: no contraction left although increments are tiny; where the matrix is
+    # singular at the solution (a closed loop exactly in a singular position) it is at its root
+    return last <= settings.stagnation or (last <= 5 * settings.stagnation and size <= 1e-12)

@@ -10,7 +10,7 @@ from ..linear import LinearSolver
 from ..model import System
 from ..model.closure import SINGULAR, Selected
 from ..model.loops import tree_values
-from ..model.singular import Passages, velocity_along, way_on
+from ..model.singular import Passages, way_off
 from ..types import Array, Floats
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers, relative_size
 
@@ -105,8 +105,7 @@ class BoundMultipliers(BoundTreatment):
         """Increment (n,) that leads away from a singular position."""
         if self.momentum is None and self._last is not None:
             return self._last[0]
-        way = way_on(self.system, y0, s, None, self.momentum)
-        return self.h * velocity_along(self.system, y0, way, self.momentum)
+        return way_off(self.system, y0, self._ground1, s, self.momentum, self.h)
 
     def _regular(self, y0: Array) -> Array:
         """Where the rows are independent: the limit on leaving a singular position."""
@@ -123,8 +122,8 @@ class BoundMultipliers(BoundTreatment):
         if not use and self._away is not None:
             dq = self._away
         self._q = self._q0 + dq
-        if use:
-            self._turn_directors(dq)
+        if use and self._last is not None:
+            self._turn_directors(self._last[0])
         self._multiplier = multiplier * self._keep
 
     def _turn_directors(self, dq: Array) -> None:

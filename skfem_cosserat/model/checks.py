@@ -16,7 +16,6 @@ from ..frames import Place, StructuralItem
 from ..joint import Joint
 from ..kernels import null_space_blocks
 from ..types import Floats, IndexArray
-from .chart import Chart
 from .closure import Closure
 from .groups import Group
 from .kinematics import Kinematics
@@ -25,15 +24,11 @@ from .tree import Spot, Tree
 
 __all__ = [
     "JointRows",
-    "check_consistency",
     "check_drives",
     "check_inertia",
     "check_joints",
     "check_mobility",
 ]
-
-#: prescribed motion (m, rad) small enough to tell first from second order
-SMALL_MOTION = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,49 +103,6 @@ def check_mobility(system: Scene) -> None:
         "model",
         f"mobility is zero: {system.n} coordinates and {system.rank} independent constraints"
         f" ({system.m} rows) leave no motion; free a joint or add a drive",
-    )
-
-
-def check_consistency(system: Scene, redundant: Sequence[tuple[Any, IndexArray, Floats]]) -> None:
-    """Redundant rows must not prescribe different motions.
-
-    A vanishing combination of closure rows must stay so when drives and moving ground set out:
-    what they change in the rows is compared with what moving the tree can change there.
-    """
-    if not system.moving or not redundant:
-        return
-    closure = system.closure
-    start = system.extend(system.q0, 0.0)
-    chart = Chart(system.kinematics)
-    for t in (0.1, 1e-2, 1e-3, 1e-4):
-        chart.begin(start, system.ground(t))
-        y = chart.configuration()  # the tree follows its own drives
-        size = float(abs((y - start)[system.rows :]).max())
-        if size > SMALL_MOTION:
-            continue
-        g = system.constraints.values(y)
-        for component, dropped, combination in redundant:
-            rows = closure.rows[component.rows]
-            scaled = g[rows] / closure.magnitude[component.rows]
-            for row, weights in zip(dropped, combination, strict=True):
-                miss = abs(float(weights @ scaled))
-                # the loop's own curvature is of second order in the motion
-                if miss > 20 * SMALL_MOTION * size + 1e-13:
-                    _contradiction(system, int(rows[row]), rows[abs(weights) > 1e-6], t, miss)
-        return
-
-
-def _owner(system: Scene, row: int) -> str:
-    """Label of the joint or drive that a constraint row belongs to."""
-    return next(jr.joint.label for jr in system.joint_rows if jr.rows.start <= row < jr.rows.stop)
-
-
-def _contradiction(system: Scene, row: int, others: IndexArray, t: float, miss: float) -> None:
-    names = sorted({_owner(system, int(k)) for k in others})
-    raise InputError(
-        _owner(system, row),
-        f"contradicts the rest of its closed loop at t = {t:g} s (by {miss:.3g} relative): its"
-        f" prescribed motion cannot be together with {', '.join(names)}",
     )
 
 

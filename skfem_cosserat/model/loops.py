@@ -7,15 +7,31 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..drive import JointDrive
+from ..errors import InputError
 from ..joint import Joint
 from ..log import logger
 from ..types import Floats, IndexArray
 from .chart import Chart
-from .checks import JointRows, Scene, check_consistency
+from .checks import JointRows, Scene
 from .closure import Closure, Component, Selected
 
-__all__ = ["close_loops", "closed", "closure_rows", "loop_joints", "redundancies", "tree_values"]
+__all__ = [
+    "BROKEN",
+    "close_loops",
+    "closed",
+    "closure_rows",
+    "drivers",
+    "loop_joints",
+    "names_of",
+    "redundancies",
+    "tree_values",
+    "violated",
+]
 
+#: prescribed motion (m, rad) with which the loops are closed once, for a check
+SMALL_MOTION = 1e-2
+#: violation of dependent rows above which prescribed motions contradict each other
+BROKEN = 1e-8
 #: what a closed loop may violate its rows by, relative to the sizes of their terms
 CLOSED = 1e-13
 #: move (rad, relative to the extent) from the reference to the positions where the rank is decided
@@ -49,8 +65,8 @@ def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
     system.closure = Closure(system.kinematics, system.constraints, numbers, system.length)
     start = system.extend(system.q0, 0.0)
     there = system.closure.decide(start, tree_values(system, start))
-    check_consistency(system, there)
     redundant = _beside(system, start, there)
+    _check_motion(system)
     dropped = [system.closure.rows[c.rows[which]] for c, which, _ in redundant]
     return system.closure, np.sort(np.concatenate([none, *dropped]))
 
@@ -129,6 +145,75 @@ def closed(system: Scene, chart: Chart, chosen: Sequence[Selected]) -> tuple[Flo
     return None, worst
 
 
+def names_of(system: Scene, rows: IndexArray) -> str:
+    """Labels of the joints around the loops that these rows close."""
+    return ", ".join(joint.label for joint in loop_joints(system, rows))
+
+
+def drivers(system: Scene, rows: IndexArray, t: float) -> str:
+    """Subject and verb: the drives on a loop, or the moving ground."""
+    drives = _drives(system, rows)
+    if not drives:
+        return "the prescribed motion of the ground works"
+    names = " and ".join(f"the {drive.label} at {_reached(drive, t)}" for drive in drives)
+    return f"{names} work{'s' if len(drives) == 1 else ''}"
+
+
+def _drives(system: Scene, rows: IndexArray) -> list[JointDrive]:
+    around = {id(joint) for joint in loop_joints(system, rows)}
+    return [
+        jr.joint
+        for jr in system.joint_rows
+        if isinstance(jr.joint, JointDrive) and id(jr.joint.joint) in around
+    ]
+
+
+def _reached(drive: JointDrive, t: float) -> str:
+    unit = "rad" if drive.coordinate.kind == "angle" else "m"
+    return f"{drive.coordinate.name} = {drive.value(t):.6g} {unit}"
+
+
+# -- prescribed motion -----------------------------------------------------------------------------
+
+
+def _check_motion(system: Scene) -> None:
+    """The loops can follow the drives and the moving ground when they set out."""
+    closure = system.closure
+    if not system.moving or not len(closure.rows):
+        return
+    start, now = system.extend(system.q0, 0.0), system.ground(0.0)
+    chart = Chart(system.kinematics)
+    chosen = closure.select(start, tree_values(system, start))
+    for t in (0.1, 1e-2, 1e-3, 1e-4):
+        later = system.ground(t)
+        if abs(later - now).max() > SMALL_MOTION * min(1.0, system.length):
+            continue
+        chart.begin(start, later)
+        y, worst = closed(system, chart, chosen)
+        if y is not None:
+            worst, miss = violated(system, y)
+            if miss < BROKEN:
+                return
+        rows = closure.rows[closure.components[worst].rows]
+        drives = _drives(system, rows)
+        raise InputError(
+            drives[-1].label if drives else loop_joints(system, rows)[-1].label,
+            f"the closed loop through the {names_of(system, rows)} cannot follow the prescribed"
+            f" motion, at t = {t:g} s already: {drivers(system, rows, t)} against"
+            f" {'each other' if len(drives) > 1 else 'it'}",
+        )
+
+
+def violated(system: Scene, y: Floats) -> tuple[int, float]:
+    """The component whose rows, redundant ones included, are violated most, and how much."""
+    closure = system.closure
+    g = abs(system.constraints.values(y)[closure.rows]) / closure.magnitude
+    return max(
+        ((k, float(g[c.rows].max())) for k, c in enumerate(closure.components)),
+        key=lambda pair: pair[1],
+    )
+
+
 # -- a singular reference configuration ------------------------------------------------------------
 
 
@@ -175,7 +260,7 @@ def _warn(system: Scene, before: Sequence[int], ranks: Sequence[int]) -> None:
     logger.warning(
         "the reference configuration is a singular position of the closed loop through the %s:"
         " %d of its constraint rows are independent there, %d beside it, which is what counts",
-        ", ".join(joint.label for joint in loop_joints(system, np.concatenate(lost))),
+        names_of(system, np.concatenate(lost)),
         *(sum(before), sum(ranks)),
     )
 

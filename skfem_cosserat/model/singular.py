@@ -12,12 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..drive import JointDrive
-from ..types import Floats, IndexArray
+from ..types import Floats
 from .chart import Chart
 from .checks import Scene
 from .closure import SINGULAR, Selected, continued, directed
-from .loops import closed, joint_of, loop_joints, tree_values
+from .loops import BROKEN, closed, drivers, names_of, tree_values, violated
 
 __all__ = [
     "DeadPoint",
@@ -25,12 +24,13 @@ __all__ = [
     "branches",
     "contradiction",
     "dead_point",
-    "velocity_along",
+    "way_off",
     "way_on",
 ]
 
-#: violation of dependent rows above which prescribed motions contradict each other
-BROKEN = 1e-8
+#: pivot below which free directions are those of a branch: in a position that is known to the
+#: rounding r of the closed loop, those of C itself are off by r over the square of the pivot
+NEAR = 1e-5
 
 
 class Passages:
@@ -62,7 +62,7 @@ class Passages:
                     found.append(("has passed a singular position", rows))
         return (
             "; ".join(
-                f"the closed loop through the {_names(self.system, rows)} {what}"
+                f"the closed loop through the {names_of(self.system, rows)} {what}"
                 for what, rows in found
             )
             or None
@@ -71,10 +71,6 @@ class Passages:
 
 def _determinant(s: Selected, N: Floats) -> float:
     return float(np.linalg.slogdet(np.vstack([(s.Q1 @ s.R).T, N]))[0])
-
-
-def _names(system: Scene, rows: IndexArray) -> str:
-    return ", ".join(joint.label for joint in loop_joints(system, rows))
 
 
 # -- branches --------------------------------------------------------------------------------------
@@ -89,7 +85,7 @@ def branches(system: Scene, y: Floats, selected: Selected) -> list[Selected]:
     """
     component, closure = selected.component, system.closure
     U, pivots, V = np.linalg.svd((selected.Q1 @ selected.R).T)
-    if not component.free or (pivots > SINGULAR * pivots[0]).sum() != component.rank - 1:
+    if not component.free or (pivots > NEAR * pivots[0]).sum() != component.rank - 1:
         return []
     N = V[component.rank - 1 :].T
     weights = U[:, -1] / closure.magnitude[component.rows[selected.local]]
@@ -133,26 +129,35 @@ def way_on(
     momentum : (n,) array or None
         At the start of a run.
     """
-    if (s.pivots > SINGULAR).all():
+    if (s.pivots > NEAR).all():
         return s
     ways = branches(system, y, s)
     if before is None:
-        return max(ways, key=lambda way: _rate(system, y, way, momentum)[1], default=s)
+        return max(ways, key=lambda way: _rates(system, y, way, momentum)[1], default=s)
     if not ways:
         return continued(s, before)
     return max(ways, key=lambda way: float(np.linalg.norm(way.Q2.T @ before)))
 
 
-def velocity_along(system: Scene, y: Floats, way: Selected, momentum: Floats | None) -> Floats:
-    """Velocity (n,) of one component with the momentum's part along its free directions."""
-    return _rate(system, y, way, momentum)[0]
+def way_off(
+    system: Scene, y: Floats, ground1: Floats, s: Selected, momentum: Floats | None, h: float
+) -> Floats:
+    """Increment (n,) of a first step from a singular position, in which the loops close."""
+    chart = Chart(system.kinematics)
+    chart.begin(y, ground1)
+    chart.add(h * _rates(system, y, way_on(system, y, s, None, momentum), momentum)[0])
+    found, _ = closed(system, chart, system.closure.select(y, tree_values(system, y)))
+    return np.zeros(system.n) if found is None else (found - y)[: system.rows].reshape(-1)
 
 
-def _rate(system: Scene, y: Floats, s: Selected, momentum: Floats | None) -> tuple[Floats, float]:
-    """That velocity, and twice its kinetic energy."""
+def _rates(system: Scene, y: Floats, s: Selected, momentum: Floats | None) -> tuple[Floats, float]:
+    """Rates (K,) of the tree along the free directions of one component, for a momentum (n,).
+
+    And twice the kinetic energy they have.
+    """
     kin = system.kinematics
     if momentum is None or not s.component.free:
-        return np.zeros(system.n), 0.0
+        return np.zeros(kin.unknowns), 0.0
     T = tree_values(system, y)
     directions = np.zeros((s.component.free, kin.unknowns))
     directions[:, s.component.columns] = s.null.T
@@ -160,7 +165,7 @@ def _rate(system: Scene, y: Floats, s: Selected, momentum: Floats | None) -> tup
     p = np.tensordot(P, momentum.reshape(-1, 3), ((1, 2), (0, 1)))
     M = np.tensordot(P, np.array([system.mass @ v for v in P]), ((1, 2), (1, 2)))
     rates = np.linalg.lstsq(M, p, rcond=None)[0]
-    return np.tensordot(rates, P, 1).reshape(-1), float(p @ rates)
+    return rates @ directions, float(p @ rates)
 
 
 # -- drives ----------------------------------------------------------------------------------------
@@ -206,8 +211,8 @@ def dead_point(system: Scene, y0: Floats, t0: float, h: float) -> DeadPoint | No
     rows = closure.rows[closure.components[worst].rows]
     return DeadPoint(
         t,
-        f"dead point at t = {t:.6g} s: {_drivers(system, rows, t)} against the closed loop through"
-        f" the {_names(system, rows)}, which does not close beyond it",
+        f"dead point at t = {t:.6g} s: {drivers(system, rows, t)} against the closed loop through"
+        f" the {names_of(system, rows)}, which does not close beyond it",
     )
 
 
@@ -216,33 +221,12 @@ def contradiction(system: Scene, y: Floats, t: float) -> str | None:
     closure = system.closure
     if not system.moving or system.rank == system.m:
         return None
-    g = abs(system.constraints.values(y)[closure.rows]) / closure.magnitude
-    worst = int(g.argmax())
-    if not g[worst] > BROKEN:
+    worst, miss = violated(system, y)
+    if not miss > BROKEN:
         return None
-    component = next(c for c in closure.components if worst in c.rows)
-    rows = closure.rows[component.rows]
+    rows = closure.rows[closure.components[worst].rows]
     return (
-        f"prescribed motions contradict each other at t = {t:.6g} s (by {g[worst]:.3g} relative):"
-        f" {_drivers(system, rows, t)} against each other around the closed loop through the"
-        f" {_names(system, rows)}"
+        f"prescribed motions contradict each other at t = {t:.6g} s (by {miss:.3g} relative):"
+        f" {drivers(system, rows, t)} against each other around the closed loop through the"
+        f" {names_of(system, rows)}"
     )
-
-
-def _drivers(system: Scene, rows: IndexArray, t: float) -> str:
-    """Subject and verb: the drives on a loop, or the moving ground."""
-    around = {id(joint) for joint in loop_joints(system, rows)}
-    drives = [
-        jr.joint
-        for jr in system.joint_rows
-        if isinstance(jr.joint, JointDrive) and id(joint_of(jr)) in around
-    ]
-    if not drives:
-        return "the prescribed motion of the ground works"
-    names = " and ".join(f"the {drive.label} at {_reached(drive, t)}" for drive in drives)
-    return f"{names} work{'s' if len(drives) == 1 else ''}"
-
-
-def _reached(drive: JointDrive, t: float) -> str:
-    unit = "rad" if drive.coordinate.kind == "angle" else "m"
-    return f"{drive.coordinate.name} = {drive.value(t):.6g} {unit}"

@@ -42,7 +42,7 @@ def with_joint_rates(
     impulses = slopes[:, : system.rows].reshape(len(found), -1)
     answers = np.array([projection(q, impulse, t)[0] - still for impulse in impulses])
     gram = impulses @ answers.T
-    size = np.sqrt(np.diagonal(gram))
+    size = np.sqrt(np.maximum(np.diagonal(gram), 0.0))  # zero for what a drive holds
     scale = 1 / np.where(size > 1e-12 * size.max(initial=1e-300), size, 1.0)
     weights = np.linalg.lstsq(scale[:, None] * gram * scale, scale * given, rcond=1e-10)[0]
     miss = given - gram @ (scale * weights)
