@@ -119,14 +119,13 @@ def test_energy_balance_of_a_drive():
 def test_contradictory_drives_are_named():
     model = hinged(motion=lambda t: t**2)
     model.add("brake", sc.JointDrive(model["pin"], lambda t: 0.0))
-    with pytest.raises(sc.InputError, match="drive 'brake'.*drive 'motor'.*angle"):
+    with pytest.raises(sc.InputError, match=r"drive 'brake'.*drive 'motor'.*angle"):
         model.freeze()
     model = four_bar()
     model.add("left", sc.JointDrive(model["pin 0"], lambda t: t**2))
     model.add("right", sc.JointDrive(model["pin 3"], lambda t: -(t**2)))
-    with pytest.raises(
-        sc.InputError, match="drive 'left' .*drive 'right' .* work against each other"
-    ):
+    words = r"drive 'left' .*drive 'right' .* work against each other"
+    with pytest.raises(sc.InputError, match=words):
         model.freeze()
 
 
