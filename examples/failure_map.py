@@ -470,7 +470,7 @@ def main(
         ``rows``: see :func:`sail`; ``period`` (s): of the finest run with energy-momentum that
         completed one; ``mechanism``: see there; ``criterion``: see there.
     """
-    chosen = [swing._choose("integrators", name, swing.INTEGRATORS) for name in integrators]
+    chosen = [swing.choose("integrators", name, swing.INTEGRATORS) for name in integrators]
     sizes = STEPS if steps is None else tuple(steps)
     if quick and steps is None:
         sizes = tuple(h for h in STEPS if h >= QUICK * (1 - 1e-9))

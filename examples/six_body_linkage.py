@@ -22,6 +22,7 @@ Run ``python examples/six_body_linkage.py --help`` for the choices.
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -30,13 +31,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from three_bar_swing import INTEGRATORS, TREATMENTS, choose, median_condition_number
+
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.export import prepare_folder
 from skfem_cosserat.simulate import derive_series
 
-INTEGRATORS = {"variational": sc.Variational, "energy-momentum": sc.EnergyMomentum}
-TREATMENTS = {"null-space": sc.NullSpace, "multipliers": sc.Multipliers}
 #: twist of neighbouring axes and joint angle of the linkage along the edges of a cube
 CUBE = (np.pi / 2, -np.pi / 2)
 LENGTH, WIDTH, MASS, GRAVITY = 1.0, 0.1, 1.0, (0.0, -9.81, 0.0)
@@ -160,12 +163,6 @@ def build(twist: float | None = None, angle: float | None = None) -> sc.System:
     return model.freeze()
 
 
-def _choose(name: str, value: str, choices: dict[str, Any]) -> Any:
-    if not isinstance(value, str) or value not in choices:
-        raise ValueError(f"{name} = {value!r}, expected one of {sorted(choices)}")
-    return choices[value]
-
-
 def main(
     integrator: str = "variational",
     treatment: str = "null-space",
@@ -205,8 +202,8 @@ def main(
     ValueError
         For bad choices, and if the linkage cannot close at this angle.
     """
-    chosen = _choose("integrator", integrator, INTEGRATORS)()
-    constraints = _choose("treatment", treatment, TREATMENTS)()
+    chosen = choose("integrator", integrator, INTEGRATORS)()
+    constraints = choose("treatment", treatment, TREATMENTS)()
     system = build(twist, angle)
     if out is not None:
         prepare_folder(Path(out))  # before the run, not after it
@@ -297,31 +294,8 @@ def condition_number(
         Step numbers; default: 1, 10, 20, 50, 100. At the converged state of each step, SI units.
         Steps after one that cannot be solved are left out; NaN if none is left.
     """
-    chosen = _choose("integrator", integrator, INTEGRATORS)()
-    constraints = _choose("treatment", treatment, TREATMENTS)()
     numbers = CONDITION_STEPS if steps is None else steps
-    if (
-        isinstance(numbers, str)
-        or not np.iterable(numbers)
-        or not (numbers := list(numbers))
-        or not all(isinstance(k, int | np.integer) and k >= 1 for k in numbers)
-    ):
-        raise ValueError(f"steps = {steps!r}, expected positive step numbers")
-    stepper = sc.Stepper(build(), chosen, constraints, step)
-    state = sc.initial_state(stepper.system)
-    values = []
-    try:
-        for number in range(1, max(numbers) + 1):
-            if number in numbers:
-                matrix, report = stepper.iteration_matrix(state, scaled)
-                values.append(np.linalg.cond(matrix))
-            else:
-                report = stepper.advance(state)
-            state = report.state
-    except sc.Diverged:  # the median of the steps that could be solved
-        if not values:
-            return float("nan")
-    return float(np.median(values))
+    return median_condition_number(build(), integrator, treatment, step, scaled, numbers)
 
 
 def write(system: sc.System, history: sc.History, folder: Path) -> list[Path]:

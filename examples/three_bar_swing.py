@@ -54,7 +54,8 @@ def _section(name: str) -> sc.Section:
     return sc.Section(STIFFNESS, 7500.0, INERTIA[name], outline)
 
 
-def _choose(name: str, value: str, choices: dict[str, Any]) -> Any:
+def choose(name: str, value: str, choices: dict[str, Any]) -> Any:
+    """One of the choices, or an error that lists them."""
     if not isinstance(value, str) or value not in choices:
         raise ValueError(f"{name} = {value!r}, expected one of {sorted(choices)}")
     return choices[value]
@@ -88,7 +89,7 @@ def build(
     side_load : float
         Fraction of the pulse that acts out of the plane, along e1.
     """
-    mass, end, peak = _choose("section", section, PULSE)
+    mass, end, peak = choose("section", section, PULSE)
     Q = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
     mesh = _mesh(elements)
     if rotation is not None:
@@ -150,8 +151,8 @@ def main(
         Arrays over the N stored states, and numbers; a diverging run returns what it has, with
         ``diverged_at`` and ``divergence_reason``.
     """
-    chosen = _choose("integrator", integrator, INTEGRATORS)()
-    constraints = _choose("treatment", treatment, TREATMENTS)()
+    chosen = choose("integrator", integrator, INTEGRATORS)()
+    constraints = choose("treatment", treatment, TREATMENTS)()
     system = build(section, elements)
     if out is not None:
         prepare_folder(Path(out))  # before the run, not after it
@@ -304,18 +305,27 @@ def condition_number(
         1, 10, 100, 200 below. At the converged state of each step, SI units, massless rows kept.
         Steps after one that cannot be solved are left out; NaN if none is left.
     """
-    chosen = _choose("integrator", integrator, INTEGRATORS)()
-    constraints = _choose("treatment", treatment, TREATMENTS)()
-    numbers = CONDITION_STEPS[0 if step > 5e-3 else 1] if steps is None else steps
+    default = CONDITION_STEPS[0 if step > 5e-3 else 1]
+    scene = build(section, elements)
+    numbers = default if steps is None else steps
+    return median_condition_number(scene, integrator, treatment, step, scaled, numbers)
+
+
+def median_condition_number(
+    system: sc.System, integrator: str, treatment: str, step: float, scaled: bool, steps: Any
+) -> float:
+    """Median 2-norm condition number over the steps with these numbers; NaN if none is solved."""
+    chosen = choose("integrator", integrator, INTEGRATORS)()
+    constraints = choose("treatment", treatment, TREATMENTS)()
     if (
-        isinstance(numbers, str)
-        or not np.iterable(numbers)
-        or not (numbers := list(numbers))
+        isinstance(steps, str)
+        or not np.iterable(steps)
+        or not (numbers := list(steps))
         or not all(isinstance(k, int | np.integer) and k >= 1 for k in numbers)
     ):
         raise ValueError(f"steps = {steps!r}, expected positive step numbers")
-    stepper = sc.Stepper(build(section, elements), chosen, constraints, step)
-    state = sc.initial_state(stepper.system)
+    stepper = sc.Stepper(system, chosen, constraints, step)
+    state = sc.initial_state(system)
     values = []
     try:
         for number in range(1, max(numbers) + 1):

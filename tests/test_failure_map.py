@@ -343,6 +343,19 @@ def test_files(runs, tmp_path):
     assert {r["integrator"] for r in csv.DictReader(energy)} == set(example.COLOURS)
 
 
+def test_the_table_in_the_pictures_folder_is_the_full_one():
+    """All steps of the issue with both integrators, as the full mode wrote them."""
+    path = Path(example.__file__).parent / "pictures" / "failure_map.csv"
+    rows = list(csv.DictReader(path.read_text().splitlines()[1:]))
+    assert {(r["integrator"], float(r["step_s"])) for r in rows} == {
+        (name, step) for name in swing.INTEGRATORS for step in example.STEPS
+    }
+    assert len(rows) == 18 and {r["outcome"] for r in rows} <= set(example.MARKERS)
+    for r in rows:  # apart from the coarsest steps every run has an energy to compare with
+        assert float(r["step_s"]) == 0.1 or float(r["energy_error"]) >= 0
+        assert r["outcome"] != "completed" or float(r["end_s"]) == pytest.approx(example.UNTIL)
+
+
 def test_bad_integrator():
     with pytest.raises(ValueError, match="integrators = 'euler'"):
         example.main(steps=(1e-1,), integrators=("euler",))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..frames import TOLERANCE, Item, Place, StructuralItem
+from ..frames import TOLERANCE, Item, Place, StructuralItem, unit_vector
 from ..relative import (
     Product,
     RelativeCoordinate,
@@ -24,9 +24,9 @@ from ..relative import (
     point,
     rotation,
 )
-from ..types import Floats
+from ..types import ArrayLike, Floats
 
-__all__ = ["Freedom", "Joint", "Slide", "Turn"]
+__all__ = ["AxialJoint", "Freedom", "Joint", "Slide", "Turn"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,3 +214,11 @@ class Joint(Item):
         """``m_k^A . (x_b - x_a) = 0``."""
         r = point(self.b) - point(self.a)
         return [Product(direction(self.a, m), r) for m in normals(axis)]
+
+
+class AxialJoint(Joint):
+    """Joint with one axis n, fixed in side a and a unit vector in space in the reference."""
+
+    def __init__(self, a: Place, b: Place, axis: ArrayLike) -> None:
+        super().__init__(a, b)
+        self.axis = unit_vector(self.label, "axis", axis)

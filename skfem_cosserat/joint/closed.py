@@ -8,7 +8,7 @@ from ..errors import InputError
 from ..frames import TOLERANCE, Place, unit_vector
 from ..relative import Product, RelativeCoordinate, Zero, angle, direction
 from ..types import ArrayLike
-from .base import Freedom, Joint, Turn
+from .base import AxialJoint, Freedom, Joint, Turn
 
 __all__ = ["JointFixed", "JointRevolute", "JointSpherical", "JointUniversal"]
 
@@ -37,7 +37,7 @@ class JointSpherical(Joint):
         return Freedom(None)
 
 
-class JointRevolute(Joint):
+class JointRevolute(AxialJoint):
     """Hinge: 5 constraints, ``x_b - x_a = 0`` and ``n^A . m_k^B = 0``, k = 1, 2.
 
     Relative coordinate: "angle" (rad), from a to b about n.
@@ -57,10 +57,6 @@ class JointRevolute(Joint):
     """
 
     type = "revolute"
-
-    def __init__(self, a: Place, b: Place, axis: ArrayLike) -> None:
-        super().__init__(a, b)
-        self.axis = unit_vector(self.label, "axis", axis)
 
     def rows(self) -> list[Zero | Product]:
         """Spherical, and n^A normal to two directions of B."""

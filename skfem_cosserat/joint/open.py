@@ -8,7 +8,7 @@ from ..errors import InputError
 from ..frames import TOLERANCE, Place, unit_vector
 from ..relative import Product, Zero, direction, normals, point
 from ..types import ArrayLike, Floats, positive
-from .base import Freedom, Joint, Slide, Turn
+from .base import AxialJoint, Freedom, Joint, Slide, Turn
 
 __all__ = [
     "JointCylindrical",
@@ -19,7 +19,15 @@ __all__ = [
 ]
 
 
-class JointCylindrical(Joint):
+class _OnLine(AxialJoint):
+    """x_b on the line through x_a along the axis."""
+
+    def gap(self, r: Floats) -> Floats:
+        """Distance from the line."""
+        return r - (r @ self.axis) * self.axis
+
+
+class JointCylindrical(_OnLine):
     """Rotation about and translation along one axis: 4 constraints.
 
     ``m_k^A . (x_b - x_a) = 0`` and ``n^A . m_k^B = 0``, k = 1, 2. Relative coordinates:
@@ -42,14 +50,6 @@ class JointCylindrical(Joint):
 
     type = "cylindrical"
 
-    def __init__(self, a: Place, b: Place, axis: ArrayLike) -> None:
-        super().__init__(a, b)
-        self.axis = unit_vector(self.label, "axis", axis)
-
-    def gap(self, r: Floats) -> Floats:
-        """Distance from the axis."""
-        return r - (r @ self.axis) * self.axis
-
     def rows(self) -> list[Zero | Product]:
         """x_b on the line through x_a, and the axis in common."""
         return [*self._on_line(self.axis), *self._normal(self.axis)]
@@ -59,7 +59,7 @@ class JointCylindrical(Joint):
         return Freedom((Turn("angle", self.axis),), (_along(self.axis),))
 
 
-class JointPrismatic(Joint):
+class JointPrismatic(_OnLine):
     """Translation along one axis without rotation: 5 constraints.
 
     Those of the cylindrical joint and ``m_1^A . m_2^B = 0``. Relative coordinate:
@@ -81,14 +81,6 @@ class JointPrismatic(Joint):
     """
 
     type = "prismatic"
-
-    def __init__(self, a: Place, b: Place, axis: ArrayLike) -> None:
-        super().__init__(a, b)
-        self.axis = unit_vector(self.label, "axis", axis)
-
-    def gap(self, r: Floats) -> Floats:
-        """Distance from the axis."""
-        return r - (r @ self.axis) * self.axis
 
     def rows(self) -> list[Zero | Product]:
         """Cylindrical, and no rotation about the axis."""
@@ -157,7 +149,7 @@ class JointPlanar(Joint):
         return Freedom((Turn("angle", self.normal),), slides)
 
 
-class JointPointOnLine(Joint):
+class JointPointOnLine(_OnLine):
     """The point of side b moves on a line of side a, free to rotate: 2 constraints.
 
     ``m_k^A . (x_b - x_a) = 0``, k = 1, 2. Side b may be a mass point (a bead on a wire).
@@ -181,14 +173,6 @@ class JointPointOnLine(Joint):
 
     type = "point-on-line"
     framed_sides = ("a",)
-
-    def __init__(self, a: Place, b: Place, axis: ArrayLike) -> None:
-        super().__init__(a, b)
-        self.axis = unit_vector(self.label, "axis", axis)
-
-    def gap(self, r: Floats) -> Floats:
-        """Distance from the line."""
-        return r - (r @ self.axis) * self.axis
 
     def rows(self) -> list[Zero | Product]:
         """x_b on the line."""

@@ -28,9 +28,11 @@ __all__ = [
     "way_on",
 ]
 
-#: pivot below which free directions are those of a branch: in a position that is known to the
-#: rounding r of the closed loop, those of C itself are off by r over the square of the pivot
-NEAR = 1e-5
+#: pivot below which a position may be on either branch of a crossing, whichever the motion is on
+NEAR = 1e-4
+#: pivot below which the free directions of C are no tangent: where round-off r is what the closed
+#: loop is known to, they are off by r over the square of the pivot
+BLURRED = 1e-6
 
 
 class Passages:
@@ -129,14 +131,20 @@ def way_on(
     momentum : (n,) array or None
         At the start of a run.
     """
-    if (s.pivots > NEAR).all():
+    least = s.pivots.min(initial=1.0)
+    if least > NEAR:
         return s
     ways = branches(system, y, s)
     if before is None:
         return max(ways, key=lambda way: _rates(system, y, way, momentum)[1], default=s)
+
+    def likeness(way: Selected) -> float:
+        return float(np.linalg.norm(way.Q2.T @ before))
+
     if not ways:
         return continued(s, before)
-    return max(ways, key=lambda way: float(np.linalg.norm(way.Q2.T @ before)))
+    best = max(ways, key=likeness)
+    return s if least > BLURRED and likeness(s) > likeness(best) - NEAR else best
 
 
 def way_off(
