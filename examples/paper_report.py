@@ -81,7 +81,7 @@ def _conditions(result: dict[str, Any], published: Any, run: int, compare: bool)
             " and ".join(f"{s:.2f}" for s in said) or NOT_GIVEN,
             " and ".join(f"{s:.2f}" for s in values),
             run,
-            "from 1e-2 to 1e-3 s, and on to 1e-4 s; unscaled",
+            "from 1e-2 to 1e-3 s, and on to 1e-4 s; unscaled; published: from the printed numbers",
         )
 
 
@@ -283,7 +283,7 @@ def cross_convergence(result: dict[str, Any]) -> list[Entry]:
                 entries.append(
                     Entry(
                         f"order, energy-momentum with {treatment}, {kind}, {name}",
-                        NOT_GIVEN if shifted else "2 (in its reference [23])",
+                        NOT_GIVEN if shifted else "not given (curves approach)",
                         f"{order:.3f}",
                         run,
                         remark,
@@ -292,7 +292,7 @@ def cross_convergence(result: dict[str, Any]) -> list[Entry]:
     for h, errors in result["rounding"].items():
         label = f"both treatments of energy-momentum apart, multipliers, h = {h:g} s"
         noise = max(errors["internal multipliers"], errors["external multipliers"])
-        remark = f"rounding, grows with 1/h^2; of q: {errors['q']:.1e}"
+        remark = f"rounding, grows as the step shrinks; of q: {errors['q']:.1e}"
         entries.append(Entry(label, NOT_GIVEN, f"{noise:.1e}", run, remark))
     for until, study in result["longer"].items():
         for name, order in study["orders"][convergence.SAME][coarse, fine].items():

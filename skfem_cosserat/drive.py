@@ -34,7 +34,8 @@ class JointDrive(Item):
 
     The constraint is ``sin(theta - theta(t)) = 0`` or ``s - s(t) = 0``; with the null space the
     coordinate is eliminated (unless the joint closes a loop). Torque or force of the drive are
-    ``joint/NAME/moment`` and ``joint/NAME/force`` of the history, its work is ``work_drives``.
+    ``joint/NAME/moment`` and ``joint/NAME/force`` of the history, NAME being the drive's (they are
+    no part of the joint's own), its work is ``work_drives``.
 
     Parameters
     ----------

@@ -87,19 +87,22 @@ class IncompatibleError(InputError):
 
     Examples
     --------
-    Two joints between the same items close a loop, which the null space method does not take:
+    Multipliers of the variational scheme live at its nodes: halfway between them are the means of
+    neighbours, which a history of every fifth step does not have.
 
-    >>> from skfem_cosserat import JointDistance, Model, NullSpace, RigidBody, ground
+    >>> from skfem_cosserat import JointDistance, MassPoint, Model, NullSpace, Variational
+    >>> from skfem_cosserat import ground, simulate
+    >>> from skfem_cosserat.diagnostics import multipliers_at
     >>> model = Model()
-    >>> body = model.add("body", RigidBody.box(1.0, (1, 1, 1)))
-    >>> for x in (-0.5, 0.5):
-    ...     rod = JointDistance(ground((x, 0, 1)), body.local((x, 0, 0)))
-    ...     rod = model.add(f"rod {x}", rod)
+    >>> bob = model.add("bob", MassPoint(1.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> system = model.freeze()
+    >>> history = simulate(system, Variational(), NullSpace(), 0.1, until=1.0, every=5)
     >>> try:
-    ...     treatment = NullSpace().bind(model.freeze(), 0.0)
+    ...     values = multipliers_at(system, history, "midpoints")
     ... except IncompatibleError as error:
     ...     print(error.item)
-    null space treatment
+    multipliers at midpoints
     """
 
 

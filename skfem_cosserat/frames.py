@@ -102,8 +102,8 @@ class Motion:
     displacement : callable, optional
         ``t -> (3,)`` (m), added to the reference position.
     rotation : callable, optional
-        ``t -> (3,)`` rotation vector (rad) about the place's position. Only joints that take up a
-        direction of the ground (revolute, fixed) feel it.
+        ``t -> (3,)`` rotation vector (rad) about the place's position. Spherical and distance
+        joints do not feel it: they take up no direction of the ground.
 
     Raises
     ------

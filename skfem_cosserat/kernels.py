@@ -272,6 +272,7 @@ def rotation_matrix(quaternion: Array) -> Array:
     w, v = quaternion[..., 0], quaternion[..., 1:]
     out = 2 * v[..., :, None] * v[..., None, :]
     out += 2 * w[..., None, None] * skew(v)
-    diagonal = w * w - (v * v).sum(-1)
+    # not w^2 - v.v: the rounding of |q| would add up over many steps as a change of scale
+    diagonal = 1 - 2 * (v * v).sum(-1)
     out[..., (0, 1, 2), (0, 1, 2)] += diagonal[..., None]
     return out

@@ -53,7 +53,8 @@ class NewtonSettings:
         Converged when an increment itself is below this. Displacements count relative to the
         extent of the scene.
     stagnation : float
-        Increments below this that do not shrink any more are taken for the rounding floor.
+        Increments below this that do not shrink any more are taken for the rounding floor; below
+        five times this with a residual of round-off.
     rotation : float
         Largest rotation (rad) in one iteration; longer increments are scaled down.
 

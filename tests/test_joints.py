@@ -6,7 +6,6 @@ One scene for each kind of joint holds it between bodies, ground at rest and in 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -41,11 +40,6 @@ PARTNERS = ("body", "ground", "moving", "node", "eccentric", "point")
 # -- scenes ----------------------------------------------------------------------------------------
 
 
-def eccentric(place, X):
-    """A place beside another one, X in its triad."""
-    return replace(place, position=place.position + X @ place.triad, offset=place.offset + X)
-
-
 class Builder:
     """Pairs of items with one kind of joint between them."""
 
@@ -75,10 +69,9 @@ class Builder:
             item = self.model.add(name, sc.MassPoint(0.8, x))
             return item.place(), item
         mesh = sc.MeshCurve.init_line(x, x + unit(rng), 1, name)
-        node = self.model.add(name, sc.Beam(mesh, full_section())).node(f"{name}.end")
-        return (
-            eccentric(node, 0.3 * rng.standard_normal(3)) if what == "eccentric" else node
-        ), None
+        beam = self.model.add(name, sc.Beam(mesh, full_section()))
+        offset = 0.3 * rng.standard_normal(3) if what == "eccentric" else np.zeros(3)
+        return beam.node(f"{name}.end", offset), None
 
     def add(self, what, swap):
         """Body "two" on side b, the partner on side a; or the other way round."""
@@ -447,14 +440,14 @@ def crane():
     mesh = sc.MeshCurve.init_line((0, 0, 0), (0, 0, 1), 2, "mast")
     mast = model.add("mast", sc.Beam(mesh, full_section()))
     model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), mast.node("mast.start")))
-    tip = eccentric(mast.node("mast.end"), np.array([0.2, 0.1, 0.1]))
+    tip = mast.node("mast.end", (0.2, 0.1, 0.1))
     trolley = body_at(model, "trolley", tip.position + (0.3, 0, 0))
     model.add("jib", sc.JointPrismatic(tip, trolley.at(tip.position + (0.3, 0, 0)), (1, 0, 0)))
     bag = body_at(model, "bag", tip.position + (0.3, 0, -0.5))
     x = tip.position + (0.3, 0, -0.2)
     model.add("hook", sc.JointUniversal(bag.at(x), trolley.at(x), (1, 0, 0), (0, 1, 0)))
     rider = body_at(model, "rider", (0.5, 0.5, 0.5))
-    side = eccentric(mast.node(1), np.array([0.0, 0.2, 0]))
+    side = mast.node(1, (0.0, 0.2, 0))
     line = sc.JointPointOnLine(side, rider.at(side.position + (0, 0.4, 0)), (0, 1, 0))
     model.add("wire", line)
     return model, 2 * 6 + 1 + 2 + 4

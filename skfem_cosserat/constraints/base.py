@@ -41,7 +41,7 @@ class BoundTreatment(ABC):
     trouble: str | None = None
     #: what the start of the step is worth a warning for, such as a singular position
     notice: str | None = None
-    #: momentum (n,) with which a run starts; None later on
+    #: momentum (n,) if a run starts with this step, or goes on after a break
     momentum: Floats | None = None
 
     def __init__(self, system: System, weight: float) -> None:

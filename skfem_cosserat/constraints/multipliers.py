@@ -93,6 +93,8 @@ class BoundMultipliers(BoundTreatment):
         closure = self.system.closure
         T = tree_values(self.system, y0)
         chosen = closure.select(y0, T)
+        if self.momentum is not None:
+            self._passages = Passages(self.system)
         self.notice = self._passages.look(y0, T, chosen)
         self._keep[closure.rows] = 0
         self._away = None

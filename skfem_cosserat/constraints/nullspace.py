@@ -210,6 +210,8 @@ class BoundNullSpace(BoundTreatment):
         """Independent closure rows at the start of the step."""
         T = self.kin.T_values(self.kin.locate(y0, self.chart.fixed))
         chosen = self.closure.select(y0, T)
+        if self.momentum is not None:
+            self._passages, self._direction = Passages(self.system), None
         self.notice = self._passages.look(y0, T, chosen)
         before = self._direction
         self._chosen = [

@@ -242,8 +242,6 @@ def condition_number(
     ------
     Diverged
         If the step cannot be solved.
-    IncompatibleError
-        If treatment and system do not work together.
 
     Examples
     --------

@@ -37,8 +37,9 @@ def joint_coordinates(
     t : float or (N,) array
         Their times (s), for prescribed motion.
     turns : (angles,) or (N, angles) array, optional
-        ``history["turns"]``. Angles without it start from their principal value and are followed
-        from state to state, by less than half a turn each.
+        ``history["turns"]`` of angles with a force element. Driven angles are those prescribed;
+        all others start from their principal value and are followed from state to state by the
+        mean of their rates, which must be right to half a turn.
 
     Returns
     -------
@@ -66,7 +67,8 @@ def joint_coordinates(
     Q, single = as_stack(system, "q", q)
     V, _ = as_stack(system, "v", v)
     times = as_times(t, len(Q))
-    found = _coordinates(system, joint, all_rows(system, Q, times), rates(system, V, times), turns)
+    y, ydot = all_rows(system, Q, times), rates(system, V, times)
+    found = _coordinates(system, joint, y, ydot, times, turns)
     return {name: (a[0], b[0]) for name, (a, b) in found.items()} if single else found
 
 
@@ -81,7 +83,12 @@ def rates(system: System, v: Floats, t: Floats) -> Floats:
 
 
 def _coordinates(
-    system: System, joint: Joint, y: Floats, ydot: Floats, turns: ArrayLike | None
+    system: System,
+    joint: Joint,
+    y: Floats,
+    ydot: Floats,
+    times: Floats,
+    turns: ArrayLike | None,
 ) -> Pairs:
     out = {}
     for coordinate in joint.coordinates():
@@ -90,13 +97,32 @@ def _coordinates(
         xi = kind.value(pi)[:, 0]
         if coordinate.kind == "displacement":
             xi = xi - kind.value(invariants.values(system.extend(system.q0, 0.0)))[0]
+        rate = (kind.slope(pi) @ invariants.rates(y, ydot)[..., None])[:, 0, :, 0]
         if kind.period:
             followed = _turns(system, joint, coordinate.name, turns)
-            xi = np.unwrap(xi, axis=0) if followed is None else xi + kind.period * followed
-        rate = (kind.slope(pi) @ invariants.rates(y, ydot)[..., None])[:, 0, :, 0]
+            if followed is not None:
+                xi = xi + kind.period * followed
+            else:
+                near = _expected(system, joint, coordinate.name, xi[:, 0], rate[:, 0], times)
+                xi = xi + kind.period * np.round((near[:, None] - xi) / kind.period)
         single = coordinate.size == 1
         out[coordinate.name] = (xi[:, 0], rate[:, 0]) if single else (xi, rate)
     return out
+
+
+def _expected(
+    system: System, joint: Joint, name: str, xi: Floats, rate: Floats, times: Floats
+) -> Floats:
+    """About where an angle is (N,), to tell its full turns: as driven, or by its rates."""
+    for drive in system.drives:
+        if drive.joint is joint and drive.coordinate.name == name:
+            return np.array([drive.value(float(t)) for t in times])
+    steady = np.diff(times) * (rate[1:] + rate[:-1]) / 2
+    steady = np.where(np.isfinite(steady), steady, 0.0)
+    turn = 2 * np.pi
+    moved = np.diff(xi)
+    moved += turn * np.round((steady - moved) / turn)
+    return xi[0] + np.concatenate([[0.0], np.cumsum(moved)])
 
 
 def _turns(system: System, joint: Joint, name: str, turns: ArrayLike | None) -> IndexArray | None:
@@ -213,7 +239,7 @@ def relative_series(
     y, ydot = all_rows(system, q, t), rates(system, v, t)
     out = {}
     for joint in system.joints:
-        for name, (value, rate) in _coordinates(system, joint, y, ydot, turns).items():
+        for name, (value, rate) in _coordinates(system, joint, y, ydot, t, turns).items():
             out[f"joint/{joint.name}/{name}"] = value
             out[f"joint/{joint.name}/{name}_rate"] = rate
     for name, (xi, force) in _forces(system, y, ydot, turns).items():

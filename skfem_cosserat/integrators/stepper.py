@@ -110,8 +110,8 @@ class Stepper:
 
     Raises
     ------
-    IncompatibleError
-        If treatment and system do not work together.
+    InputError
+        If an argument is of another kind, or the step not positive.
 
     Examples
     --------
@@ -140,6 +140,7 @@ class Stepper:
         self.settings = NewtonSettings() if settings is None else settings
         _check_kind("settings", self.settings, NewtonSettings)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
+        self._first = True
 
     def advance(self, state: State, time: float | None = None) -> StepReport:
         """Solve the step that follows `state`.
@@ -159,7 +160,8 @@ class Stepper:
             contradicts another one around it, the reason says so.
         """
         step = self.integrator.begin(self.system, state, self.h)
-        self.bound.momentum = state.p if state.fresh else None
+        self.bound.momentum = state.p if state.fresh or self._first else None
+        self._first = False
         self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h)
         if self.bound.notice:
             logger.warning("t = %.6g s: %s", state.time, self.bound.notice)

@@ -164,6 +164,8 @@ class Joint(Item):
         drives act on and what the history records as ``joint/NAME/COORDINATE``.
         """
         free = self.freedom()
+        if free.sphere:  # a spring on a rod would mean its length, which is fixed
+            return ()
         sliding = [
             displacement(s.name, self.a, self.b, np.cross(s.left, s.right)) for s in free.slides
         ]
@@ -189,6 +191,8 @@ class Joint(Item):
         >>> [c.name for c in joint.coordinates()], joint.coordinate("angle").kind
         (['displacement', 'angle'], 'angle')
         """
+        if name is not None and not isinstance(name, str):
+            raise InputError(self.label, f"coordinate = {name!r}, expected the name of one")
         known = {c.name: c for c in self.coordinates()}
         if name is None and len(known) == 1:
             return next(iter(known.values()))

@@ -98,7 +98,8 @@ class Model:
         ------
         InputError
             Naming the item: references to items that are not in the model, joints that do not
-            close, redundant constraints, coordinates that have neither mass nor are held.
+            close, contradictory drives, no mobility at all, coordinates that have neither mass nor
+            are held.
 
         Examples
         --------

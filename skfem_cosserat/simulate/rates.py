@@ -26,6 +26,10 @@ def with_joint_rates(
     It fulfils the hidden constraints: loops and drives included. See
     :func:`~skfem_cosserat.project`.
     """
+    if not isinstance(rates, Mapping) or not all(isinstance(name, str) for name in rates):
+        raise InputError(
+            "initial state", f"rates = {rates!r}, expected a dict of rates by joint names"
+        )
     projection = Projection(system)
     nearest = projection(q, (system.mass @ v.reshape(-1, 3)).reshape(-1), t)[0]
     if not rates:

@@ -63,8 +63,8 @@ def project(
     >>> project(system, system.q0, [1.0, 0, 3.0]).tolist()   # not along the rod
     [1.0, 0.0, 0.0]
     """
-    velocity = np.zeros(system.n) if v is None else np.asarray(v, dtype=float)
-    configuration = np.asarray(q, dtype=float)
+    velocity = np.zeros(system.n) if v is None else _checked(system, "v", v, "projection")
+    configuration = _checked(system, "q", q, "projection")
     return with_joint_rates(system, configuration, velocity, rates or {}, t)
 
 
