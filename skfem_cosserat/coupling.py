@@ -306,7 +306,9 @@ class SpringDamper(_BetweenPlaces):
 class Cable(_BetweenPlaces):
     """Cable between two points: tension ``k (l - length) + c dl/dt`` (N) while it is longer.
 
-    It never pushes: shorter than `length` it is slack, and the damper does not push either.
+    It never pushes: shorter than `length` it is slack, and the damper does not push either. Where
+    it becomes taut inside of a step the energy balance of a variational scheme keeps an error that
+    does not fall regularly with the step; energy-momentum balances exactly.
 
     Parameters
     ----------

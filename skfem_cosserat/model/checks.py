@@ -95,14 +95,15 @@ def check_drives(drives: Sequence[JointDrive]) -> None:
                 )
 
 
-def check_mobility(system: Scene) -> None:
-    """Something can move, or is moved by a drive."""
+def check_mobility(system: Scene, doubt: str = "") -> None:
+    """Something can move, or is moved by a drive; `doubt` is added to the message."""
     if system.unknowns > 0 or system.moving:
         return
     raise InputError(
         "model",
         f"mobility is zero: {system.n} coordinates and {system.rank} independent constraints"
-        f" ({system.m} rows) leave no motion; free a joint or add a drive",
+        f" ({system.m} rows) leave no motion; free a joint or add a drive"
+        + (f" ({doubt})" if doubt else ""),
     )
 
 

@@ -47,6 +47,7 @@ class Component:
     entries: tuple[IndexArray, IndexArray]  # of T: which, and where in (twists, columns)
     scale: Floats  # columns: translations count relative to the scene's extent
     rank: int = 0
+    weakest: float = 1.0  # smallest pivot of the rows that count as independent
 
     @property
     def free(self) -> int:
@@ -140,6 +141,9 @@ class Closure:
         turning_twist = (base[self._turning][:, None] + np.arange(3)).ravel()
         #: twists of the vertices on loops: the only columns of :meth:`by_twists`
         self._twists = np.unique(np.concatenate([plain_twist, turning_twist]))
+        #: translations count relative to the scene's extent, here and among the coordinates
+        shifts = ~np.isin(self._twists, kinematics.frame_twist[:, 3:])
+        self._twist_scale = np.where(shifts, length, 1.0)
         count = len(self._twists)
         self._plain_at = self._row[self._plain] * count + np.searchsorted(self._twists, plain_twist)
         turning_row = np.repeat(self._row[self._turning], 3)
@@ -219,13 +223,15 @@ class Closure:
             Of each redundant row of the component: its number among the component's rows, and the
             combination of its rows that vanishes.
         """
-        twist = np.linalg.norm(self.by_twists(y), axis=1)
+        twist = np.linalg.norm(self.by_twists(y) * self._twist_scale, axis=1)
         self.magnitude = np.where(twist > 0, twist, 1.0)
         redundant = []
         for c, C in zip(self.components, self.matrices(y, T), strict=True):
             _, R, order = qr(C.T, mode="economic", pivoting=True)
             d = abs(np.diagonal(R))
-            c.rank = int((d > RANK_TOLERANCE * max(1.0, d.max(initial=0.0))).sum())
+            largest = max(1.0, d.max(initial=0.0))
+            c.rank = int((d > RANK_TOLERANCE * largest).sum())
+            c.weakest = float(d[c.rank - 1] / largest) if c.rank else 1.0
             dropped = order[c.rank :]
             if len(dropped):
                 kept = order[: c.rank]

@@ -17,6 +17,7 @@ from .closure import Closure, Component, Selected
 
 __all__ = [
     "BROKEN",
+    "almost_redundant",
     "close_loops",
     "closed",
     "closure_rows",
@@ -34,6 +35,8 @@ SMALL_MOTION = 1e-2
 BROKEN = 1e-8
 #: what a closed loop may violate its rows by, relative to the sizes of their terms
 CLOSED = 1e-13
+#: pivot below which rows are independent by a slip of the pen rather than by design
+DOUBTFUL = 1e-5
 #: move (rad, relative to the extent) from the reference to the positions where the rank is decided
 BESIDE = 0.03
 #: violation there of rows that are redundant in the reference only; of the order of BESIDE^2
@@ -66,9 +69,25 @@ def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
     start = system.extend(system.q0, 0.0)
     there = system.closure.decide(start, tree_values(system, start))
     redundant = _beside(system, start, there)
+    doubt = almost_redundant(system)
+    if doubt:
+        logger.warning(doubt)
     _check_motion(system)
     dropped = [system.closure.rows[c.rows[which]] for c, which, _ in redundant]
     return system.closure, np.sort(np.concatenate([none, *dropped]))
+
+
+def almost_redundant(system: Scene) -> str:
+    """Which loop has rows that are independent by next to nothing; empty if none has."""
+    for c in system.closure.components:
+        if c.weakest < DOUBTFUL:
+            names = names_of(system, system.closure.rows[c.rows])
+            return (
+                f"constraint rows of the closed loop through the {names} are independent by"
+                f" {c.weakest:.1e} only: if it was meant to move, give its places and axes with"
+                " more digits"
+            )
+    return ""
 
 
 def closure_rows(system: Scene) -> Floats:

@@ -39,7 +39,7 @@ from .groups import BeamGroup, Group, mass_blocks
 from .inertia import assemble_mass
 from .kinematics import Kinematics
 from .loading import Loading
-from .loops import close_loops, closure_rows, redundancies, tree_values
+from .loops import almost_redundant, close_loops, closure_rows, redundancies, tree_values
 from .quadratic import ConstraintBuilder, QuadraticConstraints
 from .tree import End, Spot, build_tree
 
@@ -247,7 +247,7 @@ class System:
         self.closure, self.redundant = close_loops(self)
         self.unknowns = self.kinematics.unknowns - self.closure.rank
         self.rank = self.n - self.unknowns
-        check_mobility(self)
+        check_mobility(self, almost_redundant(self))
         check_inertia(self, self.extend(self._y0, 0.0), closure_rows(self))
 
     def _tree_at(self, q: Floats, t: float) -> tuple[Floats, Floats]:

@@ -164,7 +164,8 @@ def derive_series(system: System, history: History) -> None:
     ``energy_balance`` is ``energy - work_loads - work_actuators - work_drives + dissipated`` less
     its first value: zero up to the solver's tolerance with energy-momentum, where all terms
     belong to the discrete equations; with the variational scheme an error of second order in the
-    step that oscillates.
+    step that oscillates. ``external`` is the potential of gravity and dead loads: their work is in
+    ``work_loads`` too, add one or the other.
     """
     q, p, t = history["q"], history["p"], history.times
     v, projected = Projection(system).stack(q, p, t)
