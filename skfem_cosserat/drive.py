@@ -124,9 +124,16 @@ class JointDrive(Item):
             third = Expression(((ORIGIN, 3, 1.0),))
             return [(*forms[0], Product(number, third, -1.0))]
         cosine, sine = forms
-        return [
-            tuple(
-                [replace(p, amplitude=Amplitude(self.place, 0)) for p in sine]
-                + [replace(p, factor=-p.factor, amplitude=Amplitude(self.place, 1)) for p in cosine]
-            )
-        ]
+        return [(*self._times(sine, 0), *self._times(cosine, 1, -1.0))]
+
+    def sheets(self) -> list[Form]:
+        """``cos(theta - theta(t))``, which is -1 where the row holds half a turn off."""
+        if self.coordinate.kind == "displacement":
+            return []
+        cosine, sine = self.coordinate.forms
+        return [(*self._times(cosine, 0), *self._times(sine, 1))]
+
+    def _times(self, form: Form, component: int, sign: float = 1.0) -> Form:
+        """The form times the cosine (0) or the sine (1) of the prescribed angle."""
+        amplitude = Amplitude(self.place, component)
+        return tuple(replace(p, factor=sign * p.factor, amplitude=amplitude) for p in form)

@@ -185,6 +185,17 @@ def stewart():
     return model
 
 
+def slides():
+    """Slides in one plane in a ring: some of their rows hold nothing at all that could move."""
+    model = sc.Model()
+    a, b, c = (body(model, n, x) for n, x in zip("abc", np.eye(3), strict=True))
+    origin = np.zeros(3)
+    places = [sc.ground(origin), a.at(origin), b.at(origin), c.at(origin), sc.ground(origin)]
+    for k, axis in enumerate(((1, 0, 0), (0, 1, 0), (0.6, 0.8, 0), (0.8, -0.6, 0))):
+        model.add(f"slide {k}", sc.JointPrismatic(places[k], places[k + 1], axis))
+    return model
+
+
 #: name: (scene, mobility, redundant rows, free of the ground)
 SCENES = {
     "four-bar": (lambda: hinges(FOUR, 3), 1, 3, False),
@@ -198,6 +209,7 @@ SCENES = {
     "free tripteron": (tripteron, 9, 3, True),
     "two loops": (two_loops, 1, 6, False),
     "three cranks": (three_cranks, 1, 7, False),
+    "slides": (slides, 2, 4, False),
     "free triangle of balls": (lambda: ring(SPACE[:3], [S] * 3, [{}] * 3), 9, 0, True),
     "free square of balls": (lambda: ring(SPACE, [S] * 4, [{}] * 4), 12, 0, True),
     "RSSR": (lambda: ring(SPACE, [R, S, S, R], [HINGE, {}, {}, LEAN], 3), 2, 0, False),
@@ -410,6 +422,107 @@ def test_multipliers_of_redundant_rows(scene, integrator):
     assert abs(lam[0] - lam[1]).max() < 1e-8 * abs(lam[0]).max()
 
 
+def test_units_of_length_do_not_matter():
+    """A linkage of a tenth of a micron and one of ten kilometres are the same linkage."""
+    found = []
+    for scale in (1.0, 1e-7, 1e4):
+        x, model = scale * np.array(FOUR, dtype=float), sc.Model()
+        bars = [
+            sc.RigidBody.box(scale**3 * (k + 1), scale * np.array((1, 0.1, 0.1)), position=middle)
+            for k, middle in enumerate((x[1:] + x[:-1]) / 2)
+        ]
+        for k, bar in enumerate(bars):
+            model.add(f"bar {k}", bar)
+        places = [sc.ground(x[0]), *(b.at(p) for b, p in zip(bars, x[1:], strict=True))]
+        after = [*(b.at(p) for b, p in zip(bars, x, strict=False)), sc.ground(x[3])]
+        for k in range(4):
+            model.add(f"pin {k}", R(places[k], after[k], Z))
+        model.add("gravity", sc.LoadGravity((0, -9.81 * scale, 0)))
+        system = model.freeze()
+        assert system.counts() == {"n": 36, "m": 38, "rank": 35, "unknowns": 1}
+        for pair in ((i, t) for i in INTEGRATORS.values() for t in TREATMENTS.values()):
+            history = sc.simulate(system, *pair, 0.02, 0.6)
+            found.append((history["joint/pin 0/angle"], history["newton_iterations"]))
+            angle, count = found[(len(found) - 1) % 4]
+            assert abs(history["joint/pin 0/angle"] - angle).max() < 1e-11
+            assert abs(history["newton_iterations"] - count).max() <= 1
+
+
+# -- prescribed motion of the ground, small errors of the geometry ---------------------------------
+
+
+def door(second=None, off=0.0):
+    """A door on two hinges of a moving frame, or with one hinge off the line of both axes."""
+    model, high = sc.Model(), np.array([off, 0, 1.0])
+    item = model.add("door", sc.RigidBody(1.0, TENSOR, center=(0.3, 0.2, 0)))
+    if off:
+        model.add("low", R(sc.ground((0, 0, -1)), item.at((0, 0, -1)), Z))
+        model.add("high", R(sc.ground(high), item.at(high), Z))
+        return model
+
+    def turn(t):
+        return 0.3 * t**2, 0.2 * t**2, 0.0
+
+    def carried(x):
+        def shift(t):
+            rotated = sc.Motion(rotation=turn).frame(sc.ground((0, 0, 0)), t)[1:].T @ x
+            return rotated - x + (0.1 * t**2, 0, 0)
+
+        return shift
+
+    for name, z in (("low", -1.0), ("high", 1.0)):
+        x = np.array([0, 0, z])
+        motion = sc.Motion(carried(x) if second is None or name == "low" else second, turn)
+        model.add(name, R(sc.ground(x, motion), item.at(x), Z))
+    model.add("gravity", sc.LoadGravity((1.0, -9.81, 0)))
+    return model
+
+
+@integrators
+def test_redundant_hinges_on_a_moving_frame(integrator):
+    """They move as one body: taken, and the work of the frame is what the door gains."""
+    system = door().freeze()
+    assert system.counts() == {"n": 12, "m": 16, "rank": 11, "unknowns": 1}
+    one, two = (
+        sc.simulate(system, INTEGRATORS[integrator], treatment, 0.02, 0.6)
+        for treatment in TREATMENTS.values()
+    )
+    assert abs(one["q"] - two["q"]).max() < 1e-12
+    for history in (one, two):
+        assert history["constraint_violation"].max() < 1e-13
+        if integrator == "energy-momentum":
+            assert abs(history["energy_balance"]).max() < 1e-12 * abs(history["energy"]).max()
+
+
+def test_a_frame_that_tears_its_door_apart():
+    with pytest.raises(sc.InputError) as caught:
+        door(lambda t: (0.1 * t**2, 0, 0)).freeze()
+    for word in ("'high'", "cannot follow the prescribed motion", "motion of the ground"):
+        assert word in str(caught.value)
+
+
+def test_geometry_with_too_few_digits(caplog):
+    """A hinge beside the line of the other one locks the door; by how little is said."""
+    assert door(off=1e-11).freeze().unknowns == 1
+    with pytest.raises(sc.InputError) as caught:
+        door(off=1e-7).freeze()
+    for word in (
+        "mobility is zero",
+        "independent by",
+        "e-08 only",
+        "'low'",
+        "'high'",
+        "more digits",
+    ):
+        assert word in str(caught.value)
+    assert "more digits" in warnings_of(caplog)[0]
+    caplog.clear()
+    with pytest.raises(sc.InputError, match="mobility is zero") as caught:
+        door(off=1e-2).freeze()
+    assert "digits" not in str(caught.value)
+    assert warnings_of(caplog) == []
+
+
 # -- tangents --------------------------------------------------------------------------------------
 
 
@@ -577,6 +690,20 @@ def test_a_step_that_ends_in_a_singular_position_warns_once(caplog):
         assert len(texts) == 1, texts
         assert "t = 0.2 s" in texts[0]
         assert "singular position" in texts[0]
+
+
+@integrators
+@treatments
+def test_a_run_goes_on_from_a_singular_position(integrator, treatment):
+    """Stopped in the crossing and started again: along the branch of its momentum."""
+    theta = {"variational": 2.5466687344504857, "energy-momentum": 2.5470645697435272}[integrator]
+    system = linkage(CHANGE_POINT, theta).freeze()
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    whole = sc.simulate(system, *pair, 0.02, 0.4, start=spinning(system, 3.0))
+    first = whole.truncated(11)
+    rest = sc.simulate(*(system, *pair, 0.02, 0.4), start=sc.restart(system, first, pair[0], 0.02))
+    assert rest["step"][0] == 10
+    assert abs(rest["q"] - whole["q"][10:]).max() < 1e-5
 
 
 @pytest.mark.parametrize("lengths", [PARALLELOGRAM, CHANGE_POINT], ids=["parallelogram", "change"])

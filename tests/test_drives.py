@@ -397,6 +397,25 @@ def test_several_turns(treatment):
     assert abs(L - L[0]).max() < 1e-12 * abs(L[0]).max()  # the motor is an internal force
 
 
+@pytest.mark.parametrize("rate", [1.0, 2.0, 3.0, 7.0])
+@integrators
+@treatments
+def test_steps_of_a_radian_and_more(rate, integrator, treatment, caplog):
+    """Half a turn off the drive's constraint holds as well: multipliers must not go there.
+
+    With steps this large they did, silently; now the step is tried again from where the drive is.
+    """
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody(1.0, TENSOR, position=(0.5, 0, 0)))
+    hinge = model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), Z))
+    model.add("motor", sc.JointDrive(hinge, lambda t: rate * t**2))
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    history = sc.simulate(model.freeze(), *pair, 1.0, 3.0)
+    x, angle = history["q"][:, :3], rate * history.times**2
+    wanted = 0.5 * np.c_[np.cos(angle), np.sin(angle), 0 * angle]
+    assert abs(x - wanted).max() < 1e-13
+
+
 # -- dead points -----------------------------------------------------------------------------------
 
 

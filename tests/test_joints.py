@@ -22,6 +22,7 @@ from helpers_scenes import (
     rotation,
     unit,
 )
+from scipy.spatial.transform import Rotation
 from test_tangents import TOLERANCE, Step, worst
 
 import skfem_cosserat as sc
@@ -222,6 +223,51 @@ def test_geometry(kind):
             assert abs(Ra - Rb).max() > 1e-2  # it turns
         if kind is sc.JointUniversal:
             assert abs((Ra @ joint.axis_a) @ (Rb @ joint.axis_b)) < 1e-13, joint.name
+
+
+@pytest.mark.parametrize(
+    ("kind", "axes"),
+    [
+        (sc.JointRevolute, [(0, 1, 0)]),
+        (sc.JointCylindrical, [(0, 1, 0)]),
+        (sc.JointPlanar, [(0, 1, 0)]),
+        (sc.JointPrismatic, [(0, 0, 1), (0, 1, 0)]),
+        (sc.JointFixed, [(1, 0, 0), (0, 1, 0), (0, 0, 1)]),
+        (sc.JointUniversal, []),
+        (sc.JointSpherical, []),
+    ],
+    ids=lambda value: getattr(value, "type", ""),
+)
+def test_half_a_turn_off_is_noticed(kind, axes):
+    """Quadratic rows hold there, too; a step of multipliers that ends there is refused."""
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody(1.0, TENSOR))
+    options = {
+        sc.JointPlanar: {"normal": (0, 0, 1)},
+        sc.JointUniversal: {"axis_a": (1, 0, 0), "axis_b": (0, 1, 0)},
+        sc.JointSpherical: {},
+        sc.JointFixed: {},
+    }.get(kind, {"axis": (0, 0, 1)})
+    model.add("joint", kind(sc.ground((0, 0, 0)), body.at((0, 0, 0)), **options))
+    model.add("stone", sc.MassPoint(1.0, (5, 5, 5)))
+    system = model.freeze()
+
+    def turned(axis):
+        y = system.extend(system.q0, 0.0)
+        y[1:4] = Rotation.from_rotvec(np.pi * np.array(axis)).apply(y[1:4])
+        return y
+
+    for axis in axes:
+        y = turned(axis)
+        assert abs(system.constraints.values(y)).max() < 1e-15
+        assert system.turned_over(y) == f"{kind.type} joint 'joint' by half a turn"
+    assert system.turned_over(system.extend(system.q0, 0.0)) is None
+    if kind not in (sc.JointFixed, sc.JointPrismatic, sc.JointUniversal):
+        assert system.turned_over(turned((0, 0, 1))) is None  # about its own axis
+    y = system.extend(system.q0, 0.0)
+    y[3] *= -1  # a left-handed triad
+    assert abs(system.constraints.values(y))[:6].max() < 1e-15
+    assert system.turned_over(y) is not None
 
 
 # -- steps -----------------------------------------------------------------------------------------

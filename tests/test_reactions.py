@@ -171,7 +171,7 @@ def test_string_of_a_circling_bob(integrator, treatment):
     tension = np.linalg.norm(force[1:], axis=1)
     assert abs(tension - m * G / np.cos(angle)).max() < 1e-3
     assert force[:, 2].max() < 0  # the ground is pulled down
-    assert abs(moment).max() == 0
+    assert abs(moment).max() < 1e-14 * abs(force).max()
 
 
 @integrators

@@ -104,6 +104,10 @@ class BoundTreatment(ABC):
     def finish(self) -> None:
         """The step is accepted: keep its increment for the next guess."""
 
+    def astray(self, y1: Array) -> str | None:
+        """What fulfils its constraints at a solution in another way than it can get to."""
+        return None
+
     def constraint_point(self, y1: Array) -> Array:
         """``y_c``, all rows."""
         if self.weight == 0:

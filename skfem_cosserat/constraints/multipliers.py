@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ..assembly import FrozenPattern
 from ..linear import LinearSolver
 from ..model import System
+from ..model.chart import Chart
 from ..model.closure import SINGULAR, Selected
 from ..model.loops import tree_values
 from ..model.singular import Passages, way_off
@@ -78,6 +79,7 @@ class BoundMultipliers(BoundTreatment):
         self._keep = np.ones(m)
         self._passages = Passages(system)
         self._away: Floats | None = None
+        self._chart = Chart(system.kinematics) if system.moving else None
 
     def begin(self, y0: Array, ground1: Array, h: float) -> None:
         """See the base class."""
@@ -121,12 +123,19 @@ class BoundMultipliers(BoundTreatment):
         """See the base class."""
         use = extrapolate and self._last is not None
         dq, multiplier = self._last if use and self._last else (0.0, np.zeros(self.system.m))
-        if not use and self._away is not None:
-            dq = self._away
+        if not use:
+            dq = self._following() if self._away is None else self._away
         self._q = self._q0 + dq
         if use and self._last is not None:
             self._turn_directors(self._last[0])
         self._multiplier = multiplier * self._keep
+
+    def _following(self) -> Array | float:
+        """Increment with which the tree of joints follows the prescribed motion, else at rest."""
+        if self._chart is None:
+            return 0.0
+        self._chart.begin(self.y0, self._ground1)
+        return (self._chart.configuration() - self.y0)[: self.system.rows].reshape(-1)
 
     def _turn_directors(self, dq: Array) -> None:
         """Directors of the guess turned on by the last rotation.
@@ -225,6 +234,10 @@ class BoundMultipliers(BoundTreatment):
     def constraint_impulse(self, R: Array) -> Array:
         """See the base class."""
         return self._impulse.reshape(-1, 3)
+
+    def astray(self, y1: Array) -> str | None:
+        """See the base class."""
+        return self.system.turned_over(y1)
 
     def save(self) -> tuple[Array, Array]:
         """See the base class."""

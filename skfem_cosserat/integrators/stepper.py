@@ -173,7 +173,10 @@ class Stepper:
             problem = _Problem(self, step)
             report = newton(problem, self.settings, damped)
             total += report.iterations
-            if report.converged:
+            astray = self.bound.astray(problem.y1) if report.converged else None
+            if astray is not None:
+                report.reason = f"it has turned over: {astray}"
+            elif report.converged:
                 self._check_motion(state, problem.y1, report.residual)
                 new_time = state.time + self.h if time is None else time
                 return self._accept(state, problem, new_time, total, attempt, report)

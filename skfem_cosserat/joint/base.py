@@ -153,6 +153,10 @@ class Joint(Item):
         """Its constraints."""
         raise NotImplementedError
 
+    def sheets(self) -> list[Product]:
+        """Cosines that are 1 where its rows hold, and -1 where they do so half a turn off."""
+        return []
+
     def freedom(self) -> Freedom:
         """Its free relative motions."""
         raise NotImplementedError
@@ -213,6 +217,10 @@ class Joint(Item):
         """``n^A . m_k^B = 0``: both sides keep the axis in common."""
         n = direction(self.a, axis)
         return [Product(n, direction(self.b, m)) for m in normals(axis)]
+
+    def _same(self, axis: Floats) -> Product:
+        """``n^A . n^B``."""
+        return Product(direction(self.a, axis), direction(self.b, axis))
 
     def _on_line(self, axis: Floats) -> list[Product]:
         """``m_k^A . (x_b - x_a) = 0``."""

@@ -62,6 +62,10 @@ class JointRevolute(AxialJoint):
         """Spherical, and n^A normal to two directions of B."""
         return [self._coincide(), *self._normal(self.axis)]
 
+    def sheets(self) -> list[Product]:
+        """See the base class."""
+        return [self._same(self.axis)]
+
     def freedom(self) -> Freedom:
         """Rotation about n."""
         return Freedom((Turn("angle", self.axis),))
@@ -138,6 +142,10 @@ class JointFixed(Joint):
         b = [direction(self.b, e) for e in np.eye(3)]
         products = [Product(a[i], b[(i + 1) % 3]) for i in range(3)]
         return [self._coincide(), *products]
+
+    def sheets(self) -> list[Product]:
+        """See the base class."""
+        return [self._same(e) for e in np.eye(3)]
 
     def freedom(self) -> Freedom:
         """Nothing."""

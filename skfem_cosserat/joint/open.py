@@ -54,6 +54,10 @@ class JointCylindrical(_OnLine):
         """x_b on the line through x_a, and the axis in common."""
         return [*self._on_line(self.axis), *self._normal(self.axis)]
 
+    def sheets(self) -> list[Product]:
+        """See the base class."""
+        return [self._same(self.axis)]
+
     def freedom(self) -> Freedom:
         """Rotation about n, translation along it."""
         return Freedom((Turn("angle", self.axis),), (_along(self.axis),))
@@ -87,6 +91,10 @@ class JointPrismatic(_OnLine):
         first, second = normals(self.axis)
         locked = Product(direction(self.a, first), direction(self.b, second))
         return [*self._on_line(self.axis), *self._normal(self.axis), locked]
+
+    def sheets(self) -> list[Product]:
+        """See the base class."""
+        return [self._same(self.axis), self._same(normals(self.axis)[0])]
 
     def freedom(self) -> Freedom:
         """Translation along n."""
@@ -141,6 +149,10 @@ class JointPlanar(Joint):
         """x_b in the plane, and the normal in common."""
         r = point(self.b) - point(self.a)
         return [Product(direction(self.a, self.normal), r), *self._normal(self.normal)]
+
+    def sheets(self) -> list[Product]:
+        """See the base class."""
+        return [self._same(self.normal)]
 
     def freedom(self) -> Freedom:
         """Rotation about n, translations ``n x m_k``."""

@@ -203,7 +203,7 @@ def _check_motion(system: Scene) -> None:
     start, now = system.extend(system.q0, 0.0), system.ground(0.0)
     chart = Chart(system.kinematics)
     chosen = closure.select(start, tree_values(system, start))
-    for t in (0.1, 1e-2, 1e-3, 1e-4):
+    for t in (0.1 / 2**k for k in range(11)):
         later = system.ground(t)
         if abs(later - now).max() > SMALL_MOTION * min(1.0, system.length):
             continue
@@ -297,7 +297,7 @@ def _small_move(system: Scene, chosen: Sequence[Selected], random: np.random.Gen
 def _moved_ground(system: Scene) -> Floats:
     """The ground a little later."""
     now = system.ground(0.0)
-    for t in (0.1, 1e-2, 1e-3):
+    for t in (0.1 / 2**k for k in range(8)):
         later = system.ground(t)
         if abs(later - now).max() < 2 * BESIDE * max(1.0, system.length):
             return later

@@ -214,8 +214,16 @@ class System:
                 self._add_row(build, row)
             rows = slice(start, build.size)
             self.joint_rows.append(JointRows(item, rows, self.spot(item.a), self.spot(item.b)))
-        self.constraints = QuadraticConstraints(build, self.extend(self._y0, 0.0), self.rows)
+        reference = self.extend(self._y0, 0.0)
+        self.constraints = QuadraticConstraints(build, reference, self.rows)
         self.m = build.size
+        guard = ConstraintBuilder()
+        self._guarded: list[Joint | JointDrive] = []
+        for jr in self.joint_rows:
+            for sheet in jr.joint.sheets():
+                self._add_row(guard, sheet)
+                self._guarded.append(jr.joint)
+        self._guards = QuadraticConstraints(guard, reference, self.rows)
 
     def terms(self, expression: Expression) -> list[tuple[int, float]]:
         """Rows of y and factors whose sum is the expression."""
@@ -333,6 +341,20 @@ class System:
             for s in self.closure.select(y, tree_values(self, y)):
                 keep[s.rows[s.pivots > SINGULAR]] = True
         return keep
+
+    def turned_over(self, y: Floats) -> str | None:
+        """What fulfils its constraints at y only after a reflection or half a turn; None: nothing.
+
+        Quadratic rows cannot tell these, which Newton's method may run into in large steps.
+        """
+        wrong = np.flatnonzero(self._guards.values(y) < -1)  # cosines, less 1
+        if len(wrong):
+            return f"{self._guarded[int(wrong[0])].label} by half a turn"
+        D = self.kinematics.directors(y)
+        wrong = np.flatnonzero((np.cross(D[:, 0], D[:, 1]) * D[:, 2]).sum(1) < 0)
+        if len(wrong):
+            return f"triad of {self.owner[int(self.kinematics.frames[wrong[0]])].label}"
+        return None
 
     def null_space(self, q: ArrayLike, t: float = 0.0) -> Floats:
         """Null space matrix ``P(q)`` (n, unknowns) with ``G P = 0``, dense.
