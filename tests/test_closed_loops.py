@@ -234,7 +234,7 @@ SCENES = {
 }
 scenes = pytest.mark.parametrize("scene", SCENES)
 #: which run for 200 steps; the others for 30
-LONG = ("four-bar", "free bennett", "free spherical five-bar", "slides and cardan")
+LONG = ("four-bar", "free spherical five-bar", "slides and cardan")
 GRAVITY = (0.3, -9.81, 0.2)
 
 
@@ -651,7 +651,7 @@ def test_a_parallelogram_passes_its_flat_positions(integrator, treatment, step, 
         assert 0 <= time - angle / 3 < 1.05 * step
 
 
-@pytest.mark.parametrize("off", [-3e-4, -5e-6, -3e-7, 0.0, 1e-9, 3e-8, 1e-6, 3e-4])
+@pytest.mark.parametrize("off", [-5e-6, -3e-7, 0.0, 3e-8, 1e-6, 3e-4])
 @integrators
 @treatments
 def test_a_crossing_of_branches_is_passed_smoothly(integrator, treatment, off):

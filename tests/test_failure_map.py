@@ -19,6 +19,8 @@ from skfem_cosserat.simulate import loop
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 
 import failure_map as example
+import failure_mechanism
+import failure_report
 
 swing = example.swing
 EVENT_X = 0.6595  # s, of the finest runs
@@ -235,8 +237,8 @@ def test_alternating_rotations_grow_beyond_the_leapfrog_limit(force, h, grows):
         forces.append(report.constraint_force)
         if len(states) == 400 or abs(states[-1] - q).max() > 1e-4:
             break
-    theta = example.alternating_rotations(system, np.array(states))
-    limit = h * example.constraint_frequency(system, q, forces[1])
+    theta = failure_mechanism.alternating_rotations(system, np.array(states))
+    limit = h * failure_mechanism.constraint_frequency(system, q, forces[1])
     assert (limit > 2) == grows == (predicted > 0)
     largest = abs(theta).max((1, 2))
     if not grows:
@@ -251,7 +253,7 @@ def test_alternating_rotations_grow_beyond_the_leapfrog_limit(force, h, grows):
 
 def test_mechanism_in_the_failing_swing():
     """Nodes alternate and their energy grows; the midpoints' energy does not notice."""
-    m = example.mechanism()
+    m = failure_mechanism.mechanism()
     assert m["growth"] > 5
     assert m["sign_changes"] > 0.8
     assert m["energy_growth"] > 1.5
@@ -301,7 +303,7 @@ def test_energy_momentum_passes_event_x_and_fails_by_the_solver_alone(runs):
 def test_residual_histories_of_all_attempts_are_kept(runs, integrator):
     r = runs[integrator, 1e-1]
     assert r["outcome"] == "Newton failed" and "4 attempts" in r["reason"]
-    assert len(r["residuals"]) == len(example.ATTEMPTS) == 4
+    assert len(r["residuals"]) == len(failure_report.ATTEMPTS) == 4
     for history in r["residuals"]:
         assert len(history) == 101 or not np.isfinite(history[-1])
         assert min(history) > 1e-3  # far from solved
@@ -319,10 +321,10 @@ def test_diverged_carries_residuals():
 
 def test_judging_a_scene():
     """The plane swing is saved by its symmetry: a small side load makes the warning come true."""
-    bad = example.judge(example.SIDE, 1e-2, 8.0)
+    bad = failure_mechanism.judge(failure_mechanism.SIDE, 1e-2, 8.0)
     assert bad["warned"] and 4 < bad["failed_at"] < 8
     assert bad["h_omega_c"] > 2
-    good = example.judge(lambda: swing.build("physical"), 5e-3, 1.0)
+    good = failure_mechanism.judge(lambda: swing.build("physical"), 5e-3, 1.0)
     assert not good["warned"] and good["failed_at"] is None
     assert good["h_omega_c"] < 2 and 1e-3 < good["compression"] < 2e-2
 
@@ -330,17 +332,21 @@ def test_judging_a_scene():
 def test_files(runs, tmp_path):
     some = [runs["variational", 1e-2], runs["energy-momentum", 1e-2]]
     result = {"rows": some, "until": 1.0, "period": None}
-    example._write(result, tmp_path)
+    failure_report.write(result, tmp_path)
     head, *rows = (tmp_path / "failure_map.csv").read_text().splitlines()
     assert head.startswith("# skfem-cosserat") and "numpy" in head and "20" in head
     table = list(csv.DictReader(rows))
     assert [r["outcome"] for r in table] == ["energy blow-up", "Newton failed"]
     assert float(table[0]["end_s"]) == pytest.approx(some[0]["end_s"])
     residuals = (tmp_path / "failure_map.residuals.csv").read_text().splitlines()[1:]
-    count = sum(len(x) for r in some for x in r["residuals"])
-    assert len(list(csv.DictReader(residuals))) == count > 400
+    found = list(csv.DictReader(residuals))
+    kept = [x for r in some for x in r["residuals"]]
+    assert len(found) == len(kept) == 8
+    for row, values in zip(found, kept, strict=True):
+        written = np.array(row["scaled_residuals"].split(), dtype=float)
+        assert written == pytest.approx(values, rel=6e-3, nan_ok=True)
     energy = (tmp_path / "failure_map.energy.csv").read_text().splitlines()[1:]
-    assert {r["integrator"] for r in csv.DictReader(energy)} == set(example.COLOURS)
+    assert {r["integrator"] for r in csv.DictReader(energy)} == set(failure_report.COLOURS)
 
 
 def test_the_table_in_the_pictures_folder_is_the_full_one():
@@ -350,7 +356,7 @@ def test_the_table_in_the_pictures_folder_is_the_full_one():
     assert {(r["integrator"], float(r["step_s"])) for r in rows} == {
         (name, step) for name in swing.INTEGRATORS for step in example.STEPS
     }
-    assert len(rows) == 18 and {r["outcome"] for r in rows} <= set(example.MARKERS)
+    assert len(rows) == 18 and {r["outcome"] for r in rows} <= set(failure_report.MARKERS)
     for r in rows:  # apart from the coarsest steps every run has an energy to compare with
         assert float(r["step_s"]) == 0.1 or float(r["energy_error"]) >= 0
         assert r["outcome"] != "completed" or float(r["end_s"]) == pytest.approx(example.UNTIL)
@@ -376,4 +382,4 @@ def test_quick_map(tmp_path):
     assert failed and all(r["warned"] for r in failed)
     for name in ("csv", "residuals.csv", "energy.csv", "criterion.csv"):
         assert (tmp_path / f"failure_map.{name}").stat().st_size > 100
-    assert "mechanism" in example.report(result)
+    assert "mechanism" in failure_report.report(result)

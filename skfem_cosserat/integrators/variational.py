@@ -39,7 +39,7 @@ class Variational(Integrator):
     constraint_weight = 0.0
     start_share = 0.5
     carries_node_momentum = False
-    frequency_limit = 10.0  # measured by examples/failure_map.py, explained there
+    frequency_limit = 10.0  # explained and measured in examples/failure_mechanism.py
     advice = "a finer mesh, a softer section, or EnergyMomentum()"
     conserves = "symplectic form, linear and angular momentum"
     reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equations (22) and (25)"

@@ -11,6 +11,8 @@ from ..types import Floats
 
 __all__ = ["Ground"]
 
+#: instants of which the rate is kept
+KEPT = 4096
 _REST = np.vstack([np.zeros(3), np.eye(3)])
 
 
@@ -36,6 +38,7 @@ class Ground:
             if place.motion is not None and not any(place is p for p in self.moving):
                 self.moving.append(place)
         self.rows = 4 * (1 + len(self.moving))
+        self._rates: dict[float, tuple[Floats, float]] = {}
 
     def number(self, place: Place) -> int:
         """Which frame a ground place belongs to; 0 is the one at rest."""
@@ -52,8 +55,16 @@ class Ground:
         """Time derivative of :meth:`at` by differences of the callables, and its error.
 
         One-sided, of fourth order, on shrinking intervals until two results agree best: a motion
-        is never asked for before t = 0 nor after t > 0, where it may not be defined.
+        is never asked for before t = 0 nor after t > 0, where it may not be defined. Kept for when
+        it is asked for again: energies, momenta and coordinates of a run all need it.
         """
+        if t not in self._rates:
+            if len(self._rates) >= KEPT:
+                self._rates.clear()
+            self._rates[t] = self._rate_and_error(t)
+        return self._rates[t]
+
+    def _rate_and_error(self, t: float) -> tuple[Floats, float]:
         if not self.moving:
             return np.zeros((self.rows, 3)), 0.0
         here, best, error = self.at(t), np.zeros((self.rows, 3)), np.inf
