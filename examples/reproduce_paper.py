@@ -26,6 +26,8 @@ import paper_record
 import paper_report
 import paper_tables
 
+from skfem_cosserat.export import prepare_folder
+
 
 def main(out: str | Path, quick: bool = False) -> dict[str, Any]:
     """Compute all numbers, write pictures, tables and the report.
@@ -44,8 +46,10 @@ def main(out: str | Path, quick: bool = False) -> dict[str, Any]:
         ``convergence`` (``paper_convergence``), each with its ``run``; ``runs`` and ``provenance``;
         ``paths`` written.
     """
+    if not isinstance(out, str | Path):
+        raise ValueError(f"out = {out!r}, expected a folder")
     folder = Path(out)
-    folder.mkdir(parents=True, exist_ok=True)
+    prepare_folder(folder)  # before minutes of work, not after them
     record = paper_record.Record()
     jobs = {
         "table 1": ("table 1: six-body linkage", paper_tables.table_1),
@@ -68,7 +72,10 @@ if __name__ == "__main__":
     parser.add_argument("--out", default="paper_results", help="folder for all files")
     parser.add_argument("--quick", action="store_true", help="under three minutes on two cores")
     arguments = parser.parse_args()
-    made = main(arguments.out, arguments.quick)
+    try:
+        made = main(arguments.out, arguments.quick)
+    except ValueError as error:
+        parser.error(str(error))
     for run in made["runs"]:
         print(f"{run['title']}: {run['seconds']:.1f} s")
     print(f"{len(made['paths'])} files; read {Path(arguments.out) / 'report.md'}")

@@ -330,8 +330,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    arguments = vars(_parser().parse_args())
-    result = main(**arguments)
+    parser = _parser()
+    arguments = vars(parser.parse_args())
+    try:
+        result = main(**arguments)
+    except ValueError as error:  # InputError is one
+        parser.error(str(error))
     energy = result["energy"]
     print(f"six-body linkage: {arguments['integrator']}, {arguments['treatment']}")
     print(f"  n = {result['n']}, {result['m_rows']} constraint rows of rank {result['rank']}")
