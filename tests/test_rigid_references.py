@@ -305,6 +305,16 @@ def test_four_bar_windows_for_ten_seconds(integrator, treatment):
     converge_windows((integrator, treatment), 0.02, DATA["R5"]["t"], levels=4)
 
 
+def test_passing_several_rows_at_once_is_reported(caplog):
+    """Both loops lie flat together: the sign of a determinant would not change."""
+    with caplog.at_level("WARNING", logger="skfem_cosserat"):
+        history = sc.simulate(windows(), sc.EnergyMomentum(), sc.NullSpace(), 0.02, 1.0)
+    angle = column_angles(windows(), history["q"])[:, 0]
+    passed = [r.getMessage() for r in caplog.records if "singular position" in r.getMessage()]
+    flat = np.pi / 2 + np.pi * np.arange(10)
+    assert len(passed) == (flat < angle[-1]).sum() > 0
+
+
 @pairs
 def test_four_bar_windows_stay_parallelograms(integrator, treatment):
     """The branch is kept, and with energy-momentum the energy, at steps that hit no position."""

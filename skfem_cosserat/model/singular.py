@@ -46,8 +46,9 @@ class Passages:
     def look(self, y: Floats, T: Floats, chosen: Sequence[Selected]) -> str | None:
         """What is new at the configuration y with tree values T; None if nothing is.
 
-        Between two configurations the determinant of the rows chosen at the first, together with
-        the free directions there, changes its sign if they depend on each other on the way.
+        Let A be the rows chosen at the first of two configurations, together with the free
+        directions there. Where A becomes singular on the way, an eigenvalue of ``A_0^-1 A_1``
+        turns negative: one for each row that is lost there, so that pairs do not cancel.
         """
         before, was_inside = self._before, self._inside
         inside = [bool((s.pivots <= SINGULAR).any()) for s in chosen]
@@ -60,7 +61,7 @@ class Passages:
                 found.append(("is in a singular position", rows))
             elif before is not None and not inside[k] and not was_inside[k]:
                 N = before[k].Q2.T
-                if np.sign(_determinant(now, N)) != np.sign(_determinant(before[k], N)):
+                if _turned(before[k], now, N):
                     found.append(("has passed a singular position", rows))
         return (
             "; ".join(
@@ -71,8 +72,11 @@ class Passages:
         )
 
 
-def _determinant(s: Selected, N: Floats) -> float:
-    return float(np.linalg.slogdet(np.vstack([(s.Q1 @ s.R).T, N]))[0])
+def _turned(before: Selected, now: Selected, N: Floats) -> bool:
+    """Whether rows lost their independence between two configurations, an even number included."""
+    A0, A1 = (np.vstack([(s.Q1 @ s.R).T, N]) for s in (before, now))
+    values = np.linalg.eigvals(np.linalg.solve(A0, A1))
+    return bool(((values.real < 0) & (abs(values.imag) <= 1e-9 * abs(values))).any())
 
 
 # -- branches --------------------------------------------------------------------------------------
