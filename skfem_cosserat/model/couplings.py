@@ -112,7 +112,8 @@ class _Response:
     """A group at a trial configuration.
 
     `travel` (c, m) is what the forces sigma do work on, `slopes` gives the derivatives of s by the
-    invariants at the midpoint (or None) and at the end, (c, k, k) each.
+    invariants at the midpoint (or None) and at the end, (c, k, k) each; `share` is the factor of
+    the end in the configuration at which the force acts.
     """
 
     s: Array
@@ -121,6 +122,7 @@ class _Response:
     travel: Array
     dissipated: Array
     slopes: Callable[[], tuple[Array | None, Array]]
+    share: float = 0.5
 
 
 class _Group:
@@ -209,6 +211,23 @@ class _Group:
             slopes,
         )
 
+    def static(self, start: _Start, y: Array) -> _Response:
+        """``s = xi'(pi)^T sigma`` at rest, angles counted on from `start`."""
+        kind, pi = self.kind, self.invariants.values(y)
+        xi = kind.continued(pi, start.xi)
+        J, e = kind.slope(pi), self.stretch(xi)
+        law, by_e, _, _, _ = self.law.midpoint(e, np.zeros_like(e), e, e, 1.0)
+        sigma = law - start.amplitude
+
+        def slopes() -> tuple[Array | None, Array]:
+            curved = (sigma[..., None, None] * kind.curvature(pi)).sum(-3)
+            return None, J.swapaxes(-1, -2) @ by_e @ J + curved
+
+        gradients = self.invariants.gradients(y)
+        s = apply(J.swapaxes(-1, -2), sigma)
+        none = np.zeros(len(self.members))
+        return _Response(s, gradients, gradients, xi - start.xi, none, slopes, share=1.0)
+
     def stiffness(self, y: Array) -> Array:
         """``B^T K B`` with ``delta xi = B delta y``, at :attr:`pairs`; a cable as if taut."""
         J, gradients = self.kind.slope(self.invariants.values(y)), self.invariants.gradients(y)
@@ -225,9 +244,9 @@ class _Group:
         left = r.gradients.reshape(c, k, 3 * R)
         right = at_end @ r.gradients1.reshape(c, k, 3 * R)
         if at_mid is not None:
-            right = right + 0.5 * (at_mid @ left)
+            right = right + r.share * (at_mid @ left)
         K = (left.swapaxes(1, 2) @ right).reshape(c, R, 3, R, 3).swapaxes(2, 3)
-        curved = 0.5 * (r.s[:, :, None, None] * self.invariants.A).sum(1)
+        curved = r.share * (r.s[:, :, None, None] * self.invariants.A).sum(1)
         for i in range(3):
             K[..., i, i] += curved
         return K[self.kept]
@@ -321,7 +340,12 @@ class Couplings:
 
     def begin(self, y0: Floats, turns: IndexArray | None, t0: float, h: float) -> CoupledStart:
         """Couplings at the start of a step; `turns` as in a state."""
-        amplitudes = self._averages(t0, t0 + h)
+        return self.starting(y0, turns, self._averages(t0, t0 + h), h)
+
+    def starting(
+        self, y0: Floats, turns: IndexArray | None, amplitudes: Floats, h: float
+    ) -> CoupledStart:
+        """Couplings at the start of a step with given amplitudes of actuators, and a zero."""
         starts = [
             _Start(pi, xi, amplitudes[g.channels])
             for g, (pi, xi) in zip(self._groups, self._values(y0, turns), strict=True)
@@ -347,6 +371,12 @@ class Couplings:
                 g.midpoint(s, start.h, mid, y1)
                 for g, s in zip(self._groups, start.groups, strict=True)
             ]
+        )
+
+    def static(self, start: CoupledStart, y: Array) -> CoupledForce:
+        """Forces at rest at configuration y (total, 3)."""
+        return self._assemble(
+            [g.static(s, y) for g, s in zip(self._groups, start.groups, strict=True)]
         )
 
     def _assemble(self, responses: list[_Response]) -> CoupledForce:

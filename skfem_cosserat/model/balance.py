@@ -1,0 +1,214 @@
+"""Balance of forces at rest: internal forces, springs and loads at one configuration.
+
+What statics solves and modal analysis linearises: ``R(y) = f_int + f_couplings - f_loads`` without
+constraint forces, and its derivative as blocks of the system's groups, the form in which both
+treatments of the constraints take them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..kernels import cross, skew
+from ..types import Array, Floats, IndexArray, VectorLike, numbers
+from .couplings import CoupledForce
+from .system import System
+
+__all__ = [
+    "Amplitudes",
+    "Balance",
+    "Spin",
+    "amplitudes_at",
+    "balance",
+    "balance_tangent",
+    "predicted",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Spin:
+    """A frame that turns steadily, with the ground in it: everything is seen from there.
+
+    Parameters
+    ----------
+    velocity : (3,) array
+        Angular velocity (rad/s).
+    point : (3,) array
+        On the axis (m).
+
+    Raises
+    ------
+    InputError
+        If they are not three finite numbers each.
+
+    Examples
+    --------
+    >>> Spin((0, 0, 20.0)).velocity.tolist()
+    [0.0, 0.0, 20.0]
+    """
+
+    velocity: Floats
+    point: Floats
+
+    def __init__(self, velocity: VectorLike, point: VectorLike = (0.0, 0.0, 0.0)) -> None:
+        for name, value in (("velocity", velocity), ("point", point)):
+            array = numbers("spin", name, value)
+            if array.shape != (3,) or not np.isfinite(array).all():
+                raise InputError("spin", f"{name} = {value!r}, expected three finite numbers")
+            object.__setattr__(self, name, array)
+
+    @property
+    def square(self) -> Floats:
+        """``Omega^ Omega^`` (3, 3), symmetric."""
+        S = skew(self.velocity)
+        return np.asarray(S @ S)
+
+    def rates(self, system: System, y: Array) -> Array:
+        """Velocities (rows, 3) against space of what rests in the frame at configuration y."""
+        arms = np.array(y[: system.rows])
+        arms[system.origin_rows] -= self.point
+        return cross(self.velocity, arms)
+
+    def centrifugal(self, system: System, y: Array) -> Array:
+        """Generalised centrifugal force (rows, 3)."""
+        return -cross(self.velocity, np.asarray(system.mass @ self.rates(system, y)))
+
+
+@dataclass(frozen=True, eq=False)
+class Amplitudes:
+    """Present factors of all loads and actuators.
+
+    Attributes
+    ----------
+    loads : (k,) array
+        One for each channel of ``system.loading``.
+    actuators : (k + 1,) array
+        One for each channel of ``system.couplings``, and a zero.
+    spin : Spin or None
+        A turning frame, whose centrifugal forces are loads.
+    """
+
+    loads: Floats
+    actuators: Floats
+    spin: Spin | None = None
+
+
+@dataclass(eq=False)
+class Balance:
+    """Forces at a configuration.
+
+    Attributes
+    ----------
+    R : (rows, 3) array
+        Internal forces and springs less loads (N; N m on directors), no constraint forces.
+    size : float
+        Largest entry of its terms: what a residual is compared with.
+    y : (total, 3) array
+        Configuration.
+    strains, Bs, stresses : list of arrays
+        For each beam group.
+    coupled : CoupledForce or None
+        Springs and actuators, if there are any.
+    external : (rows, 3) array
+        Loads.
+    """
+
+    R: Array
+    size: float
+    y: Array
+    strains: list[Array]
+    Bs: list[Array]
+    stresses: list[Array]
+    coupled: CoupledForce | None
+    external: Array
+
+
+def amplitudes_at(system: System, t: float) -> Amplitudes:
+    """Factors of all loads and actuators as they are at time t (s)."""
+    actuators = [time.value(t) for time in system.couplings.times]
+    return Amplitudes(system.loading.values(t), np.array([*actuators, 0.0]))
+
+
+def balance(
+    system: System,
+    y: Array,
+    amplitudes: Amplitudes,
+    before: Floats | None = None,
+    turns: IndexArray | None = None,
+) -> Balance:
+    """Forces at rest at configuration y (all rows).
+
+    Parameters
+    ----------
+    system : System
+    y : (total, 3) array
+        Real, or complex for a complex step.
+    amplitudes : Amplitudes
+    before : (total, 3) array, optional
+        Configuration from which the angles of springs are counted on; default: y.
+    turns : (k,) int array, optional
+        Full turns of these angles at `before`.
+    """
+    groups = system.beam_groups
+    both = system.strain(y)
+    strains, Bs = [eps for eps, _ in both], [B for _, B in both]
+    stresses = [g.stress(eps) for g, eps in zip(groups, strains, strict=True)]
+    internal = system.internal_force(Bs, stresses)
+    coupled = None
+    if system.couplings.count:
+        origin = np.real(y) if before is None else before
+        start = system.couplings.starting(origin, turns, amplitudes.actuators, 1.0)
+        coupled = system.couplings.static(start, y)
+        internal = internal + coupled.force[: system.rows]
+    external = system.loading.dead_force(amplitudes.loads)
+    if not system.loading.dead_only:
+        external = external + system.loading.force(y[: system.rows], amplitudes.loads)
+    if amplitudes.spin is not None:
+        external = external + amplitudes.spin.centrifugal(system, y)
+    size = max(float(abs(term).max(initial=0.0)) for term in (internal, external))
+    return Balance(internal - external, size, y, strains, Bs, stresses, coupled, external)
+
+
+def balance_tangent(
+    system: System, at: Balance, amplitudes: Amplitudes, stresses: Sequence[Array] | None = None
+) -> list[Array]:
+    """``dR/dy`` as blocks of the system's groups, then of its couplings if it has any.
+
+    Parameters
+    ----------
+    at : Balance
+    amplitudes : Amplitudes
+    stresses : list of arrays, optional
+        Stresses of the geometric part instead of those at y, see :func:`predicted`.
+    """
+    blocks = system.mass_tangent(0.0)
+    used = at.stresses if stresses is None else stresses
+    for k, g in enumerate(system.beam_groups):
+        blocks[k] += g.tangent(at.Bs[k], at.Bs[k], used[k], 1.0, 1.0)
+    if not system.loading.dead_only:
+        system.loading.add_tangent(blocks, at.y[: system.rows], amplitudes.loads, -1.0)
+    if amplitudes.spin is not None:
+        for k, group in enumerate(system.groups):
+            turned = np.kron(np.eye(group.rows.shape[1]), amplitudes.spin.square)
+            blocks[k] += group.mass @ turned
+    if at.coupled is not None:
+        blocks.append(system.couplings.tangent(at.coupled, 1.0))
+    return blocks
+
+
+def predicted(system: System, at: Balance, change: Array) -> list[Array]:
+    """Stresses ``D (eps + B dq)`` after a change (rows, 3) of the coordinates, to first order.
+
+    As geometric part of the next tangent they make Newton's method converge from far away: the
+    mixed (MIP) iteration of Magisano, Leonetti & Garcea, Comput. Methods Appl. Mech. Engrg 313
+    (2017) 986, where stresses are unknowns of their own.
+    """
+    out = []
+    for g, eps, B in zip(system.beam_groups, at.strains, at.Bs, strict=True):
+        local = change[g.rows].reshape(len(g.rows), -1, 1)
+        out.append(g.stress(eps + (B @ local).reshape(eps.shape)))
+    return out
