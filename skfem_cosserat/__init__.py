@@ -4,8 +4,10 @@ from .beam import Beam
 from .body import MassPoint, RigidBody
 from .constraints import Multipliers, NullSpace
 from .coupling import Bushing, Cable, JointActuator, JointSpringDamper, SpringDamper
+from .damping import RayleighDamping
 from .diagnostics import Projection
 from .drive import JointDrive
+from .element import InterpolationEquidistant, InterpolationLobatto
 from .errors import (
     CosseratError,
     Diverged,
@@ -34,13 +36,25 @@ from .model import Model, System
 from .newton import NewtonSettings
 from .section import Material, Section, SectionCircle, SectionRectangle, SectionTube
 from .simulate import initial_state, project, restart, simulate, steps
+from .statics import (
+    ArcLength,
+    Branch,
+    DisplacementControl,
+    LoadControl,
+    branch,
+    equilibrium,
+    static,
+)
 from .version import VERSION
 
 __all__ = [
+    "ArcLength",
     "Beam",
+    "Branch",
     "Bushing",
     "Cable",
     "CosseratError",
+    "DisplacementControl",
     "Diverged",
     "EnergyMomentum",
     "FunctionOfTime",
@@ -48,6 +62,8 @@ __all__ = [
     "HistoryError",
     "IncompatibleError",
     "InputError",
+    "InterpolationEquidistant",
+    "InterpolationLobatto",
     "JointActuator",
     "JointCylindrical",
     "JointDistance",
@@ -60,6 +76,7 @@ __all__ = [
     "JointSpherical",
     "JointSpringDamper",
     "JointUniversal",
+    "LoadControl",
     "LoadForce",
     "LoadGravity",
     "LoadLine",
@@ -75,6 +92,7 @@ __all__ = [
     "NullSpace",
     "Place",
     "Projection",
+    "RayleighDamping",
     "RigidBody",
     "Section",
     "SectionCircle",
@@ -86,12 +104,15 @@ __all__ = [
     "System",
     "Table",
     "Variational",
+    "branch",
+    "equilibrium",
     "ground",
     "initial_state",
     "project",
     "read_mesh",
     "restart",
     "simulate",
+    "static",
     "steps",
     "triad",
     "write_mesh",

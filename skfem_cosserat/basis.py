@@ -11,7 +11,8 @@ from skfem import BilinearForm, CellBasis, LinearForm
 from .element import (
     ElementDirector,
     ElementLineLobatto,
-    lobatto_nodes,
+    Interpolation,
+    interpolation,
     shape_derivatives,
     shape_functions,
 )
@@ -60,16 +61,18 @@ class DirectorBasis(CellBasis):
     ----------
     mesh : MeshCurve
         The mesh.
-    order : int
-        Polynomial order, 1 to 4.
+    order : int or Interpolation
+        Polynomial order, 1 to 4, or an interpolation with other nodes or Gauss points.
     quadrature : tuple of (1, nq) and (nq,), optional
-        Points and weights on [0, 1]. By default ``order`` Gauss points: reduced integration, which
-        neither locks nor leaves mechanisms.
+        Points and weights on [0, 1]. By default those of the interpolation, ``order`` Gauss
+        points: reduced integration, which neither locks nor leaves mechanisms.
 
     Attributes
     ----------
     order : int
         Polynomial order p.
+    interpolation : Interpolation
+        Places of the nodes in an element, and its number of Gauss points.
     n_nodes : int
         Number of nodes N.
     nodes : (N, 3)
@@ -99,13 +102,17 @@ class DirectorBasis(CellBasis):
     """
 
     def __init__(
-        self, mesh: MeshCurve, order: int = 1, quadrature: tuple[Any, Any] | None = None
+        self,
+        mesh: MeshCurve,
+        order: int | Interpolation = 1,
+        quadrature: tuple[Any, Any] | None = None,
     ) -> None:
         if not isinstance(mesh, MeshCurve):
             raise MeshError("argument mesh", f"got {type(mesh).__name__}, expected a MeshCurve")
         element = ElementDirector(order)
-        self.order = int(order)
-        rule = gauss_rule(self.order) if quadrature is None else _checked_rule(quadrature)
+        self.interpolation = interpolation(order)
+        self.order = self.interpolation.order
+        rule = _checked_rule(quadrature) if quadrature else gauss_rule(self.interpolation.points)
         self.points, self.weights = rule
         super().__init__(mesh, element, quadrature=(rule[0][None], rule[1]), disable_doflocs=True)
         p, ne, nv = self.order, mesh.nelements, mesh.p.shape[1]
@@ -114,7 +121,7 @@ class DirectorBasis(CellBasis):
         self.connectivity: IndexArray = np.hstack([ends[:, :1], inner, ends[:, 1:]])
         self.n_nodes = nv + ne * (p - 1)
         self.lengths: Floats = mesh.lengths
-        places = mesh.mapping().F(lobatto_nodes(p)[None])
+        places = mesh.mapping().F(self.interpolation.nodes[None])
         self.nodes: Floats = np.empty((self.n_nodes, 3))
         self.nodes[self.connectivity] = np.moveaxis(places, 0, -1)
         self.nodes[:nv] = mesh.p.T
@@ -129,16 +136,16 @@ class DirectorBasis(CellBasis):
     @property
     def arc_lengths(self) -> Floats:
         """Arc length (ne, p + 1) of nodes from the start of their beam (m)."""
-        along = self.lengths[:, None] * lobatto_nodes(self.order)
+        along = self.lengths[:, None] * self.interpolation.nodes
         return self.mesh.arc_starts[:, None] + along
 
     def shape(self, xi: ArrayLike) -> Array:
         """Shape functions (p + 1, ...) at reference coordinates xi (...)."""
-        return shape_functions(self.order, xi)
+        return shape_functions(self.interpolation, xi)
 
     def dshape(self, xi: ArrayLike) -> Array:
         """Their derivatives (p + 1, ...) with respect to xi; divide by the length for d/ds."""
-        return shape_derivatives(self.order, xi)
+        return shape_derivatives(self.interpolation, xi)
 
     def node(self, which: str | int | VectorLike) -> int:
         """Node number of a node given by name, number or position (3,).
@@ -173,7 +180,7 @@ class DirectorBasis(CellBasis):
             count = self.order + 1 if intorder is None else int(intorder) // 2 + 1
             x, w = gauss_rule(count)
             quadrature = (x[None], w)
-        element = ElementLineLobatto(self.order)
+        element = ElementLineLobatto(self.interpolation)
         return CellBasis(self.mesh, element, mapping=self.mapping, quadrature=quadrature)
 
     def with_element(self, elem: Any) -> CellBasis:
@@ -310,7 +317,7 @@ class DirectorBasis(CellBasis):
         >>> basis.triads(directors=(0, 1, 0))[0, 0].tolist()
         [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
         """
-        return section_triads(self.mesh, lobatto_nodes(self.order), directors, twist)
+        return section_triads(self.mesh, self.interpolation.nodes, directors, twist)
 
     def nodal_triads(self, triads: Floats) -> Floats:
         """Triad (N, 3, 3) of each node: that of the first element there.

@@ -9,10 +9,13 @@ import numpy as np
 
 from .assembly import ElementLoad, ElementMatrix
 from .basis import DirectorBasis
+from .element import Interpolation
 from .errors import InputError
 from .frames import Place, StructuralItem, Vertices, vector
 from .kernels import BeamElements, beam_force, beam_strain, beam_stress, beam_tangent
 from .mesh import MeshCurve
+from .mesh.bends import check_bends
+from .mesh.lookup import places_along
 from .section import Section
 from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, numbers
 
@@ -34,8 +37,10 @@ class Beam(StructuralItem):
         Lines in space with named parts and nodes.
     section : Section or dict of str to Section
         One for all, or one for each named part; every element must get exactly one.
-    order : int
-        Polynomial order of the elements (Gauss-Lobatto nodes, `order` Gauss points).
+    order : int or Interpolation
+        Polynomial order of the elements, 1 to 4, on Gauss-Lobatto nodes with `order` Gauss
+        points. For comparison, other nodes or Gauss points: ``InterpolationEquidistant(3)``,
+        ``InterpolationLobatto(2, points=3)``.
     director : (3,) array or dict of str to (3,) array, optional
         Unit vector that d1 points to as far as possible; default: transported without twist.
     twist : float, callable or dict, optional
@@ -49,6 +54,9 @@ class Beam(StructuralItem):
     InputError
         If elements have no section, a part is unknown, a director is no unit vector or parallel
         to the line, or a field has a wrong shape.
+    MeshError
+        If directors flip inside an element, its line folds back, or it turns by 90 degrees or more
+        between neighbouring nodes. More than it could be bent by is reported by a warning.
 
     Examples
     --------
@@ -66,7 +74,7 @@ class Beam(StructuralItem):
         mesh: MeshCurve,
         section: Section | Mapping[str, Section],
         *,
-        order: int = 1,
+        order: int | Interpolation = 1,
         director: VectorLike | Mapping[str, VectorLike] | None = None,
         twist: Any = None,
         velocity: NodalField = None,
@@ -80,6 +88,8 @@ class Beam(StructuralItem):
         self.basis = DirectorBasis(mesh, order=order)
         self.sections, self.section_id = self._assign(section)
         triads = self.basis.triads(directors=director, twist=twist)
+        kind, nodes = self.basis.interpolation, self.basis.connectivity
+        check_bends(mesh, kind, nodes, triads, self.label)
         self.triads: Floats = self.basis.nodal_triads(triads)
         self.rotations: Floats = self.basis.relative_rotations(triads)
         self.velocity = self._field("velocity", velocity)
@@ -134,6 +144,7 @@ class Beam(StructuralItem):
     def _elements(self) -> BeamElements:
         basis = self.basis
         stiffness = np.array([s.stiffness for s in self.sections.values()])[self.section_id]
+        viscosity = np.array([s.viscosity for s in self.sections.values()])[self.section_id]
         rotations = self.rotations
         same = bool((rotations == np.eye(3)).all())
         return BeamElements.create(
@@ -145,6 +156,7 @@ class Beam(StructuralItem):
             basis.weights,
             stiffness,
             None if same else rotations,
+            viscosity if viscosity.any() else None,
         )
 
     # -- scikit-fem side -----------------------------------------------------------------------
@@ -221,6 +233,38 @@ class Beam(StructuralItem):
         if name is None:
             return np.arange(self.mesh.t.shape[1], dtype=np.int64)
         return self.mesh.elements_of(name)
+
+    def along(self, s: ArrayLike, part: str | None = None) -> tuple[IndexArray, Floats]:
+        """Elements and reference coordinates at arc lengths, for :func:`diagnostics.evaluate`.
+
+        Parameters
+        ----------
+        s : float or (m,) array
+            Arc lengths in the reference from the start of the part (m).
+        part : str, optional
+            Name of a part of the mesh that does not branch; default: the whole beam.
+
+        Returns
+        -------
+        elements : (m,) int array
+            Where two elements meet: the one that starts there.
+        xi : (m,) array
+            Places in them, in [0, 1].
+
+        Raises
+        ------
+        MeshError
+            If the part is unknown, branches or has gaps, or `s` is beyond its ends.
+
+        Examples
+        --------
+        >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+        >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4, name="rod"), section)
+        >>> elements, xi = beam.along([0.0, 0.75, 2.0], "rod")
+        >>> elements.tolist(), xi.tolist()
+        ([0, 1, 3], [0.0, 0.5, 1.0])
+        """
+        return places_along(self.mesh, s, part)
 
     def node(self, which: str | int | VectorLike, offset: VectorLike = (0.0, 0.0, 0.0)) -> Place:
         """The place of a node, for joints, loads and what is attached, or a point rigid with it.

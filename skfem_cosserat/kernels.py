@@ -15,10 +15,14 @@ from .types import Array, Floats
 
 __all__ = [
     "BeamElements",
+    "beam_damping",
+    "beam_dissipation",
     "beam_force",
     "beam_strain",
+    "beam_strain_rate",
     "beam_stress",
     "beam_tangent",
+    "beam_viscous_stress",
     "cross",
     "director_force",
     "exp_quaternion",
@@ -50,6 +54,8 @@ class BeamElements:
     rotations : (ne, nn, 3, 3) array or None
         Constant rotation of the section triad against the nodal triad where they differ (beams
         rigidly connected at an angle); None if all coincide.
+    viscosity : (ne, 6, 6) array or None
+        Kelvin-Voigt damping of each element's section (N s, N m^2 s); None: none is damped.
     """
 
     lengths: Floats
@@ -59,6 +65,7 @@ class BeamElements:
     stiffness: Floats
     reference: Floats
     rotations: Floats | None = None
+    viscosity: Floats | None = None
 
     # what the kernels multiply with, computed once
     B_table: Floats = field(init=False, repr=False)
@@ -66,6 +73,8 @@ class BeamElements:
     weighted_stiffness: Floats = field(init=False, repr=False)
     inverse_length: Floats = field(init=False, repr=False)
     measure: Floats = field(init=False, repr=False)
+    weighted_viscosity: Floats | None = field(init=False, repr=False, default=None)
+    viscosity_root: Floats | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         ng, _, k, _ = self.table.shape
@@ -75,10 +84,15 @@ class BeamElements:
         self.measure = (self.weights * self.lengths[:, None])[:, :, None]
         self.weighted_stiffness = self.measure[..., None] * self.stiffness[:, None]
         self.inverse_length = (1 / self.lengths)[:, None]
+        if self.viscosity is not None:
+            self.weighted_viscosity = self.measure[..., None] * self.viscosity[:, None]
+            # eta = root root^T: what is dissipated is a sum of squares
+            values, vectors = np.linalg.eigh(self.viscosity)
+            self.viscosity_root = vectors * np.sqrt(values.clip(0))[:, None, :]
 
     def repeated(self, count: int) -> BeamElements:
         """The same elements `count` times, to evaluate many states at once."""
-        turned = self.rotations
+        turned, eta = self.rotations, self.viscosity
         return BeamElements(
             np.tile(self.lengths, count),
             self.points,
@@ -87,6 +101,7 @@ class BeamElements:
             np.tile(self.stiffness, (count, 1, 1)),
             np.tile(self.reference, (count, 1, 1)),
             None if turned is None else np.tile(turned, (count, 1, 1, 1)),
+            None if eta is None else np.tile(eta, (count, 1, 1)),
         )
 
     @classmethod
@@ -100,6 +115,7 @@ class BeamElements:
         weights: Floats,
         stiffness: Floats,
         rotations: Floats | None = None,
+        viscosity: Floats | None = None,
     ) -> BeamElements:
         """Elements whose reference is the configuration ``q`` (ne, 12 nn)."""
         ne, ng = len(lengths), len(points)
@@ -107,7 +123,7 @@ class BeamElements:
         zero = np.zeros((ne, ng, 6))
         bare = cls(lengths, points, weights, table, stiffness, zero, rotations)
         reference, _ = beam_strain(bare, q)
-        return cls(lengths, points, weights, table, stiffness, reference, rotations)
+        return cls(lengths, points, weights, table, stiffness, reference, rotations, viscosity)
 
 
 def beam_strain(elements: BeamElements, q: Array) -> tuple[Array, Array]:
@@ -163,13 +179,7 @@ def beam_tangent(
     ``material * D B_right`` and ``q_a`` through the factor ``geometric``.
     """
     ne, rows, k = B_left.shape
-    ng = rows // 6
-    D = elements.weighted_stiffness
-    if ng == 1:
-        DB = (material * D[:, 0]) @ B_right
-    else:
-        DB = ((material * D) @ B_right.reshape(ne, ng, 6, k)).reshape(ne, rows, k)
-    K = B_left.transpose(0, 2, 1) @ DB
+    K = _bilinear(material * elements.weighted_stiffness, B_left, B_right)
     # weight l times the 1/l of C
     S = (geometric * stress * elements.weights[:, None]).reshape(ne, rows)
     G = (S @ elements.C_table).reshape(ne, k, k)
@@ -178,6 +188,43 @@ def beam_tangent(
         G = _from_section(elements.rotations, G.transpose(0, 2, 1)).transpose(0, 2, 1)
     K += G
     return K
+
+
+def _bilinear(weighted: Floats, B_left: Array, B_right: Array) -> Array:
+    """``sum_g B_left^T D_g B_right`` (ne, 12nn, 12nn) for weighted D (ne, ng, 6, 6)."""
+    ne, rows, k = B_right.shape
+    if rows == 6:
+        DB = weighted[:, 0] @ B_right
+    else:
+        DB = (weighted @ B_right.reshape(ne, rows // 6, 6, k)).reshape(ne, rows, k)
+    return B_left.transpose(0, 2, 1) @ DB
+
+
+def beam_strain_rate(B: Array, velocity: Array) -> Array:
+    """Strain rates ``B qdot`` (ne, ng, 6) of nodal velocities (ne, 12 nn).
+
+    With B at the midpoint of a step and ``(q_1 - q_0)/h`` they are ``(eps_1 - eps_0)/h``, exactly:
+    strains are quadratic. A rigid turn has none, however large the step.
+    """
+    return (B @ velocity[:, :, None]).reshape(len(B), -1, 6)
+
+
+def beam_viscous_stress(elements: BeamElements, rate: Array) -> Array:
+    """Kelvin-Voigt part ``eta deps/dt`` (ne, ng, 6) of the resultants, for strain rates."""
+    assert elements.viscosity is not None
+    return rate @ elements.viscosity  # symmetric
+
+
+def beam_dissipation(elements: BeamElements, rate: Array) -> Array:
+    """Dissipated power ``int deps/dt . eta deps/dt ds`` (ne,), not negative (W)."""
+    assert elements.viscosity_root is not None
+    return ((rate @ elements.viscosity_root) ** 2 * elements.measure).sum((1, 2))
+
+
+def beam_damping(elements: BeamElements, B_left: Array, B_right: Array) -> Array:
+    """``int B_left^T eta B_right ds`` (ne, 12nn, 12nn): with ``B(q)`` twice the damping matrix."""
+    assert elements.weighted_viscosity is not None
+    return _bilinear(elements.weighted_viscosity, B_left, B_right)
 
 
 def _to_section(rotations: Floats, q: Array) -> Array:

@@ -63,7 +63,7 @@ class LinearSolver:
         return "banded"
 
     def solve(self, data: Floats, rhs: Floats) -> Floats:
-        """Solution (n,) for the pattern's data (nnz,).
+        """Solution (n,) or (n, k) for the pattern's data (nnz,) and as many right-hand sides.
 
         Raises
         ------

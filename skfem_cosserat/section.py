@@ -6,7 +6,9 @@ axial; bending about d1 and d2, torsion about d3 (the tangent of the reference l
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 
@@ -62,6 +64,61 @@ class Material:
         return self.E / (2 * (1 + self.nu))
 
 
+def _matrix(item: str, name: str, value: ArrayLike) -> Floats:
+    """(6, 6), from six numbers its diagonal; finite."""
+    out = numbers(item, name, value)
+    if out.shape == (6,):
+        out = np.diag(out)
+    if out.shape != (6, 6):
+        raise InputError(item, f"{name} has shape {out.shape}, expected (6,) or (6, 6)")
+    if not np.isfinite(out).all():
+        raise InputError(item, f"{name} is not finite: {np.diag(out).tolist()}")
+    return out
+
+
+def _symmetric(item: str, name: str, value: Floats) -> Floats:
+    if not np.allclose(value, value.T, rtol=1e-12, atol=0):
+        raise InputError(item, f"{name} is not symmetric by {abs(value - value.T).max():.3g}")
+    return np.asarray((value + value.T) / 2)
+
+
+def _stiffness(item: str, value: ArrayLike) -> Floats:
+    """Symmetric positive definite."""
+    D = _matrix(item, "stiffness", value)
+    diagonal = np.diag(D)
+    if (diagonal <= 0).any():
+        names = ("GA_1", "GA_2", "EA", "EI_1", "EI_2", "GJ")
+        k = int(np.argmin(diagonal))
+        raise InputError(
+            item,
+            f"{names[k]} = {diagonal[k]:g}: a section without stiffness against one of its"
+            " strains leaves the beam a mechanism; expected six positive stiffnesses",
+        )
+    D = _symmetric(item, "stiffness", D)
+    scale = 1 / np.sqrt(diagonal)
+    lowest = float(np.linalg.eigvalsh(D * scale[:, None] * scale)[0])
+    if lowest <= 1e-14:
+        raise InputError(
+            item, f"stiffness is not positive definite: lowest scaled eigenvalue {lowest:.3g}"
+        )
+    return D
+
+
+def _viscosity(value: ArrayLike, D: Floats) -> Floats:
+    """Symmetric positive semidefinite, measured in units of the stiffness D."""
+    item = "section"
+    eta = _symmetric(item, "viscosity", _matrix(item, "viscosity", value))
+    scale = 1 / np.sqrt(np.diag(D))
+    times = np.linalg.eigvalsh(eta * scale[:, None] * scale)  # retardation times
+    if times[0] < -1e-12 * max(times[-1], 0.0):
+        raise InputError(
+            item,
+            f"viscosity = {eta.tolist()} is not positive semidefinite: lowest retardation time"
+            f" {times[0]:.3g} s, it would feed energy",
+        )
+    return eta
+
+
 @dataclass(frozen=True, eq=False)
 class Section:
     """Section given by its constants, up to a full 6x6 stiffness.
@@ -78,12 +135,16 @@ class Section:
         multiply the rates of d1 and d2, equation (114) of Leyendecker, Marsden & Ortiz (2008).
     outline : (k, 2) array, optional
         Closed polygon ``(X_1, X_2)`` (m) used to draw the beam; it has no influence on results.
+    viscosity : (6, 6) or (6,) array, optional
+        Kelvin-Voigt damping: symmetric positive semidefinite ``eta`` (N s and N m^2 s) in
+        ``(N, M) = D eps + eta deps/dt``, ``eps = (Gamma, K)``; six numbers are taken for its
+        diagonal, default zero. See also :meth:`damped`.
 
     Raises
     ------
     InputError
-        If a number is not finite, the stiffness is not symmetric positive definite, or an
-        inertia is negative.
+        If a number is not finite, the stiffness is not symmetric positive definite, an inertia is
+        negative, or the viscosity not symmetric positive semidefinite.
 
     Examples
     --------
@@ -96,6 +157,7 @@ class Section:
     mass: float
     inertia: Floats
     outline: Floats | None = field(default=None, repr=False)
+    viscosity: Floats = field(default_factory=lambda: np.zeros((6, 6)), repr=False)
 
     def __init__(
         self,
@@ -103,33 +165,10 @@ class Section:
         mass: float,
         inertia: ArrayLike,
         outline: ArrayLike | None = None,
+        viscosity: ArrayLike | None = None,
     ) -> None:
         item = "section"
-        D = numbers(item, "stiffness", stiffness)
-        if D.shape == (6,):
-            D = np.diag(D)
-        if D.shape != (6, 6):
-            raise InputError(item, f"stiffness has shape {D.shape}, expected (6,) or (6, 6)")
-        if not np.isfinite(D).all():
-            raise InputError(item, f"stiffness is not finite: {np.diag(D).tolist()}")
-        diagonal = np.diag(D)
-        if (diagonal <= 0).any():
-            names = ("GA_1", "GA_2", "EA", "EI_1", "EI_2", "GJ")
-            k = int(np.argmin(diagonal))
-            raise InputError(
-                item,
-                f"{names[k]} = {diagonal[k]:g}: a section without stiffness against one of its"
-                " strains leaves the beam a mechanism; expected six positive stiffnesses",
-            )
-        if not np.allclose(D, D.T, rtol=1e-12, atol=0):
-            raise InputError(item, f"stiffness is not symmetric by {abs(D - D.T).max():.3g}")
-        scale = 1 / np.sqrt(diagonal)
-        lowest = float(np.linalg.eigvalsh(D * scale[:, None] * scale)[0])
-        if lowest <= 1e-14:
-            raise InputError(
-                item,
-                f"stiffness is not positive definite: lowest scaled eigenvalue {lowest:.3g}",
-            )
+        D = _stiffness(item, stiffness)
         moments = numbers(item, "inertia", inertia)
         if moments.shape != (2,):
             raise InputError(item, f"inertia has shape {moments.shape}, expected (2,)")
@@ -142,12 +181,57 @@ class Section:
         if shape is not None and not np.isfinite(shape).all():
             raise InputError(item, f"outline is not finite: {shape.tolist()}")
         for name, value in (
-            ("stiffness", (D + D.T) / 2),
+            ("stiffness", D),
             ("mass", float(mass)),
             ("inertia", moments),
             ("outline", shape),
+            ("viscosity", np.zeros((6, 6)) if viscosity is None else _viscosity(viscosity, D)),
         ):
             object.__setattr__(self, name, value)
+
+    def damped(self, time: float | None = None, viscosity: ArrayLike | None = None) -> Self:
+        """A copy with Kelvin-Voigt damping, in place of any it had.
+
+        Parameters
+        ----------
+        time : float
+            Retardation time tau (s), not negative: ``viscosity = tau * stiffness``, which damps a
+            vibration of angular frequency omega by the ratio ``tau omega/2`` of critical damping.
+        viscosity : (6, 6) or (6,) array
+            In place of a time, see :class:`Section`.
+
+        Returns
+        -------
+        Section
+            Of the same kind.
+
+        Raises
+        ------
+        InputError
+            If not exactly one of both is given; if the time is negative or not finite, the
+            viscosity not symmetric positive semidefinite.
+
+        Examples
+        --------
+        >>> rubber = SectionCircle(0.005, Material(5e6, 0.5, 1100)).damped(time=2e-3)
+        >>> bool(rubber.viscosity[2, 2] == 2e-3 * rubber.stiffness[2, 2])
+        True
+        """
+        item = "section"
+        if (time is None) == (viscosity is None):
+            raise InputError(
+                item, f"time = {time!r}, viscosity = {viscosity!r}, expected one of them"
+            )
+        if viscosity is None:
+            tau = numbers(item, "time", time)
+            if tau.shape != () or not (np.isfinite(tau) and tau >= 0):
+                raise InputError(
+                    item, f"time = {time!r}, expected a finite number that is not negative"
+                )
+            viscosity = float(tau) * self.stiffness
+        out = copy(self)
+        object.__setattr__(out, "viscosity", _viscosity(viscosity, self.stiffness))
+        return out
 
     @classmethod
     def from_constants(
@@ -160,6 +244,7 @@ class Section:
         mass: float,
         inertia: ArrayLike,
         outline: ArrayLike | None = None,
+        viscosity: ArrayLike | None = None,
     ) -> Section:
         """Section from engineering constants.
 
@@ -171,7 +256,7 @@ class Section:
             Shear stiffness along d1 and d2 (N).
         EI : (EI_1, EI_2)
             Bending stiffness about d1 and d2 (N m^2).
-        mass, inertia, outline
+        mass, inertia, outline, viscosity
             As for :class:`Section`.
 
         Examples
@@ -185,7 +270,7 @@ class Section:
             if np.shape(pair) != (2,):
                 raise InputError("section", f"{name} = {pair!r}, expected two numbers")
         (GA_1, GA_2), (EI_1, EI_2) = numbers("section", "GA and EI", list(pairs.values()))
-        return cls([GA_1, GA_2, EA, EI_1, EI_2, GJ], mass, inertia, outline)
+        return cls([GA_1, GA_2, EA, EI_1, EI_2, GJ], mass, inertia, outline, viscosity)
 
 
 def _solid(

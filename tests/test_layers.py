@@ -25,7 +25,7 @@ LAYERS = (
     ("errors", "types", "log", "version"),
     ("mesh", "element", "basis", "assembly"),
     ("section", "strain", "kernels"),
-    ("frames", "relative", "beam", "body", "joint", "load", "coupling", "drive"),
+    ("frames", "relative", "beam", "body", "joint", "load", "coupling", "damping", "drive"),
     ("model",),
     ("linear", "newton"),
     ("constraints",),

@@ -56,6 +56,21 @@ class BoundTreatment(ABC):
     def guess(self, extrapolate: bool) -> None:
         """Go to the start of the iteration: last step's increment again, or none."""
 
+    def stay(self) -> None:
+        """Go to where the step started, with the constraint forces found last."""
+        self.guess(False)
+
+    def adopt(self, R: Array) -> None:
+        """Take the constraint forces that balance R (rows, 3) best as those found last.
+
+        Of a step that has begun. (Only multipliers keep forces.)
+        """
+        return
+
+    @abstractmethod
+    def move_ground(self, ground1: Array) -> None:
+        """Change the ground's rows at the end of the step; the increments so far are kept."""
+
     @abstractmethod
     def configuration(self) -> Array:
         """``y_1`` (all rows) sought."""
@@ -63,6 +78,17 @@ class BoundTreatment(ABC):
     @abstractmethod
     def residual(self, R: Array, y1: Array) -> Array:
         """Residual (unknowns,) for the balance R (rows, 3)."""
+
+    @abstractmethod
+    def push(self, increment: Array, y1: Array) -> Array:
+        """Change (rows, 3) of the coordinates that an increment makes at y_1, to first order."""
+
+    @abstractmethod
+    def pull(self, gradient: Array) -> Array:
+        """Derivative (unknowns,) by the unknowns of what has this `gradient` (rows, 3) by q_1.
+
+        At the configuration evaluated last, for constraint forces that act there (weight 1).
+        """
 
     @abstractmethod
     def relative(self, residual: Array, largest: float) -> float:

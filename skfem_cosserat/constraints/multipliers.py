@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
 
 from ..assembly import FrozenPattern
 from ..linear import LinearSolver
@@ -130,6 +131,24 @@ class BoundMultipliers(BoundTreatment):
             self._turn_directors(self._last[0])
         self._multiplier = multiplier * self._keep
 
+    def stay(self) -> None:
+        """See the base class."""
+        multiplier = self._multiplier
+        self.guess(False)
+        self._multiplier = multiplier * self._keep
+
+    def adopt(self, R: Array) -> None:
+        """See the base class; of rows that depend on others the multipliers stay zero."""
+        constraints = self.system.constraints
+        kept = np.flatnonzero(self._keep)
+        G = constraints.jacobian(self.y0)[kept]
+        self._multiplier = np.zeros(self.system.m)
+        self._multiplier[kept] = -splu((G @ G.T).tocsc()).solve(G @ R.reshape(-1))
+
+    def move_ground(self, ground1: Array) -> None:
+        """See the base class."""
+        self._ground1 = ground1
+
     def _following(self) -> Array | float:
         """Increment with which the tree of joints follows the prescribed motion, else at rest."""
         if self._chart is None:
@@ -181,6 +200,14 @@ class BoundMultipliers(BoundTreatment):
         if self._redundant:
             out[n:] *= self._keep
         return out
+
+    def push(self, increment: Array, y1: Array) -> Array:
+        """See the base class."""
+        return increment[: self.system.n].reshape(-1, 3)
+
+    def pull(self, gradient: Array) -> Array:
+        """See the base class; multipliers change nothing."""
+        return np.concatenate([gradient.reshape(-1), np.zeros(self.system.m)])
 
     def relative(self, residual: Array, largest: float) -> float:
         """See the base class; constraints are compared with their own terms."""

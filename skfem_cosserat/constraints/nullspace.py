@@ -242,6 +242,10 @@ class BoundNullSpace(BoundTreatment):
         if extrapolate and self._last is not None:
             self._add(self._last)
 
+    def move_ground(self, ground1: Array) -> None:
+        """See the base class."""
+        self.chart.move_ground(ground1)
+
     def _add(self, increment: Array) -> None:
         self.chart.add(increment)
         self._total = self._total + increment
@@ -284,12 +288,25 @@ class BoundNullSpace(BoundTreatment):
         if self.weight:
             self._set_left(self.constraint_point(y1))
         self._twist_force = self.kin.twist_force(self._left.y, R)
-        reduced = self.kin.reduce(self._T_left, self._twist_force)
-        self._tree_force = reduced
+        self._tree_force = self.kin.reduce(self._T_left, self._twist_force)
+        return self._by_unknowns(self._tree_force)
+
+    def _by_unknowns(self, tree_force: Array) -> Array:
+        """``Z^T f`` at the configuration of P^T."""
         if not self._loops:
-            return reduced
+            return tree_force
         rows, cols = self._Z
-        return sum_at(cols, self._Z_left * reduced[rows], self.unknowns)
+        return sum_at(cols, self._Z_left * tree_force[rows], self.unknowns)
+
+    def push(self, increment: Array, y1: Array) -> Array:
+        """See the base class."""
+        T1 = self.kin.T_values(self.kin.locate(y1, self.chart.fixed))
+        return self.kin.rates(y1, self.kin.expand(T1, self._by_tree(increment)))
+
+    def pull(self, gradient: Array) -> Array:
+        """See the base class."""
+        force = self.kin.twist_force(self._left.y, gradient)
+        return self._by_unknowns(self.kin.reduce(self._T_left, force))
 
     def relative(self, residual: Array, largest: float) -> float:
         """See the base class."""

@@ -12,9 +12,11 @@ from .energy import (
     midpoint_energy,
     momentum,
     section_forces,
+    section_strain_rates,
     section_strains,
     strain_energy,
 )
+from .evaluate import SectionValues, evaluate
 from .forces import condition_number, constraint_points, multipliers, multipliers_at, reactions
 from .frequency import highest_frequency
 from .legendre import legendre_transforms
@@ -34,15 +36,20 @@ from .projection import (
     velocity_from_reduced,
 )
 from .relative import coupling_energy, coupling_forces, joint_coordinates
+from .resultants import nodal_resultants
+from .tangent import ReducedTangent, reduced_tangent
 
 __all__ = [
     "Projection",
+    "ReducedTangent",
+    "SectionValues",
     "angular_momentum",
     "condition_number",
     "constraint_points",
     "constraint_violation",
     "coupling_energy",
     "coupling_forces",
+    "evaluate",
     "external_energy",
     "ground_part",
     "hidden_violation",
@@ -58,10 +65,13 @@ __all__ = [
     "momentum_violation",
     "multipliers",
     "multipliers_at",
+    "nodal_resultants",
     "prescribed_velocity",
     "reactions",
     "reduced_momentum",
+    "reduced_tangent",
     "section_forces",
+    "section_strain_rates",
     "section_strains",
     "strain_energy",
     "velocity_from_reduced",

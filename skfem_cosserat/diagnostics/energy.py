@@ -11,8 +11,9 @@ from scipy.sparse.linalg import splu
 
 from ..beam import Beam
 from ..errors import InputError
-from ..kernels import beam_strain
+from ..kernels import beam_strain, beam_strain_rate
 from ..model import System
+from ..model.groups import BeamGroup
 from ..types import ArrayLike, Floats
 from .stacks import as_stack, as_times
 
@@ -25,6 +26,7 @@ __all__ = [
     "midpoint_energy",
     "momentum",
     "section_forces",
+    "section_strain_rates",
     "section_strains",
     "strain_energy",
 ]
@@ -317,22 +319,78 @@ def section_strains(system: System, beam: Beam, q: ArrayLike) -> Floats:
     [0.0, 0.0, 0.01, 0.0, 0.0, 0.0]
     """
     Q, single = as_stack(system, "q", q)
+    out = _at_gauss_points(system, beam, Q)
+    return out[0] if single else out
+
+
+def section_strain_rates(system: System, beam: Beam, q: ArrayLike, v: ArrayLike) -> Floats:
+    """Rates of the strains at the Gauss points of a beam.
+
+    Parameters
+    ----------
+    beam, q
+        As for :func:`section_strains`.
+    v : (n,) or (N, n) array
+        Velocities that fulfil the hidden constraints, as ``history["v"]`` (m/s, 1/s).
+
+    Returns
+    -------
+    (ne, ng, 6) or (N, ne, ng, 6) array
+        (1/s, 1/(m s))
+
+    Raises
+    ------
+    InputError
+        As for :func:`section_strains`.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> model = Model()
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)
+    >>> beam = model.add("beam", Beam(mesh, section, director=(1, 0, 0)))
+    >>> system = model.freeze()
+    >>> v = np.zeros(system.n)
+    >>> v[14] = 0.02   # the end moves away
+    >>> section_strain_rates(system, beam, system.q0, v)[0, 0].round(9).tolist()
+    [0.0, 0.0, 0.01, 0.0, 0.0, 0.0]
+    """
+    Q, single = as_stack(system, "q", q)
+    V, _ = as_stack(system, "v", v)
+    if V.shape != Q.shape:
+        raise InputError("argument v", f"has shape {V.shape}, q has {Q.shape}")
+    out = _at_gauss_points(system, beam, Q, V)
+    return out[0] if single else out
+
+
+def group_of(system: System, beam: Beam) -> BeamGroup:
     group = next((g for g in system.beam_groups if id(beam) in g.slices), None)
     if group is None:
         raise InputError(beam.label, "is not in this system")
+    return group
+
+
+def _at_gauss_points(system: System, beam: Beam, Q: Floats, V: Floats | None = None) -> Floats:
+    """Strains (N, ne, ng, 6) of a beam, or their rates if there are velocities."""
+    group = group_of(system, beam)
     rows = group.rows[group.slices[id(beam)]]
     ne, ng = len(rows), len(beam.elements.points)
     out = np.empty((len(Q), ne, ng, 6))
     for start in range(0, len(Q), _CHUNK):
-        y = Q[start : start + _CHUNK].reshape(-1, system.rows, 3)[:, rows]
+        some = slice(start, start + _CHUNK)
+        y = Q[some].reshape(-1, system.rows, 3)[:, rows]
         count = len(y)
         stacked = beam.elements.repeated(count)
-        eps, _ = beam_strain(stacked, y.reshape(count * ne, -1))
-        out[start : start + count] = eps.reshape(count, ne, ng, 6)
-    return out[0] if single else out
+        found, B = beam_strain(stacked, y.reshape(count * ne, -1))
+        if V is not None:
+            ydot = V[some].reshape(-1, system.rows, 3)[:, rows]
+            found = beam_strain_rate(B, ydot.reshape(count * ne, -1))
+        out[some] = found.reshape(count, ne, ng, 6)
+    return out
 
 
-def section_forces(system: System, beam: Beam, q: ArrayLike) -> Floats:
+def section_forces(system: System, beam: Beam, q: ArrayLike, v: ArrayLike | None = None) -> Floats:
     """``(N_1, N_2, N_3, M_1, M_2, M_3)`` at the Gauss points, in the section's frame.
 
     On the face with outward normal +d3; tension positive.
@@ -341,6 +399,9 @@ def section_forces(system: System, beam: Beam, q: ArrayLike) -> Floats:
     ----------
     beam, q
         As for :func:`section_strains`.
+    v : (n,) or (N, n) array, optional
+        Velocities as for :func:`section_strain_rates`: with the viscous part of damped sections
+        (their own or of Rayleigh damping). Without: the elastic part alone.
 
     Returns
     -------
@@ -366,4 +427,11 @@ def section_forces(system: System, beam: Beam, q: ArrayLike) -> Floats:
     [0.0, 0.0, 100.0, 0.0, 0.0, 0.0]
     """
     strains = section_strains(system, beam, q)
-    return np.einsum("...egj,ejk->...egk", strains, beam.elements.stiffness)
+    out = np.einsum("...egj,ejk->...egk", strains, beam.elements.stiffness)
+    group = group_of(system, beam)
+    if v is not None and group.elements.viscosity is not None:
+        rates = section_strain_rates(system, beam, q, v)
+        out += np.einsum(
+            "...egj,ejk->...egk", rates, group.elements.viscosity[group.slices[id(beam)]]
+        )
+    return out

@@ -50,7 +50,9 @@ def constraint_points(system: System, history: History) -> Floats:
     """
     if "constraint_point" in history:
         return history["constraint_point"].reshape(len(history), system.total, 3)
-    pairs = zip(history["q"], history.times, strict=True)
+    # a path's prescribed motion follows its load factor
+    times = history.series.get("load_factor", history.times)
+    pairs = zip(history["q"], times, strict=True)
     return np.array([system.extend(q, float(t)) for q, t in pairs])
 
 

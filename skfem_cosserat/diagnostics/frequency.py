@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix, identity, kron
+from scipy.sparse import identity, kron
 from scipy.sparse.linalg import splu
 
 from ..errors import InputError
-from ..kernels import null_space_blocks
 from ..linear import SingularMatrixError
 from ..model import System
-from ..types import ArrayLike, Floats
+from ..types import ArrayLike
 from .stacks import as_stack
+from .tangent import material_stiffness, null_space_matrix
 
 __all__ = ["highest_frequency"]
 
@@ -64,8 +64,9 @@ def highest_frequency(system: System, q: ArrayLike | None = None, iterations: in
     where = as_stack(system, "q", system.q0 if q is None else q)[0][0]
     if not system.beam_groups or not system.unknowns:
         return 0.0
-    P = _null_space(system, where)
-    K = (P.T @ _stiffness(system, where) @ P).tocsr()
+    y = system.extend(where, 0.0)
+    P = null_space_matrix(system, y)
+    K = (P.T @ material_stiffness(system, y) @ P).tocsr()
     M = (P.T @ kron(system.mass, identity(3)) @ P).tocsc()
     try:
         solve = splu(M).solve
@@ -81,40 +82,3 @@ def highest_frequency(system: System, q: ArrayLike | None = None, iterations: in
         if not x.any():
             break
     return float(np.sqrt(max(square, 0.0)))
-
-
-def _null_space(system: System, q: Floats) -> csr_matrix:
-    """``system.null_space(q)`` as a sparse matrix: beams may have thousands of unknowns."""
-    kin, closure = system.kinematics, system.closure
-    y = system.extend(q, 0.0)
-    values = kin.T_values(kin.locate(y, kin.fixed_axes(y)))
-    rows, cols, ones = closure.null_pattern()
-    Z = coo_matrix(
-        (closure.null_values(closure.select(y, values), ones), (rows, cols)),
-        shape=(kin.unknowns, system.unknowns),
-    )
-    blocks = null_space_blocks(kin.directors(y))
-    coordinates = 3 * kin.frame_rows[:, None, None] + np.arange(12)[:, None]
-    points = (3 * kin.row[kin.points][:, None] + np.arange(3)).ravel()
-    i = np.concatenate([np.broadcast_to(coordinates, blocks.shape).ravel(), points])
-    twists = np.broadcast_to(kin.frame_twist[:, None, :], blocks.shape)
-    j = np.concatenate([twists.ravel(), kin.point_twist.ravel()])
-    P = coo_matrix(
-        (np.concatenate([blocks.ravel(), np.ones(len(points))]), (i, j)),
-        shape=(system.n, kin.n_twist),
-    )
-    return P.tocsr() @ (kin.T_matrix(values) @ Z.tocsr())
-
-
-def _stiffness(system: System, q: Floats) -> csr_matrix:
-    """Material stiffness (n, n) of all beams."""
-    y = system.extend(q, 0.0)
-    rows, cols, values = [], [], []
-    for group, (eps, B) in zip(system.beam_groups, system.strain(y), strict=True):
-        block = group.tangent(B, B, np.zeros_like(eps), 1.0, 0.0)
-        dofs = group.dofs
-        rows.append(np.broadcast_to(dofs[:, :, None], block.shape).ravel())
-        cols.append(np.broadcast_to(dofs[:, None, :], block.shape).ravel())
-        values.append(block.ravel())
-    ij = (np.concatenate(rows), np.concatenate(cols))
-    return coo_matrix((np.concatenate(values), ij), shape=(system.n, system.n)).tocsr()

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..element import shape_functions
+from ..element import lagrange, lobatto_nodes
 from ..errors import InputError
 from ..types import Array, ArrayLike, Floats, IndexArray
 
@@ -167,8 +167,9 @@ class BeamShape:
         self.pieces = self.order
         self._node_rotation = self._common_rotations()
         stations = np.arange(self.order + 1) / self.order
-        self._stations: Floats = shape_functions(self.order, stations).T
-        self._at_gauss: Floats = shape_functions(self.order, self.gauss).T
+        nodes = static.get(f"beam/{name}/nodes", lobatto_nodes(self.order))
+        self._stations: Floats = lagrange(nodes, stations).T
+        self._at_gauss: Floats = lagrange(nodes, self.gauss).T
         self._number_points()
 
     def _get(self, key: str) -> Array:

@@ -62,7 +62,7 @@ class StepWork:
     loads, actuators : float
         By loads, and by actuators on joint coordinates.
     dissipated : float
-        Lost in dampers, not negative.
+        Lost in dampers, viscous sections and drag, not negative.
     ground : float
         By moving ground through springs, dampers and bushings that end there.
     """
@@ -87,6 +87,18 @@ class StepData:
 
 
 @dataclass(eq=False)
+class Damping:
+    """Mean velocity (rows, 3) of a step at a trial configuration, and its strain rates.
+
+    The rates (ne, ng, 6) of each beam group are ``B(q_mid) (q_1 - q_0)/h = (eps_1 - eps_0)/h``,
+    exactly; None for a group without viscosity.
+    """
+
+    velocity: Array
+    rates: list[Array | None]
+
+
+@dataclass(eq=False)
 class Evaluation:
     """A discrete balance at a trial configuration, as the implicit midpoint schemes need it.
 
@@ -101,13 +113,15 @@ class Evaluation:
     mid : (total, 3) array
         Midpoint configuration, where the internal force ``int B^T S ds`` acts.
     stresses, Bs : list of arrays
-        S and B of that force, one for each beam group.
+        S (with its viscous part) and B of that force, one for each beam group.
     B1s : list of arrays
-        B at the configuration through which S changes.
+        B at the configuration through which the elastic S changes.
     external : (rows, 3) array
         Loads.
     coupled : CoupledForce or None
         Force elements, if there are any.
+    damping : Damping or None
+        Of viscous sections and drag, if there are any.
     """
 
     R: Array
@@ -119,6 +133,7 @@ class Evaluation:
     B1s: list[Array]
     external: Array
     coupled: CoupledForce | None
+    damping: Damping | None
 
 
 class Integrator(ABC):
@@ -196,10 +211,12 @@ class Integrator(ABC):
         """Work of the forces of a solved step along the way from y0 to y1 (all rows)."""
         rows = system.rows
         loads = float((evaluation.external * (y1[:rows] - step.y0[:rows])).sum())
+        damping = evaluation.damping
+        lost = 0.0 if damping is None else step.h * dissipated_power(system, damping)
         if step.couplings is None or evaluation.coupled is None:
-            return StepWork(loads)
+            return StepWork(loads, dissipated=lost)
         done = system.couplings.work(step.couplings, evaluation.coupled, y1)
-        return StepWork(loads, done.actuators, done.dissipated, done.ground)
+        return StepWork(loads, done.actuators, done.dissipated + lost, done.ground)
 
 
 def largest(*terms: Array) -> float:
@@ -207,18 +224,68 @@ def largest(*terms: Array) -> float:
     return max(float(abs(term).max(initial=0.0)) for term in terms)
 
 
+def damped_force(
+    system: System, step: StepData, Bs: list[Array], elastic: list[Array], y1: Array
+) -> tuple[Array, list[Array], Damping | None]:
+    """Force of all beams, and drag (rows, 3), at a trial configuration y1.
+
+    Parameters
+    ----------
+    Bs, elastic : list of arrays
+        B at the midpoint, and the elastic stresses there.
+
+    Returns
+    -------
+    force : (rows, 3) array
+        In the sense of an internal force.
+    stresses : list of arrays
+        The viscous ones included.
+    damping : Damping or None
+    """
+    if not system.damped:
+        return system.internal_force(Bs, elastic), elastic, None
+    velocity = (y1[: system.rows] - step.y0[: system.rows]) / step.h
+    stresses, rates = [], []
+    for g, B, S in zip(system.beam_groups, Bs, elastic, strict=True):
+        rate = g.strain_rate(B, velocity) if g.viscous else None
+        rates.append(rate)
+        stresses.append(S if rate is None else S + g.viscous_stress(rate))
+    force = system.internal_force(Bs, stresses)
+    if system.drag is not None:
+        force = force + system.drag @ velocity
+    return force, stresses, Damping(velocity, rates)
+
+
+def dissipated_power(system: System, damping: Damping) -> float:
+    """Mean power (W) lost in viscous sections and drag during a step, not negative."""
+    pairs = zip(system.beam_groups, damping.rates, strict=True)
+    power = sum(g.dissipation(rate) for g, rate in pairs if rate is not None)
+    if system.drag is not None:
+        v = damping.velocity
+        power += max(0.0, float((v * (system.drag @ v)).sum()))  # of either sign at rounding level
+    return power
+
+
 def midpoint_tangent(
     system: System, step: StepData, evaluation: Evaluation, mass: float, force: float
 ) -> list[Array]:
     """``mass * M + force * d(f_int - f)/dq_1`` as blocks of the groups, then of the couplings.
 
-    At the midpoint half of a change of q_1 reaches B and the loads, and half of it the stress.
+    At the midpoint half of a change of q_1 reaches B and the loads, and half of it the elastic
+    stress; the strain rate changes by ``B(q_1)/h``.
     """
     e = evaluation
     blocks = system.mass_tangent(mass)
     half = 0.5 * force
     for k, g in enumerate(system.beam_groups):
         blocks[k] += g.tangent(e.Bs[k], e.B1s[k], e.stresses[k], half, half)
+        if g.viscous:
+            end = g.strain(2 * e.mid - step.y0)[1]
+            blocks[k] += (force / step.h) * g.damping(e.Bs[k], end)
+    if system.drag is not None:
+        for block, group in zip(blocks, system.groups, strict=True):
+            if group.drag is not None:
+                block += (force / step.h) * group.drag
     if not system.loading.dead_only:
         system.loading.add_tangent(blocks, e.mid[: system.rows], step.amplitudes, -half)
     if e.coupled is not None:

@@ -8,7 +8,16 @@ import numpy as np
 
 from ..model import System
 from ..types import Array, Floats
-from .base import Evaluation, Integrator, State, StepData, largest, load_force, midpoint_tangent
+from .base import (
+    Evaluation,
+    Integrator,
+    State,
+    StepData,
+    damped_force,
+    largest,
+    load_force,
+    midpoint_tangent,
+)
 
 __all__ = ["EnergyMomentum"]
 
@@ -63,7 +72,7 @@ class EnergyMomentum(Integrator):
             for g, S0, (eps, _) in zip(groups, step.stresses0, strains1, strict=True)
         ]
         momentum = (2 / h) * (system.mass @ (y1[:rows] - step.y0[:rows]))
-        internal = system.internal_force(Bs, stresses)
+        internal, stresses, damping = damped_force(system, step, Bs, stresses, y1)
         coupled = None
         if step.couplings is not None:
             coupled = system.couplings.discrete(step.couplings, mid, y1)
@@ -79,6 +88,7 @@ class EnergyMomentum(Integrator):
             [B for _, B in strains1],
             external,
             coupled,
+            damping,
         )
 
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:

@@ -8,7 +8,15 @@ import numpy as np
 
 from ..model import System
 from ..types import Array, Floats
-from .base import Evaluation, Integrator, StepData, largest, load_force, midpoint_tangent
+from .base import (
+    Evaluation,
+    Integrator,
+    StepData,
+    damped_force,
+    largest,
+    load_force,
+    midpoint_tangent,
+)
 
 __all__ = ["Variational"]
 
@@ -52,7 +60,7 @@ class Variational(Integrator):
         stresses = [g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)]
         Bs = [B for _, B in strains]
         momentum = (system.mass @ (y1[:rows] - step.y0[:rows])) / h
-        internal = system.internal_force(Bs, stresses)
+        internal, stresses, damping = damped_force(system, step, Bs, stresses, y1)
         coupled = None
         if step.couplings is not None:
             coupled = system.couplings.midpoint(step.couplings, mid, y1)
@@ -69,6 +77,7 @@ class Variational(Integrator):
             Bs,
             external,
             coupled,
+            damping,
             kick,
         )
 

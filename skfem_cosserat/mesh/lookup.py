@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import MeshError
-from ..types import Array, Floats, IndexArray, VectorLike, numbers
+from ..types import Array, ArrayLike, Floats, IndexArray, VectorLike, numbers
+from .topology import find_chains
 
 if TYPE_CHECKING:  # pragma: no cover - for annotations only
     from .mesh import MeshCurve
 
-__all__ = ["element_finder", "element_numbers", "find_beam", "find_node"]
+__all__ = ["element_finder", "element_numbers", "find_beam", "find_node", "places_along"]
 
 #: Distance at which a position is said to meet a node, as a part of the mesh size.
 POSITION_TOLERANCE = 1e-8
@@ -59,6 +60,32 @@ def find_node(
     if hits.size > 1:
         raise MeshError(where, f"several nodes there: {hits.tolist()}; give the number or a name")
     return int(hits[0])
+
+
+def places_along(
+    mesh: MeshCurve, s: ArrayLike, beam: str | None = None
+) -> tuple[IndexArray, Floats]:
+    """Elements (m,) and reference coordinates (m,) at arc lengths s (m,) along a beam or all."""
+    ids = np.arange(mesh.nelements) if beam is None else find_beam(mesh.beams, beam)
+    item = "mesh" if beam is None else f"beam '{beam}'"
+    chains = find_chains(mesh.t[:, ids], np.zeros(len(ids), dtype=np.int64), [beam or ""])
+    if len(chains) != 1:
+        raise MeshError(
+            item,
+            f"is no single line but {len(chains)}: give the name of one, of"
+            f" {_listed(mesh.beams)}, or elements and their reference coordinates",
+        )
+    ids = ids[chains[0].elements]
+    ends = np.cumsum(mesh.lengths[ids])
+    tol = 1e-12 * ends[-1]
+    at = np.atleast_1d(numbers(item, "arc length s", s))
+    wrong = ~((at >= -tol) & (at <= ends[-1] + tol))
+    if at.ndim != 1 or wrong.any():
+        what = f"shape {at.shape}" if at.ndim != 1 else f"{at[wrong][0]} m"
+        raise MeshError(item, f"arc length s: {what}, expected numbers in 0 .. {ends[-1]:.9g} m")
+    k = np.minimum(np.searchsorted(ends, at + tol, side="right"), len(ids) - 1)
+    xi = 1.0 - (ends[k] - at) / mesh.lengths[ids[k]]
+    return ids[k], np.clip(xi, 0.0, 1.0)
 
 
 def element_numbers(which: Any, count: int) -> IndexArray:

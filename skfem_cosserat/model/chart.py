@@ -157,21 +157,25 @@ class Chart:
         """Start a step from y0 (all rows); the ground's rows at its end are `ground1`."""
         kin = self.kin
         self.y0 = y0
-        self._ground1 = ground1
         self.fixed = kin.fixed_axes(y0)
         self._arm = np.array([self._arm_of(e, y0) for e in self._sphere_edges]).reshape(-1, 3)
         self._open_arm = np.array([self._arm_of(e, y0) for e in self._open_edges]).reshape(-1, 3)
         _, self._hinge_axis, left, right = kin.combined(y0)
         self._track_axis = np.cross(left, right)
+        self._set_ground(ground1)
+        self.reset()
+
+    def _set_ground(self, ground1: Array) -> None:
+        """The ground's rows at the end of the step, and what drives move by then."""
+        self._ground1 = ground1
         self._driven_hinge = self._driven_track = np.zeros(0)
         if len(self._hinges.where):
-            a, b = self._hinges.ends(y0, ground1, kin.total)
+            a, b = self._hinges.ends(self.y0, ground1, self.kin.total)
             sine = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
             self._driven_hinge = np.arctan2(sine, (a[:, :2] * b[:, :2]).sum(1))
         if len(self._tracks.where):
-            a, b = self._tracks.ends(y0, ground1, kin.total)
+            a, b = self._tracks.ends(self.y0, ground1, self.kin.total)
             self._driven_track = b[:, 2] - a[:, 2]
-        self.reset()
 
     def _arm_of(self, edge: Edge, y: Array) -> Array:
         def position(spot: Spot) -> Array:
@@ -187,6 +191,14 @@ class Chart:
         self._hinge: Array = np.zeros(len(self._hinge_axis))
         self._hinge[self._hinges.where] = self._driven_hinge
         self._track: Array = np.zeros(len(self._track_axis))
+        self._track[self._tracks.where] = self._driven_track
+
+    def move_ground(self, ground1: Array) -> None:
+        """Change the ground's rows at the end of the step; free increments stay as they are."""
+        self._set_ground(ground1)
+        self._hinge = self._hinge.copy()
+        self._hinge[self._hinges.where] = self._driven_hinge
+        self._track = self._track.copy()
         self._track[self._tracks.where] = self._driven_track
 
     def add(self, increment: Array) -> None:

@@ -230,10 +230,18 @@ class _Group:
 
     def stiffness(self, y: Array) -> Array:
         """``B^T K B`` with ``delta xi = B delta y``, at :attr:`pairs`; a cable as if taut."""
+        return self._by_rows(self.law.K, y)
+
+    def damping(self, y: Array) -> Array:
+        """``B^T C B`` at :attr:`pairs`; a cable damps while it is taut."""
+        taut = self.law.acts(self.stretch(self.kind.value(self.invariants.values(y))))
+        return self._by_rows(self.law.C * taut[..., None], y)
+
+    def _by_rows(self, matrices: Array, y: Array) -> Array:
         J, gradients = self.kind.slope(self.invariants.values(y)), self.invariants.gradients(y)
         c, k, R, _ = gradients.shape
         B = J @ gradients.reshape(c, k, 3 * R)
-        K = (B.swapaxes(1, 2) @ self.law.K @ B).reshape(c, R, 3, R, 3).swapaxes(2, 3)
+        K = (B.swapaxes(1, 2) @ matrices @ B).reshape(c, R, 3, R, 3).swapaxes(2, 3)
         return K[self.kept]
 
     def tangent(self, response: _Response) -> Array:
@@ -319,13 +327,14 @@ class Couplings:
             key = (item.slack, *(c.kind for c in item.coordinates))
             families.setdefault(key, []).append(item)
         self.times: list[TimeFunction] = []
-        self._labels: list[str] = []
+        #: whose times they are
+        self.owners: list[Coupling] = []
         self._groups: list[_Group] = []
         for members in families.values():
             self._groups.append(_Group(members, row_of, reference, free, len(self.times)))
             for member in members:
                 self.times += member.channels
-                self._labels += [member.label] * len(member.channels)
+                self.owners += [member] * len(member.channels)
         self._constant = all(isinstance(time, Constant) for time in self.times)
         self._amplitudes: Floats | None = None
         none = np.zeros((0, 2), dtype=np.int64)
@@ -432,6 +441,11 @@ class Couplings:
         none = np.zeros((0, 3, 3))
         return np.concatenate([none, *(g.stiffness(y) for g in self._groups)])
 
+    def damping(self, y: Array) -> Array:
+        """Damping of force elements by velocity b on row a, at :attr:`pairs`; (k, 3, 3)."""
+        none = np.zeros((0, 3, 3))
+        return np.concatenate([none, *(g.damping(y) for g in self._groups)])
+
     def forces(
         self, y: Floats, ydot: Floats, turns: IndexArray | None = None
     ) -> list[tuple[Coupling, Floats, Floats]]:
@@ -477,7 +491,7 @@ class Couplings:
             try:
                 out[k] = time.average(t0, t1)
             except InputError as error:
-                raise InputError(self._labels[k], str(error)) from error
+                raise InputError(self.owners[k].label, str(error)) from error
         if self._constant:
             self._amplitudes = out
         return out

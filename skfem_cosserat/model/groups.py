@@ -6,15 +6,27 @@ connectivity and nothing else of the items; items never see a treatment.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..beam import Beam
-from ..kernels import BeamElements, beam_force, beam_strain, beam_stress, beam_tangent
+from ..kernels import (
+    BeamElements,
+    beam_damping,
+    beam_dissipation,
+    beam_force,
+    beam_strain,
+    beam_strain_rate,
+    beam_stress,
+    beam_tangent,
+    beam_viscous_stress,
+)
 from ..types import Array, Floats, IndexArray
+from .inertia import Lump
 
-__all__ = ["BeamGroup", "Group"]
+__all__ = ["BeamGroup", "Group", "lump_group"]
 
 
 @dataclass(eq=False)
@@ -31,12 +43,15 @@ class Group:
         Constant mass.
     framed : bool
         Frames or points.
+    drag : (ne, 3 r, 3 r) array or None
+        Drag against space per velocity, ``alpha M``; None: none.
     """
 
     vertices: IndexArray
     rows: IndexArray
     mass: Floats
     framed: bool = True
+    drag: Floats | None = None
 
     @property
     def dofs(self) -> IndexArray:
@@ -50,19 +65,72 @@ def mass_blocks(scalar: Floats) -> Floats:
     return np.einsum("eij,cd->eicjd", scalar, np.eye(3)).reshape(ne, 3 * r, 3 * r)
 
 
+def lump_group(
+    vertices: Sequence[int],
+    size: int,
+    rows: IndexArray,
+    lumps: Sequence[Lump],
+    drags: Sequence[Lump],
+) -> Group | None:
+    """Single frames (`size` 4) or points (1), with all that is lumped on them.
+
+    Parameters
+    ----------
+    vertices : list of int
+    size : int
+    rows : (N,) int array
+        First row of y of every vertex.
+    lumps, drags : list of Lump
+        Masses, and drag per velocity.
+    """
+    if not vertices:
+        return None
+    number = np.array(vertices, dtype=np.int64)
+    drag = _summed(vertices, size, drags)
+    return Group(
+        number[:, None],
+        rows[number][:, None] + np.arange(size),
+        _summed(vertices, size, lumps),
+        framed=size == 4,
+        drag=drag if drag.any() else None,
+    )
+
+
+def _summed(vertices: Sequence[int], size: int, lumps: Sequence[Lump]) -> Floats:
+    scalar = np.zeros((len(vertices), size, size))
+    for v, block, _ in lumps:
+        if v in vertices and len(block) == size:
+            scalar[vertices.index(v)] += block
+    return mass_blocks(scalar)
+
+
 class BeamGroup(Group):
     """All beam elements of one order, of all beams: one call of each kernel."""
 
-    def __init__(self, beams: list[tuple[Beam, int, int]]) -> None:
-        """`beams`: (beam, its first vertex, its first row of y)."""
+    def __init__(
+        self,
+        beams: list[tuple[Beam, int, int]],
+        alpha: Mapping[int, float] | None = None,
+        beta: Mapping[int, float] | None = None,
+    ) -> None:
+        """`beams`: (beam, its first vertex, its first row of y).
+
+        `alpha`, `beta`: Rayleigh damping by ``id(beam)``.
+        """
         first = beams[0][0].elements
         connectivity = [(beam.basis.connectivity, v, r) for beam, v, r in beams]
         vertices = np.concatenate([c + v for c, v, _ in connectivity])
         rows = np.concatenate(
             [(r + 4 * c[:, :, None] + np.arange(4)).reshape(len(c), -1) for c, _, r in connectivity]
         )
+        masses = [mass_blocks(b.scalar_mass()) for b, _, _ in beams]
+        factors = [0.0 if alpha is None else alpha.get(id(b), 0.0) for b, _, _ in beams]
+        drag = [factor * mass for factor, mass in zip(factors, masses, strict=True)]
         super().__init__(
-            vertices, rows, np.concatenate([mass_blocks(b.scalar_mass()) for b, _, _ in beams])
+            vertices,
+            rows,
+            np.concatenate(masses),
+            drag=np.concatenate(drag) if any(factors) else None,
         )
         stop = np.cumsum([len(c) for c, _, _ in connectivity])
         #: which elements are whose
@@ -80,6 +148,7 @@ class BeamGroup(Group):
             np.concatenate([e.stiffness for e in es]),
             np.concatenate([e.reference for e in es]),
             np.concatenate([beam.rotations for beam, _, _ in beams]) if turned else None,
+            _viscosity(es, [0.0 if beta is None else beta.get(id(b), 0.0) for b, _, _ in beams]),
         )
 
     def strain(self, y: Array) -> tuple[Array, Array]:
@@ -99,3 +168,41 @@ class BeamGroup(Group):
     ) -> Array:
         """See :func:`skfem_cosserat.kernels.beam_tangent`."""
         return beam_tangent(self.elements, left, right, stress, material, geometric)
+
+    @property
+    def viscous(self) -> bool:
+        """Whether a section has Kelvin-Voigt damping, its own or Rayleigh's."""
+        return self.elements.viscosity is not None
+
+    def strain_rate(self, B: Array, velocity: Array) -> Array:
+        """Strain rates ``B qdot`` (ne, ng, 6) of velocities (nv, 3)."""
+        return beam_strain_rate(B, velocity[self.rows].reshape(len(self.rows), -1))
+
+    def viscous_stress(self, rate: Array) -> Array:
+        """Viscous part (ne, ng, 6) of the resultants, of a viscous group."""
+        return beam_viscous_stress(self.elements, rate)
+
+    def dissipation(self, rate: Array) -> float:
+        """Power (W) that a viscous group dissipates at strain rates (ne, ng, 6)."""
+        return float(beam_dissipation(self.elements, rate).sum())
+
+    def damping(self, B: Array, B_right: Array | None = None) -> Array:
+        """Damping matrices ``int B^T eta B_right ds`` (ne, 12 nn, 12 nn), B_right = B by default.
+
+        Zero for a group without viscosity.
+        """
+        if not self.viscous:
+            return np.zeros_like(self.mass)
+        return beam_damping(self.elements, B, B if B_right is None else B_right)
+
+
+def _viscosity(elements: Sequence[BeamElements], betas: Sequence[float]) -> Floats | None:
+    """Viscosity of sections and ``beta D`` of all elements (ne, 6, 6); None without any."""
+    if not any(betas) and all(e.viscosity is None for e in elements):
+        return None
+    return np.concatenate(
+        [
+            beta * e.stiffness + (0.0 if e.viscosity is None else e.viscosity)
+            for e, beta in zip(elements, betas, strict=True)
+        ]
+    )

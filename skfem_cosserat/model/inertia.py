@@ -1,4 +1,4 @@
-"""The constant mass matrix of a scene."""
+"""The constant mass matrix of a scene, and the factors of damping in proportion to it."""
 
 from __future__ import annotations
 
@@ -9,18 +9,23 @@ from scipy.sparse import coo_matrix, csr_matrix
 
 from ..beam import Beam
 from ..body import MassPoint, RigidBody
+from ..damping import RayleighDamping
+from ..errors import InputError
 from ..types import Floats, IndexArray
 
-__all__ = ["Lump", "assemble_mass"]
+__all__ = ["Lump", "Structure", "assemble_mass", "damping_factors"]
+
+Structure = Beam | RigidBody | MassPoint
 
 #: Of a body or mass point: vertex, scalar mass (4, 4) or (1, 1), whether that is a frame's.
 Lump = tuple[int, Floats, bool]
 
 
 def assemble_mass(
-    structures: Sequence[Beam | RigidBody | MassPoint],
+    structures: Sequence[Structure],
     first: Mapping[int, tuple[int, int]],
     size: int,
+    factors: Mapping[int, float] | None = None,
 ) -> tuple[csr_matrix, list[Lump]]:
     """Mass matrix (64), (114) without the factor I_3, and the lumps on single vertices.
 
@@ -31,6 +36,8 @@ def assemble_mass(
         ``id(item) -> (first vertex, first row of y)``.
     size : int
         Rows of y.
+    factors : dict, optional
+        ``id(item) -> alpha``, of which the mass is multiplied (zero if not there): drag matrix.
     """
     i, j, c = [], [], []
 
@@ -42,20 +49,46 @@ def assemble_mass(
 
     lumps: list[Lump] = []
     for item in structures:
+        mass_of_item = item.scalar_mass()
+        if factors is not None:
+            mass_of_item = factors.get(id(item), 0.0) * mass_of_item
         if isinstance(item, Beam):
             row = first[id(item)][1]
             nodes = item.basis.connectivity
             rows = row + 4 * nodes[:, :, None] + np.arange(4)
-            add(rows.reshape(len(nodes), -1), item.scalar_mass())
+            add(rows.reshape(len(nodes), -1), mass_of_item)
             continue
         host, node = (item, 0) if item.on is None else (item.on.item, item.on.vertex)
         vertex, row = first[id(host)]
-        block = item.scalar_mass()
-        framed = len(block) == 4
-        lumps.append((vertex + node, block, framed))
+        framed = len(mass_of_item) == 4
+        lumps.append((vertex + node, mass_of_item, framed))
         step = 4 if framed or isinstance(host, Beam | RigidBody) else 1
-        add(row + step * node + np.arange(len(block))[None], block[None])
+        add(row + step * node + np.arange(len(mass_of_item))[None], mass_of_item[None])
     ij = (np.concatenate(i), np.concatenate(j))
     mass = coo_matrix((np.concatenate(c), ij), shape=(size, size)).tocsr()
     mass.eliminate_zeros()
     return mass, lumps
+
+
+def damping_factors(
+    structures: Sequence[Structure], dampings: Sequence[RayleighDamping]
+) -> tuple[dict[int, float], dict[int, float]]:
+    """Sums of alpha and of beta by ``id(item)``, of items that have any.
+
+    Raises
+    ------
+    InputError
+        If a damping of stiffness alone meets no beam.
+    """
+    alpha: dict[int, float] = {}
+    beta: dict[int, float] = {}
+    for damping in dampings:
+        items = structures if damping.items is None else damping.items
+        beams = [item for item in items if isinstance(item, Beam)]
+        if not beams and not damping.mass:
+            raise InputError(damping.label, "damps the stiffness of beams, and there are none")
+        for item in items if damping.mass else ():
+            alpha[id(item)] = alpha.get(id(item), 0.0) + damping.mass
+        for item in beams if damping.stiffness else ():
+            beta[id(item)] = beta.get(id(item), 0.0) + damping.stiffness
+    return alpha, beta

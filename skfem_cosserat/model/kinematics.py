@@ -273,7 +273,7 @@ class Kinematics:
 
     def rates(self, y: Array, twist: Array) -> Array:
         """``P_int(y) t``: rates of the rows of y that are unknowns."""
-        out = np.zeros((int(self.row[: len(self.twist_of)].max(initial=-1)) + 4, 3), twist.dtype)
+        out = np.zeros((len(self.row_twist), 3), dtype=np.result_type(y, twist))
         omega = twist[self.frame_twist[:, 3:]]
         out[self.frame_rows] = twist[self.frame_twist[:, :3]]
         out[self.director_rows] = cross(omega[:, None, :], self.directors(y))

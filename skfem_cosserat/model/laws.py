@@ -36,6 +36,10 @@ class Law(ABC):
     def force(self, e: Array, rate: Array) -> Array:
         """Force (..., c, m) against a larger stretch: tension is positive."""
 
+    def acts(self, e: Array) -> Array:
+        """Whether there is a force at stretch e, (..., c, m): a cable may be slack."""
+        return np.ones(e.shape, dtype=bool)
+
     @abstractmethod
     def discrete(self, e0: Array, e1: Array, h: float) -> tuple[Array, Array, Array]:
         """Force sigma (c, m), ``dsigma/de_1`` (c, m, m), and what is dissipated (c,).
@@ -103,6 +107,10 @@ class SlackLaw(Law):
     def force(self, e: Array, rate: Array) -> Array:
         """See the base class."""
         return np.where(e.real > 0, _positive(self.k * e + self.c * rate), 0.0)
+
+    def acts(self, e: Array) -> Array:
+        """See the base class."""
+        return np.asarray(e.real > 0)
 
     def discrete(self, e0: Array, e1: Array, h: float) -> tuple[Array, Array, Array]:
         """See the base class."""

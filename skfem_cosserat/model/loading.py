@@ -49,7 +49,8 @@ class Loading:
         self._first, self._mass, self._origins = first, mass, origins
         self._beam_groups, self._frame_group = beam_groups, frame_group
         self.times: list[TimeFunction] = []
-        self._labels: list[str] = []
+        #: whose times they are
+        self.owners: list[Load] = []
         dead: list[Floats] = []
         self._dead_times: list[int] = []
         #: (channel, group number or -1 for frames, element ids, (e, r, r) scalar blocks)
@@ -59,7 +60,7 @@ class Loading:
             for value, time in load.channels:
                 channel = len(self.times)
                 self.times.append(time)
-                self._labels.append(load.label)
+                self.owners.append(load)
                 if isinstance(load, LoadMoment):
                     v, _ = first[id(load.place.item)]
                     block = self._frame_block(v + load.place.vertex)
@@ -152,7 +153,7 @@ class Loading:
             try:
                 out[k] = number(time)
             except InputError as error:
-                raise InputError(self._labels[k], str(error)) from error
+                raise InputError(self.owners[k].label, str(error)) from error
         return out
 
     def dead_force(self, amplitudes: Floats) -> Floats:

@@ -8,6 +8,7 @@ from typing import TypeVar
 from ..beam import Beam
 from ..body import MassPoint, RigidBody
 from ..coupling import Coupling
+from ..damping import RayleighDamping
 from ..drive import JointDrive
 from ..errors import InputError
 from ..frames import Item
@@ -21,7 +22,7 @@ ItemT = TypeVar("ItemT", bound=Item)
 
 
 class Model:
-    """A scene of beams, bodies, mass points, joints, drives, loads and force elements.
+    """A scene of beams, bodies, mass points, joints, drives, loads, force elements and damping.
 
     Add items with names, then :meth:`freeze` to arrays. Numbering follows the order of adding.
 
@@ -46,7 +47,7 @@ class Model:
         ----------
         name : str
             Not empty and not in use.
-        item : Beam, RigidBody, MassPoint, a joint, a drive, a load or a force element
+        item : Beam, RigidBody, MassPoint, a joint, a drive, a load, a force element or a damping
 
         Raises
         ------
@@ -67,12 +68,13 @@ class Model:
                 "model", f"duplicate name {name!r}: it is already the {self._items[name].label}"
             )
         if not isinstance(
-            item, Beam | RigidBody | MassPoint | Joint | JointDrive | Load | Coupling
+            item,
+            Beam | RigidBody | MassPoint | Joint | JointDrive | Load | Coupling | RayleighDamping,
         ):
             raise InputError(
                 f"model, item {name!r}",
                 f"is {type(item).__name__}, expected a beam, body, mass point, joint, drive,"
-                " load or force element",
+                " load, force element or damping",
             )
         if item.name is not None:
             raise InputError(f"model, item {name!r}", f"is already in a model as {item.name!r}")
@@ -133,4 +135,5 @@ class Model:
             [i for i in items if isinstance(i, Load)],
             drives,
             [i for i in items if isinstance(i, Coupling)],
+            [i for i in items if isinstance(i, RayleighDamping)],
         )

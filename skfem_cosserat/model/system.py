@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from ..beam import Beam
-from ..body import MassPoint, RigidBody
 from ..coupling import Coupling
+from ..damping import RayleighDamping
 from ..drive import JointDrive
 from ..errors import InputError
 from ..frames import Place
@@ -35,8 +35,8 @@ from .checks import (
 from .closure import SINGULAR, Selected
 from .couplings import Couplings
 from .ground import Ground
-from .groups import BeamGroup, Group, mass_blocks
-from .inertia import assemble_mass
+from .groups import BeamGroup, Group, lump_group
+from .inertia import Structure, assemble_mass, damping_factors
 from .kinematics import Kinematics
 from .loading import Loading
 from .loops import almost_redundant, close_loops, closure_rows, redundancies, tree_values
@@ -44,8 +44,6 @@ from .quadratic import ConstraintBuilder, QuadraticConstraints
 from .tree import End, Spot, build_tree
 
 __all__ = ["JointRows", "System"]
-
-Structure = Beam | RigidBody | MassPoint
 
 
 class System:
@@ -68,6 +66,10 @@ class System:
         Reference configuration (m, -) and initial velocity (m/s, 1/s).
     mass : (n/3, n/3) sparse matrix
         Constant mass matrix (64), (114) without the factor I_3 (kg, kg m, kg m^2).
+    drag : (n/3, n/3) sparse matrix or None
+        Drag against space per velocity, likewise (kg/s, ...), of Rayleigh damping.
+    damped : bool
+        Whether there is a drag, or a viscous section: see ``beam_groups[k].damping(B)``.
     constraints : QuadraticConstraints
         ``g(y)`` and its Jacobian ``G(y)``, y from :meth:`extend`.
     length : float
@@ -92,13 +94,14 @@ class System:
         loads: Sequence[Load],
         drives: Sequence[JointDrive] = (),
         couplings: Sequence[Coupling] = (),
+        dampings: Sequence[RayleighDamping] = (),
     ) -> None:
         self.structures, self.joints, self.loads = list(structures), list(joints), list(loads)
         self.drives = list(drives)
         self._number()
         self._place_ground(couplings)
         self.mass, self.lumps = assemble_mass(self.structures, self.first, self.rows)
-        self._group()
+        self._group(dampings)
         self.loading = Loading(
             self.loads,
             self.first,
@@ -168,34 +171,29 @@ class System:
         """First row of y of a place's vertex."""
         return int(self.vertex_rows[self.spot(place).vertex])
 
-    def _group(self) -> None:
+    def _group(self, dampings: Sequence[RayleighDamping]) -> None:
+        alpha, beta = damping_factors(self.structures, dampings)
+        drag, drags = assemble_mass(self.structures, self.first, self.rows, alpha)
+        self.drag: csr_matrix | None = drag if alpha else None
         beams = [item for item in self.structures if isinstance(item, Beam)]
-        self.beam_groups = [
-            BeamGroup([(b, *self.first[id(b)]) for b in beams if b.basis.order == order])
-            for order in sorted({b.basis.order for b in beams})
-        ]
+        kinds: dict[object, list[tuple[Beam, int, int]]] = {}
+        for b in sorted(beams, key=lambda b: b.basis.order):
+            kinds.setdefault(b.basis.interpolation, []).append((b, *self.first[id(b)]))
+        self.beam_groups = [BeamGroup(members, alpha, beta) for members in kinds.values()]
+        self.damped = bool(alpha) or any(g.viscous for g in self.beam_groups)
         single = {v for v, _, framed in self.lumps if framed}
         places = [place for load in self.loads if (place := load.frame_place()) is not None]
         single |= {self.spot(place).vertex for place in places}
-        self.frame_group = self._single_group(sorted(single), 4)
         points = {v for v, _, framed in self.lumps if not framed}
-        self.point_group = self._single_group(sorted(points), 1)
+        self.frame_group, self.point_group = (
+            lump_group(sorted(each), size, self.origin_rows, self.lumps, drags)
+            for each, size in ((single, 4), (points, 1))
+        )
         self.groups: list[Group] = [
             *self.beam_groups,
             *([self.frame_group] if self.frame_group else []),
             *([self.point_group] if self.point_group else []),
         ]
-
-    def _single_group(self, vertices: list[int], size: int) -> Group | None:
-        if not vertices:
-            return None
-        scalar = np.zeros((len(vertices), size, size))
-        for v, block, _ in self.lumps:
-            if v in vertices and len(block) == size:
-                scalar[vertices.index(v)] += block
-        number = np.array(vertices, dtype=np.int64)
-        rows = self.origin_rows[number][:, None] + np.arange(size)
-        return Group(number[:, None], rows, mass_blocks(scalar), framed=size == 4)
 
     def _constrain(self) -> None:
         build = ConstraintBuilder()
@@ -281,7 +279,7 @@ class System:
 
         Examples
         --------
-        >>> from skfem_cosserat import Model
+        >>> from skfem_cosserat import Model, RigidBody
         >>> model = Model()
         >>> body = model.add("body", RigidBody.sphere(1.0, 1.0))
         >>> model.freeze().counts()
@@ -306,7 +304,7 @@ class System:
         --------
         A door on two hinges: the second one could go without.
 
-        >>> from skfem_cosserat import JointRevolute, Model, ground
+        >>> from skfem_cosserat import JointRevolute, Model, RigidBody, ground
         >>> model = Model()
         >>> door = model.add("door", RigidBody.box(20.0, (0.8, 0.04, 2.0), position=(0.4, 0, 1)))
         >>> for name, x in (("low", (0, 0, 0.3)), ("high", (0, 0, 1.7))):
@@ -328,7 +326,7 @@ class System:
 
         Examples
         --------
-        >>> from skfem_cosserat import Model
+        >>> from skfem_cosserat import Model, RigidBody
         >>> model = Model()
         >>> body = model.add("body", RigidBody.sphere(1.0, 1.0))
         >>> system = model.freeze()
@@ -373,7 +371,7 @@ class System:
 
         Examples
         --------
-        >>> from skfem_cosserat import Model
+        >>> from skfem_cosserat import Model, RigidBody
         >>> model = Model()
         >>> body = model.add("body", RigidBody.sphere(1.0, 1.0))
         >>> system = model.freeze()
@@ -413,7 +411,7 @@ class System:
 
         Examples
         --------
-        >>> from skfem_cosserat import Model
+        >>> from skfem_cosserat import MassPoint, Model
         >>> model = Model()
         >>> ball = model.add("ball", MassPoint(1.0, position=(1, 2, 3)))
         >>> system = model.freeze()
@@ -435,7 +433,7 @@ class System:
 
         Examples
         --------
-        >>> from skfem_cosserat import Model
+        >>> from skfem_cosserat import MassPoint, Model, RigidBody
         >>> model = Model()
         >>> body = model.add("body", RigidBody.sphere(1.0, 1.0))
         >>> ball = model.add("ball", MassPoint(1.0, position=(1, 2, 3)))

@@ -21,7 +21,14 @@ from ..model import System
 from ..types import Floats, IndexArray
 from ..version import VERSION
 
-__all__ = ["derive_series", "describe", "fingerprint", "other_model", "recorded_turns"]
+__all__ = [
+    "derive_configuration",
+    "derive_series",
+    "describe",
+    "fingerprint",
+    "other_model",
+    "recorded_turns",
+]
 
 
 def fingerprint(system: System) -> dict[str, Any]:
@@ -32,6 +39,7 @@ def fingerprint(system: System) -> dict[str, Any]:
         "reference": system.q0,
         "mass": system.mass.tocoo().data,
         "stiffness": np.concatenate([*stiffness, np.zeros(0)]),
+        "gauss": np.concatenate([*(g.elements.points for g in system.beam_groups), np.zeros(0)]),
         "constraints": system.constraints.jacobian_values(y),
     }
     # weights without a pattern, so that nothing cancels or trades places
@@ -140,6 +148,7 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     static[key + "part"] = part
     static[key + "section"] = beam.section_id
     static[key + "gauss"] = beam.elements.points
+    static[key + "nodes"] = beam.basis.interpolation.nodes
     for k, section in enumerate(beam.sections.values()):
         if section.outline is not None:
             static[key + f"outline/{k}"] = section.outline
@@ -157,9 +166,9 @@ def derive_series(system: System, history: History) -> None:
     Adds ``v, Qp`` (projected on the hidden constraints), ``kinetic, strain_energy, external,
     coupling_energy, energy`` (kinetic + strain + coupling at (q, p)), ``energy_projected``,
     ``energy_balance``, ``linear_momentum``, ``angular_momentum``, ``constraint_violation``, for
-    each beam ``strain`` and ``resultant``, for each joint ``position``, ``force`` and ``moment``,
-    its relative coordinates and their rates, for each spring, damper, cable and bushing
-    ``coordinate`` and ``force``.
+    each beam ``strain`` and ``resultant`` (at v, with the viscous part), for each joint
+    ``position``, ``force`` and ``moment``, its relative coordinates and their rates, for each
+    spring, damper, cable and bushing ``coordinate`` and ``force``.
 
     ``energy_balance`` is ``energy - work_loads - work_actuators - work_drives + dissipated`` less
     its first value: zero up to the solver's tolerance with energy-momentum, where all terms
@@ -185,17 +194,34 @@ def derive_series(system: System, history: History) -> None:
         "linear_momentum": diagnostics.linear_momentum(system, p),
         "angular_momentum": diagnostics.angular_momentum(system, q, p),
         "angular_momentum_projected": diagnostics.angular_momentum(system, q, projected),
-        "constraint_violation": diagnostics.constraint_violation(system, q, t),
         "hidden_violation": diagnostics.hidden_violation(system, q, v, t),
     }
-    series |= relative_series(system, q, v, t, turns)
     if "work_loads" in history:
         work = sum(history[name] for name in ("work_loads", "work_actuators", "work_drives"))
         balance = series["energy"] - work + history["dissipated"]
         series["energy_balance"] = balance - balance[:1]
+    for name, values in series.items():
+        history.add_series(name, values)
+    derive_configuration(system, history, t)
+
+
+def derive_configuration(system: System, history: History, t: Floats) -> None:
+    """Add what follows from the configurations, the constraint forces and the velocities "v".
+
+    Parameters
+    ----------
+    t : (N,) array
+        Times of the prescribed motion.
+    """
+    q, v = history["q"], history["v"]
+    turns = history.series.get("turns")
+    series: dict[str, Floats] = {
+        "constraint_violation": diagnostics.constraint_violation(system, q, t)
+    }
+    series |= relative_series(system, q, v, t, turns)
     for beam in (s for s in system.structures if isinstance(s, Beam)):
         series[f"beam/{beam.name}/strain"] = diagnostics.section_strains(system, beam, q)
-        series[f"beam/{beam.name}/resultant"] = diagnostics.section_forces(system, beam, q)
+        series[f"beam/{beam.name}/resultant"] = diagnostics.section_forces(system, beam, q, v)
     y = diagnostics.constraint_points(system, history)
     lam = diagnostics.multipliers(system, y, history["constraint_force"])
     series["multipliers"] = lam

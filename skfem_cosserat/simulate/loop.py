@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 
@@ -21,6 +19,7 @@ from ..model import System
 from ..newton import NewtonSettings
 from ..types import positive
 from .describe import derive_series
+from .interrupt import Interrupt
 from .recorder import Recorder
 from .start import checked_start, initial_state
 
@@ -151,7 +150,7 @@ def simulate(
     show = _progress(progress, until, state.time + count * stepper.h)
     recorder = Recorder(system, stepper, state, count, every, at, path)
     _warn_if_unresolved(stepper)
-    with recorder, _Interrupt() as interrupt:
+    with recorder, Interrupt() as interrupt:
         status, failure = _run(stepper, state, count, recorder, callbacks, show, interrupt)
         history = recorder.close(status, failure)
         if failure is not None:
@@ -172,7 +171,7 @@ def _run(
     recorder: Recorder,
     callbacks: Sequence[Callback],
     show: Callable[[float], object],
-    interrupt: _Interrupt,
+    interrupt: Interrupt,
 ) -> tuple[str, Diverged | None]:
     """The loop itself; gives the status it ended with."""
     origin, status = state.time, "completed"
@@ -225,30 +224,6 @@ def _derive(system: System, history: History, path: str | os.PathLike[str] | Non
         logger.warning("interrupted: energies and reactions are missing, see derive_series")
     if path is not None:
         history.save(path)
-
-
-class _Interrupt:
-    """Ctrl-C ends a run after the step that is being solved; a second one ends it at once."""
-
-    def __init__(self) -> None:
-        self.asked = False
-        self._main = threading.current_thread() is threading.main_thread()
-
-    def __enter__(self) -> _Interrupt:
-        if self._main:
-            self._before = signal.getsignal(signal.SIGINT)
-            signal.signal(signal.SIGINT, self._ask)
-        return self
-
-    def _ask(self, number: int, frame: object) -> None:
-        if self.asked:
-            raise KeyboardInterrupt
-        self.asked = True
-        logger.warning("interrupted: the run ends after this step, its history is kept")
-
-    def __exit__(self, *exception: object) -> None:
-        if self._main:
-            signal.signal(signal.SIGINT, self._before)
 
 
 def _check_run(

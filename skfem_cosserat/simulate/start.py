@@ -259,11 +259,12 @@ def restart(system: System, history: History, integrator: Integrator, step: floa
     if len(history) == 0:
         raise HistoryError("history", "has no state to go on from")
     row = history.last()
-    y = system.extend(np.array(row["q"]), float(row["t"]))
+    y = system.extend(np.array(row["q"]), float(row.get("load_factor", row["t"])))
     wrong = broken_constraint(system, y, 1e-6)
     if wrong:
         raise HistoryError("history", f"belongs to another model: its last state {wrong}")
-    t, index = float(row["t"]), int(row["step"])
+    # the end of a path of static(): loads and motions go on from its load factor
+    t, index = float(row.get("load_factor", row["t"])), int(row["step"])
     q = np.array(row["q"])
     same = history.meta["integrator"] == integrator.name and np.isclose(
         history.meta["step"], step, rtol=1e-12, atol=0

@@ -1,0 +1,146 @@
+"""Checks of the reference of a beam: what its elements can follow of the line they lie on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..element import Interpolation, shape_derivatives, shape_functions
+from ..errors import MeshError
+from ..log import logger
+from ..types import Floats, IndexArray
+
+if TYPE_CHECKING:  # pragma: no cover - for annotations only
+    from .mesh import MeshCurve
+
+__all__ = ["check_bends", "gives_way", "turns"]
+
+#: Neighbouring nodes of an element whose triads differ by this angle are refused: of a linear
+#: element nothing is left of its stiffness there.
+LARGEST = np.pi / 2
+#: Places in an element at which its line is looked at, for each order.
+PLACES = 8
+_NAMES = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic"}
+
+
+def turns(before: Floats, after: Floats) -> Floats:
+    """Angles (...) in rad of the rotations between triads (..., 3, 3), 0 to pi.
+
+    Exact also at small angles: ``|A - B|^2 = 8 sin^2(t/2)``.
+    """
+    chord = np.sqrt(((after - before) ** 2).sum(axis=(-2, -1)) / 8)
+    return np.asarray(2 * np.arcsin(np.clip(chord, 0, 1)))
+
+
+def _twists(before: Floats, after: Floats) -> Floats:
+    """Angles (...) of their part about d3, on top of the smallest rotation between the two d3."""
+    R = after @ np.swapaxes(before, -1, -2)
+    return np.asarray(np.arctan2(R[..., 1, 0] - R[..., 0, 1], R[..., 0, 0] + R[..., 1, 1]))
+
+
+def gives_way(kind: Interpolation, angle: Floats) -> str:
+    """End of a message about elements that turn by the angles (k,) in rad: the largest, the limit.
+
+    See :attr:`skfem_cosserat.element.Interpolation.turn_limit`.
+    """
+    limit = np.degrees(kind.turn_limit)
+    others = int((angle > kind.turn_limit).sum()) - 1
+    more = f" (and {others} more)" if others else ""
+    return (
+        f"{np.degrees(angle.max()):.3g} degrees{more}, beyond the {limit:.3g} that a"
+        f" {_NAMES[kind.order]} element can be bent by: refine"
+    )
+
+
+def check_bends(
+    mesh: MeshCurve, kind: Interpolation, nodes: IndexArray, triads: Floats, item: str
+) -> None:
+    """Directors that flip, lines that fold back and elements that turn too far.
+
+    Parameters
+    ----------
+    mesh : MeshCurve
+    kind : Interpolation
+    nodes : (ne, p + 1) int array
+        Nodes of each element.
+    triads : (ne, p + 1, 3, 3) array
+        Section triads there.
+    item : str
+        Name of the beam in messages.
+
+    Raises
+    ------
+    MeshError
+        If neighbouring nodes of an element differ by 90 degrees or more, or its line turns
+        against its sections inside.
+
+    Notes
+    -----
+    An element that turns by more than :attr:`Interpolation.turn_limit` between its ends, and
+    triads that flip about the tangent at a corner, are reported by a warning.
+    """
+    angle = turns(triads[:, :-1], triads[:, 1:])
+    if angle.max() >= LARGEST - 1e-9:
+        e, a = (int(i) for i in np.unravel_index(int(angle.argmax()), angle.shape))
+        twist = abs(float(_twists(triads[e, a], triads[e, a + 1])))
+        where = f"between the nodes {nodes[e, a]} and {nodes[e, a + 1]} of element {e}"
+        if twist > angle[e, a] / 2:
+            raise MeshError(
+                item,
+                f"section triads turn by {np.degrees(twist):.3g} degrees about the tangent"
+                f" {where}, expected less than 90: the given director is almost parallel to the"
+                " line there, or the twist too fast for the mesh; change them or refine",
+            )
+        raise MeshError(
+            item,
+            f"the line turns by {np.degrees(angle[e, a]):.3g} degrees {where}, expected less than"
+            " 90: refine",
+        )
+    _check_folds(mesh, kind, nodes, triads, item)
+    total = angle.sum(axis=1)
+    if total.max() > kind.turn_limit + 1e-9:
+        e = int(total.argmax())
+        logger.warning(
+            "%s: element %d turns between its ends, the nodes %d and %d, by %s",
+            item, e, nodes[e, 0], nodes[e, -1], gives_way(kind, total),
+        )  # fmt: skip
+    _report_flips(mesh, nodes, triads, item)
+
+
+def _check_folds(
+    mesh: MeshCurve, kind: Interpolation, nodes: IndexArray, triads: Floats, item: str
+) -> None:
+    """The line, and the interpolated one, run along the interpolated d3 everywhere."""
+    xi = np.linspace(0.0, 1.0, PLACES * kind.order + 1)
+    N, dN = shape_functions(kind, xi), shape_derivatives(kind, xi)
+    places = np.moveaxis(mesh.mapping().F(kind.nodes[None]), 0, -1)
+    exact = np.moveaxis(mesh.mapping().tangent(xi[None]), 0, -1)
+    slope = np.einsum("ag,eac->egc", dN, places)
+    d3 = np.einsum("ag,eac->egc", N, triads[:, :, 2])
+    cosine = np.minimum((exact * d3).sum(-1), (slope * d3).sum(-1))
+    if cosine.min() <= 0:
+        e, g = (int(i) for i in np.unravel_index(int(cosine.argmin()), cosine.shape))
+        raise MeshError(
+            item,
+            f"the line folds back inside element {e}, between the nodes {nodes[e, 0]} and"
+            f" {nodes[e, -1]}: {xi[g] * mesh.lengths[e]:.3g} m from its start it runs against the"
+            " tangents interpolated between its nodes; refine",
+        )
+
+
+def _report_flips(mesh: MeshCurve, nodes: IndexArray, triads: Floats, item: str) -> None:
+    """Warn of a first director that turns by more than 90 degrees about the line at a corner."""
+    for chain in mesh.chains:
+        e, f = chain.elements, np.roll(chain.elements, -1)
+        if not chain.closed:
+            e, f = e[:-1], f[:-1]
+        twist = abs(_twists(triads[e, -1], triads[f, 0]))
+        if twist.max(initial=0.0) > LARGEST + 1e-9:
+            k = int(twist.argmax())
+            logger.warning(
+                "%s: section triads turn by %.3g degrees about the line at node %d, between the"
+                " elements %d and %d: forces and moments change their signs there; give another"
+                " director",
+                item, np.degrees(twist[k]), nodes[e[k], -1], e[k], f[k],
+            )  # fmt: skip

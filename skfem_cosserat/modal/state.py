@@ -1,0 +1,262 @@
+"""The state about which a scene vibrates: what a user may give for it, and that it is at rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from ..diagnostics.tangent import ReducedTangent, reduced_tangent
+from ..errors import IncompatibleError, InputError
+from ..history import History
+from ..integrators import State
+from ..linear import SingularMatrixError
+from ..model import Model, System
+from ..model.balance import Amplitudes, Spin, amplitudes_at, balance
+from ..simulate.describe import other_model
+from ..statics.schedule import Schedule
+from ..types import Array, ArrayLike, Floats, IndexArray
+
+__all__ = ["Equilibrium", "StateLike", "as_system", "equilibrium"]
+
+#: what may be given as a state
+StateLike: TypeAlias = ArrayLike | State | History | tuple[History, int]
+
+#: violation of constraints, relative to their terms, above which a configuration is refused
+CLOSED = 1e-8
+#: rounding of strains of order one, against which forces count as zero
+ROUNDING = 1e-13
+
+
+@dataclass(eq=False)
+class Equilibrium:
+    """A state of rest, seen from space or from a turning frame.
+
+    Attributes
+    ----------
+    system : System
+    y : (total, 3) array
+    t : float
+        Time, or load factor of a path: where prescribed motion stands.
+    amplitudes : Amplitudes
+    tangent : ReducedTangent
+    error : float
+        Largest entry of ``P^T R`` against the square root of the metric's diagonal: what is
+        missing in the balance, as a moment (N m).
+    """
+
+    system: System
+    y: Floats
+    t: float
+    amplitudes: Amplitudes
+    tangent: ReducedTangent
+    error: float
+
+
+def as_system(model: Model | System) -> System:
+    """The frozen scene.
+
+    Raises
+    ------
+    InputError
+        If it is neither a model nor a system, or nothing can move.
+    """
+    if isinstance(model, Model):
+        model = model.freeze()
+    if not isinstance(model, System):
+        raise InputError("argument model", f"{type(model).__name__}, expected a Model or a System")
+    if not model.unknowns:
+        raise InputError("model", "nothing can move: 0 unknowns, there are no modes")
+    return model
+
+
+def equilibrium(
+    system: System,
+    state: StateLike | None,
+    t: float | None,
+    amplitudes: Amplitudes | None,
+    spin: Spin | None,
+    tolerance: float,
+) -> Equilibrium:
+    """Read a state and check that it is one of rest.
+
+    Raises
+    ------
+    InputError
+        If the state does not fit the system, violates its constraints, or is no equilibrium.
+    IncompatibleError
+        For a spin with drag against space.
+    """
+    q, turns, time, found = _read(system, state, t)
+    if amplitudes is None:
+        amplitudes = found
+    _check_amplitudes(system, amplitudes)
+    if spin is not None:
+        if not isinstance(spin, Spin):
+            raise InputError("argument spin", f"{type(spin).__name__}, expected a Spin")
+        amplitudes = replace(amplitudes, spin=spin)
+    if amplitudes.spin is not None and system.drag is not None:
+        raise IncompatibleError(
+            "argument spin",
+            "damping in proportion to mass is a drag against space: nothing turns steadily in it",
+        )
+    y = system.extend(q, time)
+    _check_constraints(system, y)
+    at = balance(system, y, amplitudes, turns=turns)
+    try:
+        tangent = reduced_tangent(system, y, amplitudes, at)
+    except SingularMatrixError as error:
+        raise InputError(
+            "argument state",
+            "singular position: constraints that are independent elsewhere"
+            " depend on each other here, and no linear vibration exists",
+        ) from error
+    return Equilibrium(
+        system, y, time, amplitudes, tangent, _check_rest(system, tangent, tolerance)
+    )
+
+
+def _read(
+    system: System, state: StateLike | None, t: float | None
+) -> tuple[Floats, IndexArray | None, float, Amplitudes]:
+    """Configuration, full turns of angles, time, loads."""
+    if t is not None and not (np.isscalar(t) and np.isfinite(t)):
+        raise InputError("argument t", f"{t!r}, expected a finite time (s)")
+    if state is None:
+        loads = _unloaded(system) if t is None else amplitudes_at(system, t)
+        return system.q0, None, 0.0 if t is None else t, loads
+    if isinstance(state, History):
+        state = (state, -1)
+    if isinstance(state, tuple) and len(state) == 2 and isinstance(state[0], History):
+        return _from_history(system, state[0], state[1], t)
+    if isinstance(state, State):
+        time = state.time if t is None else t
+        q, turns = np.asarray(state.q, dtype=float), state.turns
+    else:
+        time, turns = 0.0 if t is None else t, None
+        try:
+            q = np.array(state, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                "argument state",
+                f"{type(state).__name__}, expected None, an array, a State, a History or"
+                " (History, index)",
+            ) from error
+    if q.shape != (system.n,):
+        raise InputError("argument state", f"has shape {q.shape}, expected ({system.n},)")
+    if not np.isfinite(q).all():
+        first = int(np.flatnonzero(~np.isfinite(q))[0])
+        raise InputError("argument state", f"entry {first} is {q[first]}, expected finite numbers")
+    return q, turns, time, amplitudes_at(system, time)
+
+
+def _from_history(
+    system: System, history: History, index: int, t: float | None
+) -> tuple[Floats, IndexArray | None, float, Amplitudes]:
+    difference = other_model(system, history.meta.get("fingerprint", {}))
+    if difference is not None:
+        raise InputError("argument state", f"the history is of another model: {difference}")
+    if not isinstance(index, int | np.integer) or isinstance(index, bool):
+        raise InputError("argument state", f"index {index!r} of the history, expected an integer")
+    row = history.row(int(index))
+    turns = None
+    if system.couplings.angles and "turns" in row:
+        known = dict(zip(history.meta.get("turns", []), row["turns"], strict=True))
+        angles = system.couplings.angles
+        turns = np.array([known.get(item.name, 0) for item in angles], dtype=np.int64)
+    if "load_factor" in row:  # a static path
+        time = float(row["load_factor"]) if t is None else t
+        return row["q"], turns, time, Schedule(system).at(time)
+    time = float(row["t"]) if t is None else t
+    return row["q"], turns, time, amplitudes_at(system, time)
+
+
+def _unloaded(system: System) -> Amplitudes:
+    return Amplitudes(
+        np.zeros(len(system.loading.times)), np.zeros(len(system.couplings.times) + 1)
+    )
+
+
+def _check_amplitudes(system: System, amplitudes: Amplitudes) -> None:
+    if not isinstance(amplitudes, Amplitudes):
+        kind = type(amplitudes).__name__
+        raise InputError("argument amplitudes", f"{kind}, expected Amplitudes of all loads")
+    wanted = _unloaded(system)
+    for name in ("loads", "actuators"):
+        shape, own = np.shape(getattr(amplitudes, name)), getattr(wanted, name).shape
+        if shape != own:
+            raise InputError("argument amplitudes", f"{name} have shape {shape}, expected {own}")
+        if not np.isfinite(getattr(amplitudes, name)).all():
+            raise InputError("argument amplitudes", f"{name} are not finite numbers")
+
+
+def _check_constraints(system: System, y: Floats) -> None:
+    if not system.m:
+        return
+    constraints = system.constraints
+    miss = abs(constraints.values(y)) / np.maximum(constraints.magnitudes(y), 1e-300)
+    worst = int(np.argmax(miss))
+    if miss[worst] > CLOSED:
+        name = "the triad of a node or body"
+        for jr in system.joint_rows:
+            if jr.rows.start <= worst < jr.rows.stop:
+                name = f"the {jr.joint.label}"
+        raise InputError(
+            "argument state",
+            f"violates constraint row {worst}, of {name}, by {miss[worst]:.1e} of its terms"
+            f" (at most {CLOSED:g})",
+        )
+
+
+def _check_rest(system: System, tangent: ReducedTangent, tolerance: float) -> float:
+    """Largest entry of the reduced balance, as a moment; refused if it is not small."""
+    root = np.sqrt(tangent.metric.diagonal())
+    residual = abs(tangent.residual) / root
+    forces, rounding = _sizes(system, tangent)
+    size = float((abs(tangent.P).T @ forces.ravel() / root).max(initial=0.0))
+    floor = float((abs(tangent.P).T @ rounding.ravel() / root).max(initial=0.0))
+    error = float(residual.max(initial=0.0))
+    if error > tolerance * size + floor:
+        raise InputError(
+            "argument state",
+            f"is not in equilibrium: {_where(system, tangent)}; relative to all forces"
+            f" {error / size:.1e}, expected at most {tolerance:g}. Find the equilibrium first, by"
+            " static(...), and give the loads under which it is one",
+        )
+    return error
+
+
+def _sizes(system: System, tangent: ReducedTangent) -> tuple[Array, Array]:
+    """Forces on the rows (rows, 3) that balance each other, and what rounding makes of them."""
+    at = tangent.balance
+    forces, rounding = abs(at.external), np.zeros_like(at.external)
+    for group, B, stress in zip(system.beam_groups, at.Bs, at.stresses, strict=True):
+        elements = group.elements
+        weights = np.broadcast_to(elements.measure, stress.shape)
+        size = abs(elements.stiffness).sum(2)[:, None, :] * weights
+        for out, value in ((forces, abs(stress) * weights), (rounding, ROUNDING * size)):
+            nodal = value.reshape(len(B), 1, -1) @ abs(B)
+            np.add.at(out, group.rows, nodal.reshape(*group.rows.shape, 3))
+    if at.coupled is not None:
+        forces = forces + abs(at.coupled.force[: system.rows])
+    return forces, rounding
+
+
+def _where(system: System, tangent: ReducedTangent) -> str:
+    """The vertex with the largest force that nothing balances."""
+    G = system.constraints.jacobian(tangent.balance.y) if system.m else None
+    left = np.array(tangent.balance.R)
+    if G is not None:
+        left += (G.T @ tangent.multipliers).reshape(-1, 3)
+    size = np.linalg.norm(left, axis=1)
+    size[system.origin_rows] *= system.length
+    row = int(np.argmax(size))
+    vertex = int(np.searchsorted(system.origin_rows, row, side="right")) - 1
+    place = np.round(tangent.balance.y[system.origin_rows[vertex]], 6).tolist()
+    turning = row != system.origin_rows[vertex]
+    value, unit = np.linalg.norm(left[row]), "N m" if turning else "N"
+    return (
+        f"{value:.3g} {unit} are left over on the {system.owner[vertex].label}, at its vertex at"
+        f" {place}"
+    )

@@ -1,0 +1,18 @@
+"""Equilibria: load paths, limit and bifurcation points, branches."""
+
+from .branch import Branch, branch, equilibrium
+from .control import ArcLength, Control, DisplacementControl, LoadControl
+from .equilibrium import Point
+from .path import static
+
+__all__ = [
+    "ArcLength",
+    "Branch",
+    "Control",
+    "DisplacementControl",
+    "LoadControl",
+    "Point",
+    "branch",
+    "equilibrium",
+    "static",
+]

@@ -1,0 +1,225 @@
+"""What is checked before a path starts, and the rotations that limit its steps."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import null_space, qr
+from scipy.sparse import coo_matrix, csr_matrix, vstack
+from scipy.sparse.csgraph import connected_components
+
+from ..constraints import Treatment
+from ..diagnostics.rowspace import RowSpace
+from ..diagnostics.tangent import blocks_matrix, curvature_matrix
+from ..errors import InputError
+from ..model import System
+from ..model.balance import balance, balance_tangent
+from ..newton import NewtonSettings
+from ..types import Floats, IndexArray
+from .control import Control
+from .equilibrium import Point
+from .schedule import Schedule
+
+__all__ = ["check_free_motions", "check_run", "prescribed_turn", "rotation", "show_line"]
+
+#: rigid pieces above which free motions are not sought: the search is dense
+PIECES = 400
+#: singular value, relative to the largest, below which a motion counts as free
+FREE = 1e-9
+#: instants at which prescribed rotation is looked at within a step
+SAMPLES = 16
+
+
+def check_run(
+    system: object,
+    treatment: object,
+    control: object,
+    settings: object,
+    callbacks: object,
+    start: object,
+) -> None:
+    """Kinds of the arguments of :func:`static`."""
+    kinds = {
+        "model": (system, System),
+        "treatment": (treatment, Treatment),
+        "control": (control, Control),
+        "settings": (settings, NewtonSettings),
+    }
+    for name, (value, kind) in kinds.items():
+        if not isinstance(value, kind):
+            raise InputError(
+                f"argument {name}", f"{value!r}, expected an object of type {kind.__name__}"
+            )
+    if not isinstance(callbacks, Sequence) or not all(callable(c) for c in callbacks):
+        raise InputError("argument callbacks", f"{callbacks!r}, expected a list of functions")
+
+
+def rotation(system: System, before: Floats, after: Floats) -> float:
+    """Largest rotation (rad) of a frame between two configurations."""
+    kin = system.kinematics
+    if not len(kin.frames):
+        return 0.0
+    trace = (kin.directors(before) * kin.directors(after)).sum((1, 2))
+    return float(np.arccos(np.clip((trace.min() - 1) / 2, -1, 1)))
+
+
+def prescribed_turn(system: System, t0: float, t1: float) -> float:
+    """Rotation (rad) of the ground's frames and of driven angles between two load factors."""
+    count = len(system.ground(t0)) // 4
+    drives = [
+        system.spot(d.place).vertex - len(system.origin_rows)
+        for d in system.drives
+        if d.coordinate.kind == "angle"
+    ]
+    total = np.zeros(count)
+    before = system.ground(t0).reshape(count, 4, 3)
+    for t in np.linspace(t0, t1, SAMPLES + 1)[1:]:
+        now = system.ground(float(t)).reshape(count, 4, 3)
+        trace = (before[:, 1:] * now[:, 1:]).sum((1, 2))
+        total += np.arccos(np.clip((trace - 1) / 2, -1, 1))
+        # a drive's frame holds (cos, sin, value)
+        a, b = before[drives, 0, :2], now[drives, 0, :2]
+        total[drives] += abs(np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(1)))
+        before = now
+    return float(total.max())
+
+
+# -- motions that nothing holds --------------------------------------------------------------------
+
+
+def check_free_motions(system: System, schedule: Schedule, point: Point) -> None:
+    """Raise InputError for a motion that strains nothing and that no stress holds in place.
+
+    What strains nothing moves every beam and body as a rigid piece, so that few unknowns decide.
+    """
+    label, names = _pieces(system)
+    if len(names) > PIECES:
+        return
+    E, centres = _rigid_motions(system, point.y, label, len(names))
+    N = _unheld(system, point.y, E)
+    if not N.shape[1]:
+        return
+    motions = E @ N
+    amplitudes = schedule.at(point.t)
+    at = balance(system, point.y, amplitudes, turns=point.turns)
+    A = blocks_matrix(system, balance_tangent(system, at, amplitudes))
+    if system.m:
+        multipliers = RowSpace(system, point.y).multipliers(-at.R.ravel())
+        A = A + curvature_matrix(system, point.y, multipliers)
+    stiffness = motions.T @ (A @ motions)
+    scale = float(abs(A.data).max(initial=0.0)) * float((motions**2).max())
+    values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
+    free = abs(values) <= 1e-12 * max(scale, 1e-300)
+    if not free.any():
+        return
+    N = _echelon(N @ vectors[:, free])
+    later = schedule.at(point.t + 1.0)
+    force = system.loading.dead_force(later.loads)
+    if not system.loading.dead_only:
+        force = force + system.loading.force(point.y[: system.rows], later.loads)
+    works = abs((E @ N).T @ force.ravel())
+    k = int(works.argmax())
+    worked = works[k] > 1e-9 * np.linalg.norm(force) * np.linalg.norm(E @ N[:, k])
+    text = _described(N[:, k], names, centres)
+    raise InputError(
+        "static",
+        f"{text} is free, {N.shape[1]} such motion(s) in all"
+        + (", and the loads do work on it" if worked else "")
+        + ": hold it with joints or springs, or start from a state whose stresses do",
+    )
+
+
+def _pieces(system: System) -> tuple[IndexArray, list[str]]:
+    """Number of each vertex's rigid piece, and names of the pieces."""
+    count = len(system.origin_rows)
+    i, j = [], []
+    for group in system.beam_groups:
+        i.append(np.repeat(group.vertices[:, 0], group.vertices.shape[1]))
+        j.append(group.vertices.ravel())
+    none = np.zeros(0, dtype=np.int64)
+    a, b = np.concatenate([none, *i]), np.concatenate([none, *j])
+    graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
+    number, label = connected_components(graph, directed=False)
+    first = [int(np.flatnonzero(label == k)[0]) for k in range(number)]
+    return label, [system.owner[v].label for v in first]
+
+
+def _rigid_motions(
+    system: System, y: Floats, label: IndexArray, count: int
+) -> tuple[csr_matrix, Floats]:
+    """Rates (n, 6 pieces) of unit translations (scene's length) and rotations about centroids."""
+    kin = system.kinematics
+    x = y[system.origin_rows]
+    centres = np.array([x[label == k].mean(0) for k in range(count)])
+    rows, cols, values = [], [], []
+
+    def add(row: IndexArray, piece: IndexArray, motion: int, rate: Floats) -> None:
+        rows.append((3 * row[:, None] + np.arange(3)).ravel())
+        cols.append(np.repeat(6 * piece + motion, 3))
+        values.append(rate.ravel())
+
+    frame = label[kin.frames]
+    for k in range(3):
+        e = np.eye(3)[k]
+        add(system.origin_rows, label, k, np.broadcast_to(system.length * e, x.shape))
+        add(system.origin_rows, label, 3 + k, np.cross(e, x - centres[label]))
+        for i in range(3):
+            add(kin.director_rows[:, i], frame, 3 + k, np.cross(e, y[kin.director_rows[:, i]]))
+    shape = (system.n, 6 * count)
+    ij = np.concatenate(rows), np.concatenate(cols)
+    return coo_matrix((np.concatenate(values), ij), shape=shape).tocsr(), centres
+
+
+def _unheld(system: System, y: Floats, E: csr_matrix) -> Floats:
+    """Combinations (6 pieces, k) of the rigid motions that joints and springs leave free."""
+    held = system.constraints.jacobian(y)[system.internal :] @ E
+    parts = [csr_matrix(held)]
+    if system.couplings.count:
+        blocks = system.mass_tangent(0.0)
+        springs = blocks_matrix(system, [*blocks, system.couplings.stiffness(y)])
+        parts.append(csr_matrix(springs @ E))
+    matrix = vstack(parts).toarray()
+    size = np.linalg.norm(matrix, axis=1)
+    matrix = matrix[size > 1e-12 * size.max(initial=1e-300)]
+    matrix /= np.linalg.norm(matrix, axis=1)[:, None]
+    # a mass point has no rotations
+    there = np.flatnonzero(np.asarray(abs(E).sum(0)).ravel() > 1e-12 * system.length)
+    out = np.zeros((E.shape[1], 0))
+    if len(there):
+        local = null_space(matrix[:, there], rcond=FREE) if len(matrix) else np.eye(len(there))
+        out = np.zeros((E.shape[1], local.shape[1]))
+        out[there] = local
+    return out
+
+
+def _echelon(N: Floats) -> Floats:
+    """The same motions, as few pieces and components in each as possible."""
+    _, _, order = qr(N.T, pivoting=True, mode="economic")
+    chosen = order[: N.shape[1]]
+    out = np.linalg.solve(N[chosen].T, N.T).T
+    return np.where(abs(out) < 1e-9, 0.0, out)
+
+
+def _described(motion: Floats, names: list[str], centres: Floats) -> str:
+    """A motion in words."""
+    twists = motion.reshape(-1, 6)
+    moving = np.flatnonzero(np.linalg.norm(twists, axis=1) > 1e-9)
+    k = int(moving[np.linalg.norm(twists[moving], axis=1).argmax()])
+    v, w = twists[k, :3], twists[k, 3:]
+    who = " and ".join(names[i] for i in moving[:3]) + (" and others" if len(moving) > 3 else "")
+    turn = np.linalg.norm(w)
+    if turn < 1e-9 * max(np.linalg.norm(v), 1.0):
+        return f"translation of {who} along {_triple(v / np.linalg.norm(v))}"
+    return f"rotation of {who}: {names[k]} about {_triple(w / turn)} near {_triple(centres[k])}"
+
+
+def _triple(v: Floats) -> str:
+    return "(" + ", ".join(f"{x + 0.0:.3g}" for x in np.where(abs(v) < 1e-9, 0.0, v)) + ")"
+
+
+def show_line(parameter: float, factor: float) -> None:
+    """Keep one line on stderr up to date."""
+    sys.stderr.write(f"\rload factor {factor:.6g} (parameter {parameter:.6g})\x1b[K")
+    sys.stderr.flush()

@@ -1,0 +1,395 @@
+"""How a path is followed: by the load factor, by a displacement, or by its arc length."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..errors import InputError
+from ..frames import Place, vector
+from ..model import System
+from ..types import Floats, VectorLike, numbers, positive
+from .equilibrium import Functional, Point
+
+__all__ = ["ArcLength", "Control", "DisplacementControl", "LoadControl", "Stage", "weights"]
+
+#: iterations at which the step is kept; it grows below and shrinks above
+WANTED = 5
+
+
+def weights(system: System) -> Floats:
+    """Weights (rows, 1) that make the square of a motion free of units, a mean over all nodes.
+
+    ``1/length^2`` for positions and 1/2 for directors: a turn by a small angle counts as the angle.
+    """
+    out = np.full((system.rows, 1), 0.5)
+    out[system.origin_rows] = 1 / system.length**2
+    return np.asarray(out / len(system.origin_rows))
+
+
+class Stage(ABC):
+    """A control at work: where on the path it is, and what fixes the next point.
+
+    Attributes
+    ----------
+    parameter : float
+        Path parameter of the last point accepted.
+    length : float
+        Next step of it that is planned.
+    shortest : float
+        A step below which the path counts as ended.
+    """
+
+    parameter: float
+    length: float
+    shortest: float
+    _stops: list[float]
+
+    @abstractmethod
+    def functional(self, point: Point, length: float) -> Functional:
+        """What fixes the next point, a step `length` of the parameter further."""
+
+    def trial(self) -> float:
+        """The planned step, shortened to the next point that is asked for."""
+        if not self._stops:
+            return self.length
+        left = self._stops[0] - self.parameter
+        if abs(left) <= abs(self.length) * (1 + 1e-9):
+            return left
+        # two equal steps rather than a long and a tiny one
+        return left / 2 if abs(left) < 2 * abs(self.length) else self.length
+
+    def accept(self, before: Point, after: Point, length: float) -> bool:
+        """A point is found; says whether it is one that was asked for."""
+        self.parameter += length
+        if self._stops and abs(self._stops[0] - self.parameter) <= 1e-12 * abs(self._stops[0]):
+            self.parameter = self._stops.pop(0)
+            return True
+        return False
+
+    def adapt(self, iterations: int, length: float) -> None:
+        """Plan the next step after one of `length` that took so many iterations."""
+        factor = min(2.0, max(0.5, (WANTED / max(iterations, 1)) ** 0.5))
+        if abs(length) >= abs(self.length) or factor < 1:
+            self.length = float(np.sign(length)) * min(abs(length) * factor, self.longest)
+
+    longest: float = np.inf
+
+    def finished(self, point: Point) -> bool:
+        """Whether the end of the path is reached."""
+        return not self._stops
+
+
+class Control(ABC):
+    """A choice; :meth:`stage` puts it to work.
+
+    Attributes
+    ----------
+    parameter : str
+        What the times of the path's history are.
+    turn : float or None
+        Largest rotation (rad) of a node in a step; a step that turns more is repeated shorter.
+    """
+
+    parameter: str
+    turn: float | None
+    all_points: bool
+
+    @abstractmethod
+    def stage(self, system: System, point: Point) -> Stage:
+        """Start at a point."""
+
+
+def _stops(
+    item: str, until: float, steps: int | None, at: Sequence[float] | None, start: float
+) -> list[float]:
+    """Values of the parameter that are hit exactly."""
+    if steps is not None and at is not None:
+        raise InputError(item, f"steps = {steps!r} and at = {at!r}, expected only one of them")
+    if at is not None:
+        values = numbers(item, "at", at)
+        if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
+            raise InputError(item, f"at = {at!r}, expected a list of numbers")
+        change = np.diff(np.concatenate([[start], values]))
+        if not ((change > 0).all() or (change < 0).all()):
+            raise InputError(
+                item, f"at = {values.tolist()} does not lead one way from the start at {start:g}"
+            )
+        return [float(v) for v in values]
+    if until == start:
+        raise InputError(item, f"until = {until!r} is where the path starts")
+    count = 1 if steps is None else steps
+    return [start + (until - start) * (k / count) for k in range(1, count)] + [until]
+
+
+def _checked(item: str, until: float, steps: int | None, turn: float | None) -> None:
+    number = numbers(item, "until", until)
+    if number.shape != () or not np.isfinite(number):
+        raise InputError(item, f"until = {until!r}, expected a finite number")
+    whole = isinstance(steps, int | np.integer) and not isinstance(steps, bool) and steps > 0
+    if steps is not None and not whole:
+        raise InputError(item, f"steps = {steps!r}, expected a positive integer")
+    if turn is not None:
+        positive(item, "turn", turn, " of rad")
+
+
+class _Steered(Control):
+    """By a parameter whose end is given."""
+
+    def __init__(
+        self,
+        until: float,
+        steps: int | None,
+        at: Sequence[float] | None,
+        first: float,
+        longest: float,
+        turn: float | None,
+    ) -> None:
+        item = type(self).__name__
+        _checked(item, until, steps, turn)
+        self.first = positive(item, "first", first)
+        self.longest = positive(item, "longest", longest)
+        self.until, self.steps, self.at = float(until), steps, at
+        self.turn = None if steps is not None else turn
+        self.all_points = steps is None and at is None
+
+    def _plan(self, stage: Stage, start: float) -> None:
+        stage.parameter = start
+        stage._stops = _stops(type(self).__name__, self.until, self.steps, self.at, start)
+        whole = stage._stops[-1] - start
+        stage.length = whole if self.steps is not None else self.first * whole
+        stage.longest = abs(whole) * (1.0 if self.steps is not None else self.longest)
+        stage.shortest = 1e-7 * abs(whole)
+
+
+class _LoadStage(Stage):
+    def functional(self, point: Point, length: float) -> Functional:
+        return Functional(None, 1.0, length)
+
+
+class LoadControl(_Steered):
+    """Steps of the load factor; finds no way past a limit point.
+
+    Parameters
+    ----------
+    until : float
+        Load factor at the end.
+    steps : int, optional
+        As many equal steps, whatever a node turns in one; default: automatic. A step that fails
+        is halved all the same.
+    at : sequence of float, optional
+        Load factors to record instead, in one direction; the steps between are automatic.
+    first, longest : float
+        First and longest automatic step, as a share of the whole.
+    turn : float or None
+        Largest rotation of a node in an automatic step (rad): longer steps may land on another
+        branch of the path.
+
+    Raises
+    ------
+    InputError
+        If a number is not positive, or the load factors do not lead one way.
+
+    Examples
+    --------
+    >>> LoadControl(steps=6).parameter
+    'load factor'
+    """
+
+    parameter = "load factor"
+
+    def __init__(
+        self,
+        until: float = 1.0,
+        *,
+        steps: int | None = None,
+        at: Sequence[float] | None = None,
+        first: float = 0.1,
+        longest: float = 0.25,
+        turn: float | None = 1.0,
+    ) -> None:
+        super().__init__(until, steps, at, first, longest, turn)
+
+    def stage(self, system: System, point: Point) -> Stage:
+        """See the base class."""
+        out = _LoadStage()
+        self._plan(out, point.t)
+        return out
+
+
+class _DisplacementStage(Stage):
+    def __init__(self, gradient: Floats) -> None:
+        self._gradient = gradient
+
+    def functional(self, point: Point, length: float) -> Functional:
+        return Functional(self._gradient, 0.0, length)
+
+
+class DisplacementControl(_Steered):
+    """Steps of one displacement; the load factor follows, also down again.
+
+    Parameters
+    ----------
+    place : Place
+        Of a beam node, body or mass point.
+    direction : (3,) array
+        The displacement is counted along it, from the start of the path; any length but zero.
+    until : float
+        Displacement at the end (m).
+    steps, at, first, longest, turn
+        As for :class:`LoadControl`, of displacements.
+
+    Raises
+    ------
+    InputError
+        As for :class:`LoadControl`; if the place is on the ground.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint
+    >>> DisplacementControl(MassPoint(1.0).place(), (0, 0, -2.0), until=0.1).direction.tolist()
+    [0.0, 0.0, -1.0]
+    """
+
+    parameter = "displacement"
+
+    def __init__(
+        self,
+        place: Place,
+        direction: VectorLike,
+        until: float = np.nan,
+        *,
+        steps: int | None = None,
+        at: Sequence[float] | None = None,
+        first: float = 0.1,
+        longest: float = 0.25,
+        turn: float | None = 1.0,
+    ) -> None:
+        item = type(self).__name__
+        if not isinstance(place, Place) or place.item is None:
+            raise InputError(item, f"place = {place!r}, expected the place of an item")
+        n = vector(item, "direction", direction)
+        if not np.linalg.norm(n) > 0:
+            raise InputError(item, f"direction = {direction!r} has no length")
+        if at is not None and np.isnan(until):
+            until = float(numbers(item, "at", at).ravel()[-1])
+        super().__init__(until, steps, at, first, longest, turn)
+        self.place, self.direction = place, n / np.linalg.norm(n)
+
+    def stage(self, system: System, point: Point) -> Stage:
+        """See the base class."""
+        gradient = np.zeros((system.rows, 3))
+        for row, factor in system.kinematics.spot_terms(system.spot(self.place)):
+            gradient[row] += factor * self.direction
+        out = _DisplacementStage(gradient)
+        self._plan(out, 0.0)
+        return out
+
+
+class _ArcStage(Stage):
+    """Pseudo arc length: the next point lies in a plane normal to the last secant."""
+
+    def __init__(
+        self, system: System, control: ArcLength, direction: Floats | None, sign: float
+    ) -> None:
+        self._weights, self._control = weights(system), control
+        self._secant, self._sign = direction, sign
+        self._last_t: float | None = None
+        self.parameter, self._stops, self._count = 0.0, [], 0
+        self.crossed = False
+        self.length, self.longest = control.length, control.longest
+        # the first step of a path without a direction is one of the load factor
+        self._by_load = direction is None
+        if self._by_load:
+            self.length = control.first
+        self.shortest = 1e-7 * self.length
+
+    def functional(self, point: Point, length: float) -> Functional:
+        if self._secant is None:
+            return Functional(None, 1.0, self._sign * length)
+        size = float(np.sqrt((self._weights * self._secant**2).sum()))
+        return Functional(self._weights * self._secant / size, 0.0, length)
+
+    def accept(self, before: Point, after: Point, length: float) -> bool:
+        rows = len(self._weights)
+        self._secant = after.y[:rows] - before.y[:rows]
+        moved = float(np.sqrt((self._weights * self._secant**2).sum()))
+        if self._by_load:
+            self._by_load = False
+            self.length, self.shortest = moved, 1e-7 * moved
+        self.parameter += moved
+        self._count += 1
+        until = self._control.until
+        if until is not None:
+            self.crossed = (before.t - until) * (after.t - until) <= 0 and after.t != before.t
+        return True
+
+    def adapt(self, iterations: int, length: float) -> None:
+        if self._count > 1:
+            super().adapt(iterations, length)
+
+    def finished(self, point: Point) -> bool:
+        return self.crossed or self._count >= self._control.points
+
+
+class ArcLength(Control):
+    """Pseudo arc length: follows a path through limit points, the load factor is an unknown.
+
+    The length of a step is the root mean square over all nodes of displacements, relative to the
+    extent of the scene, and rotations (rad); the plane of the next point is normal to the last
+    secant (Riks, Int. J. Solids Struct. 15 (1979) 529; Crisfield's cylindrical metric).
+
+    Parameters
+    ----------
+    points : int
+        Points to find at most.
+    until : float, optional
+        Load factor at which to stop when the path crosses it.
+    first : float
+        Load factor of the first step; negative to set off the other way.
+    length : float
+        First step on a branch (see :func:`branch`), where there is no load factor to go by.
+    longest : float
+        Longest step, as above.
+    turn : float or None
+        Largest rotation of a node in a step (rad).
+
+    Raises
+    ------
+    InputError
+        If a number is not positive and finite.
+
+    Examples
+    --------
+    >>> ArcLength(points=40, first=0.05).parameter
+    'arc length'
+    """
+
+    parameter = "arc length"
+    all_points = True
+
+    def __init__(
+        self,
+        points: int = 100,
+        *,
+        until: float | None = None,
+        first: float = 0.1,
+        length: float = 0.01,
+        longest: float = 0.2,
+        turn: float | None = 0.5,
+    ) -> None:
+        item = "ArcLength"
+        _checked(item, 0.0 if until is None else until, points, turn)
+        number = numbers(item, "first", first)
+        if number.shape != () or not np.isfinite(number) or number == 0:
+            raise InputError(item, f"first = {first!r}, expected a number that is not zero")
+        self.sign, self.first = float(np.sign(number)), abs(float(number))
+        self.length = positive(item, "length", length)
+        self.longest = positive(item, "longest", longest)
+        self.points, self.until, self.turn = int(points), until, turn
+
+    def stage(self, system: System, point: Point, direction: Floats | None = None) -> Stage:
+        """See the base class; `direction` (rows, 3) of the first step, on a branch."""
+        return _ArcStage(system, self, direction, self.sign)

@@ -1,0 +1,452 @@
+"""The verb: equilibrium paths with automatic steps."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..constraints import NullSpace, Treatment
+from ..diagnostics.tangent import reduced_tangent
+from ..errors import CosseratError, Diverged, InputError
+from ..history import History
+from ..integrators import State
+from ..load import Amplitude
+from ..log import logger
+from ..model import Model, System
+from ..model.balance import Spin, balance
+from ..newton import NewtonReport, NewtonSettings
+from ..simulate.interrupt import Interrupt
+from ..simulate.start import checked_start
+from ..types import Floats
+from .branch import Branch, branch_stage
+from .checks import check_free_motions, check_run, prescribed_turn, rotation, show_line
+from .control import ArcLength, Control, LoadControl, Stage, weights
+from .critical import Critical, Look, inspect, locate
+from .equilibrium import Equilibrium, Functional, Point, Solution
+from .record import PathRecorder, derive_path
+from .schedule import Schedule
+
+__all__ = ["STATIC", "static"]
+
+#: Newton's method far from the solution: increments are not shortened, predicted stresses carry it
+STATIC = NewtonSettings(iterations=25, rotation=1e3)
+#: residual, relative to its terms, below which a start counts as an equilibrium
+BALANCED = 1e-9
+#: motion in an automatic step, against what the tangent predicts, above which it is repeated
+JUMP = 2.0
+
+Callback = Callable[[Point], object]
+
+
+def static(
+    model: Model | System,
+    treatment: Treatment | None = None,
+    control: Control | None = None,
+    *,
+    start: State | Branch | None = None,
+    factors: Mapping[str, Amplitude] | None = None,
+    spin: Spin | None = None,
+    settings: NewtonSettings | None = None,
+    watch: bool = True,
+    callbacks: Sequence[Callback] = (),
+    progress: bool | Callable[[float, float], object] = False,
+    path: str | os.PathLike[str] | None = None,
+    derive: bool = True,
+) -> History:
+    """Equilibrium path of a scene.
+
+    Loads that are constant in time are multiplied by the load factor; loads that depend on time,
+    and prescribed motion, take the load factor for it.
+
+    Parameters
+    ----------
+    model : Model or System
+    treatment : Treatment, optional
+        ``NullSpace()`` (default) or ``Multipliers()``.
+    control : Control, optional
+        :class:`LoadControl` (default: to load factor 1), :class:`DisplacementControl` or
+        :class:`ArcLength`.
+    start : State or Branch, optional
+        Where the path starts, at the load factor ``start.time``; default: the reference at 0. If
+        it is no equilibrium, the nearest one is sought first. A :class:`Branch` leads off at a
+        bifurcation.
+    factors : mapping of str to float, Table or callable, optional
+        For loads and actuators by name, in place of the load factor: a number holds a load, a
+        function of the load factor moves it on its own way.
+    spin : Spin, optional
+        Everything is seen from a frame that turns with this velocity times the load factor (or
+        the factor ``"spin"``), the ground in it.
+    settings : NewtonSettings, optional
+        When Newton's method stops.
+    watch : bool
+        Look for limit and bifurcation points on the way; they are recorded as points.
+    callbacks : sequence of callable
+        Called with each :class:`Point`; one that returns True ends the path.
+    progress : bool or callable
+        True: one line on stderr; a callable gets (parameter, load factor) after each point.
+    path : path, optional
+        Stream the history to this file.
+    derive : bool
+        Add energies, section forces and reactions at the end.
+
+    Returns
+    -------
+    History
+        One state a point. Its times are the parameter of the control, ``load_factor`` goes with
+        them; ``unstable`` counts the negative eigenvalues of the stiffness (-1: not looked at),
+        ``critical`` is 1 at limit and 2 at bifurcation points. The work of loads is a sum by the
+        trapezoidal rule.
+
+    Raises
+    ------
+    InputError
+        For bad arguments and for motions that nothing holds, before the first step.
+    Diverged
+        With ``error.history``, the path up to where it could not be continued.
+
+    Examples
+    --------
+    A cantilever rolled up to a full circle by an end moment:
+
+    >>> import numpy as np
+    >>> from skfem_cosserat import Beam, JointFixed, LoadMoment, MeshCurve, Model, Section, ground
+    >>> section = Section([1e4, 1e4, 1e4, 100, 100, 100], mass=1.0, inertia=(1.0, 1.0))
+    >>> model = Model()
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (10, 0, 0), 8, name="rod")
+    >>> rod = model.add("rod", Beam(mesh, section, order=3))
+    >>> clamp = model.add("clamp", JointFixed(ground((0, 0, 0)), rod.node("rod.start")))
+    >>> end = rod.node("rod.end")
+    >>> moment = model.add("moment", LoadMoment(end, (0, 0, 2 * np.pi * 100 / 10)))
+    >>> path = static(model)
+    >>> tip = path["q"][-1, 12 * end.vertex : 12 * end.vertex + 3]
+    >>> bool(abs(tip).max() < 1e-3), float(path["load_factor"][-1])
+    (True, 1.0)
+    """
+    system = model.freeze() if isinstance(model, Model) else model
+    treatment = NullSpace() if treatment is None else treatment
+    control = LoadControl() if control is None else control
+    settings = STATIC if settings is None else settings
+    check_run(system, treatment, control, settings, callbacks, start)
+    schedule = Schedule(system, factors, spin)
+    first, direction = _start(system, start)
+    if direction is None:
+        check_free_motions(system, schedule, first)
+    solver = Equilibrium(system, treatment, schedule, settings)
+    walk = _Walk(system, solver, control, watch and system.unknowns > 0)
+    recorder = PathRecorder(
+        system,
+        schedule,
+        {
+            "treatment": treatment.name,
+            "parameter": control.parameter,
+            "solver": solver.bound.solver.method,
+            "unknowns": solver.bound.unknowns,
+        },
+        path,
+    )
+    show = _progress(progress)
+    with Interrupt() as interrupt:
+        status, failure = walk.run(first, direction, recorder, callbacks, show, interrupt)
+        history = recorder.close(
+            status,
+            factorisations=solver.bound.solver.factorisations,
+            newton_iterations=solver.iterations,
+            attempts=solver.attempts,
+            rejected=walk.rejected,
+            critical=walk.critical,
+            **({} if failure is None else {"failure": str(failure)}),
+        )
+        if derive:
+            interrupt.asked = True  # nothing is lost any more: end at once
+            _derive(system, schedule, history, path)
+    if failure is not None:
+        failure.history = history
+        raise failure
+    return history
+
+
+def _start(system: System, start: State | Branch | None) -> tuple[Point, Floats | None]:
+    """First point, and the direction in which a branch leads off."""
+    if isinstance(start, Branch):
+        return start.point, start.direction
+    if start is None:
+        return Point(system.extend(system.q0, 0.0), 0.0), None
+    state = checked_start(system, start)
+    return Point(system.extend(state.q, state.time), state.time, state.turns), None
+
+
+def _derive(
+    system: System, schedule: Schedule, history: History, path: str | os.PathLike[str] | None
+) -> None:
+    try:
+        with np.errstate(all="ignore"):
+            derive_path(system, schedule, history)
+    except CosseratError as error:
+        logger.warning("energies and reactions could not be derived: %s", error)
+    except KeyboardInterrupt:
+        logger.warning("interrupted: energies and reactions are missing")
+    if path is not None:
+        history.save(path)
+
+
+@dataclass
+class _Walk:
+    """Point after point."""
+
+    system: System
+    solver: Equilibrium
+    control: Control
+    watch: bool
+    rejected: int = 0
+    critical: list[dict[str, Any]] = field(default_factory=list)
+    _look: Look | None = None
+
+    def run(
+        self,
+        first: Point,
+        direction: Floats | None,
+        recorder: PathRecorder,
+        callbacks: Sequence[Callback],
+        show: Callable[[float, float], object],
+        interrupt: Interrupt,
+    ) -> tuple[str, Diverged | None]:
+        """Follow the path; gives the status it ended with."""
+        self.recorder = recorder
+        try:
+            point = self._settle(first) if direction is None else first
+            stage = branch_stage(self.system, self.control, point, direction)
+            self._begin(point, stage, direction)
+            while not stage.finished(point):
+                point, asked = self._advance(point, stage)
+                show(stage.parameter, point.t)
+                if not asked and not self.control.all_points:
+                    continue
+                answers = [callback(point) for callback in callbacks]  # all are called
+                if interrupt.asked:
+                    return "interrupted", None
+                if any(isinstance(answer, bool | np.bool_) and answer for answer in answers):
+                    return "stopped", None
+        except KeyboardInterrupt:
+            return "interrupted", None
+        except Diverged as error:
+            return "diverged", error
+        return "completed", None
+
+    # -- start -------------------------------------------------------------------------------------
+
+    def _begin(self, point: Point, stage: Stage, direction: Floats | None) -> None:
+        solver, system = self.solver, self.system
+        solver.begin(point)
+        self._spent, self._unrecorded = (0, 0), (0, 0)
+        amplitudes = solver.schedule.at(point.t)
+        at = balance(system, point.y, amplitudes, turns=point.turns)
+        # at a critical point the number of unstable motions is one or the other
+        look = self.watch and direction is None
+        self._look = inspect(system, point, amplitudes) if look else None
+        tangent = reduced_tangent(system, point.y, amplitudes, at)
+        force = system.constraints.jacobian(point.y).T @ tangent.multipliers
+        self._record(point, stage.parameter, force, 0.0, effort=self._effort())
+
+    def _settle(self, first: Point) -> Point:
+        """The equilibrium near a start that is none: the missing forces fade away."""
+        solver, system = self.solver, self.system
+        missing = balance(system, first.y, solver.schedule.at(first.t), turns=first.turns).R
+        solver.begin(first)
+        if solver.unbalanced(first) <= BALANCED:
+            return first
+        solver.begin(first, missing)
+        point, left, step = first, 1.0, 1.0
+        while left > 0:
+            step = min(step, left)
+            target = Functional(None, 1.0, 0.0)
+            solution, report = solver.solve(point, target, (left - step) * missing)
+            if solution is None:
+                self.rejected += 1
+                step /= 2
+                if step < 1e-4:
+                    raise self._failure(point, report, "the start is no equilibrium")
+                continue
+            solver.accept()
+            point, left, step = solution.point, left - step, 2 * step
+            left = left if left > 1e-12 else 0.0
+        return point
+
+    # -- a step ------------------------------------------------------------------------------------
+
+    def _advance(self, point: Point, stage: Stage) -> tuple[Point, bool]:
+        """The next point, and whether it is one that was asked for."""
+        solver, limit = self.solver, self.control.turn
+        residuals = []
+        while True:
+            length = self._prescribed(point, stage.trial())
+            functional = stage.functional(point, length)
+            solution, report = solver.solve(point, functional)
+            residuals.append(report.residuals)
+            shorter = 0.5
+            if solution is not None:
+                turn = rotation(self.system, point.y, solution.point.y)
+                jumps = self._jumps(point, solution)
+                if limit is None or (turn <= limit and not jumps):
+                    break
+                report.reason = "in the shortest step it jumps to a point far away"
+                shorter = 0.5 if jumps else max(0.5, 0.8 * limit / turn)
+            self.rejected += 1
+            stage.length = shorter * length
+            if abs(stage.length) < stage.shortest:
+                raise self._failure(point, report, "the path cannot be continued", residuals)
+        if isinstance(self.control, ArcLength) and self._crosses(point, solution.point):
+            solution = self._at_end(solution)
+        asked = self._watch(point, solution, stage, functional, length)
+        return solution.point, asked
+
+    def _watch(
+        self, point: Point, solution: Solution, stage: Stage, functional: Functional, length: float
+    ) -> bool:
+        """Accept a point, after a critical one that was passed."""
+        solver = self.solver
+        before, parameter = self._look, stage.parameter
+        spent = self._effort()
+        look = None
+        if self.watch:
+            look = inspect(self.system, solution.point, solver.schedule.at(solution.point.t))
+        found = None
+        if before is not None and look is not None and look.unstable != before.unstable:
+            found = self._locate(before, look)
+        if found is None:
+            solver.accept()
+        else:
+            share = functional.share(point, found.look.point)
+            self._record_critical(found, parameter + share * length)
+            self._check_turning(found)
+            solver.begin(solution.point)
+        self._look = look
+        asked = stage.accept(point, solution.point, length)
+        if asked or self.control.all_points:
+            force, report = solution.constraint_force, solution.report
+            self._record(solution.point, stage.parameter, force, report.residual, effort=spent)
+            spent = 0, 0
+        self._unrecorded = spent
+        stage.adapt(solution.report.iterations, length)
+        return asked
+
+    def _locate(self, before: Look, after: Look) -> Critical | None:
+        solver = self.solver
+
+        def solve(start: Point, target: Functional) -> tuple[Point, Floats] | None:
+            solution, _ = solver.solve(start, target)
+            return None if solution is None else (solution.point, solution.constraint_force)
+
+        ends = before, after
+        return locate(self.system, solve, solver.schedule.at, weights(self.system), ends)
+
+    def _jumps(self, point: Point, solution: Solution) -> bool:
+        """Whether a point is much farther away than the tangent leads: on another branch."""
+        change = solution.point.y[: self.system.rows] - point.y[: self.system.rows]
+        w = weights(self.system)
+        return float((w * change**2).sum()) > JUMP**2 * float((w * solution.predicted**2).sum())
+
+    def _crosses(self, point: Point, after: Point) -> bool:
+        until = self.control.until if isinstance(self.control, ArcLength) else None
+        return (
+            until is not None and after.t != point.t and (point.t - until) * (after.t - until) < 0
+        )
+
+    def _at_end(self, solution: Solution) -> Solution:
+        """The point at the load factor at which an arc length path ends."""
+        assert isinstance(self.control, ArcLength)
+        self.solver.accept()
+        target = Functional(None, 1.0, (self.control.until or 0.0) - solution.point.t)
+        exact, report = self.solver.solve(solution.point, target)
+        if exact is None:
+            raise self._failure(solution.point, report, "the end of the path was not found")
+        return exact
+
+    def _prescribed(self, point: Point, length: float) -> float:
+        """A step in which prescribed motion turns no farther than its rotation can be told."""
+        if not self.system.moving or not isinstance(self.control, LoadControl):
+            return length
+        for _ in range(40):
+            if prescribed_turn(self.system, point.t, point.t + length) <= 1.0:
+                break
+            length /= 2
+        return length
+
+    # -- what is kept ------------------------------------------------------------------------------
+
+    def _effort(self) -> tuple[int, int]:
+        """Newton iterations and solves since it was asked for last, failed ones included."""
+        solver, (iterations, attempts) = self.solver, self._spent
+        self._spent = solver.iterations, solver.attempts
+        more, tries = self._unrecorded
+        self._unrecorded = 0, 0
+        return solver.iterations - iterations + more, solver.attempts - attempts + tries
+
+    def _record(
+        self,
+        point: Point,
+        parameter: float,
+        force: Floats,
+        residual: float,
+        kind: str = "regular",
+        effort: tuple[int, int] = (0, 0),
+    ) -> None:
+        unstable = -1 if self._look is None else self._look.unstable
+        self.recorder.take(point, parameter, force, *effort, residual, unstable, kind)
+
+    def _record_critical(self, found: Critical, parameter: float) -> None:
+        point = found.look.point
+        self._look = found.look
+        entry = {
+            "kind": found.kind,
+            "load_factor": point.t,
+            "state": self.recorder.count,
+            "multiplicity": found.multiplicity,
+        }
+        self.critical.append(entry)
+        logger.info("%s point at load factor %.9g", found.kind, point.t)
+        force, effort = found.constraint_force, self._effort()
+        self._record(point, parameter, force, 0.0, found.kind, effort)
+
+    def _check_turning(self, found: Critical) -> None:
+        """Steps of the load factor end where it does not grow any more."""
+        if found.kind != "limit" or not isinstance(self.control, LoadControl):
+            return
+        t = found.look.point.t
+        if self.control.turn is None:
+            logger.warning("limit point at load factor %.9g: the path jumps to another branch", t)
+            return
+        reason = (
+            f"the load factor has a limit point, {t:.9g}: beyond it there is no equilibrium near"
+        )
+        advice = "follow the path with ArcLength() or DisplacementControl()"
+        raise Diverged(t, self.recorder.count, 0.0, reason, advice)
+
+    def _failure(
+        self,
+        point: Point,
+        report: NewtonReport,
+        what: str,
+        residuals: list[list[float]] | None = None,
+    ) -> Diverged:
+        """Why the path ends, and what to try."""
+        advice = "try ArcLength(), a finer mesh, or smaller steps"
+        if isinstance(self.control, ArcLength):
+            advice = "try a shorter first step, or a finer mesh"
+        reason = f"{what}: {report.reason}"
+        return Diverged(
+            point.t, max(1, self.recorder.count), report.residual, reason, advice, residuals
+        )
+
+
+def _progress(progress: object) -> Callable[[float, float], object]:
+    if callable(progress):
+        return progress
+    if not isinstance(progress, bool):
+        raise InputError("argument progress", f"{progress!r}, expected True, False or a function")
+    if not progress:
+        return lambda parameter, factor: None
+    return show_line

@@ -1,0 +1,114 @@
+"""A path as a history: points with their load factor, stability and constraint forces."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+
+from ..diagnostics import coupling_energy, strain_energy
+from ..history import History, HistoryWriter
+from ..model import System
+from ..simulate.describe import derive_configuration, describe
+from ..types import Floats
+from .equilibrium import Point
+from .schedule import Schedule
+
+__all__ = ["CODES", "PathRecorder", "derive_path"]
+
+#: number of a point in the series "critical"
+CODES = {"regular": 0, "limit": 1, "bifurcation": 2}
+
+
+class PathRecorder:
+    """Writes the points of a path."""
+
+    def __init__(
+        self,
+        system: System,
+        schedule: Schedule,
+        meta: dict[str, Any],
+        path: str | os.PathLike[str] | None,
+    ) -> None:
+        self.system, self.schedule = system, schedule
+        described, static = describe(system)
+        described |= {"integrator": "static", "step": 0.0, "kernels": "numpy", **meta}
+        self.writer = HistoryWriter(described, static, path)
+        self.count = 0
+        self._work = 0.0
+        self._before: tuple[Floats, Floats] | None = None
+
+    def take(
+        self,
+        point: Point,
+        parameter: float,
+        force: Floats,
+        iterations: int,
+        attempts: int,
+        residual: float,
+        unstable: int = -1,
+        kind: str = "regular",
+    ) -> None:
+        """Record a point."""
+        system = self.system
+        q = point.y[: system.rows].reshape(-1)
+        self._add_work(point, q)
+        zero = np.zeros(system.n)
+        row: dict[str, Any] = {
+            "t": float(parameter),
+            "step": self.count,
+            "q": q,
+            "p": zero,
+            "carried": zero,
+            "fresh": 1.0,
+            "constraint_force": force,
+            "load_factor": float(point.t),
+            "unstable": unstable,
+            "critical": CODES[kind],
+            "newton_iterations": iterations,
+            "attempts": attempts,
+            "residual": residual,
+            "work_loads": self._work,
+        }
+        if system.couplings.angles:
+            none = np.zeros(len(system.couplings.angles), dtype=np.int64)
+            row["turns"] = none if point.turns is None else point.turns
+        self.writer.append(row)
+        self.count += 1
+
+    def _add_work(self, point: Point, q: Floats) -> None:
+        """Work of the loads along the path, by the trapezoidal rule between its points."""
+        system, loading = self.system, self.system.loading
+        amplitudes = self.schedule.at(point.t).loads
+        force = loading.dead_force(amplitudes)
+        if not loading.dead_only:
+            force = force + loading.force(point.y[: system.rows], amplitudes)
+        now = force.reshape(-1)
+        if self._before is not None:
+            q0, f0 = self._before
+            self._work += float((f0 + now) @ (q - q0)) / 2
+        self._before = q, now
+
+    def close(self, status: str, **extra: Any) -> History:
+        """Close the file and give the history."""
+        self.writer.close(status, **extra)
+        return self.writer.history()
+
+
+def derive_path(system: System, schedule: Schedule, history: History) -> None:
+    """Add energies, strains, section forces, reactions and joint coordinates of all points."""
+    q, factor = history["q"], history["load_factor"]
+    turns = history.series.get("turns")
+    strain = strain_energy(system, q)
+    coupling = coupling_energy(system, q, factor, turns)
+    series = {
+        "v": np.zeros_like(q),
+        "strain_energy": strain,
+        "coupling_energy": coupling,
+        "energy": strain + coupling,
+        "external": schedule.potential(q, factor),
+    }
+    for name, values in series.items():
+        history.add_series(name, values)
+    derive_configuration(system, history, factor)
