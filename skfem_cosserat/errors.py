@@ -107,12 +107,12 @@ class IncompatibleError(InputError):
 
 
 class Diverged(CosseratError, RuntimeError):
-    """A time step could not be solved; everything computed up to it is kept.
+    """A step in time or on a path could not be solved; everything computed up to it is kept.
 
     Attributes
     ----------
     time : float
-        Time at the start of the failed step (s): the last state that is valid.
+        Time (s), or load factor, at the start of the failed step: the last state that is valid.
     step : int
         Number of the failed step (the first step has number 1).
     residual : float
@@ -152,6 +152,7 @@ class Diverged(CosseratError, RuntimeError):
         reason: str,
         advice: str,
         residuals: list[list[float]] | None = None,
+        at: str | None = None,
     ) -> None:
         self.time = time
         self.step = step
@@ -160,7 +161,8 @@ class Diverged(CosseratError, RuntimeError):
         self.advice = advice
         self.residuals = [] if residuals is None else residuals
         self.history: Any = None
+        where = f"t = {time:.9g} s" if at is None else at
         super().__init__(
-            f"step {step} from t = {time:.9g} s could not be solved: {reason}"
+            f"step {step} from {where} could not be solved: {reason}"
             f" (scaled residual {residual:.3g}); {advice}"
         )

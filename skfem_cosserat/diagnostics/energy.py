@@ -331,7 +331,10 @@ def section_strain_rates(system: System, beam: Beam, q: ArrayLike, v: ArrayLike)
     beam, q
         As for :func:`section_strains`.
     v : (n,) or (N, n) array
-        Velocities that fulfil the hidden constraints, as ``history["v"]`` (m/s, 1/s).
+        Velocities (m/s, 1/s): ``history["v"]``, or differences of configurations such as
+        ``np.gradient(history["q"], history.times, axis=0)`` with every step recorded. Both are of
+        second order where steps resolve the vibrations. Fast vibrations that they do not resolve
+        alternate from step to step, v and its strain rates with them; central differences do not.
 
     Returns
     -------
@@ -400,8 +403,8 @@ def section_forces(system: System, beam: Beam, q: ArrayLike, v: ArrayLike | None
     beam, q
         As for :func:`section_strains`.
     v : (n,) or (N, n) array, optional
-        Velocities as for :func:`section_strain_rates`: with the viscous part of damped sections
-        (their own or of Rayleigh damping). Without: the elastic part alone.
+        Velocities as for :func:`section_strain_rates`: adds the viscous part of damped sections
+        (of their own and of Rayleigh damping). Without: the elastic part alone.
 
     Returns
     -------

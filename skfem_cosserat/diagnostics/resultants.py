@@ -48,9 +48,9 @@ def nodal_resultants(
     v : (n,) or (N, n) array, optional
         Velocities: adds the forces of viscous sections and of Rayleigh damping (m/s, 1/s).
     a : (n,) or (N, n) array, optional
-        Accelerations: adds ``M a`` of the element (m/s^2, 1/s^2). The discrete balance of a time
-        step holds with differences of velocities over that step; at second order in it, with
-        central differences of ``history["v"]``. Centripetal ones in steady rotation.
+        Accelerations: adds ``M a`` of the element (m/s^2, 1/s^2). In a run with the step h,
+        ``(q[k+1] - 2 q[k] + q[k-1]) / h**2``: forces then balance to second order in h. In steady
+        rotation, the centripetal ones of all rows.
 
     Returns
     -------

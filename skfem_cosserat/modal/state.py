@@ -16,9 +16,9 @@ from ..model import Model, System
 from ..model.balance import Amplitudes, Spin, amplitudes_at, balance
 from ..simulate.describe import other_model
 from ..statics.schedule import Schedule
-from ..types import Array, ArrayLike, Floats, IndexArray
+from ..types import Array, ArrayLike, Floats, IndexArray, numbers
 
-__all__ = ["Equilibrium", "StateLike", "as_system", "equilibrium"]
+__all__ = ["Equilibrium", "StateLike", "as_system", "equilibrium", "finite"]
 
 #: what may be given as a state
 StateLike: TypeAlias = ArrayLike | State | History | tuple[History, int]
@@ -117,12 +117,26 @@ def equilibrium(
     )
 
 
+def finite(item: str, value: float) -> float:
+    """A finite number.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    array = numbers(item, "value", value)
+    if array.shape != () or not np.isfinite(array):
+        raise InputError(item, f"{value!r}, expected a finite number")
+    return float(array)
+
+
 def _read(
     system: System, state: StateLike | None, t: float | None
 ) -> tuple[Floats, IndexArray | None, float, Amplitudes]:
     """Configuration, full turns of angles, time, loads."""
-    if t is not None and not (np.isscalar(t) and np.isfinite(t)):
-        raise InputError("argument t", f"{t!r}, expected a finite time (s)")
+    if t is not None:
+        t = finite("argument t", t)
     if state is None:
         loads = _unloaded(system) if t is None else amplitudes_at(system, t)
         return system.q0, None, 0.0 if t is None else t, loads

@@ -166,9 +166,10 @@ def derive_series(system: System, history: History) -> None:
     Adds ``v, Qp`` (projected on the hidden constraints), ``kinetic, strain_energy, external,
     coupling_energy, energy`` (kinetic + strain + coupling at (q, p)), ``energy_projected``,
     ``energy_balance``, ``linear_momentum``, ``angular_momentum``, ``constraint_violation``, for
-    each beam ``strain`` and ``resultant`` (at v, with the viscous part), for each joint
-    ``position``, ``force`` and ``moment``, its relative coordinates and their rates, for each
-    spring, damper, cable and bushing ``coordinate`` and ``force``.
+    each beam ``strain`` and ``resultant`` (its elastic part: that of damped sections is left to
+    ``diagnostics.section_forces``), for each joint ``position``, ``force`` and ``moment``, its
+    relative coordinates and their rates, for each spring, damper, cable and bushing
+    ``coordinate`` and ``force``.
 
     ``energy_balance`` is ``energy - work_loads - work_actuators - work_drives + dissipated`` less
     its first value: zero up to the solver's tolerance with energy-momentum, where all terms
@@ -221,7 +222,7 @@ def derive_configuration(system: System, history: History, t: Floats) -> None:
     series |= relative_series(system, q, v, t, turns)
     for beam in (s for s in system.structures if isinstance(s, Beam)):
         series[f"beam/{beam.name}/strain"] = diagnostics.section_strains(system, beam, q)
-        series[f"beam/{beam.name}/resultant"] = diagnostics.section_forces(system, beam, q, v)
+        series[f"beam/{beam.name}/resultant"] = diagnostics.section_forces(system, beam, q)
     y = diagnostics.constraint_points(system, history)
     lam = diagnostics.multipliers(system, y, history["constraint_force"])
     series["multipliers"] = lam

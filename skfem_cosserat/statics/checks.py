@@ -109,7 +109,8 @@ def check_free_motions(system: System, schedule: Schedule, point: Point) -> None
         multipliers = RowSpace(system, point.y).multipliers(-at.R.ravel())
         A = A + curvature_matrix(system, point.y, multipliers)
     stiffness = motions.T @ (A @ motions)
-    scale = float(abs(A.data).max(initial=0.0)) * float((motions**2).max())
+    largest = float(abs(A.data).max(initial=0.0))
+    scale = largest * float(np.square(motions).max())
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
     free = abs(values) <= 1e-12 * max(scale, 1e-300)
     if not free.any():
@@ -209,9 +210,9 @@ def _described(motion: Floats, names: list[str], centres: Floats) -> str:
     k = int(moving[np.linalg.norm(twists[moving], axis=1).argmax()])
     v, w = twists[k, :3], twists[k, 3:]
     who = " and ".join(names[i] for i in moving[:3]) + (" and others" if len(moving) > 3 else "")
-    turn = np.linalg.norm(w)
-    if turn < 1e-9 * max(np.linalg.norm(v), 1.0):
-        return f"translation of {who} along {_triple(v / np.linalg.norm(v))}"
+    turn, shift = float(np.linalg.norm(w)), float(np.linalg.norm(v))
+    if turn < 1e-9 * max(shift, 1.0):
+        return f"translation of {who} along {_triple(v / shift)}"
     return f"rotation of {who}: {names[k]} about {_triple(w / turn)} near {_triple(centres[k])}"
 
 

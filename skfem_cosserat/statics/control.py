@@ -11,22 +11,14 @@ from ..errors import InputError
 from ..frames import Place, vector
 from ..model import System
 from ..types import Floats, VectorLike, numbers, positive
-from .equilibrium import Functional, Point
+from .equilibrium import Functional, Point, weights
 
-__all__ = ["ArcLength", "Control", "DisplacementControl", "LoadControl", "Stage", "weights"]
+__all__ = ["ArcLength", "Control", "DisplacementControl", "LoadControl", "Stage"]
 
 #: iterations at which the step is kept; it grows below and shrinks above
 WANTED = 5
-
-
-def weights(system: System) -> Floats:
-    """Weights (rows, 1) that make the square of a motion free of units, a mean over all nodes.
-
-    ``1/length^2`` for positions and 1/2 for directors: a turn by a small angle counts as the angle.
-    """
-    out = np.full((system.rows, 1), 0.5)
-    out[system.origin_rows] = 1 / system.length**2
-    return np.asarray(out / len(system.origin_rows))
+#: motion in a step (see :func:`weights`) below which nothing moves
+STILL = 1e-9
 
 
 class Stage(ABC):
@@ -300,8 +292,9 @@ class _ArcStage(Stage):
         self.parameter, self._stops, self._count = 0.0, [], 0
         self.crossed = False
         self.length, self.longest = control.length, control.longest
-        # the first step of a path without a direction is one of the load factor
+        # steps of a path without a direction are of the load factor until something moves
         self._by_load = direction is None
+        self._regular = False
         if self._by_load:
             self.length = control.first
         self.shortest = 1e-7 * self.length
@@ -309,14 +302,21 @@ class _ArcStage(Stage):
     def functional(self, point: Point, length: float) -> Functional:
         if self._secant is None:
             return Functional(None, 1.0, self._sign * length)
-        size = float(np.sqrt((self._weights * self._secant**2).sum()))
-        return Functional(self._weights * self._secant / size, 0.0, length)
+        unit = self._secant / float(np.sqrt((self._weights * self._secant**2).sum()))
+        # at the start of a branch the tangent leads along the path it leaves
+        predictor = length * unit if self._count == 0 else None
+        return Functional(self._weights * unit, 0.0, length, predictor)
 
     def accept(self, before: Point, after: Point, length: float) -> bool:
         rows = len(self._weights)
-        self._secant = after.y[:rows] - before.y[:rows]
-        moved = float(np.sqrt((self._weights * self._secant**2).sum()))
-        if self._by_load:
+        change = after.y[:rows] - before.y[:rows]
+        moved = float(np.sqrt((self._weights * change**2).sum()))
+        self._regular = not self._by_load and self._count > 0
+        if moved > STILL or not self._by_load:
+            self._secant = change
+        else:  # rigid so far
+            moved = abs(after.t - before.t)
+        if self._by_load and self._secant is not None:
             self._by_load = False
             self.length, self.shortest = moved, 1e-7 * moved
         self.parameter += moved
@@ -327,7 +327,7 @@ class _ArcStage(Stage):
         return True
 
     def adapt(self, iterations: int, length: float) -> None:
-        if self._count > 1:
+        if self._regular:
             super().adapt(iterations, length)
 
     def finished(self, point: Point) -> bool:
@@ -339,7 +339,8 @@ class ArcLength(Control):
 
     The length of a step is the root mean square over all nodes of displacements, relative to the
     extent of the scene, and rotations (rad); the plane of the next point is normal to the last
-    secant (Riks, Int. J. Solids Struct. 15 (1979) 529; Crisfield's cylindrical metric).
+    secant (Riks, Int. J. Solids Struct. 15 (1979) 529; Crisfield's cylindrical metric). Where
+    nothing moves, the change of the load factor counts instead.
 
     Parameters
     ----------

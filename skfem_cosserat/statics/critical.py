@@ -28,6 +28,8 @@ SYMMETRIC = 1e-7
 LEVEL = 1e-2
 #: how exactly a critical point is found, and the distance for that slope, as a share of the step
 ROOT, NEAR = 1e-9, 1e-3
+#: weight of the load factor against motions: it leads where nothing moves
+RIGID = 1e-12
 
 
 @dataclass(eq=False)
@@ -143,13 +145,15 @@ def locate(
     first, last = ends
     rows = len(weights)
     dy = last.point.y[:rows] - first.point.y[:rows]
-    motion = float((weights * dy**2).sum())
+    dt = last.point.t - first.point.t
+    share = RIGID / max(abs(first.point.t), abs(last.point.t)) ** 2
+    size = float((weights * dy**2).sum()) + share * dt**2
     none = np.zeros(0)
     found: dict[float, tuple[Look, Floats]] = {0.0: (first, none), 1.0: (last, none)}
 
     def at(s: float) -> Look:
         if s not in found:
-            solution = solve(first.point, Functional(weights * dy, 0.0, s * motion))
+            solution = solve(first.point, Functional(weights * dy, share * dt, s * size))
             if solution is None:
                 raise _LostError(f"no point at {s:.6g} of the step")
             found[s] = inspect(system, solution[0], amplitudes(solution[0].t)), solution[1]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.sparse.linalg import LinearOperator, cg
 
 from ..constraints import Treatment
 from ..model import System
@@ -14,10 +15,20 @@ from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray
 from .schedule import Schedule
 
-__all__ = ["Equilibrium", "Functional", "Point", "Solution"]
+__all__ = ["Equilibrium", "Functional", "Point", "Solution", "weights"]
 
 #: change of the load factor for its difference quotients
 SMALL = 1e-6
+
+
+def weights(system: System) -> Floats:
+    """Weights (rows, 1) that make the square of a motion free of units, a mean over all nodes.
+
+    ``1/length^2`` for positions and 1/2 for directors: a turn by a small angle counts as the angle.
+    """
+    out = np.full((system.rows, 1), 0.5)
+    out[system.origin_rows] = 1 / system.length**2
+    return np.asarray(out / len(system.origin_rows))
 
 
 @dataclass(eq=False)
@@ -48,11 +59,14 @@ class Functional:
     gradient : (rows, 3) array or None
         None: zero.
     by_factor, value : float
+    predictor : (rows, 3) array or None
+        Change of the coordinates to start from, where the tangent at the start gives none.
     """
 
     gradient: Floats | None
     by_factor: float
     value: float
+    predictor: Floats | None = None
 
     def __call__(self, point: Point, y: Array, t: float) -> float:
         """What is missing at (y, t) from a step that starts at `point`."""
@@ -140,9 +154,32 @@ class _Problem:
         by_t = (ys[1] - ys[0])[: self.system.rows] / width if moving else None
         return (residuals[1] - residuals[0]) / width, by_t
 
-    def direction(self) -> Floats:
-        free = self.target.gradient is not None or self._missing != 0
-        r_t, self._by_t = self._factor_derivative() if free else (None, None)
+    def predict(self, change: Floats) -> None:
+        """Move by a change of the coordinates, as near to it as the constraints allow."""
+        self.residual()
+        self._assemble()  # sets the scaling of the unknowns
+        bound = self.bound
+        metric = weights(self.system)
+        size = bound.solver.n
+
+        def project(u: Floats) -> Floats:
+            return bound.pull(metric * bound.push(u, self.at.y))
+
+        operator = LinearOperator((size, size), matvec=project, dtype=float)
+        unknowns, _ = cg(operator, bound.pull(metric * change), rtol=1e-10, maxiter=10 * size)
+        self.apply(np.append(unknowns, 0.0))
+
+    def rate(self) -> Floats:
+        """Derivative (rows, 3) of the coordinates by the load factor, at a solution."""
+        r_t, by_t = self._factor_derivative()
+        self._stresses = None
+        data = self._assemble()
+        slope = -self.bound.solver.solve(data, self.bound.scale_rows(r_t))
+        change = self.bound.push(slope, self.at.y)
+        return np.asarray(change if by_t is None else change + by_t, dtype=float)
+
+    def _assemble(self) -> Floats:
+        """Entries of the iteration matrix, with the predicted stresses if there are some."""
         system, bound, at = self.system, self.bound, self.at
         blocks = balance_tangent(system, at, self.solver.schedule.at(self.t), self._stresses)
         R = at.R
@@ -150,7 +187,12 @@ class _Problem:
             change = [a - b for a, b in zip(self._stresses, at.stresses, strict=True)]
             R = R + system.internal_force(at.Bs, change)
         bound.residual(R, at.y)
-        data = bound.data(blocks, R, at.y)
+        return bound.data(blocks, R, at.y)
+
+    def direction(self) -> Floats:
+        free = self.target.gradient is not None or self._missing != 0
+        r_t, self._by_t = self._factor_derivative() if free else (None, None)
+        bound, data = self.bound, self._assemble()
         r = bound.scale_rows(self._r)
         if r_t is None:
             return np.append(-bound.solver.solve(data, r), 0.0)
@@ -216,6 +258,7 @@ class Equilibrium:
         self.bound = treatment.bind(system, 1.0)  # forces act where the balance is taken
         self.iterations = self.attempts = 0
         self._accepted: object | None = None
+        self._problem: _Problem | None = None
 
     def begin(self, point: Point, relief: Floats | None = None) -> None:
         """Take the constraint forces at a point that was not solved here."""
@@ -246,7 +289,9 @@ class Equilibrium:
             bound.restore(self._accepted)
         bound.begin(start.y, self.system.ground(start.t), 1.0)
         bound.stay()
-        problem = _Problem(self, start, target, relief)
+        problem = self._problem = _Problem(self, start, target, relief)
+        if target.predictor is not None:
+            problem.predict(target.predictor)
         report = newton(problem, self.settings)
         self.iterations += report.iterations
         self.attempts += 1
@@ -261,6 +306,11 @@ class Equilibrium:
         point = Point(y, problem.t, self._turns(start, y))
         assert problem.predicted is not None  # there is always one iteration
         return Solution(point, force, report, problem.predicted), report
+
+    def rate(self) -> Floats:
+        """Derivative (rows, 3) of the coordinates by the load factor at the point solved last."""
+        assert self._problem is not None
+        return self._problem.rate()
 
     def _turns(self, start: Point, y: Floats) -> IndexArray | None:
         couplings = self.system.couplings

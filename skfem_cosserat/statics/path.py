@@ -14,6 +14,7 @@ from ..diagnostics.tangent import reduced_tangent
 from ..errors import CosseratError, Diverged, InputError
 from ..history import History
 from ..integrators import State
+from ..linear import SingularMatrixError
 from ..load import Amplitude
 from ..log import logger
 from ..model import Model, System
@@ -24,9 +25,9 @@ from ..simulate.start import checked_start
 from ..types import Floats
 from .branch import Branch, branch_stage
 from .checks import check_free_motions, check_run, prescribed_turn, rotation, show_line
-from .control import ArcLength, Control, LoadControl, Stage, weights
+from .control import ArcLength, Control, LoadControl, Stage
 from .critical import Critical, Look, inspect, locate
-from .equilibrium import Equilibrium, Functional, Point, Solution
+from .equilibrium import Equilibrium, Functional, Point, Solution, weights
 from .record import PathRecorder, derive_path
 from .schedule import Schedule
 
@@ -36,7 +37,7 @@ __all__ = ["STATIC", "static"]
 STATIC = NewtonSettings(iterations=25, rotation=1e3)
 #: residual, relative to its terms, below which a start counts as an equilibrium
 BALANCED = 1e-9
-#: motion in an automatic step, against what the tangent predicts, above which it is repeated
+#: motion in an automatic step, against what its tangents predict, above which it is repeated
 JUMP = 2.0
 
 Callback = Callable[[Point], object]
@@ -344,10 +345,22 @@ class _Walk:
         return locate(self.system, solve, solver.schedule.at, weights(self.system), ends)
 
     def _jumps(self, point: Point, solution: Solution) -> bool:
-        """Whether a point is much farther away than the tangent leads: on another branch."""
-        change = solution.point.y[: self.system.rows] - point.y[: self.system.rows]
-        w = weights(self.system)
-        return float((w * change**2).sum()) > JUMP**2 * float((w * solution.predicted**2).sum())
+        """Whether a point is much farther away than the tangents lead: on another branch."""
+        rows, w = self.system.rows, weights(self.system)
+
+        def size(change: Floats) -> float:
+            return float(np.sqrt((w * change**2).sum()))
+
+        after = solution.point
+        motion = size(after.y[:rows] - point.y[:rows])
+        if motion <= JUMP * size(solution.predicted):
+            return False
+        try:
+            rate = self.solver.rate()
+        except SingularMatrixError:
+            return False
+        # loads that set in slowly move nothing at first
+        return motion > JUMP * abs(after.t - point.t) * size(rate)
 
     def _crosses(self, point: Point, after: Point) -> bool:
         until = self.control.until if isinstance(self.control, ArcLength) else None
@@ -423,7 +436,7 @@ class _Walk:
             f"the load factor has a limit point, {t:.9g}: beyond it there is no equilibrium near"
         )
         advice = "follow the path with ArcLength() or DisplacementControl()"
-        raise Diverged(t, self.recorder.count, 0.0, reason, advice)
+        raise Diverged(t, self.recorder.count, 0.0, reason, advice, at=f"load factor {t:.9g}")
 
     def _failure(
         self,
@@ -433,12 +446,18 @@ class _Walk:
         residuals: list[list[float]] | None = None,
     ) -> Diverged:
         """Why the path ends, and what to try."""
-        advice = "try ArcLength(), a finer mesh, or smaller steps"
+        advice = "ArcLength() follows a path through limit points; else try a finer mesh"
         if isinstance(self.control, ArcLength):
             advice = "try a shorter first step, or a finer mesh"
         reason = f"{what}: {report.reason}"
         return Diverged(
-            point.t, max(1, self.recorder.count), report.residual, reason, advice, residuals
+            point.t,
+            max(1, self.recorder.count),
+            report.residual,
+            reason,
+            advice,
+            residuals,
+            at=f"load factor {point.t:.9g}",
         )
 
 

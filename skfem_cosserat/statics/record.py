@@ -62,7 +62,7 @@ class PathRecorder:
             "p": zero,
             "carried": zero,
             "fresh": 1.0,
-            "constraint_force": force,
+            "constraint_force": np.asarray(force, dtype=float),
             "load_factor": float(point.t),
             "unstable": unstable,
             "critical": CODES[kind],

@@ -1,0 +1,404 @@
+"""Benchmark problems of static beams, each as a function that builds the scene.
+
+Roll-up, elastica, the 45-degree bend, snap-through frames, lateral buckling, a ring that folds to a
+third of its radius: every scene has a closed form or a reference solution by other means. ``main``
+follows all of them at moderate size and prints each number beside its reference.
+
+The beams lie in the plane of x and y (e1, e2) where the problem is plane; d1 of their sections then
+points along z, so that the first bending stiffness is that of the plane. Any consistent units.
+
+Run ``python examples/static_scenes.py --json`` for the numbers as JSON.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import skfem_cosserat as sc
+
+Floats = NDArray[np.float64]
+
+E1, E2, E3 = np.eye(3)
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A frozen scene and the place that is looked at.
+
+    Attributes
+    ----------
+    system : System
+    beam : Beam
+    point : Place
+        Node at which displacements and rotations are read.
+    """
+
+    system: sc.System
+    beam: sc.Beam
+    point: sc.Place
+
+    def position(self, history: sc.History, index: Any = -1) -> Floats:
+        """Where the point is (3,), or (N, 3) with a slice as index."""
+        place = 3 * self.system.row_of(self.point)
+        return np.asarray(history["q"][index][..., place : place + 3])
+
+    def displacement(self, history: sc.History, index: Any = -1) -> Floats:
+        """Its displacement from the reference."""
+        return self.position(history, index) - self.point.position
+
+    def rotation(self, history: sc.History, index: Any = -1) -> Floats:
+        """Rotation matrix of its section: images of e1, along the beam, e2 and e3 in columns."""
+        place = 3 * self.system.row_of(self.point) + 3
+        d = history["q"][index][place : place + 9].reshape(3, 3)
+        return np.column_stack([d[2], -d[1], d[0]])
+
+
+def flat_section(
+    EI: float, EA: float, GA: float, across: float | None = None, GJ: float | None = None
+) -> sc.Section:
+    """Section of a beam in the plane of x and y.
+
+    Parameters
+    ----------
+    EI : float
+        Bending stiffness in the plane.
+    EA, GA : float
+    across, GJ : float, optional
+        Bending stiffness out of the plane and torsional one; default: as EI.
+    """
+    return sc.Section.from_constants(
+        EA=EA,
+        GA=GA,
+        EI=(EI, EI if across is None else across),
+        GJ=EI if GJ is None else GJ,
+        mass=1.0,
+        inertia=(1.0, 1.0),
+    )
+
+
+def _cantilever(
+    mesh: sc.MeshCurve, section: sc.Section, order: Any, loads: dict[str, Any]
+) -> Scene:
+    """Beam "rod" clamped at its start; loads at its end by name: a force or (kind, value)."""
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
+    start, end = rod.node("rod.start"), rod.node("rod.end")
+    model.add("clamp", sc.JointFixed(sc.ground(start.position), start))
+    for name, (kind, value) in loads.items():
+        model.add(name, kind(end, value))
+    return Scene(model.freeze(), rod, end)
+
+
+def _line(length: float, elements: int) -> sc.MeshCurve:
+    return sc.MeshCurve.init_line(ORIGIN, (length, 0, 0), elements, name="rod")
+
+
+# -- S1 to S5, S14: cantilevers --------------------------------------------------------------------
+
+
+def roll_up(
+    elements: int = 8,
+    order: int = 3,
+    turns: float = 1.0,
+    *,
+    length: float = 10.0,
+    EI: float = 100.0,
+    slenderness: float = 100.0,
+) -> Scene:
+    """S1: a cantilever bent to full circles by an end moment ``2 pi turns EI/length``."""
+    EA = EI * (slenderness / length) ** 2
+    moment = (0.0, 0.0, 2 * np.pi * turns * EI / length)
+    section = flat_section(EI, EA, EA / 2)
+    return _cantilever(
+        _line(length, elements), section, order, {"moment": (sc.LoadMoment, moment)}
+    )
+
+
+def elastica(
+    elements: int = 8,
+    order: int = 3,
+    load: float = 1.0,
+    *,
+    EA: float = 1e5,
+    GA: float = 1e5,
+) -> Scene:
+    """S2: a cantilever with a dead transverse tip force; L = EI = 1."""
+    section = flat_section(1.0, EA, GA)
+    force = (0.0, load, 0.0)
+    return _cantilever(_line(1.0, elements), section, order, {"force": (sc.LoadForce, force)})
+
+
+def bend(
+    elements: int = 8,
+    order: Any = 3,
+    P: float = 600.0,
+    *,
+    shear_factor: float = 1.0,
+    stiffening: float = 1.0,
+) -> Scene:
+    """S3: the 45-degree bend, radius 100, unit square, E = 1e7, G = 5e6, dead force out of plane.
+
+    Parameters
+    ----------
+    shear_factor : float
+        1 or 5/6.
+    stiffening : float
+        Factor of axial and shear stiffness: large for an inextensible rod.
+    """
+    mesh = sc.MeshCurve.init_arc(ORIGIN, E1, E2, 100.0, np.pi / 4, elements, name="rod")
+    E, G = 1e7, 5e6
+    section = flat_section(E / 12, stiffening * E, stiffening * shear_factor * G, E / 12, G / 6)
+    return _cantilever(mesh, section, order, {"force": (sc.LoadForce, (0.0, 0.0, P))})
+
+
+def helix_roll_up(elements: int = 40, order: int = 4) -> Scene:
+    """S4: ten turns by a spatially fixed end moment, drawn out sideways by a small force."""
+    section = flat_section(1e2, 1e4, 1e4)
+    loads = {
+        "moment": (sc.LoadMoment, (0.0, 0.0, 200 * np.pi)),
+        "force": (sc.LoadForce, (0.0, 0.0, 50.0)),
+    }
+    return _cantilever(_line(10.0, elements), section, order, loads)
+
+
+def princeton(
+    elements: int = 4,
+    order: int = 4,
+    P: float = 13.345,
+    degrees: float = 45.0,
+    *,
+    exchanged: bool = False,
+) -> Scene:
+    """S5: Princeton beam, flap along y, chord along z; tip force at an angle from the chord.
+
+    Parameters
+    ----------
+    exchanged : bool
+        With both shear stiffnesses exchanged.
+    """
+    flap, chord = (903881.0, 640131.0) if exchanged else (640131.0, 903881.0)
+    section = sc.Section.from_constants(
+        EA=2841910.0,
+        GA=(chord, flap),  # along d1 = z and d2
+        EI=(2.42873, 36.2794),  # about z: flapwise; about y: chordwise
+        GJ=3.10338,
+        mass=1.0,
+        inertia=(1.0, 1.0),
+    )
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    force = (0.0, P * s, P * c)
+    return _cantilever(_line(0.508, elements), section, order, {"force": (sc.LoadForce, force)})
+
+
+def slender_arc(elements: int = 8, order: Any = 3, slenderness: float = 100.0) -> Scene:
+    """S14: an arc of 45 degrees, length 1, circular section of any slenderness, tip force 5 e3."""
+    mesh = sc.MeshCurve.init_arc(ORIGIN, E1, E2, 4 / np.pi, np.pi / 4, elements, name="rod")
+    EA = 4 * slenderness**2
+    section = flat_section(1.0, EA, 0.9 * EA / 2.6, 1.0, 1 / 1.3)
+    return _cantilever(mesh, section, order, {"force": (sc.LoadForce, (0.0, 0.0, 5.0))})
+
+
+# -- S6 to S8: limit points ------------------------------------------------------------------------
+
+
+def lee_frame(elements: int = 10, order: int = 3) -> Scene:
+    """S6: Lee's frame, two hinged legs of 120, unit load down at 24 from the corner.
+
+    Out of its plane it is a hundred times as stiff: only the plane problem is meant.
+    """
+    corners = [ORIGIN, (0, 120, 0), (24, 120, 0), (120, 120, 0)]
+    per_leg = [max(1, round(share * elements)) for share in (0.5, 0.1, 0.4)]
+    mesh = sc.MeshCurve.init_polyline(corners, per_leg, name="rod")
+    EI = 7.2e6 * 2
+    section = flat_section(EI, 7.2e6 * 6, 7.2e6 / 2.6 * 6, 100 * EI, 100 * EI)
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
+    for end in ("start", "end"):
+        node = rod.node(f"rod.{end}")
+        model.add(f"hinge at {end}", sc.JointRevolute(sc.ground(node.position), node, E3))
+    loaded = rod.node((24, 120, 0))
+    model.add("load", sc.LoadForce(loaded, (0.0, -1.0, 0.0)))
+    return Scene(model.freeze(), rod, loaded)
+
+
+def toggle(elements: int = 4, order: int = 3, *, half: bool = True) -> Scene:
+    """S7: two flat clamped members that snap through; unit load (in all) down at the apex.
+
+    Parameters
+    ----------
+    half : bool
+        One member and a slide at the apex, by symmetry; else both, which may sway.
+    """
+    rise, span, EI, EA = 0.386, 12.943, 9270.0, 1885000.0
+    corners = [(-span, 0, 0), (0, rise, 0), (span, 0, 0)][: 2 if half else 3]
+    mesh = sc.MeshCurve.init_polyline(corners, elements, name="rod")
+    model = sc.Model()
+    section = flat_section(EI, EA, EA / 2.6 * 5 / 6, 100 * EI, 100 * EI)
+    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
+    apex = rod.node((0, rise, 0))
+    for end in ("start",) if half else ("start", "end"):
+        node = rod.node(f"rod.{end}")
+        model.add(f"clamp at {end}", sc.JointFixed(sc.ground(node.position), node))
+    if half:
+        model.add("symmetry", sc.JointPrismatic(sc.ground(apex.position), apex, E2))
+    model.add("load", sc.LoadForce(apex, (0.0, -0.5 if half else -1.0, 0.0)))
+    return Scene(model.freeze(), rod, apex)
+
+
+def arch(elements: int = 16, order: int = 4, *, slenderness: float = 1e3) -> Scene:
+    """S8: clamped-hinged arch of 215 degrees, R = 100, EI = 1e6, unit load down at the crown.
+
+    The clamp is at the right. Axial and shear stiffness are ``EI (slenderness/R)^2``.
+    """
+    R, half, EI = 100.0, np.radians(107.5), 1e6
+    start = R * np.array([-np.sin(half), np.cos(half), 0.0])
+    tangent = np.array([np.cos(half), np.sin(half), 0.0])
+    inward = -start / R
+    mesh = sc.MeshCurve.init_arc(start, tangent, inward, R, 2 * half, elements, name="rod")
+    EA = EI * (slenderness / R) ** 2
+    model = sc.Model()
+    section = flat_section(EI, EA, EA, 100 * EI, 100 * EI)
+    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
+    left, right, crown = rod.node("rod.start"), rod.node("rod.end"), rod.node((0, R, 0))
+    model.add("hinge", sc.JointRevolute(sc.ground(left.position), left, E3))
+    model.add("clamp", sc.JointFixed(sc.ground(right.position), right))
+    model.add("load", sc.LoadForce(crown, (0.0, -1.0, 0.0)))
+    return Scene(model.freeze(), rod, crown)
+
+
+# -- S9, S10: bifurcations -------------------------------------------------------------------------
+
+#: strip 30 x 0.6, E = 71240, nu = 0.31: in the plane, across it, torsion, axial, shear
+STRIP = {
+    "EI": 96174000.0,
+    "across": 38469.6,
+    "GJ": 58732.213740458006,
+    "EA": 1282320.0,
+    "GA": 407862.59541984723,
+}
+
+
+def strip(elements: int = 8, order: int = 3, *, stiffening: float = 1.0) -> Scene:
+    """S9: a cantilever strip, length 240, unit tip force in its stiff plane.
+
+    Parameters
+    ----------
+    stiffening : float
+        Factor of all stiffnesses but the bending across and the torsion of it: large for no
+        displacements before it buckles, as in Prandtl's solution.
+    """
+    section = flat_section(**_stiffened(stiffening))
+    force = (0.0, -1.0, 0.0)
+    return _cantilever(_line(240.0, elements), section, order, {"force": (sc.LoadForce, force)})
+
+
+def _stiffened(factor: float) -> dict[str, float]:
+    return {k: v if k in ("across", "GJ") else factor * v for k, v in STRIP.items()}
+
+
+def right_angle(elements: int = 6, order: int = 3) -> Scene:
+    """S9b: two legs of 240 at a right angle, clamped, unit force along x at the free end."""
+    corners = [ORIGIN, (240, 0, 0), (240, -240, 0)]
+    mesh = sc.MeshCurve.init_polyline(corners, elements, name="rod")
+    force = (1.0, 0.0, 0.0)
+    return _cantilever(mesh, flat_section(**STRIP), order, {"force": (sc.LoadForce, force)})
+
+
+def hinged_frame(elements: int = 6, order: int = 3, *, stiffening: float = 1.0) -> Scene:
+    """S9c: two legs of 240 at a right angle under opposite unit end moments about z.
+
+    One end is a hinge about z, the other moves in the plane; `stiffening` as for :func:`strip`.
+    """
+    a = 240 / np.sqrt(2)
+    corners = [(-a, 0, 0), (0, a, 0), (a, 0, 0)]
+    mesh = sc.MeshCurve.init_polyline(corners, elements, name="rod")
+    model = sc.Model()
+    section = flat_section(**_stiffened(stiffening))
+    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
+    left, right = rod.node("rod.start"), rod.node("rod.end")
+    model.add("hinge", sc.JointRevolute(sc.ground(left.position), left, E3))
+    model.add("slide", sc.JointPlanar(sc.ground(right.position), right, E3))
+    model.add("left", sc.LoadMoment(left, (0.0, 0.0, 1.0)))
+    model.add("right", sc.LoadMoment(right, (0.0, 0.0, -1.0)))
+    return Scene(model.freeze(), rod, rod.node((0, a, 0)))
+
+
+def column(elements: int = 4, order: int = 3, *, pinned: bool = True) -> Scene:
+    """S10: a column of length 1 along x under unit load: pinned at both ends, or a cantilever.
+
+    Across its plane it is four times as stiff, so that it buckles in one plane only.
+    """
+    EI, EA, GA = 109375.0, 525e6, 525e6 / 2.6 * 5 / 6
+    model = sc.Model()
+    section = flat_section(EI, EA, GA, 4 * EI, EI)
+    rod = model.add("rod", sc.Beam(_line(1.0, elements), section, order=order, director=E3))
+    start, end = rod.node("rod.start"), rod.node("rod.end")
+    if pinned:
+        model.add("hinge", sc.JointRevolute(sc.ground(start.position), start, E3))
+        model.add("roller", sc.JointPointOnLine(sc.ground(end.position), end, E1))
+    else:
+        model.add("clamp", sc.JointFixed(sc.ground(start.position), start))
+    model.add("load", sc.LoadForce(end, (-1.0, 0.0, 0.0)))
+    return Scene(model.freeze(), rod, end)
+
+
+# -- S11, S12: rings -------------------------------------------------------------------------------
+
+
+def deployable_ring(elements: int = 16, order: int = 4) -> Scene:
+    """S11: a ring of radius 20, clamped at A, turned at the opposite point B about AB.
+
+    The angle is 2 pi times the load factor; B slides along AB. After a full turn the ring is one
+    of a third of the radius, three times round.
+    """
+    R = 20.0
+    mesh = sc.MeshCurve.init_arc((-R, 0, 0), -E2, E1, R, 2 * np.pi, elements, name="ring")
+    EI, across = 64814.8148148148, 583333.3333333334
+    section = flat_section(EI, 7e6, 2243589.7435897435, across, 78774.23076923077)
+    model = sc.Model()
+    ring = model.add("ring", sc.Beam(mesh, section, order=order, director=E3))
+    A, B = ring.node((-R, 0, 0)), ring.node((R, 0, 0))
+    model.add("clamp", sc.JointFixed(sc.ground(A.position), A))
+    guide = model.add("guide", sc.JointCylindrical(sc.ground(B.position), B, E1))
+    model.add("drive", sc.JointDrive(guide, lambda t: 2 * np.pi * t, "angle"))
+    return Scene(model.freeze(), ring, B)
+
+
+def twisted_ring(
+    elements: int = 12, order: int = 4, *, GJ: float = 1.5, slenderness: float = 100.0
+) -> Scene:
+    """S12: a straight rod, EI = 1, bent to a ring of radius 1 and then twisted.
+
+    Up to load factor 1 its end is led along circular arcs; then it is turned about its tangent by
+    an angle of ``t - 1``, held in a hinge at the place of the clamped start.
+    """
+    length = 2 * np.pi
+    model = sc.Model()
+    section = flat_section(1.0, slenderness**2, slenderness**2, 1.0, GJ)
+    mesh = _line(length, elements)
+    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
+    start, end = rod.node("rod.start"), rod.node("rod.end")
+
+    def displacement(t: float) -> tuple[float, float, float]:
+        f = 2 * np.pi * min(t, 1.0)
+        if f < 1e-8:
+            return (0.0, 0.5 * length * f, 0.0)
+        return (length * (np.sin(f) / f - 1), length * (1 - np.cos(f)) / f, 0.0)
+
+    def rotation(t: float) -> tuple[float, float, float]:
+        return (0.0, 0.0, 2 * np.pi * min(t, 1.0))
+
+    model.add("clamp", sc.JointFixed(sc.ground(ORIGIN), start))
+    led = sc.ground(end.position, sc.Motion(displacement, rotation))
+    hinge = model.add("hinge", sc.JointRevolute(led, end, E1))
+    model.add("twist", sc.JointDrive(hinge, lambda t: max(0.0, t - 1.0)))
+    return Scene(model.freeze(), rod, rod.node((np.pi, 0, 0)))
