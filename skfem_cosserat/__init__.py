@@ -32,7 +32,9 @@ from .joint import (
 )
 from .load import FunctionOfTime, LoadForce, LoadGravity, LoadLine, LoadMoment, Table
 from .mesh import MeshCurve, read_mesh, write_mesh
+from .modal import Buckling, Modes, buckling, modes
 from .model import Model, System
+from .model.balance import Spin
 from .newton import NewtonSettings
 from .section import Material, Section, SectionCircle, SectionRectangle, SectionTube
 from .simulate import initial_state, project, restart, simulate, steps
@@ -51,6 +53,7 @@ __all__ = [
     "ArcLength",
     "Beam",
     "Branch",
+    "Buckling",
     "Bushing",
     "Cable",
     "CosseratError",
@@ -86,6 +89,7 @@ __all__ = [
     "MeshCurve",
     "MeshError",
     "Model",
+    "Modes",
     "Motion",
     "Multipliers",
     "NewtonSettings",
@@ -98,6 +102,7 @@ __all__ = [
     "SectionCircle",
     "SectionRectangle",
     "SectionTube",
+    "Spin",
     "SpringDamper",
     "State",
     "Stepper",
@@ -105,9 +110,11 @@ __all__ = [
     "Table",
     "Variational",
     "branch",
+    "buckling",
     "equilibrium",
     "ground",
     "initial_state",
+    "modes",
     "project",
     "read_mesh",
     "restart",

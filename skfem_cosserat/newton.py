@@ -57,6 +57,11 @@ class NewtonSettings:
         five times this with a residual of round-off.
     rotation : float
         Largest rotation (rad) in one iteration; longer increments are scaled down.
+    mixed : float
+        After increments larger than this the geometric stiffness is taken with the stresses that
+        the increment predicts, not with those it leads to: the mixed (MIP) iteration of Magisano,
+        Leonetti & Garcea, Comput. Methods Appl. Mech. Engrg 313 (2017) 986. Same solution, from
+        farther away. Infinity: never.
 
     Raises
     ------
@@ -78,10 +83,11 @@ class NewtonSettings:
     negligible: float = 1e-12
     stagnation: float = 1e-8
     rotation: float = 0.6
+    mixed: float = 1e-3
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not (np.isfinite(value) and value > 0):
+            if not ((np.isfinite(value) or name == "mixed") and value > 0):
                 raise InputError("Newton settings", f"{name} = {value!r}, expected it positive")
 
 

@@ -280,7 +280,7 @@ def test_orders_of_resultants(p, elements, fine_arc):
         s = own.basis.lengths[:, None] * (np.arange(count)[:, None] + own.basis.points)
         exact = evaluate(system, beam, q, *beam.along(s.ravel())).resultant
         gauss.append(np.abs(section_forces(coarse, own, q_c).reshape(-1, 6) - exact).max())
-    assert abs(np.log2(nodal[0] / nodal[1]) - 2 * p) < 0.3
+    assert abs(np.log2(nodal[0] / nodal[1]) - 2 * p) < 0.1
     assert abs(np.log2(gauss[-2] / gauss[-1]) - (p + 1)) < 0.15
 
 

@@ -368,6 +368,7 @@ def section_strain_rates(system: System, beam: Beam, q: ArrayLike, v: ArrayLike)
 
 
 def group_of(system: System, beam: Beam) -> BeamGroup:
+    """The group of elements that holds a beam's; an error if it is not in the system."""
     group = next((g for g in system.beam_groups if id(beam) in g.slices), None)
     if group is None:
         raise InputError(beam.label, "is not in this system")

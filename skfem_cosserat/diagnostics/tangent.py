@@ -15,6 +15,7 @@ from .rowspace import RowSpace
 
 __all__ = [
     "ReducedTangent",
+    "balancing_multipliers",
     "blocks_matrix",
     "curvature_matrix",
     "material_stiffness",
@@ -99,7 +100,7 @@ def reduced_tangent(
     """
     if at is None:
         at = balance(system, y, amplitudes)
-    multipliers = _multipliers(system, y, at.R.ravel())
+    multipliers = balancing_multipliers(system, y, at.R.ravel())
     P = null_space_matrix(system, y)
     A = blocks_matrix(system, balance_tangent(system, at, amplitudes))
     A = A + curvature_matrix(system, y, multipliers)
@@ -109,8 +110,11 @@ def reduced_tangent(
     return ReducedTangent((P.T @ A @ P).tocsr(), P, multipliers, at, metric)
 
 
-def _multipliers(system: System, y: Floats, R: Floats) -> Floats:
-    """Lambda with ``G^T lambda = -R``, once refined: the equations are squared ones."""
+def balancing_multipliers(system: System, y: Floats, R: Floats) -> Floats:
+    """Lambda (m,) of least norm with ``G^T lambda = -R`` for a balance R (n,).
+
+    Once refined, as the equations are squared ones.
+    """
     if not system.m:
         return np.zeros(0)
     rows, G = RowSpace(system, y), system.constraints.jacobian(y)

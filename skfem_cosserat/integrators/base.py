@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ..model import System
 from ..model.couplings import CoupledForce, CoupledStart
@@ -145,6 +145,8 @@ class Integrator(ABC):
         Order of convergence in q and p.
     constraint_weight : float
         Constraint forces act at ``(1 - w) q_n + w q_{n+1}``.
+    force_share : float
+        Factor of ``h f_int`` in the balance.
     start_share : float
         Part of the first step's constraint force that a start from given momentum leaves to the
         step (the rest is in the momentum already).
@@ -164,6 +166,7 @@ class Integrator(ABC):
     name: str
     order: int
     constraint_weight: float
+    force_share: float
     start_share: float = 1.0
     carries_node_momentum: bool = True
     frequency_limit: float | None = None
@@ -206,6 +209,29 @@ class Integrator(ABC):
             loading.dead_force(amplitudes),
             system.couplings.begin(y0, state.turns, t0, h) if coupled else None,
         )
+
+    def mixed(
+        self, system: System, step: StepData, evaluation: Evaluation, change: Array
+    ) -> list[Array]:
+        """Stresses that a change (rows, 3) of q_1 predicts, to first order.
+
+        Elastic ones only: it is a matter of convergence, not of the solution.
+        """
+        out = []
+        groups = system.beam_groups
+        for g, S, B in zip(groups, evaluation.stresses, evaluation.B1s, strict=True):
+            local = change[g.rows].reshape(len(g.rows), -1, 1)
+            out.append(S + 0.5 * g.stress((B @ local).reshape(S.shape)))
+        return out
+
+    def with_stresses(
+        self, system: System, step: StepData, evaluation: Evaluation, stresses: list[Array]
+    ) -> Evaluation:
+        """The evaluation with other stresses, for the geometric part of a tangent."""
+        pairs = zip(stresses, evaluation.stresses, strict=True)
+        force = system.internal_force(evaluation.Bs, [new - old for new, old in pairs])
+        R = evaluation.R + (self.force_share * step.h) * force
+        return replace(evaluation, R=R, stresses=stresses)
 
     def work(self, system: System, step: StepData, evaluation: Evaluation, y1: Floats) -> StepWork:
         """Work of the forces of a solved step along the way from y0 to y1 (all rows)."""

@@ -45,6 +45,7 @@ class EnergyMomentum(Integrator):
     name = "energy-momentum"
     order = 2
     constraint_weight = 0.5
+    force_share = 1.0
     conserves = "energy, linear and angular momentum"
     reference = (
         "Gonzalez, J. Nonlinear Sci. 6 (1996) 449; Betsch & Leyendecker, IJNME 67 (2006) 499"

@@ -65,6 +65,8 @@ class _Problem:
         self.system, self.integrator = stepper.system, stepper.integrator
         self.treatment, self.step = stepper.bound, step
         self.evaluation: Evaluation | None = None
+        self._mixed = stepper.settings.mixed
+        self._stresses: list[Array] | None = None
 
     def residual(self) -> float:
         y1 = self.treatment.configuration()
@@ -75,14 +77,23 @@ class _Problem:
 
     def direction(self) -> Floats:
         assert self.evaluation is not None
-        blocks = self.integrator.tangent(self.system, self.step, self.evaluation)
-        data = self.treatment.data(blocks, self.evaluation.R, self.y1)
+        e = self._from = self.evaluation
+        self._y_from = self.y1
+        if self._stresses is not None:
+            e = self.integrator.with_stresses(self.system, self.step, e, self._stresses)
+            self.treatment.residual(e.R, self.y1)
+        blocks = self.integrator.tangent(self.system, self.step, e)
+        data = self.treatment.data(blocks, e.R, self.y1)
         return -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
         return self.treatment.sizes(increment)
 
     def apply(self, increment: Floats) -> None:
+        self._stresses = None
+        if self.treatment.sizes(increment)[0] > self._mixed and self.system.beam_groups:
+            change = self.treatment.push(increment, self._y_from)
+            self._stresses = self.integrator.mixed(self.system, self.step, self._from, change)
         self.treatment.apply(increment)
 
     def save(self) -> object:

@@ -45,6 +45,7 @@ class Variational(Integrator):
     name = "variational"
     order = 2
     constraint_weight = 0.0
+    force_share = 0.5
     start_share = 0.5
     carries_node_momentum = False
     frequency_limit = 10.0  # explained and measured in examples/failure_mechanism.py
@@ -83,7 +84,7 @@ class Variational(Integrator):
 
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:
         """See the base class: ``M/h + (h/4) K(q_mid)``."""
-        return midpoint_tangent(system, step, evaluation, 1 / step.h, 0.5 * step.h)
+        return midpoint_tangent(system, step, evaluation, 1 / step.h, self.force_share * step.h)
 
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """``p_{n+1}`` before its constraint force: ``D_2 L_d + f^+`` (35)."""

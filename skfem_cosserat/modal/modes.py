@@ -14,7 +14,7 @@ from ..types import Array, Floats, positive
 from .animation import animation
 from .pencil import Pencil, make_pencil
 from .quadratic import spectrum
-from .state import Equilibrium, StateLike, as_system, equilibrium
+from .state import Equilibrium, StateLike, as_system, resting
 from .symmetric import lowest
 
 __all__ = ["Modes", "checked_count", "modes"]
@@ -202,7 +202,7 @@ def modes(
     >>> steel = Material(210e9, 0.3, 7850.0)
     >>> mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, nodes={"root": 0.0})
     >>> model = Model()
-    >>> beam = Beam(mesh, SectionRectangle(0.01, 0.01, steel), director=(0, 1, 0), order=3)
+    >>> beam = Beam(mesh, SectionRectangle(0.01, 0.01, steel), director=(0, 1, 0), order=4)
     >>> beam = model.add("beam", beam)
     >>> clamp = model.add("clamp", JointFixed(ground((0, 0, 0)), beam.node("root")))
     >>> modes(model, count=4).frequencies.round(3).tolist()
@@ -211,7 +211,7 @@ def modes(
     system = as_system(model)
     count = checked_count(count, system.unknowns)
     limit = positive("argument tolerance", "tolerance", tolerance)
-    at = equilibrium(system, state, t, amplitudes, spin, limit)
+    at = resting(system, state, t, amplitudes, spin, limit)
     pencil = make_pencil(at)
     s, X, rigid, factorisations = _solve(pencil, count)
     shapes = (at.tangent.P @ X).T

@@ -18,7 +18,14 @@ from ..simulate.describe import other_model
 from ..statics.schedule import Schedule
 from ..types import Array, ArrayLike, Floats, IndexArray, numbers
 
-__all__ = ["Equilibrium", "StateLike", "as_system", "equilibrium", "finite"]
+__all__ = [
+    "Equilibrium",
+    "StateLike",
+    "as_system",
+    "check_amplitudes",
+    "finite",
+    "resting",
+]
 
 #: what may be given as a state
 StateLike: TypeAlias = ArrayLike | State | History | tuple[History, int]
@@ -71,7 +78,7 @@ def as_system(model: Model | System) -> System:
     return model
 
 
-def equilibrium(
+def resting(
     system: System,
     state: StateLike | None,
     t: float | None,
@@ -91,7 +98,7 @@ def equilibrium(
     q, turns, time, found = _read(system, state, t)
     if amplitudes is None:
         amplitudes = found
-    _check_amplitudes(system, amplitudes)
+    check_amplitudes(system, amplitudes)
     if spin is not None:
         if not isinstance(spin, Spin):
             raise InputError("argument spin", f"{type(spin).__name__}, expected a Spin")
@@ -192,7 +199,14 @@ def _unloaded(system: System) -> Amplitudes:
     )
 
 
-def _check_amplitudes(system: System, amplitudes: Amplitudes) -> None:
+def check_amplitudes(system: System, amplitudes: Amplitudes) -> None:
+    """Amplitudes fit the system and are finite.
+
+    Raises
+    ------
+    InputError
+        If not.
+    """
     if not isinstance(amplitudes, Amplitudes):
         kind = type(amplitudes).__name__
         raise InputError("argument amplitudes", f"{kind}, expected Amplitudes of all loads")

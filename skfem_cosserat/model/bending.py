@@ -54,7 +54,7 @@ def bent_elements(system: System, y: Floats) -> str | None:
         row = system.first[id(beam)][1]
         nodal = y[row : row + 4 * basis.n_nodes].reshape(-1, 4, 3)[:, 1:]
         now, then = (_steps(triads[basis.connectivity]) for triads in (nodal, beam.triads))
-        angle = turns(then, now).sum(axis=1)
+        angle = turns(then, now).sum(axis=1).round(9)
         ratio = float(angle.max()) / basis.interpolation.turn_limit
         if ratio > worst:
             a, b = basis.connectivity[int(angle.argmax())][[0, -1]]

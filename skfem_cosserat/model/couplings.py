@@ -104,7 +104,7 @@ class _Start:
 
     pi: Floats
     xi: Floats
-    amplitude: Floats
+    amplitude: Array
 
 
 @dataclass(eq=False)
@@ -352,7 +352,7 @@ class Couplings:
         return self.starting(y0, turns, self._averages(t0, t0 + h), h)
 
     def starting(
-        self, y0: Floats, turns: IndexArray | None, amplitudes: Floats, h: float
+        self, y0: Floats, turns: IndexArray | None, amplitudes: Array, h: float
     ) -> CoupledStart:
         """Couplings at the start of a step with given amplitudes of actuators, and a zero."""
         starts = [

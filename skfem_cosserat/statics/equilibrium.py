@@ -218,7 +218,8 @@ class _Problem:
             change = change + dt * self._by_t
         if self.predicted is None:
             self.predicted = change
-        self._stresses = predicted(self.system, self.at, change)
+        large = self.sizes(increment)[0] > self.solver.settings.mixed
+        self._stresses = predicted(self.system, self.at, change) if large else None
         self.bound.apply(increment[:-1])
         if dt:
             self.t += dt

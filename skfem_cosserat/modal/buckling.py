@@ -1,0 +1,278 @@
+"""Critical loads of the linear theory: geometric stiffness of the linear solution's stresses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from scipy.linalg import eig, eigh
+from scipy.sparse import csr_matrix
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
+
+from ..diagnostics.tangent import balancing_multipliers, blocks_matrix, curvature_matrix
+from ..errors import CosseratError, InputError
+from ..history import History
+from ..model import Model, System
+from ..model.balance import Amplitudes, amplitudes_at, balance
+from ..types import Floats
+from .animation import animation
+from .modes import checked_count
+from .pencil import SYMMETRIC, Pencil, make_pencil
+from .state import Equilibrium, as_system, check_amplitudes, finite, resting
+from .symmetric import DENSE, SPARE, TOLERANCE, Factorised, lowest
+
+__all__ = ["Buckling", "buckling"]
+
+Sign = Literal["positive", "negative", "both"]
+#: which eigenvalues 1/factor are sought first, by Lanczos' method
+_WHICH = {"positive": "LA", "negative": "SA", "both": "LM"}
+#: critical factors beyond this multiple of the smallest one found are rounding of infinite ones
+INFINITE = 1e10
+#: of the complex step
+STEP = 1e-40
+#: relative imaginary part above which a factor is no buckling load
+REAL = 1e-6
+
+
+@dataclass(eq=False)
+class Buckling:
+    """Critical load factors and buckling modes.
+
+    Attributes
+    ----------
+    system : System
+    factors : (count,) array
+        The given loads times these are critical; by modulus.
+    shapes : (count, n) array
+        Changes of the coordinates q, of unit size in the metric of motions: lengths relative to
+        the extent of the scene, turns in rad.
+    reduced : (count, unknowns) array
+        The same in the unknowns of the null space method.
+    response : (n,) array
+        Linear response to the given loads (m, -).
+    factorisations : int
+        Of sparse matrices.
+    """
+
+    system: System
+    factors: Floats
+    shapes: Floats
+    reduced: Floats
+    response: Floats
+    factorisations: int
+    _at: Equilibrium = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.factors)
+
+    def animation(
+        self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1
+    ) -> History:
+        """A buckling mode as a time series, see :meth:`Modes.animation`."""
+        if not isinstance(index, int | np.integer) or not -len(self) <= index < len(self):
+            raise InputError("argument index", f"{index!r}, there are {len(self)} modes")
+        x = self.reduced[index]
+        return animation(self._at, 0j, x, amplitude, frames, periods, int(index) % len(self))
+
+
+def buckling(
+    model: Model | System,
+    count: int = 3,
+    *,
+    sign: Sign = "positive",
+    t: float = 0.0,
+    amplitudes: Amplitudes | None = None,
+    tolerance: float = 1e-6,
+) -> Buckling:
+    """Linear buckling about the unloaded reference: ``(K_0 + factor K_1) phi = 0``.
+
+    Parameters
+    ----------
+    model : Model or System
+        Supported so that nothing moves without a force.
+    count : int
+        How many critical factors.
+    sign : {"positive", "negative", "both"}
+        Which ones: of loads as given, of loads turned round, or both by modulus.
+    t : float
+        Time (s) at which loads and actuators are taken.
+    amplitudes : Amplitudes, optional
+        Factors of all loads and actuators instead.
+    tolerance : float
+        As for :func:`modes`: the reference must be in equilibrium without loads.
+
+    Returns
+    -------
+    Buckling
+
+    Raises
+    ------
+    InputError
+        If there are no loads, a motion has no stiffness, or fewer factors of this sign exist than
+        asked for.
+    CosseratError
+        If the eigenvalue iteration does not converge.
+
+    Notes
+    -----
+    K_1 is the stiffness that the stresses, constraint forces and forces of the linear solution
+    ``K_0 u = f`` add to the reference, and that of loads that follow the motion; of springs and
+    bushings the derivative along that solution. The deflections before buckling are left out:
+    where they matter (shallow arches, frames that bend at once) follow the path with ``static``.
+    With loads that have no potential only real factors are given: flutter is not found so.
+
+    Examples
+    --------
+    Euler's column, free at its head, of EI = 2 N m^2 and 1 m: pi^2 EI / 4 = 4.9348 N (here with
+    a little shear, ``P (1 + P/GA) = pi^2 EI/4``):
+
+    >>> from skfem_cosserat import Beam, JointFixed, LoadForce, MeshCurve, Section, ground
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 1), 4, nodes={"foot": 0.0, "head": 1.0})
+    >>> section = Section([1e6, 1e6, 1e6, 2.0, 3.0, 1.0], mass=1.0, inertia=(1e-3, 1e-3))
+    >>> model = Model()
+    >>> column = model.add("column", Beam(mesh, section, director=(1, 0, 0), order=3))
+    >>> clamp = model.add("clamp", JointFixed(ground((0, 0, 0)), column.node("foot")))
+    >>> weight = model.add("weight", LoadForce(column.node("head"), (0, 0, -1.0)))
+    >>> [round(float(factor), 4) for factor in buckling(model, 2).factors]
+    [4.9348, 7.4021]
+    """
+    system = as_system(model)
+    count = checked_count(count, system.unknowns)
+    if sign not in _WHICH:
+        raise InputError("argument sign", f"{sign!r}, expected one of {list(_WHICH)}")
+    loads = _loads(system, finite("argument t", t), amplitudes)
+    at = resting(system, None, None, None, None, tolerance)
+    pencil = make_pencil(at)
+    tangent = at.tangent
+    still = lowest(pencil.K, tangent.metric, 1, pencil.energies)
+    if still.zero[0] or still.values[0] < 0:
+        raise _loose(at, still.vectors[:, 0], bool(still.zero[0]))
+    P = tangent.P
+    force = P.T @ (tangent.balance.R - balance(system, at.y, loads).R).ravel()
+    if not abs(force).max() > 0:
+        raise InputError("argument t", f"{t!r}: the loads do nothing then, there is no response")
+    factors = Factorised(pencil.K)
+    u = factors.solve(force)
+    u = u + factors.solve(force - pencil.K @ u)
+    K1 = _geometric(at, loads, np.asarray(P @ u).reshape(-1, 3))
+    values, X = _critical(pencil, K1, factors, count, sign)
+    X = X / np.sqrt(np.einsum("ik,ik->k", X, tangent.metric @ X))
+    lead = np.argmax(abs(X) * np.sqrt(tangent.metric.diagonal())[:, None], axis=0)
+    X = X * np.sign(X[lead, np.arange(X.shape[1])])
+    made = still.factorisations + 1
+    return Buckling(system, values, (P @ X).T, X.T.copy(), P @ u, made, at)
+
+
+def _loads(system: System, t: float, amplitudes: Amplitudes | None) -> Amplitudes:
+    if amplitudes is None:
+        return amplitudes_at(system, t)
+    check_amplitudes(system, amplitudes)
+    if amplitudes.spin is not None:
+        raise InputError("argument amplitudes", "has a spin, expected loads that can be scaled")
+    return amplitudes
+
+
+def _loose(at: Equilibrium, x: Floats, free: bool) -> InputError:
+    """The motion that no stiffness holds in the reference, named by the vertex it moves most."""
+    system = at.system
+    size = np.linalg.norm((at.tangent.P @ x).reshape(-1, 3), axis=1)
+    size[system.origin_rows] /= system.length
+    row = int(np.argmax(size))
+    vertex = int(np.searchsorted(system.origin_rows, row, side="right")) - 1
+    place = np.round(at.y[system.origin_rows[vertex]], 6).tolist()
+    what = "moves without any stiffness" if free else "is unstable without loads"
+    return InputError(
+        system.owner[vertex].label,
+        f"{what} in the reference, most at {place}: support it, there is no buckling load",
+    )
+
+
+def _geometric(at: Equilibrium, loads: Amplitudes, dq: Floats) -> csr_matrix:
+    """K_1 (unknowns, unknowns) for the linear response dq (rows, 3)."""
+    system, y, P = at.system, at.y, at.tangent.P
+    blocks = system.mass_tangent(0.0)
+    Bs, stresses = at.tangent.balance.Bs, []
+    for k, (group, B) in enumerate(zip(system.beam_groups, Bs, strict=True)):
+        local = dq[group.rows].reshape(len(group.rows), -1, 1)
+        stresses.append(group.stress((B @ local).reshape(len(B), -1, 6)))
+        none = np.zeros_like(B)
+        blocks[k] += group.tangent(none, none, stresses[k], 0.0, 1.0)
+    R = system.internal_force(Bs, stresses) - system.loading.dead_force(loads.loads)
+    if not system.loading.dead_only:
+        R = R - system.loading.force(y[: system.rows], loads.loads)
+        system.loading.add_tangent(blocks, y[: system.rows], loads.loads, -1.0)
+    if system.couplings.count:
+        # the derivative along the response by the complex step
+        moved = y.astype(complex)
+        moved[: system.rows] += 1j * STEP * dq
+        start = system.couplings.starting(y, None, 1j * STEP * loads.actuators, 1.0)
+        coupled = system.couplings.static(start, moved)
+        R = R + coupled.force[: system.rows].imag / STEP
+        blocks.append(system.couplings.tangent(coupled, 1.0).imag / STEP)
+    multipliers = balancing_multipliers(system, y, R.ravel())
+    A = blocks_matrix(system, blocks) + curvature_matrix(system, y, multipliers)
+    return (P.T @ A @ P).tocsr()
+
+
+def _critical(
+    pencil: Pencil, K1: csr_matrix, factors: Factorised, count: int, sign: Sign
+) -> tuple[Floats, Floats]:
+    """Factors (count,) and vectors (unknowns, count): ``-K_1 x = (1/factor) K_0 x``."""
+    size = float(abs(K1).max()) if K1.nnz else 0.0
+    symmetric = not size or bool(abs(K1 - K1.T).max() <= SYMMETRIC * size)
+    n = K1.shape[0]
+    many = min(n, count + SPARE)
+    if symmetric:
+        K1 = (0.5 * (K1 + K1.T)).tocsr()
+        if n <= DENSE or many > n // 3:
+            X = eigh(-K1.toarray(), pencil.K.toarray())[1]
+        else:
+            X = _lanczos(K1, pencil.K, factors, many, sign)
+        energy = pencil.energies(X)[0]
+        theta, turn = eigh(-(X.T @ (K1 @ X)), 0.5 * (energy + energy.T))
+        X = X @ turn
+    else:
+        theta, X = _without_potential(K1, pencil.K, factors, 2 * many)
+    wanted = abs(theta) > abs(theta).max(initial=0.0) / INFINITE
+    if sign != "both":
+        wanted &= (theta > 0) == (sign == "positive")
+    found = np.flatnonzero(wanted)
+    found = found[np.argsort(-abs(theta[found]), kind="stable")]
+    if len(found) < count:
+        kind = "" if sign == "both" else f"{sign} "
+        raise InputError(
+            "argument count", f"{count!r}, but only {len(found)} {kind}critical factor(s) exist"
+        )
+    return 1 / theta[found[:count]], X[:, found[:count]]
+
+
+def _lanczos(K1: csr_matrix, K0: csr_matrix, factors: Factorised, k: int, sign: Sign) -> Floats:
+    n = K1.shape[0]
+    inverse = LinearOperator((n, n), matvec=factors.solve, dtype=float)
+    start = np.random.default_rng(0).standard_normal(n)
+    basis = min(n, max(2 * k + 10, 40))
+    options = {"v0": start, "ncv": basis, "tol": TOLERANCE, "maxiter": 300}
+    try:
+        found = eigsh(-K1, k, M=K0, Minv=inverse, which=_WHICH[sign], **options)[1]
+    except ArpackError as error:
+        raise CosseratError(f"the Lanczos iteration for {k} factors did not converge") from error
+    return np.asarray(found)
+
+
+def _without_potential(
+    K1: csr_matrix, K0: csr_matrix, factors: Factorised, k: int
+) -> tuple[Floats, Floats]:
+    """Real eigenvalues 1/factor for a K_1 that is not symmetric."""
+    n = K1.shape[0]
+    if n <= DENSE or k > n // 3:
+        theta, X = eig(-K1.toarray(), K0.toarray())
+    else:
+        inverse = LinearOperator((n, n), matvec=lambda x: -factors.solve(K1 @ x), dtype=float)
+        start = np.random.default_rng(0).standard_normal(n)
+        try:
+            theta, X = eigs(inverse, k, which="LM", v0=start, tol=TOLERANCE, maxiter=300)
+        except ArpackError as error:
+            raise CosseratError("the Arnoldi iteration for factors did not converge") from error
+    real = abs(theta.imag) <= REAL * abs(theta)
+    return theta[real].real, X[:, real].real
