@@ -257,7 +257,7 @@ def toggle(elements: int = 4, order: int = 3, *, half: bool = True) -> Scene:
 def arch(elements: int = 16, order: int = 4, *, slenderness: float = 1e3) -> Scene:
     """S8: clamped-hinged arch of 215 degrees, R = 100, EI = 1e6, unit load down at the crown.
 
-    The clamp is at the right. Axial and shear stiffness are ``EI (slenderness/R)^2``.
+    The clamp is at the left. Axial and shear stiffness are ``EI (slenderness/R)^2``.
     """
     R, half, EI = 100.0, np.radians(107.5), 1e6
     start = R * np.array([-np.sin(half), np.cos(half), 0.0])
@@ -269,8 +269,8 @@ def arch(elements: int = 16, order: int = 4, *, slenderness: float = 1e3) -> Sce
     section = flat_section(EI, EA, EA, 100 * EI, 100 * EI)
     rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
     left, right, crown = rod.node("rod.start"), rod.node("rod.end"), rod.node((0, R, 0))
-    model.add("hinge", sc.JointRevolute(sc.ground(left.position), left, E3))
-    model.add("clamp", sc.JointFixed(sc.ground(right.position), right))
+    model.add("clamp", sc.JointFixed(sc.ground(left.position), left))
+    model.add("hinge", sc.JointRevolute(sc.ground(right.position), right, E3))
     model.add("load", sc.LoadForce(crown, (0.0, -1.0, 0.0)))
     return Scene(model.freeze(), rod, crown)
 
@@ -316,7 +316,8 @@ def right_angle(elements: int = 6, order: int = 3) -> Scene:
 def hinged_frame(elements: int = 6, order: int = 3, *, stiffening: float = 1.0) -> Scene:
     """S9c: two legs of 240 at a right angle under opposite unit end moments about z.
 
-    One end is a hinge about z, the other moves in the plane; `stiffening` as for :func:`strip`.
+    Both ends are hinges about z, one of them on a slide along x; `stiffening` as for
+    :func:`strip`.
     """
     a = 240 / np.sqrt(2)
     corners = [(-a, 0, 0), (0, a, 0), (a, 0, 0)]
@@ -326,7 +327,10 @@ def hinged_frame(elements: int = 6, order: int = 3, *, stiffening: float = 1.0) 
     rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
     left, right = rod.node("rod.start"), rod.node("rod.end")
     model.add("hinge", sc.JointRevolute(sc.ground(left.position), left, E3))
-    model.add("slide", sc.JointPlanar(sc.ground(right.position), right, E3))
+    block = model.add("block", sc.RigidBody.box(1.0, (1, 1, 1), position=right.position))
+    place = block.at(right.position)
+    model.add("slide", sc.JointPrismatic(sc.ground(right.position), place, E1))
+    model.add("pin", sc.JointRevolute(place, right, E3))
     model.add("left", sc.LoadMoment(left, (0.0, 0.0, 1.0)))
     model.add("right", sc.LoadMoment(right, (0.0, 0.0, -1.0)))
     return Scene(model.freeze(), rod, rod.node((0, a, 0)))

@@ -68,10 +68,10 @@ def evaluate(
     Notes
     -----
     Directors are interpolated as they are (113). At nodes they are orthonormal, between them not:
-    ``d_i.d_j`` deviates by an amount that vanishes with h^(p+1) (a linear element that turns by an
-    angle t has directors of length cos(t/2) in its middle). Positions and triads converge with h^(p+1), strains and resultants with h^p, and with h^(p+1) at
-    the Gauss points, where :func:`section_strains` takes them; at nodes
-    :func:`nodal_resultants` are far better.
+    ``d_i.d_j`` deviates by an amount that vanishes with h^(p+1) (a linear element that turns by
+    an angle t has directors of length cos(t/2) in its middle). Positions and triads converge with
+    h^(p+1), strains and resultants with h^p, and with h^(p+1) at the Gauss points, where
+    :func:`section_strains` takes them; at nodes :func:`nodal_resultants` are far better.
 
     Examples
     --------

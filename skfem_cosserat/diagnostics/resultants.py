@@ -92,13 +92,19 @@ def nodal_resultants(
         F = _element_forces(group, own, y, velocity, acceleration)
         for (load, value), factor in zip(loads, factors[k], strict=True):
             _subtract(F, load, factor * value, beam, group, own, y)
-        nodal = y[group.rows[own]].reshape(F.shape)
-        for end, sign in ((0, -1.0), (-1, 1.0)):
-            f, d = F[:, end], nodal[:, end, 1:]
-            spatial = np.stack([f[:, 0], director_force(d, f[:, 1:])], axis=1)
-            triad = beam.rotations[:, end] @ d
-            out[k, :, end] = sign * (spatial @ np.swapaxes(triad, 1, 2)).reshape(-1, 6)
+        out[k] = _at_ends(F, y[group.rows[own]].reshape(F.shape), beam)
     return out[0] if single else out
+
+
+def _at_ends(F: Floats, nodal: Floats, beam: Beam) -> Floats:
+    """Forces and moments (ne, 2, 6) in section triads of nodal forces (ne, p + 1, 4, 3)."""
+    out = np.empty((len(F), 2, 6))
+    for end, sign in ((0, -1.0), (-1, 1.0)):
+        f, d = F[:, end], nodal[:, end, 1:]
+        spatial = np.stack([f[:, 0], director_force(d, f[:, 1:])], axis=1)
+        triad = beam.rotations[:, end] @ d
+        out[:, end] = sign * (spatial @ np.swapaxes(triad, 1, 2)).reshape(-1, 6)
+    return out
 
 
 def _like(name: str, value: ArrayLike | None, Q: Floats, system: System) -> Floats | None:

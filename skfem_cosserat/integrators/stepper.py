@@ -10,6 +10,7 @@ from ..constraints import BoundTreatment, Treatment
 from ..errors import Diverged, InputError
 from ..log import logger
 from ..model import System
+from ..model.bending import bent_elements
 from ..model.singular import contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, positive
@@ -200,17 +201,25 @@ class Stepper:
             )
         assert best is not None
         effort = f"after {len(ATTEMPTS)} attempts with {total} Newton iterations"
-        reason, advice = self._explained(step, best.reason)
+        reason, advice = self._explained(step, best.reason, problem.y1)
         where = state.time, state.index + 1, best.residual
         raise Diverged(*where, f"{reason}, {effort}", advice, residuals)
 
-    def _explained(self, step: StepData, reason: str) -> tuple[str, str]:
-        """Why a step failed and what to try: a dead point, a loop that does not close, Newton."""
+    def _explained(self, step: StepData, reason: str, y1: Array) -> tuple[str, str]:
+        """Why a step failed and what to try: a dead point, a loop that does not close, Newton.
+
+        `y1` is where the last iteration ended.
+        """
         stop = dead_point(self.system, step.y0, step.t0, self.h)
         if stop is not None:
             return stop.reason, "stop or turn the drive before it, or drive another joint"
         if self.bound.trouble is not None:
             reason = f"{reason}: {self.bound.trouble}"
+        bent = bent_elements(self.system, step.y0)
+        if bent is None and np.isfinite(y1).all():
+            bent = bent_elements(self.system, y1)
+        if bent is not None:
+            reason = f"{reason}; {bent}"
         return reason, f"try a smaller step than {self.h:g} s, {self.integrator.advice}"
 
     def _check_motion(self, state: State, y1: Array, residual: float) -> None:

@@ -15,6 +15,7 @@ from ..linear import SingularMatrixError
 from ..model import Model, System
 from ..model.balance import Amplitudes, Spin, amplitudes_at, balance
 from ..simulate.describe import other_model
+from ..statics.record import recorded_amplitudes
 from ..statics.schedule import Schedule
 from ..types import Array, ArrayLike, Floats, IndexArray, numbers
 
@@ -188,7 +189,8 @@ def _from_history(
         turns = np.array([known.get(item.name, 0) for item in angles], dtype=np.int64)
     if "load_factor" in row:  # a static path
         time = float(row["load_factor"]) if t is None else t
-        return row["q"], turns, time, Schedule(system).at(time)
+        at = recorded_amplitudes(history, int(index)) if t is None else Schedule(system).at(time)
+        return row["q"], turns, time, at
     time = float(row["t"]) if t is None else t
     return row["q"], turns, time, amplitudes_at(system, time)
 

@@ -149,10 +149,15 @@ def _below(K: csr_matrix, M: csr_matrix) -> tuple[float, Factorised, int]:
     top = float((abs(K.diagonal()) / M.diagonal()).max()) or 1.0
     shift, made = -FIRST * top, 0
     while True:
-        factors, made = Factorised(K - shift * M), made + 1
-        if factors.negative == 0 or -shift > 1e3 * top:
+        made += 1
+        try:
+            factors = Factorised(K - shift * M)
+        except RuntimeError:  # a pivot vanishes: the shift is an eigenvalue by chance
+            shift *= 1.1
+            continue
+        if (factors.negative == 0 or -shift > 1e3 * top):
             return shift, factors, made
-        shift *= 10.0
+        shift *= 7.3
 
 
 def _lanczos(

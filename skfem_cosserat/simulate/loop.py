@@ -16,6 +16,7 @@ from ..history import History
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..log import logger
 from ..model import System
+from ..model.bending import bent_elements
 from ..newton import NewtonSettings
 from ..types import positive
 from .describe import derive_series
@@ -155,6 +156,8 @@ def simulate(
         history = recorder.close(status, failure)
         if failure is not None:
             failure.history = history
+        elif bent := bent_elements(system, history["q"][-1].reshape(-1, 3)):
+            logger.warning("t = %.6g s: %s", history.times[-1], bent)
         if derive:
             interrupt.asked = True  # nothing is lost any more: end at once
             _derive(system, history, path)

@@ -8,22 +8,29 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eig, eigh
 from scipy.optimize import brentq
-from scipy.sparse import csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import ArpackError, eigs, eigsh, splu
 
 from ..diagnostics.tangent import ReducedTangent, reduced_tangent
 from ..log import logger
 from ..model import System
 from ..model.balance import Amplitudes, balance
-from ..types import Floats
+from ..types import Array, Floats, IndexArray
 from .equilibrium import Functional, Point
 
-__all__ = ["Critical", "Look", "inspect", "locate"]
+__all__ = ["Critical", "Look", "inspect", "locate", "locate_all"]
 
 #: unknowns up to which eigenvalues are computed dense
 DENSE = 300
-#: relative difference of K and its transpose above which forces count as not conservative
-SYMMETRIC = 1e-7
+#: relative difference of K and its transpose above which forces count as not conservative: with
+#: conservative ones it is rounding, below one unit of it (measured)
+SYMMETRIC = 1e-14
+#: eigenvalue, relative to the largest entry of K, below which a motion counts as neutral: of a
+#: section bent in one of its equivalent directions it was below 0.6 units of rounding (measured)
+NEUTRAL = 1e-15
+#: critical points sought within one step
+MOST = 20
 #: slope of the load factor along the path, in steps of equal size, below which it is a limit point
 LEVEL = 1e-2
 #: how exactly a critical point is found, and the distance for that slope, as a share of the step
@@ -40,8 +47,9 @@ class Look:
     ----------
     point : Point
     unstable : int
-        Negative eigenvalues of the reduced stiffness; with forces that are not conservative, of
-        its pivots.
+        Negative eigenvalues of the reduced stiffness. With forces that are not conservative they
+        may pass zero in pairs without any equilibrium near: then 1 if its determinant is
+        negative, else 0.
     tangent : ReducedTangent
     symmetric : bool
         Whether the forces are conservative.
@@ -52,8 +60,30 @@ class Look:
     tangent: ReducedTangent
     symmetric: bool
 
+    @property
+    def smallest(self) -> float:
+        """Magnitude of the eigenvalue nearest to zero."""
+        return float(abs(self._eigen(1)[0][0]))
+
+    @property
+    def neutral(self) -> bool:
+        """Whether it cannot be told from zero."""
+        return self.smallest <= NEUTRAL * float(abs(self.tangent.K.data).max(initial=0.0))
+
+    def crossed(self, later: Look) -> bool:
+        """Whether an eigenvalue has changed its sign between two points of a path."""
+        change = later.unstable - self.unstable
+        both = self.symmetric and later.symmetric
+        if not (change if both else change % 2):
+            return False
+        return not (self.neutral and later.neutral)
+
     def nearest(self, count: int = 1) -> tuple[Floats, Floats]:
         """Eigenvalues nearest to zero (count,) of K against the metric, and modes (unknowns, k)."""
+        values, modes = self._eigen(count)
+        return np.real(values), np.real(modes)
+
+    def _eigen(self, count: int) -> tuple[Array, Array]:
         K, metric = self.tangent.K, self.tangent.metric
         if self.symmetric:
             K = 0.5 * (K + K.T)
@@ -64,7 +94,7 @@ class Look:
             else:
                 values, vectors = eig(K.toarray(), metric.toarray())
             keep = np.argsort(abs(values))[:count]
-            return np.real(values[keep]), np.real(vectors[:, keep])
+            return values[keep], vectors[:, keep]
         solver = eigsh if self.symmetric else eigs
         try:
             values, vectors = solver(K.tocsc(), k=count, M=metric.tocsc(), sigma=0.0, which="LM")
@@ -72,7 +102,7 @@ class Look:
             shift = -1e-10 * float(abs(K.diagonal()).max() / metric.diagonal().max())
             values, vectors = solver(K.tocsc(), k=count, M=metric.tocsc(), sigma=shift, which="LM")
         order = np.argsort(abs(values))
-        return np.real(values[order]), np.real(vectors[:, order])
+        return values[order], vectors[:, order]
 
 
 @dataclass(eq=False)
@@ -87,12 +117,15 @@ class Critical:
     constraint_force : (n,) array
     multiplicity : int
         Eigenvalues that change sign there.
+    after : Look
+        A little further.
     """
 
     kind: str
     look: Look
     constraint_force: Floats
     multiplicity: int
+    after: Look
 
 
 def inspect(system: System, point: Point, amplitudes: Amplitudes) -> Look:
@@ -102,13 +135,29 @@ def inspect(system: System, point: Point, amplitudes: Amplitudes) -> Look:
     K = tangent.K
     size = float(abs(K.data).max(initial=0.0))
     difference = abs((K - K.T).data).max(initial=0.0)
-    symmetric = bool(difference <= SYMMETRIC * size)
-    return Look(
-        point, _negative(0.5 * (K + K.T) if symmetric else K, symmetric), tangent, symmetric
-    )
+    symmetric = system.loading.dead_only or bool(difference <= SYMMETRIC * size)
+    unstable = _negative(0.5 * (K + K.T)) if symmetric else int(_determinant_sign(K) < 0)
+    return Look(point, unstable, tangent, symmetric)
 
 
-def _negative(K: csr_matrix, symmetric: bool) -> int:
+def _determinant_sign(K: csr_matrix) -> float:
+    try:
+        factors = splu(K.tocsc())
+    except RuntimeError:  # a pivot vanishes
+        return 0.0
+    sign = float(np.prod(np.sign(factors.U.diagonal())))
+    return sign * _parity(factors.perm_r) * _parity(factors.perm_c)
+
+
+def _parity(order: IndexArray) -> int:
+    """Sign of a permutation, from the number of its cycles."""
+    n = len(order)
+    steps = coo_matrix((np.ones(n), (np.arange(n), order)), shape=(n, n))
+    cycles, _ = connected_components(steps, directed=False)
+    return 1 if (n - cycles) % 2 == 0 else -1
+
+
+def _negative(K: csr_matrix) -> int:
     """Negative pivots of an elimination without exchange of rows (Sylvester's law of inertia)."""
     if K.shape[0] == 0:
         return 0
@@ -121,9 +170,7 @@ def _negative(K: csr_matrix, symmetric: bool) -> int:
             return int((factors.U.diagonal() < 0).sum())
     except RuntimeError:  # a pivot vanishes
         pass
-    dense = K.toarray()
-    values = np.linalg.eigvalsh(dense) if symmetric else np.linalg.eigvals(dense).real
-    return int((values < 0).sum())
+    return int((np.linalg.eigvalsh(K.toarray()) < 0).sum())
 
 
 #: solves for the point that fulfils a functional from a start: point and constraint force, or None
@@ -140,9 +187,12 @@ def locate(
     """The critical point between two points of a path with unlike numbers of unstable motions.
 
     The eigenvalue nearest to zero, signed by that number, is a continuous function along the
-    secant; Brent's method finds its root. If several lie between, it is one of them.
+    secant; Brent's method finds its root. If several lie between, it is the first of them or, of
+    several pairs, one of them.
     """
     first, last = ends
+    if not first.crossed(last):
+        return None
     rows = len(weights)
     dy = last.point.y[:rows] - first.point.y[:rows]
     dt = last.point.t - first.point.t
@@ -160,22 +210,41 @@ def locate(
         return found[s][0]
 
     def signed(s: float) -> float:
-        value = float(abs(at(s).nearest()[0][0]))
-        return value if at(s).unstable == first.unstable else -value
+        return -at(s).smallest if at(s).unstable != first.unstable else at(s).smallest
 
     try:
         s = float(brentq(signed, 0.0, 1.0, xtol=ROOT, rtol=ROOT, maxiter=60))
         look = at(s)
-        slope = (at(s + NEAR).point.t - at(s - NEAR).point.t) / (2 * NEAR)
+        before, after = at(s - NEAR), at(s + NEAR)
     except (_LostError, RuntimeError) as error:
         logger.warning(
             "a critical point between the load factors %.6g and %.6g was not located: %s",
             *(first.point.t, last.point.t, error),
         )
         return None
+    slope = (after.point.t - before.point.t) / (2 * NEAR)
     scale = max(abs(look.point.t - first.point.t), abs(last.point.t - look.point.t))
     kind = "limit" if abs(slope) <= LEVEL * scale else "bifurcation"
-    return Critical(kind, look, found[s][1], abs(last.unstable - first.unstable))
+    return Critical(kind, look, found[s][1], max(1, abs(after.unstable - before.unstable)), after)
+
+
+def locate_all(
+    system: System,
+    solve: Solve,
+    amplitudes: Callable[[float], Amplitudes],
+    weights: Floats,
+    ends: tuple[Look, Look],
+) -> list[Critical]:
+    """All critical points between two points of a path, one after the other, see :func:`locate`."""
+    out: list[Critical] = []
+    first, last = ends
+    while len(out) < MOST:
+        found = locate(system, solve, amplitudes, weights, (first, last))
+        if found is None:
+            break
+        out.append(found)
+        first = found.after
+    return out
 
 
 class _LostError(Exception):

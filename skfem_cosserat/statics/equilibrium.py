@@ -11,6 +11,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 from ..constraints import Treatment
 from ..model import System
 from ..model.balance import Balance, balance, balance_tangent, predicted
+from ..model.bending import bent_elements
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray
 from .schedule import Schedule
@@ -301,6 +302,9 @@ class Equilibrium:
         if not report.converged:
             if bound.trouble is not None:
                 report.reason = f"{report.reason}: {bound.trouble}"
+            if np.isfinite(problem.at.y).all():
+                bent = bent_elements(self.system, problem.at.y)
+                report.reason += "" if bent is None else f"; {bent}"
             return None, report
         force = np.array(bound.constraint_impulse(problem.at.R)).reshape(-1)
         y = np.array(problem.at.y)

@@ -19,6 +19,7 @@ from ..load import Amplitude
 from ..log import logger
 from ..model import Model, System
 from ..model.balance import Spin, balance
+from ..model.bending import bent_elements
 from ..newton import NewtonReport, NewtonSettings
 from ..simulate.interrupt import Interrupt
 from ..simulate.start import checked_start
@@ -204,6 +205,7 @@ class _Walk:
     watch: bool
     rejected: int = 0
     critical: list[dict[str, Any]] = field(default_factory=list)
+    bent: bool = False
     _look: Look | None = None
 
     def run(
@@ -325,6 +327,7 @@ class _Walk:
             self._check_turning(found)
             solver.begin(solution.point)
         self._look = look
+        self._warn_if_bent(solution.point)
         asked = stage.accept(point, solution.point, length)
         if asked or self.control.all_points:
             force, report = solution.constraint_force, solution.report
@@ -423,6 +426,13 @@ class _Walk:
         logger.info("%s point at load factor %.9g", found.kind, point.t)
         force, effort = found.constraint_force, self._effort()
         self._record(point, parameter, force, 0.0, found.kind, effort)
+
+    def _warn_if_bent(self, point: Point) -> None:
+        """Say once that elements are bent farther than they can be on their own."""
+        bent = None if self.bent else bent_elements(self.system, point.y)
+        if bent is not None:
+            self.bent = True
+            logger.warning("load factor %.6g: %s", point.t, bent)
 
     def _check_turning(self, found: Critical) -> None:
         """Steps of the load factor end where it does not grow any more."""

@@ -10,12 +10,13 @@ import numpy as np
 from ..diagnostics import coupling_energy, strain_energy
 from ..history import History, HistoryWriter
 from ..model import System
+from ..model.balance import Amplitudes, Spin
 from ..simulate.describe import derive_configuration, describe
 from ..types import Floats
 from .equilibrium import Point
 from .schedule import Schedule
 
-__all__ = ["CODES", "PathRecorder", "derive_path"]
+__all__ = ["CODES", "PathRecorder", "derive_path", "recorded_amplitudes"]
 
 #: number of a point in the series "critical"
 CODES = {"regular": 0, "limit": 1, "bifurcation": 2}
@@ -70,6 +71,7 @@ class PathRecorder:
             "attempts": attempts,
             "residual": residual,
             "work_loads": self._work,
+            **_amplitude_series(self.schedule.at(point.t)),
         }
         if system.couplings.angles:
             none = np.zeros(len(system.couplings.angles), dtype=np.int64)
@@ -94,6 +96,24 @@ class PathRecorder:
         """Close the file and give the history."""
         self.writer.close(status, **extra)
         return self.writer.history()
+
+
+def _amplitude_series(amplitudes: Amplitudes) -> dict[str, Floats]:
+    spin = amplitudes.spin
+    turning = np.zeros((2, 3)) if spin is None else np.array([spin.velocity, spin.point])
+    return {
+        "amplitudes/loads": amplitudes.loads,
+        "amplitudes/actuators": amplitudes.actuators,
+        "amplitudes/spin": turning,
+    }
+
+
+def recorded_amplitudes(history: History, index: int = -1) -> Amplitudes:
+    """Factors of loads and actuators, and the spin, at a point of a path."""
+    loads, actuators, spin = (
+        np.array(history[f"amplitudes/{name}"][index]) for name in ("loads", "actuators", "spin")
+    )
+    return Amplitudes(loads, actuators, Spin(*spin) if spin[0].any() else None)
 
 
 def derive_path(system: System, schedule: Schedule, history: History) -> None:
