@@ -383,7 +383,10 @@ def twisted_ring(
     """S12: a straight rod, EI = 1, bent to a ring of radius 1 and then twisted.
 
     Up to load factor 1 its end is led along circular arcs; then it is turned about its tangent by
-    an angle of ``t - 1``, held in a hinge at the place of the clamped start.
+    an angle of ``t - 1``, held in a hinge at the place of the clamped start. A straight rod of
+    equal bending stiffnesses may bend to a ring in any plane, at no cost: a spring keeps a quarter
+    point from leaving the plane. It has no influence on when the ring buckles, for there, too, all
+    turns about the tangent are equal.
     """
     length = 2 * np.pi
     model = sc.Model()
@@ -405,4 +408,7 @@ def twisted_ring(
     led = sc.ground(end.position, sc.Motion(displacement, rotation))
     hinge = model.add("hinge", sc.JointRevolute(led, end, E1))
     model.add("twist", sc.JointDrive(hinge, lambda t: max(0.0, t - 1.0)))
+    quarter = rod.node((length / 4, 0, 0))
+    spring = np.diag([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    model.add("spring", sc.Bushing(sc.ground(quarter.position), quarter, spring))
     return Scene(model.freeze(), rod, rod.node((np.pi, 0, 0)))

@@ -9,18 +9,23 @@ import pytest
 
 from skfem_cosserat import (
     Beam,
+    Diverged,
     InterpolationEquidistant,
     InterpolationLobatto,
+    JointFixed,
+    LoadMoment,
     MeshCurve,
     MeshError,
     Model,
     Section,
+    ground,
 )
 from skfem_cosserat.diagnostics import strain_energy
 from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
 from skfem_cosserat.mesh import CurveSpline
 from skfem_cosserat.mesh.bends import turns
 from skfem_cosserat.model.bending import bent_elements
+from skfem_cosserat.statics import static
 
 ORDERS = (1, 2, 3, 4)
 SECTION = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
@@ -65,8 +70,8 @@ class BentElement:
         values = self.energy(grid.reshape(-1, p + 1)).reshape(4, 4, p, p)
         return gradient, np.einsum("k,l,klij->ij", w, w, values) / h**2
 
-    def stiffness(self, angle: float) -> float:
-        """Lowest eigenvalue, inner nodes in equilibrium; clamped, with a moment at the end."""
+    def bent(self, angle: float) -> np.ndarray:
+        """Angles of the nodes, the inner ones in equilibrium."""
         angles = np.zeros(len(self.nodes))
         for part in np.linspace(0.1, 1.0, 10):
             angles[1:-1] += angle * part * self.nodes[1:-1] - angles[-1] * self.nodes[1:-1]
@@ -75,7 +80,11 @@ class BentElement:
                 gradient, hessian = self.derivatives(angles)
                 if len(angles) > 2:
                     angles[1:-1] -= np.linalg.solve(hessian[:-1, :-1], gradient[:-1])
-        return float(np.linalg.eigvalsh(self.derivatives(angles)[1])[0])
+        return angles
+
+    def stiffness(self, angle: float) -> float:
+        """Lowest eigenvalue; clamped at the start, with a moment at the end."""
+        return float(np.linalg.eigvalsh(self.derivatives(self.bent(angle))[1])[0])
 
 
 @pytest.mark.parametrize("p", ORDERS)
@@ -162,6 +171,31 @@ def test_bent_elements_are_named(p, axis):
         f"relative rotation between nodes 1 and 2 of beam 'boom' is {shown} degrees, beyond the"
         f" {bound} that a {NAMES[p - 1]} element can be bent by: refine"
     )
+
+
+def rolled_up(order: int, elements: int):
+    """A cantilever on its way to a full circle."""
+    section = Section([1e4, 1e4, 1e4, 100, 100, 100], mass=1.0, inertia=(1.0, 1.0))
+    model = Model()
+    mesh = MeshCurve.init_line((0, 0, 0), (10, 0, 0), elements, "rod")
+    beam = model.add("rod", Beam(mesh, section, order=order))
+    model.add("clamp", JointFixed(ground((0, 0, 0)), beam.node("rod.start")))
+    model.add("moment", LoadMoment(beam.node("rod.end"), (0, 0, 2 * np.pi * 100 / 10)))
+    return static(model, watch=False)
+
+
+@pytest.mark.parametrize(("p", "elements"), [(1, 12), (3, 3)])
+def test_a_full_circle_fails_where_elements_give_way(p, elements):
+    """12 linear elements: 6/pi of the moment; 3 cubic ones; one element more, and it is done."""
+    element = BentElement(p)
+    angles = element.bent(element.beam.basis.interpolation.turn_limit)
+    peak = element.derivatives(angles)[0][-1] * elements / (2 * np.pi)
+    with pytest.raises(Diverged) as caught:
+        rolled_up(p, elements)
+    assert f"that a {NAMES[p - 1]} element can be bent by" in str(caught.value)
+    reached = caught.value.history["load_factor"][-1]
+    assert abs(reached - peak) < 1e-4
+    assert rolled_up(p, elements + 1)["load_factor"][-1] == 1.0
 
 
 def test_rigid_motion_and_curved_references_do_not_count():

@@ -511,6 +511,21 @@ def test_both_treatments_give_the_same_motion(integrator, order):
     assert one["newton_iterations"].max() <= 6
 
 
+@integrators
+def test_few_iterations_with_strong_viscosity(integrator):
+    """Stiff and bent far in each step: large increments predict the viscous stresses, too."""
+    section = sc.Section([4e5, 4e5, 1e6, 5, 5, 5], 1.0, (1e-3, 1e-3)).damped(time=1.0)
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (2, 0, 0), 6, "rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, order=2))
+    clamp = sc.ground((0, 0, 0))
+    model.add("hinge", sc.JointRevolute(clamp, rod.node("rod.start"), axis=(0, 0, 1)))
+    model.add("push", sc.LoadForce(rod.node("rod.end"), (0, 40, 0), follower=True))
+    history = run(model.freeze(), integrator, 0.02, 1.0, derive=False)
+    assert (history["attempts"] == 1).all()
+    assert history["newton_iterations"][1:].mean() < 5.5
+
+
 @pytest.mark.parametrize("order", [1, 3])
 def test_balance_of_energy(order):
     """Exact with energy-momentum; damped, driven and loaded at once."""

@@ -43,7 +43,7 @@ REQUIRED = {"numpy", "scipy", "skfem", "meshio"}
 OPTIONAL = ("pyvista", "matplotlib", "vtk", "vtkmodules", "numba", "h5py", "tqdm")
 
 MAX_MODULE_LINES = 500
-MAX_FUNCTION_LINES = 80
+MAX_FUNCTION_LINES = 70
 
 TYPE_CHECKING = {"TYPE_CHECKING", "typing.TYPE_CHECKING"}
 Function = (ast.FunctionDef, ast.AsyncFunctionDef)
@@ -239,6 +239,9 @@ def long_ones(modules: list[Module]) -> list[str]:
         for node in ast.walk(module.tree):
             if isinstance(node, Function):
                 lines = (node.end_lineno or node.lineno) - node.lineno + 1
+                if ast.get_docstring(node) is not None:  # saying more is no fault
+                    text = node.body[0]
+                    lines -= (text.end_lineno or text.lineno) - text.lineno + 1
                 if lines > MAX_FUNCTION_LINES:
                     found.append(
                         f"{module.at(node)}: {node.name} has {lines} lines,"
@@ -381,6 +384,6 @@ def test_bad_source_is_named(rule: Rule, sources: dict[str, str], words: str, tm
     assert any(words in each for each in found), found
 
 
-@pytest.mark.parametrize("source", ["def f(self):\n" + "  1\n" * 79, "\n" * 500])
+@pytest.mark.parametrize("source", ["def f(self):\n" + "  1\n" * 69, "\n" * 500])
 def test_lengths_at_the_limit_pass(source: str, tmp_path: Path):
     assert long_ones(write_package(tmp_path, {"cli.py": source})) == []

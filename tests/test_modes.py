@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +14,16 @@ from test_couplings import zoo
 
 import skfem_cosserat as sc
 from skfem_cosserat.diagnostics.tangent import null_space_matrix, reduced_tangent
+from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
 from skfem_cosserat.model.balance import Spin, amplitudes_at, balance
 from skfem_cosserat.model.chart import Chart
 from skfem_cosserat.model.loops import closed, tree_values
+
+REFERENCES = json.loads(
+    (Path(__file__).parent / "data" / "modal_references.json").read_text(encoding="utf-8")
+)
+STEEL = sc.Material(210e9, 0.3, 7850.0)
+RHO, E = 7850.0, 210e9
 
 # -- the tangent -----------------------------------------------------------------------------------
 
@@ -122,3 +131,345 @@ def test_metric_measures_motions():
     y = system.extend(system.q0, 0.0)
     metric = reduced_tangent(system, y, amplitudes_at(system, 0.0)).metric.toarray()
     assert abs(metric - np.diag([1 / 16] * 3 + [1.0] * 3 + [1 / 16] * 3)).max() < 1e-15
+
+
+# -- scenes ----------------------------------------------------------------------------------------
+
+
+def square(h):
+    return sc.SectionRectangle(h, h, STEEL)
+
+
+def straight(elements, order, ends, section, pull=0.0, extra=()):
+    """A beam of 1 m along e1 with clamped (C), simply supported (S) or free (F) ends."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), elements, nodes={"a": 0.0, "b": 1.0})
+    model = sc.Model()
+    beam = model.add("beam", sc.Beam(mesh, section, director=(0, 1, 0), order=order))
+    for end, name, x in zip(ends, "ab", ((0, 0, 0), (1, 0, 0)), strict=True):
+        if end == "C":
+            model.add(f"end {name}", sc.JointFixed(sc.ground(x), beam.node(name)))
+    if ends[0] == "S":
+        model.add("pin", sc.JointSpherical(sc.ground((0, 0, 0)), beam.node("a")))
+    if ends[1] == "S":
+        place = sc.ground((1, 0, 0))
+        model.add("slide", sc.JointPointOnLine(place, beam.node("b"), axis=(1, 0, 0)))
+    if pull:
+        model.add("pull", sc.LoadForce(beam.node("b"), (pull, 0, 0)))
+    for name, item in extra:
+        model.add(name, item(beam) if callable(item) else item)
+    return model.freeze()
+
+
+def off(found, wanted):
+    """Relative errors of pairs of equal frequencies: of the worse of the two nearest ones."""
+    return np.array([np.sort(abs(found / w - 1))[1] for w in np.atleast_1d(wanted)])
+
+
+def settled(system, amplitudes, q=None):
+    """The equilibrium near the reference or q, by Newton's method without anything."""
+    y = system.extend(system.q0 if q is None else q, 0.0)
+    chart = Chart(system.kinematics)
+    for _ in range(40):
+        tangent = reduced_tangent(system, y, amplitudes)
+        du = np.linalg.solve(tangent.K.toarray(), -tangent.residual)
+        chart.begin(y, y[system.rows :])
+        chart.add(du)
+        y = chart.configuration()
+        if np.sqrt(du @ (tangent.metric @ du)) < 1e-12:
+            return y[: system.rows].ravel()
+    raise AssertionError("no equilibrium")
+
+
+# -- beams against exact solutions -----------------------------------------------------------------
+
+#: errors measured with 16 cubic elements, of the first three frequencies: all but two below 1e-6
+M1 = {
+    "h=0.1,CF": (1.2e-11, 8e-9, 1.6e-7),
+    "h=0.1,SS": (9e-10, 5.1e-8, 5.3e-7),
+    "h=0.01,CF": (1.2e-11, 9e-9, 1.9e-7),
+    "h=0.01,FF": (1.2e-8, 2.3e-7, 1.65e-6),
+    "h=0.01,CC": (6e-9, 1.6e-7, 1.26e-6),
+}
+
+
+@pytest.mark.parametrize("case", M1)
+def test_timoshenko_beams(case):
+    """M1, exact to 14 digits; 16 cubic elements."""
+    h, ends = float(case[2 : case.index(",")]), case[-2:]
+    found = sc.modes(straight(16, 3, ends, square(h)), count=20)
+    wanted = REFERENCES["M1"]["values"][case]["omega"][:3]
+    assert (off(found.omega, wanted) < M1[case]).all()
+    assert found.rigid == {"FF": 6, "SS": 1}.get(ends, 0)
+    assert (found.omega[: found.rigid] == 0).all()
+    assert (found.omega[found.rigid :] > 1).all()
+
+
+def test_nineteen_elements_give_all_of_them_to_1e_6():
+    """What 16 cubic elements miss by 60 and 30 percent: third frequencies of FF and CC."""
+    for ends in ("FF", "CC"):
+        wanted = REFERENCES["M1"]["values"][f"h=0.01,{ends}"]["omega"][:3]
+        assert (
+            off(sc.modes(straight(19, 3, ends, square(0.01)), count=12).omega, wanted) < 1e-6
+        ).all()
+
+
+@pytest.mark.parametrize("case", ["-0.9", "0", "1", "100"])
+def test_prestressed_beams(case):
+    """M3: about the exactly stretched straight state, its constraint forces included."""
+    data, h = REFERENCES["M3"]["values"][case], 0.05
+    system = straight(16, 3, "SS", square(h), pull=data["T"])
+    y = system.q0.reshape(-1, 3)
+    y[system.origin_rows] *= 1 + data["T"] / (E * h**2)
+    found = sc.modes(system, y.ravel(), 16)
+    assert (off(found.omega, data["omega_bending"][:3]) < 7e-7).all()
+    assert found.rigid == 1  # about its own axis
+
+
+def ring(elements, order):
+    h = 0.1
+    area, inertia = h**2, h**4 / 12
+    section = sc.Section.from_constants(
+        EA=E * area,
+        GA=5 / 6 * E / 2.6 * area,
+        EI=(E * inertia, E * inertia),
+        GJ=E / 2.6 * 0.1405770 * h**4,
+        mass=RHO * area,
+        inertia=(RHO * inertia, RHO * inertia),
+    )
+    mesh = sc.MeshCurve.init_arc((1, 0, 0), (0, 1, 0), (-1, 0, 0), 1.0, 2 * np.pi, elements)
+    model = sc.Model()
+    model.add("ring", sc.Beam(mesh, section, director=(0, 0, 1), order=order))
+    return model.freeze()
+
+
+@pytest.mark.parametrize(("elements", "order"), [(32, 3), (16, 4)])
+def test_rings(elements, order):
+    """M4: free, curved, every frequency double; n = 2 to 1e-6, n = 4 to 1e-5."""
+    found = sc.modes(ring(elements, order), count=30)
+    assert found.rigid == 6
+    for n, limit in ((2, 3e-7), (4, 7e-6)):
+        data = REFERENCES["M4"]["values"][f"n={n}"]
+        for plane in ("inplane_omega", "outplane_omega"):
+            assert off(found.omega, data[plane][0]) < limit
+    for n in (0, 1):  # breathing, twisting
+        data = REFERENCES["M4"]["values"][f"n={n}"]
+        for plane in ("inplane_omega", "outplane_omega"):
+            if data[plane][1] < found.omega[-1] + 1:
+                assert abs(found.omega / data[plane][1] - 1).min() < 1e-7
+    assert abs(found.omega[6:20:2] / found.omega[7:21:2] - 1).max() < 1e-12
+
+
+ROUNDING = 1e-11
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize("ends", ["CF", "SS"])
+def test_orders(order, ends):
+    """Frequencies converge with h^(2p): for straight beams and, below, for the ring."""
+    wanted = REFERENCES["M1"]["values"][f"h=0.1,{ends}"]["omega"][1]
+    counts = {1: (32, 64), 2: (16, 32), 3: (8, 16), 4: (4, 8)}[order]
+    found = [sc.modes(straight(n, order, ends, square(0.1)), count=12).omega for n in counts]
+    coarse, fine = (off(omega, wanted)[0] for omega in found)
+    assert fine > 10 * ROUNDING
+    assert abs(np.log2(coarse / fine) - 2 * order) < 0.15
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_orders_of_the_ring(order):
+    wanted = REFERENCES["M4"]["values"]["n=2"]["outplane_omega"][0]
+    counts = {1: (64, 128), 2: (32, 64), 3: (24, 48), 4: (16, 32)}[order]
+    found = [sc.modes(ring(n, order), count=8).omega for n in counts]
+    coarse, fine = (off(omega, wanted)[0] for omega in found)
+    assert abs(np.log2(coarse / fine) - 2 * order) < 0.15
+
+
+@pytest.mark.parametrize("slenderness", [1e3, 1e4, 1e5])
+def test_slender_beams_keep_their_digits(slenderness):
+    """The first frequency of a thin cantilever, against the one ten times as thick."""
+    exact = 3.5160152685 * np.sqrt(E / (12 * RHO)) / slenderness  # Euler-Bernoulli
+    found = sc.modes(straight(16, 3, "CF", square(1 / slenderness)), count=6)
+    assert abs(found.omega[:2] / exact - 1).max() < 8 / slenderness**2 + 3e-10
+    assert abs(found.omega[0::2] / found.omega[1::2] - 1).max() < 1e-11
+
+
+# -- steady rotation -------------------------------------------------------------------------------
+
+
+def turning_cantilever(slenderness, hub, eta, elements=16, order=3):
+    """Flap and lag frequencies of M2, without units."""
+    h = 1 / slenderness
+    unit = np.sqrt(E * h**2 / 12 / RHO)
+    ends = (hub, 0, 0), (hub + 1.0, 0, 0)
+    mesh = sc.MeshCurve.init_line(*ends, elements, nodes={"root": 0.0})
+    model = sc.Model()
+    beam = model.add("beam", sc.Beam(mesh, square(h), director=(0, 1, 0), order=order))
+    model.add("root", sc.JointFixed(sc.ground(ends[0]), beam.node("root")))
+    system, spin = model.freeze(), Spin((0, 0, eta * unit))
+    q = settled(system, replace(amplitudes_at(system, 0.0), spin=spin))
+    found = sc.modes(system, q, 10, spin=spin)
+    assert found.stable
+    assert (found.growth == 0).all()
+    moved = abs(found.shapes.reshape(len(found), -1, 3)[:, system.origin_rows]).max(1)
+    omega = found.omega / unit
+    return np.array([omega[moved[:, k] > 0.5 * moved.max(1)][:3] for k in (2, 1)])
+
+
+@pytest.mark.parametrize(("hub", "eta"), [(0, 2), (0, 12), (1, 5)])
+def test_rotating_cantilever(hub, eta):
+    """M2, Euler-Bernoulli: extrapolated in slenderness from 100, 200, 400 to better than 1e-5."""
+    a, b, c = (turning_cantilever(s, hub, eta) for s in (100, 200, 400))
+    once = (4 * b - a) / 3, (4 * c - b) / 3
+    found = (16 * once[1] - once[0]) / 15
+    data = REFERENCES["M2"]["values"][f"hub={hub},eta={eta}"]
+    wanted = np.array([data["flap"][:3], data["lag"][:3]])
+    assert abs(found / wanted - 1).max() < 3e-7
+
+
+INERTIA = (1.0, 1.4, 2.0)
+
+
+def top(inertia, gravity=0.0, arm=0.0, held=True):
+    model = sc.Model()
+    body = model.add("top", sc.RigidBody(1.0, inertia, position=(0, 0, arm)))
+    if held:
+        model.add("tip", sc.JointSpherical(sc.ground((0, 0, 0)), body.at((0, 0, 0))))
+    if gravity:
+        model.add("gravity", sc.LoadGravity((0, 0, -gravity)))
+    return model.freeze()
+
+
+def test_free_rotation_about_principal_axes():
+    """Euler's equations: stable about the largest inertia, a saddle about the middle one."""
+    A, B, C = INERTIA
+    spin = Spin((0, 0, 3.0))
+    found = sc.modes(top((A, B, C)), count=3, spin=spin)
+    nutation = 3.0 * np.sqrt((C - A) * (C - B) / (A * B))
+    assert abs(found.eigenvalues - 1j * np.array([0, nutation, 3.0])).max() < 1e-12
+    assert found.rigid == 1
+    found = sc.modes(top((A, C, B)), count=3, spin=spin)
+    growth = 3.0 * np.sqrt((C - B) * (B - A) / (A * C))
+    assert not found.stable
+    assert abs(np.sort(found.growth) - [-growth, 0, growth]).max() < 1e-12
+    free = sc.modes(top((A, B, C), held=False), count=6, spin=spin)
+    assert abs(free.eigenvalues - nutation * 1j).min() < 1e-9
+
+
+@pytest.mark.parametrize("speed", [30.0, 5.0])
+def test_sleeping_top(speed):
+    """Lagrange's top upright: ``A l^2 - C Omega l + m g h = 0``, less Omega seen from the frame."""
+    system = top((0.1, 0.1, 0.05), 9.81, 0.5)
+    found = sc.modes(system, system.q0, 3, spin=Spin((0, 0, speed)))
+    roots = np.roots([0.1 + 0.25, -0.05 * speed, 9.81 * 0.5]) - speed  # motion exp(i root t)
+    both = np.concatenate([1j * roots, -1j * roots.conj()])
+    assert found.rigid == 1
+    assert found.eigenvalues[0] == 0
+    for s in found.eigenvalues[1:]:
+        assert abs(both - s).min() < 1e-11 * abs(s)
+    assert found.stable == (0.05 * speed > 2 * np.sqrt(0.35 * 9.81 * 0.5))
+
+
+@pytest.mark.parametrize("speed", [1.0, 3.0])
+def test_rotor_with_inner_damping(speed):
+    """A mass on springs that turn with the frame: unstable beyond the critical speed 2 rad/s."""
+    model = sc.Model()
+    point = model.add("point", sc.MassPoint(1.0, (0, 0, 0)))
+    for k, axis in enumerate(10 * np.eye(3)):
+        model.add(f"spring {k}", sc.SpringDamper(sc.ground(axis), point.place(), 4.0, 0.1, 10.0))
+    found = sc.modes(model, count=3, spin=Spin((0, 0, speed)))
+    whirl = np.roots([1, 0.1 + 2j * speed, 4 - speed**2])
+    wanted = np.array([*whirl, *whirl.conj(), *np.roots([1, 0.1, 4])])
+    for s in found.eigenvalues:
+        assert abs(wanted - s).min() < 1e-12
+    assert found.stable == (speed < 2)
+
+
+def test_pendulum_in_a_turning_frame():
+    """Out at ``cos(theta) = m g l / (Omega^2 (B - C))``, with frequencies of closed form."""
+    m, arm, g, speed = 2.0, 0.5, 9.81, 7.0
+    model = sc.Model()
+    bar = model.add("bar", sc.RigidBody(m, (0.3, 0.25, 0.1), position=(0, 0, -arm)))
+    model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), bar.at((0, 0, 0)), axis=(1, 0, 0)))
+    model.add("gravity", sc.LoadGravity((0, 0, -g)))
+    system = model.freeze()
+    A, difference = 0.3 + m * arm**2, 0.25 + m * arm**2 - 0.1
+    theta = np.arccos(m * g * arm / (speed**2 * difference))
+    chart = Chart(system.kinematics)
+    chart.begin(system.extend(system.q0, 0.0), system.ground(0.0))
+    chart.add(np.array([theta]))
+    q = chart.configuration()[: system.rows].ravel()
+    found = sc.modes(system, q, 1, spin=Spin((0, 0, speed)))
+    assert found.omega[0] == pytest.approx(
+        speed * np.sin(theta) * np.sqrt(difference / A), rel=1e-13
+    )
+
+
+def test_turning_rotor_against_time_integration():
+    """Bent and turning about an axis of no symmetry, driven from the ground, in space.
+
+    Eigenvalues of the map of one time step, differentiated numerically and seen from the frame.
+    """
+    omega, h = np.array([0.6, -0.3, 2.4]), 2e-3
+    section = sc.Section([90.0, 80, 200, 1.5, 2.5, 1.2], mass=1.3, inertia=(0.02, 0.03))
+
+    def build(motion):
+        mesh = sc.MeshCurve.init_line((0.2, 0, 0), (1.1, 0.3, 0.2), 1, nodes={"root": 0.0})
+        model = sc.Model()
+        beam = model.add("beam", sc.Beam(mesh, section, director=(0, 0, 1), order=2))
+        place = sc.ground((0.2, 0, 0), motion)
+        model.add("root", sc.JointFixed(place, beam.node("root")))
+        return model.freeze()
+
+    still = build(None)
+    spin = Spin(omega)
+    q0 = still.q0
+    for share in (0.4, 0.7, 0.9, 1.0):
+        slower = replace(amplitudes_at(still, 0.0), spin=Spin(share * omega))
+        q0 = settled(still, slower, q0)
+    found = sc.modes(still, q0, still.unknowns, spin=spin)
+
+    def turned(t):
+        return rotation_matrix(exp_quaternion(t * omega[None]))[0]
+
+    root = np.array([0.2, 0, 0])
+    motion = sc.Motion(displacement=lambda t: turned(t) @ root - root, rotation=lambda t: t * omega)
+    moving = build(motion)
+    z = eigenvalues_of_a_step(moving, q0, h, omega, turned)
+    half = eigenvalues_of_a_step(moving, q0, h / 2, omega, turned)
+    for s in found.eigenvalues[:4]:
+        a, b = (v[np.argmin(abs(v - s))] for v in (z, half))
+        assert abs((4 * b - a) / 3 - s) < 2e-5 * abs(s)
+        assert abs(a - s) < 0.02 * abs(s)
+
+
+def eigenvalues_of_a_step(system, q0, h, omega, turned):
+    """``log(mu)/h`` of the differentiated step map, seen from a frame that turns with omega."""
+    stepper = sc.Stepper(system, sc.Variational(), sc.NullSpace(), h)
+    k, e = system.unknowns, 1e-5
+    chart = Chart(system.kinematics)
+    y0 = system.extend(q0, 0.0)
+    P0 = system.null_space(q0)
+    mass = np.kron(system.mass.toarray(), np.eye(3))
+
+    def start(z):
+        chart.begin(y0, system.ground(0.0))
+        chart.add(z[:k])
+        q = chart.configuration()[: system.rows].ravel()
+        v = np.cross(omega, q.reshape(-1, 3)).ravel() + system.null_space(q) @ z[k:]
+        return sc.initial_state(system, q=q, v=v)
+
+    def end(z):
+        state = stepper.advance(start(z)).state
+        back = turned(-h)
+        q, p = (x.reshape(-1, 3) @ back.T for x in (state.q, state.p))
+        P = system.null_space(q.ravel())
+        steady = mass @ np.cross(omega, q).ravel()
+        momentum = P.T @ (p.ravel() - steady)
+        return np.concatenate(
+            [
+                np.linalg.lstsq(P0, q.ravel() - q0, rcond=None)[0],
+                np.linalg.solve(P.T @ mass @ P, momentum),
+            ]
+        )
+
+    columns = [(end(d) - end(-d)) / (2 * e) for d in e * np.eye(2 * k)]
+    return np.log(np.linalg.eigvals(np.array(columns).T).astype(complex)) / h

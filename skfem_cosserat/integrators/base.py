@@ -213,15 +213,15 @@ class Integrator(ABC):
     def mixed(
         self, system: System, step: StepData, evaluation: Evaluation, change: Array
     ) -> list[Array]:
-        """Stresses that a change (rows, 3) of q_1 predicts, to first order.
-
-        Elastic ones only: it is a matter of convergence, not of the solution.
-        """
+        """Stresses that a change (rows, 3) of q_1 predicts, to first order."""
         out = []
-        groups = system.beam_groups
+        groups, y1 = system.beam_groups, 2 * evaluation.mid - step.y0
         for g, S, B in zip(groups, evaluation.stresses, evaluation.B1s, strict=True):
-            local = change[g.rows].reshape(len(g.rows), -1, 1)
-            out.append(S + 0.5 * g.stress((B @ local).reshape(S.shape)))
+            predicted = S + 0.5 * g.stress(g.strain_rate(B, change))
+            if g.viscous:
+                rate = g.strain_rate(g.strain(y1)[1], change) / step.h
+                predicted = predicted + g.viscous_stress(rate)
+            out.append(predicted)
         return out
 
     def with_stresses(

@@ -62,7 +62,7 @@ class Modes:
     @property
     def omega(self) -> Floats:
         """Angular frequencies ``Im s`` (count,) (rad/s); zero where nothing oscillates."""
-        return np.array(self.eigenvalues.imag)
+        return self.eigenvalues.imag + 0.0
 
     @property
     def frequencies(self) -> Floats:
@@ -102,6 +102,8 @@ class Modes:
             note = "  no stiffness" if k < self.rigid else ""
             if self.growth[k] > GROWTH * abs(self.eigenvalues[k]):
                 note = f"  grows with {self.growth[k]:.4g} 1/s"
+            elif omega == 0 and k >= self.rigid:
+                note = f"  decays with {-self.growth[k]:.4g} 1/s"
             lines.append(f"{k:4d} {omega:14.7g} {hertz:14.7g} {ratio:15.6g}{note}")
         return "\n".join(lines)
 

@@ -46,8 +46,8 @@ class Pencil:
         Skew.
     damping : (u, u) csr_matrix or None
         Symmetric.
-    rest : (u, u) csr_matrix
-        K without the material stiffness of beams.
+    rest, rest_size : (u, u) csr_matrix
+        K without the material stiffness of beams, and the sums of the moduli of its terms.
     conservative : bool
     """
 
@@ -57,6 +57,7 @@ class Pencil:
     gyroscopic: csr_matrix | None
     damping: csr_matrix | None
     rest: csr_matrix
+    rest_size: csr_matrix
     conservative: bool
 
     @property
@@ -77,10 +78,6 @@ class Pencil:
     def _size(self) -> csr_matrix:
         return abs(self.K)
 
-    @cached_property
-    def _rest_size(self) -> csr_matrix:
-        return abs(self.rest)
-
     def energies(self, X: Array) -> tuple[Array, Floats]:
         """``X^H K X`` (k, k), and what rounding can make of its diagonal (k,).
 
@@ -90,7 +87,7 @@ class Pencil:
         """
         system, tangent = self.at.system, self.at.tangent
         out = X.conj().T @ (self.rest @ X)
-        noise = NOISE * EPS * np.einsum("ik,ik->k", abs(X), self._rest_size @ abs(X))
+        noise = NOISE * EPS * np.einsum("ik,ik->k", abs(X), self.rest_size @ abs(X))
         metric = np.einsum("ik,ik->k", abs(X), abs(tangent.metric) @ abs(X))
         noise += self.at.error * metric
         noise += FAINT * EPS * np.einsum("ik,ik->k", abs(X), self._size @ abs(X))
@@ -118,7 +115,10 @@ def make_pencil(at: Equilibrium) -> Pencil:
     P, balance = tangent.P, tangent.balance
     still = replace(balance, Bs=[np.zeros_like(B) for B in balance.Bs])
     blocks = balance_tangent(system, still, at.amplitudes)
-    rest = blocks_matrix(system, blocks) + curvature_matrix(system, balance.y, tangent.multipliers)
+    curved = curvature_matrix(system, balance.y, tangent.multipliers)
+    rest = blocks_matrix(system, blocks) + curved
+    rest_size = blocks_matrix(system, [abs(block) for block in blocks]) + abs(curved)
+    rest_size = (abs(P).T @ rest_size @ abs(P)).tocsr()
     rest = (P.T @ rest @ P).tocsr()
     K = tangent.K
     size = float(abs(rest).max()) if rest.nnz else 0.0
@@ -143,6 +143,7 @@ def make_pencil(at: Equilibrium) -> Pencil:
         gyroscopic,
         _damping(system, balance.y, P, balance.Bs),
         rest.tocsr(),
+        rest_size,
         conservative,
     )
 

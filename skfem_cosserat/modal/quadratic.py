@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import eig
+from scipy.linalg import eig, eigh
 from scipy.sparse import csr_matrix
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, splu
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, splu
 
 from ..errors import CosseratError
-from ..types import Array
+from ..types import Array, Floats
 from .pencil import Pencil
 from .symmetric import SPARE, TOLERANCE, lowest
 
@@ -20,6 +20,10 @@ DENSE = 150
 STEADY = 1e-4
 #: eigenvalues relative to the lowest elastic frequency that may be halves of a double zero
 SLOW = 1e-2
+#: the same for squares: energies of motions without stiffness, as eigenvectors have them
+FREE = 1e-8
+#: relative force beyond those motions by which damping couples them with others
+ALONE = 1e-10
 #: modal mass ``x^T M x`` below which an eigenvector says little about its eigenvalue
 WEAK = 0.1
 
@@ -56,11 +60,18 @@ def spectrum(pencil: Pencil, count: int, dense: int = DENSE) -> Spectrum:
     elastic = abs(still.values[~still.zero])
     scale = float(np.sqrt(elastic.min())) if len(elastic) and elastic.min() else 1.0
     n = K.shape[0]
-    wanted = 2 * (count + free.shape[1] + SPARE)
+    wanted = 2 * (count + SPARE)
+    apart = _apart(pencil, C, free)
     if n <= dense or wanted > n // 2:
         values, X = _dense(K, M, C)
     else:
-        values, X = _arnoldi(K, M, C, 0.5 * scale, wanted)
+        deflated = free if apart else free[:, :0]
+        many = wanted - 2 * min(count, deflated.shape[1])
+        values, X = _arnoldi(K, M, C, 0.5 * scale, many, deflated)
+        if apart and free.shape[1]:
+            own, turn = eigh(free.T @ (C @ free))
+            values = np.concatenate([-own, values])
+            X = np.concatenate([free @ turn, X], axis=1)
     keep = np.flatnonzero(np.isfinite(values) & (values.imag >= 0))  # one of each pair
     keep = keep[np.argsort(abs(values[keep]), kind="stable")][:wanted]
     values, X = values[keep], X[:, keep]
@@ -70,8 +81,22 @@ def spectrum(pencil: Pencil, count: int, dense: int = DENSE) -> Spectrum:
     order = order[values[order] != 0]  # those without stiffness are known already
     values = np.concatenate([np.zeros(free.shape[1]), values[order]])[:count]
     X = np.concatenate([free, X[:, order]], axis=1)[:, :count]
+    if len(values) < count:
+        raise CosseratError(
+            f"{len(values)} eigenvalues converged, {count} are wanted: real ones crowd together, as"
+            " those of strong damping do"
+        )
     zero = np.arange(len(values)) < free.shape[1]
     return Spectrum(values, X, zero, still.factorisations + 1)
+
+
+def _apart(pencil: Pencil, C: csr_matrix, free: Floats) -> bool:
+    """Whether damping leaves motions without stiffness to themselves: ``C N = M N (N^T C N)``."""
+    if pencil.gyroscopic is not None or not free.shape[1]:
+        return False
+    force = C @ free
+    rest = force - pencil.M @ free @ (free.T @ force)
+    return bool(abs(rest).max() <= ALONE * abs(abs(C) @ abs(free)).max())
 
 
 def _dense(K: csr_matrix, M: csr_matrix, C: csr_matrix) -> tuple[Array, Array]:
@@ -85,9 +110,12 @@ def _dense(K: csr_matrix, M: csr_matrix, C: csr_matrix) -> tuple[Array, Array]:
 
 
 def _arnoldi(
-    K: csr_matrix, M: csr_matrix, C: csr_matrix, shift: float, k: int
+    K: csr_matrix, M: csr_matrix, C: csr_matrix, shift: float, k: int, N: Floats
 ) -> tuple[Array, Array]:
-    """Eigenvalues nearest to a real shift: ``(A - shift B)^-1 B`` on ``z = (x, s x)``."""
+    """Eigenvalues nearest to a real shift: ``(A - shift B)^-1 B`` on ``z = (x, s x)``.
+
+    Among vectors without the motions N (u, j), ``N^T M N = I``.
+    """
     n = K.shape[0]
     try:
         solve = splu((K + shift * C + shift**2 * M).tocsc()).solve
@@ -95,20 +123,27 @@ def _arnoldi(
         raise CosseratError(f"the eigenvalue problem is singular at the shift {shift:g}") from error
     right = C + shift * M
 
+    def without(x: Array) -> Array:
+        return x - N @ (N.T @ (M @ x)) if N.shape[1] else x
+
     def apply(z: Array) -> Array:
         a, b = z[:n], z[n:] * shift
-        x = -solve(right @ a + M @ b)
+        x = without(-solve(right @ a + M @ b))
         return np.concatenate([x, (a + shift * x) / shift])
 
     inverse = LinearOperator((2 * n, 2 * n), matvec=apply, dtype=float)
-    start = np.random.default_rng(0).standard_normal(2 * n)
+    start = np.random.default_rng(0).standard_normal((2, n))
+    start = np.concatenate([without(half) for half in start])
     basis = min(2 * n, max(2 * k + 10, 40))
+    options = {"v0": start, "ncv": basis, "tol": TOLERANCE, "maxiter": 100}
     try:
-        theta, Z = eigs(inverse, k, which="LM", v0=start, ncv=basis, tol=TOLERANCE, maxiter=300)
-    except ArpackError as error:
-        raise CosseratError(
-            f"the Arnoldi iteration for {k} eigenvalues did not converge"
-        ) from error
+        theta, Z = eigs(inverse, k, which="LM", **options)
+    except ArpackNoConvergence as error:
+        theta, Z = error.eigenvalues, error.eigenvectors  # the nearest ones come first
+        if len(theta) < k // 2:
+            raise CosseratError(
+                f"the Arnoldi iteration for {k} eigenvalues did not converge, {len(theta)} did"
+            ) from error
     return shift + 1 / theta, Z[:n]
 
 
@@ -126,7 +161,7 @@ def _improved(pencil: Pencil, C: csr_matrix, values: Array, X: Array, scale: flo
         parts = np.column_stack([x.real, x.imag])
         E, noise = pencil.energies(parts)
         k = E[0, 0] + E[1, 1]
-        if abs(k) <= noise.sum():
+        if abs(k) <= max(noise.sum(), FREE * scale**2):
             roots = np.array([0.0, -(x.conj() @ (C @ x))])
             near = SLOW * scale
         elif pencil.damping is None:

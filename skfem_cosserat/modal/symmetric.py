@@ -155,7 +155,7 @@ def _below(K: csr_matrix, M: csr_matrix) -> tuple[float, Factorised, int]:
         except RuntimeError:  # a pivot vanishes: the shift is an eigenvalue by chance
             shift *= 1.1
             continue
-        if (factors.negative == 0 or -shift > 1e3 * top):
+        if factors.negative == 0 or -shift > 1e3 * top:
             return shift, factors, made
         shift *= 7.3
 

@@ -14,7 +14,7 @@ from ..load import Amplitude
 from ..model import Model, System
 from ..model.balance import Spin
 from ..simulate.describe import other_model
-from ..types import Floats
+from ..types import Floats, numbers
 from .control import ArcLength, Control, Stage
 from .critical import inspect
 from .equilibrium import Point
@@ -94,11 +94,16 @@ def branch(
     >>> bool(abs(buckled["q"][-1] - path["q"][-1]).max() > 0.01)
     True
     """
-    system = model.freeze() if isinstance(model, Model) else model
-    point = _point(system, history, None)
+    system = _frozen(model)
+    _check_path(system, history)
     rows = np.flatnonzero(history["critical"] != CODES["regular"])
-    if not -len(rows) <= which < len(rows):
+    if not _is_whole(which) or not -len(rows) <= which < len(rows):
         raise InputError("argument which", f"{which!r}: the path has {len(rows)} critical point(s)")
+    number = numbers("argument sign", "sign", sign)
+    if number.shape != () or not np.isfinite(number) or number == 0:
+        raise InputError("argument sign", f"{sign!r}, expected 1 or -1")
+    if not _is_whole(mode) or mode < 0:
+        raise InputError("argument mode", f"{mode!r}, expected a number from 0 on")
     point = _point(system, history, int(rows[which]))
     look = inspect(system, point, Schedule(system, factors, spin).at(point.t))
     values, modes = look.nearest(mode + 1)
@@ -106,7 +111,7 @@ def branch(
         raise InputError("argument mode", f"{mode!r}: the scene has {len(values)} motion(s)")
     direction = look.tangent.P @ modes[:, mode]
     largest = direction[int(abs(direction).argmax())]  # so that the sign is no accident
-    return Branch(point, np.sign(sign) * np.sign(largest) * direction.reshape(-1, 3))
+    return Branch(point, np.sign(number) * np.sign(largest) * direction.reshape(-1, 3))
 
 
 def equilibrium(model: Model | System, history: History, index: int = -1) -> State:
@@ -150,21 +155,35 @@ def equilibrium(model: Model | System, history: History, index: int = -1) -> Sta
     >>> bool(run["kinetic"].max() > 0.1)
     True
     """
-    system = model.freeze() if isinstance(model, Model) else model
+    system = _frozen(model)
+    _check_path(system, history)
+    if not _is_whole(index) or not -len(history) <= index < len(history):
+        raise InputError("argument index", f"{index!r}: the path has {len(history)} points")
     point = _point(system, history, index)
     q = point.y[: system.rows].reshape(-1)
     return State(point.t, 0, q, np.zeros(system.n), turns=point.turns)
 
 
-def _point(system: System, history: History, index: int | None) -> Point:
+def _frozen(model: Model | System) -> System:
+    system = model.freeze() if isinstance(model, Model) else model
+    if not isinstance(system, System):
+        raise InputError("argument model", f"{model!r}, expected a Model or System")
+    return system
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _check_path(system: System, history: History) -> None:
     if not isinstance(history, History) or "load_factor" not in history:
         raise HistoryError("history", "is no path of static()")
     difference = other_model(system, history.meta.get("fingerprint", {}))
     if difference:
         raise HistoryError("history", f"belongs to another model: {difference}")
-    k = -1 if index is None else index
-    if not -len(history) <= k < len(history):
-        raise InputError("argument index", f"{index!r}: the path has {len(history)} points")
+
+
+def _point(system: System, history: History, k: int) -> Point:
     t = float(history["load_factor"][k])
     turns = np.array(history["turns"][k]) if "turns" in history else None
     return Point(system.extend(np.array(history["q"][k]), t), t, turns)
@@ -178,4 +197,6 @@ def branch_stage(system: System, control: Control, point: Point, direction: Floa
         raise InputError(
             "argument control", f"{type(control).__name__} with a Branch, expected ArcLength"
         )
+    if point.y.shape != (system.total, 3) or direction.shape != (system.rows, 3):
+        raise InputError("argument start", "the Branch belongs to another model")
     return control.stage(system, point, direction)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.linalg import null_space, qr
@@ -14,9 +14,11 @@ from ..constraints import Treatment
 from ..diagnostics.rowspace import RowSpace
 from ..diagnostics.tangent import blocks_matrix, curvature_matrix
 from ..errors import InputError
+from ..integrators import State
 from ..model import System
 from ..model.balance import balance, balance_tangent
 from ..newton import NewtonSettings
+from ..simulate.start import broken_constraint, checked_start
 from ..types import Floats, IndexArray
 from .control import Control
 from .equilibrium import Point
@@ -39,8 +41,12 @@ def check_run(
     settings: object,
     callbacks: object,
     start: object,
+    switches: Mapping[str, object],
 ) -> None:
-    """Kinds of the arguments of :func:`static`."""
+    """Kinds of the arguments of :func:`static`; `switches` are those that are True or False."""
+    for name, value in switches.items():
+        if not isinstance(value, bool):
+            raise InputError(f"argument {name}", f"{value!r}, expected True or False")
     kinds = {
         "model": (system, System),
         "treatment": (treatment, Treatment),
@@ -52,8 +58,24 @@ def check_run(
             raise InputError(
                 f"argument {name}", f"{value!r}, expected an object of type {kind.__name__}"
             )
+    if isinstance(start, State):
+        _check_start(system, start)
     if not isinstance(callbacks, Sequence) or not all(callable(c) for c in callbacks):
         raise InputError("argument callbacks", f"{callbacks!r}, expected a list of functions")
+
+
+def _check_start(system: object, start: State) -> None:
+    assert isinstance(system, System)
+    checked_start(system, start)
+    item = "argument start"
+    if not isinstance(start.time, int | float) or not np.isfinite(start.time):
+        raise InputError(item, f"time = {start.time!r}, expected a finite number")
+    count = len(system.couplings.angles)
+    if start.turns is not None and np.shape(start.turns) != (count,):
+        raise InputError(item, f"turns = {start.turns!r}, expected {count} whole numbers")
+    wrong = broken_constraint(system, system.extend(start.q, start.time), 1e-6)
+    if wrong:
+        raise InputError(item, f"at load factor {start.time:g} it {wrong}")
 
 
 def rotation(system: System, before: Floats, after: Floats) -> float:

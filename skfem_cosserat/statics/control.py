@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..diagnostics.tangent import null_space_matrix
 from ..errors import InputError
 from ..frames import Place, vector
 from ..model import System
@@ -19,6 +20,8 @@ __all__ = ["ArcLength", "Control", "DisplacementControl", "LoadControl", "Stage"
 WANTED = 5
 #: motion in a step (see :func:`weights`) below which nothing moves
 STILL = 1e-9
+#: rate of a place with a unit rate of any unknown, below which joints hold it
+HELD = 1e-12
 
 
 class Stage(ABC):
@@ -98,12 +101,8 @@ def _stops(
     item: str, until: float, steps: int | None, at: Sequence[float] | None, start: float
 ) -> list[float]:
     """Values of the parameter that are hit exactly."""
-    if steps is not None and at is not None:
-        raise InputError(item, f"steps = {steps!r} and at = {at!r}, expected only one of them")
     if at is not None:
-        values = numbers(item, "at", at)
-        if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
-            raise InputError(item, f"at = {at!r}, expected a list of numbers")
+        values = _listed(item, at)
         change = np.diff(np.concatenate([[start], values]))
         if not ((change > 0).all() or (change < 0).all()):
             raise InputError(
@@ -116,15 +115,24 @@ def _stops(
     return [start + (until - start) * (k / count) for k in range(1, count)] + [until]
 
 
-def _checked(item: str, until: float, steps: int | None, turn: float | None) -> None:
+def _listed(item: str, at: Sequence[float]) -> Floats:
+    values = numbers(item, "at", at)
+    if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
+        raise InputError(item, f"at = {at!r}, expected a list of numbers")
+    return values
+
+
+def _checked(item: str, until: float, turn: float | None) -> None:
     number = numbers(item, "until", until)
     if number.shape != () or not np.isfinite(number):
         raise InputError(item, f"until = {until!r}, expected a finite number")
-    whole = isinstance(steps, int | np.integer) and not isinstance(steps, bool) and steps > 0
-    if steps is not None and not whole:
-        raise InputError(item, f"steps = {steps!r}, expected a positive integer")
     if turn is not None:
         positive(item, "turn", turn, " of rad")
+
+
+def _whole(item: str, name: str, value: int) -> None:
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value <= 0:
+        raise InputError(item, f"{name} = {value!r}, expected a positive integer")
 
 
 class _Steered(Control):
@@ -140,7 +148,13 @@ class _Steered(Control):
         turn: float | None,
     ) -> None:
         item = type(self).__name__
-        _checked(item, until, steps, turn)
+        _checked(item, until, turn)
+        if steps is not None:
+            _whole(item, "steps", steps)
+        if at is not None:
+            if steps is not None:
+                raise InputError(item, f"steps = {steps!r} and at = {at!r}, expected one of them")
+            at = _listed(item, at).tolist()
         self.first = positive(item, "first", first)
         self.longest = positive(item, "longest", longest)
         self.until, self.steps, self.at = float(until), steps, at
@@ -265,16 +279,24 @@ class DisplacementControl(_Steered):
         n = vector(item, "direction", direction)
         if not np.linalg.norm(n) > 0:
             raise InputError(item, f"direction = {direction!r} has no length")
-        if at is not None and np.isnan(until):
-            until = float(numbers(item, "at", at).ravel()[-1])
+        if at is not None:
+            until = float(_listed(item, at)[-1])
         super().__init__(until, steps, at, first, longest, turn)
         self.place, self.direction = place, n / np.linalg.norm(n)
 
     def stage(self, system: System, point: Point) -> Stage:
         """See the base class."""
+        item = type(self).__name__
+        if id(self.place.item) not in system.first:
+            raise InputError(item, f"place: {self.place.label} is not in the model")
         gradient = np.zeros((system.rows, 3))
         for row, factor in system.kinematics.spot_terms(system.spot(self.place)):
             gradient[row] += factor * self.direction
+        free = null_space_matrix(system, point.y).T @ gradient.ravel()
+        if not system.moving and abs(free).max(initial=0.0) <= HELD:
+            raise InputError(
+                item, f"joints hold {self.place.label} along {self.direction.tolist()}"
+            )
         out = _DisplacementStage(gradient)
         self._plan(out, 0.0)
         return out
@@ -323,7 +345,7 @@ class _ArcStage(Stage):
         self._count += 1
         until = self._control.until
         if until is not None:
-            self.crossed = (before.t - until) * (after.t - until) <= 0 and after.t != before.t
+            self.crossed = before.t != until and (before.t - until) * (after.t - until) <= 0
         return True
 
     def adapt(self, iterations: int, length: float) -> None:
@@ -382,7 +404,8 @@ class ArcLength(Control):
         turn: float | None = 0.5,
     ) -> None:
         item = "ArcLength"
-        _checked(item, 0.0 if until is None else until, points, turn)
+        _checked(item, 0.0 if until is None else until, turn)
+        _whole(item, "points", points)
         number = numbers(item, "first", first)
         if number.shape != () or not np.isfinite(number) or number == 0:
             raise InputError(item, f"first = {first!r}, expected a number that is not zero")

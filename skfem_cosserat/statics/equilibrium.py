@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
 from ..constraints import Treatment
+from ..linear import SingularMatrixError
 from ..model import System
 from ..model.balance import Balance, balance, balance_tangent, predicted
 from ..model.bending import bent_elements
@@ -205,6 +206,8 @@ class _Problem:
             slope -= float(gradient @ both[:, 1])
             if self._by_t is not None:
                 slope += float((self.target.gradient * self._by_t).sum())
+        if slope == 0:
+            raise SingularMatrixError("the load factor does not change what is prescribed")
         dt = -along / slope
         return np.append(-both[:, 0] - dt * both[:, 1], dt)
 

@@ -27,7 +27,7 @@ from ..types import Floats
 from .branch import Branch, branch_stage
 from .checks import check_free_motions, check_run, prescribed_turn, rotation, show_line
 from .control import ArcLength, Control, LoadControl, Stage
-from .critical import Critical, Look, inspect, locate
+from .critical import Critical, Look, inspect, locate_all
 from .equilibrium import Equilibrium, Functional, Point, Solution, weights
 from .record import PathRecorder, derive_path
 from .schedule import Schedule
@@ -132,7 +132,8 @@ def static(
     treatment = NullSpace() if treatment is None else treatment
     control = LoadControl() if control is None else control
     settings = STATIC if settings is None else settings
-    check_run(system, treatment, control, settings, callbacks, start)
+    switches = {"watch": watch, "derive": derive}
+    check_run(system, treatment, control, settings, callbacks, start, switches)
     schedule = Schedule(system, factors, spin)
     first, direction = _start(system, start)
     if direction is None:
@@ -316,16 +317,17 @@ class _Walk:
         look = None
         if self.watch:
             look = inspect(self.system, solution.point, solver.schedule.at(solution.point.t))
-        found = None
+        found: list[Critical] = []
         if before is not None and look is not None and look.unstable != before.unstable:
             found = self._locate(before, look)
-        if found is None:
-            solver.accept()
-        else:
-            share = functional.share(point, found.look.point)
-            self._record_critical(found, parameter + share * length)
-            self._check_turning(found)
+        for critical in found:
+            share = functional.share(point, critical.look.point)
+            self._record_critical(critical, parameter + share * length)
+            self._check_turning(critical)
+        if found:
             solver.begin(solution.point)
+        else:
+            solver.accept()
         self._look = look
         self._warn_if_bent(solution.point)
         asked = stage.accept(point, solution.point, length)
@@ -337,7 +339,7 @@ class _Walk:
         stage.adapt(solution.report.iterations, length)
         return asked
 
-    def _locate(self, before: Look, after: Look) -> Critical | None:
+    def _locate(self, before: Look, after: Look) -> list[Critical]:
         solver = self.solver
 
         def solve(start: Point, target: Functional) -> tuple[Point, Floats] | None:
@@ -345,7 +347,7 @@ class _Walk:
             return None if solution is None else (solution.point, solution.constraint_force)
 
         ends = before, after
-        return locate(self.system, solve, solver.schedule.at, weights(self.system), ends)
+        return locate_all(self.system, solve, solver.schedule.at, weights(self.system), ends)
 
     def _jumps(self, point: Point, solution: Solution) -> bool:
         """Whether a point is much farther away than the tangents lead: on another branch."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..diagnostics import coupling_energy, strain_energy
+from ..errors import InputError
 from ..history import History, HistoryWriter
 from ..model import System
 from ..model.balance import Amplitudes, Spin
@@ -32,6 +33,8 @@ class PathRecorder:
         meta: dict[str, Any],
         path: str | os.PathLike[str] | None,
     ) -> None:
+        if path is not None and not isinstance(path, str | os.PathLike):
+            raise InputError("argument path", f"{path!r}, expected the name of a file")
         self.system, self.schedule = system, schedule
         described, static = describe(system)
         described |= {"integrator": "static", "step": 0.0, "kernels": "numpy", **meta}

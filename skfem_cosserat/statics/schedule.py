@@ -15,6 +15,16 @@ from ..types import Floats
 
 __all__ = ["Schedule"]
 
+_Channel = tuple[TimeFunction, TimeFunction | None, str]
+
+
+def _value(function: TimeFunction, t: float, owner: str) -> float:
+    """At load factor t; an error of a function names whose it is."""
+    try:
+        return function.value(t)
+    except InputError as error:
+        raise InputError(owner, str(error)) from error
+
 
 class Schedule:
     """Amplitudes of all loads, actuators and of a spin as functions of the load factor.
@@ -43,6 +53,10 @@ class Schedule:
         factors: Mapping[str, Amplitude] | None = None,
         spin: Spin | None = None,
     ) -> None:
+        if spin is not None and not isinstance(spin, Spin):
+            raise InputError("argument spin", f"{spin!r}, expected a Spin")
+        if factors is not None and not isinstance(factors, Mapping):
+            raise InputError("argument factors", f"{factors!r}, expected a mapping of names")
         self.system, self.spin = system, spin
         given = dict(factors or {})
         loading, couplings = system.loading, system.couplings
@@ -53,33 +67,37 @@ class Schedule:
                 raise InputError(
                     "argument factors", f"unknown name {name!r}; known: {sorted(known)}"
                 )
-        self._given = {k: time_function(f"factor of {k!r}", v) for k, v in given.items()}
+            if given[name] is None or isinstance(given[name], bool):
+                raise InputError(
+                    "argument factors", f"{name!r}: {given[name]!r}, expected a number or function"
+                )
+        self._given = {k: time_function(f"argument factors, {k!r}", v) for k, v in given.items()}
         self._loads = self._factors(loading.owners, loading.times)
         self._actuators = self._factors(couplings.owners, couplings.times)
 
     def _factors(
         self, owners: Sequence[Load | Coupling], times: Sequence[TimeFunction]
-    ) -> list[tuple[TimeFunction, TimeFunction | None]]:
-        """(own time, factor) of each channel; None: the load factor itself."""
-        out: list[tuple[TimeFunction, TimeFunction | None]] = []
+    ) -> list[_Channel]:
+        """(own time, factor, name) of each channel; None: the load factor itself."""
+        out: list[_Channel] = []
         for owner, time in zip(owners, times, strict=True):
             default = None if isinstance(time, Constant) else Constant(1.0)
-            out.append((time, self._given.get(str(owner.name), default)))
+            out.append((time, self._given.get(str(owner.name), default), owner.label))
         return out
 
     def at(self, t: float) -> Amplitudes:
         """Amplitudes at load factor t."""
 
-        def numbers(channels: list[tuple[TimeFunction, TimeFunction | None]]) -> list[float]:
+        def numbers(channels: list[_Channel]) -> list[float]:
             return [
-                time.value(t) * (t if factor is None else factor.value(t))
-                for time, factor in channels
+                _value(time, t, owner) * (t if factor is None else _value(factor, t, owner))
+                for time, factor, owner in channels
             ]
 
         spin = self.spin
         if spin is not None:
             factor = self._given.get("spin")
-            share = t if factor is None else factor.value(t)
+            share = t if factor is None else _value(factor, t, "spin")
             spin = Spin(share * spin.velocity, spin.point)
         return Amplitudes(
             np.array(numbers(self._loads)), np.array([*numbers(self._actuators), 0.0]), spin
