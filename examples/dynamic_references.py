@@ -301,11 +301,11 @@ def slopes(x: Iterable[float], error: Iterable[float]) -> list[float]:
 SPACE: dict[str, tuple[float, float, dict[int, tuple[int, ...]], tuple[int, int]]] = {
     "D1": (
         *(0.01, 0.2),
-        {1: (64, 128, 256), 2: (16, 32, 64), 3: (8, 16, 32), 4: (8, 16, 24)},
-        (40, 4),
+        {1: (32, 64, 128), 2: (16, 32, 64), 3: (8, 16, 32), 4: (8, 16, 24)},
+        (36, 4),
     ),
     "D2": (0.1, 4.0, {1: (8, 16, 32), 2: (4, 8, 16), 3: (3, 6, 12), 4: (4, 8, 12)}, (20, 4)),
-    "D3": (0.1, 2.5, {1: (32, 64, 128), 2: (8, 16, 32), 3: (4, 8, 16), 4: (4, 8, 12)}, (32, 4)),
+    "D3": (0.05, 2.5, {1: (32, 64, 128), 2: (8, 16, 32), 3: (4, 8, 16), 4: (2, 4, 12)}, (24, 4)),
 }
 #: orders in time, smooth loads: first step (s), time (s), elements for each order
 TIME: dict[str, tuple[float, float, dict[int, int]]] = {

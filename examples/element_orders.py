@@ -155,8 +155,8 @@ def order_of(elements: list[int], errors: list[float], floor: float = FLOOR) -> 
 
 def _meshes(order: int, quick: bool) -> list[int]:
     """Elements: fine enough for the slope, coarse enough to stay above rounding."""
-    coarsest = {1: 16, 2: 8, 3: 4, 4: 4}[order]
-    return [coarsest * 2**k for k in range(3 if quick else 5)]
+    coarsest, count = {1: (16, 5), 2: (8, 5), 3: (4, 5), 4: (2, 6)}[order]
+    return [coarsest * 2**k for k in range(3 if quick else count)]
 
 
 def table(kinds: list[Interpolation], quick: bool) -> list[dict[str, Any]]:

@@ -7,6 +7,7 @@ scenes and what is done with them are those of examples/dynamic_references.py.
 import importlib
 import logging
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -88,7 +89,7 @@ def test_order_of_velocities_in_space(name):
 def test_loads_as_given_right_angle_cantilever():
     """Up to t = 2 with 8 cubic elements in a leg, and the energy that then stays."""
     found = dynamic.as_given("D2", EM, 3, 8, (1 / 40, 1 / 80, 1 / 160), 3.0)
-    assert (found["position"] < [1e-6, 2e-6, 3e-6]).all(), found["position"]
+    assert (found["position"] < [5e-7, 3e-6, 5e-6]).all(), found["position"]
     assert (found["energy"][1:] < 1e-5).all(), found["energy"]
 
 
@@ -112,7 +113,7 @@ def test_kinks_of_the_load_leave_positions_but_not_velocities_their_order(integr
     orders = {}
     for key in ("positions", "velocities"):
         values = [getattr(run, key) for run in runs]
-        steps = np.array([np.linalg.norm(b - a) for a, b in zip(values, values[1:], strict=False)])
+        steps = np.array([np.linalg.norm(b - a) for a, b in pairwise(values)])
         orders[key] = np.log2(steps[:-1] / steps[1:])
     assert (abs(orders["positions"] - 2) < 0.1).all()
     assert orders["velocities"][-1] < 1
@@ -222,7 +223,7 @@ def test_multipliers_give_the_same(name, integrator):
 
 
 @pytest.mark.parametrize(
-    ("name", "step", "until"), [("D1", 0.02, 0.6), ("D2", 0.2, 5.0), ("D3", 0.2, 10.0)]
+    ("name", "step", "until"), [("D1", 0.02, 0.6), ("D2", 0.4, 20.0), ("D3", 0.2, 10.0)]
 )
 def test_variational_blows_up_at_large_steps(name, step, until, caplog):
     """Negative, and announced: the step is above 10 over the highest frequency."""

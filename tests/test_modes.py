@@ -9,12 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers_scenes import everything, random_state, random_tree
-from test_closed_loops import SCENES, frozen
+from test_closed_loops import SCENES, frozen, hinges
 from test_couplings import zoo
 
 import skfem_cosserat as sc
 from skfem_cosserat.diagnostics.tangent import null_space_matrix, reduced_tangent
+from skfem_cosserat.export import write_paraview
 from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
+from skfem_cosserat.modal.pencil import make_pencil
+from skfem_cosserat.modal.quadratic import spectrum
+from skfem_cosserat.modal.state import resting
+from skfem_cosserat.modal.symmetric import lowest
 from skfem_cosserat.model.balance import Spin, amplitudes_at, balance
 from skfem_cosserat.model.chart import Chart
 from skfem_cosserat.model.loops import closed, tree_values
@@ -473,3 +478,387 @@ def eigenvalues_of_a_step(system, q0, h, omega, turned):
 
     columns = [(end(d) - end(-d)) / (2 * e) for d in e * np.eye(2 * k)]
     return np.log(np.linalg.eigvals(np.array(columns).T).astype(complex)) / h
+
+
+# -- joints, bodies, loops, springs ----------------------------------------------------------------
+
+G = 9.81
+
+
+def hung(*links):
+    """A chain of bars in the plane, hanging: (mass, length, inertia about the centre) each."""
+    model, z, above = sc.Model(), 0.0, None
+    for k, (mass, length, inertia) in enumerate(links):
+        shape = (inertia, inertia, 0.1 * inertia)
+        bar = model.add(f"bar {k}", sc.RigidBody(mass, shape, position=(0, 0, z - length / 2)))
+        pivot = (0, 0, z)
+        side = sc.ground(pivot) if above is None else above.at(pivot)
+        model.add(f"pin {k}", sc.JointRevolute(side, bar.at(pivot), axis=(1, 0, 0)))
+        above, z = bar, z - length
+    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    return model.freeze()
+
+
+def test_double_pendulum():
+    (m, a, I), (n, b, J) = links = (1.3, 0.8, 0.09), (0.7, 0.5, 0.03)  # noqa: E741
+    M = np.array([[m * a**2 / 4 + I + n * a**2, n * a * b / 2], [n * a * b / 2, n * b**2 / 4 + J]])
+    K = np.diag([(m / 2 + n) * G * a, n * G * b / 2])
+    wanted = np.sort(np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K))))
+    system = hung(*links)
+    found = sc.modes(system, system.q0, 2)
+    assert abs(found.omega / wanted - 1).max() < 1e-13
+    upright = sc.modes(system, count=2)  # without loads nothing holds it
+    assert upright.rigid == 2
+
+
+def test_an_inverted_pendulum_grows():
+    """Reported as such: a positive eigenvalue and a negative square, no frequency."""
+    system = hung((1.3, 0.8, 0.09))
+    model = system.extend(system.q0, 0.0)
+    chart = Chart(system.kinematics)
+    chart.begin(model, system.ground(0.0))
+    chart.add(np.array([np.pi]))
+    found = sc.modes(system, chart.configuration()[: system.rows].ravel(), 1)
+    square_ = 1.3 * G * 0.4 / (0.09 + 1.3 * 0.16)
+    assert found.squares[0] == pytest.approx(-square_, rel=1e-13)
+    assert found.growth[0] == pytest.approx(np.sqrt(square_), rel=1e-13)
+    assert found.omega[0] == 0
+    assert found.damping_ratios[0] == pytest.approx(-1)
+    assert not found.stable
+    assert "grows" in str(found)
+
+
+def parallelogram(redundant=True):
+    """Two cranks hanging from the ground and a coupler: spatial hinges, three rows too many."""
+    model = sc.Model()
+    cranks = [
+        model.add(f"crank {k}", sc.RigidBody(1.1, (0.2, 0.2, 0.05), position=(0, y, -0.5)))
+        for k, y in enumerate((0.0, 2.0))
+    ]
+    coupler = model.add("coupler", sc.RigidBody(1.7, (0.4, 0.1, 0.4), position=(0, 1.0, -1.0)))
+    for k, (crank, y) in enumerate(zip(cranks, (0.0, 2.0), strict=True)):
+        high, low = (0, y, 0), (0, y, -1)
+        axis = {"axis": (1.0, 0, 0)}
+        model.add(f"high {k}", sc.JointRevolute(sc.ground(high), crank.at(high), **axis))
+        kind, options = sc.JointRevolute, axis
+        if k and not redundant:
+            kind, options = sc.JointPointOnLine, axis
+        model.add(f"low {k}", kind(crank.at(low), coupler.at(low), **options))
+    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    return model.freeze()
+
+
+@pytest.mark.parametrize("redundant", [True, False])
+def test_four_bar(redundant):
+    """A closed loop: the coupler only translates."""
+    system = parallelogram(redundant)
+    found = sc.modes(system, system.q0, 1)
+    wanted = np.sqrt(G * (1.1 + 1.7) / (2 * (0.2 + 1.1 * 0.25) + 1.7))
+    assert found.omega[0] == pytest.approx(wanted, rel=1e-13)
+    assert found.reduced.shape == (1, 1)
+
+
+def test_body_on_a_beam():
+    """A heavy body on the tip of a light beam: the flexibility of Timoshenko's cantilever."""
+    mass, inertia = 5.0, 0.3
+    light = sc.Section([80.0, 80, 5e3, 2.0, 3.0, 1.5], mass=1e-9, inertia=(1e-12, 1e-12))
+
+    def lump(beam):
+        return sc.RigidBody(mass, (inertia,) * 3, on=beam.node("b"))
+
+    found = sc.modes(straight(1, 3, "CF", light, extra=[("lump", lump)]), count=6)
+    M, wanted = np.diag([mass, inertia]), [np.sqrt(5e3 / mass), np.sqrt(1.5 / inertia)]
+    for EI in (2.0, 3.0):
+        flexibility = np.array([[1 / 3 / EI + 1 / 80, 0.5 / EI], [0.5 / EI, 1 / EI]])
+        wanted += np.sqrt(np.linalg.eigvals(np.linalg.inv(flexibility @ M)).real).tolist()
+    assert abs(found.omega / np.sort(wanted) - 1).max() < 1e-8
+
+
+def test_springs_and_loads_between_bodies():
+    """Two masses and a spring, free: five motions without stiffness and one frequency.
+
+    Across the spring there is none either: it is at its length. Stretched by forces it is stiff
+    across, too.
+    """
+    model = sc.Model()
+    a, b = (model.add(n, sc.MassPoint(m, (0, 0, z))) for n, m, z in (("a", 2.0, 0), ("b", 3.0, 1)))
+    model.add("spring", sc.SpringDamper(a.place(), b.place(), 50.0, length=1.0))
+    pull = [sc.LoadForce(p.place(), (0, 0, s * 10.0)) for p, s in ((a, -1), (b, 1))]
+    for k, load in enumerate(pull):
+        model.add(f"pull {k}", load)
+    system = model.freeze()
+    found = sc.modes(system)
+    assert found.rigid == 5
+    assert found.omega[5] == pytest.approx(np.sqrt(50 / 1.2), rel=1e-14)
+    q = system.q0
+    q[5] += 0.2
+    found = sc.modes(system, q)
+    assert found.rigid == 3  # dead forces do not turn with the spring
+    assert found.omega[3:5] == pytest.approx(np.sqrt(10 / 1.2 / 1.2), rel=1e-13)
+    assert found.omega[5] == pytest.approx(np.sqrt(50 / 1.2), rel=1e-13)
+
+
+def bent_arc(order=2):
+    """A 45-degree bend under a dead force out of its plane, with a body on its tip."""
+    arc = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1.0, np.pi / 4, 2, "arc")
+    model = sc.Model()
+    section = sc.Section([90.0, 80, 200, 1.5, 2.5, 1.2], mass=1.3, inertia=(0.02, 0.03))
+    beam = model.add("arc", sc.Beam(arc, section, director=(0, 0, 1), order=order))
+    model.add("root", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("arc.start")))
+    tip = beam.node("arc.end").position
+    bob = model.add("bob", sc.RigidBody(0.5, (0.02, 0.03, 0.04), position=tip + (0, 0, 0.1)))
+    model.add("pin", sc.JointUniversal(beam.node("arc.end"), bob.at(tip), (0, 0, 1.0), (1.0, 0, 0)))
+    model.add("force", sc.LoadForce(bob.at(tip), (0.5, -0.4, 2.0)))
+    model.add("gravity", sc.LoadGravity((0, 0, 1.0)))
+    return model.freeze()
+
+
+def test_a_bent_state_against_time_integration():
+    """Eigenvalues of the map of a time step about the loaded equilibrium, extrapolated in h."""
+    system = bent_arc()
+    q = system.q0
+    for share in (0.25, 0.5, 0.75, 1.0):
+        loads = amplitudes_at(system, 0.0)
+        q = settled(system, replace(loads, loads=share * loads.loads), q)
+    assert abs(q - system.q0).max() > 0.3
+    found = sc.modes(system, q, 6)
+    coarse, fine = (
+        eigenvalues_of_a_step(system, q, h, np.zeros(3), lambda t: np.eye(3)) for h in (4e-3, 2e-3)
+    )
+    assert found.stable
+    for s in found.eigenvalues:
+        a, b = (v[np.argmin(abs(v - s))] for v in (coarse, fine))
+        assert abs((4 * b - a) / 3 - s) < 1e-5 * abs(s)
+
+
+def test_follower_forces_flutter():
+    """Beck's column: stable below 20.05 EI/L^2, flutter above; K is not symmetric."""
+    section = sc.Section([1e6, 1e6, 1e6, 1.0, 50.0, 40.0], mass=1.0, inertia=(1e-8, 1e-8))
+    growth = []
+    for load in (20.0, 20.1):
+
+        def push(beam, load=load):
+            return sc.LoadForce(beam.node("b"), (0, 0, -load), follower=True)
+
+        system = straight(8, 3, "CF", section, extra=[("push", push)])
+        y = system.q0.reshape(-1, 3)
+        y[system.origin_rows] *= 1 - load / 1e6
+        found = sc.modes(system, y.ravel(), 4)
+        growth.append(found.growth.max())
+    assert abs(growth[0]) < 1e-6
+    assert growth[1] > 0.1
+    assert not found.stable
+
+
+# -- damping ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("elements", [4, 40])
+def test_rayleigh_damping(elements):
+    """Free: drag lets rigid motions decay with alpha; ratios ``alpha/(2 omega) + beta omega/2``."""
+    alpha, beta = 30.0, 1e-4
+    damping = sc.RayleighDamping(mass=alpha, stiffness=beta)
+    still = sc.modes(straight(elements, 3, "FF", square(0.01)), count=12)
+    system = straight(elements, 3, "FF", square(0.01), extra=[("damping", damping)])
+    found = sc.modes(system, count=18)
+    assert found.rigid == 6
+    assert (found.eigenvalues[:6] == 0).all()
+    assert abs(found.eigenvalues[6:12] + alpha).max() < 1e-7 * alpha
+    omega = still.omega[6:]
+    ratio = alpha / (2 * omega) + beta * omega / 2
+    assert abs(found.damping_ratios[12:] / ratio - 1).max() < 1e-8
+    assert abs(abs(found.eigenvalues[12:]) / omega - 1).max() < 1e-8
+
+
+def test_dampers_and_viscous_sections():
+    """A damped spring, overdamped too; a Kelvin-Voigt bar."""
+    for c in (0.3, 9.0):
+        model = sc.Model()
+        point = model.add("point", sc.MassPoint(2.0, (0, 0, -1)))
+        spring = sc.SpringDamper(sc.ground((0, 0, 0)), point.place(), 8.0, c, 1.0)
+        model.add("spring", spring)
+        found = sc.modes(model, count=3)
+        roots = np.roots([2.0, c, 8.0])
+        assert found.rigid == 2
+        assert abs(roots - found.eigenvalues[2]).min() < 1e-12
+    cable = sc.Model()
+    point = cable.add("point", sc.MassPoint(2.0, (0, 0, -1)))
+    cable.add("cable", sc.Cable(sc.ground((0, 0, 0)), point.place(), 8.0, 0.3, length=1.5))
+    assert sc.modes(cable, count=3).rigid == 3  # slack: it neither pulls nor damps
+
+
+# -- size ------------------------------------------------------------------------------------------
+
+
+def test_large_scenes_by_few_factorisations():
+    """5040 unknowns: sparse, exact to more digits than a reference has."""
+    system = straight(280, 3, "CF", square(0.01))
+    assert system.unknowns == 5040
+    found = sc.modes(system)
+    wanted = REFERENCES["M1"]["values"]["h=0.01,CF"]["omega"][:3]
+    assert (off(found.omega, wanted) < 1e-11).all()
+    assert found.factorisations <= 4
+
+
+def test_sparse_and_dense_agree():
+    """Many double frequencies, six of them zero: Lanczos' method misses none."""
+    system = ring(24, 3)
+    pencil = make_pencil(resting(system, None, None, None, None, 1e-6))
+    dense, sparse = (
+        lowest(pencil.K, pencil.M, 40, pencil.energies, dense=limit) for limit in (10**4, 10)
+    )
+    assert sparse.zero.sum() == dense.zero.sum() == 6
+    assert abs(sparse.values[6:] / dense.values[6:] - 1).max() < 1e-9
+    assert dense.factorisations == 1 < sparse.factorisations <= 4
+    damped = straight(
+        12, 2, "CF", square(0.05), extra=[("d", sc.RayleighDamping(mass=2.0, stiffness=1e-5))]
+    )
+    pencil = make_pencil(resting(damped, None, None, None, None, 1e-6))
+    dense, sparse = (spectrum(pencil, 8, dense=limit).values for limit in (10**4, 10))
+    assert abs(sparse - dense).max() < 1e-8 * abs(dense).max()
+
+
+# -- states ----------------------------------------------------------------------------------------
+
+
+def test_ways_to_give_a_state():
+    system = hung((1.3, 0.8, 0.09))
+    wanted = sc.modes(system, system.q0, 1).omega
+    state = sc.initial_state(system)
+    history = sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, until=0.02)
+    for given in (state, history, (history, 0), system.q0.tolist()):
+        assert sc.modes(system, given, 1).omega == pytest.approx(wanted, rel=1e-10)
+    assert sc.modes(system, count=1, t=0.0).omega == wanted
+    double = replace(amplitudes_at(system, 0.0), loads=np.array([2.0]))
+    found = sc.modes(system, count=1, amplitudes=double)
+    assert found.omega == pytest.approx(np.sqrt(2) * wanted, rel=1e-14)
+    assert found.rigid == 0
+
+
+def test_shapes_are_orthonormal_and_keep_the_constraints():
+    system = bent_arc()
+    found = sc.modes(system, count=8)
+    mass = np.kron(system.mass.toarray(), np.eye(3))
+    y = system.extend(system.q0, 0.0)
+    masses = found.shapes @ mass @ found.shapes.T
+    assert abs(masses - np.eye(8)).max() < 1e-10
+    assert abs(system.constraints.jacobian(y) @ found.shapes.T).max() < 1e-12
+    P = system.null_space(system.q0)
+    assert abs(P @ found.reduced.T - found.shapes.T).max() < 1e-13
+
+
+# -- animation -------------------------------------------------------------------------------------
+
+
+def test_animation(tmp_path):
+    """Triads stay orthonormal, loops and joints closed; ParaView shows what was asked for."""
+    found = sc.modes(ring(12, 2), count=8)
+    history = found.animation(6, amplitude=0.2, frames=16, periods=2)
+    assert len(history) == 33
+    assert history.times[16] == pytest.approx(2 * np.pi / found.omega[6])
+    assert history["constraint_violation"].max() < 1e-13
+    q = history["q"].reshape(33, -1, 3)
+    assert abs(q[0] - q[16]).max() < 1e-12
+    rows = found.system.origin_rows
+    moved = np.linalg.norm(q[:, rows] - found.q.reshape(-1, 3)[rows], axis=2).max()
+    assert moved / found.system.length == pytest.approx(0.2, rel=0.05) or moved < 0.2
+    assert abs(q[4, rows] - found.q.reshape(-1, 3)[rows]).max() < 1e-12  # a quarter later
+    pyvista = pytest.importorskip("pyvista")
+    write_paraview(history, tmp_path)
+    reader = pyvista.get_reader(tmp_path / "beams.pvd")
+    assert len(reader.time_values) == 33
+    reader.set_active_time_point(8)
+    block = reader.read()[0]
+    nodes = block.point_data["node_id"] >= 0
+    there = np.unique(np.array(block.points)[nodes].round(9), axis=0)
+    assert abs(there - np.unique(q[8, rows].round(9), axis=0)).max() < 1e-8
+
+
+def test_animation_of_a_loop_of_a_rigid_motion_and_of_whirl():
+    system = parallelogram()
+    history = sc.modes(system, system.q0, 1).animation(0, frames=8)
+    assert history["constraint_violation"].max() < 1e-12
+    assert abs(history["q"][0] - system.q0).max() > 0.05
+    free = sc.modes(straight(2, 2, "FF", square(0.1)), count=6).animation(3)
+    assert free.times[-1] == 1.0  # no period of its own
+    found = sc.modes(top(INERTIA), count=3, spin=Spin((0, 0, 3.0)))
+    whirl = found.animation(1, frames=12)
+    assert whirl["constraint_violation"].max() < 1e-13
+    axis = whirl["q"].reshape(13, 4, 3)[:, 3, :2]
+    assert (np.linalg.norm(axis, axis=1) > 0.01).all()  # round, never back through the middle
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+
+def bad(call, *words):
+    with pytest.raises(sc.InputError) as caught:
+        call()
+    for word in words:
+        assert word in str(caught.value), str(caught.value)
+
+
+def test_bad_counts_and_models():
+    system = hung((1.0, 1.0, 0.1))
+    for count in (0, -1, 2, 1.5, True, "all"):
+        bad(lambda count=count: sc.modes(system, count=count), "count", repr(count), "1 to 1")
+    bad(lambda: sc.modes("scene"), "str", "Model")
+    bad(lambda: sc.modes(system, count=1, tolerance=0.0), "tolerance", "0.0")
+    bad(lambda: sc.modes(system, count=1, t=np.nan), "argument t", "nan")
+    bad(lambda: sc.modes(system, count=1, spin=(0, 0, 1.0)), "spin", "tuple")
+    found = sc.modes(system, system.q0, 1)
+    bad(lambda: found.animation(1), "index", "1")
+    bad(lambda: found.animation(0, amplitude=-1.0), "amplitude", "-1.0")
+    bad(lambda: found.animation(0, frames=0), "frames", "0")
+    rocker = sc.modes(hinges([(0, 0, 0), (0.9, 1.8, 0), (2.1, 1.8, 0), (3, 0, 0)], 3), count=1)
+    assert rocker.rigid == 1
+    bad(lambda: rocker.animation(0, amplitude=1.0), "amplitude", "smaller")
+
+
+def test_bad_states():
+    system = hung((1.0, 1.0, 0.1))
+    other = hung((1.0, 1.0, 0.2))
+    bad(lambda: sc.modes(system, np.zeros(5), 1), "shape (5,)", "(12,)")
+    bad(lambda: sc.modes(system, np.full(12, np.nan), 1), "entry 0", "nan")
+    bad(lambda: sc.modes(system, {"q": 1}, 1), "dict", "History")
+    bad(lambda: sc.modes(system, 1.1 * system.q0, 1), "violates", "row")
+    history = sc.simulate(other, sc.Variational(), sc.NullSpace(), 0.01, until=0.01)
+    bad(lambda: sc.modes(system, history, 1), "another model", "mass")
+    bad(lambda: sc.modes(other, (history, 5), 1), "5", "2 states")
+    bad(lambda: sc.modes(other, (history, 0.5), 1), "0.5", "integer")
+    wrong = replace(amplitudes_at(system, 0.0), loads=np.zeros(3))
+    bad(lambda: sc.modes(system, count=1, amplitudes=wrong), "loads", "(3,)", "(1,)")
+    none = replace(amplitudes_at(system, 0.0), loads=np.array([np.nan]))
+    bad(lambda: sc.modes(system, count=1, amplitudes=none), "loads", "finite")
+
+
+def test_no_equilibrium_is_refused_by_name():
+    """With what is left over, and where."""
+    system = straight(2, 2, "CF", square(0.1), pull=3e6)
+    bad(lambda: sc.modes(system, system.q0), "not in equilibrium", "beam 'beam'", "[1.0, 0.0, 0.0]")
+    assert sc.modes(system).rigid == 0  # without loads it is one
+    y = system.q0.reshape(-1, 3)
+    y[system.origin_rows] *= 1 + 3e6 / (E * 0.01) * (1 + 1e-5)
+    bad(lambda: sc.modes(system, y.ravel()), "relative to all forces 4.3e-06")
+    sc.modes(system, y.ravel(), tolerance=5e-6)
+    turning = straight(2, 2, "CF", square(0.1))
+    bad(lambda: sc.modes(turning, spin=Spin((0, 0, 50.0))), "not in equilibrium")
+    windy = straight(2, 2, "CF", square(0.1), extra=[("drag", sc.RayleighDamping(mass=1.0))])
+    with pytest.raises(sc.IncompatibleError, match="drag against space"):
+        sc.modes(windy, spin=Spin((1.0, 0, 0)))
+
+
+def test_a_singular_position_is_refused():
+    """A parallelogram laid flat: its loop may open into either of two branches."""
+    model = sc.Model()
+    corners = np.array([(0, 0, 0), (1, 0, 0), (3, 0, 0), (2, 0, 0)])
+    middles = (corners[1:] + corners[:-1]) / 2
+    bars = [
+        model.add(f"bar {k}", sc.RigidBody.box(1.0, (1.0, 0.1, 0.1), position=middle))
+        for k, middle in enumerate(middles)
+    ]
+    places = [sc.ground(corners[0]), *(b.at(x) for b, x in zip(bars, corners[1:], strict=True))]
+    others = [*(b.at(x) for b, x in zip(bars, corners[:3], strict=True)), sc.ground(corners[3])]
+    for k, (a, b) in enumerate(zip(places, others, strict=True)):
+        model.add(f"pin {k}", sc.JointRevolute(a, b, axis=(0, 0, 1)))
+    bad(lambda: sc.modes(model, count=1), "singular position")

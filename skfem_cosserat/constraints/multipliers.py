@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from ..assembly import FrozenPattern
+from ..kernels import cross, exp_quaternion, rotation_matrix
 from ..linear import LinearSolver
 from ..model import System
 from ..model.chart import Chart
@@ -138,12 +139,17 @@ class BoundMultipliers(BoundTreatment):
         self._multiplier = multiplier * self._keep
 
     def adopt(self, R: Array) -> None:
-        """See the base class; of rows that depend on others the multipliers stay zero."""
-        constraints = self.system.constraints
+        """See the base class."""
+        self._multiplier = self._balancing(R, self.y0)
+
+    def _balancing(self, R: Array, y: Array) -> Array:
+        """Multipliers that balance R at y best; zero for rows that depend on others."""
         kept = np.flatnonzero(self._keep)
-        G = constraints.jacobian(self.y0)[kept]
-        self._multiplier = np.zeros(self.system.m)
-        self._multiplier[kept] = -splu((G @ G.T).tocsc()).solve(G @ R.reshape(-1))
+        G = self.system.constraints.jacobian(y)[kept]
+        out = np.zeros(self.system.m, dtype=R.dtype)
+        if len(kept):
+            out[kept] = -splu((G @ G.T).tocsc()).solve(G @ R.reshape(-1))
+        return out
 
     def move_ground(self, ground1: Array) -> None:
         """See the base class."""
@@ -233,7 +239,9 @@ class BoundMultipliers(BoundTreatment):
         values += [column * left, row * right, row * dead]
         if self.weight:
             at = self.constraint_point(y1)
-            values.append(self.weight * constraints.curvature_values(self._multiplier, at))
+            # on a path those that balance the predicted stresses, at directors that have turned
+            lam = self._balancing(R, y1) if self.weight == 1 else self._multiplier
+            values.append(self.weight * constraints.curvature_values(lam, at))
         return self.pattern.data(np.concatenate(values))
 
     def scale_rows(self, residual: Array) -> Array:
@@ -247,8 +255,25 @@ class BoundMultipliers(BoundTreatment):
         """See the base class."""
         n = self.system.n
         factor = self._size if self.scaled else self.h
-        self._q = self._q + increment[:n]
+        if self.weight == 1:
+            self._turn(increment[:n].reshape(-1, 3))
+        else:
+            self._q = self._q + increment[:n]
         self._multiplier = self._multiplier + factor * increment[n:]
+
+    def _turn(self, change: Array) -> None:
+        """Add an increment (rows, 3) of an equilibrium, that of directors as a finite rotation.
+
+        Steps on a path may be large: added up, directors would get longer. The derivative is the
+        same, a solution fulfils the constraints as before.
+        """
+        rows = self.system.kinematics.director_rows
+        q = self._q.reshape(-1, 3)
+        D = q[rows]
+        omega = 0.5 * cross(D, change[rows]).sum(1)
+        out = q + change
+        out[rows] = D @ rotation_matrix(exp_quaternion(omega)).transpose(0, 2, 1)
+        self._q = out.reshape(-1)
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
         """See the base class; a change of directors stands for a rotation."""

@@ -62,16 +62,14 @@ def spectrum(pencil: Pencil, count: int, dense: int = DENSE) -> Spectrum:
     n = K.shape[0]
     wanted = 2 * (count + SPARE)
     apart = _apart(pencil, C, free)
-    if n <= dense or wanted > n // 2:
-        values, X = _dense(K, M, C)
-    else:
-        deflated = free if apart else free[:, :0]
-        many = wanted - 2 * min(count, deflated.shape[1])
-        values, X = _arnoldi(K, M, C, 0.5 * scale, many, deflated)
-        if apart and free.shape[1]:
-            own, turn = eigh(free.T @ (C @ free))
-            values = np.concatenate([-own, values])
-            X = np.concatenate([free @ turn, X], axis=1)
+    deflated = free if apart else free[:, :0]
+    inverse = _Inverse(K, M, C, 0.5 * scale, deflated)
+    many = wanted - 2 * min(count, deflated.shape[1])
+    values, X = inverse.dense() if n <= dense or wanted > n // 2 else inverse.arnoldi(many)
+    if deflated.shape[1]:
+        own, turn = eigh(free.T @ (C @ free))
+        values = np.concatenate([-own, values])
+        X = np.concatenate([free @ turn, X], axis=1)
     keep = np.flatnonzero(np.isfinite(values) & (values.imag >= 0))  # one of each pair
     keep = keep[np.argsort(abs(values[keep]), kind="stable")][:wanted]
     values, X = values[keep], X[:, keep]
@@ -99,52 +97,66 @@ def _apart(pencil: Pencil, C: csr_matrix, free: Floats) -> bool:
     return bool(abs(rest).max() <= ALONE * abs(abs(C) @ abs(free)).max())
 
 
-def _dense(K: csr_matrix, M: csr_matrix, C: csr_matrix) -> tuple[Array, Array]:
-    n = K.shape[0]
-    scale = 1 / np.sqrt(M.diagonal())
-    k, m, c = (scale[:, None] * A.toarray() * scale for A in (K, M, C))
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-k, -c]])
-    B = np.block([[np.eye(n), np.zeros((n, n))], [np.zeros((n, n)), m]])
-    values, Z = eig(A, B)
-    return values, scale[:, None] * Z[:n]
+class _Inverse:
+    """``(A - shift B)^-1 B`` on ``z = (x, s x / shift)`` about a real shift.
 
-
-def _arnoldi(
-    K: csr_matrix, M: csr_matrix, C: csr_matrix, shift: float, k: int, N: Floats
-) -> tuple[Array, Array]:
-    """Eigenvalues nearest to a real shift: ``(A - shift B)^-1 B`` on ``z = (x, s x)``.
-
-    Among vectors without the motions N (u, j), ``N^T M N = I``.
+    Among vectors without the motions N (u, j), ``N^T M N = I``. Its eigenvalues are
+    ``1/(s - shift)``: those sought are the largest, in what is computed dense as well.
     """
-    n = K.shape[0]
-    try:
-        solve = splu((K + shift * C + shift**2 * M).tocsc()).solve
-    except RuntimeError as error:  # SuperLU: exactly singular
-        raise CosseratError(f"the eigenvalue problem is singular at the shift {shift:g}") from error
-    right = C + shift * M
 
-    def without(x: Array) -> Array:
-        return x - N @ (N.T @ (M @ x)) if N.shape[1] else x
-
-    def apply(z: Array) -> Array:
-        a, b = z[:n], z[n:] * shift
-        x = without(-solve(right @ a + M @ b))
-        return np.concatenate([x, (a + shift * x) / shift])
-
-    inverse = LinearOperator((2 * n, 2 * n), matvec=apply, dtype=float)
-    start = np.random.default_rng(0).standard_normal((2, n))
-    start = np.concatenate([without(half) for half in start])
-    basis = min(2 * n, max(2 * k + 10, 40))
-    options = {"v0": start, "ncv": basis, "tol": TOLERANCE, "maxiter": 100}
-    try:
-        theta, Z = eigs(inverse, k, which="LM", **options)
-    except ArpackNoConvergence as error:
-        theta, Z = error.eigenvalues, error.eigenvectors  # the nearest ones come first
-        if len(theta) < k // 2:
+    def __init__(
+        self, K: csr_matrix, M: csr_matrix, C: csr_matrix, shift: float, N: Floats
+    ) -> None:
+        self.n, self.M, self.N, self.shift = K.shape[0], M, N, shift
+        self._right = C + shift * M
+        try:
+            self._solve = splu((K + shift * C + shift**2 * M).tocsc()).solve
+        except RuntimeError as error:  # SuperLU: exactly singular
             raise CosseratError(
-                f"the Arnoldi iteration for {k} eigenvalues did not converge, {len(theta)} did"
+                f"the eigenvalue problem is singular at the shift {shift:g}"
             ) from error
-    return shift + 1 / theta, Z[:n]
+
+    def without(self, x: Array) -> Array:
+        """Without the part along N."""
+        return x - self.N @ (self.N.T @ (self.M @ x)) if self.N.shape[1] else x
+
+    def __call__(self, z: Array) -> Array:
+        a, b = z[: self.n], z[self.n :] * self.shift
+        x = self.without(-self._solve(self._right @ a + self.M @ b))
+        return np.concatenate([x, self.without(a) / self.shift + x])
+
+    def dense(self) -> tuple[Array, Array]:
+        """All eigenvalues and vectors x."""
+        theta, Z = eig(self(np.eye(2 * self.n)))
+        kept = abs(theta) > 1e-14 * abs(theta).max()
+        return self.shift + 1 / theta[kept], Z[: self.n, kept]
+
+    def arnoldi(self, k: int) -> tuple[Array, Array]:
+        """The k eigenvalues nearest to the shift.
+
+        Raises
+        ------
+        CosseratError
+            If less than half of them converge.
+        """
+        n = self.n
+        inverse = LinearOperator((2 * n, 2 * n), matvec=self.__call__, dtype=float)
+        start = np.random.default_rng(0).standard_normal((2, n))
+        options = {
+            "v0": np.concatenate([self.without(half) for half in start]),
+            "ncv": min(2 * n, max(2 * k + 10, 40)),
+            "tol": TOLERANCE,
+            "maxiter": 100,
+        }
+        try:
+            theta, Z = eigs(inverse, k, which="LM", **options)
+        except ArpackNoConvergence as error:
+            theta, Z = error.eigenvalues, error.eigenvectors  # the nearest ones come first
+            if len(theta) < k // 2:
+                raise CosseratError(
+                    f"the Arnoldi iteration for {k} eigenvalues did not converge, {len(theta)} did"
+                ) from error
+        return self.shift + 1 / theta, Z[:n]
 
 
 def _improved(pencil: Pencil, C: csr_matrix, values: Array, X: Array, scale: float) -> Array:

@@ -6,14 +6,16 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from ..diagnostics.tangent import ReducedTangent, reduced_tangent
 from ..errors import IncompatibleError, InputError
 from ..history import History
 from ..integrators import State
-from ..linear import SingularMatrixError
 from ..model import Model, System
 from ..model.balance import Amplitudes, Spin, amplitudes_at, balance
+from ..model.closure import SINGULAR
+from ..model.loops import names_of, tree_values
 from ..simulate.describe import other_model
 from ..statics.record import recorded_amplitudes
 from ..statics.schedule import Schedule
@@ -111,15 +113,16 @@ def resting(
         )
     y = system.extend(q, time)
     _check_constraints(system, y)
+    for chosen in system.closure.select(y, tree_values(system, y)):
+        if (chosen.pivots <= SINGULAR).any():
+            raise InputError(
+                "argument state",
+                "is a singular position of the closed loop through the"
+                f" {names_of(system, chosen.rows)}: it may go on in several ways, its motion is"
+                " not linear",
+            )
     at = balance(system, y, amplitudes, turns=turns)
-    try:
-        tangent = reduced_tangent(system, y, amplitudes, at)
-    except SingularMatrixError as error:
-        raise InputError(
-            "argument state",
-            "singular position: constraints that are independent elsewhere"
-            " depend on each other here, and no linear vibration exists",
-        ) from error
+    tangent = reduced_tangent(system, y, amplitudes, at)
     return Equilibrium(
         system, y, time, amplitudes, tangent, _check_rest(system, tangent, tolerance)
     )
@@ -244,8 +247,9 @@ def _check_rest(system: System, tangent: ReducedTangent, tolerance: float) -> fl
     root = np.sqrt(tangent.metric.diagonal())
     residual = abs(tangent.residual) / root
     forces, rounding = _sizes(system, tangent)
-    size = float((abs(tangent.P).T @ forces.ravel() / root).max(initial=0.0))
+    size = float((_arms(system, tangent.P, forces) / root).max(initial=0.0))
     floor = float((abs(tangent.P).T @ rounding.ravel() / root).max(initial=0.0))
+    floor += ROUNDING * size
     error = float(residual.max(initial=0.0))
     if error > tolerance * size + floor:
         raise InputError(
@@ -255,6 +259,18 @@ def _check_rest(system: System, tangent: ReducedTangent, tolerance: float) -> fl
             " static(...), and give the loads under which it is one",
         )
     return error
+
+
+def _arms(system: System, P: csr_matrix, forces: Floats) -> Floats:
+    """What the largest of the forces (rows, 3) could do on each unknown, in the best place."""
+    turning = np.ones(system.rows, dtype=bool)
+    turning[system.origin_rows] = False
+    out = np.zeros(P.shape[1])
+    for rows in (turning, ~turning):
+        part = abs(P.tocsr()[np.repeat(rows, 3)])
+        largest = np.asarray(part.max(axis=0).todense()).ravel() if part.shape[0] else 0.0
+        out += largest * forces[rows].max(initial=0.0)
+    return out
 
 
 def _sizes(system: System, tangent: ReducedTangent) -> tuple[Array, Array]:

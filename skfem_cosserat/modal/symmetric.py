@@ -21,6 +21,8 @@ DENSE = 300
 FIRST = 1e-9
 #: of Lanczos vectors: their squares are what counts, after a Rayleigh-Ritz step
 TOLERANCE = 1e-10
+#: values against the distance of the shift that are nothing but rounding
+FAINT = 1e-12
 #: vectors beyond those asked for: they keep rigid motions and close pairs apart
 SPARE = 6
 
@@ -99,37 +101,44 @@ def lowest(
     """
     n = K.shape[0]
     wanted = min(n, count + SPARE)
+    whole = n <= dense or wanted > n // 3
     shift, factors, made = _below(K, M)
-    if n <= dense or wanted > n // 3:
-        found = ritz(_dense(K, M, shift, wanted), M, energies)
-        found.factorisations = made
-        return found.first(count)
-    vectors = _lanczos(factors, M, shift, wanted)
-    while vectors is None and made < 8:  # farther away rounding does less harm
+
+    def vectors(seed: int = 0) -> Floats | None:
+        if whole:
+            return _dense(K, M, shift, wanted)
+        return _lanczos(factors, M, shift, wanted, seed)
+
+    X = vectors()
+    while X is None and made < 8:  # farther away rounding does less harm
         shift *= 10.0
         factors, made = Factorised(K - shift * M), made + 1
-        vectors = _lanczos(factors, M, shift, wanted)
-    if vectors is None:
+        X = vectors()
+    if X is None:
         raise CosseratError(
             f"the Lanczos iteration for {wanted} modes did not converge: stiffnesses that differ"
             " by more than 14 digits, as of very slender beams, are lost in rounding"
         )
-    found = ritz(vectors, M, energies)
+    found = ritz(X, M, energies, shift)
     elastic = found.values[~found.zero]
     if len(elastic) and 0 < elastic[0] < -0.1 * shift:  # nearer to what is sought: more digits
-        near = Factorised(K + float(elastic[0]) * M)
-        vectors, made = _lanczos(near, M, -float(elastic[0]), wanted), made + 1
-        if vectors is not None:
-            shift, factors, found = -float(elastic[0]), near, ritz(vectors, M, energies)
-    for seed in range(1, 4):
+        far, shift = (shift, factors), -float(elastic[0])
+        factors, made = Factorised(K - shift * M), made + 1
+        X = vectors()
+        if X is None:
+            shift, factors = far
+        else:
+            found = ritz(X, M, energies, shift)
+    for seed in range(1, 4 if not whole else 1):
         missing, made = _missing(K, M, found, count), made + 1
         if missing <= 0:
             break
         wanted = min(n // 3, wanted + missing + SPARE)
-        vectors = _lanczos(factors, M, shift, wanted, seed)
-        found = found if vectors is None else ritz(vectors, M, energies)
+        X = vectors(seed)
+        found = found if X is None else ritz(X, M, energies, shift)
     else:
-        logger.warning("modes: %d of the lowest eigenvalues may be missing", missing)
+        if not whole:
+            logger.warning("modes: %d of the lowest eigenvalues may be missing", missing)
     found.factorisations = made
     return found.first(count)
 
@@ -193,15 +202,23 @@ def _missing(K: csr_matrix, M: csr_matrix, found: Lowest, count: int) -> int:
     return negative - (count + k) if negative >= 0 else 0
 
 
-def ritz(X: Floats, M: csr_matrix, energies: Energies) -> Lowest:
-    """Rayleigh-Ritz in the span of X (u, k), with accurate energies."""
+def ritz(X: Floats, M: csr_matrix, energies: Energies, shift: float) -> Lowest:
+    """Rayleigh-Ritz in the span of X (u, k), with accurate energies; `shift` is below all values.
+
+    The largest ``1/(value - shift)`` are computed: the lowest values keep their digits whatever
+    the highest are.
+    """
     X = X / np.sqrt(np.einsum("ik,ik->k", X, M @ X))
     energy, _ = energies(X)
-    vectors = X @ eigh(0.5 * (energy + energy.T), X.T @ (M @ X))[1]
+    mass = X.T @ (M @ X)
+    above = 0.5 * (energy + energy.T) - shift * mass
+    scale = 1 / np.sqrt(np.diagonal(above))
+    turn = eigh(scale[:, None] * mass * scale, scale[:, None] * above * scale)[1]
+    vectors = X @ (scale[:, None] * turn)
     vectors /= np.sqrt(np.einsum("ik,ik->k", vectors, M @ vectors))
     energy, noise = energies(vectors)
     values = np.diagonal(energy).copy()
-    zero = abs(values) <= noise
+    zero = abs(values) <= noise + FAINT * abs(shift)
     values[zero] = 0.0
     order = np.argsort(values, kind="stable")
     return Lowest(values[order], vectors[:, order], zero[order])

@@ -35,7 +35,7 @@ from .schedule import Schedule
 __all__ = ["STATIC", "static"]
 
 #: Newton's method far from the solution: increments are not shortened, predicted stresses carry it
-STATIC = NewtonSettings(iterations=25, rotation=1e3)
+STATIC = NewtonSettings(iterations=25, rotation=1e3, mixed=1e-9)
 #: residual, relative to its terms, below which a start counts as an equilibrium
 BALANCED = 1e-9
 #: motion in an automatic step, against what its tangents predict, above which it is repeated

@@ -1,0 +1,446 @@
+"""Equilibrium paths: closed forms, generality in both treatments, tangents, critical points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers_scenes import (
+    TENSOR,
+    _corner,
+    _two_sections,
+    everything,
+    four_bar,
+    full_section,
+    random_state,
+    random_tree,
+    triangle,
+)
+from scipy.optimize import brentq
+from scipy.special import ellipk
+from test_couplings import zoo
+
+import skfem_cosserat as sc
+from skfem_cosserat import diagnostics
+from skfem_cosserat.diagnostics.tangent import blocks_matrix
+from skfem_cosserat.export import write_paraview
+from skfem_cosserat.model.balance import (
+    Amplitudes,
+    Spin,
+    amplitudes_at,
+    balance,
+    balance_tangent,
+)
+from skfem_cosserat.statics import equilibrium
+from skfem_cosserat.statics.critical import inspect
+from skfem_cosserat.statics.equilibrium import Equilibrium, Functional, Point, _Problem
+from skfem_cosserat.statics.path import STATIC
+from skfem_cosserat.statics.schedule import Schedule
+
+EPS = 1e-40
+TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
+treatments = pytest.mark.parametrize("treatment", TREATMENTS.values(), ids=TREATMENTS)
+INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
+
+
+def stiff(EA=1e4, EI=(1.0, 1.0), GJ=2.0):
+    """Section with equal shear and axial stiffness."""
+    return sc.Section([EA, EA, EA, *EI, GJ], mass=1.0, inertia=(1e-3, 1e-3))
+
+
+def rod(model, section=None, elements=4, order=3, ends=((0, 0, 0), (1, 0, 0)), name="rod"):
+    mesh = sc.MeshCurve.init_line(*ends, elements, name=name)
+    return model.add(name, sc.Beam(mesh, section or stiff(), order=order))
+
+
+def cantilever(section=None, **options):
+    """A rod along x, clamped at its start."""
+    model = sc.Model()
+    beam = rod(model, section, **options)
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("rod.start")))
+    return model, beam.node("rod.end")
+
+
+def at(history, place, k=slice(None)):
+    """Position of a node or a body's origin."""
+    first = 12 * place.vertex
+    return history["q"][k, first : first + 3]
+
+
+def criticals(history):
+    return [(c["kind"], c["multiplicity"]) for c in history.meta["critical"]]
+
+
+def loads_of(history):
+    return np.array([c["load_factor"] for c in history.meta["critical"]])
+
+
+# -- closed forms ----------------------------------------------------------------------------------
+
+
+def on_a_line(*items):
+    """A mass point on the x axis, with force elements between the ground and it."""
+    model = sc.Model()
+    point = model.add("point", sc.MassPoint(2.0, (1, 0, 0)))
+    model.add("wire", sc.JointPointOnLine(sc.ground((0, 0, 0)), point.place(), axis=(1, 0, 0)))
+    for k, (kind, options) in enumerate(items):
+        model.add(f"item {k}", kind(sc.ground((0, 0, 0)), point.place(), **options))
+    return model, point
+
+
+@treatments
+def test_spring_and_cable(treatment):
+    """F/k; a cable of 0.2 m slack joins in: the law has a kink."""
+    spring = (sc.SpringDamper, {"stiffness": 10.0, "damping": 3.0})
+    cable = (sc.Cable, {"stiffness": 90.0, "length": 1.2})
+    model, point = on_a_line(spring, cable)
+    model.add("pull", sc.LoadForce(point.place(), (12.0, 5.0, -4.0)))
+    path = sc.static(model, treatment, sc.LoadControl(at=[0.1, 1 / 6, 0.5, 1.0]))
+    wanted = [0.0, 0.12, 0.2, (6 + 18) / 100, (12 + 18) / 100]
+    assert abs(path["q"][:, 0] - 1 - wanted).max() < 1e-12
+    assert abs(path["coupling/item 0/force"] - 10 * np.array(wanted)).max() < 1e-11
+    assert abs(path["joint/wire/force"][-1] - [0, -5, 4]).max() < 1e-11
+    assert path.meta["critical"] == []
+
+
+@treatments
+def test_free_points_on_springs_alone(treatment):
+    """No constraint rows at all."""
+    model = sc.Model()
+    point = model.add("point", sc.MassPoint(1.0))
+    for k, x in enumerate(np.eye(3)):
+        for side in (-1, 1):
+            anchor = sc.ground(side * x)
+            model.add(f"spring {k}{side}", sc.SpringDamper(anchor, point.place(), 10.0 * (k + 1)))
+    model.add("pull", sc.LoadForce(point.place(), (1.0, 2.0, 3.0)))
+    path = sc.static(model, treatment)
+    x = path["q"][-1]
+    force = np.zeros(3)
+    for k, e in enumerate(np.eye(3)):
+        for side in (-1, 1):
+            line = side * e - x
+            length = np.linalg.norm(line)
+            force += 10.0 * (k + 1) * (length - 1) * line / length
+    assert abs(force + [1, 2, 3]).max() < 1e-12
+    assert abs(x).min() > 0.03
+
+
+@treatments
+def test_bushing(treatment):
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
+    K = np.diag([1e3, 2e3, 3e3, 50.0, 60.0, 70.0])
+    model.add("mount", sc.Bushing(sc.ground((0, 0, 0)), body.at((0, 0, 0)), K))
+    model.add("force", sc.LoadForce(body.at((0, 0, 0)), (5.0, 6.0, -3.0)))
+    model.add("moment", sc.LoadMoment(body.at((0, 0, 0)), (0, 0, 140.0)))
+    q = sc.static(model, treatment)["q"][-1]
+    assert abs(q[:3] - [5e-3, 3e-3, -1e-3]).max() < 1e-14
+    assert np.arctan2(q[4], q[3]) == pytest.approx(2.0, abs=1e-13)
+
+
+def hinged(*items, axis=(0, 1, 0), position=(0, 0, 0.5)):
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=position))
+    hinge = model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis))
+    model.add("spring", sc.JointSpringDamper(hinge, 2.0))
+    return model, hinge, body
+
+
+@treatments
+@pytest.mark.parametrize("control", [sc.LoadControl(), sc.LoadControl(steps=8)])
+def test_actuator_against_a_torsion_spring(treatment, control):
+    """Two turns: angles of springs are followed from point to point."""
+    model, hinge, _ = hinged()
+    model.add("motor", sc.JointActuator(hinge, 25.0))
+    path = sc.static(model, treatment, control)
+    assert path["joint/hinge/angle"][-1] == pytest.approx(12.5, abs=1e-12)
+    assert path["coupling/spring/force"][-1] == pytest.approx(25.0, abs=1e-11)
+    assert path["turns"][-1].tolist() == [2, 2]  # of spring and motor
+    assert abs(path["joint/hinge/angle"] - 12.5 * path["load_factor"]).max() < 1e-11
+
+
+@treatments
+def test_heavy_pendulum_with_a_torsion_spring(treatment):
+    """Nothing moves before it buckles at m g l = k; beyond: k theta = m g l sin(theta)."""
+    model, *_ = hinged()
+    model.add("gravity", sc.LoadGravity((0, 0, -10.0)))
+    path = sc.static(model, treatment)
+    assert criticals(path) == [("bifurcation", 1)]
+    assert loads_of(path) == pytest.approx([0.4], abs=1e-12)
+    assert abs(path["q"] - path["q"][0]).max() < 1e-14
+    assert path["unstable"].tolist() == (path["load_factor"] > 0.4).astype(int).tolist()
+    ends = []
+    for sign in (1, -1):
+        start = sc.branch(model, path, sign=sign)
+        side = sc.static(model, treatment, sc.ArcLength(25), start=start)
+        angle = side["joint/hinge/angle"]
+        assert abs(2 * angle - 5 * side["load_factor"] * np.sin(angle)).max() < 1e-12
+        assert side.meta["critical"] == []
+        ends.append(angle[-1])
+    assert ends[0] == pytest.approx(-ends[1], abs=1e-10)
+    assert abs(ends[0]) > 1
+
+
+@treatments
+def test_rigid_path_by_arc_length(treatment):
+    """Steps are of the load factor while nothing moves."""
+    model, *_ = hinged()
+    model.add("gravity", sc.LoadGravity((0, 0, -10.0)))
+    path = sc.static(model, treatment, sc.ArcLength(20, first=0.09, until=0.65))
+    assert path["load_factor"][-1] == pytest.approx(0.65, abs=1e-14)
+    assert loads_of(path) == pytest.approx([0.4], abs=1e-12)
+    assert (np.diff(path.times) > 0).all()
+
+
+@treatments
+def test_centrifugal_stretch_of_a_bar(treatment):
+    """``L (tan(kL)/(kL) - 1)``, k^2 = rho A Omega^2/EA: element ends converge with h^8."""
+    model, tip = cantilever(stiff(EI=(10.0, 10.0)), order=4)
+    path = sc.static(model, treatment, spin=Spin((0, 0, 42.0)))
+    k = 42.0 / 1e2
+    wanted = np.tan(k) / k - 1
+    assert at(path, tip, -1)[0] - 1 == pytest.approx(wanted, rel=1e-10)
+    # u = sin(ks)/(k cos(k)) - s, so that the strain at the root is 1/cos(k) - 1
+    root = path["joint/clamp/force"][-1]
+    assert abs(root + [1e4 * (1 / np.cos(k) - 1), 0, 0]).max() < 1e-5
+
+
+@treatments
+def test_spinning_mass_on_a_spring(treatment):
+    """``k u = m Omega^2 (r + u)``; the axis need not pass through the origin."""
+    model, _ = on_a_line((sc.SpringDamper, {"stiffness": 50.0}))
+    spin = Spin((0, 0, 3.0), point=(-0.5, 4.0, 2.0))
+    path = sc.static(model, treatment, spin=spin, factors={"spin": sc.Table([0, 1], [0, 1])})
+    wanted = 2 * 9 * 1.5 / (50 - 2 * 9)
+    assert path["q"][-1, 0] - 1 == pytest.approx(wanted, rel=1e-12)
+    assert path["joint/wire/force"][-1, 1] == pytest.approx(2 * 9 * 4, rel=1e-12)
+
+
+@treatments
+def test_reactions_balance_the_loads(treatment):
+    model, tip = cantilever(order=2, elements=6)
+    model.add("line", sc.LoadLine(model["rod"], (0.2, 0.5, -0.4)))
+    model.add("force", sc.LoadForce(tip, (0.3, 0.1, 0.2)))
+    model.add("moment", sc.LoadMoment(tip, (0.1, -0.2, 0.3)))
+    model.add("gravity", sc.LoadGravity((0, 0, -0.7)))
+    path = sc.static(model, treatment)
+    total = np.array([0.2 + 0.3, 0.5 + 0.1, -0.4 + 0.2 - 0.7])
+    assert abs(path["joint/clamp/force"][-1] + total).max() < 1e-11
+    beam = model["rod"]
+    x = path["q"][-1].reshape(-1, 12)[:, :3]
+    moment = np.array([0.1, -0.2, 0.3]) + np.cross(x[tip.vertex], [0.3, 0.1, 0.2])
+    nodal = np.zeros(len(x))
+    for e, nodes in enumerate(beam.basis.connectivity):
+        nodal[nodes] += beam.basis.lengths[e] * np.array([1, 4, 1]) / 6  # Simpson
+    moment += np.cross(nodal[:, None] * x, [0.2, 0.5, -1.1]).sum(0)
+    assert abs(path["joint/clamp/moment"][-1] + moment).max() < 1e-11
+
+
+# -- everything at once ----------------------------------------------------------------------------
+
+
+def assembly(order):
+    """Crossing, lumps, joints, all force elements and all loads, held everywhere."""
+    model = sc.Model()
+    frame = model.add("frame", sc.Beam(_corner(), _two_sections(), order=order))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, -1)), frame.node("base.start")))
+    model.add("hub", sc.RigidBody(0.7, TENSOR, center=(0.05, 0.1, -0.1), on=frame.node("corner")))
+    model.add("lump", sc.MassPoint(0.4, on=frame.node("leg.end")))
+    arc = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0.3), 1.5, 1.0, 2, "arc")
+    curved = model.add("curved", sc.Beam(arc, full_section(), order=order, twist=0.4))
+    foot = sc.JointUniversal(sc.ground((0, 0, 0)), curved.node("arc.start"), (1, 0, 0), (0, 0, 1))
+    model.add("foot", foot)
+    for c in foot.coordinates():
+        model.add(f"spring {c.name}", sc.JointSpringDamper(foot, 8.0, coordinate=c.name))
+    body = sc.RigidBody(1.5, TENSOR, center=(0.1, -0.2, 0.15), position=(2.0, 0.3, 0))
+    model.add("body", body)
+    K = np.diag([80.0, 90, 100, 20, 25, 30])
+    model.add("mount", sc.Bushing(curved.node("arc.end"), body.at((1.8, 0.2, 0.1)), K))
+    model.add("tie", sc.SpringDamper(sc.ground((3, 1, 1)), body.at((2.2, 0.4, 0.2)), 20.0))
+    arm = frame.node("arm.end")
+    model.add("cable", sc.Cable(arm, body.at((2.2, 0.4, -0.2)), 15.0, length=1.0))
+    slider = model.add("slider", sc.RigidBody.box(0.5, (0.2, 0.2, 0.2), position=(2.5, 0.3, 0)))
+    slide = sc.JointPrismatic(body.at((2.2, 0.3, 0)), slider.at((2.2, 0.3, 0)), axis=(1, 0, 0))
+    model.add("slide", slide)
+    model.add("slide spring", sc.JointSpringDamper(slide, 30.0))
+    model.add("motor", sc.JointActuator(slide, 2.0))
+    model.add("gravity", sc.LoadGravity((0.3, -0.2, -2.0)))
+    follower = {"follower": True}
+    end = curved.node("arc.end")
+    model.add("dead", sc.LoadForce(body.at((2.0, 0.5, 0.1)), (1, 0.5, -0.5)))
+    model.add("thrust", sc.LoadForce(arm, (0.5, 0.3, -0.4), **follower))
+    model.add("push", sc.LoadForce(slider.at((2.6, 0.3, 0)), (0.2, 0.3, 0.1), **follower))
+    model.add("moment", sc.LoadMoment(frame.node("corner"), (0.5, 0.2, -0.3)))
+    model.add("torque", sc.LoadMoment(end, (0.3, -0.4, 0.2), **follower))
+    model.add("line", sc.LoadLine(curved, (0.5, 0, -1)))
+    model.add("wind", sc.LoadLine(frame, (0.3, 0.4, 0.1), part="leg", **follower))
+    return model.freeze()
+
+
+SPIN = Spin((0.2, 0.1, 0.4), (0, 1, 0))
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_every_item_in_both_treatments(order):
+    """Same equilibrium and constraint forces, of zero residual along the constraints."""
+    system = assembly(order)
+    ends = [sc.static(system, t, spin=SPIN) for t in TREATMENTS.values()]
+    q, other = (path["q"][-1] for path in ends)
+    assert abs(q - other).max() < 1e-12
+    assert abs(q - system.q0).max() > 0.5
+    force, second = (path["constraint_force"][-1] for path in ends)
+    assert abs(force - second).max() < 1e-10 * abs(force).max()
+    amplitudes = Schedule(system, None, SPIN).at(1.0)
+    at_end = balance(system, system.extend(q, 1.0), amplitudes, turns=ends[0]["turns"][-1])
+    assert abs(system.null_space(q, 1.0).T @ at_end.R.ravel()).max() < 1e-12 * at_end.size
+    assert abs(at_end.R.ravel() + force).max() < 1e-10 * at_end.size
+    assert ends[0].meta["critical"] == ends[1].meta["critical"] == []
+
+
+def linkage():
+    """Redundant rows: a spring and a motor turn the loop, a force lies across it."""
+    model = four_bar()
+    model.add("spring", sc.JointSpringDamper(model["pin 0"], 5.0))
+    model.add("motor", sc.JointActuator(model["pin 2"], 4.0))
+    model.add("push", sc.LoadForce(model["coupler"].at((1, 1.25, 0)), (10.0, 3, 4)))
+    return model
+
+
+def ring():
+    """A closed loop of ball joints on springs."""
+    model = triangle()
+    for k in range(3):
+        place = model[f"bar {k}"].at((0.0, 0, 0))
+        model.add(f"mount {k}", sc.Bushing(sc.ground((0, 0, 1.0)), place, 30.0))
+    return model
+
+
+def braced():
+    """A beam holds a linkage."""
+    model = four_bar()
+    beam = rod(model, order=2, ends=((0, 1, 0), (2, 0, 0)))
+    z = {"axis": (0, 0, 1)}
+    model.add("low", sc.JointRevolute(model["crank"].at((0, 1, 0)), beam.node("rod.start"), **z))
+    model.add("high", sc.JointRevolute(model["rocker"].at((2, 0, 0)), beam.node("rod.end"), **z))
+    model.add("push", sc.LoadForce(model["coupler"].at((1, 1.25, 0)), (3.0, 1, 0)))
+    return model
+
+
+@pytest.mark.parametrize("scene", [linkage, ring, braced])
+def test_closed_loops_in_both_treatments(scene):
+    model = scene()
+    system = model.freeze()
+    ends = [sc.static(system, t) for t in TREATMENTS.values()]
+    q, other = (path["q"][-1] for path in ends)
+    assert abs(q - other).max() < 1e-10
+    assert abs(q - system.q0).max() > 1e-4
+    force, second = (path["constraint_force"][-1] for path in ends)
+    assert abs(force - second).max() < 1e-9 * abs(force).max()
+    schedule = Schedule(system)
+    at_end = balance(system, system.extend(q, 1.0), schedule.at(1.0), turns=_turns(ends[0]))
+    assert abs(system.null_space(q).T @ at_end.R.ravel()).max() < 1e-12 * at_end.size
+    assert ends[0]["constraint_violation"].max() < 1e-12
+
+
+def _turns(path):
+    return path["turns"][-1] if "turns" in path else None
+
+
+@treatments
+def test_linkage_does_the_work_of_its_loads(treatment):
+    """Independent: the spring's moment from the angles by virtual work of the closed linkage."""
+    model = linkage()
+    path = sc.static(model, treatment)
+    crank = path["joint/pin 0/angle"]
+    h = 1e-4
+    around = []
+    for shift in (-h, h):
+        drive = four_bar()
+        turn = float(crank[-1]) + shift
+        drive.add("drive", sc.JointDrive(drive["pin 0"], lambda t, turn=turn: turn * t))
+        around.append(sc.static(drive, treatment))
+    place = model["coupler"].at((1, 1.25, 0))
+    first = model.freeze().offset(place)
+    ends = [
+        p["q"][-1, first : first + 3] + place.offset @ p["q"][-1, first + 3 : first + 12].reshape(3, 3)
+        for p in around
+    ]
+    angles = [float(p["joint/pin 2/angle"][-1]) for p in around]
+    power = ((ends[1] - ends[0]) @ [10, 3, 4] + 4 * (angles[1] - angles[0])) / (2 * h)
+    assert 5 * crank[-1] == pytest.approx(power, rel=1e-6)
+
+
+# -- controls --------------------------------------------------------------------------------------
+
+
+def arch():
+    """A mass point on four springs, that snaps through."""
+    model = sc.Model()
+    point = model.add("point", sc.MassPoint(1.0, (0, 0, 0.3)))
+    for k, x in enumerate([(-1, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0)]):
+        model.add(f"spring {k}", sc.SpringDamper(sc.ground(x), point.place(), 100.0))
+    model.add("load", sc.LoadForce(point.place(), (0, 0, -1.0)))
+    return model, point
+
+
+def pushed_down(z):
+    """Load of the arch at height z, all four springs alike."""
+    return 400 * (np.hypot(1, 0.3) / np.hypot(1, z) - 1) * z
+
+
+def test_paths_are_equal_in_both_treatments():
+    """Steps of equal arc length: point by point; and both lie on the curve."""
+    found = []
+    for treatment in TREATMENTS.values():
+        model, _ = arch()
+        control = sc.ArcLength(60, first=0.9, longest=0.02)
+        path = sc.static(model, treatment, control)
+        z, load = path["q"][:, 2], path["load_factor"]
+        assert abs(load - pushed_down(z)).max() < 1e-10
+        assert z[-1] < -0.3
+        found.append(path)
+    assert len(found[0]) == len(found[1])
+    for name in ("q", "load_factor", "t"):
+        assert abs(found[0][name] - found[1][name]).max() < 1e-10
+
+
+@treatments
+def test_controls_agree(treatment):
+    """By displacement, by arc length and by load: the same loads at the same places."""
+    model, point = arch()
+    stops = [0.05, 0.1, 0.2, 0.4, 0.65]
+    control = sc.DisplacementControl(point.place(), (0, 0, -2.0), at=stops)
+    path = sc.static(model, treatment, control)
+    asked = path["critical"] == 0
+    assert path.times[asked] == pytest.approx([0, *stops], abs=1e-14)
+    assert abs(0.3 - path["q"][asked, 2] - path.times[asked]).max() < 1e-13
+    assert abs(path["load_factor"] - pushed_down(path["q"][:, 2])).max() < 1e-10
+    until = float(path["load_factor"][1])
+    by_arc = sc.static(model, treatment, sc.ArcLength(50, until=until))
+    by_load = sc.static(model, treatment, sc.LoadControl(until))
+    for other in (by_arc, by_load):
+        assert other["load_factor"][-1] == pytest.approx(until, abs=1e-12)
+        assert other["q"][-1] == pytest.approx(path["q"][1], abs=1e-11)
+
+
+@treatments
+def test_arc_length_comes_back_to_its_first_load_factor(treatment):
+    """``until`` at the start: the path ends where it crosses that load again."""
+    model, _ = arch()
+    path = sc.static(model, treatment, sc.ArcLength(100, first=0.9, until=0.0))
+    assert path["load_factor"][-1] == pytest.approx(0.0, abs=1e-12)
+    assert path["q"][-1, 2] == pytest.approx(0.0, abs=1e-12)
+
+
+@treatments
+@pytest.mark.parametrize("steps", [1, 2, 7])
+def test_end_does_not_depend_on_the_steps(treatment, steps):
+    model, tip = cantilever(EA_section := stiff(1e5))
+    del EA_section
+    model.add("load", sc.LoadForce(tip, (-1.0, 3.0, 2.0)))
+    path = sc.static(model, treatment, sc.LoadControl(steps=steps))
+    assert len(path) == steps + 1
+    assert path["load_factor"] == pytest.approx(np.linspace(0, 1, steps + 1), abs=1e-15)
+    reference = sc.static(model)
+    assert abs(path["q"][-1] - reference["q"][-1]).max() < 1e-10
+    assert int(path["newton_iterations"].sum()) == path.meta["newton_iterations"]
+    assert int(path["attempts"].sum()) == path.meta["attempts"] == steps + path.meta["rejected"]
