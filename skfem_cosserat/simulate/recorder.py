@@ -19,10 +19,16 @@ from ..types import numbers
 from .describe import describe
 from .works import Works
 
-__all__ = ["Recorder"]
+__all__ = ["Recorder", "take_along"]
 
 #: what the step after the last one may raise: it is beyond the run the user asked for
 _NO_STEP = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
+
+
+def take_along(error: BaseException, history: History) -> None:
+    """Give an error of the user's own code the history so far, as ``error.history``."""
+    error.history = history  # type: ignore[attr-defined]
+    error.add_note(f"the history up to t = {history.times[-1]:.6g} is in .history")
 
 
 class Recorder:
@@ -65,9 +71,7 @@ class Recorder:
     ) -> None:
         """An error of the user's own code takes the history so far along as ``error.history``."""
         if error is not None:
-            history = self.close("failed", None) if self.closed is None else self.closed
-            error.history = history  # type: ignore[attr-defined]
-            error.add_note(f"the history up to t = {history.times[-1]:.6g} s is in .history")
+            take_along(error, self.close("failed", None) if self.closed is None else self.closed)
 
     def _row(self, state: State, iterations: int, attempts: int, residual: float) -> dict[str, Any]:
         nan = np.full(self.system.n, np.nan)

@@ -66,11 +66,16 @@ class Stage(ABC):
 
     def adapt(self, iterations: int, length: float) -> None:
         """Plan the next step after one of `length` that took so many iterations."""
+        if self.fixed:
+            self.length = float(np.sign(length)) * min(2 * abs(length), self.longest)
+            return
         factor = min(2.0, max(0.5, (WANTED / max(iterations, 1)) ** 0.5))
         if abs(length) >= abs(self.length) or factor < 1:
             self.length = float(np.sign(length)) * min(abs(length) * factor, self.longest)
 
     longest: float = np.inf
+    #: steps go from one point asked for to the next, however many iterations they take
+    fixed: bool = False
 
     def finished(self, point: Point) -> bool:
         """Whether the end of the path is reached."""
@@ -165,6 +170,7 @@ class _Steered(Control):
         stage.parameter = start
         stage._stops = _stops(type(self).__name__, self.until, self.steps, self.at, start)
         whole = stage._stops[-1] - start
+        stage.fixed = self.steps is not None
         stage.length = whole if self.steps is not None else self.first * whole
         stage.longest = abs(whole) * (1.0 if self.steps is not None else self.longest)
         stage.shortest = 1e-7 * abs(whole)

@@ -4,44 +4,33 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from ..constraints import NullSpace, Treatment
-from ..diagnostics.tangent import reduced_tangent
-from ..errors import CosseratError, Diverged, InputError
+from ..errors import CosseratError, InputError
 from ..history import History
 from ..integrators import State
-from ..linear import SingularMatrixError
 from ..load import Amplitude
 from ..log import logger
 from ..model import Model, System
-from ..model.balance import Spin, balance
-from ..model.bending import bent_elements
-from ..newton import NewtonReport, NewtonSettings
+from ..model.balance import Spin
+from ..newton import NewtonSettings
 from ..simulate.interrupt import Interrupt
 from ..simulate.start import checked_start
 from ..types import Floats
-from .branch import Branch, branch_stage
-from .checks import check_free_motions, check_run, prescribed_turn, rotation, show_line
-from .control import ArcLength, Control, LoadControl, Stage
-from .critical import Critical, Look, inspect, locate_all
-from .equilibrium import Equilibrium, Functional, Point, Solution, weights
+from .branch import Branch
+from .checks import check_free_motions, check_run, show_line
+from .control import Control, LoadControl
+from .equilibrium import Equilibrium, Point
 from .record import PathRecorder, derive_path
 from .schedule import Schedule
+from .walk import Callback, Walk
 
 __all__ = ["STATIC", "static"]
 
 #: Newton's method far from the solution: increments are not shortened, predicted stresses carry it
 STATIC = NewtonSettings(iterations=25, rotation=1e3, mixed=1e-9)
-#: residual, relative to its terms, below which a start counts as an equilibrium
-BALANCED = 1e-9
-#: motion in an automatic step, against what its tangents predict, above which it is repeated
-JUMP = 2.0
-
-Callback = Callable[[Point], object]
 
 
 def static(
@@ -139,7 +128,7 @@ def static(
     if direction is None:
         check_free_motions(system, schedule, first)
     solver = Equilibrium(system, treatment, schedule, settings)
-    walk = _Walk(system, solver, control, watch and system.unknowns > 0)
+    walk = Walk(system, solver, control, watch and system.unknowns > 0)
     recorder = PathRecorder(
         system,
         schedule,
@@ -152,7 +141,7 @@ def static(
         path,
     )
     show = _progress(progress)
-    with Interrupt() as interrupt:
+    with recorder, Interrupt() as interrupt:
         status, failure = walk.run(first, direction, recorder, callbacks, show, interrupt)
         history = recorder.close(
             status,
@@ -194,283 +183,6 @@ def _derive(
         logger.warning("interrupted: energies and reactions are missing")
     if path is not None:
         history.save(path)
-
-
-@dataclass
-class _Walk:
-    """Point after point."""
-
-    system: System
-    solver: Equilibrium
-    control: Control
-    watch: bool
-    rejected: int = 0
-    critical: list[dict[str, Any]] = field(default_factory=list)
-    bent: bool = False
-    _look: Look | None = None
-
-    def run(
-        self,
-        first: Point,
-        direction: Floats | None,
-        recorder: PathRecorder,
-        callbacks: Sequence[Callback],
-        show: Callable[[float, float], object],
-        interrupt: Interrupt,
-    ) -> tuple[str, Diverged | None]:
-        """Follow the path; gives the status it ended with."""
-        self.recorder = recorder
-        try:
-            point = self._settle(first) if direction is None else first
-            stage = branch_stage(self.system, self.control, point, direction)
-            self._begin(point, stage, direction)
-            while not stage.finished(point):
-                point, asked = self._advance(point, stage)
-                show(stage.parameter, point.t)
-                if not asked and not self.control.all_points:
-                    continue
-                answers = [callback(point) for callback in callbacks]  # all are called
-                if interrupt.asked:
-                    return "interrupted", None
-                if any(isinstance(answer, bool | np.bool_) and answer for answer in answers):
-                    return "stopped", None
-        except KeyboardInterrupt:
-            return "interrupted", None
-        except Diverged as error:
-            return "diverged", error
-        return "completed", None
-
-    # -- start -------------------------------------------------------------------------------------
-
-    def _begin(self, point: Point, stage: Stage, direction: Floats | None) -> None:
-        solver, system = self.solver, self.system
-        solver.begin(point)
-        self._spent, self._unrecorded = (0, 0), (0, 0)
-        amplitudes = solver.schedule.at(point.t)
-        at = balance(system, point.y, amplitudes, turns=point.turns)
-        # at a critical point the number of unstable motions is one or the other
-        look = self.watch and direction is None
-        self._look = inspect(system, point, amplitudes) if look else None
-        tangent = reduced_tangent(system, point.y, amplitudes, at)
-        force = system.constraints.jacobian(point.y).T @ tangent.multipliers
-        self._record(point, stage.parameter, force, 0.0, effort=self._effort())
-
-    def _settle(self, first: Point) -> Point:
-        """The equilibrium near a start that is none: the missing forces fade away."""
-        solver, system = self.solver, self.system
-        missing = balance(system, first.y, solver.schedule.at(first.t), turns=first.turns).R
-        solver.begin(first)
-        if solver.unbalanced(first) <= BALANCED:
-            return first
-        solver.begin(first, missing)
-        point, left, step = first, 1.0, 1.0
-        while left > 0:
-            step = min(step, left)
-            target = Functional(None, 1.0, 0.0)
-            solution, report = solver.solve(point, target, (left - step) * missing)
-            if solution is None:
-                self.rejected += 1
-                step /= 2
-                if step < 1e-4:
-                    raise self._failure(point, report, "the start is no equilibrium")
-                continue
-            solver.accept()
-            point, left, step = solution.point, left - step, 2 * step
-            left = left if left > 1e-12 else 0.0
-        return point
-
-    # -- a step ------------------------------------------------------------------------------------
-
-    def _advance(self, point: Point, stage: Stage) -> tuple[Point, bool]:
-        """The next point, and whether it is one that was asked for."""
-        solver, limit = self.solver, self.control.turn
-        residuals = []
-        while True:
-            length = self._prescribed(point, stage.trial())
-            functional = stage.functional(point, length)
-            solution, report = solver.solve(point, functional)
-            residuals.append(report.residuals)
-            shorter = 0.5
-            if solution is not None:
-                turn = rotation(self.system, point.y, solution.point.y)
-                jumps = self._jumps(point, solution)
-                if limit is None or (turn <= limit and not jumps):
-                    break
-                report.reason = "in the shortest step it jumps to a point far away"
-                shorter = 0.5 if jumps else max(0.5, 0.8 * limit / turn)
-            self.rejected += 1
-            stage.length = shorter * length
-            if abs(stage.length) < stage.shortest:
-                raise self._failure(point, report, "the path cannot be continued", residuals)
-        if isinstance(self.control, ArcLength) and self._crosses(point, solution.point):
-            solution = self._at_end(solution)
-        asked = self._watch(point, solution, stage, functional, length)
-        return solution.point, asked
-
-    def _watch(
-        self, point: Point, solution: Solution, stage: Stage, functional: Functional, length: float
-    ) -> bool:
-        """Accept a point, after a critical one that was passed."""
-        solver = self.solver
-        before, parameter = self._look, stage.parameter
-        spent = self._effort()
-        look = None
-        if self.watch:
-            look = inspect(self.system, solution.point, solver.schedule.at(solution.point.t))
-        found: list[Critical] = []
-        if before is not None and look is not None and look.unstable != before.unstable:
-            found = self._locate(before, look)
-        for critical in found:
-            share = functional.share(point, critical.look.point)
-            self._record_critical(critical, parameter + share * length)
-            self._check_turning(critical)
-        if found:
-            solver.begin(solution.point)
-        else:
-            solver.accept()
-        self._look = look
-        self._warn_if_bent(solution.point)
-        asked = stage.accept(point, solution.point, length)
-        if asked or self.control.all_points:
-            force, report = solution.constraint_force, solution.report
-            self._record(solution.point, stage.parameter, force, report.residual, effort=spent)
-            spent = 0, 0
-        self._unrecorded = spent
-        stage.adapt(solution.report.iterations, length)
-        return asked
-
-    def _locate(self, before: Look, after: Look) -> list[Critical]:
-        solver = self.solver
-
-        def solve(start: Point, target: Functional) -> tuple[Point, Floats] | None:
-            solution, _ = solver.solve(start, target)
-            return None if solution is None else (solution.point, solution.constraint_force)
-
-        ends = before, after
-        return locate_all(self.system, solve, solver.schedule.at, weights(self.system), ends)
-
-    def _jumps(self, point: Point, solution: Solution) -> bool:
-        """Whether a point is much farther away than the tangents lead: on another branch."""
-        rows, w = self.system.rows, weights(self.system)
-
-        def size(change: Floats) -> float:
-            return float(np.sqrt((w * change**2).sum()))
-
-        after = solution.point
-        motion = size(after.y[:rows] - point.y[:rows])
-        if motion <= JUMP * size(solution.predicted):
-            return False
-        try:
-            rate = self.solver.rate()
-        except SingularMatrixError:
-            return False
-        # loads that set in slowly move nothing at first
-        return motion > JUMP * abs(after.t - point.t) * size(rate)
-
-    def _crosses(self, point: Point, after: Point) -> bool:
-        until = self.control.until if isinstance(self.control, ArcLength) else None
-        return (
-            until is not None and after.t != point.t and (point.t - until) * (after.t - until) < 0
-        )
-
-    def _at_end(self, solution: Solution) -> Solution:
-        """The point at the load factor at which an arc length path ends."""
-        assert isinstance(self.control, ArcLength)
-        self.solver.accept()
-        target = Functional(None, 1.0, (self.control.until or 0.0) - solution.point.t)
-        exact, report = self.solver.solve(solution.point, target)
-        if exact is None:
-            raise self._failure(solution.point, report, "the end of the path was not found")
-        return exact
-
-    def _prescribed(self, point: Point, length: float) -> float:
-        """A step in which prescribed motion turns no farther than its rotation can be told."""
-        if not self.system.moving or not isinstance(self.control, LoadControl):
-            return length
-        for _ in range(40):
-            if prescribed_turn(self.system, point.t, point.t + length) <= 1.0:
-                break
-            length /= 2
-        return length
-
-    # -- what is kept ------------------------------------------------------------------------------
-
-    def _effort(self) -> tuple[int, int]:
-        """Newton iterations and solves since it was asked for last, failed ones included."""
-        solver, (iterations, attempts) = self.solver, self._spent
-        self._spent = solver.iterations, solver.attempts
-        more, tries = self._unrecorded
-        self._unrecorded = 0, 0
-        return solver.iterations - iterations + more, solver.attempts - attempts + tries
-
-    def _record(
-        self,
-        point: Point,
-        parameter: float,
-        force: Floats,
-        residual: float,
-        kind: str = "regular",
-        effort: tuple[int, int] = (0, 0),
-    ) -> None:
-        unstable = -1 if self._look is None else self._look.unstable
-        self.recorder.take(point, parameter, force, *effort, residual, unstable, kind)
-
-    def _record_critical(self, found: Critical, parameter: float) -> None:
-        point = found.look.point
-        self._look = found.look
-        entry = {
-            "kind": found.kind,
-            "load_factor": point.t,
-            "state": self.recorder.count,
-            "multiplicity": found.multiplicity,
-        }
-        self.critical.append(entry)
-        logger.info("%s point at load factor %.9g", found.kind, point.t)
-        force, effort = found.constraint_force, self._effort()
-        self._record(point, parameter, force, 0.0, found.kind, effort)
-
-    def _warn_if_bent(self, point: Point) -> None:
-        """Say once that elements are bent farther than they can be on their own."""
-        bent = None if self.bent else bent_elements(self.system, point.y)
-        if bent is not None:
-            self.bent = True
-            logger.warning("load factor %.6g: %s", point.t, bent)
-
-    def _check_turning(self, found: Critical) -> None:
-        """Steps of the load factor end where it does not grow any more."""
-        if found.kind != "limit" or not isinstance(self.control, LoadControl):
-            return
-        t = found.look.point.t
-        if self.control.turn is None:
-            logger.warning("limit point at load factor %.9g: the path jumps to another branch", t)
-            return
-        reason = (
-            f"the load factor has a limit point, {t:.9g}: beyond it there is no equilibrium near"
-        )
-        advice = "follow the path with ArcLength() or DisplacementControl()"
-        raise Diverged(t, self.recorder.count, 0.0, reason, advice, at=f"load factor {t:.9g}")
-
-    def _failure(
-        self,
-        point: Point,
-        report: NewtonReport,
-        what: str,
-        residuals: list[list[float]] | None = None,
-    ) -> Diverged:
-        """Why the path ends, and what to try."""
-        advice = "ArcLength() follows a path through limit points; else try a finer mesh"
-        if isinstance(self.control, ArcLength):
-            advice = "try a shorter first step, or a finer mesh"
-        reason = f"{what}: {report.reason}"
-        return Diverged(
-            point.t,
-            max(1, self.recorder.count),
-            report.residual,
-            reason,
-            advice,
-            residuals,
-            at=f"load factor {point.t:.9g}",
-        )
 
 
 def _progress(progress: object) -> Callable[[float, float], object]:

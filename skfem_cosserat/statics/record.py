@@ -13,6 +13,7 @@ from ..history import History, HistoryWriter
 from ..model import System
 from ..model.balance import Amplitudes, Spin
 from ..simulate.describe import derive_configuration, describe
+from ..simulate.recorder import take_along
 from ..types import Floats
 from .equilibrium import Point
 from .schedule import Schedule
@@ -40,8 +41,19 @@ class PathRecorder:
         described |= {"integrator": "static", "step": 0.0, "kernels": "numpy", **meta}
         self.writer = HistoryWriter(described, static, path)
         self.count = 0
+        self._closed = False
         self._work = 0.0
         self._before: tuple[Floats, Floats] | None = None
+
+    def __enter__(self) -> PathRecorder:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: object
+    ) -> None:
+        """An error of the user's own code takes the path so far along as ``error.history``."""
+        if error is not None and self.count and not self._closed:
+            take_along(error, self.close("failed"))
 
     def take(
         self,
@@ -97,6 +109,7 @@ class PathRecorder:
 
     def close(self, status: str, **extra: Any) -> History:
         """Close the file and give the history."""
+        self._closed = True
         self.writer.close(status, **extra)
         return self.writer.history()
 
