@@ -45,6 +45,7 @@ from scipy.special import betainc
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import dynamic_report
 import paper_record
 
 import skfem_cosserat as sc
@@ -415,13 +416,15 @@ def as_given(
     Returns
     -------
     dict
-        ``times`` and ``uncertainty`` (T,) of the reference, and (T,) of each of :func:`errors`.
+        ``order``, ``elements`` and ``steps``; ``times`` and ``uncertainty`` (T,) of the reference,
+        and (T,) of each of :func:`errors`.
     """
     reference = Reference.load(name, until)
     scene = SCENES[name](count, order)
     runs = [motion(scene, integrator, step, reference.times) for step in steps]
     found = errors(limit(steps, runs), reference)
-    return {"times": reference.times, "uncertainty": reference.uncertainty, **found}
+    mesh = {"order": order, "elements": count, "steps": tuple(steps)}
+    return {**mesh, "times": reference.times, "uncertainty": reference.uncertainty, **found}
 
 
 def main(quick: bool = True, out: str | Path | None = None) -> dict[str, Any]:
@@ -438,9 +441,10 @@ def main(quick: bool = True, out: str | Path | None = None) -> dict[str, Any]:
     -------
     dict
         ``space`` and ``time`` by (scene, integrator), see :func:`order_in_space` and
-        :func:`order_in_time`; ``given`` by (scene, order): elements and the largest position error
-        up to the time in GIVEN (m), with energy-momentum; ``finest`` by (scene, integrator), see
-        :func:`as_given`; ``uncertainty`` (m) by scene: the reference's own, up to that time.
+        :func:`order_in_time`; ``given`` by (scene, order), with energy-momentum: ``elements``,
+        ``until`` (s) and ``error``, the largest of positions up to then (m); ``finest`` by (scene,
+        integrator), see :func:`as_given`; ``uncertainty`` (m) by scene: the reference's own, up to
+        the time of ``given``; ``paths`` written.
     """
     if out is not None:
         prepare_folder(Path(out))  # before minutes of work, not after them
@@ -457,7 +461,7 @@ def main(quick: bool = True, out: str | Path | None = None) -> dict[str, Any]:
                     result["finest"][key] = as_given(name, integrator, *FINEST[name])
             _sweep(name, quick, result)
     if out is not None:
-        result["paths"] = _write(result, Path(out), record, number)
+        result["paths"] = dynamic_report.main(result, Path(out), record, number)
     return result
 
 
@@ -471,140 +475,10 @@ def _sweep(name: str, quick: bool, result: dict[str, Any]) -> None:
         runs = [as_given(name, "energy-momentum", order, n, steps, until) for n in used]
         result["given"][name, order] = {
             "elements": used,
+            "until": until,
             "error": [float(run["position"].max()) for run in runs],
         }
         result["uncertainty"][name] = float(runs[0]["uncertainty"].max())
-
-
-# -- tables and chart ------------------------------------------------------------------------------
-
-
-def _rows(result: dict[str, Any], kind: str, key: str) -> Iterable[Sequence[Any]]:
-    for (name, integrator), table in result[kind].items():
-        for order, entry in table.items():
-            columns = (entry[key], entry["error"], entry["velocity"], entry["energy"])
-            for values in zip(*columns, strict=True):
-                yield name, integrator, order, *values
-
-
-def _reference_rows(result: dict[str, Any]) -> Iterable[Sequence[Any]]:
-    for (name, order), entry in result["given"].items():
-        until = GIVEN[name][1]
-        for count, error in zip(entry["elements"], entry["error"], strict=True):
-            blank = ("", "", "", result["uncertainty"][name])
-            yield name, "energy-momentum", order, count, f"up to {until}", error, *blank
-    for (name, integrator), run in result["finest"].items():
-        order, count = FINEST[name][:2]
-        for k, t in enumerate(run["times"]):
-            others = [run[x][k] if x in run else "" for x in ("rotation", "velocity", "energy")]
-            yield (
-                name,
-                integrator,
-                order,
-                count,
-                t,
-                run["position"][k],
-                *others,
-                run["uncertainty"][k],
-            )
-
-
-def _write(
-    result: dict[str, Any], folder: Path, record: paper_record.Record, number: int
-) -> list[Path]:
-    """Three tables and a chart."""
-    head = ["scene", "integrator", "order"]
-    with_error = ["placement_error", "velocity_error_m_s", "energy_error_J"]
-    tables = {
-        "space": ([*head, "elements", *with_error], _rows(result, "space", "elements")),
-        "time": ([*head, "step_s", *with_error], _rows(result, "time", "steps")),
-        "reference": (
-            [*head, "elements", "time_s", "position_error_m", "rotation_error"]
-            + ["velocity_error_m_s", "energy_error_J", "uncertainty_m"],
-            _reference_rows(result),
-        ),
-    }
-    paths = [
-        record.write_csv(folder / f"dynamic_references.{name}.csv", number, header, rows)
-        for name, (header, rows) in tables.items()
-    ]
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        return paths  # charts come with the extra "view"
-    figure = Figure(figsize=(10, 6.4), layout="constrained")
-    axes = figure.subplots(2, 3)
-    for column, name in enumerate(SCENES):
-        _draw_space(axes[0, column], result, name)
-        _draw_time(axes[1, column], result, name)
-    paths.append(folder / "dynamic_references.png")
-    figure.savefig(paths[-1], dpi=120)
-    return paths
-
-
-def _draw_space(axis: Any, result: dict[str, Any], name: str) -> None:
-    """Against the number of elements: smooth loads full, loads as given broken."""
-    for order in ORDERS:
-        entry = result["space"][name, "energy-momentum"][order]
-        colour = f"C{order - 1}"
-        label = f"order {order}: 2p = {2 * order}"
-        axis.loglog(entry["elements"], entry["error"], "o-", color=colour, ms=4, label=label)
-        given = result["given"][name, order]
-        axis.loglog(given["elements"], given["error"], "s--", color=colour, ms=4, mfc="none")
-    axis.axhline(result["uncertainty"][name], color="grey", lw=1)
-    axis.set(title=name, xlabel="elements (D2: in each leg)")
-    if name == "D1":
-        axis.set_ylabel("error in space: smooth loads full,\nas given broken; grey: reference")
-        axis.legend(fontsize="x-small")
-    axis.grid(which="both", alpha=0.3)
-
-
-def _draw_time(axis: Any, result: dict[str, Any], name: str) -> None:
-    """Against the step, smooth loads: energy-momentum full, variational broken."""
-    for integrator, style in (("energy-momentum", "o-"), ("variational", "s--")):
-        for order in ORDERS:
-            entry = result["time"][name, integrator][order]
-            axis.loglog(entry["steps"], entry["error"], style, color=f"C{order - 1}", ms=4)
-    axis.set(xlabel="step in s")
-    if name == "D1":
-        axis.set_ylabel("error in time, smooth loads:\nenergy-momentum full, variational broken")
-    axis.grid(which="both", alpha=0.3)
-
-
-def _report(result: dict[str, Any]) -> None:
-    """The orders between the two finest meshes and steps, and what the finest runs reached."""
-    for kind, key in (("space", "elements"), ("time", "steps")):
-        print(f"orders in {kind}, smooth loads (placement, velocity, energy):")
-        for (name, integrator), table in result[kind].items():
-            for order, entry in table.items():
-                sizes = [1 / n for n in entry[key]] if key == "elements" else entry[key]
-                found = [slopes(sizes, entry[x])[-1] for x in ("error", "velocity", "energy")]
-                text = ", ".join(f"{x:.2f}" for x in found)
-                print(f"  {name} {integrator:16s} p = {order}: {text}; {entry['error'][-1]:.1e}")
-    print("largest position error with the loads as given, against the reference:")
-    for (name, order), entry in result["given"].items():
-        pairs = zip(entry["elements"], entry["error"], strict=True)
-        text = ", ".join(f"{n}: {e:.1e}" for n, e in pairs)
-        print(f"  {name} p = {order}: {text} (reference {result['uncertainty'][name]:.0e})")
-    for (name, integrator), run in result["finest"].items():
-        print(f"finest run of {name}, {integrator}: {FINEST[name]}")
-        for key in ("times", "uncertainty", "position", "rotation", "velocity", "energy"):
-            if key in run:
-                print(f"  {key:12s}" + " ".join(f"{x:9.2g}" for x in run[key]))
-
-
-def _plain(value: Any) -> Any:
-    """For JSON: keys joined, arrays as lists."""
-    if isinstance(value, dict):
-        return {
-            " ".join(map(str, k)) if isinstance(k, tuple) else str(k): _plain(v)
-            for k, v in value.items()
-        }
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    return str(value) if isinstance(value, Path) else value
 
 
 if __name__ == "__main__":
@@ -615,6 +489,6 @@ if __name__ == "__main__":
     arguments = parser.parse_args()
     made = main(arguments.quick, arguments.out)
     if arguments.json:
-        print(json.dumps(_plain(made), indent=1))
+        print(json.dumps(dynamic_report.plain(made), indent=1))
     else:
-        _report(made)
+        print("\n".join(dynamic_report.lines(made)))

@@ -118,9 +118,7 @@ def roll_up(
     EA = EI * (slenderness / length) ** 2
     moment = (0.0, 0.0, 2 * np.pi * turns * EI / length)
     section = flat_section(EI, EA, EA / 2)
-    return _cantilever(
-        _line(length, elements), section, order, {"moment": (sc.LoadMoment, moment)}
-    )
+    return _cantilever(_line(length, elements), section, order, {"moment": (sc.LoadMoment, moment)})
 
 
 def elastica(
@@ -336,12 +334,16 @@ def hinged_frame(elements: int = 6, order: int = 3, *, stiffening: float = 1.0) 
     return Scene(model.freeze(), rod, rod.node((0, a, 0)))
 
 
-def column(elements: int = 4, order: int = 3, *, pinned: bool = True) -> Scene:
+def column(
+    elements: int = 4, order: int = 3, *, pinned: bool = True, stiffening: float = 1.0
+) -> Scene:
     """S10: a column of length 1 along x under unit load: pinned at both ends, or a cantilever.
 
-    Across its plane it is four times as stiff, so that it buckles in one plane only.
+    Across its plane it is four times as stiff, so that it buckles in one plane only. `stiffening`
+    is a factor of axial and shear stiffness.
     """
-    EI, EA, GA = 109375.0, 525e6, 525e6 / 2.6 * 5 / 6
+    EI, EA = 109375.0, 525e6 * stiffening
+    GA = EA / 2.6 * 5 / 6
     model = sc.Model()
     section = flat_section(EI, EA, GA, 4 * EI, EI)
     rod = model.add("rod", sc.Beam(_line(1.0, elements), section, order=order, director=E3))

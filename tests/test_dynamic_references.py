@@ -44,11 +44,13 @@ TWICE = {p: 2 * p for p in dynamic.ORDERS}
 @integrators
 @scenes
 def test_order_in_space(name, integrator):
-    """2 p in positions and triads of element ends; with energy-momentum in the energy too."""
+    """2 p in positions and triads of element ends; with energy-momentum in all."""
     table = dynamic.order_in_space(name, integrator, 2)
     check(mesh_orders(table, "error"), TWICE, 0.3)
     if integrator == EM:
         check(mesh_orders(table, "energy"), TWICE, 0.3)
+        if name != "D3":  # the step leaves noise in its velocities, see below
+            check(mesh_orders(table, "velocity"), TWICE, 0.3)
 
 
 @integrators
@@ -65,7 +67,7 @@ def test_order_in_time(name, integrator):
 @integrators
 @scenes
 def test_order_in_time_on_every_order_of_elements(name, integrator):
-    table = dynamic.order_in_time(name, integrator, 4)
+    table = dynamic.order_in_time(name, integrator, 3)
     for entry in table.values():
         for key in ("error", "velocity"):
             found = slopes(entry["steps"], entry[key])[:-1]
@@ -73,13 +75,10 @@ def test_order_in_time_on_every_order_of_elements(name, integrator):
 
 
 @pytest.mark.slow
-@scenes
-def test_order_of_velocities_in_space(name):
-    """Energy-momentum, smaller steps: those of the tests above leave noise in velocities."""
-    table = dynamic.order_in_space(name, EM, 2, refine=4)
-    found = mesh_orders(table, "velocity")
-    if name == "D3":
-        assert found.pop(4) > 7  # down to noise of 1e-9 m/s
+def test_order_in_space_of_the_spaghettis_velocities():
+    """With half the step; order 4 falls faster still, down to noise of 1e-9 m/s."""
+    found = mesh_orders(dynamic.order_in_space("D3", EM, 2, refine=2), "velocity")
+    assert found.pop(4) > 7
     check(found, TWICE, 0.3)
 
 

@@ -225,7 +225,8 @@ class BoundMultipliers(BoundTreatment):
     def data(self, blocks: list[Array], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class; with the columns' and rows' factors of this step."""
         if self._size is None:
-            self._size = max(float(abs(b).max()) for b in blocks) if self.scaled else 0.0
+            # a scene without stiffness, on a path, has blocks of zeros
+            self._size = (max(float(abs(b).max()) for b in blocks) or 1.0) if self.scaled else 0.0
         constraints = self.system.constraints
         size = self._size
         column, row = (size, size) if self.scaled and scaled else (self.h, 1.0)

@@ -149,10 +149,11 @@ def buckling(
     if still.zero[0] or still.values[0] < 0:
         raise _loose(at, still.vectors[:, 0], bool(still.zero[0]))
     P = tangent.P
-    force = P.T @ (tangent.balance.R - balance(system, at.y, loads).R).ravel()
-    if not abs(force).max() > 0:
+    applied = (tangent.balance.R - balance(system, at.y, loads).R).ravel()
+    if not applied.any():
         raise InputError("argument t", f"{t!r}: the loads do nothing then, there is no response")
     factors = Factorised(pencil.K)
+    force = P.T @ applied
     u = factors.solve(force)
     u = u + factors.solve(force - pencil.K @ u)
     K1 = _geometric(at, loads, np.asarray(P @ u).reshape(-1, 3))

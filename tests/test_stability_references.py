@@ -1,0 +1,256 @@
+"""Static problems S6 to S10 and S12: limit points and bifurcations against reference solutions.
+
+As test_static_references.py, whose means they share.
+"""
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+from test_static_references import (
+    DATA,
+    angle,
+    extrapolate,
+    follow,
+    regular,
+    scenes,
+    treatments,
+)
+
+import skfem_cosserat as sc
+
+
+def criticals(history, kind):
+    """Critical points of a kind; all there are must be of it."""
+    found = history.meta["critical"]
+    assert {entry["kind"] for entry in found} == {kind}
+    rows = np.flatnonzero(history["critical"])
+    assert [entry["state"] for entry in found] == rows.tolist()
+    return found
+
+
+def bifurcation(scene, until, treatment=sc.NullSpace):
+    """First bifurcation load of a path with automatic load steps."""
+    history = follow(scene, treatment, sc.LoadControl(until=until), derive=False)
+    assert history["unstable"][-1] >= 1
+    return criticals(history, "bifurcation")[0]["load_factor"]
+
+
+# -- S6: Lee's frame -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("elements", "order", "treatment", "tolerance"),
+    [
+        (20, 4, sc.NullSpace, 3e-8),
+        pytest.param(20, 4, sc.Multipliers, 3e-8, marks=pytest.mark.slow),
+        pytest.param(40, 3, sc.NullSpace, 1e-7, marks=pytest.mark.slow),
+    ],
+)
+def test_lee_frame(elements, order, treatment, tolerance):
+    """Both limit points: load and both displacements."""
+    scene = scenes.lee_frame(elements, order)
+    control = sc.ArcLength(100, until=20000.0, first=2000.0)
+    history = follow(scene, treatment, control, derive=False)
+    limits = criticals(history, "limit")
+    assert len(limits) == 2
+    for entry, (P, u, v) in zip(limits, DATA["S6"]["values"], strict=True):
+        found = [entry["load_factor"], *scene.displacement(history, entry["state"])[:2]]
+        assert found == pytest.approx([P, u, v], rel=tolerance)
+    assert history["load_factor"][-1] == pytest.approx(20000.0, rel=1e-10)
+
+
+# -- S7: toggle ------------------------------------------------------------------------------------
+
+CURVE = np.array(DATA["S7"]["curve"])
+
+
+@treatments
+def test_toggle_limit_points(treatment):
+    scene = scenes.toggle(6, 4)
+    control = sc.ArcLength(60, until=60.0, first=5.0)
+    history = follow(scene, treatment, control, derive=False)
+    limits = criticals(history, "limit")
+    assert len(limits) == 2
+    for entry, (w, P) in zip(limits, DATA["S7"]["limit_points"], strict=True):
+        assert entry["load_factor"] == pytest.approx(P, rel=5e-9)
+        assert -scene.displacement(history, entry["state"])[1] == pytest.approx(w, rel=1e-8)
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_toggle_curve(half):
+    """By displacement control; with both members the symmetric path is kept."""
+    scene = scenes.toggle(8, 4, half=half)
+    control = sc.DisplacementControl(scene.point, (0, -1, 0), at=CURVE[:, 0])
+    history = follow(scene, control=control, derive=False)
+    rows = regular(history)
+    assert history["load_factor"][rows] == pytest.approx(CURVE[:, 1], rel=5e-9)
+    assert abs(scene.displacement(history, rows)[:, 0]).max() < 1e-9
+    assert len(criticals(history, "limit")) == 2
+
+
+def test_load_steps_end_at_a_limit_point():
+    """Negative: the load cannot be raised further; the path is kept and says why."""
+    scene = scenes.toggle(4, 3)
+    with pytest.raises(sc.Diverged, match="limit point") as caught:
+        sc.static(scene.system, control=sc.LoadControl(until=60.0), derive=False)
+    history = caught.value.history
+    P = DATA["S7"]["limit_points"][0][1]
+    assert history["load_factor"][-1] == pytest.approx(P, rel=1e-4)
+
+
+# -- S8: arch --------------------------------------------------------------------------------------
+
+
+def arch_limit(elements, order, slenderness, treatment=sc.NullSpace):
+    """Load, displacement (2) and rotation of the crown at the limit point."""
+    scene = scenes.arch(elements, order, slenderness=slenderness)
+    control = sc.DisplacementControl(scene.point, (0, -1, 0), until=115.0)
+    history = follow(scene, treatment, control, derive=False)
+    (entry,) = criticals(history, "limit")
+    k = entry["state"]
+    return np.array(
+        [entry["load_factor"], *scene.displacement(history, k)[:2], angle(scene, history, k)]
+    )
+
+
+def test_arch():
+    """Compliance extrapolated to zero; the mesh leaves 7e-9."""
+    data = DATA["S8"]
+    found = [arch_limit(32, 4, 200 * 2 ** (k / 2)) for k in range(3)]
+    expected = [data["P"], *data["displacement"], data["rotation"]]
+    assert extrapolate(found, 2) == pytest.approx(expected, rel=1e-7)
+    assert extrapolate(found, 2)[0] == pytest.approx(data["P"], rel=1e-8)
+
+
+@treatments
+def test_arch_with_either_treatment(treatment):
+    found = arch_limit(16, 4, 200.0, treatment)
+    assert found[0] == pytest.approx(896.811, abs=2e-3)
+
+
+# -- S9: lateral buckling --------------------------------------------------------------------------
+
+PRANDTL = DATA["S9 Prandtl"]["c"] * np.sqrt(scenes.STRIP["across"] * scenes.STRIP["GJ"]) / 240**2
+#: The reference's shooting repeated with short steps (its step control does not see the small
+#: motion across the plane): 2e-7 and 5e-9 below its values
+STRIP_AGAIN, RIGHT_ANGLE_AGAIN = 3.31327752061047, 1.08751784084080
+
+
+@treatments
+@pytest.mark.parametrize(("elements", "order"), [(12, 3), (8, 4)])
+def test_strip(elements, order, treatment):
+    load = bifurcation(scenes.strip(elements, order), 3.5, treatment)
+    assert load == pytest.approx(DATA["S9 strip"]["critical"], rel=1e-6)
+    assert load == pytest.approx(STRIP_AGAIN, rel=5e-8 if order == 3 else 5e-9)
+
+
+@treatments
+@pytest.mark.parametrize(("elements", "order"), [(8, 3), (6, 4)])
+def test_right_angle_frame(elements, order, treatment):
+    load = bifurcation(scenes.right_angle(elements, order), 1.2, treatment)
+    assert load == pytest.approx(DATA["S9b"]["critical"], rel=1e-6)
+    assert load == pytest.approx(RIGHT_ANGLE_AGAIN, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("build", "until", "expected"),
+    [
+        (scenes.strip, 3.5, PRANDTL),
+        (scenes.hinged_frame, 660.0, DATA["S9c"]["critical"]),
+    ],
+)
+def test_without_deflections_before_buckling(build, until, expected):
+    """Closed forms of Prandtl and of the hinged frame: on the path by extrapolation, and linear."""
+    found = [bifurcation(build(8, 4, stiffening=2.0**k), until) for k in range(1, 5)]
+    assert extrapolate(found, 2) == pytest.approx(expected, rel=2e-7)
+    linear = sc.buckling(build(8, 4, stiffening=1e4).system, 1).factors[0]
+    assert linear == pytest.approx(expected, rel=1e-9)
+
+
+@treatments
+def test_hinged_frame(treatment):
+    """With deflections before buckling it is 2.2e-5 above the closed form."""
+    load = bifurcation(scenes.hinged_frame(8, 3), 660.0, treatment)
+    assert load / DATA["S9c"]["critical"] - 1 == pytest.approx(2.182e-5, rel=5e-3)
+
+
+# -- S10: Euler's columns --------------------------------------------------------------------------
+
+EULER = {
+    True: DATA["S10"]["critical"]["pinned-pinned"],
+    False: DATA["S10"]["critical"]["clamped-free"],
+}
+
+
+@treatments
+@pytest.mark.parametrize("pinned", [True, False])
+def test_column(pinned, treatment):
+    """With shear and extension: 1e-9 with 8 quartic elements, order 2 p."""
+    P = EULER[pinned]
+    assert bifurcation(scenes.column(8, 4, pinned=pinned), 1.2 * P, treatment) == pytest.approx(
+        P, rel=5e-10
+    )
+    errors = [bifurcation(scenes.column(n, 3, pinned=pinned), 1.2 * P) / P - 1 for n in (4, 8)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(6, abs=0.3)
+
+
+@treatments
+def test_postbuckling_branch(treatment):
+    """Both sides of the fork; P = P_cr (2 K(k) / pi)^2 with k = sin(theta/2), theta at the tip.
+
+    The closed form is that of an inextensible rod: compliance is made small.
+    """
+    scene = scenes.column(8, 4, pinned=False, stiffening=1e4)
+    P = np.pi**2 / 4 * 109375
+    path = follow(scene, treatment, sc.LoadControl(until=1.1 * P), derive=False)
+    assert criticals(path, "bifurcation")[0]["load_factor"] == pytest.approx(P, rel=1e-6)
+    tips = []
+    for sign in (1.0, -1.0):
+        start = sc.branch(scene.system, path, 0, sign)
+        control = sc.ArcLength(30, longest=0.1)
+        history = follow(scene, treatment, control, start=start)
+        assert (history["unstable"][1:] == 0).all()
+        theta = np.array([angle(scene, history, k) for k in range(2, len(history))])
+        ratio = history["load_factor"][2:] / P
+        assert abs(theta[-1]) > 1.5
+        assert ratio == pytest.approx((2 * ellipk(np.sin(theta / 2) ** 2) / np.pi) ** 2, rel=1e-6)
+        tip = scene.displacement(history, slice(None))
+        moment = history["joint/clamp/moment"][2:, 2]
+        assert abs(moment) == pytest.approx(abs(history["load_factor"] * tip[:, 1])[2:], rel=1e-8)
+        tips.append(tip[-1])
+    assert tips[0] == pytest.approx(tips[1] * [1, -1, 1], rel=1e-9, abs=1e-12)
+
+
+# -- S12: twisted ring -----------------------------------------------------------------------------
+
+
+def ring_limits(elements, slenderness, treatment=sc.NullSpace, GJ=1.5):
+    """Total twists, as shares of the closed form, where squares of two frequencies vanish."""
+    scene = scenes.twisted_ring(elements, 4, GJ=GJ, slenderness=slenderness)
+    expected = 2 * np.pi * np.sqrt(3) / GJ
+    shares = np.array([0.985, 0.99, 0.995, 1.005, 1.01])
+    control = sc.LoadControl(at=[1.0, *(1 + expected * shares)])
+    history = sc.static(scene.system, treatment(), control, watch=False, derive=False)
+    squares = np.array(
+        [sc.modes(scene.system, (history, k), 2).squares for k in range(2, len(history))]
+    )
+    assert (squares[:3] > 0).all()
+    assert (squares[3:] < 0).all()
+    squares[3:] = squares[3:, ::-1]  # which of both is nearer to zero
+    powers = [np.vander(column / abs(column).max(), increasing=True) for column in squares.T]
+    return np.array([np.linalg.solve(matrix, shares)[0] for matrix in powers])
+
+
+@pytest.mark.parametrize(
+    ("elements", "treatment", "GJ", "tolerance"),
+    [
+        (12, sc.NullSpace, 1.5, 3e-6),
+        pytest.param(20, sc.NullSpace, 1.0, 3e-7, marks=pytest.mark.slow),
+        pytest.param(20, sc.Multipliers, 1.5, 3e-7, marks=pytest.mark.slow),
+    ],
+)
+def test_twisted_ring(elements, treatment, GJ, tolerance):
+    """Twice, at 2 pi sqrt(3) EI/GJ, compliance extrapolated to zero: sixteen elements for 2e-7."""
+    found = [ring_limits(elements, 15 * 2 ** (k / 2), treatment, GJ) for k in range(4)]
+    assert (abs(found[0] - 1) > 1e-3).all()
+    assert extrapolate(found, 2) == pytest.approx([1.0, 1.0], abs=tolerance)
