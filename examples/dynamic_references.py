@@ -34,10 +34,9 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,8 +84,7 @@ class SolidBeam(sc.Beam):
         return mass
 
 
-@dataclass(frozen=True)
-class Scene:
+class Scene(NamedTuple):
     """A frozen scene, and the places in it whose motion is compared."""
 
     system: sc.System
@@ -173,8 +171,7 @@ SCENES = {"D1": pendulum, "D2": cantilever, "D3": spaghetti}
 # -- reference, runs and limits --------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Reference:
+class Reference(NamedTuple):
     """What is to be reached at times (T,): None where the reference has no such numbers.
 
     ``positions`` (T, k, 3), ``rotations`` (T, k, 3, 3), ``velocities`` (T, k, 3), ``energy`` and
@@ -214,18 +211,13 @@ class Reference:
         )
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """Positions, rotations and velocities of a scene's places, and the energy, at some times."""
 
     positions: Floats
     rotations: Floats
     velocities: Floats
     energy: Floats
-
-    def stack(self) -> tuple[Floats, ...]:
-        """All four."""
-        return self.positions, self.rotations, self.velocities, self.energy
 
     @property
     def placement(self) -> Floats:
@@ -265,7 +257,7 @@ def motion(
 
 def limit(steps: Sequence[float], motions: Sequence[Motion]) -> Motion:
     """Limit of vanishing step of runs whose error has even powers of the step (Neville)."""
-    values: list[tuple[Floats, ...]] = [m.stack() for m in motions]
+    values: list[tuple[Floats, ...]] = list(motions)
     for k in range(1, len(values)):
         ratios = [(steps[i] / steps[i + k]) ** 2 for i in range(len(values) - 1)]
         values = [

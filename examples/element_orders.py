@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -191,6 +192,28 @@ def table(kinds: list[Interpolation], quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
+def costs(quick: bool, repeats: int = 3) -> list[dict[str, Any]]:
+    """Tip error (m) and wall time of the bend in one load step, fastest of several runs."""
+    exact = _solved(FINE, 4)
+    tip = exact[1]["q"][-1, 12 * exact[0].point.vertex :][:3]
+    rows = []
+    for order in (1, 2, 3, 4):
+        for ne in _meshes(order, quick):
+            scene = static_scenes.bend(ne, order, FORCE)
+            seconds = []
+            for _ in range(repeats):
+                start = time.perf_counter()
+                path = sc.static(
+                    scene.system, control=sc.LoadControl(steps=1), watch=False, derive=False
+                )
+                seconds.append(time.perf_counter() - start)
+            error = path["q"][-1, 12 * scene.point.vertex :][:3] - tip
+            row = {"order": order, "elements": ne, "unknowns": scene.system.unknowns}
+            row |= {"error": float(np.linalg.norm(error)), "seconds": min(seconds)}
+            rows.append(row | {"newton_iterations": int(path["newton_iterations"][-1])})
+    return rows
+
+
 def locking(quick: bool) -> list[dict[str, Any]]:
     """Tip error of 8 elements on an arc of slenderness 100 and 10^4, with p and p + 1 points."""
     rows = []
@@ -226,13 +249,17 @@ def main(quick: bool = False, out: str | Path | None = None) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``orders``: rows of :func:`table`; ``locking``: rows of :func:`locking`.
+        ``orders``: rows of :func:`table`; ``costs``, ``locking``: of the functions of that name.
     """
     kinds: list[Interpolation] = [InterpolationLobatto(p) for p in (1, 2, 3, 4)]
     kinds += [InterpolationEquidistant(p) for p in (3, 4)]
     record = paper_record.Record()
     with record.run("element orders") as run:
-        result = {"orders": table(kinds, quick), "locking": locking(quick)}
+        result = {
+            "orders": table(kinds, quick),
+            "costs": costs(quick),
+            "locking": locking(quick),
+        }
     if out is not None:
         _write(result, record, run, Path(out))
     return result
@@ -247,15 +274,21 @@ def _write(result: dict[str, Any], record: Any, run: int, folder: Path) -> None:
         for ne, error in zip(r["elements"], r["errors"], strict=True)
     ]
     record.write_csv(folder / "element_orders.csv", run, header, rows)
-    names = ["slenderness", "order", "points", "error"]
-    table = [[row[name] for name in names] for row in result["locking"]]
-    record.write_csv(folder / "element_locking.csv", run, names, table)
+    for key in ("costs", "locking"):
+        names = list(result[key][0])
+        values = [[row[name] for name in names] for row in result[key]]
+        record.write_csv(folder / f"element_{key}.csv", run, names, values)
     try:
         from matplotlib.figure import Figure
     except ImportError:
         return
-    figure = Figure(figsize=(11, 4), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure = Figure(figsize=(14, 4.2), layout="constrained")
+    left, middle, right = figure.subplots(1, 3)
+    for order in (1, 2, 3, 4):
+        chosen = [row for row in result["costs"] if row["order"] == order]
+        x, y = ([row[name] for row in chosen] for name in ("seconds", "error"))
+        middle.loglog(x, y, "o-", label=f"order {order}", markersize=4)
+    middle.set(xlabel="wall time in s", ylabel="tip error in m", title="One load step")
     for r in result["orders"]:
         if r["quantity"] == "displacement at element ends":
             style = "o-" if r["nodes"] == "lobatto" else "s--"
@@ -273,7 +306,7 @@ def _write(result: dict[str, Any], record: Any, run: int, folder: Path) -> None:
             x, y = ([row[name] for row in chosen] for name in ("slenderness", "error"))
             right.loglog(x, y, style, label=label, markersize=4)
     right.set(xlabel="slenderness", ylabel="tip error, 8 elements", title="Full quadrature locks")
-    for axis in (left, right):
+    for axis in (left, middle, right):
         axis.grid(which="both", alpha=0.3)
         axis.legend(fontsize="small")
     figure.savefig(folder / "element_orders.png", dpi=120)
@@ -288,6 +321,11 @@ def report(result: dict[str, Any]) -> str:
         lines.append(
             f"{r['nodes']:12s} p = {r['order']}  {r['quantity']:32s} {expected:4s}"
             f" {r['slope']:6.2f}   {errors}"
+        )
+    for r in result["costs"]:
+        lines.append(
+            f"order {r['order']}, {r['elements']:3d} elements, {r['unknowns']:5d} unknowns: tip"
+            f" error {r['error']:.2e} m, {r['newton_iterations']} iterations, {r['seconds']:.4f} s"
         )
     for r in result["locking"]:
         lines.append(

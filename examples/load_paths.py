@@ -164,7 +164,7 @@ def _draw_ring(axis: Any, each: dict[str, Any]) -> None:
         axis.plot(*x.T, label=f"{path['load_factor'][k]:.2f}")
     axis.set(title="Ring folded by a full turn of one point")
     axis.set_aspect("equal")
-    axis.legend(title="turns", fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    axis.legend(title="turns", fontsize="small", loc="upper left", bbox_to_anchor=(-0.3, 1.0))
 
 
 def _draw_helix(axis: Any, each: dict[str, Any]) -> None:

@@ -15,8 +15,9 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,8 @@ import skfem_cosserat as sc
 
 Floats = NDArray[np.float64]
 
+#: reference numbers, with their origin
+DATA = Path(__file__).resolve().parent.parent / "tests" / "data" / "static_references.json"
 E1, E2, E3 = np.eye(3)
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -379,6 +382,10 @@ def deployable_ring(elements: int = 16, order: int = 4) -> Scene:
     return Scene(model.freeze(), ring, B)
 
 
+#: of a ring with EI = 1, GJ = 1.5
+RING_LIMIT = 2 * np.pi * np.sqrt(3) / 1.5
+
+
 def twisted_ring(
     elements: int = 12, order: int = 4, *, GJ: float = 1.5, slenderness: float = 100.0
 ) -> Scene:
@@ -414,3 +421,154 @@ def twisted_ring(
     spring = np.diag([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     model.add("spring", sc.Bushing(sc.ground(quarter.position), quarter, spring))
     return Scene(model.freeze(), rod, rod.node((np.pi, 0, 0)))
+
+
+# -- all of them -----------------------------------------------------------------------------------
+
+
+class Table:
+    """Rows of (scene, quantity, computed, reference)."""
+
+    def __init__(self) -> None:
+        self.rows: list[dict[str, Any]] = []
+
+    def add(self, scene: str, quantity: str, computed: Any, reference: Any) -> None:
+        """A number, or several whose largest difference counts."""
+        a, b = np.atleast_1d(computed).astype(float), np.atleast_1d(reference).astype(float)
+        k = int(abs(a - b).argmax())
+        row = {"scene": scene, "quantity": quantity, "computed": a[k], "reference": b[k]}
+        self.rows.append(row | {"difference": a[k] - b[k]})
+
+    def text(self) -> str:
+        """For reading."""
+        lines = [f"{'scene':22}{'quantity':32}{'computed':>20}{'reference':>20}{'difference':>13}"]
+        for row in self.rows:
+            numbers = f"{row['computed']:20.11g}{row['reference']:20.11g}{row['difference']:13.1e}"
+            lines.append(f"{row['scene']:22}{row['quantity']:32}{numbers}")
+        return "\n".join(lines)
+
+
+def critical_loads(scene: Scene, control: Any) -> tuple[sc.History, list[dict[str, Any]]]:
+    """A path with its critical points."""
+    history = sc.static(scene.system, control=control, derive=False)
+    return history, history.meta["critical"]
+
+
+def _cantilevers(table: Table, data: dict[str, Any]) -> None:
+    scene = roll_up(16, 4, 2)
+    history = sc.static(scene.system, watch=False, derive=False)
+    table.add("S1 roll-up, 2 circles", "tip", scene.position(history), np.zeros(3))
+    thickness, load, x, y = data["S2 Reissner"]["values"][5][:4]
+    EA = 12 / thickness**2
+    scene = elastica(8, 4, load, EA=EA, GA=5 / 6 * EA / 2.6)
+    history = sc.static(scene.system, derive=False)
+    table.add("S2 elastica", f"tip at load {load:g}", scene.position(history), [x, y, 0])
+    case = next(c for c in data["S3"]["cases"] if c["P"] == 600)
+    for elements, order in ((16, 1), (16, 2), (16, 3), (8, 4)):
+        scene = bend(elements, order)
+        history = sc.static(scene.system, derive=False)
+        what = f"tip, {elements} elements, order {order}"
+        table.add("S3 45-degree bend", what, scene.position(history), case["tip"])
+    rows = np.array(data["S4"]["values"])[:6]
+    scene = helix_roll_up(40, 4)
+    history = sc.static(
+        scene.system, control=sc.LoadControl(at=rows[:, 0]), watch=False, derive=False
+    )
+    table.add("S4 helix", "tip after three turns", scene.position(history), rows[-1, 1:4])
+    for P, degrees, *expected in data["S5"]["values"][-3:]:
+        scene = princeton(4, 4, P, degrees)
+        history = sc.static(scene.system, derive=False)
+        what = f"tip at {degrees:g} degrees"
+        table.add("S5 Princeton beam", what, scene.displacement(history), expected[:3])
+    case = data["S14"]["cases"]["1000"]
+    scene = slender_arc(8, 4, 1000.0)
+    history = sc.static(scene.system, derive=False)
+    table.add("S14 slender arc", "tip", scene.position(history), case["tip"])
+
+
+def _limits(table: Table, data: dict[str, Any]) -> None:
+    scene = lee_frame(20, 4)
+    control = sc.ArcLength(100, until=20000.0, first=2000.0)
+    history, found = critical_loads(scene, control)
+    for entry, (P, u, _) in zip(found, data["S6"]["values"], strict=True):
+        table.add("S6 Lee's frame", "limit load", entry["load_factor"], P)
+        table.add("S6 Lee's frame", "u", scene.displacement(history, entry["state"])[0], u)
+    scene = toggle(4, 4)
+    history, found = critical_loads(scene, sc.ArcLength(60, until=60.0, first=5.0))
+    for entry, (_, P) in zip(found, data["S7"]["limit_points"], strict=True):
+        table.add("S7 toggle", "limit load", entry["load_factor"], P)
+    loads = []
+    for slenderness in (1e3, 1e3 * np.sqrt(2)):  # an error of its -2nd power
+        scene = arch(24, 4, slenderness=slenderness)
+        control = sc.DisplacementControl(scene.point, -E2, until=115.0)
+        loads.append(critical_loads(scene, control)[1][0]["load_factor"])
+    table.add("S8 arch", "limit load, inextensible", 2 * loads[1] - loads[0], data["S8"]["P"])
+
+
+def _bifurcations(table: Table, data: dict[str, Any]) -> None:
+    euler = data["S10"]["critical"]
+    cases = [
+        ("S9 strip", strip(8, 3), data["S9 strip"]["critical"]),
+        ("S9b right-angle frame", right_angle(6, 3), data["S9b"]["critical"]),
+        ("S10 pinned column", column(8, 4), euler["pinned-pinned"]),
+        ("S10 cantilever column", column(8, 4, pinned=False), euler["clamped-free"]),
+    ]
+    for name, scene, expected in cases:
+        control = sc.LoadControl(until=1.1 * expected)
+        found = critical_loads(scene, control)[1][0]["load_factor"]
+        table.add(name, "bifurcation load", found, expected)
+    rigid = hinged_frame(8, 4, stiffening=1e4).system
+    expected = data["S9c"]["critical"]
+    table.add("S9c hinged frame", "linear buckling", sc.buckling(rigid, 1).factors[0], expected)
+    rigid = strip(8, 4, stiffening=1e4).system
+    prandtl = data["S9 Prandtl"]["c"] * np.sqrt(STRIP["across"] * STRIP["GJ"]) / 240**2
+    table.add("S9 Prandtl", "linear buckling", sc.buckling(rigid, 1).factors[0], prandtl)
+
+
+def _rings(table: Table, data: dict[str, Any]) -> None:
+    scene = deployable_ring(24, 4)
+    rows = np.array(data["S11"]["values"])[[9, 33, -1]]
+    control = sc.LoadControl(at=rows[:, 0] / 360)
+    history = sc.static(scene.system, control=control, watch=False)
+    for k, (degrees, torque, shift) in enumerate(rows, 1):
+        at = f"at {degrees:g} degrees"
+        moment = history["joint/drive/moment"][k, 0]
+        table.add("S11 deployable ring", f"torque {at}", moment, torque)
+        table.add("S11 deployable ring", f"shift {at}", scene.displacement(history, k)[0], shift)
+    twists = [_ring_limit(k * 30.0) for k in (1.0, np.sqrt(2))]
+    limit = 2 * twists[1] - twists[0]
+    table.add("S12 twisted ring", "critical twist, inextensible", limit, RING_LIMIT)
+
+
+def _ring_limit(slenderness: float) -> float:
+    """Twist at which the square of the lowest frequency vanishes, extrapolated."""
+    scene = twisted_ring(16, 4, slenderness=slenderness)
+    twists = RING_LIMIT * np.array([0.985, 0.99, 0.995])
+    control = sc.LoadControl(at=[1.0, *(1 + twists)])
+    history = sc.static(scene.system, control=control, watch=False, derive=False)
+    squares = [sc.modes(scene.system, (history, k), 1).squares[0] for k in (2, 3, 4)]
+    return float(np.polyval(np.polyfit(squares, twists, 2), 0.0))
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+    """All scenes at moderate size.
+
+    Returns
+    -------
+    dict
+        ``rows``: scene, quantity, computed, reference, difference; ``seconds``.
+    """
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", action="store_true", help="print all numbers as JSON")
+    arguments = parser.parse_args(argv)
+    data = json.loads(DATA.read_text())
+    table, begin = Table(), time.perf_counter()
+    for follow in (_cantilevers, _limits, _bifurcations, _rings):
+        follow(table, data)
+    result = {"rows": table.rows, "seconds": time.perf_counter() - begin}
+    print(json.dumps(result, indent=1) if arguments.json else table.text())
+    return result
+
+
+if __name__ == "__main__":
+    main()

@@ -62,6 +62,8 @@ class NewtonSettings:
         the increment predicts, not with those it leads to: the mixed (MIP) iteration of Magisano,
         Leonetti & Garcea, Comput. Methods Appl. Mech. Engrg 313 (2017) 986. Same solution, from
         farther away. Infinity: never.
+    largest : float
+        An increment longer than this ends the iteration: it would find nothing any more.
 
     Raises
     ------
@@ -84,10 +86,12 @@ class NewtonSettings:
     stagnation: float = 1e-8
     rotation: float = 0.6
     mixed: float = 1e-3
+    largest: float = np.inf
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not ((np.isfinite(value) or name == "mixed") and value > 0):
+            endless = name in ("mixed", "largest")
+            if not ((np.isfinite(value) or endless) and value > 0):
                 raise InputError("Newton settings", f"{name} = {value!r}, expected it positive")
 
 
@@ -127,6 +131,9 @@ def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = Fals
                 break
             report.iterations += 1
             length, turn = problem.sizes(increment)
+            if length > settings.largest:
+                report.reason = f"an increment of {length:.3g} leads nowhere"
+                break
             capped = turn > settings.rotation
             if capped:
                 increment = increment * (settings.rotation / turn)

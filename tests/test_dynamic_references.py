@@ -44,13 +44,18 @@ TWICE = {p: 2 * p for p in dynamic.ORDERS}
 @integrators
 @scenes
 def test_order_in_space(name, integrator):
-    """2 p in positions and triads of element ends; with energy-momentum in all."""
+    """2 p in positions and triads of element ends; with energy-momentum in all.
+
+    Velocities of order 4 reach the noise that the step leaves in them; all of D3's: see below.
+    """
     table = dynamic.order_in_space(name, integrator, 2)
     check(mesh_orders(table, "error"), TWICE, 0.3)
     if integrator == EM:
         check(mesh_orders(table, "energy"), TWICE, 0.3)
-        if name != "D3":  # the step leaves noise in its velocities, see below
-            check(mesh_orders(table, "velocity"), TWICE, 0.3)
+        velocity = mesh_orders(table, "velocity")
+        assert velocity.pop(4) > 7
+        if name != "D3":
+            check(velocity, TWICE, 0.3)
 
 
 @integrators
@@ -217,7 +222,7 @@ def test_multipliers_give_the_same(name, integrator):
         dynamic.motion(scene, integrator, 0.025, times, treatment)
         for treatment in (sc.NullSpace(), sc.Multipliers())
     )
-    for one, other in zip(a.stack()[:2], b.stack()[:2], strict=True):
+    for one, other in zip(a[:2], b[:2], strict=True):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
 
 
@@ -250,7 +255,7 @@ def test_reference_is_complete():
 def test_limit_takes_even_powers_away():
     steps = [0.3, 0.2, 0.1]
     runs = [dynamic.Motion(*(np.array([c + 2 * h**2 - 5 * h**4]) for c in range(4))) for h in steps]
-    for c, value in enumerate(dynamic.limit(steps, runs).stack()):
+    for c, value in enumerate(dynamic.limit(steps, runs)):
         assert value == pytest.approx(c, abs=1e-14)
 
 

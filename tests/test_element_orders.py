@@ -104,9 +104,17 @@ def test_full_quadrature_locks(result, order, factor):
 def test_files_and_report(result):
     text = (result["folder"] / "element_orders.csv").read_text()
     assert text.startswith("# ") and "machine" in text
-    assert (result["folder"] / "element_locking.csv").exists()
     report = orders.report(result)
-    assert report.count("\n") + 1 == len(result["orders"]) + len(result["locking"])
+    parts = ("orders", "costs", "locking")
+    assert report.count("\n") + 1 == sum(len(result[name]) for name in parts)
+    assert all((result["folder"] / f"element_{name}.csv").exists() for name in parts)
+
+
+def test_one_load_step_takes_few_iterations(result):
+    """60 m of displacement at once; nearly as many whatever the element."""
+    assert all(row["newton_iterations"] <= 12 for row in result["costs"])
+    best = min(row["error"] for row in result["costs"] if row["unknowns"] <= 100)
+    assert best < 1e-4
 
 
 def test_slopes_are_taken_above_rounding():

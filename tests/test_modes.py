@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +25,10 @@ from skfem_cosserat.modal.symmetric import lowest
 from skfem_cosserat.model.balance import Spin, amplitudes_at, balance
 from skfem_cosserat.model.chart import Chart
 from skfem_cosserat.model.loops import closed, tree_values
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
+
+vibration_modes = importlib.import_module("vibration_modes")
 
 REFERENCES = json.loads(
     (Path(__file__).parent / "data" / "modal_references.json").read_text(encoding="utf-8")
@@ -862,3 +868,56 @@ def test_a_singular_position_is_refused():
     for k, (a, b) in enumerate(zip(places, others, strict=True)):
         model.add(f"pin {k}", sc.JointRevolute(a, b, axis=(0, 0, 1)))
     bad(lambda: sc.modes(model, count=1), "singular position")
+
+
+# -- paths of statics, and the example -------------------------------------------------------------
+
+
+def test_modes_along_a_static_path():
+    """Loads are those of the load factor; from both treatments, and from a state of the path."""
+    system = bent_arc_clamped()
+    found = []
+    for treatment in (sc.NullSpace(), sc.Multipliers()):
+        path = sc.static(system, treatment)
+        found.append(sc.modes(system, path).omega)
+        state = sc.equilibrium(system, path)
+        assert abs(sc.modes(system, state).omega / found[-1] - 1).max() < 1e-12
+        half = len(path) // 2
+        assert path["load_factor"][half] < 1
+        sc.modes(system, (path, half))
+        bad(lambda path=path: sc.modes(system, path, t=0.5), "not in equilibrium")
+    assert abs(found[1] / found[0] - 1).max() < 1e-7
+    assert abs(sc.modes(system).omega / found[0] - 1).max() > 0.02
+
+
+def bent_arc_clamped():
+    arc = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1.0, np.pi / 4, 3, "arc")
+    model = sc.Model()
+    section = sc.Section([90.0, 80, 200, 1.5, 2.5, 1.2], mass=1.3, inertia=(0.02, 0.03))
+    beam = model.add("arc", sc.Beam(arc, section, director=(0, 0, 1), order=3))
+    model.add("root", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("arc.start")))
+    model.add("force", sc.LoadForce(beam.node("arc.end"), (0.5, -0.4, 2.0)))
+    return model.freeze()
+
+
+def test_modes_of_a_rotor_found_by_statics():
+    system, spin = straight(3, 3, "CF", square(0.05)), Spin((0, 0, 300.0), (-0.5, 0, 0))
+    path = sc.static(system, spin=spin)
+    by_path = sc.modes(system, path, 4, spin=spin)
+    own = settled(system, replace(amplitudes_at(system, 0.0), spin=spin))
+    assert abs(by_path.omega / sc.modes(system, own, 4, spin=spin).omega - 1).max() < 1e-9
+    bad(lambda: sc.modes(system, path, 4), "not in equilibrium")
+
+
+def test_example(tmp_path):
+    pytest.importorskip("matplotlib")
+    found = vibration_modes.main(quick=True, out=str(tmp_path))
+    errors = {(r["order"], r["elements"]): np.abs(r["errors"]) for r in found["cantilever"]}
+    assert errors[4, 6].max() < 1e-6 < errors[1, 24].max()
+    assert found["ring"]["rigid"] == 6
+    loads = found["column"]
+    assert loads["zero_frequency"] == pytest.approx(loads["buckling"], rel=2e-2)
+    omega = np.array(found["blade"]["omega"])
+    assert (np.diff(omega[:, 0]) > 0).all()
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {"vibration_modes.png", "cantilever.csv", "blade.csv", "ring"} <= names

@@ -168,7 +168,7 @@ def test_elastica_converges_with_order_two_p(treatment):
 
 BEND = {(case["section"], case["P"]): case for case in DATA["S3"]["cases"]}
 SHEAR_FACTOR = {"plain": 1.0, "shear factor 5/6": 5 / 6}
-ENERGY = {P: energy for P, energy in DATA["S3"]["strain_energy"]}
+ENERGY = dict(DATA["S3"]["strain_energy"])
 
 
 def bend_error(elements, order, treatment=sc.NullSpace, **options):
@@ -474,3 +474,17 @@ def test_full_quadrature_locks(order, elements):
     least = {1: (50, 1.3), 2: (100, 10), 3: (100, 10), 4: (50, 4)}[order]
     assert thick > least[0] * slender_error(elements, order, 100.0)
     assert slender > least[1] * thick
+
+
+# -- all together ----------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_example_follows_all_scenes(capsys):
+    rows = scenes.main(["--json"])["rows"]
+    assert json.loads(capsys.readouterr().out)["rows"] == rows
+    assert {row["scene"].split()[0] for row in rows} >= {f"S{k}" for k in range(1, 13)}
+    for row in rows:
+        coarse = "order 1" in row["quantity"] or "order 2" in row["quantity"]
+        size = max(abs(row["reference"]), 1.0)
+        assert abs(row["difference"]) < (5e-3 if coarse else 1e-6) * size, row

@@ -599,7 +599,7 @@ def test_derivative_by_the_load_factor(scene, treatment):
 
 def torsion_bar(turns, driven):
     """A bar twisted at its end, which may shift along x: by the ground, or by a drive."""
-    model, end = cantilever(elements=24, order=4)
+    model, end = cantilever(stiff(EI=(50.0, 50.0)), elements=18, order=4)
     if driven:
         disc = model.add("disc", sc.RigidBody.box(1.0, (0.1, 0.1, 0.1), position=(1, 0, 0)))
         pin = model.add("pin", sc.JointRevolute(disc.at((1, 0, 0)), end, axis=(1, 0, 0)))
@@ -617,7 +617,7 @@ def torsion_bar(turns, driven):
 @pytest.mark.parametrize("control", [sc.LoadControl(), sc.LoadControl(steps=2)], ids=["auto", "2"])
 def test_torsion_by_three_turns(treatment, driven, control):
     """Moment GJ phi/L: whole turns are not lost, however long the step asked for."""
-    path = sc.static(torsion_bar(3, driven), treatment, control)
+    path = sc.static(torsion_bar(3, driven), treatment, control, watch=False)
     wanted = 2.0 * 6 * np.pi
     assert path["joint/end/moment"][-1] == pytest.approx([wanted, 0, 0], rel=1e-6, abs=1e-9)
     if control.steps:
@@ -716,7 +716,7 @@ def _share(system):
     """Mass of each node of the first beam."""
     beam = system.structures[0]
     out = np.zeros(len(beam.basis.nodes))
-    np.add.at(out, beam.basis.connectivity, beam.line_weights(np.arange(4))[:, ::4])
+    np.add.at(out, beam.basis.connectivity, beam.line_weights(np.arange(4)))
     return out
 
 
@@ -796,3 +796,269 @@ def test_a_path_without_derived_series_starts_runs_too():
     bare = sc.static(system, derive=False)
     assert "energy" not in bare
     assert equilibrium(system, bare, -2).time == bare["load_factor"][-2]
+
+
+# -- critical points -------------------------------------------------------------------------------
+
+
+def column(EI=(1.0, 1.3), EA=1e6, elements=4):
+    """A cantilever pushed at its end; about d1 it bends with EI[0]."""
+    model, tip = cantilever(stiff(EA, EI, 1.0), elements=elements)
+    model.add("push", sc.LoadForce(tip, (-1.0, 0, 0)))
+    return model, tip
+
+
+CONTROLS = {
+    "load": lambda tip: sc.LoadControl(8.0),
+    "arc": lambda tip: sc.ArcLength(60, until=8.0, first=0.5),
+    "displacement": lambda tip: sc.DisplacementControl(tip, (-1, 0, 0), until=8e-6),
+}
+
+
+@treatments
+@pytest.mark.parametrize("control", CONTROLS)
+def test_buckling_of_a_column_in_all_controls(treatment, control):
+    """``pi^2 EI/4`` about both axes, shortened by P/EA and softened by P/GA, 1e-6 each."""
+    model, tip = column()
+    path = sc.static(model, treatment, CONTROLS[control](tip))
+    assert criticals(path) == [("bifurcation", 1)] * 2
+    wanted = np.pi**2 / 4 * np.array([1.0, 1.3])
+    assert loads_of(path) == pytest.approx(wanted, rel=2e-6)
+    reference = sc.static(model, control=sc.LoadControl(8.0))
+    assert loads_of(path) == pytest.approx(loads_of(reference), rel=1e-8)
+    for c in path.meta["critical"]:
+        assert path["load_factor"][c["state"]] == c["load_factor"]
+        assert path["critical"][c["state"]] == 2
+    assert int(path["unstable"][-1]) == 2
+
+
+@treatments
+def test_two_critical_points_in_a_step(treatment):
+    model, _ = column()
+    path = sc.static(model, treatment, sc.LoadControl(4.0, steps=1))
+    assert criticals(path) == [("bifurcation", 1)] * 2
+    assert loads_of(path) == pytest.approx(np.pi**2 / 4 * np.array([1.0, 1.3]), rel=2e-6)
+
+
+@treatments
+@pytest.mark.parametrize("mode", [0, 1])
+def test_equal_stiffness_about_both_axes(treatment, mode):
+    """Two motions at once; each branch is the plane elastica, turned about the column."""
+    model, tip = column(EI=(1.0, 1.0))
+    path = sc.static(model, treatment, sc.LoadControl(3.0))
+    assert criticals(path) == [("bifurcation", 2)]
+    one, two = (sc.branch(model, path, mode=k).direction for k in (mode, 1 - mode))
+    sideways = [d[4 * tip.vertex, 1:] for d in (one, two)]
+    assert abs(np.linalg.det(sideways)) > 0.1 * np.prod(np.linalg.norm(sideways, axis=1))
+    start = sc.branch(model, path, mode=mode)
+    side = sc.static(model, treatment, sc.ArcLength(8, length=0.05), start=start)
+    assert side.meta["critical"] == []  # the plane of bending is free to turn: no crossing
+    away = np.linalg.norm(at(side, tip)[:, 1:], axis=1)
+    assert away[-1] > 0.1
+    assert abs(side["load_factor"] - elastica(away)).max() < 1e-5
+
+
+def elastica(deflection):
+    """Load of a unit cantilever by the deflection ``2 k/K(k)`` of its end, P = K(k)^2."""
+
+    def load(w):
+        k = brentq(lambda k: 2 * k / ellipk(k**2) - w, 0.0, 0.9) if w > 1e-9 else 0.0
+        return ellipk(k**2) ** 2
+
+    return np.array([load(float(w)) for w in deflection])
+
+
+@treatments
+def test_branches_follow_the_elastica_and_are_mirror_images(treatment):
+    model, tip = column()
+    path = sc.static(model, treatment, sc.LoadControl(3.0))
+    ends = []
+    for sign in (1, -1):
+        start = sc.branch(model, path, sign=sign)
+        side = sc.static(model, treatment, sc.ArcLength(12, length=0.02), start=start)
+        place = at(side, tip)
+        assert abs(place[:, 1]).max() < 1e-8  # d1 is along y: bent about it
+        assert abs(side["load_factor"] - elastica(abs(place[:, 2]))).max() < 1e-5
+        rise, away = np.diff(side["load_factor"][:4]), abs(place[1:4, 2])
+        assert (rise > 0).all()
+        root = away / np.sqrt(side["load_factor"][1:4] - side["load_factor"][0])
+        assert np.ptp(root) < 2e-3 * root[0]  # the pitchfork opens with a root
+        ends.append(place)
+    mirror = np.array([1, 1, -1])
+    assert abs(ends[0] - ends[1] * mirror).max() < 1e-8
+    assert abs(ends[0][-1, 2]) > 0.3
+
+
+def truss(height, stiffness=(100.0, 100.0)):
+    """A mass point on two pairs of springs, at right angles."""
+    model = sc.Model()
+    point = model.add("point", sc.MassPoint(1.0, (0, 0, height)))
+    for k, x in enumerate([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)]):
+        spring = sc.SpringDamper(sc.ground(x), point.place(), stiffness[k // 2])
+        model.add(f"spring {k}", spring)
+    model.add("load", sc.LoadForce(point.place(), (0, 0, -1.0)))
+    return model, point
+
+
+def truss_stiffness(z, height, k):
+    """Load, and stiffness in x (springs k[0]), y and z, of the truss at height z."""
+    l0, length = np.hypot(1, height), np.hypot(1, z)
+    k = np.asarray(k)
+    load = 2 * k.sum() * (l0 / length - 1) * z
+    own = 2 * k * (1 - l0 / length + l0 / length**3)
+    other = 2 * k[::-1] * (1 - l0 / length)
+    vertical = 2 * k.sum() * (1 - l0 / length + l0 * z**2 / length**3)
+    return load, *(own + other), vertical
+
+
+@treatments
+@pytest.mark.parametrize("controlled", ["arc", "displacement"])
+def test_limit_points_of_a_truss(treatment, controlled):
+    """Where ``l^3 = l0``: 4 k z^3 down; and the same up again."""
+    model, point = truss(0.3)
+    control = sc.ArcLength(100, until=20.0, first=0.5)
+    if controlled == "displacement":
+        control = sc.DisplacementControl(point.place(), (0, 0, -1), until=0.7)
+    path = sc.static(model, treatment, control)
+    z = np.sqrt(np.hypot(1, 0.3) ** (2 / 3) - 1)
+    wanted = 400 * z**3
+    assert criticals(path) == [("limit", 1)] * 2
+    assert loads_of(path) == pytest.approx([wanted, -wanted], rel=1e-9)
+    assert truss_stiffness(z, 0.3, (100, 100))[0] == pytest.approx(wanted, rel=1e-12)
+    assert path["unstable"][0] == path["unstable"][-1] == 0
+    assert path["unstable"].max() == 1
+
+
+@treatments
+def test_bifurcations_before_a_limit_point(treatment):
+    """A steep truss gives way sideways first: along x, then y, then it snaps."""
+    height, k = 2.2, (100.0, 130.0)
+    model, point = truss(height, k)
+    control = sc.DisplacementControl(point.place(), (0, 0, -1), until=1.9, longest=0.05)
+    path = sc.static(model, treatment, control)
+    roots = []
+    for i in (1, 2, 3):
+        grid = np.linspace(height - 1.9, height, 200)
+        signs = [truss_stiffness(z, height, k)[i] > 0 for z in grid]
+        for j in np.flatnonzero(np.diff(signs)):
+            z = brentq(lambda z, i=i: truss_stiffness(z, height, k)[i], grid[j], grid[j + 1])
+            roots.append((-z, float(truss_stiffness(z, height, k)[0]), i))
+    order = sorted(roots)
+    assert {i for _, _, i in order} == {1, 2, 3}
+    kinds = [("limit" if i == 3 else "bifurcation", 1) for _, _, i in order]
+    assert criticals(path) == kinds
+    assert loads_of(path) == pytest.approx([load for _, load, _ in order], rel=1e-8)
+    which = kinds.index(("bifurcation", 1))
+    first = order[which][2]
+    sides = []
+    for sign in (1, -1):
+        start = sc.branch(model, path, which, sign)
+        side = sc.static(model, treatment, sc.ArcLength(10), start=start)
+        assert abs(side["q"][:, 2 - first]).max() < 1e-12
+        sides.append(side["q"][-1])
+    assert abs(sides[0][first - 1]) > 0.05
+    mirror = np.ones(3)
+    mirror[first - 1] = -1
+    assert abs(sides[0] - sides[1] * mirror).max() < 1e-9
+
+
+@treatments
+def test_rigid_column_with_two_hinges(treatment):
+    """k on both angles of a universal joint: two motions at once, on branches of their own."""
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(0, 0, 0.5)))
+    foot = sc.JointUniversal(sc.ground((0, 0, 0)), body.at((0, 0, 0)), (1, 0, 0), (0, 1, 0))
+    model.add("foot", foot)
+    for c in foot.coordinates():
+        model.add(f"spring {c.name}", sc.JointSpringDamper(foot, 3.0, coordinate=c.name))
+    model.add("push", sc.LoadForce(body.at((0, 0, 1)), (0, 0, -1.0)))
+    path = sc.static(model, treatment, sc.LoadControl(5.0))
+    assert criticals(path) == [("bifurcation", 2)]
+    assert loads_of(path) == pytest.approx([3.0], rel=1e-9)
+    side = sc.static(model, treatment, sc.ArcLength(10), start=sc.branch(model, path, mode=1))
+    a, b = (side[f"joint/foot/{c.name}"] for c in foot.coordinates())
+    load = side["load_factor"]
+    assert abs(3 * a - load * np.sin(a) * np.cos(b)).max() < 1e-11
+    assert abs(3 * b - load * np.cos(a) * np.sin(b)).max() < 1e-11
+    assert abs(np.hypot(a, b)[-1]) > 0.1
+
+
+@treatments
+def test_twisted_rod_buckles(treatment):
+    """Greenhill: both ends clamped, M = 2 * 4.4934 EI/L (tan x = x); the end may come nearer."""
+    model, end = cantilever(stiff(1e6, (1.0, 1.0), 2.0), elements=8, order=4)
+    motion = sc.Motion(rotation=lambda t: (t, 0, 0))
+    model.add("end", sc.JointPrismatic(sc.ground((1, 0, 0), motion), end, axis=(1, 0, 0)))
+    path = sc.static(model, treatment, sc.LoadControl(4.8))
+    x = brentq(lambda x: np.tan(x) - x, 4.4, 4.6)
+    assert [c["kind"] for c in path.meta["critical"]] == ["bifurcation"]
+    assert 2 * loads_of(path)[0] == pytest.approx(2 * x, rel=1e-5)
+
+
+@treatments
+def test_follower_force_has_no_static_buckling(treatment):
+    """Beck's column is straight and alone up to its flutter load 20.05 EI/L^2, and beyond."""
+    model, tip = cantilever(stiff(1e6, GJ=1.0))
+    model.add("thrust", sc.LoadForce(tip, (0, 0, -1.0), follower=True))
+    path = sc.static(model, treatment, sc.LoadControl(25.0))
+    assert path.meta["critical"] == []
+    assert not path["unstable"].any()
+    assert abs(at(path, tip)[:, 1:]).max() < 1e-12
+
+
+@treatments
+def test_moment_about_a_fixed_axis_is_not_conservative(treatment):
+    """Its tangent is not symmetric: no critical point on the way to a full circle."""
+    model, tip = cantilever(stiff(1e6, GJ=1.0))
+    model.add("moment", sc.LoadMoment(tip, (0, 0, 2 * np.pi)))
+    path = sc.static(model, treatment)
+    assert path.meta["critical"] == []
+    system = model.freeze()
+    schedule = Schedule(system)
+    for k in (1, -1):
+        t = float(path["load_factor"][k])
+        look = inspect(system, Point(system.extend(path["q"][k], t), t), schedule.at(t))
+        assert not look.symmetric
+        assert look.smallest > 0.1
+
+
+@treatments
+def test_moment_about_a_hinge_is_conservative(treatment):
+    """There the same kind of load has a potential: its limit is found as such."""
+    model, hinge, body = hinged(position=(0, 0, -0.5))
+    model.add("weight", sc.LoadGravity((0, 0, -10.0)), )
+    model.add("moment", sc.LoadMoment(body.at((0, 0, 0)), (0, 6.0, 0)))
+    control = sc.ArcLength(60, longest=0.2, first=0.2)
+    path = sc.static(model, treatment, control, factors={"weight": 1.0})
+    angle, load = path["joint/hinge/angle"], path["load_factor"]
+    assert abs(2 * angle + 5 * np.sin(angle) - 6 * load).max() < 1e-11
+    first = np.arccos(-0.4)
+    assert criticals(path)[:2] == [("limit", 1)] * 2
+    wanted = [(2 * a + 5 * np.sin(a)) / 6 for a in (first, 2 * np.pi - first)]
+    assert loads_of(path)[:2] == pytest.approx(wanted, rel=1e-9)
+
+
+@treatments
+def test_no_critical_points_where_there_are_none(treatment):
+    """Tension, and a cantilever bent far by forces across it."""
+    model, tip = cantilever()
+    model.add("pull", sc.LoadForce(tip, (30.0, 20.0, 5.0)))
+    path = sc.static(model, treatment)
+    assert path.meta["critical"] == []
+    assert not path["unstable"].any()
+
+
+def test_unwatched_paths_are_not_looked_at():
+    model, _ = column()
+    path = sc.static(model, control=sc.LoadControl(4.0), watch=False)
+    assert path.meta["critical"] == []
+    assert (path["unstable"] == -1).all()
+
+
+@treatments
+def test_large_systems_find_the_same_critical_load(treatment):
+    """Above 300 unknowns eigenvalues are found by shift and invert."""
+    model, _ = column(elements=20)
+    path = sc.static(model, treatment, sc.LoadControl(3.0))
+    assert model.freeze().unknowns > 300
+    assert loads_of(path) == pytest.approx([np.pi**2 / 4], rel=2e-6)

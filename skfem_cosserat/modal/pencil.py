@@ -78,6 +78,17 @@ class Pencil:
     def _size(self) -> csr_matrix:
         return abs(self.K)
 
+    def force(self, x: Floats) -> Floats:
+        """``K x`` (u,) for a vector, with strains differentiated first, see :meth:`energies`."""
+        system, tangent = self.at.system, self.at.tangent
+        dq = tangent.P @ x
+        nodal = np.zeros(system.n)
+        for group, B in zip(system.beam_groups, tangent.balance.Bs, strict=True):
+            strain = B @ dq[group.dofs][:, :, None]
+            local = group.force(B, group.stress(strain.reshape(len(B), -1, 6)))
+            np.add.at(nodal, group.dofs, local)
+        return np.asarray(tangent.P.T @ nodal + self.rest @ x)
+
     def energies(self, X: Array) -> tuple[Array, Floats]:
         """``X^H K X`` (k, k), and what rounding can make of its diagonal (k,).
 

@@ -35,6 +35,8 @@ MOST = 20
 LEVEL = 1e-2
 #: how exactly a critical point is found, and the distance for that slope, as a share of the step
 ROOT, NEAR = 1e-9, 1e-3
+#: shift of a point that is not found, since it is exactly singular
+BESIDE = 2e-9
 #: weight of the load factor against motions: it leads where nothing moves
 RIGID = 1e-12
 
@@ -203,8 +205,12 @@ def locate(
 
     def at(s: float) -> Look:
         if s not in found:
-            solution = solve(first.point, Functional(weights * dy, share * dt, s * size))
-            if solution is None:
+            for place in (s, s - BESIDE, s + BESIDE):
+                target = Functional(weights * dy, share * dt, place * size)
+                solution = solve(first.point, target)
+                if solution is not None:
+                    break
+            else:
                 raise _LostError(f"no point at {s:.6g} of the step")
             found[s] = inspect(system, solution[0], amplitudes(solution[0].t)), solution[1]
         return found[s][0]

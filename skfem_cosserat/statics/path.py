@@ -30,7 +30,7 @@ from .walk import Callback, Walk
 __all__ = ["STATIC", "static"]
 
 #: Newton's method far from the solution: increments are not shortened, predicted stresses carry it
-STATIC = NewtonSettings(iterations=25, rotation=1e3, mixed=1e-9)
+STATIC = NewtonSettings(iterations=25, rotation=1e3, mixed=1e-9, largest=100.0)
 
 
 def static(

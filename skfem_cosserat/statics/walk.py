@@ -186,6 +186,11 @@ class Walk:
             spent = 0, 0
         self._unrecorded = spent
         stage.adapt(solution.report.iterations, length)
+        turn, limit = rotation(self.system, point.y, solution.point.y), self.control.turn
+        if limit is not None and turn > 0:
+            # a step that would turn too far is not tried
+            most = 0.95 * limit / turn * abs(length)
+            stage.length = float(np.sign(stage.length)) * min(abs(stage.length), most)
         return asked
 
     def _locate(self, before: Look, after: Look) -> list[Critical]:

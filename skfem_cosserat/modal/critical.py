@@ -17,10 +17,10 @@ from ..model import Model, System
 from ..model.balance import Amplitudes, amplitudes_at, balance
 from ..types import Floats
 from .animation import animation
-from .modes import checked_count
 from .pencil import SYMMETRIC, Pencil, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, finite, resting
 from .symmetric import DENSE, SPARE, TOLERANCE, Factorised, lowest
+from .vibration import checked_count
 
 __all__ = ["Buckling", "buckling"]
 
@@ -29,6 +29,8 @@ Sign = Literal["positive", "negative", "both"]
 _WHICH = {"positive": "LA", "negative": "SA", "both": "LM"}
 #: critical factors beyond this multiple of the smallest one found are rounding of infinite ones
 INFINITE = 1e10
+#: of solutions with K_0
+REFINEMENTS = 2
 #: of the complex step
 STEP = 1e-40
 #: relative imaginary part above which a factor is no buckling load
@@ -154,8 +156,7 @@ def buckling(
         raise InputError("argument t", f"{t!r}: the loads do nothing then, there is no response")
     factors = Factorised(pencil.K)
     force = P.T @ applied
-    u = factors.solve(force)
-    u = u + factors.solve(force - pencil.K @ u)
+    u = _solve(pencil, factors, force)
     K1 = _geometric(at, loads, np.asarray(P @ u).reshape(-1, 3))
     values, X = _critical(pencil, K1, factors, count, sign)
     X = X / np.sqrt(np.einsum("ik,ik->k", X, tangent.metric @ X))
@@ -229,7 +230,7 @@ def _critical(
         if n <= DENSE or many > n // 3:
             X = eigh(-K1.toarray(), pencil.K.toarray())[1]
         else:
-            X = _lanczos(K1, pencil.K, factors, many, sign)
+            X = _lanczos(K1, pencil, factors, many, sign)
         energy = pencil.energies(X)[0]
         theta, turn = eigh(-(X.T @ (K1 @ X)), 0.5 * (energy + energy.T))
         X = X @ turn
@@ -248,14 +249,23 @@ def _critical(
     return 1 / theta[found[:count]], X[:, found[:count]]
 
 
-def _lanczos(K1: csr_matrix, K0: csr_matrix, factors: Factorised, k: int, sign: Sign) -> Floats:
+def _solve(pencil: Pencil, factors: Factorised, force: Floats) -> Floats:
+    """``K_0^-1 force``, refined: rounding of K_0 is more than its softest parts may be."""
+    x = factors.solve(force)
+    for _ in range(REFINEMENTS):
+        x = x + factors.solve(force - pencil.force(x))
+    return x
+
+
+def _lanczos(K1: csr_matrix, pencil: Pencil, factors: Factorised, k: int, sign: Sign) -> Floats:
     n = K1.shape[0]
-    inverse = LinearOperator((n, n), matvec=factors.solve, dtype=float)
+    stiffness = LinearOperator((n, n), matvec=pencil.force, dtype=float)
+    inverse = LinearOperator((n, n), matvec=lambda f: _solve(pencil, factors, f), dtype=float)
     start = np.random.default_rng(0).standard_normal(n)
     basis = min(n, max(2 * k + 10, 40))
     options = {"v0": start, "ncv": basis, "tol": TOLERANCE, "maxiter": 300}
     try:
-        found = eigsh(-K1, k, M=K0, Minv=inverse, which=_WHICH[sign], **options)[1]
+        found = eigsh(-K1, k, M=stiffness, Minv=inverse, which=_WHICH[sign], **options)[1]
     except ArpackError as error:
         raise CosseratError(f"the Lanczos iteration for {k} factors did not converge") from error
     return np.asarray(found)
