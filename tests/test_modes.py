@@ -906,7 +906,9 @@ def test_modes_of_a_rotor_found_by_statics():
     by_path = sc.modes(system, path, 4, spin=spin)
     own = settled(system, replace(amplitudes_at(system, 0.0), spin=spin))
     assert abs(by_path.omega / sc.modes(system, own, 4, spin=spin).omega - 1).max() < 1e-9
-    bad(lambda: sc.modes(system, path, 4), "not in equilibrium")
+    assert sc.modes(system, path, 4).omega.tolist() == by_path.omega.tolist()  # it knows its spin
+    slower = Spin((0, 0, 150.0), (-0.5, 0, 0))
+    bad(lambda: sc.modes(system, path, 4, spin=slower), "not in equilibrium")
 
 
 def test_example(tmp_path):
@@ -921,3 +923,35 @@ def test_example(tmp_path):
     assert (np.diff(omega[:, 0]) > 0).all()
     names = {path.name for path in tmp_path.iterdir()}
     assert {"vibration_modes.png", "cantilever.csv", "blade.csv", "ring"} <= names
+
+
+def test_damping_matrix_of_force_elements():
+    """``v C v`` is the power that all dampers take: springs, bushings, taut cables."""
+    system = zoo(0)
+    rng = np.random.default_rng(4)
+    y = system.extend(random_state(system, rng, 0.0, 0.1), 0.0)
+    ydot, e = np.zeros_like(y), 1e-4
+    ydot[: system.rows] = 0.05 * (
+        null_space_matrix(system, y) @ rng.standard_normal(system.unknowns)
+    ).reshape(-1, 3)
+    near = (system.couplings.forces(y + s * e * ydot, 0 * ydot) for s in (1, -1))
+    moving, still = (system.couplings.forces(y, v) for v in (ydot, 0 * ydot))
+    power = sum(
+        ((a - b) * (up - down) / (2 * e)).sum()
+        for (_, _, a), (_, _, b), (_, up, _), (_, down, _) in zip(moving, still, *near, strict=True)
+    )
+    C = system.couplings.damping(y)
+    i, j = system.couplings.pairs.T
+    assert power > 0
+    assert np.einsum("ka,kab,kb->", ydot[i], C, ydot[j]) == pytest.approx(power, rel=1e-7)
+
+
+def test_a_free_scene_under_stress_of_its_own():
+    """A spring stretched along a rigid rod: its force and the rod's cancel when both turn."""
+    model = sc.Model()
+    a, b = (model.add(n, sc.MassPoint(1.0, (0, 0, z))) for n, z in (("a", 0.0), ("b", 1.0)))
+    model.add("rod", sc.JointDistance(a.place(), b.place()))
+    model.add("spring", sc.SpringDamper(a.place(), b.place(), 1e3, length=0.3))
+    found = sc.modes(model, count=5)
+    assert found.rigid == 5
+    assert (found.eigenvalues == 0).all()

@@ -167,8 +167,8 @@ def modes(
         Time (s) of loads and prescribed motion; default: that of the state, 0 for an array. Given
         with no state, the reference is taken with its loads. Prescribed motion stands still.
     amplitudes : Amplitudes, optional
-        Factors of all loads and actuators instead. On a static path they are those of its load
-        factor; a path with factors of its own needs them here.
+        Factors of all loads and actuators instead. A path of :func:`static` knows its own, and
+        its spin.
     spin : Spin, optional
         The state rests in a frame that turns steadily, the ground with it: with centrifugal and
         gyroscopic forces, frequencies as seen from there.

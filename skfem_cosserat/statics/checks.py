@@ -11,7 +11,6 @@ from scipy.sparse import coo_matrix, csr_matrix, vstack
 from scipy.sparse.csgraph import connected_components
 
 from ..constraints import Treatment
-from ..diagnostics.rowspace import RowSpace
 from ..diagnostics.tangent import blocks_matrix, curvature_matrix
 from ..errors import InputError
 from ..integrators import State
@@ -123,16 +122,12 @@ def check_free_motions(system: System, schedule: Schedule, point: Point) -> None
     N = _unheld(system, point.y, E)
     if not N.shape[1]:
         return
-    motions = E @ N
     amplitudes = schedule.at(point.t)
     at = balance(system, point.y, amplitudes, turns=point.turns)
     A = blocks_matrix(system, balance_tangent(system, at, amplitudes))
-    if system.m:
-        multipliers = RowSpace(system, point.y).multipliers(-at.R.ravel())
-        A = A + curvature_matrix(system, point.y, multipliers)
-    stiffness = motions.T @ (A @ motions)
+    stiffness = N.T @ _rigid_stiffness(system, point.y, at.R, A, E, label, centres) @ N
     largest = float(abs(A.data).max(initial=0.0))
-    scale = largest * float(np.square(motions).max())
+    scale = max(largest * float(np.square(E @ N).max()), float(abs(stiffness).max()))
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
     free = abs(values) <= 1e-12 * max(scale, 1e-300)
     if not free.any():
@@ -145,12 +140,13 @@ def check_free_motions(system: System, schedule: Schedule, point: Point) -> None
     works = abs((E @ N).T @ force.ravel())
     k = int(works.argmax())
     worked = works[k] > 1e-9 * np.linalg.norm(force) * np.linalg.norm(E @ N[:, k])
-    text = _described(N[:, k], names, centres)
+    text = _described(N[:, k], names, centres, system.length)
     raise InputError(
         "static",
         f"{text} is free, {N.shape[1]} such motion(s) in all"
         + (", and the loads do work on it" if worked else "")
-        + ": hold it with joints or springs, or start from a state whose stresses do",
+        + ": hold it with joints or springs, with loads that act from the start"
+        " (factors={name: 1}), or start from a state whose stresses do",
     )
 
 
@@ -195,6 +191,41 @@ def _rigid_motions(
     return coo_matrix((np.concatenate(values), ij), shape=shape).tocsr(), centres
 
 
+def _rigid_stiffness(
+    system: System,
+    y: Floats,
+    R: Floats,
+    A: csr_matrix,
+    E: csr_matrix,
+    label: IndexArray,
+    centres: Floats,
+) -> Floats:
+    """Stiffness (6 pieces, 6 pieces) of rigid pieces by finite motions, with the joints' forces.
+
+    ``E^T A E`` is that of straight paths; rotations add ``F . (w x (w x r))``, joints the curvature
+    of their rows with the forces that balance the pieces best; these are part of the force F.
+    """
+    multipliers, joints = np.zeros(system.m), np.arange(system.internal, system.m)
+    if len(joints):
+        G = system.constraints.jacobian(y)[joints]
+        held = np.asarray((G @ E).todense())
+        multipliers[joints] = np.linalg.lstsq(held.T, -E.T @ R.ravel(), rcond=FREE)[0]
+        R = R + (G.T @ multipliers[joints]).reshape(-1, 3)
+    A = A + curvature_matrix(system, y, multipliers)
+    out = np.asarray((E.T @ A @ E).todense())
+    moments = np.zeros((len(centres), 3, 3))
+    rows = system.origin_rows
+    np.add.at(moments, label, (y[rows] - centres[label])[:, :, None] * R[rows][:, None, :])
+    frames, directors = label[system.kinematics.frames], system.kinematics.director_rows
+    for i in range(3):
+        d = directors[:, i]
+        np.add.at(moments, frames, y[d][:, :, None] * R[d][:, None, :])
+    for k, M in enumerate(moments):
+        turning = slice(6 * k + 3, 6 * k + 6)
+        out[turning, turning] += 0.5 * (M + M.T) - np.trace(M) * np.eye(3)
+    return out
+
+
 def _unheld(system: System, y: Floats, E: csr_matrix) -> Floats:
     """Combinations (6 pieces, k) of the rigid motions that joints and springs leave free."""
     held = system.constraints.jacobian(y)[system.internal :] @ E
@@ -225,8 +256,8 @@ def _echelon(N: Floats) -> Floats:
     return np.where(abs(out) < 1e-9, 0.0, out)
 
 
-def _described(motion: Floats, names: list[str], centres: Floats) -> str:
-    """A motion in words."""
+def _described(motion: Floats, names: list[str], centres: Floats, length: float) -> str:
+    """A motion in words; unit translations are those by `length`."""
     twists = motion.reshape(-1, 6)
     moving = np.flatnonzero(np.linalg.norm(twists, axis=1) > 1e-9)
     k = int(moving[np.linalg.norm(twists[moving], axis=1).argmax()])
@@ -235,7 +266,11 @@ def _described(motion: Floats, names: list[str], centres: Floats) -> str:
     turn, shift = float(np.linalg.norm(w)), float(np.linalg.norm(v))
     if turn < 1e-9 * max(shift, 1.0):
         return f"translation of {who} along {_triple(v / shift)}"
-    return f"rotation of {who}: {names[k]} about {_triple(w / turn)} near {_triple(centres[k])}"
+    axis = w / turn
+    through = centres[k] + length * np.cross(axis, v) / turn
+    along = length * float(v @ axis) / turn
+    text = f"rotation of {who}: {names[k]} about {_triple(axis)} through {_triple(through)}"
+    return text if abs(along) < 1e-9 * length else f"{text}, with {along:.3g} m a rad along it"
 
 
 def _triple(v: Floats) -> str:

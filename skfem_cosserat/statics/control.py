@@ -77,6 +77,10 @@ class Stage(ABC):
     #: steps go from one point asked for to the next, however many iterations they take
     fixed: bool = False
 
+    def aim(self, rate: Floats) -> None:
+        """Take the derivative (rows, 3) of the coordinates by the load factor at the start."""
+        return
+
     def finished(self, point: Point) -> bool:
         """Whether the end of the path is reached."""
         return not self._stops
@@ -321,7 +325,7 @@ class _ArcStage(Stage):
         self.crossed = False
         self.length, self.longest = control.length, control.longest
         # steps of a path without a direction are of the load factor until something moves
-        self._by_load = direction is None
+        self._by_load, self._branches = direction is None, direction is not None
         self._regular = False
         if self._by_load:
             self.length = control.first
@@ -332,13 +336,24 @@ class _ArcStage(Stage):
             return Functional(None, 1.0, self._sign * length)
         unit = self._secant / float(np.sqrt((self._weights * self._secant**2).sum()))
         # at the start of a branch the tangent leads along the path it leaves
-        predictor = length * unit if self._count == 0 else None
+        predictor = length * unit if self._branches and self._count == 0 else None
         return Functional(self._weights * unit, 0.0, length, predictor)
 
+    def _motion(self, before: Point, after: Point) -> tuple[Floats, float]:
+        change = after.y[: len(self._weights)] - before.y[: len(self._weights)]
+        return change, float(np.sqrt((self._weights * change**2).sum()))
+
+    def aim(self, rate: Floats) -> None:
+        # not by a step of the load factor: next to a limit point it may lead to another branch
+        size = float(np.sqrt((self._weights * rate**2).sum()))
+        if self._by_load and size > STILL:
+            self._by_load = False
+            self._secant = self._sign * rate
+            self.length = min(self.length * size, self.longest)
+            self.shortest = 1e-7 * self.length
+
     def accept(self, before: Point, after: Point, length: float) -> bool:
-        rows = len(self._weights)
-        change = after.y[:rows] - before.y[:rows]
-        moved = float(np.sqrt((self._weights * change**2).sum()))
+        change, moved = self._motion(before, after)
         self._regular = not self._by_load and self._count > 0
         if moved > STILL or not self._by_load:
             self._secant = change

@@ -213,7 +213,10 @@ class _Problem:
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
         size, turn = self.bound.sizes(increment[:-1])
-        return max(size, abs(increment[-1]) / max(abs(self.t), 1.0)), turn
+        dt = abs(float(increment[-1]))
+        if dt:
+            size = max(size, dt / max(abs(self.start.t), abs(self.t), abs(self.t + increment[-1])))
+        return size, turn
 
     def apply(self, increment: Floats) -> None:
         dt = float(increment[-1])
@@ -314,6 +317,12 @@ class Equilibrium:
         point = Point(y, problem.t, self._turns(start, y))
         assert problem.predicted is not None  # there is always one iteration
         return Solution(point, force, report, problem.predicted), report
+
+    def rate_at(self, point: Point) -> Floats:
+        """Derivative (rows, 3) of the coordinates by the load factor at a point begun with."""
+        problem = _Problem(self, point, Functional(None, 1.0, 0.0), None)
+        problem.residual()
+        return problem.rate()
 
     def rate(self) -> Floats:
         """Derivative (rows, 3) of the coordinates by the load factor at the point solved last."""

@@ -62,14 +62,14 @@ class Schedule:
         loading, couplings = system.loading, system.couplings
         owners: list[Load | Coupling] = [*loading.owners, *couplings.owners]
         known = {str(owner.name) for owner in owners} | ({"spin"} if spin is not None else set())
-        for name in given:
+        for name, factor in given.items():
             if name not in known:
                 raise InputError(
                     "argument factors", f"unknown name {name!r}; known: {sorted(known)}"
                 )
-            if given[name] is None or isinstance(given[name], bool):
+            if factor is None or isinstance(factor, bool):
                 raise InputError(
-                    "argument factors", f"{name!r}: {given[name]!r}, expected a number or function"
+                    "argument factors", f"{name!r}: {factor!r}, expected a number or function"
                 )
         self._given = {k: time_function(f"argument factors, {k!r}", v) for k, v in given.items()}
         self._loads = self._factors(loading.owners, loading.times)

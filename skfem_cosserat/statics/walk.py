@@ -69,7 +69,7 @@ class Walk:
             while not stage.finished(point):
                 point, asked = self._advance(point, stage)
                 show(stage.parameter, point.t)
-                if not asked and not self.control.all_points:
+                if not asked and not self.control.all_points and not interrupt.asked:
                     continue
                 answers = [callback(point) for callback in callbacks]  # all are called
                 if interrupt.asked:
@@ -96,6 +96,11 @@ class Walk:
         tangent = reduced_tangent(system, point.y, amplitudes, at)
         force = system.constraints.jacobian(point.y).T @ tangent.multipliers
         self._record(point, stage.parameter, force, 0.0, effort=self._effort())
+        if direction is None and isinstance(self.control, ArcLength):
+            try:
+                stage.aim(solver.rate_at(point))
+            except SingularMatrixError:  # at a critical point a step of the load factor has to do
+                logger.debug("no tangent at the start")
 
     def _settle(self, first: Point) -> Point:
         """The equilibrium near a start that is none: the missing forces fade away."""
@@ -140,11 +145,12 @@ class Walk:
             shorter = 0.5
             if solution is not None:
                 turn = rotation(self.system, point.y, solution.point.y)
-                jumps = self._jumps(point, solution)
-                if limit is None or (turn <= limit and not jumps):
+                jumps = limit is not None and self._jumps(point, solution)
+                if not jumps and (limit is None or turn <= limit):
                     break
                 report.reason = "in the shortest step it jumps to a point far away"
-                shorter = 0.5 if jumps else max(0.5, 0.8 * limit / turn)
+                if not jumps and limit is not None:
+                    shorter = max(0.5, 0.8 * limit / turn)
             self.rejected += 1
             stage.length = shorter * length
             if abs(stage.length) < stage.shortest:
