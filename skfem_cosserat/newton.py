@@ -174,7 +174,9 @@ def _converged(increments: list[float], size: float, settings: NewtonSettings) -
     if len(increments) < 2:
         return False
     before = increments[-2]
-    if last < 1e-3 and last < before and last**3 / before**2 <= settings.increment:
+    # after a mixed tangent the contraction is better than quadratic once, and not again
+    plain = before <= settings.mixed
+    if plain and last < 1e-3 and last < before and last**3 / before**2 <= settings.increment:
         return True
     if last <= 0.3 * before:
         return False

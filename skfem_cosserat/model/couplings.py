@@ -229,15 +229,16 @@ class _Group:
         return _Response(s, gradients, gradients, xi - start.xi, none, slopes, share=1.0)
 
     def stiffness(self, y: Array) -> Array:
-        """``B^T K B`` with ``delta xi = B delta y``, at :attr:`pairs`; a cable as if taut."""
+        """``B^T K B`` with ``delta xi = B delta y``, at :attr:`pairs`; of a cable while taut."""
         return self._by_rows(self.law.K, y)
 
     def damping(self, y: Array) -> Array:
-        """``B^T C B`` at :attr:`pairs`; a cable damps while it is taut."""
-        taut = self.law.acts(self.stretch(self.kind.value(self.invariants.values(y))))
-        return self._by_rows(self.law.C * taut[..., None], y)
+        """``B^T C B`` at :attr:`pairs`; of a cable while taut."""
+        return self._by_rows(self.law.C, y)
 
     def _by_rows(self, matrices: Array, y: Array) -> Array:
+        acts = self.law.acts(self.stretch(self.kind.value(self.invariants.values(y))))
+        matrices = matrices * acts[..., None]
         J, gradients = self.kind.slope(self.invariants.values(y)), self.invariants.gradients(y)
         c, k, R, _ = gradients.shape
         B = J @ gradients.reshape(c, k, 3 * R)

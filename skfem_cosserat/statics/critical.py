@@ -35,8 +35,10 @@ MOST = 20
 LEVEL = 1e-2
 #: how exactly a critical point is found, and the distance for that slope, as a share of the step
 ROOT, NEAR = 1e-9, 1e-3
-#: shift of a point that is not found, since it is exactly singular
-BESIDE = 2e-9
+#: eigenvalue, against those at the ends of the step, below which it counts as zero
+VANISHED = 1e-6
+#: distances of the points, as shares of the step, between which one is interpolated
+AROUND = (0.02, 0.05, 0.09)
 #: weight of the load factor against motions: it leads where nothing moves
 RIGID = 1e-12
 
@@ -185,6 +187,57 @@ def _negative(K: csr_matrix) -> int:
 Solve = Callable[[Point, Functional], tuple[Point, Floats] | None]
 
 
+class _Between:
+    """Points between two of a path, by their share s of the secant."""
+
+    def __init__(
+        self,
+        system: System,
+        solve: Solve,
+        amplitudes: Callable[[float], Amplitudes],
+        weights: Floats,
+        ends: tuple[Look, Look],
+    ) -> None:
+        self.system, self._solve, self._amplitudes = system, solve, amplitudes
+        self.first, self.last = ends
+        start, end = self.first.point, self.last.point
+        dy = end.y[: len(weights)] - start.y[: len(weights)]
+        dt = end.t - start.t
+        share = RIGID / max(abs(start.t), abs(end.t)) ** 2
+        self._secant = weights * dy, share * dt, float((weights * dy**2).sum()) + share * dt**2
+        none = np.zeros(system.n)
+        self._found: dict[float, tuple[Look, Floats]] = {
+            0.0: (self.first, none),
+            1.0: (self.last, none),
+        }
+
+    def at(self, s: float) -> Look:
+        """Raises _LostError."""
+        if s not in self._found:
+            gradient, by_factor, size = self._secant
+            solution = self._solve(self.first.point, Functional(gradient, by_factor, s * size))
+            if solution is None:
+                raise _LostError(s)
+            self._found[s] = self.look(solution[0]), solution[1]
+        return self._found[s][0]
+
+    def look(self, point: Point) -> Look:
+        return inspect(self.system, point, self._amplitudes(point.t))
+
+    def force(self, s: float) -> Floats:
+        return self._found[s][1]
+
+    def value(self, s: float) -> float:
+        """The eigenvalue nearest to zero, signed by the number of unstable motions."""
+        look = self.at(s)
+        return -look.smallest if look.unstable != self.first.unstable else look.smallest
+
+    def sound(self, s: float) -> bool:
+        """Whether an eigenvalue vanishes there, and not only the number changes."""
+        ends = max(self.first.smallest, self.last.smallest)
+        return self.at(s).smallest <= VANISHED * ends or self.at(s).neutral
+
+
 def locate(
     system: System,
     solve: Solve,
@@ -196,48 +249,82 @@ def locate(
 
     The eigenvalue nearest to zero, signed by that number, is a continuous function along the
     secant; Brent's method finds its root. If several lie between, it is the first of them or, of
-    several pairs, one of them.
+    several pairs, one of them. Where Newton's method does not come near enough, since the matrix
+    is singular there, the point is interpolated between some around it.
     """
-    first, last = ends
-    if not first.crossed(last):
+    if not ends[0].crossed(ends[1]):
         return None
-    rows = len(weights)
-    dy = last.point.y[:rows] - first.point.y[:rows]
-    dt = last.point.t - first.point.t
-    share = RIGID / max(abs(first.point.t), abs(last.point.t)) ** 2
-    size = float((weights * dy**2).sum()) + share * dt**2
-    none = np.zeros(0)
-    found: dict[float, tuple[Look, Floats]] = {0.0: (first, none), 1.0: (last, none)}
-
-    def at(s: float) -> Look:
-        if s not in found:
-            for place in (s, s - BESIDE, s + BESIDE):
-                target = Functional(weights * dy, share * dt, place * size)
-                solution = solve(first.point, target)
-                if solution is not None:
-                    break
-            else:
-                raise _LostError(f"no point at {s:.6g} of the step")
-            found[s] = inspect(system, solution[0], amplitudes(solution[0].t)), solution[1]
-        return found[s][0]
-
-    def signed(s: float) -> float:
-        return -at(s).smallest if at(s).unstable != first.unstable else at(s).smallest
-
+    between = _Between(system, solve, amplitudes, weights, ends)
     try:
-        s = float(brentq(signed, 0.0, 1.0, xtol=ROOT, rtol=ROOT, maxiter=60))
-        look = at(s)
-        before, after = at(s - NEAR), at(s + NEAR)
-    except (_LostError, RuntimeError) as error:
-        logger.warning(
-            "a critical point between the load factors %.6g and %.6g was not located: %s",
-            *(first.point.t, last.point.t, error),
-        )
+        s = float(brentq(between.value, 0.0, 1.0, xtol=ROOT, rtol=ROOT, maxiter=60))
+        if between.sound(s):
+            before, after = between.at(s - NEAR), between.at(s + NEAR)
+            slope = (after.point.t - before.point.t) / (2 * NEAR)
+            return _classified(between, between.at(s), between.force(s), slope, (before, after))
+    except _LostError as lost:
+        s = lost.s
+    found = _interpolated(between, s)
+    if found is None:
+        text = "a critical point between the load factors %.6g and %.6g was not located"
+        logger.warning(text, ends[0].point.t, ends[1].point.t)
+    return found
+
+
+def _classified(
+    between: _Between, look: Look, force: Floats, slope: float, sides: tuple[Look, Look]
+) -> Critical:
+    t, before, after = look.point.t, *sides
+    scale = max(abs(t - between.first.point.t), abs(between.last.point.t - t))
+    multiplicity = max(1, abs(after.unstable - before.unstable))
+    level = multiplicity == 1 and abs(slope) <= LEVEL * scale
+    return Critical("limit" if level else "bifurcation", look, force, multiplicity, after)
+
+
+def _interpolated(between: _Between, guess: float) -> Critical | None:
+    """The critical point from some around it, with eigenvalues that go smoothly through zero."""
+    shares, looks = [], []
+    for d in AROUND:
+        for s in (guess - d, guess + d):
+            try:
+                look = between.at(s)
+            except _LostError:
+                continue
+            if look.crossed(between.first) == (d > 0 and s > guess):  # else it is on a branch
+                shares.append(s)
+                looks.append(look)
+    left, right = (
+        [look for s, look in zip(shares, looks, strict=True) if side(s)]
+        for side in (lambda s: s < guess, lambda s: s > guess)
+    )
+    if len(left) < 2 or len(right) < 2:
         return None
-    slope = (after.point.t - before.point.t) / (2 * NEAR)
-    scale = max(abs(look.point.t - first.point.t), abs(last.point.t - look.point.t))
-    kind = "limit" if abs(slope) <= LEVEL * scale else "bifurcation"
-    return Critical(kind, look, found[s][1], max(1, abs(after.unstable - before.unstable)), after)
+    sides = left[0], right[0]
+    count = max(1, abs(right[0].unstable - left[0].unstable))
+    x = np.array(shares) - guess
+    means = [np.sign(-d) * abs(k.nearest(count)[0]).mean() for d, k in zip(x, looks, strict=True)]
+    degree = len(x) - 1
+    roots = np.roots(np.polyfit(x / AROUND[-1], np.array(means) / max(np.abs(means)), degree))
+    real = np.real(roots[abs(np.imag(roots)) < 1e-9]) * AROUND[-1]
+    if not len(real) or abs(real).min() > AROUND[0]:
+        return None
+    root = float(real[abs(real).argmin()])
+    weights = [np.prod((root - np.delete(x, k)) / (d - np.delete(x, k))) for k, d in enumerate(x)]
+    point = _mixed(between.system, [look.point for look in looks], weights)
+    force = np.sum([w * between.force(s) for w, s in zip(weights, shares, strict=True)], axis=0)
+    times = np.polyfit(x, [look.point.t for look in looks], degree)
+    slope = float(np.polyval(np.polyder(times), root))
+    return _classified(between, between.look(point), force, slope, sides)
+
+
+def _mixed(system: System, points: list[Point], weights: list[float]) -> Point:
+    """A point between others, its triads orthonormal to rounding."""
+    y = np.sum([w * p.y for w, p in zip(weights, points, strict=True)], axis=0)
+    t = float(np.sum([w * p.t for w, p in zip(weights, points, strict=True)]))
+    rows = system.kinematics.director_rows
+    U, _, V = np.linalg.svd(y[rows])
+    y[rows] = U @ V
+    y[system.rows :] = system.ground(t)
+    return Point(y, t, points[0].turns)
 
 
 def locate_all(
@@ -260,4 +347,8 @@ def locate_all(
 
 
 class _LostError(Exception):
-    """Newton's method did not find a point between two others."""
+    """Newton's method did not find a point between two others, at the share s."""
+
+    def __init__(self, s: float) -> None:
+        self.s = s
+        super().__init__(f"no point at {s:.6g} of the step")

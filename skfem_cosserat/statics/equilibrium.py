@@ -136,7 +136,7 @@ class _Problem:
     def _factor_derivative(self) -> tuple[Array, Array | None]:
         """Derivatives of the residual and of y by the load factor at fixed unknowns."""
         t, bound, moving = self.t, self.bound, bool(self.system.moving)
-        step = SMALL * max(1.0, abs(t))
+        step = SMALL * (max(abs(t), abs(self.start.t)) or 1.0)
         ends = (t - step, t + step) if t >= step or not moving else (t, t + step)
         saved = bound.save()
         residuals, ys = [], []
@@ -283,7 +283,11 @@ class Equilibrium:
         return self.bound.relative(self.bound.residual(at.R, y), at.size)
 
     def solve(
-        self, start: Point, target: Functional, relief: Floats | None = None
+        self,
+        start: Point,
+        target: Functional,
+        relief: Floats | None = None,
+        settings: NewtonSettings | None = None,
     ) -> tuple[Solution | None, NewtonReport]:
         """The point that fulfils `target`, from the equilibrium `start`; None: not found.
 
@@ -291,6 +295,8 @@ class Equilibrium:
         ----------
         relief : (rows, 3) array, optional
             Forces left out of the balance.
+        settings : NewtonSettings, optional
+            Instead of those of the path.
         """
         bound = self.bound
         if self._accepted is not None:
@@ -300,7 +306,7 @@ class Equilibrium:
         problem = self._problem = _Problem(self, start, target, relief)
         if target.predictor is not None:
             problem.predict(target.predictor)
-        report = newton(problem, self.settings)
+        report = newton(problem, self.settings if settings is None else settings)
         self.iterations += report.iterations
         self.attempts += 1
         if report.converged and (astray := bound.astray(problem.at.y)) is not None:

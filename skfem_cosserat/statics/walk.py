@@ -31,6 +31,8 @@ __all__ = ["Callback", "Walk"]
 BALANCED = 1e-9
 #: motion in an automatic step, against what its tangents predict, above which it is repeated
 JUMP = 2.0
+#: increments at which an iteration next to a critical point may stagnate
+CRITICAL = 1e-5
 #: motion (mean over the nodes, relative to the scene) within which no other branch is looked for
 NEAR = 1e-6
 
@@ -201,9 +203,11 @@ class Walk:
 
     def _locate(self, before: Look, after: Look) -> list[Critical]:
         solver = self.solver
+        # next to the point sought increments along the mode stay at rounding over eigenvalue
+        settings = replace(solver.settings, stagnation=CRITICAL)
 
         def solve(start: Point, target: Functional) -> tuple[Point, Floats] | None:
-            solution, _ = solver.solve(start, target)
+            solution, _ = solver.solve(start, target, settings=settings)
             return None if solution is None else (solution.point, solution.constraint_force)
 
         ends = before, after
