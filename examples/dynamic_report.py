@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -42,10 +43,15 @@ def main(
         record.write_csv(folder / f"dynamic_references.{name}.csv", number, header, rows)
         for name, (header, rows) in tables.items()
     ]
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        return paths  # charts come with the extra "view"
+    with suppress(ImportError):  # charts come with the extra "view"
+        paths.append(chart(result, folder / "dynamic_references.png"))
+    return paths
+
+
+def chart(result: dict[str, Any], path: Path) -> Path:
+    """Errors in space above, in time below, a column for each scene."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(10, 6.4), layout="constrained")
     axes = figure.subplots(2, 3)
     for column, name in enumerate(result["uncertainty"]):
@@ -54,9 +60,8 @@ def main(
     axes[0, 0].set_ylabel("error in space: smooth loads full,\nas given broken; grey: reference")
     axes[1, 0].set_ylabel("error in time, smooth loads:\nenergy-momentum full, variational broken")
     axes[0, 0].legend(fontsize="x-small")
-    paths.append(folder / "dynamic_references.png")
-    figure.savefig(paths[-1], dpi=120)
-    return paths
+    figure.savefig(path, dpi=120)
+    return path
 
 
 def _rows(tables: dict[Any, Any], key: str) -> Iterator[Sequence[Any]]:
@@ -99,6 +104,8 @@ def _draw_time(axis: Any, result: dict[str, Any], name: str) -> None:
     for integrator, style in (("energy-momentum", "o-"), ("variational", "s--")):
         for order, entry in result["time"][name, integrator].items():
             axis.loglog(entry["steps"], entry["error"], style, color=f"C{order - 1}", ms=4)
+    axis.set_xticks(entry["steps"], [f"1/{round(1 / h)}" for h in entry["steps"]])
+    axis.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
     axis.set(xlabel="step in s")
     axis.grid(which="both", alpha=0.3)
 

@@ -53,7 +53,7 @@ def column(quick: bool = False) -> dict[str, Any]:
     euler = np.pi**2 / 4 * 109375.0
     path = sc.static(scene.system, control=sc.LoadControl(until=1.1 * euler))
     start = sc.branch(scene.system, path)
-    control = sc.ArcLength(30, until=2.2 * euler, longest=0.1)
+    control = sc.ArcLength(60, until=2.2 * euler, longest=0.1)
     bent = sc.static(scene.system, control=control, start=start)
     return {"scene": scene, "path": path, "branch": bent, "u": displacement(scene, bent)}
 

@@ -17,7 +17,7 @@ from .equilibrium import Functional, Point, weights
 __all__ = ["ArcLength", "Control", "DisplacementControl", "LoadControl", "Stage"]
 
 #: iterations at which the step is kept; it grows below and shrinks above
-WANTED = 5
+WANTED = 6
 #: motion in a step (see :func:`weights`) below which nothing moves
 STILL = 1e-9
 #: rate of a place with a unit rate of any unknown, below which joints hold it
