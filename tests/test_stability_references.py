@@ -177,9 +177,12 @@ def test_right_angle_frame(elements, order, treatment):
     ],
 )
 def test_without_deflections_before_buckling(build, until, expected):
-    """Closed forms of Prandtl and of the hinged frame: on the path by extrapolation, and linear."""
-    found = [bifurcation(build(8, 4, stiffening=2.0**k), until) for k in range(1, 5)]
-    assert extrapolate(found, 2) == pytest.approx(expected, rel=2e-7)
+    """Closed forms of Prandtl and of the hinged frame: on the path by extrapolation, and linear.
+
+    Not with stiffer rods: rounding of the largest stiffness hides the smallest.
+    """
+    found = [bifurcation(build(6, 4, stiffening=2.0**k), until) for k in (-1, 0, 1)]
+    assert extrapolate(found, 2) == pytest.approx(expected, rel=5e-8)
     linear = sc.buckling(build(8, 4, stiffening=1e4).system, 1).factors[0]
     assert linear == pytest.approx(expected, rel=1e-9)
 

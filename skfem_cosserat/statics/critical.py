@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,8 +37,9 @@ LEVEL = 1e-2
 ROOT, NEAR = 1e-9, 1e-3
 #: eigenvalue, against those at the ends of the step, below which it counts as zero
 VANISHED = 1e-6
-#: distances of the points, as shares of the step, between which one is interpolated
-AROUND = (0.02, 0.05, 0.09)
+#: distances of the points, as shares of the step, between which one is interpolated, how often,
+#: and the eigenvalue, against those at the ends, that such a point may have
+AROUND, REFINED, SMALL = (0.02, 0.05, 0.09, 0.14, 0.2), 4, 1e-3
 #: weight of the load factor against motions: it leads where nothing moves
 RIGID = 1e-12
 
@@ -199,7 +200,7 @@ class _Between:
         ends: tuple[Look, Look],
     ) -> None:
         self.system, self._solve, self._amplitudes = system, solve, amplitudes
-        self.first, self.last = ends
+        self.ends = self.first, self.last = ends
         start, end = self.first.point, self.last.point
         dy = end.y[: len(weights)] - start.y[: len(weights)]
         dt = end.t - start.t
@@ -232,6 +233,16 @@ class _Between:
         look = self.at(s)
         return -look.smallest if look.unstable != self.first.unstable else look.smallest
 
+    def middle(self) -> float:
+        """A guess of the root from both ends alone."""
+        a, b = (self.mean(look) for look in self.ends)
+        return a / (a + b)
+
+    def mean(self, look: Look) -> float:
+        """Mean magnitude of as many eigenvalues as change their sign."""
+        count = max(1, abs(self.last.unstable - self.first.unstable))
+        return float(abs(look.nearest(count)[0]).mean())
+
     def sound(self, s: float) -> bool:
         """Whether an eigenvalue vanishes there, and not only the number changes."""
         ends = max(self.first.smallest, self.last.smallest)
@@ -259,11 +270,14 @@ def locate(
         s = float(brentq(between.value, 0.0, 1.0, xtol=ROOT, rtol=ROOT, maxiter=60))
         if between.sound(s):
             before, after = between.at(s - NEAR), between.at(s + NEAR)
-            slope = (after.point.t - before.point.t) / (2 * NEAR)
-            return _classified(between, between.at(s), between.force(s), slope, (before, after))
+            # a point that has slipped onto a branch may have a neutral motion
+            if before.crossed(after) and not (before.neutral or after.neutral):
+                slope = (after.point.t - before.point.t) / (2 * NEAR)
+                sides = before, after
+                return _classified(between, between.at(s), between.force(s), slope, sides)
     except _LostError as lost:
         s = lost.s
-    found = _interpolated(between, s)
+    found = _interpolated(between, (s, between.middle()))
     if found is None:
         text = "a critical point between the load factors %.6g and %.6g was not located"
         logger.warning(text, ends[0].point.t, ends[1].point.t)
@@ -280,51 +294,77 @@ def _classified(
     return Critical("limit" if level else "bifurcation", look, force, multiplicity, after)
 
 
-def _interpolated(between: _Between, guess: float) -> Critical | None:
+def _interpolated(between: _Between, guesses: Sequence[float]) -> Critical | None:
     """The critical point from some around it, with eigenvalues that go smoothly through zero."""
-    shares, looks = [], []
+    for guess in guesses:
+        for _ in range(REFINED):
+            samples = _around(between, guess)
+            root = _root(between, samples, guess)
+            if root is None:
+                break
+            moved, guess = abs(root - guess), root
+            if moved < AROUND[0] / 4:
+                found = _mean(between, samples, root)
+                if found.look.smallest <= SMALL * max(k.smallest for k in between.ends):
+                    return found
+                break
+    return None
+
+
+def _around(between: _Between, guess: float) -> list[tuple[float, Look]]:
+    """Points on both sides, that are not on the branch: nearest first."""
+    out = []
+    slope = sum(between.mean(end) for end in between.ends)
     for d in AROUND:
-        for s in (guess - d, guess + d):
+        for s, end in zip((guess - d, guess + d), between.ends, strict=True):
             try:
                 look = between.at(s)
             except _LostError:
                 continue
-            if look.crossed(between.first) == (d > 0 and s > guess):  # else it is on a branch
-                shares.append(s)
-                looks.append(look)
-    left, right = (
-        [look for s, look in zip(shares, looks, strict=True) if side(s)]
-        for side in (lambda s: s < guess, lambda s: s > guess)
+            if look.unstable == end.unstable and between.mean(look) > 0.2 * d * slope:
+                out.append((s, look))
+    return out
+
+
+def _root(between: _Between, samples: list[tuple[float, Look]], guess: float) -> float | None:
+    """Where the mean of the eigenvalues that change their sign vanishes."""
+    x = (np.array([s for s, _ in samples]) - guess) / AROUND[-1]
+    if min((x < 0).sum(), (x > 0).sum()) < 2:
+        return None
+    f = np.array([between.mean(look) for _, look in samples]) * -np.sign(x)
+    roots = np.roots(np.polyfit(x, f / abs(f).max(), len(x) - 1))
+    real = np.real(roots[abs(np.imag(roots)) < 1e-9])
+    if not len(real) or abs(real).min() > 1:
+        return None
+    return guess + AROUND[-1] * float(real[abs(real).argmin()])
+
+
+def _mean(between: _Between, samples: list[tuple[float, Look]], s: float) -> Critical:
+    """The point at s by the polynomial through the samples; its triads orthonormal to rounding."""
+    shares, looks = np.array([k for k, _ in samples]), [look for _, look in samples]
+    system = between.system
+    weights = np.array(
+        [
+            np.prod((s - np.delete(shares, k)) / np.delete(x - shares, k))
+            for k, x in enumerate(shares)
+        ]
     )
-    if len(left) < 2 or len(right) < 2:
-        return None
-    sides = left[0], right[0]
-    count = max(1, abs(right[0].unstable - left[0].unstable))
-    x = np.array(shares) - guess
-    means = [np.sign(-d) * abs(k.nearest(count)[0]).mean() for d, k in zip(x, looks, strict=True)]
-    degree = len(x) - 1
-    roots = np.roots(np.polyfit(x / AROUND[-1], np.array(means) / max(np.abs(means)), degree))
-    real = np.real(roots[abs(np.imag(roots)) < 1e-9]) * AROUND[-1]
-    if not len(real) or abs(real).min() > AROUND[0]:
-        return None
-    root = float(real[abs(real).argmin()])
-    weights = [np.prod((root - np.delete(x, k)) / (d - np.delete(x, k))) for k, d in enumerate(x)]
-    point = _mixed(between.system, [look.point for look in looks], weights)
-    force = np.sum([w * between.force(s) for w, s in zip(weights, shares, strict=True)], axis=0)
-    times = np.polyfit(x, [look.point.t for look in looks], degree)
-    slope = float(np.polyval(np.polyder(times), root))
-    return _classified(between, between.look(point), force, slope, sides)
-
-
-def _mixed(system: System, points: list[Point], weights: list[float]) -> Point:
-    """A point between others, its triads orthonormal to rounding."""
-    y = np.sum([w * p.y for w, p in zip(weights, points, strict=True)], axis=0)
-    t = float(np.sum([w * p.t for w, p in zip(weights, points, strict=True)]))
+    y = np.tensordot(weights, [look.point.y for look in looks], 1)
+    times = np.array([look.point.t for look in looks])
+    t = float(weights @ times)
     rows = system.kinematics.director_rows
     U, _, V = np.linalg.svd(y[rows])
     y[rows] = U @ V
     y[system.rows :] = system.ground(t)
-    return Point(y, t, points[0].turns)
+    force = np.tensordot(weights, [between.force(k) for k in shares], 1)
+    width = AROUND[-1]
+    slope = float(np.polyder(np.polyfit((shares - s) / width, times, len(shares) - 1))[-1] / width)
+    sides = (
+        max((k for k in samples if k[0] < s), key=lambda k: k[0])[1],
+        min((k for k in samples if k[0] > s), key=lambda k: k[0])[1],
+    )
+    look = between.look(Point(y, t, looks[0].point.turns))
+    return _classified(between, look, force, slope, sides)
 
 
 def locate_all(
