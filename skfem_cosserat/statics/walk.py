@@ -204,10 +204,12 @@ class Walk:
     def _locate(self, before: Look, after: Look) -> list[Critical]:
         solver = self.solver
         # next to the point sought increments along the mode stay at rounding over eigenvalue
-        settings = replace(solver.settings, stagnation=CRITICAL)
+        loose = replace(solver.settings, stagnation=CRITICAL)
 
         def solve(start: Point, target: Functional) -> tuple[Point, Floats] | None:
-            solution, _ = solver.solve(start, target, settings=settings)
+            solution, _ = solver.solve(start, target)
+            if solution is None:
+                solution, _ = solver.solve(start, target, settings=loose)
             return None if solution is None else (solution.point, solution.constraint_force)
 
         ends = before, after
