@@ -20,7 +20,7 @@ D3 is given with the inertia 10 about all three axes of the section. A plane sec
 the other two about its normal, so 5 along each of d1, d2 and, which no plane section has, d3:
 :class:`SolidBeam` adds that one.
 
-Writes three tables and, where matplotlib is there, a chart; ten minutes on one core, with --quick
+Writes three tables and, where matplotlib is there, a chart; half an hour on one core, with --quick
 one. All units SI. Run ``python examples/dynamic_references.py --help`` for the choices.
 """
 

@@ -37,7 +37,7 @@ NAME = "numpy"
 
 @dataclass(eq=False)
 class BeamElements:
-    """Constant data of a group of director beam elements of one order.
+    """Constant data of a group of director beam elements of one interpolation.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Groups of equal blocks: all beam elements of one order, single frames, mass points.
+"""Groups of equal blocks: all beam elements of one interpolation, single frames, mass points.
 
 The tangent of a step is a list of block arrays, one for each group. Treatments know the groups'
 connectivity and nothing else of the items; items never see a treatment.
@@ -105,7 +105,7 @@ def _summed(vertices: Sequence[int], size: int, lumps: Sequence[Lump]) -> Floats
 
 
 class BeamGroup(Group):
-    """All beam elements of one order, of all beams: one call of each kernel."""
+    """All beam elements of one interpolation, of all beams: one call of each kernel."""
 
     def __init__(
         self,
