@@ -1034,7 +1034,7 @@ def test_moment_about_a_hinge_is_conservative(treatment):
         sc.LoadGravity((0, 0, -10.0)),
     )
     model.add("moment", sc.LoadMoment(body.at((0, 0, 0)), (0, 6.0, 0)))
-    control = sc.ArcLength(24, longest=0.4, first=0.2)
+    control = sc.ArcLength(24, longest=0.4, first=0.2, length=0.4)
     path = sc.static(model, treatment, control, factors={"weight": 1.0})
     angle, load = path["joint/hinge/angle"], path["load_factor"]
     assert abs(2 * angle + 5 * np.sin(angle) - 6 * load).max() < 1e-11

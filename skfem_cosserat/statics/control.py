@@ -349,7 +349,8 @@ class _ArcStage(Stage):
         if self._by_load and size > STILL:
             self._by_load = False
             self._secant = self._sign * rate
-            self.length = min(self.length * size, self.longest)
+            # nor far: the tangent may be that of a path about to turn
+            self.length = min(self.length * size, self._control.length, self.longest)
             self.shortest = 1e-7 * self.length
 
     def accept(self, before: Point, after: Point, length: float) -> bool:
@@ -394,7 +395,8 @@ class ArcLength(Control):
     first : float
         Load factor of the first step; negative to set off the other way.
     length : float
-        First step on a branch (see :func:`branch`), where there is no load factor to go by.
+        First step on a branch (see :func:`branch`), where there is no load factor to go by; no
+        other first step is longer.
     longest : float
         Longest step, as above.
     turn : float or None
