@@ -389,14 +389,15 @@ def test_bad_integrator():
 
 @pytest.mark.slow
 def test_quick_map(tmp_path):
-    """A full period: energy-momentum at 1e-3 s makes it, nothing else of the coarse steps."""
+    """A full period: energy-momentum at 3e-3 and 1e-3 s makes it, nothing else so coarse."""
     result = example.main(quick=True, out=tmp_path)
     by = {(r["integrator"], r["step_s"]): r for r in result["rows"]}
     assert result["period"] == pytest.approx(2.90, abs=0.02)
-    assert {k for k, r in by.items() if r["period_s"]} == {("energy-momentum", 1e-3)}
+    whole = {k for k, r in by.items() if r["period_s"]}
+    assert whole == {("energy-momentum", 3e-3), ("energy-momentum", 1e-3)}
     assert by["variational", 1e-3]["end_s"] > by["variational", 1e-3]["event_x_s"]
-    late = by["energy-momentum", 3e-3]
-    assert late["outcome"] == "Newton failed" and late["end_s"] > late["event_y_s"] > 2.4
+    late = by["energy-momentum", 1e-2]
+    assert late["outcome"] == "Newton failed" and late["end_s"] > late["event_x_s"]
     assert all(r["outcome"] != "completed" for r in result["rows"] if r["integrator"][0] == "v")
     failed = [r for r in result["criterion"] if r["failed_at"] is not None]
     assert failed and all(r["warned"] for r in failed)
