@@ -64,6 +64,10 @@ class Stage(ABC):
             return True
         return False
 
+    def gained(self, before: Point, after: Point, length: float) -> float:
+        """How much the parameter grows in a step to a point."""
+        return length
+
     def adapt(self, iterations: int, length: float) -> None:
         """Plan the next step after one of `length` that took so many iterations."""
         if self.fixed:
@@ -353,13 +357,17 @@ class _ArcStage(Stage):
             self.length = min(self.length * size, self._control.length, self.longest)
             self.shortest = 1e-7 * self.length
 
+    def gained(self, before: Point, after: Point, length: float) -> float:
+        moved = self._motion(before, after)[1]
+        # rigid so far: the load factor
+        return moved if moved > STILL or not self._by_load else abs(after.t - before.t)
+
     def accept(self, before: Point, after: Point, length: float) -> bool:
         change, moved = self._motion(before, after)
         self._regular = not self._by_load and self._count > 0
         if moved > STILL or not self._by_load:
             self._secant = change
-        else:  # rigid so far
-            moved = abs(after.t - before.t)
+        moved = self.gained(before, after, length)
         if self._by_load and self._secant is not None:
             self._by_load = False
             self.length, self.shortest = moved, 1e-7 * moved

@@ -13,7 +13,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import ArpackError, eigs, eigsh, splu
 
 from ..diagnostics.tangent import ReducedTangent, reduced_tangent
-from ..log import logger
 from ..model import System
 from ..model.balance import Amplitudes, balance
 from ..types import Array, Floats, IndexArray
@@ -277,11 +276,7 @@ def locate(
                 return _classified(between, between.at(s), between.force(s), slope, sides)
     except _LostError as lost:
         s = lost.s
-    found = _interpolated(between, (s, between.middle()))
-    if found is None:
-        text = "a critical point between the load factors %.6g and %.6g was not located"
-        logger.warning(text, ends[0].point.t, ends[1].point.t)
-    return found
+    return _interpolated(between, (s, between.middle()))
 
 
 def _classified(

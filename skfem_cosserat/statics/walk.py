@@ -36,7 +36,21 @@ CRITICAL = 1e-5
 #: motion (mean over the nodes, relative to the scene) within which no other branch is looked for
 NEAR = 1e-6
 
+#: how often a step is halved to locate the critical points in it
+LOSSES = 6
+
 Callback = Callable[[Point], object]
+
+
+@dataclass
+class _Sight:
+    """What is known of the stability along a step: at its end, critical points, what is missing."""
+
+    look: Look | None
+    found: list[Critical]
+    lost: bool = False
+    #: iterations and solves of the step, if critical points were searched for after it
+    effort: tuple[int, int] | None = None
 
 
 @dataclass
@@ -134,6 +148,7 @@ class Walk:
         """The next point, and whether it is one that was asked for."""
         solver, limit = self.solver, self.control.turn
         residuals = []
+        losses = 0
         while True:
             length = self._prescribed(point, stage.trial())
             functional = stage.functional(point, length)
@@ -149,41 +164,86 @@ class Walk:
                 turn = rotation(self.system, point.y, solution.point.y)
                 jumps = limit is not None and self._jumps(point, solution)
                 if not jumps and (limit is None or turn <= limit):
-                    break
-                report.reason = "in the shortest step it jumps to a point far away"
-                if not jumps and limit is not None:
+                    if isinstance(self.control, ArcLength) and self._crosses(point, solution.point):
+                        solution = self._at_end(solution)
+                    sight = self._sight(point, solution)
+                    if not sight.lost or limit is None or losses == LOSSES:
+                        break
+                    # it may have landed on another branch: a shorter step shows
+                    losses += 1
+                    self._unrecorded = sight.effort or (0, 0)
+                elif not jumps and limit is not None:
                     shorter = max(0.5, 0.8 * limit / turn)
+                report.reason = "in the shortest step it jumps to a point far away"
             self.rejected += 1
             stage.length = shorter * length
             if abs(stage.length) < stage.shortest:
                 raise self._failure(point, report, "the path cannot be continued", residuals)
-        if isinstance(self.control, ArcLength) and self._crosses(point, solution.point):
-            solution = self._at_end(solution)
-        asked = self._watch(point, solution, stage, functional, length)
+        solution = self._before_crest(point, solution, sight)
+        asked = self._accept(point, solution, stage, functional, length, sight)
         return solution.point, asked
 
-    def _watch(
-        self, point: Point, solution: Solution, stage: Stage, functional: Functional, length: float
+    def _sight(self, point: Point, solution: Solution) -> _Sight:
+        """Stability at a point found, and the critical points on the way to it."""
+        if not self.watch:
+            return _Sight(None, [])
+        before = self._look
+        look = inspect(self.system, solution.point, self.solver.schedule.at(solution.point.t))
+        if before is None or look.unstable == before.unstable:
+            return _Sight(look, [])
+        effort = self._effort()
+        found = self._locate(before, look)
+        if isinstance(self.control, LoadControl):
+            # others belong to parts of the path that were passed before, or to other branches
+            low, high = sorted((point.t, solution.point.t))
+            found = [c for c in found if low <= c.look.point.t <= high or c.kind == "limit"]
+        last = found[-1].after if found else before
+        return _Sight(look, found, last.crossed(look), effort)
+
+    def _before_crest(self, point: Point, solution: Solution, sight: _Sight) -> Solution:
+        """The end of an arc length path, if it is crossed on the way to a critical point."""
+        if not isinstance(self.control, ArcLength) or self.control.until is None:
+            return solution
+        until = self.control.until
+        for k, critical in enumerate(sight.found):
+            if until == critical.look.point.t or not self._crosses(point, critical.look.point):
+                continue
+            self.solver.begin(point)
+            exact, report = self.solver.solve(point, Functional(None, 1.0, until - point.t))
+            if exact is None:
+                raise self._failure(point, report, "the end of the path was not found")
+            del sight.found[k:]
+            sight.look = inspect(self.system, exact.point, self.solver.schedule.at(until))
+            return exact
+        return solution
+
+    def _accept(
+        self,
+        point: Point,
+        solution: Solution,
+        stage: Stage,
+        functional: Functional,
+        length: float,
+        sight: _Sight,
     ) -> bool:
-        """Accept a point, after a critical one that was passed."""
-        solver = self.solver
-        before, parameter = self._look, stage.parameter
-        spent = self._effort()
-        look = None
-        if self.watch:
-            look = inspect(self.system, solution.point, solver.schedule.at(solution.point.t))
-        found: list[Critical] = []
-        if before is not None and look is not None and look.unstable != before.unstable:
-            found = self._locate(before, look)
-        for critical in found:
+        """Accept a point, after the critical ones that were passed; says whether it was asked."""
+        solver, parameter = self.solver, stage.parameter
+        spent = self._effort() if sight.effort is None else sight.effort
+        gained = stage.gained(point, solution.point, length)
+        for critical in sight.found:
             share = functional.share(point, critical.look.point)
-            self._record_critical(critical, parameter + share * length)
+            self._record_critical(critical, parameter + share * gained)
             self._check_turning(critical)
-        if found:
+        if sight.effort is not None:
             solver.begin(solution.point)
         else:
             solver.accept()
-        self._look = look
+        if sight.lost:
+            logger.warning(
+                "a critical point between the load factors %.6g and %.6g was not located",
+                *(point.t, solution.point.t),
+            )
+        self._look = sight.look
         rows = self.system.rows
         self._rate = (solution.point.y[:rows] - point.y[:rows]) / length
         self._warn_if_bent(solution.point)
