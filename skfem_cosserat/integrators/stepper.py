@@ -12,6 +12,7 @@ from ..log import logger
 from ..model import System
 from ..model.bending import bent_elements
 from ..model.singular import contradiction, dead_point
+from ..model.tension import overstretched
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, positive
 from .base import Evaluation, Integrator, State, StepData, StepWork
@@ -218,8 +219,8 @@ class Stepper:
         bent = bent_elements(self.system, step.y0)
         if bent is None and np.isfinite(y1).all():
             bent = bent_elements(self.system, y1)
-        if bent is not None:
-            reason = f"{reason}; {bent}"
+        drawn = overstretched(self.system, step.y0)  # forces at y1 mean nothing
+        reason = "; ".join(text for text in (reason, bent, drawn) if text is not None)
         return reason, f"try a smaller step than {self.h:g} s, {self.integrator.advice}"
 
     def _check_motion(self, state: State, y1: Array, residual: float) -> None:

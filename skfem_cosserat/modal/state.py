@@ -12,10 +12,12 @@ from ..diagnostics.tangent import ReducedTangent, reduced_tangent
 from ..errors import IncompatibleError, InputError
 from ..history import History
 from ..integrators import State
+from ..log import logger
 from ..model import Model, System
 from ..model.balance import Amplitudes, Spin, amplitudes_at, balance
 from ..model.closure import SINGULAR
 from ..model.loops import names_of, tree_values
+from ..model.tension import overstretched
 from ..simulate.describe import other_model
 from ..statics.record import recorded_amplitudes
 from ..statics.schedule import Schedule
@@ -123,9 +125,10 @@ def resting(
             )
     at = balance(system, y, amplitudes, turns=turns)
     tangent = reduced_tangent(system, y, amplitudes, at)
-    return Equilibrium(
-        system, y, time, amplitudes, tangent, _check_rest(system, tangent, tolerance)
-    )
+    error = _check_rest(system, tangent, tolerance)
+    if drawn := overstretched(system, y):
+        logger.warning("argument state: %s", drawn)
+    return Equilibrium(system, y, time, amplitudes, tangent, error)
 
 
 def finite(item: str, value: float) -> float:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -17,16 +15,21 @@ from ..integrators import Integrator, State, Stepper, StepReport
 from ..log import logger
 from ..model import System
 from ..model.bending import bent_elements
+from ..model.tension import overstretched
 from ..newton import NewtonSettings
 from ..types import positive
 from .describe import derive_series
 from .interrupt import Interrupt
+from .progress import Progress
 from .recorder import Recorder
 from .start import checked_start, initial_state
 
 __all__ = ["simulate", "steps"]
 
 Callback = Callable[[StepReport], object]
+
+#: recorded states, evenly spread, at which the tension of elements is looked at
+LOOKS = 20
 
 
 def steps(
@@ -148,16 +151,19 @@ def simulate(
     stepper = Stepper(system, integrator, treatment, step, settings)
     state, count = _plan(system, start, stepper.h, until, every)
     _check_run(callbacks, path, state)
-    show = _progress(progress, until, state.time + count * stepper.h)
+    show = Progress(progress, "t = {:.6g} s of {:.6g} s".format)
     recorder = Recorder(system, stepper, state, count, every, at, path)
     _warn_if_unresolved(stepper)
     with recorder, Interrupt() as interrupt:
-        status, failure = _run(stepper, state, count, recorder, callbacks, show, interrupt)
+        with show:
+            status, failure = _run(
+                stepper, state, count, recorder, callbacks, lambda t: show(t, until), interrupt
+            )
         history = recorder.close(status, failure)
         if failure is not None:
             failure.history = history
-        elif bent := bent_elements(system, history["q"][-1].reshape(-1, 3)):
-            logger.warning("t = %.6g s: %s", history.times[-1], bent)
+        else:
+            _warn_of_elements(system, history)
         if derive:
             interrupt.asked = True  # nothing is lost any more: end at once
             _derive(system, history, path)
@@ -196,6 +202,20 @@ def _run(
     except Diverged as error:
         return "diverged", error
     return status, None
+
+
+def _warn_of_elements(system: System, history: History) -> None:
+    """Say what elements are bent too far at the end, or were drawn too much on the way.
+
+    What is drawn too much folds up: of the end nothing may be seen any more.
+    """
+    states = history["q"].reshape(len(history), -1, 3)
+    if bent := bent_elements(system, states[-1]):
+        logger.warning("t = %.6g s: %s", history.times[-1], bent)
+    for k in np.unique(np.linspace(0, len(states) - 1, LOOKS).round().astype(int)):
+        if drawn := overstretched(system, states[k]):
+            logger.warning("t = %.6g s: %s", history.times[k], drawn)
+            break
 
 
 def _warn_if_unresolved(stepper: Stepper) -> None:
@@ -256,23 +276,3 @@ def _plan(
     if count < 0:
         raise InputError("argument until", f"{until!r} s is before the start at {state.time!r} s")
     return state, count
-
-
-def _progress(progress: object, until: float, last: float) -> Callable[[float], object]:
-    if callable(progress):
-        return lambda t: progress(t, until)
-    if not isinstance(progress, bool):
-        raise InputError("argument progress", f"{progress!r}, expected True, False or a function")
-    if not progress:
-        return lambda t: None
-    shown = [0.0]
-
-    def line(t: float) -> None:
-        now = time.monotonic()
-        done = t >= last * (1 - 1e-12)
-        if done or now - shown[0] >= 0.2:
-            shown[0] = now
-            sys.stderr.write(f"\rt = {t:.6g} s of {until:.6g} s" + ("\n" if done else ""))
-            sys.stderr.flush()
-
-    return line

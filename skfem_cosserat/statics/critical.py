@@ -16,7 +16,7 @@ from ..diagnostics.tangent import ReducedTangent, reduced_tangent
 from ..model import System
 from ..model.balance import Amplitudes, balance
 from ..types import Array, Floats, IndexArray
-from .equilibrium import Functional, Point
+from .equilibrium import Functional, Neutral, Point, weights
 
 __all__ = ["Critical", "Look", "inspect", "locate", "locate_all"]
 
@@ -28,6 +28,13 @@ SYMMETRIC = 1e-14
 #: eigenvalue, relative to the largest entry of K, below which a motion counts as neutral: of a
 #: section bent in one of its equivalent directions it was below 0.6 units of rounding (measured)
 NEUTRAL = 1e-15
+#: smallest pivot, against that eigenvalue, above which none is looked for: where a motion is small
+#: at the last unknown, the pivot is larger than the eigenvalue by its square
+SUSPECT = 1e8
+#: of such motions at most as many are sought: turns about axes of symmetry are few
+MOST_NEUTRAL = 6
+#: how much larger the eigenvalue may be after a step, to count as neutral still
+LOOSE = 100.0
 #: critical points sought within one step
 MOST = 20
 #: slope of the load factor along the path, in steps of equal size, below which it is a limit point
@@ -57,12 +64,15 @@ class Look:
     tangent : ReducedTangent
     symmetric : bool
         Whether the forces are conservative.
+    pivot : float
+        Smallest pivot of an elimination, in magnitude: a neutral motion makes it small.
     """
 
     point: Point
     unstable: int
     tangent: ReducedTangent
     symmetric: bool
+    pivot: float
 
     @property
     def smallest(self) -> float:
@@ -70,9 +80,40 @@ class Look:
         return float(abs(self._eigen(1)[0][0]))
 
     @property
+    def floor(self) -> float:
+        """Eigenvalue that cannot be told from zero."""
+        return NEUTRAL * float(abs(self.tangent.K.data).max(initial=0.0))
+
+    @property
     def neutral(self) -> bool:
-        """Whether it cannot be told from zero."""
-        return self.smallest <= NEUTRAL * float(abs(self.tangent.K.data).max(initial=0.0))
+        """Whether the smallest one cannot be told from zero."""
+        return self.pivot <= SUSPECT * self.floor and self.smallest <= self.floor
+
+    @property
+    def firmly_unstable(self) -> int:
+        """Unstable motions without neutral ones, whose sign is an accident of rounding."""
+        if not (self.symmetric and self.unstable and self.neutral):
+            return self.unstable
+        K, metric = self.tangent.K, self.tangent.metric
+        return _negative(0.5 * (K + K.T) + 2 * self.floor * metric)[0]
+
+    def neutral_motions(self, system: System, beside: Floats | None = None) -> Neutral:
+        """Motions that nothing holds, normal to the one (rows, 3) that a branch sets off along."""
+        if not self.neutral:
+            return Neutral()
+        W = np.sqrt(weights(system))
+        values, modes = self.nearest(min(MOST_NEUTRAL, self.tangent.K.shape[0]))
+        modes = modes[:, abs(values) <= self.floor]
+        motions = [(W * (self.tangent.P @ m).reshape(-1, 3)).ravel() for m in modes.T]
+        if beside is not None:
+            motions = [(W * beside).ravel(), *motions]
+        Q, R = np.linalg.qr(np.column_stack(motions))
+        keep = abs(np.diag(R)) > 1e-6 * abs(R).max()
+        if beside is not None:
+            keep[0] = False
+        kept = [q.reshape(-1, 3) / W for q in Q[:, keep].T]
+        # the metric here is a sum over the nodes, there a mean
+        return Neutral(kept, LOOSE * self.floor * len(system.origin_rows))
 
     def crossed(self, later: Look) -> bool:
         """Whether an eigenvalue has changed its sign between two points of a path."""
@@ -146,17 +187,19 @@ def inspect(system: System, point: Point, amplitudes: Amplitudes) -> Look:
     size = float(abs(K.data).max(initial=0.0))
     difference = abs((K - K.T).data).max(initial=0.0)
     symmetric = system.loading.dead_only or bool(difference <= SYMMETRIC * size)
-    unstable = _negative(0.5 * (K + K.T)) if symmetric else int(_determinant_sign(K) < 0)
-    return Look(point, unstable, tangent, symmetric)
+    unstable, pivot = _negative(0.5 * (K + K.T)) if symmetric else _determinant(K)
+    return Look(point, unstable, tangent, symmetric, pivot)
 
 
-def _determinant_sign(K: csr_matrix) -> float:
+def _determinant(K: csr_matrix) -> tuple[int, float]:
+    """1 if the determinant is negative, else 0, and the smallest pivot."""
     try:
         factors = splu(K.tocsc())
     except RuntimeError:  # a pivot vanishes
-        return 0.0
-    sign = float(np.prod(np.sign(factors.U.diagonal())))
-    return sign * _parity(factors.perm_r) * _parity(factors.perm_c)
+        return 0, 0.0
+    pivots = factors.U.diagonal()
+    sign = float(np.prod(np.sign(pivots))) * _parity(factors.perm_r) * _parity(factors.perm_c)
+    return int(sign < 0), float(abs(pivots).min(initial=np.inf))
 
 
 def _parity(order: IndexArray) -> int:
@@ -167,20 +210,25 @@ def _parity(order: IndexArray) -> int:
     return 1 if (n - cycles) % 2 == 0 else -1
 
 
-def _negative(K: csr_matrix) -> int:
-    """Negative pivots of an elimination without exchange of rows (Sylvester's law of inertia)."""
+def _negative(K: csr_matrix) -> tuple[int, float]:
+    """Negative and smallest pivots of an elimination without exchange of rows.
+
+    The former are as many as the negative eigenvalues (Sylvester's law of inertia).
+    """
     if K.shape[0] == 0:
-        return 0
+        return 0, np.inf
     options = {"SymmetricMode": True}
     try:
         factors = splu(
             K.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
         )
         if (factors.perm_r == factors.perm_c).all():
-            return int((factors.U.diagonal() < 0).sum())
+            pivots = factors.U.diagonal()
+            return int((pivots < 0).sum()), float(abs(pivots).min())
     except RuntimeError:  # a pivot vanishes
         pass
-    return int((np.linalg.eigvalsh(K.toarray()) < 0).sum())
+    values = np.linalg.eigvalsh(K.toarray())
+    return int((values < 0).sum()), float(abs(values).min())
 
 
 #: solves for the point that fulfils a functional from a start: point and constraint force, or None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray
 from .schedule import Schedule
 
-__all__ = ["Equilibrium", "Functional", "Point", "Solution", "weights"]
+__all__ = ["Equilibrium", "Functional", "Neutral", "Point", "Solution", "weights"]
 
 #: change of the load factor for its difference quotients
 SMALL = 1e-6
@@ -81,6 +81,24 @@ class Functional:
     def share(self, start: Point, end: Point) -> float:
         """What part of `value` a point between is from the start."""
         return 1.0 + self(start, end.y, end.t) / self.value
+
+
+@dataclass(eq=False)
+class Neutral:
+    """Motions of an equilibrium that nothing holds and nothing drives, to rounding.
+
+    As of a round column that has buckled: its plane of bending is free.
+
+    Attributes
+    ----------
+    motions : list of (rows, 3) arrays
+        Of unit size in the metric of :func:`weights`, and normal to each other.
+    limit : float
+        Eigenvalue of the stiffness in that metric up to which a motion counts as neutral.
+    """
+
+    motions: list[Array] = field(default_factory=list)
+    limit: float = 0.0
 
 
 @dataclass(eq=False)
@@ -195,10 +213,10 @@ class _Problem:
         free = self.target.gradient is not None or self._missing != 0
         r_t, self._by_t = self._factor_derivative() if free else (None, None)
         bound, data = self.bound, self._assemble()
-        r = bound.scale_rows(self._r)
+        columns = [self._r] if r_t is None else [self._r, r_t]
+        both = self._solved(data, columns)
         if r_t is None:
-            return np.append(-bound.solver.solve(data, r), 0.0)
-        both = bound.solver.solve(data, np.column_stack([r, bound.scale_rows(r_t)]))
+            return np.append(-both[:, 0], 0.0)
         along, slope = float(self._missing), self.target.by_factor
         if self.target.gradient is not None:
             gradient = bound.pull(self.target.gradient)
@@ -210,6 +228,32 @@ class _Problem:
             raise SingularMatrixError("the load factor does not change what is prescribed")
         dt = -along / slope
         return np.append(-both[:, 0] - dt * both[:, 1], dt)
+
+    def _solved(self, data: Floats, columns: list[Floats]) -> Floats:
+        """Solutions for residuals, without motions that nothing holds.
+
+        There the matrix is singular to rounding, and a solution would wander along. The motion at
+        this configuration comes from the last one by a step of inverse iteration.
+        """
+        bound, neutral, W = self.bound, self.solver.neutral, weights(self.system)
+        both = [bound.scale_rows(c) for c in columns]
+        both += [bound.scale_rows(bound.pull(W * z)) for z in neutral.motions]
+        X = bound.solver.solve(data, np.column_stack(both))
+        count = len(columns)
+        if not neutral.motions:
+            return X
+        Z = X[:, count:]
+        moved = np.column_stack([(np.sqrt(W) * bound.push(z, self.at.y)).ravel() for z in Z.T])
+        Q, sizes, mix = np.linalg.svd(moved, full_matrices=False)
+        still = 1 / sizes <= neutral.limit  # their eigenvalues
+        if not still.any():
+            return X[:, :count]
+        Q, U = Q[:, still], (Z @ mix.T / sizes)[:, still]
+        neutral.motions = [(q.reshape(-1, 3) / np.sqrt(W)) for q in Q.T]
+        for k in range(count):
+            change = (np.sqrt(W) * bound.push(X[:, k], self.at.y)).ravel()
+            X[:, k] -= U @ (Q.T @ change)
+        return X[:, :count]
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
         size, turn = self.bound.sizes(increment[:-1])
@@ -257,6 +301,8 @@ class Equilibrium:
     ----------
     iterations, attempts : int
         Newton iterations and solves so far, failed ones included.
+    neutral : Neutral
+        Motions to leave alone.
     """
 
     def __init__(
@@ -265,6 +311,7 @@ class Equilibrium:
         self.system, self.schedule, self.settings = system, schedule, settings
         self.bound = treatment.bind(system, 1.0)  # forces act where the balance is taken
         self.iterations = self.attempts = 0
+        self.neutral = Neutral()
         self._accepted: object | None = None
         self._problem: _Problem | None = None
 

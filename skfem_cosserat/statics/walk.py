@@ -15,6 +15,7 @@ from ..log import logger
 from ..model import System
 from ..model.balance import balance
 from ..model.bending import bent_elements
+from ..model.tension import overstretched
 from ..newton import NewtonReport
 from ..simulate.interrupt import Interrupt
 from ..types import Floats
@@ -22,7 +23,7 @@ from .branch import branch_stage
 from .checks import prescribed_turn, rotation
 from .control import ArcLength, Control, LoadControl, Stage
 from .critical import Critical, Look, inspect, locate_all
-from .equilibrium import Equilibrium, Functional, Point, Solution, weights
+from .equilibrium import Equilibrium, Functional, Neutral, Point, Solution, weights
 from .record import PathRecorder
 
 __all__ = ["Callback", "Walk"]
@@ -36,6 +37,9 @@ CRITICAL = 1e-5
 #: motion (mean over the nodes, relative to the scene) within which no other branch is looked for
 NEAR = 1e-6
 
+#: iterations of a step up to which neutral motions are left to themselves: that a stiffness cannot
+#: be told from zero does not mean that there is none
+EASY = 10
 #: how often a step is halved to locate the critical points in it
 LOSSES = 6
 
@@ -64,8 +68,10 @@ class Walk:
     rejected: int = 0
     critical: list[dict[str, Any]] = field(default_factory=list)
     bent: bool = False
+    stretched: bool = False
     _look: Look | None = None
     _rate: Floats | None = None
+    _idle: Neutral = field(default_factory=Neutral)
 
     def run(
         self,
@@ -106,9 +112,11 @@ class Walk:
         self._spent, self._unrecorded = (0, 0), (0, 0)
         amplitudes = solver.schedule.at(point.t)
         at = balance(system, point.y, amplitudes, turns=point.turns)
+        look = inspect(system, point, amplitudes) if self.watch or direction is not None else None
+        if look is not None:
+            self._idle = look.neutral_motions(system, direction)
         # at a critical point the number of unstable motions is one or the other
-        look = self.watch and direction is None
-        self._look = inspect(system, point, amplitudes) if look else None
+        self._look = look if direction is None else None
         tangent = reduced_tangent(system, point.y, amplitudes, at)
         force = system.constraints.jacobian(point.y).T @ tangent.multipliers
         self._record(point, stage.parameter, force, 0.0, effort=self._effort())
@@ -152,7 +160,7 @@ class Walk:
         while True:
             length = self._prescribed(point, stage.trial())
             functional = stage.functional(point, length)
-            solution, report = solver.solve(point, functional)
+            solution, report = self._solve(point, functional)
             residuals.append(report.residuals)
             if solution is None and self._rate is not None and functional.predictor is None:
                 # at a critical point the tangent does not say where to go: on as before
@@ -183,12 +191,27 @@ class Walk:
         asked = self._accept(point, solution, stage, functional, length, sight)
         return solution.point, asked
 
+    def _solve(self, point: Point, functional: Functional) -> tuple[Solution | None, NewtonReport]:
+        """As the solver does it; if hard, again without the motions that nothing holds."""
+        solver = self.solver
+        solution, report = solver.solve(point, functional)
+        easy = solution is not None and report.iterations <= EASY
+        if easy or solver.neutral.motions or not self._idle.motions:
+            return solution, report
+        solver.neutral = self._idle
+        again = solver.solve(point, functional)
+        if again[0] is None:
+            solver.neutral = Neutral()
+            return solver.solve(point, functional)
+        return again
+
     def _sight(self, point: Point, solution: Solution) -> _Sight:
         """Stability at a point found, and the critical points on the way to it."""
         if not self.watch:
             return _Sight(None, [])
         before = self._look
         look = inspect(self.system, solution.point, self.solver.schedule.at(solution.point.t))
+        look.unstable = look.firmly_unstable
         if before is None or look.unstable == before.unstable:
             return _Sight(look, [])
         effort = self._effort()
@@ -244,9 +267,13 @@ class Walk:
                 *(point.t, solution.point.t),
             )
         self._look = sight.look
+        if sight.look is not None:
+            self._idle = sight.look.neutral_motions(self.system)
+            if solver.neutral.motions:  # found to be a nuisance before
+                solver.neutral = self._idle
         rows = self.system.rows
         self._rate = (solution.point.y[:rows] - point.y[:rows]) / length
-        self._warn_if_bent(solution.point)
+        self._warn_of_elements(solution.point)
         asked = stage.accept(point, solution.point, length)
         if asked or self.control.all_points:
             force, report = solution.constraint_force, solution.report
@@ -355,12 +382,16 @@ class Walk:
         force, effort = found.constraint_force, self._effort()
         self._record(point, parameter, force, 0.0, found.kind, effort)
 
-    def _warn_if_bent(self, point: Point) -> None:
-        """Say once that elements are bent farther than they can be on their own."""
+    def _warn_of_elements(self, point: Point) -> None:
+        """Say once that elements are bent or drawn farther than they can be on their own."""
         bent = None if self.bent else bent_elements(self.system, point.y)
         if bent is not None:
             self.bent = True
             logger.warning("load factor %.6g: %s", point.t, bent)
+        drawn = None if self.stretched else overstretched(self.system, point.y)
+        if drawn is not None:
+            self.stretched = True
+            logger.warning("load factor %.6g: %s", point.t, drawn)
 
     def _check_turning(self, found: Critical) -> None:
         """Steps of the load factor end where it does not grow any more."""

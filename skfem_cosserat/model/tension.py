@@ -1,0 +1,144 @@
+"""Elements drawn so much that node rotations their Gauss points do not see grow."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from ..basis import gauss_rule
+from ..beam import Beam
+from ..element import Interpolation, shape_derivatives, shape_functions
+from ..types import Floats
+from .groups import BeamGroup
+from .system import System
+
+__all__ = ["overstretched", "tension_factor"]
+
+
+def overstretched(system: System, y: Floats) -> str | None:
+    """Elements whose tension is above what their bending stiffness can hold on this mesh.
+
+    Parameters
+    ----------
+    system : System
+    y : (rows or more, 3) array
+        Configuration: the rows of a state q, or all rows from ``system.extend``.
+
+    Returns
+    -------
+    str or None
+        The worst element with its nodes, its tension and the limit (N), and how many elements of
+        the same order its beam needs; None if all are within their limits.
+
+    Notes
+    -----
+    Rotations of nodes ``theta = c P_p`` (the Legendre polynomial of an element of order p, with
+    signs such that neighbours agree) vanish at its p Gauss points: only their slope is seen, with
+    the bending energy ``EI p (p + 1) c^2/h`` of an element. Yet they shorten the interpolated d3,
+    by ``theta^2/2`` at the nodes and ``c^2/(2 p)`` in the mean, which releases ``N h c^2/(2 p)``.
+    They grow above ``N = 2 p^2 (p + 1) EI/h^2``; for p = 3 and 4, where polynomials of lower order
+    lend a hand, somewhat earlier: see :func:`tension_factor`. ``EI`` is the smaller bending
+    stiffness, that at free twist and shear, ``h^2`` the length in the reference times the present
+    one. It is the limit of a long row of equal elements; ends that are held and neighbours drawn
+    less raise it: by 4 % for eight clamped elements of order 2. Shear as soft as ``GA = N`` and
+    tension that varies within an element are left out.
+
+    Elements with more Gauss points than p see these rotations as shear. They give way above
+    ``p/(2 p + 1)`` of the shear stiffness on any mesh and are not looked at here.
+
+    Examples
+    --------
+    A beam of two linear elements with EI = 500 N m^2 and h = 1 m, drawn by 2500 N:
+
+    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> section = Section([1e6, 1e6, 1e6, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> model = Model()
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 2)
+    >>> beam = model.add("rope", Beam(mesh, section, director=(1, 0, 0)))
+    >>> system = model.freeze()
+    >>> y = system.q0.reshape(-1, 3)
+    >>> print(overstretched(system, y))
+    None
+    >>> y[system.origin_rows] *= 1.0025
+    >>> overstretched(system, y).partition(" (1 more")[0]
+    "tension 2.5e+03 N between nodes 0 and 1 of beam 'rope' is above 4 EI/h^2 = 2e+03 N"
+    """
+    worst, text = 1.0 + 1e-9, None
+    drawn = {
+        beam: (force[which], stretch[which])
+        for group in system.beam_groups
+        for force, stretch in [_tension(group, y)]
+        for beam, which in group.slices.items()
+    }
+    for beam in (s for s in system.structures if isinstance(s, Beam)):
+        kind = beam.basis.interpolation
+        if kind.points > kind.order:
+            continue
+        force, stretch = drawn[id(beam)]
+        factor = tension_factor(kind)
+        soft = np.array([_bending(s.stiffness) for s in beam.sections.values()])[beam.section_id]
+        limit = factor * soft / (beam.basis.lengths**2 * stretch.clip(1e-300))
+        ratio = (force / limit).round(9)  # of equal ones the first is named
+        if ratio.max() > worst:
+            e, worst = int(ratio.argmax()), float(ratio.max())
+            a, b = beam.basis.connectivity[e][[0, -1]]
+            above = ratio > 1.0 + 1e-9
+            count, others = len(ratio), int(above.sum()) - 1
+            # an element cut into r = sqrt(N/limit) parts is at its limit
+            needed = count - others - 1 + int(np.ceil(np.sqrt(ratio[above]).sum() - 1e-9))
+            more = f" ({others} more like it)" if others else ""
+            text = (
+                f"tension {force[e]:.3g} N between nodes {a} and {b} of {beam.label} is above"
+                f" {factor:.3g} EI/h^2 = {limit[e]:.3g} N{more}: node rotations that its Gauss"
+                f" points do not see can grow; refine: it takes {max(needed, count + 1)} elements"
+                f" in place of {count}"
+            )
+    return text
+
+
+@cache
+def tension_factor(kind: Interpolation) -> float:
+    """Largest tension of a row of elements with p Gauss points, in units of ``EI/h^2``.
+
+    With Lobatto nodes 4, 24, ``30 + 18 sqrt(5) = 70.25`` and ``50 + 2 sqrt(2305) = 146.02`` for
+    p = 1 to 4, with equidistant ones 61.27 and 155.98 for p = 3 and 4.
+
+    Parameters
+    ----------
+    kind : Interpolation
+
+    Notes
+    -----
+    In an element that follows the slope of its axis at the Gauss points, rotations theta of nodes
+    have the energy ``EI/2 int theta'^2 ds + N/2 (2 G(theta^2) - L(theta^2))``: G sums over Gauss
+    points what is interpolated, L the squares at nodes with the integrals of their shape functions.
+    The factor is the smallest N at which it is not positive.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import InterpolationLobatto
+    >>> [round(tension_factor(InterpolationLobatto(p)), 9) for p in (1, 2)]
+    [4.0, 24.0]
+    """
+    x, w = gauss_rule(kind.order + 1)
+    slope = shape_derivatives(kind, x)
+    x, v = gauss_rule(kind.points)
+    shape = shape_functions(kind, x)
+    bending = (slope * w) @ slope.T
+    tension = 2 * (shape * v) @ shape.T - np.diag(shape @ v)
+    values = np.linalg.eigvals(np.linalg.solve(-tension, bending))
+    real = values[abs(values.imag) < 1e-9 * abs(values).max()].real
+    return float(real[real > 1e-9].min())  # zero belongs to a constant theta
+
+
+def _tension(group: BeamGroup, y: Floats) -> tuple[Floats, Floats]:
+    """Mean axial force (ne,) in N and stretch ``d3 . phi'`` (ne,) of elements."""
+    strain, weights = group.strain(y)[0], group.elements.weights
+    stretch = strain + group.elements.reference
+    return group.stress(strain)[:, :, 2] @ weights, stretch[:, :, 2] @ weights
+
+
+def _bending(stiffness: Floats) -> float:
+    """The smaller bending stiffness (N m^2) of a section (6, 6) that is free otherwise."""
+    return float(1 / np.linalg.eigvalsh(np.linalg.inv(stiffness)[3:5, 3:5])[-1])

@@ -1,0 +1,152 @@
+"""Paths stay on their branch: near critical points, over limit points, along neutral motions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skfem_cosserat as sc
+
+treatments = pytest.mark.parametrize(
+    "treatment", [sc.NullSpace(), sc.Multipliers()], ids=["null space", "multipliers"]
+)
+LENGTH = 1.0
+
+
+def column(side=0.0, EI=(20.0, 25.0), order=4, elements=4):
+    """A clamped column under a load along it, with a share of it to the side; and its tip."""
+    section = sc.Section.from_constants(
+        EA=1e5, GA=4e4, EI=EI, GJ=15, mass=1.0, inertia=(1e-4, 1e-4)
+    )
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (LENGTH, 0, 0), elements, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=(0, 0, 1)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    model.add("push", sc.LoadForce(rod.node("rod.end"), (-1.0, side, 0)))
+    return model, rod.node("rod.end")
+
+
+def tip(history, place):
+    return history["q"][:, 12 * place.vertex : 12 * place.vertex + 3]
+
+
+@pytest.mark.parametrize(("order", "elements"), [(1, 16), (2, 8), (3, 4), (4, 4)])
+@pytest.mark.parametrize("side", [0.005, 0.02])
+@pytest.mark.parametrize("until", [60.0, 80.0])
+def test_imperfect_column_bends_the_way_it_is_pushed(order, elements, side, until):
+    """Past the critical load of the perfect one long steps can land on the other, unstable side."""
+    model, end = column(side, order=order, elements=elements)
+    path = sc.static(model, control=sc.LoadControl(until), derive=False)
+    assert (path["unstable"] == 0).all()
+    assert path.meta["critical"] == []
+    y = tip(path, end)[:, 1]
+    assert (np.diff(y) > 0).all()
+    short = sc.static(model, control=sc.LoadControl(until, longest=0.05), derive=False)
+    assert tip(short, end)[-1] == pytest.approx(tip(path, end)[-1], abs=1e-9)
+
+
+@treatments
+def test_critical_points_lie_in_their_steps(treatment):
+    """A portal frame that sways in its plane passes two motions out of it, in order and once."""
+    section = sc.Section([4e8, 4e8, 1e9, 2e6, 2e6, 1e6], mass=20.0, inertia=(0.1, 0.1))
+    points = [(0, 0, 0), (0, 0, 4), (6, 0, 4), (6, 0, 0)]
+    mesh = sc.MeshCurve.init_polyline(points, 2, name="f", nodes={"A": 2 / 7, "B": 5 / 7})
+    model = sc.Model()
+    frame = model.add("f", sc.Beam(mesh, section, order=4, director=(0, 1, 0)))
+    for name, where in (("start", points[0]), ("end", points[3])):
+        model.add(name, sc.JointFixed(sc.ground(where), frame.node(f"f.{name}")))
+    for name in "AB":
+        model.add(name, sc.LoadForce(frame.node(name), (1e3 * (name == "A"), 0, -1e5)))
+    path = sc.static(model, treatment, sc.LoadControl(10.0), derive=False)
+    assert (np.diff(path.times) > 0).all()
+    fine = sc.static(model, treatment, sc.LoadControl(10.0, longest=0.05), derive=False)
+    loads, kept = ([c["load_factor"] for c in h.meta["critical"]] for h in (path, fine))
+    assert len(loads) == 2
+    assert loads == pytest.approx(kept, rel=1e-6)
+    assert path["q"][-1] == pytest.approx(fine["q"][-1], abs=1e-8)
+
+
+@treatments
+@pytest.mark.parametrize("mode", [0, 1])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_round_column_buckles_in_a_plane(treatment, mode, sign):
+    """Its plane of bending is free: nothing may turn it on the way."""
+    model, end = column(EI=(20.0, 20.0))
+    path = sc.static(model, control=sc.LoadControl(60.0), derive=False)
+    assert [(c["kind"], c["multiplicity"]) for c in path.meta["critical"]] == [("bifurcation", 2)]
+    start = sc.branch(model, path, sign=sign, mode=mode)
+    bent = sc.static(model, treatment, sc.ArcLength(until=60.0), start=start, derive=False)
+    assert len(bent) < 30
+    assert (bent["unstable"][1:] == 0).all()
+    where = tip(bent, end)
+    normal = np.cross(where[-1], (1.0, 0, 0))
+    assert abs(where @ normal).max() < 1e-6 * np.linalg.norm(normal)
+    # the column whose planes are told apart by a hair
+    model, end = column(EI=(20.0, 20.0001))
+    path = sc.static(model, control=sc.LoadControl(60.0), derive=False)
+    other = sc.static(
+        model, control=sc.ArcLength(until=60.0), start=sc.branch(model, path), derive=False
+    )
+    away = np.linalg.norm(tip(other, end)[-1, 1:])
+    assert np.linalg.norm(where[-1, 1:]) == pytest.approx(away, rel=1e-5)
+
+
+@treatments
+def test_round_steel_column(treatment):
+    """Of a real section, six orders of magnitude between stretching and bending."""
+    steel = sc.Material(E=210e9, nu=0.3, rho=7850)
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, sc.SectionCircle(5e-3, steel), order=3))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    model.add("push", sc.LoadForce(rod.node("rod.end"), (-1.0, 0, 0)))
+    euler = np.pi**2 / 4 * 210e9 * np.pi / 4 * 5e-3**4
+    path = sc.static(model, treatment, sc.LoadControl(1.2 * euler), derive=False)
+    assert path.meta["critical"][0]["load_factor"] == pytest.approx(euler, rel=1e-3)
+    start = sc.branch(model, path)
+    bent = sc.static(model, treatment, sc.ArcLength(until=1.2 * euler), start=start, derive=False)
+    assert bent["load_factor"][-1] == pytest.approx(1.2 * euler)
+    assert len(bent) < 30
+
+
+@treatments
+@pytest.mark.parametrize("share", [0.999, 0.9999, 0.99999])
+def test_the_end_of_a_path_may_lie_just_below_a_limit_point(treatment, share):
+    """One step leads over the crest: the end is on this side of it."""
+    section = sc.Section.from_constants(
+        EA=1e5, GA=4e4, EI=(40.0, 4e3), GJ=4e3, mass=1.0, inertia=(1e-4, 1e-4)
+    )
+    mesh = sc.MeshCurve.init_polyline(
+        [(-1, 0, 0), (0, 0, 0.1), (1, 0, 0)], 2, name="a", nodes={"top": 0.5}
+    )
+    model = sc.Model()
+    arch = model.add("a", sc.Beam(mesh, section, order=3, director=(0, 1, 0)))
+    for name, x in (("start", -1.0), ("end", 1.0)):
+        pin = sc.JointRevolute(sc.ground((x, 0, 0)), arch.node(f"a.{name}"), axis=(0, 1, 0))
+        model.add(name, pin)
+    top = arch.node("top")
+    model.add("push", sc.LoadForce(top, (0, 0, -1.0)))
+    crest = sc.static(model, control=sc.ArcLength(40, first=1.0), derive=False)
+    limit = crest.meta["critical"][0]
+    assert limit["kind"] == "limit"
+    until = share * limit["load_factor"]
+    path = sc.static(model, treatment, sc.ArcLength(60, first=1.0, until=until), derive=False)
+    assert path["load_factor"][-1] == pytest.approx(until, rel=1e-12)
+    z = tip(path, top)[:, 2]
+    assert z[-1] > tip(crest, top)[limit["state"], 2]
+    assert path.meta["critical"] == []
+
+
+def test_lengths_of_critical_points_in_the_first_step():
+    """The first step of an arc length goes by the load factor where nothing moves at first."""
+    section = sc.Section.from_constants(
+        EA=1e5, GA=4e4, EI=(20, 25), GJ=15, mass=1.0, inertia=(1e-4, 1e-4)
+    )
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, order=4, director=(0, 0, 1)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    model.add("push", sc.LoadForce(rod.node("rod.end"), (-1.0, 0, 0), lambda t: t * t))
+    path = sc.static(model, control=sc.ArcLength(6, first=9.0), derive=False)
+    assert len(path.meta["critical"]) >= 2
+    assert (np.diff(path.times) > 0).all()
