@@ -227,3 +227,15 @@ def test_bad_input():
     many = pulled.unknowns
     bad(lambda: sc.buckling(pulled, many), "count", "positive critical factor(s) exist")
     assert amplitudes_at(pulled, 0.0).loads.tolist() == [1.0]
+
+
+def test_results_are_shown_in_few_lines():
+    """Printed, they gave all their arrays."""
+    found = sc.buckling(column(4, 2, "clamped-free"), 2)
+    a, b = found.factors
+    assert repr(found) == f"<Buckling: 2 factors, {a:.6g}, {b:.6g}>"
+    title, *rows = str(found).splitlines()
+    assert title == "mode critical factor"
+    assert [row.split() for row in rows] == [["0", f"{a:.7g}"], ["1", f"{b:.7g}"]]
+    bad(lambda: found.animation(True), "argument index", "True")
+    assert found.animation(-1).meta["mode"] == 1

@@ -814,11 +814,25 @@ def test_bad_counts_and_models():
     bad(lambda: sc.modes(system, count=1, spin=(0, 0, 1.0)), "spin", "tuple")
     found = sc.modes(system, system.q0, 1)
     bad(lambda: found.animation(1), "index", "1")
+    for index in (True, np.True_, 0.0, "0", None):
+        bad(lambda index=index: found.animation(index), "argument index", repr(index))
     bad(lambda: found.animation(0, amplitude=-1.0), "amplitude", "-1.0")
     bad(lambda: found.animation(0, frames=0), "frames", "0")
     rocker = sc.modes(hinges([(0, 0, 0), (0.9, 1.8, 0), (2.1, 1.8, 0), (3, 0, 0)], 3), count=1)
     assert rocker.rigid == 1
     bad(lambda: rocker.animation(0, amplitude=1.0), "amplitude", "smaller")
+
+
+def test_modes_and_states_are_shown_in_one_line():
+    """Printed, they gave all their arrays."""
+    system = straight(8, 2, "CF", square(0.05))
+    found = sc.modes(system, count=4)
+    assert repr(found) == "<Modes: 4 about t = 0, {:.6g}, {:.6g}, {:.6g}, ... Hz>".format(
+        *found.frequencies[:3]
+    )
+    assert len(str(found).splitlines()) == 5
+    state = sc.initial_state(system, time=0.5)
+    assert repr(state) == str(state) == "State(time=0.5, index=0, n=204, fresh=True)"
 
 
 def test_bad_states():

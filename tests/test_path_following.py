@@ -150,3 +150,29 @@ def test_lengths_of_critical_points_in_the_first_step():
     path = sc.static(model, control=sc.ArcLength(6, first=9.0), derive=False)
     assert len(path.meta["critical"]) >= 2
     assert (np.diff(path.times) > 0).all()
+
+
+@treatments
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_displacement_that_the_loads_do_not_move(treatment, turned):
+    """Named with place and direction; no finer mesh helps."""
+    across = np.array([0.6, 0.8, 0.0]) if turned else np.array([0.0, 1.0, 0.0])
+    along = np.array([0.8, -0.6, 0.0]) if turned else np.array([1.0, 0.0, 0.0])
+    section = sc.Section([1e4, 1e4, 1e4, 5, 6, 7], mass=1.0, inertia=(1e-3, 1e-3))
+    mesh = sc.MeshCurve.init_line((0, 0, 0), tuple(along), 2, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, order=2, director=(0, 0, 1)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    model.add("pull", sc.LoadForce(rod.node("rod.end"), tuple(along)))
+    control = sc.DisplacementControl(rod.node("rod.end"), across, until=0.1)
+    with pytest.raises(sc.Diverged, match="the loads do not move beam 'rod'.* along") as caught:
+        sc.static(model, treatment, control)
+    assert "finer mesh" not in str(caught.value)
+    assert len(caught.value.history) == 1
+
+
+def test_representations_are_short():
+    model, _ = column()
+    path = sc.static(model, control=sc.LoadControl(60.0), derive=False)
+    text = repr(sc.branch(model, path))
+    assert text.startswith("Branch(t=49.3") and len(text) < 60

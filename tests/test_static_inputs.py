@@ -145,6 +145,136 @@ def test_stresses_hold_a_motion(treatment):
 
 
 @treatments
+def test_weight_on_what_is_not_stressed_yet(treatment):
+    """Nothing holds the motion at the start, the tension of the weight does."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, (0, 0, -1)))
+    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), ball.place(), 100.0))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    model.add("force", sc.LoadForce(ball.place(), (1.0, 0, 0)))
+    path = sc.static(model, treatment, factors={"weight": 1.0})
+    assert path["q"][0] == pytest.approx([0, 0, -1 - 9.81 / 100], abs=1e-12)
+    assert path["q"][-1, 0] / -path["q"][-1, 2] == pytest.approx(1 / 9.81, rel=1e-12)
+    assert np.linalg.norm(path["q"][-1]) == pytest.approx(1 + np.hypot(9.81, 1) / 100, rel=1e-12)
+
+
+@treatments
+@pytest.mark.parametrize("count", [2, 3])
+def test_weight_on_cables_that_just_fit(treatment, count):
+    """Two leave a swing out of their plane that only their tension holds, three none."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, (0, 0, -0.5)))
+    for angle in 2 * np.pi / count * np.arange(count):
+        top = sc.ground((np.cos(angle), np.sin(angle), 0))
+        model.add(f"cable {angle:.1f}", sc.Cable(top, ball.place(), stiffness=1e4))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    x, y, z = sc.static(model, treatment, factors={"weight": 1.0})["q"][-1]
+    length = np.hypot(1, z)
+    assert abs(x) < 1e-12 and abs(y) < 1e-12
+    assert count * 1e4 * (length - np.hypot(1, 0.5)) * -z / length == pytest.approx(9.81, rel=1e-9)
+
+
+@treatments
+def test_weight_on_springs_that_hold_a_bent_beam(treatment):
+    """A box on two springs, a beam at its side: it tilts and swings to below the springs."""
+    model = sc.Model()
+    box = model.add("box", sc.RigidBody.box(2.0, (1, 0.5, 0.5), position=(0, 0, -1)))
+    beam = rod(model, stiff(EI=(50.0, 80.0)), ends=((0.5, 0, -1), (1.5, 0, -1)))
+    model.add("fix", sc.JointFixed(box.at((0.5, 0, -1)), beam.node("rod.start")))
+    tops = np.array([[-0.5, 0, 0], [0.5, 0, 0]])
+    for k, top in enumerate(tops):
+        spring = sc.SpringDamper(sc.ground(top), box.at(top - [0, 0, 0.75]), 1e3)
+        model.add(f"spring {k}", spring)
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    model.add("side", sc.LoadForce(box.at((0, 0, -1)), (0, 1.0, 0)))
+    path = sc.static(model, treatment, factors={"weight": 1.0})
+    assert not path["unstable"].any()
+    for q, side in zip(path["q"][[0, -1]], (0.0, 1.0), strict=True):
+        x, d = q[:3], q[3:12].reshape(3, 3)
+        r = tops - x - (tops + [0, 0, 0.25]) @ d
+        length = np.linalg.norm(r, axis=1)
+        force = (1e3 * (length - 0.75) / length) @ r
+        assert force == pytest.approx([0, -side, 3 * 9.81], abs=1e-9)
+
+
+def rod_with_its_weight_along_the_hinge():
+    model = sc.Model()
+    beam = rod(model)
+    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), beam.node("rod.start"), (0, 0, 1)))
+    model.add("weight", sc.LoadGravity((0, 0, -0.5)))
+    return model
+
+
+def slider_with_its_weight_across():
+    model = slider()
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    return model
+
+
+def beam_with_its_weight():
+    model = free_beam()
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    return model
+
+
+def beam_between_balls_with_its_weight():
+    """Bent, it may still turn about its curved axis: no rigid motion any more."""
+    model = beam_between_balls()
+    model.add("weight", sc.LoadGravity((0, 0, -0.1)))
+    return model
+
+
+def beam_on_springs_with_its_weight():
+    model = sc.Model()
+    beam = rod(model, ends=((0, 0, -1), (1, 0, -1)))
+    for k, name in enumerate(("start", "end")):
+        spring = sc.SpringDamper(sc.ground((k, 0, 0)), beam.node(f"rod.{name}"), 1e3)
+        model.add(name, spring)
+    model.add("weight", sc.LoadGravity((0, 0, -0.1)))
+    return model
+
+
+def point_drawn_along_two_springs():
+    """A string without tension: the weight acts along the motion that nothing holds."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, (1, 0, 0)))
+    for k in (0, 2):
+        model.add(f"spring {k}", sc.SpringDamper(sc.ground((k, 0, 0)), ball.place(), 10.0))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    return model
+
+
+@treatments
+@pytest.mark.parametrize(
+    "build",
+    [
+        rod_with_its_weight_along_the_hinge,
+        slider_with_its_weight_across,
+        beam_with_its_weight,
+        beam_between_balls_with_its_weight,
+        beam_on_springs_with_its_weight,
+        point_drawn_along_two_springs,
+    ],
+)
+def test_what_a_weight_does_not_hold(build, treatment):
+    """The advice to let loads act from the start is not given where they do."""
+    with pytest.raises(sc.InputError, match=r"is free.*or start from a state") as caught:
+        sc.static(build(), treatment, factors={"weight": 1.0})
+    assert "factors" not in str(caught.value)
+
+
+@treatments
+def test_a_guess_of_the_stressed_state_is_enough(treatment):
+    """What the refusal advises."""
+    system = point_drawn_along_two_springs().freeze()
+    guess = sc.initial_state(system, q=[1.0, 0, -0.8], time=1.0)
+    path = sc.static(system, treatment, sc.LoadControl(2.0), factors={"weight": 1.0}, start=guess)
+    z = path["q"][-1, 2]
+    length = np.hypot(1, z)
+    assert 20 * (length - 1) * -z / length == pytest.approx(9.81, rel=1e-12)
+
+
+@treatments
 def test_weight_holds_what_hangs(treatment):
     """A rod on a hinge, unstressed at the start, and two links, with their weight held."""
     model = sc.Model()
@@ -421,9 +551,9 @@ def test_bad_spins(arguments):
 
 
 STEERED = {
-    "until": [NAN, INF, None, "a", [1, 2], 1j],
+    "until": [NAN, INF, "a", "1", True, np.True_, b"1", [1, 2], 1j],
     "steps": [0, -1, 1.5, NAN, "a", True, [1]],
-    "at": [[], [NAN], "ab", 0.5, [[0.1, 0.2]], [1j], [None], {"a": 1}],
+    "at": [[], [NAN], "ab", ["0.5", "1"], [True], 0.5, [[0.1, 0.2]], [1j], [None], {"a": 1}],
     "first": [0, -1, NAN, INF, None, "a"],
     "longest": [0, -1, NAN, INF, None, "a"],
     "turn": [0, -1, NAN, INF, "a", [1]],
@@ -436,15 +566,15 @@ def test_bad_controls(name):
     for value in STEERED[name]:
         with pytest.raises(sc.InputError, match=f"LoadControl: {name}"):
             sc.LoadControl(**{name: value})
-        arguments = {"until": 1.0} | {name: value}
+        arguments = ({} if name == "at" else {"until": 1.0}) | {name: value}
         with pytest.raises(sc.InputError, match=f"DisplacementControl: {name}"):
             sc.DisplacementControl(tip, (0, 1, 0), **arguments)
 
 
 ARC = {
     "points": [0, -1, 1.5, NAN, None, "a", True],
-    "until": [NAN, INF, "a", [1]],
-    "first": [0, NAN, INF, None, "a"],
+    "until": [NAN, INF, "a", "1", True, [1]],
+    "first": [0, True, "1", NAN, INF, None, "a"],
     "length": [0, -1, NAN, INF, None, "a"],
     "longest": [0, -1, NAN, INF, None, "a"],
     "turn": [0, -1, NAN, INF, "a"],
@@ -460,19 +590,93 @@ def test_bad_arc_lengths(name):
 
 def test_controls_that_lead_nowhere():
     system, tip = scene()
-    for values in ([0.1, 0.1], [0.1, 0.3, 0.2], [0, 1], [0.5, -1.0]):
+    for values in ([0.1, 0.1], [0.1, 0.3, 0.2], [0, 0, 1], [0.5, -1.0]):
         for control in (
             sc.LoadControl(at=values),
             sc.DisplacementControl(tip, (0, 1, 0), at=values),
         ):
             with pytest.raises(sc.InputError, match="one way"):
                 sc.static(system, control=control)
-    with pytest.raises(sc.InputError, match="expected one of them"):
-        sc.LoadControl(steps=2, at=[0.5, 1.0])
+    for more in ({"steps": 2}, {"until": 1.0}):
+        with pytest.raises(sc.InputError, match="expected one of them"):
+            sc.LoadControl(at=[0.5, 1.0], **more)
+        with pytest.raises(sc.InputError, match="expected one of them"):
+            sc.DisplacementControl(tip, (0, 1, 0), at=[0.5, 1.0], **more)
     with pytest.raises(sc.InputError, match="where the path starts"):
         sc.static(system, control=sc.LoadControl(0.0))
+    with pytest.raises(sc.InputError, match="where the path starts"):
+        sc.static(system, control=sc.LoadControl(at=[0.0]))
     with pytest.raises(sc.InputError, match="DisplacementControl: until"):
         sc.DisplacementControl(tip, (0, 1, 0))
+
+
+def test_values_to_record_may_begin_with_the_start():
+    system, tip = scene()
+    wanted = [0.0, 0.25, 0.5, 0.75, 1.0]
+    path = sc.static(system, control=sc.LoadControl(at=np.linspace(0, 1, 5)))
+    assert path["load_factor"].tolist() == wanted
+    start = equilibrium(system, path, 2)
+    path = sc.static(system, control=sc.LoadControl(at=wanted[2:]), start=start)
+    assert path["load_factor"].tolist() == wanted[2:]
+    control = sc.DisplacementControl(tip, (0, 1, 0), at=np.linspace(0, 0.02, 3))
+    assert sc.static(system, control=control).times.tolist() == [0.0, 0.01, 0.02]
+
+
+def test_first_steps_are_cut_to_the_longest():
+    system, _ = scene()
+    path = sc.static(system, control=sc.LoadControl(first=2.0, longest=0.125))
+    assert path["load_factor"].tolist() == np.linspace(0, 1, 9).tolist()
+
+
+def test_an_arc_length_path_may_end_behind_its_start():
+    """Only a path that turns back gets there; this one does not."""
+    system, _ = scene()
+    for until in (0.0, -1.0):
+        path = sc.static(system, control=sc.ArcLength(3, until=until))
+        assert len(path) == 4 and (np.diff(path["load_factor"]) > 0).all()
+
+
+def test_controls_and_treatments_show_their_arguments():
+    _, tip = scene()
+    for shown, made in {
+        "LoadControl(until=60.0)": sc.LoadControl(60),
+        "LoadControl(at=[0.5, 1.0], turn=0.2)": sc.LoadControl(at=[0.5, 1], turn=0.2),
+        "LoadControl(until=1.0, steps=4)": sc.LoadControl(steps=4),
+        "ArcLength()": sc.ArcLength(),
+        "ArcLength(points=9, until=2.0, first=-0.1)": sc.ArcLength(9, until=2, first=-0.1),
+        "NullSpace()": sc.NullSpace(),
+        "Multipliers()": sc.Multipliers(),
+        "Multipliers(scaled=False)": sc.Multipliers(scaled=False),
+        "Variational()": sc.Variational(),
+        "EnergyMomentum()": sc.EnergyMomentum(),
+    }.items():
+        assert repr(made) == shown
+        assert repr(eval(shown, vars(sc))) == shown
+    control = sc.DisplacementControl(tip, (0, -2, 0), 0.1, longest=0.5)
+    text = f"DisplacementControl(<{tip.label}>, (0.0, -1.0, 0.0), until=0.1, longest=0.5)"
+    assert repr(control) == text
+
+
+def test_arguments_in_the_wrong_place_are_told_theirs():
+    system, _ = scene()
+    with pytest.raises(sc.InputError, match=r"treatment: LoadControl\(.*pass this one as control="):
+        sc.static(system, sc.LoadControl())
+    with pytest.raises(sc.InputError, match=r"control: NullSpace\(\).*pass this one as treatment="):
+        sc.static(system, control=sc.NullSpace())
+
+
+def test_the_line_of_progress_is_ended(capfd):
+    system, _ = scene()
+    sc.static(system, progress=True)
+    text = capfd.readouterr().err
+    assert text.endswith("parameter 1, load factor 1\n")
+    assert text.count("\n") == 1
+
+    def stop(point):
+        raise KeyboardInterrupt
+
+    sc.static(system, progress=True, callbacks=[stop], derive=False)
+    assert capfd.readouterr().err.endswith("parameter 0.1, load factor 0.1\n")
 
 
 def test_places_of_displacement_control():

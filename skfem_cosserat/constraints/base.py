@@ -27,6 +27,9 @@ class Treatment(ABC):
     name: str
     reference: str
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}()"
+
     @abstractmethod
     def bind(self, system: System, weight: float) -> BoundTreatment:
         """Arrays for `system` and an integrator with this `constraint_weight`."""

@@ -48,6 +48,9 @@ class Multipliers(Treatment):
     def __init__(self, scaled: bool = True) -> None:
         self.scaled = scaled
 
+    def __repr__(self) -> str:
+        return "Multipliers()" if self.scaled else "Multipliers(scaled=False)"
+
     def bind(self, system: System, weight: float) -> BoundMultipliers:
         """See the base class."""
         return BoundMultipliers(system, weight, self.scaled)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from ..model import System
 from ..model.couplings import CoupledForce, CoupledStart
@@ -12,7 +14,7 @@ from ..types import Array, Floats, IndexArray
 __all__ = ["Evaluation", "Integrator", "State", "StepData", "StepWork"]
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class State:
     """A state of a system between two steps.
 
@@ -41,8 +43,11 @@ class State:
     >>> from skfem_cosserat import MassPoint, Model, initial_state
     >>> model = Model()
     >>> ball = model.add("ball", MassPoint(2.0, position=(0, 0, 1), velocity=(3, 0, 0)))
-    >>> initial_state(model.freeze())
-    State(time=0.0, index=0, q=array([0., 0., 1.]), p=array([6., 0., 0.]), fresh=True)
+    >>> state = initial_state(model.freeze())
+    >>> state
+    State(time=0.0, index=0, n=3, fresh=True)
+    >>> state.q.tolist(), state.p.tolist()
+    ([0.0, 0.0, 1.0], [6.0, 0.0, 0.0])
     """
 
     time: float
@@ -50,7 +55,12 @@ class State:
     q: Floats
     p: Floats
     fresh: bool = True
-    turns: IndexArray | None = field(default=None, repr=False)
+    turns: IndexArray | None = None
+
+    def __repr__(self) -> str:
+        """Without the arrays."""
+        n = np.size(self.q)
+        return f"State(time={self.time!r}, index={self.index}, n={n}, fresh={self.fresh})"
 
 
 @dataclass(frozen=True)
@@ -173,6 +183,9 @@ class Integrator(ABC):
     advice: str = "a finer mesh, a softer section"
     conserves: str
     reference: str
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}()"
 
     @abstractmethod
     def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:

@@ -13,7 +13,7 @@ from ..simulate.describe import derive_configuration, describe
 from ..types import Array, Floats, positive
 from .state import Equilibrium
 
-__all__ = ["animation"]
+__all__ = ["animation", "checked_index"]
 
 
 def animation(
@@ -53,6 +53,22 @@ def animation(
     history = History(meta, static, series)
     derive_configuration(system, history, np.full(count, at.t))
     return history
+
+
+def checked_index(index: int, count: int) -> int:
+    """Number of one of `count` modes, from 0 on; negative numbers count from the end.
+
+    Raises
+    ------
+    InputError
+        If there is no such mode.
+    """
+    whole = isinstance(index, int | np.integer) and not isinstance(index, bool)
+    if not whole or not -count <= index < count:
+        raise InputError(
+            "argument index", f"{index!r}, expected an integer: there are {count} modes"
+        )
+    return int(index) % count
 
 
 def _extent(system: System, y: Floats, dq: Array) -> float:

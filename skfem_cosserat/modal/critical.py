@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -16,7 +16,7 @@ from ..history import History
 from ..model import Model, System
 from ..model.balance import Amplitudes, amplitudes_at, balance
 from ..types import Floats
-from .animation import animation
+from .animation import animation, checked_index
 from .pencil import SYMMETRIC, Pencil, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, finite, resting
 from .symmetric import DENSE, SPARE, TOLERANCE, Factorised, lowest
@@ -37,7 +37,7 @@ STEP = 1e-40
 REAL = 1e-6
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Buckling:
     """Critical load factors and buckling modes.
 
@@ -63,19 +63,26 @@ class Buckling:
     reduced: Floats
     response: Floats
     factorisations: int
-    _at: Equilibrium = field(repr=False)
+    _at: Equilibrium
 
     def __len__(self) -> int:
         return len(self.factors)
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{factor:.6g}" for factor in self.factors[:3])
+        return f"<Buckling: {len(self)} factors, {found}{', ...' * (len(self) > 3)}>"
+
+    def __str__(self) -> str:
+        """A table."""
+        rows = (f"{k:4d} {factor:15.7g}" for k, factor in enumerate(self.factors))
+        return "\n".join(["mode critical factor", *rows])
 
     def animation(
         self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1
     ) -> History:
         """A buckling mode as a time series, see :meth:`Modes.animation`."""
-        if not isinstance(index, int | np.integer) or not -len(self) <= index < len(self):
-            raise InputError("argument index", f"{index!r}, there are {len(self)} modes")
-        x = self.reduced[index]
-        return animation(self._at, 0j, x, amplitude, frames, periods, int(index) % len(self))
+        k = checked_index(index, len(self))
+        return animation(self._at, 0j, self.reduced[k], amplitude, frames, periods, k)
 
 
 def buckling(

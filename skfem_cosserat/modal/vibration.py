@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from ..history import History
 from ..model import Model, System
 from ..model.balance import Amplitudes, Spin
 from ..types import Array, Floats, positive
-from .animation import animation
+from .animation import animation, checked_index
 from .pencil import Pencil, make_pencil
 from .quadratic import spectrum
 from .state import Equilibrium, StateLike, as_system, resting
@@ -23,7 +23,7 @@ __all__ = ["Modes", "checked_count", "modes"]
 GROWTH = 1e-9
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Modes:
     """Modes ``dq = Re(shape exp(s t))``, the slowest first.
 
@@ -57,7 +57,7 @@ class Modes:
     q: Floats
     t: float
     factorisations: int
-    _at: Equilibrium = field(repr=False)
+    _at: Equilibrium
 
     @property
     def omega(self) -> Floats:
@@ -92,6 +92,10 @@ class Modes:
 
     def __len__(self) -> int:
         return len(self.eigenvalues)
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{hertz:.6g}" for hertz in self.frequencies[:3])
+        return f"<Modes: {len(self)} about t = {self.t:g}, {found}{', ...' * (len(self) > 3)} Hz>"
 
     def __str__(self) -> str:
         """A table."""
@@ -136,10 +140,9 @@ class Modes:
             For a mode that is not there, for numbers that are not positive, or if a closed loop
             cannot follow so far.
         """
-        if not isinstance(index, int | np.integer) or not -len(self) <= index < len(self):
-            raise InputError("argument index", f"{index!r}, there are {len(self)} modes")
-        s, x = complex(self.eigenvalues[index]), self.reduced[index]
-        return animation(self._at, s, x, amplitude, frames, periods, int(index) % len(self))
+        k = checked_index(index, len(self))
+        s, x = complex(self.eigenvalues[k]), self.reduced[k]
+        return animation(self._at, s, x, amplitude, frames, periods, k)
 
 
 def modes(

@@ -24,7 +24,7 @@ from .schedule import Schedule
 __all__ = ["Branch", "branch", "branch_stage", "equilibrium"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Branch:
     """Where a path leads off: for the argument ``start`` of :func:`static`, with ArcLength().
 
@@ -38,6 +38,10 @@ class Branch:
 
     point: Point
     direction: Floats
+
+    def __repr__(self) -> str:
+        """Without the arrays."""
+        return f"Branch(t={self.point.t!r}, rows={len(self.direction)})"
 
 
 def branch(
@@ -118,6 +122,8 @@ def equilibrium(model: Model | System, history: History, index: int = -1) -> Sta
     """A state at rest at a point of a path, to start a run in time or another path from.
 
     Its time is the load factor, so that loads and motions that depend on time go on from there.
+    Loads are no part of a state, nor of what makes a model the same: the model may have others
+    than that of the path.
 
     Parameters
     ----------

@@ -2,33 +2,46 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import null_space, qr
-from scipy.sparse import coo_matrix, csr_matrix, vstack
+from scipy.sparse import bmat, coo_matrix, csr_matrix, diags, vstack
 from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
 
 from ..constraints import Treatment
-from ..diagnostics.tangent import blocks_matrix, curvature_matrix
+from ..diagnostics.tangent import blocks_matrix, curvature_matrix, reduced_tangent
 from ..errors import InputError
 from ..integrators import State
+from ..linear import SingularMatrixError
 from ..model import System
 from ..model.balance import balance, balance_tangent
+from ..model.chart import Chart
+from ..model.loops import closed, tree_values
 from ..newton import NewtonSettings
 from ..simulate.start import broken_constraint, checked_start
 from ..types import Floats, IndexArray
 from .control import Control
-from .equilibrium import Point
+from .critical import LOOSE, inspect
+from .equilibrium import Point, weights
 from .schedule import Schedule
 
-__all__ = ["check_free_motions", "check_run", "prescribed_turn", "rotation", "show_line"]
+__all__ = ["check_run", "held_start", "prescribed_turn", "rotation"]
 
 #: rigid pieces above which free motions are not sought: the search is dense
 PIECES = 400
 #: singular value, relative to the largest, below which a motion counts as free
 FREE = 1e-9
+#: iterations to an equilibrium without free motions
+LOADED = 30
+#: motion, relative to the scene, below which they end when it does not become smaller
+SETTLED = 1e-9
+#: force on free motions, relative to the largest, above which loads do work on them
+WORKS = 1e-9
+#: first motion along free ones, relative to the scene
+NUDGE = 1e-6
 #: instants at which prescribed rotation is looked at within a step
 SAMPLES = 16
 
@@ -54,8 +67,11 @@ def check_run(
     }
     for name, (value, kind) in kinds.items():
         if not isinstance(value, kind):
+            meant = [k for k, (_, other) in kinds.items() if isinstance(value, other)]
             raise InputError(
-                f"argument {name}", f"{value!r}, expected an object of type {kind.__name__}"
+                f"argument {name}",
+                f"{value!r}, expected an object of type {kind.__name__}"
+                + (f": pass this one as {meant[0]}=" if meant else ""),
             )
     if isinstance(start, State):
         _check_start(system, start)
@@ -110,18 +126,99 @@ def prescribed_turn(system: System, t0: float, t1: float) -> float:
 # -- motions that nothing holds --------------------------------------------------------------------
 
 
-def check_free_motions(system: System, schedule: Schedule, point: Point) -> None:
-    """Raise InputError for a motion that strains nothing and that no stress holds in place.
+@dataclass(eq=False)
+class _Free:
+    """Motions (6 pieces, k) that strain nothing and that no stress holds."""
 
-    What strains nothing moves every beam and body as a rigid piece, so that few unknowns decide.
+    N: Floats
+    E: csr_matrix
+    centres: Floats
+    names: list[str]
+
+
+def held_start(system: System, schedule: Schedule, point: Point) -> Point:
+    """The start of a path, in which no motion is free.
+
+    Where the loads that act at the start stress what then holds a motion, as the weight on a
+    spring of no tension does, it is the equilibrium that they lead to.
+
+    Raises
+    ------
+    InputError
+        For a motion that strains nothing and that no stress holds in place.
+    """
+    free = _free_motions(system, schedule, point)
+    if free is None:
+        return point
+    loaded = _loaded(system, schedule, point) if _acts(schedule, point) else None
+    if loaded is not None and _free_motions(system, schedule, loaded) is None:
+        # bent beams may turn freely about their curved axes: that is no rigid motion
+        look = inspect(system, loaded, schedule.at(loaded.t))
+        if look.smallest > LOOSE * look.floor:
+            return loaded
+    raise _refused(system, schedule, point, free)
+
+
+def _acts(schedule: Schedule, point: Point) -> bool:
+    """Whether there are loads at the start."""
+    now = schedule.at(point.t)
+    turns = now.spin is not None and now.spin.velocity.any()
+    return bool(turns or now.loads.any() or now.actuators.any())
+
+
+def _loaded(system: System, schedule: Schedule, point: Point) -> Point | None:
+    """Equilibrium by Newton's method, without motions that strain nothing until the rest is in it.
+
+    None if it is not found.
     """
     label, names = _pieces(system)
+    amplitudes, y = schedule.at(point.t), point.y
+    chart = Chart(system.kinematics)
+    chart.begin(y, system.ground(point.t))
+    chosen = system.closure.select(y, tree_values(system, y))
+    metric = weights(system).repeat(3)
+    held, last = True, np.inf
+    for k in range(LOADED):
+        at = balance(system, y, amplitudes, turns=point.turns)
+        E, _ = _rigid_motions(system, y, label, len(names))
+        rates = csr_matrix(E @ _unheld(system, y, E)) if held else csr_matrix((system.n, 0))
+        try:
+            tangent = reduced_tangent(system, y, amplitudes, at)
+            K, P = tangent.K, tangent.P
+            B = P.T @ diags(metric) @ rates * (float(abs(K).max()) or 1.0)
+            matrix = bmat([[K, B], [B.T, None]], format="csc")
+            increment = splu(matrix).solve(np.append(-tangent.residual, np.zeros(B.shape[1])))
+            u, along = np.split(increment, [K.shape[0]])
+            force = B @ along
+            if k == 0 and not abs(force).max(initial=0.0) <= WORKS * abs(tangent.residual).max():
+                # cables that just fit take the load as soon as something moves
+                u = splu(tangent.metric.tocsc()).solve(P.T @ (metric * (rates @ along)))
+                u *= NUDGE / np.sqrt(metric @ np.square(P @ u))
+        except (SingularMatrixError, RuntimeError):
+            return None
+        chart.add(system.closure.null_matrix(chosen) @ u)
+        moved, _ = closed(system, chart, chosen) if chosen else (chart.configuration(), 0)
+        size = float(np.sqrt(metric @ np.square(P @ u)))
+        if moved is None or not size < 1:
+            return None
+        y = moved
+        if size <= SETTLED and (size > 0.3 * last or size == 0):
+            if not held:
+                return Point(y, point.t, point.turns)
+            held, size = False, np.inf
+        last = size
+    return None
+
+
+def _free_motions(system: System, schedule: Schedule, point: Point) -> _Free | None:
+    """What strains nothing moves every beam and body as a rigid piece: few unknowns decide."""
+    label, names = _pieces(system)
     if len(names) > PIECES:
-        return
+        return None
     E, centres = _rigid_motions(system, point.y, label, len(names))
     N = _unheld(system, point.y, E)
     if not N.shape[1]:
-        return
+        return None
     amplitudes = schedule.at(point.t)
     at = balance(system, point.y, amplitudes, turns=point.turns)
     A = blocks_matrix(system, balance_tangent(system, at, amplitudes))
@@ -130,9 +227,11 @@ def check_free_motions(system: System, schedule: Schedule, point: Point) -> None
     scale = max(largest * float(np.square(E @ N).max()), float(abs(stiffness).max()))
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
     free = abs(values) <= 1e-12 * max(scale, 1e-300)
-    if not free.any():
-        return
-    N = _echelon(N @ vectors[:, free])
+    return _Free(_echelon(N @ vectors[:, free]), E, centres, names) if free.any() else None
+
+
+def _refused(system: System, schedule: Schedule, point: Point, free: _Free) -> InputError:
+    N, E = free.N, free.E
     later = schedule.at(point.t + 1.0)
     force = system.loading.dead_force(later.loads)
     if not system.loading.dead_only:
@@ -140,13 +239,17 @@ def check_free_motions(system: System, schedule: Schedule, point: Point) -> None
     works = abs((E @ N).T @ force.ravel())
     k = int(works.argmax())
     worked = works[k] > 1e-9 * np.linalg.norm(force) * np.linalg.norm(E @ N[:, k])
-    text = _described(N[:, k], names, centres, system.length)
-    raise InputError(
+    text = _described(N[:, k], free.names, free.centres, system.length)
+    # loads that act already do not hold it
+    others = (
+        "" if _acts(schedule, point) else "with loads that act from the start (factors={name: 1}), "
+    )
+    return InputError(
         "static",
         f"{text} is free, {N.shape[1]} such motion(s) in all"
         + (", and the loads do work on it" if worked else "")
-        + ": hold it with joints or springs, with loads that act from the start"
-        " (factors={name: 1}), or start from a state whose stresses do",
+        + f": hold it with joints or springs, {others}or start from a state whose stresses do"
+        " (a guess of it, start=initial_state(system, q))",
     )
 
 
@@ -275,9 +378,3 @@ def _described(motion: Floats, names: list[str], centres: Floats, length: float)
 
 def _triple(v: Floats) -> str:
     return "(" + ", ".join(f"{x + 0.0:.3g}" for x in np.where(abs(v) < 1e-9, 0.0, v)) + ")"
-
-
-def show_line(parameter: float, factor: float) -> None:
-    """Keep one line on stderr up to date."""
-    sys.stderr.write(f"\rload factor {factor:.6g} (parameter {parameter:.6g})\x1b[K")
-    sys.stderr.flush()

@@ -11,7 +11,8 @@ from ..diagnostics.tangent import null_space_matrix
 from ..errors import InputError
 from ..frames import Place, vector
 from ..model import System
-from ..types import Floats, VectorLike, numbers, positive
+from ..types import Floats, VectorLike, positive
+from .arguments import finite, listed, shown, stops, turned, whole
 from .equilibrium import Functional, Point, weights
 
 __all__ = ["ArcLength", "Control", "DisplacementControl", "LoadControl", "Stage"]
@@ -110,50 +111,12 @@ class Control(ABC):
         """Start at a point."""
 
 
-def _stops(
-    item: str, until: float, steps: int | None, at: Sequence[float] | None, start: float
-) -> list[float]:
-    """Values of the parameter that are hit exactly."""
-    if at is not None:
-        values = _listed(item, at)
-        change = np.diff(np.concatenate([[start], values]))
-        if not ((change > 0).all() or (change < 0).all()):
-            raise InputError(
-                item, f"at = {values.tolist()} does not lead one way from the start at {start:g}"
-            )
-        return [float(v) for v in values]
-    if until == start:
-        raise InputError(item, f"until = {until!r} is where the path starts")
-    count = 1 if steps is None else steps
-    return [start + (until - start) * (k / count) for k in range(1, count)] + [until]
-
-
-def _listed(item: str, at: Sequence[float]) -> Floats:
-    values = numbers(item, "at", at)
-    if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
-        raise InputError(item, f"at = {at!r}, expected a list of numbers")
-    return values
-
-
-def _checked(item: str, until: float, turn: float | None) -> None:
-    number = numbers(item, "until", until)
-    if number.shape != () or not np.isfinite(number):
-        raise InputError(item, f"until = {until!r}, expected a finite number")
-    if turn is not None:
-        positive(item, "turn", turn, " of rad")
-
-
-def _whole(item: str, name: str, value: int) -> None:
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value <= 0:
-        raise InputError(item, f"{name} = {value!r}, expected a positive integer")
-
-
 class _Steered(Control):
     """By a parameter whose end is given."""
 
     def __init__(
         self,
-        until: float,
+        until: float | None,
         steps: int | None,
         at: Sequence[float] | None,
         first: float,
@@ -161,27 +124,36 @@ class _Steered(Control):
         turn: float | None,
     ) -> None:
         item = type(self).__name__
-        _checked(item, until, turn)
         if steps is not None:
-            _whole(item, "steps", steps)
-        if at is not None:
-            if steps is not None:
-                raise InputError(item, f"steps = {steps!r} and at = {at!r}, expected one of them")
-            at = _listed(item, at).tolist()
-        self.first = positive(item, "first", first)
+            whole(item, "steps", steps)
+        if at is None:
+            self.until, self.at = finite(item, "until", until), None
+        else:
+            for name, value in {"until": until, "steps": steps}.items():
+                if value is not None:
+                    both = f"{name} = {value!r} and at = {at!r}"
+                    raise InputError(item, f"{both}, expected one of them")
+            self.at = listed(item, at).tolist()
+            self.until = self.at[-1]
         self.longest = positive(item, "longest", longest)
-        self.until, self.steps, self.at = float(until), steps, at
-        self.turn = None if steps is not None else turn
+        self.first = min(positive(item, "first", first), self.longest)
+        turn = turned(item, turn)
+        self.steps, self.turn = steps, turn if steps is None else None
         self.all_points = steps is None and at is None
+
+    def _given(self) -> str:
+        ends = {"until": self.until} if self.at is None else {"at": self.at}
+        steps = {"turn": self.turn} if self.steps is None else {"steps": self.steps}
+        return shown(self, **ends, **steps, first=self.first, longest=self.longest)
 
     def _plan(self, stage: Stage, start: float) -> None:
         stage.parameter = start
-        stage._stops = _stops(type(self).__name__, self.until, self.steps, self.at, start)
-        whole = stage._stops[-1] - start
+        stage._stops = stops(type(self).__name__, self.until, self.steps, self.at, start)
+        way = stage._stops[-1] - start
         stage.fixed = self.steps is not None
-        stage.length = whole if self.steps is not None else self.first * whole
-        stage.longest = abs(whole) * (1.0 if self.steps is not None else self.longest)
-        stage.shortest = 1e-7 * abs(whole)
+        stage.length = way if self.steps is not None else self.first * way
+        stage.longest = abs(way) * (1.0 if self.steps is not None else self.longest)
+        stage.shortest = 1e-7 * abs(way)
 
 
 class _LoadStage(Stage):
@@ -194,15 +166,17 @@ class LoadControl(_Steered):
 
     Parameters
     ----------
-    until : float
-        Load factor at the end.
+    until : float, optional
+        Load factor at the end, default: 1.
     steps : int, optional
         As many equal steps, whatever a node turns in one; default: automatic. A step that fails
         is halved all the same.
     at : sequence of float, optional
-        Load factors to record instead, in one direction; the steps between are automatic.
+        Load factors to record instead, in one direction, the last is the end; the steps between
+        are automatic. The start is recorded anyway, whether it is the first of them or not.
     first, longest : float
-        First and longest automatic step, as a share of the whole.
+        First and longest automatic step, as a share of the whole; no first step is longer than
+        the longest.
     turn : float or None
         Largest rotation of a node in an automatic step (rad): longer steps may land on another
         branch of the path.
@@ -210,19 +184,22 @@ class LoadControl(_Steered):
     Raises
     ------
     InputError
-        If a number is not positive, or the load factors do not lead one way.
+        If a number is not positive, `at` is given with `until` or `steps`, or the load factors do
+        not lead one way.
 
     Examples
     --------
     >>> LoadControl(steps=6).parameter
     'load factor'
+    >>> LoadControl(until=60)
+    LoadControl(until=60.0)
     """
 
     parameter = "load factor"
 
     def __init__(
         self,
-        until: float = 1.0,
+        until: float | None = None,
         *,
         steps: int | None = None,
         at: Sequence[float] | None = None,
@@ -230,7 +207,11 @@ class LoadControl(_Steered):
         longest: float = 0.25,
         turn: float | None = 1.0,
     ) -> None:
+        until = 1.0 if until is None and at is None else until
         super().__init__(until, steps, at, first, longest, turn)
+
+    def __repr__(self) -> str:
+        return f"LoadControl({self._given()})"
 
     def stage(self, system: System, point: Point) -> Stage:
         """See the base class."""
@@ -257,7 +238,7 @@ class DisplacementControl(_Steered):
     direction : (3,) array
         The displacement is counted along it, from the start of the path; any length but zero.
     until : float
-        Displacement at the end (m).
+        Displacement at the end (m); not with `at`.
     steps, at, first, longest, turn
         As for :class:`LoadControl`, of displacements.
 
@@ -279,7 +260,7 @@ class DisplacementControl(_Steered):
         self,
         place: Place,
         direction: VectorLike,
-        until: float = np.nan,
+        until: float | None = None,
         *,
         steps: int | None = None,
         at: Sequence[float] | None = None,
@@ -293,10 +274,12 @@ class DisplacementControl(_Steered):
         n = vector(item, "direction", direction)
         if not np.linalg.norm(n) > 0:
             raise InputError(item, f"direction = {direction!r} has no length")
-        if at is not None:
-            until = float(_listed(item, at)[-1])
         super().__init__(until, steps, at, first, longest, turn)
         self.place, self.direction = place, n / np.linalg.norm(n)
+
+    def __repr__(self) -> str:
+        way = tuple(self.direction.tolist())
+        return f"DisplacementControl(<{self.place.label}>, {way}, {self._given()})"
 
     def stage(self, system: System, point: Point) -> Stage:
         """See the base class."""
@@ -399,7 +382,8 @@ class ArcLength(Control):
     points : int
         Points to find at most.
     until : float, optional
-        Load factor at which to stop when the path crosses it.
+        Load factor at which to stop when the path crosses it. It may be that of the start or lie
+        behind it, as a path may turn back; one that does not goes on for all `points`.
     first : float
         Load factor of the first step; negative to set off the other way.
     length : float
@@ -435,15 +419,21 @@ class ArcLength(Control):
         turn: float | None = 0.5,
     ) -> None:
         item = "ArcLength"
-        _checked(item, 0.0 if until is None else until, turn)
-        _whole(item, "points", points)
-        number = numbers(item, "first", first)
-        if number.shape != () or not np.isfinite(number) or number == 0:
+        self.until = None if until is None else finite(item, "until", until)
+        self.turn = turned(item, turn)
+        whole(item, "points", points)
+        number = finite(item, "first", first, "a number that is not zero")
+        if number == 0:
             raise InputError(item, f"first = {first!r}, expected a number that is not zero")
-        self.sign, self.first = float(np.sign(number)), abs(float(number))
+        self.sign, self.first = float(np.sign(number)), abs(number)
         self.length = positive(item, "length", length)
         self.longest = positive(item, "longest", longest)
-        self.points, self.until, self.turn = int(points), until, turn
+        self.points = int(points)
+
+    def __repr__(self) -> str:
+        given = {"points": self.points, "until": self.until, "first": self.sign * self.first}
+        sizes = {"length": self.length, "longest": self.longest, "turn": self.turn}
+        return f"ArcLength({shown(self, **given, **sizes)})"
 
     def stage(self, system: System, point: Point, direction: Floats | None = None) -> Stage:
         """See the base class; `direction` (rows, 3) of the first step, on a branch."""

@@ -19,6 +19,10 @@ from .schedule import Schedule
 
 __all__ = ["Equilibrium", "Functional", "Neutral", "Point", "Solution", "weights"]
 
+#: why a step fails whose displacement the loads do not change
+UNMOVED = "the load factor does not change what is prescribed"
+#: rate of what is prescribed, relative to its terms, below which it does not change
+STANDS = 1e-10
 #: change of the load factor for its difference quotients
 SMALL = 1e-6
 
@@ -33,7 +37,7 @@ def weights(system: System) -> Floats:
     return np.asarray(out / len(system.origin_rows))
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Point:
     """An equilibrium on a path.
 
@@ -50,6 +54,10 @@ class Point:
     y: Floats
     t: float
     turns: IndexArray | None = None
+
+    def __repr__(self) -> str:
+        """Without the arrays."""
+        return f"Point(t={self.t!r}, rows={len(self.y)})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,15 +225,16 @@ class _Problem:
         both = self._solved(data, columns)
         if r_t is None:
             return np.append(-both[:, 0], 0.0)
-        along, slope = float(self._missing), self.target.by_factor
+        along, slope, terms = float(self._missing), self.target.by_factor, 0.0
         if self.target.gradient is not None:
             gradient = bound.pull(self.target.gradient)
             along -= float(gradient @ both[:, 0])
             slope -= float(gradient @ both[:, 1])
+            terms = float(abs(gradient) @ abs(both[:, 1]))
             if self._by_t is not None:
                 slope += float((self.target.gradient * self._by_t).sum())
-        if slope == 0:
-            raise SingularMatrixError("the load factor does not change what is prescribed")
+        if abs(slope) <= STANDS * terms:
+            raise SingularMatrixError(UNMOVED)
         dt = -along / slope
         return np.append(-both[:, 0] - dt * both[:, 1], dt)
 

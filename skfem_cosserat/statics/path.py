@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ..constraints import NullSpace, Treatment
-from ..errors import CosseratError, InputError
+from ..errors import CosseratError
 from ..history import History
 from ..integrators import State
 from ..load import Amplitude
@@ -17,10 +17,11 @@ from ..model import Model, System
 from ..model.balance import Spin
 from ..newton import NewtonSettings
 from ..simulate.interrupt import Interrupt
+from ..simulate.progress import Progress
 from ..simulate.start import checked_start
 from ..types import Floats
 from .branch import Branch
-from .checks import check_free_motions, check_run, show_line
+from .checks import check_run, held_start
 from .control import Control, LoadControl
 from .equilibrium import Equilibrium, Point
 from .record import PathRecorder, derive_path
@@ -63,8 +64,10 @@ def static(
         :class:`ArcLength`.
     start : State or Branch, optional
         Where the path starts, at the load factor ``start.time``; default: the reference at 0. If
-        it is no equilibrium, the nearest one is sought first. A :class:`Branch` leads off at a
-        bifurcation.
+        it is no equilibrium, the nearest one is sought first: where only the stress of loads that
+        act there holds a motion, the others settle before that one. A :class:`Branch` leads off
+        at a bifurcation. A state knows neither loads nor sections: one of another model with the
+        same coordinates is a start like any other.
     factors : mapping of str to float, Table or callable, optional
         For loads and actuators by name, in place of the load factor: a number holds a load, a
         function of the load factor moves it on its own way.
@@ -76,7 +79,9 @@ def static(
     watch : bool
         Look for limit and bifurcation points on the way; they are recorded as points.
     callbacks : sequence of callable
-        Called with each :class:`Point`; one that returns True ends the path.
+        Called with each :class:`Point` after a step that is recorded: with ``steps`` or ``at``
+        those asked for, else all. Not with the start, nor with critical points, which are located
+        between two of them. One that returns True ends the path.
     progress : bool or callable
         True: one line on stderr; a callable gets (parameter, load factor) after each point.
     path : path, optional
@@ -126,9 +131,10 @@ def static(
     schedule = Schedule(system, factors, spin)
     first, direction = _start(system, start)
     if direction is None:
-        check_free_motions(system, schedule, first)
+        first = held_start(system, schedule, first)
     solver = Equilibrium(system, treatment, schedule, settings)
     walk = Walk(system, solver, control, watch and system.unknowns > 0)
+    show = Progress(progress, "parameter {:.6g}, load factor {:.6g}".format)
     recorder = PathRecorder(
         system,
         schedule,
@@ -140,9 +146,9 @@ def static(
         },
         path,
     )
-    show = _progress(progress)
     with recorder, Interrupt() as interrupt:
-        status, failure = walk.run(first, direction, recorder, callbacks, show, interrupt)
+        with show:
+            status, failure = walk.run(first, direction, recorder, callbacks, show, interrupt)
         history = recorder.close(
             status,
             factorisations=solver.bound.solver.factorisations,
@@ -183,13 +189,3 @@ def _derive(
         logger.warning("interrupted: energies and reactions are missing")
     if path is not None:
         history.save(path)
-
-
-def _progress(progress: object) -> Callable[[float, float], object]:
-    if callable(progress):
-        return progress
-    if not isinstance(progress, bool):
-        raise InputError("argument progress", f"{progress!r}, expected True, False or a function")
-    if not progress:
-        return lambda parameter, factor: None
-    return show_line

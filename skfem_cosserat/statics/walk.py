@@ -21,9 +21,9 @@ from ..simulate.interrupt import Interrupt
 from ..types import Floats
 from .branch import branch_stage
 from .checks import prescribed_turn, rotation
-from .control import ArcLength, Control, LoadControl, Stage
+from .control import ArcLength, Control, DisplacementControl, LoadControl, Stage
 from .critical import Critical, Look, inspect, locate_all
-from .equilibrium import Equilibrium, Functional, Neutral, Point, Solution, weights
+from .equilibrium import UNMOVED, Equilibrium, Functional, Neutral, Point, Solution, weights
 from .record import PathRecorder
 
 __all__ = ["Callback", "Walk"]
@@ -418,6 +418,9 @@ class Walk:
         advice = "ArcLength() follows a path through limit points; else try a finer mesh"
         if isinstance(self.control, ArcLength):
             advice = "try a shorter first step, or a finer mesh"
+        elif isinstance(self.control, DisplacementControl) and UNMOVED in report.reason:
+            place, way = self.control.place.label, self.control.direction.round(6).tolist()
+            advice = f"the loads do not move {place} along {way}: choose what they move"
         reason = f"{what}: {report.reason}"
         return Diverged(
             point.t,

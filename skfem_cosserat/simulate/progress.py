@@ -1,0 +1,68 @@
+"""What a run shows of itself while it goes on."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+
+from ..errors import InputError
+
+__all__ = ["Progress"]
+
+#: seconds between two changes of the line
+INTERVAL = 0.2
+
+
+class Progress:
+    """A line on stderr, calls of a function, or nothing.
+
+    Called with the numbers to show; used as a context it ends the line, however the run ends.
+
+    Parameters
+    ----------
+    progress : bool or callable
+        True for the line; a callable gets the numbers each time.
+    text : callable
+        From the numbers to the text of the line.
+
+    Raises
+    ------
+    InputError
+        If `progress` is something else.
+    """
+
+    def __init__(self, progress: object, text: Callable[..., str]) -> None:
+        if not callable(progress) and not isinstance(progress, bool):
+            raise InputError(
+                "argument progress", f"{progress!r}, expected True, False or a function"
+            )
+        self._function = progress if callable(progress) else None
+        self._text, self._on = text, progress is True
+        self._numbers: tuple[float, ...] = ()
+        self._written, self._last = False, 0.0
+
+    def __call__(self, *numbers: float) -> None:
+        """Show these numbers now or soon."""
+        if self._function is not None:
+            self._function(*numbers)
+        elif self._on:
+            self._numbers, self._written = numbers, False
+            if time.monotonic() - self._last >= INTERVAL:
+                self._write()
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if not self._numbers:
+            return
+        if not self._written:
+            self._write()
+        sys.stderr.write("\n")
+        sys.stderr.flush()
+
+    def _write(self) -> None:
+        sys.stderr.write("\r\x1b[K" + self._text(*self._numbers))  # the old line is erased
+        sys.stderr.flush()
+        self._written, self._last = True, time.monotonic()
