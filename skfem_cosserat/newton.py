@@ -12,7 +12,7 @@ from .linear import SingularMatrixError
 from .log import logger
 from .types import Floats
 
-__all__ = ["NewtonProblem", "NewtonReport", "NewtonSettings", "newton"]
+__all__ = ["NewtonProblem", "NewtonReport", "NewtonSettings", "converged", "newton"]
 
 
 class NewtonProblem(Protocol):
@@ -141,7 +141,7 @@ def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = Fals
             report.residuals.append(size)
             report.increments.append(length)
             logger.debug("Newton %d: increment %.3e residual %.3e", report.iterations, length, size)
-            if not capped and np.isfinite(size) and _converged(report.increments, size, settings):
+            if not capped and np.isfinite(size) and converged(report.increments, size, settings):
                 report.converged = True
                 break
         else:
@@ -167,7 +167,8 @@ def _advance(problem: NewtonProblem, increment: Floats, before: float, damped: b
     return problem.residual()
 
 
-def _converged(increments: list[float], size: float, settings: NewtonSettings) -> bool:
+def converged(increments: list[float], size: float, settings: NewtonSettings) -> bool:
+    """Whether increments of these sizes, and a residual of this one, are enough."""
     last = increments[-1]
     if last <= settings.negligible:
         return True

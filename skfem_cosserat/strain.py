@@ -15,7 +15,7 @@ import numpy as np
 
 from .types import Floats
 
-__all__ = ["strain_table"]
+__all__ = ["strain_factors", "strain_table"]
 
 
 def strain_table(shape: Floats, slope: Floats) -> Floats:
@@ -58,3 +58,21 @@ def strain_table(shape: Floats, slope: Floats) -> Floats:
             scalar[g, 3 + i, :, j, :, k] += wedge.T
     table = np.einsum("giaubv,cd->giaucbvd", scalar, np.eye(3))
     return np.ascontiguousarray(table.reshape(ng, 6, 12 * nn, 12 * nn))
+
+
+def strain_factors(table: Floats) -> tuple[Floats, Floats]:
+    """Shape functions and slopes (ng, nn) from which :func:`strain_table` made a table.
+
+    Examples
+    --------
+    >>> shape, slope = strain_factors(strain_table(np.array([[.5], [.5]]), np.array([[-1.], [1.]])))
+    >>> shape.tolist(), slope.tolist()
+    ([[0.5, 0.5]], [[-1.0, 1.0]])
+    """
+    ng, _, k, _ = table.shape
+    nn = k // 12
+    # Gamma_1 = d1 . phi': products N_a dN_b, and the N_a add up to one
+    product = table.reshape(ng, 6, nn, 4, 3, nn, 4, 3)[:, 0, :, 1, 0, :, 0, 0]
+    slope = product.sum(1)
+    shape = np.einsum("gab,gb->ga", product, slope) / (slope**2).sum(1)[:, None]
+    return shape, slope

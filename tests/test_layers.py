@@ -27,7 +27,7 @@ LAYERS = (
     ("section", "strain", "kernels"),
     ("frames", "relative", "beam", "body", "joint", "load", "coupling", "damping", "drive"),
     ("model",),
-    ("linear", "newton"),
+    ("compiled", "linear", "newton"),
     ("constraints",),
     ("integrators",),
     ("history",),
@@ -40,6 +40,8 @@ LAYER = {name: number for number, names in enumerate(LAYERS, start=1) for name i
 
 #: Import names of the hard dependencies: nothing else but Python's own is imported with a module.
 REQUIRED = {"numpy", "scipy", "skfem", "meshio"}
+#: What a folder that is itself imported in functions only may import with its modules.
+COMPILED = {("compiled", "numba")}
 OPTIONAL = ("pyvista", "matplotlib", "vtk", "vtkmodules", "numba", "h5py", "tqdm")
 
 MAX_MODULE_LINES = 500
@@ -195,7 +197,7 @@ def optional_at_import(modules: list[Module]) -> list[str]:
         for module in modules
         for node in nodes_run_at_import(module.tree)
         for name in sorted({name.split(".")[0] for name in absolute_names(module, node)})
-        if name not in allowed
+        if name not in allowed and (module.top, name) not in COMPILED
     ]
 
 

@@ -2,6 +2,6 @@
 
 from .base import BoundTreatment, Treatment
 from .multipliers import Multipliers
-from .nullspace import NullSpace
+from .nullspace import BoundNullSpace, NullSpace
 
-__all__ = ["BoundTreatment", "Multipliers", "NullSpace", "Treatment"]
+__all__ = ["BoundNullSpace", "BoundTreatment", "Multipliers", "NullSpace", "Treatment"]

@@ -429,3 +429,12 @@ class BoundNullSpace(BoundTreatment):
     def finish(self) -> None:
         """See the base class."""
         self._last = self._total
+
+    @property
+    def last(self) -> Array | None:
+        """Increments (K,) of the tree's coordinates in the last step, None before the first."""
+        return self._last
+
+    @last.setter
+    def last(self, value: Array | None) -> None:
+        self._last = value

@@ -11,7 +11,7 @@ from ..model import System
 from ..model.couplings import CoupledForce, CoupledStart
 from ..types import Array, Floats, IndexArray
 
-__all__ = ["Evaluation", "Integrator", "State", "StepData", "StepWork"]
+__all__ = ["Evaluation", "Integrator", "Scheme", "State", "StepData", "StepWork"]
 
 
 @dataclass(eq=False, repr=False)
@@ -81,6 +81,29 @@ class StepWork:
     actuators: float = 0.0
     dissipated: float = 0.0
     ground: float = 0.0
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """An implicit midpoint scheme in numbers, as the compiled kernels take it.
+
+    ``R = mass M dq - momentum p_n + force (int B(q_mid)^T S ds - f)``, where S comes from the
+    strains at the midpoint or is the mean of those at both ends. The momentum carried on is
+    ``carry[0] mass M dq + carry[1] p_n + carry[2] force (int B^T S ds - f)``.
+
+    Attributes
+    ----------
+    mass, momentum, force : float
+    ends : bool
+        Stresses: the mean of both ends.
+    carry : (float, float, float)
+    """
+
+    mass: float
+    momentum: float
+    force: float
+    ends: bool
+    carry: tuple[float, float, float]
 
 
 @dataclass(eq=False)
@@ -205,6 +228,10 @@ class Integrator(ABC):
 
         `impulse` is ``h G^T lambda`` of the step, `fresh` as in :class:`State`.
         """
+
+    def scheme(self, h: float) -> Scheme | None:
+        """The scheme in numbers, for a step size; None: it is none of those, and not compiled."""
+        return None
 
     def begin(self, system: System, state: State, h: float) -> StepData:
         """Data of a step."""

@@ -11,6 +11,7 @@ from ..types import Array, Floats
 from .base import (
     Evaluation,
     Integrator,
+    Scheme,
     State,
     StepData,
     damped_force,
@@ -50,6 +51,10 @@ class EnergyMomentum(Integrator):
     reference = (
         "Gonzalez, J. Nonlinear Sci. 6 (1996) 449; Betsch & Leyendecker, IJNME 67 (2006) 499"
     )
+
+    def scheme(self, h: float) -> Scheme:
+        """See the base class."""
+        return Scheme(2 / h, 2.0, h, ends=True, carry=(1.0, -1.0, 0.0))
 
     def begin(self, system: System, state: State, h: float) -> StepData:
         """See the base class; the stresses at the start do not change in a step."""

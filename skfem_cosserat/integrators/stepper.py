@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..constraints import BoundTreatment, Treatment
+from ..constraints import BoundNullSpace, BoundTreatment, Treatment
 from ..errors import Diverged, InputError
 from ..log import logger
 from ..model import System
@@ -16,6 +16,8 @@ from ..model.tension import overstretched
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, positive
 from .base import Evaluation, Integrator, State, StepData, StepWork
+from .choice import choose_kernels
+from .fast import CompiledStep
 
 __all__ = ["StepReport", "Stepper"]
 
@@ -120,11 +122,22 @@ class Stepper:
     h : float
         Step size (s), positive.
     settings : NewtonSettings, optional
+    kernels : {"auto", "numpy", "numba"}
+        See :func:`skfem_cosserat.simulate`.
+    steps : int, optional
+        How many are intended, to judge whether compiling pays.
 
     Raises
     ------
     InputError
         If an argument is of another kind, or the step not positive.
+    ImportError
+        If numba is asked for and not there.
+
+    Attributes
+    ----------
+    choice : Choice
+        Kernels in use, and why.
 
     Examples
     --------
@@ -144,6 +157,8 @@ class Stepper:
         treatment: Treatment,
         h: float,
         settings: NewtonSettings | None = None,
+        kernels: str = "auto",
+        steps: int | None = None,
     ) -> None:
         _check_kind("system", system, System)
         _check_kind("integrator", integrator, Integrator)
@@ -154,6 +169,22 @@ class Stepper:
         _check_kind("settings", self.settings, NewtonSettings)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
         self._first = True
+        self.choice = choose_kernels(kernels, system, integrator, treatment, steps)
+        self._fast: CompiledStep | None = None
+        if self.choice.name == "numba":
+            logger.info("kernels are compiled or read from the cache")
+            self._fast = CompiledStep(system, integrator, self.h, self.settings)
+
+    @property
+    def factorisations(self) -> int:
+        """So far."""
+        compiled = 0 if self._fast is None else self._fast.factorisations
+        return self.bound.solver.factorisations + compiled
+
+    @property
+    def method(self) -> str:
+        """How linear systems are solved."""
+        return self.bound.solver.method if self._fast is None else "blocks"
 
     def advance(self, state: State, time: float | None = None) -> StepReport:
         """Solve the step that follows `state`.
@@ -172,6 +203,12 @@ class Stepper:
             a line search. If prescribed motion has reached a dead point of a closed loop, or
             contradicts another one around it, the reason says so.
         """
+        new_time = state.time + self.h if time is None else time
+        if self._fast is not None:
+            solved = self._fast.solve(state)
+            if solved is not None:
+                return self._accept_compiled(self._fast, state, new_time, *solved)
+            self._hand_over(self._fast)
         step = self.integrator.begin(self.system, state, self.h)
         self.bound.momentum = state.p if state.fresh or self._first else None
         self._first = False
@@ -191,7 +228,6 @@ class Stepper:
                 report.reason = f"it has turned over: {astray}"
             elif report.converged:
                 self._check_motion(state, problem.y1, report.residual)
-                new_time = state.time + self.h if time is None else time
                 return self._accept(state, problem, new_time, total, attempt, report)
             residuals.append(report.residuals)
             if best is None or report.residual < best.residual:
@@ -242,6 +278,8 @@ class Stepper:
         step, evaluation, y1 = problem.step, problem.evaluation, problem.y1
         assert evaluation is not None
         self.bound.finish()
+        if self._fast is not None and isinstance(self.bound, BoundNullSpace):
+            self._fast.last = self.bound.last
         impulse: Array = self.bound.constraint_impulse(evaluation.R)
         new = State(
             time,
@@ -266,6 +304,34 @@ class Stepper:
             report.residual,
             self.integrator.work(self.system, step, evaluation, y1),
         )
+
+    def _accept_compiled(
+        self, fast: CompiledStep, state: State, time: float, iterations: int, residual: float
+    ) -> StepReport:
+        y1, impulse = fast.y1, -fast.balance
+        rows, weight = self.system.rows, self.integrator.constraint_weight
+        new = State(
+            time, state.index + 1, y1[:rows].ravel(), fast.carried().ravel(), False, state.turns
+        )
+        self._first = False
+        momentum = self.integrator.node_momentum(fast.start, impulse, state.fresh)
+        share = self.integrator.start_share if state.fresh else 1.0
+        y0 = fast.start.y0
+        return StepReport(
+            new,
+            np.array(momentum).reshape(-1),
+            (impulse / (share * self.h)).reshape(-1),
+            y0 if weight == 0 else (1 - weight) * y0 + weight * y1,
+            iterations,
+            1,
+            residual,
+            fast.work(),
+        )
+
+    def _hand_over(self, fast: CompiledStep) -> None:
+        """The general way tries again from where the compiled one started."""
+        assert isinstance(self.bound, BoundNullSpace)
+        self.bound.last = fast.last
 
     def iteration_matrix(self, state: State, scaled: bool = True) -> tuple[Floats, StepReport]:
         """Dense iteration matrix at the converged state of the step after `state`.

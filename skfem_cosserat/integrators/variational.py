@@ -11,6 +11,7 @@ from ..types import Array, Floats
 from .base import (
     Evaluation,
     Integrator,
+    Scheme,
     StepData,
     damped_force,
     largest,
@@ -52,6 +53,10 @@ class Variational(Integrator):
     advice = "a finer mesh, a softer section, or EnergyMomentum()"
     conserves = "symplectic form, linear and angular momentum"
     reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equations (22) and (25)"
+
+    def scheme(self, h: float) -> Scheme:
+        """See the base class."""
+        return Scheme(1 / h, 1.0, h / 2, ends=False, carry=(1.0, 0.0, -1.0))
 
     def evaluate(self, system: System, step: StepData, y1: Array) -> _Evaluation:
         """See the base class."""

@@ -214,6 +214,12 @@ class Chart:
             theta = (increment[numbers][:, :, None] * self.fixed[numbers]).sum(1)
             self._swing = quaternion_product(exp_quaternion(theta), self._swing)
 
+    def driven(self, coordinates: Sequence[Coordinate]) -> Floats:
+        """Values of `coordinates` at the end of the step as far as drives prescribe them."""
+        values = dict(zip(map(id, self.kin.guided), np.real(self._hinge), strict=True))
+        values |= dict(zip(map(id, self.kin.sliding), np.real(self._track), strict=True))
+        return np.array([values[id(c)] if c.drive is not None else 0.0 for c in coordinates])
+
     def save(self) -> tuple[Array, ...]:
         """The increments of the step so far."""
         return self._shift, self._turn, self._swing, self._hinge, self._track

@@ -39,6 +39,7 @@ def steps(
     step: float,
     start: State | None = None,
     settings: NewtonSettings | None = None,
+    kernels: str = "auto",
 ) -> Iterator[StepReport]:
     """Solve step after step, for a loop of your own; stops only when you do.
 
@@ -55,6 +56,8 @@ def steps(
         Default: :func:`initial_state`.
     settings : NewtonSettings, optional
         When Newton's method stops.
+    kernels : {"auto", "numpy", "numba"}
+        See :func:`simulate`; "auto" takes a thousand steps for granted.
 
     Yields
     ------
@@ -77,7 +80,7 @@ def steps(
     >>> round(float(report.state.q[0]), 12)
     0.5
     """
-    stepper = Stepper(system, integrator, treatment, step, settings)
+    stepper = Stepper(system, integrator, treatment, step, settings, kernels)
     state = initial_state(system) if start is None else checked_start(system, start)
     origin, first = state.time, state.index
     while True:
@@ -102,6 +105,7 @@ def simulate(
     path: str | os.PathLike[str] | None = None,
     derive: bool = True,
     settings: NewtonSettings | None = None,
+    kernels: str = "auto",
 ) -> History:
     """Integrate a scene and return its history.
 
@@ -119,6 +123,12 @@ def simulate(
         Called with each :class:`StepReport`; one that returns True ends the run.
     progress : bool or callable
         True: one line on stderr, kept up to date; a callable gets (time, until) after each step.
+    kernels : {"auto", "numpy", "numba"}
+        Plain numpy kernels, or those compiled by numba (extra ``fast``), an order of magnitude
+        faster after some 20 s of compilation, which is kept on disk. "auto" takes them if numba is
+        installed, the estimated time with numpy is above 40 s and there are some: for the null
+        space method, without closed loops, springs, following loads, damping and beams of several
+        orders. ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken, and why.
     path : path, optional
         Stream the history to this file, block by block. An older file is replaced, but not by a
         run that goes on from a history.
@@ -148,7 +158,8 @@ def simulate(
     >>> history["q"][-1].round(12).tolist(), float(history["energy"][-1].round(12))
     ([0.5, 0.0, 0.0], 1.0)
     """
-    stepper = Stepper(system, integrator, treatment, step, settings)
+    intended = _intended(step, until, start)
+    stepper = Stepper(system, integrator, treatment, step, settings, kernels, intended)
     state, count = _plan(system, start, stepper.h, until, every)
     _check_run(callbacks, path, state)
     show = Progress(progress, "t = {:.6g} s of {:.6g} s".format)
@@ -171,6 +182,15 @@ def simulate(
     if failure is not None:
         raise failure
     return history
+
+
+def _intended(step: float, until: float, start: State | None) -> int | None:
+    """Number of steps, as far as the arguments make sense: they are checked after that."""
+    try:
+        count = (until - (0.0 if start is None else start.time)) / step
+    except (TypeError, ValueError, ZeroDivisionError, AttributeError):
+        return None
+    return int(count) if isinstance(count, float) and 0 <= count < 1e15 else None
 
 
 def _run(

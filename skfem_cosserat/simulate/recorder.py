@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from .. import kernels
 from ..diagnostics import Projection
 from ..errors import CosseratError, Diverged, InputError
 from ..history import History, HistoryWriter
@@ -53,9 +52,10 @@ class Recorder:
             "integrator": stepper.integrator.name,
             "treatment": stepper.treatment.name,
             "step": stepper.h,
-            "solver": stepper.bound.solver.method,
+            "solver": stepper.method,
             "unknowns": stepper.bound.unknowns,
-            "kernels": kernels.NAME,
+            "kernels": stepper.choice.name,
+            "kernels_why": stepper.choice.why,
         }
         self.works = Works(system, stepper.integrator, state.q)
         self.writer = HistoryWriter(meta, static, path)
@@ -154,7 +154,7 @@ class Recorder:
                 except CosseratError as error:  # a singular configuration: p stays NaN
                     logger.warning("the last momentum could not be projected: %s", error)
         extra: dict[str, Any] = {
-            "factorisations": self.stepper.bound.solver.factorisations,
+            "factorisations": self.stepper.factorisations,
         }
         if failure is not None:
             extra["failure"] = str(failure)

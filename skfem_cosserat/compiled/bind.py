@@ -1,0 +1,274 @@
+"""From a frozen system to the arrays of the compiled kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..model import System
+from ..model.groups import BeamGroup, Group
+from ..model.tree import Coordinate, Edge, Spot
+from ..strain import strain_factors
+from ..types import Floats, IndexArray
+from . import layout
+from .plan import Plan
+from .tree import AXIS, ROTATION, SLIDE, SPHERE
+
+__all__ = ["bound_beams", "bound_plan", "bound_tree", "bound_work", "coordinates_of", "make_plan"]
+
+_PLANNED = (
+    "order",
+    "diag",
+    "ptr",
+    "neighbour",
+    "right",
+    "down",
+    "update_ptr",
+    "update",
+    "parent_at",
+)
+KINDS = {"rotation": ROTATION, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE}
+
+
+def make_plan(system: System) -> Plan:
+    """Elimination of the vertices of a system."""
+    count = len(system.origin_rows)
+    pairs = [
+        (a, b)
+        for group in system.beam_groups
+        for vertices in group.vertices.tolist()
+        for k, a in enumerate(vertices)
+        for b in vertices[k + 1 :]
+    ]
+    return Plan(count, pairs, _parents(system)[1])
+
+
+def _parents(system: System) -> tuple[list[int], list[int]]:
+    """Edge and parent of each vertex, -1 for none or the ground."""
+    count = len(system.origin_rows)
+    edge, parent = [-1] * count, [-1] * count
+    for k, e in enumerate(system.tree.edges):
+        edge[e.child] = k
+        parent[e.child] = e.parent if e.parent < count else -1
+    return edge, parent
+
+
+def coordinates_of(system: System) -> list[list[Coordinate]]:
+    """Coordinates of each edge, driven ones included; hinges from the parent outwards."""
+    tree = system.tree
+    each: dict[int, list[Coordinate]] = {}
+    for c in [*tree.coordinates, *tree.driven]:
+        each.setdefault(c.vertex, []).append(c)
+    return [
+        [c for c in each.get(e.child, []) if c.kind != "axis"] + tree.turns.get(e.child, [])
+        for e in tree.edges
+    ]
+
+
+def bound_beams(system: System, group: BeamGroup | None, plan: Plan) -> tuple[Any, dict[str, Any]]:
+    """One group of elements, or none; the structure, and its arrays by name."""
+    if group is None:
+        none = np.zeros((0, 2), dtype=np.int64)
+        ends = ((0.5, 0.5),)
+        size = {"stiffness": (6, 6), "reference": (1, 6), "mass": (2, 2, 4, 4)}
+        empty = {name: np.zeros((0, *shape)) for name, shape in size.items()}
+        S = np.zeros((0, 1, 6))
+        fields = {"N": ends, "dN": ((-1.0, 1.0),), "weights": (1.0,), "base": none, **empty}
+        fields |= {"slot": np.zeros((0, 2, 2), dtype=np.int64), "lengths": np.zeros(0)}
+        fields |= {"rotations": np.zeros((0, 2, 3, 3)), "turned": False}
+        fields |= {"S0": S, "S": S.copy(), "predicted": S.copy()}
+        return layout.beams(tuple(fields[name] for name in layout.BEAMS)), fields
+    elements = group.elements
+    ne, nn = group.vertices.shape
+    ng = len(elements.points)
+    N, dN = strain_factors(elements.table)
+    scalar = group.mass.reshape(ne, nn, 4, 3, nn, 4, 3)[:, :, :, 0, :, :, 0]
+    mass = np.ascontiguousarray(scalar.transpose(0, 1, 3, 2, 4))
+    rotations = np.zeros((0, nn, 3, 3))
+    if elements.rotations is not None:
+        # by section directors: those of the node are Q^T times them
+        rotations = np.ascontiguousarray(elements.rotations)
+        Q = np.zeros((ne, nn, 4, 4))
+        Q[:, :, 0, 0], Q[:, :, 1:, 1:] = 1, rotations
+        mass = np.ascontiguousarray(np.einsum("eaij,eabjk,eblk->eabil", Q, mass, Q))
+    slots = [[[plan.slot[a, b] for b in vs] for a in vs] for vs in group.vertices.tolist()]
+    S = np.zeros((ne, ng, 6))
+    fields = {
+        "N": _tuples(N),
+        "dN": _tuples(dN),
+        "weights": tuple(map(float, elements.weights)),
+        "base": np.ascontiguousarray(system.origin_rows[group.vertices]),
+        "slot": np.array(slots, dtype=np.int64),
+        "lengths": np.ascontiguousarray(elements.lengths),
+        "stiffness": np.ascontiguousarray(elements.stiffness),
+        "reference": np.ascontiguousarray(elements.reference),
+        "mass": mass,
+        "rotations": rotations,
+        "turned": elements.rotations is not None,
+        "S0": S,
+        "S": S.copy(),
+        "predicted": S.copy(),
+    }
+    return layout.beams(tuple(fields[name] for name in layout.BEAMS)), fields
+
+
+def _tuples(table: Floats) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(map(float, row)) for row in table)
+
+
+def bound_plan(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
+    """The elimination with the tree of joints; the structure, and its arrays by name."""
+    edge, parent = _parents(system)
+    count = len(edge)
+    to_parent = [
+        plan.slot[e.parent, e.child] if e.parent < count else -1 for e in system.tree.edges
+    ]
+    fields: dict[str, Any] = {
+        **{name: getattr(plan, name) for name in _PLANNED},
+        "edge": _ints(edge),
+        "parent": _ints(parent),
+        "size": _ints([len(system.tree.own[v]) for v in range(count)]),
+        "to_parent": _ints(to_parent),
+        "pivots": np.zeros((count, 6), dtype=np.int64),
+    }
+    return layout.plan(tuple(fields[name] for name in layout.PLAN)), fields
+
+
+def bound_tree(system: System) -> tuple[Any, dict[str, Any]]:
+    """Vertices, edges and coordinates; the structure, and its arrays by name."""
+    kin, tree = system.kinematics, system.tree
+    count = len(system.origin_rows)
+    mass = system.mass.tocsr()
+    fields: dict[str, Any] = {
+        "row": np.ascontiguousarray(kin.row[:count]),
+        "framed": np.array(system.is_frame, dtype=bool),
+        "free": _ints(tree.free),
+        "R": np.zeros((len(kin.row), 3, 3)),
+        "shift": np.zeros((count, 3)),
+        "turn": np.zeros((count, 4)),
+        "mass_data": mass.data,
+        "mass_indices": mass.indices.astype(np.int64),
+        "mass_indptr": mass.indptr.astype(np.int64),
+        **_edges(system),
+        **_coordinates(system),
+        **_lumps(system.frame_group, system.point_group),
+    }
+    return layout.tree(tuple(fields[name] for name in layout.TREE)), fields
+
+
+def _edges(system: System) -> dict[str, Any]:
+    row, tree = system.kinematics.row, system.tree
+    edges, count = tree.edges, len(system.origin_rows)
+    relative = [
+        e.joint.freedom().turns is not None and bool(system.is_frame[e.child]) for e in edges
+    ]
+    fulcrums = [_fulcrum(e, r) for e, r in zip(edges, relative, strict=True)]
+    return {
+        "swing": np.zeros((len(edges), 4)),
+        "child": _ints([e.child for e in edges]),
+        "parent": _ints([e.parent if e.parent < count else -1 for e in edges]),
+        "child_row": _ints([row[e.child] for e in edges]),
+        "parent_row": _ints([row[e.parent] for e in edges]),
+        "parent_frame": _ints([e.parent for e in edges]),
+        "guide_frame": _ints([e.guide for e in edges]),
+        "relative": _flags(relative),
+        "sphere": _flags([e.joint.freedom().sphere for e in edges]),
+        "open": _flags([bool(tree.slides.get(e.child)) for e in edges]),
+        "child_offset": _vectors([e.child_spot.offset for e in edges]),
+        "parent_offset": _vectors([e.parent_spot.offset for e in edges]),
+        "arm0": np.zeros((len(edges), 3)),
+        "fulcrum_row": _ints([row[s.vertex] for s in fulcrums]),
+        "fulcrum_offset": _vectors([s.offset for s in fulcrums]),
+        "fulcrum_vertex": _ints([s.vertex if s.vertex < count else -1 for s in fulcrums]),
+    }
+
+
+def _fulcrum(edge: Edge, relative: bool) -> Spot:
+    """The point of a child that moves as if fixed to its parent."""
+    if relative:
+        return Spot(edge.child)
+    return edge.end.b if edge.joint.freedom().slides else edge.parent_spot
+
+
+def _coordinates(system: System) -> dict[str, Any]:
+    row, tree, count = system.kinematics.row, system.tree, len(system.origin_rows)
+    each = coordinates_of(system)
+    own = [c for cs in each for c in cs]
+    edges = [e for e, cs in zip(tree.edges, each, strict=True) for _ in cs]
+    targets = [
+        e.child_spot if c.kind == "sphere" else Spot(e.child)
+        for e, c in zip(edges, own, strict=True)
+    ]
+    centres = [Spot(c.vertex) if c.centre is None else c.centre for c in own]
+    numbers = [-1 if c.drive is not None else tree.own[c.vertex].index(c.number) for c in own]
+    turning = np.zeros((count, 6), dtype=bool)
+    turning[[v for v in tree.free if system.is_frame[v]], 3:] = True
+    for c, k in zip(own, numbers, strict=True):
+        if k >= 0:
+            turning[c.vertex, k] = c.kind != "slide"
+    return {
+        "value": np.zeros(len(own)),
+        "driven": np.zeros(len(own)),
+        "turning": turning,
+        "first": np.concatenate([[0], np.cumsum([len(cs) for cs in each])]).astype(np.int64),
+        "kind": _ints([KINDS[c.kind] for c in own]),
+        "own": _ints(numbers),
+        "axis": _vectors([c.axis for c in own]),
+        "right": _vectors([np.zeros(3) if c.right is None else c.right for c in own]),
+        "axis0": np.zeros((len(own), 3)),
+        "guide_row": _ints([row[c.guide] if c.guide >= 0 else 0 for c in own]),
+        "guide_vertex": _ints([c.guide if c.guide < count else -1 for c in own]),
+        "target_row": _ints([row[s.vertex] for s in targets]),
+        "target_offset": _vectors([s.offset for s in targets]),
+        "target_vertex": _ints([s.vertex for s in targets]),
+        "centre_row": _ints([row[s.vertex] for s in centres]),
+        "centre_offset": _vectors([s.offset for s in centres]),
+        "centre_vertex": _ints([s.vertex if s.vertex < count else -1 for s in centres]),
+    }
+
+
+def _lumps(frames: Group | None, points: Group | None) -> dict[str, Any]:
+    def scalar(group: Group, size: int) -> Floats:
+        blocks = group.mass.reshape(len(group.mass), size, 3, size, 3)
+        return np.ascontiguousarray(blocks[:, :, 0, :, 0])
+
+    none = _ints([])
+    return {
+        "lump_vertex": none if frames is None else _ints(frames.vertices[:, 0]),
+        "lumps": np.zeros((0, 4, 4)) if frames is None else scalar(frames, 4),
+        "point_vertex": none if points is None else _ints(points.vertices[:, 0]),
+        "point_masses": np.zeros(0) if points is None else scalar(points, 1)[:, 0, 0].copy(),
+    }
+
+
+def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
+    """What changes during a step; the structure, and its arrays by name."""
+    total, rows, count = system.total, system.rows, len(system.origin_rows)
+    edges = len(system.tree.edges)
+    shapes: dict[str, tuple[int, ...]] = {
+        **dict.fromkeys(("y0", "y1", "mid"), (total, 3)),
+        **dict.fromkeys(("p0", "external", "R", "momentum", "internal"), (rows, 3)),
+        **dict.fromkeys(("R_mixed", "change"), (rows, 3)),
+        "ground1": (total - rows, 3),
+        **dict.fromkeys(("F", "F_mixed", "b", "x", "total", "last", "extra", "twist"), (count, 6)),
+        "A": (len(plan.slot), 6, 6),
+        **dict.fromkeys(("S_left", "X_left", "S_right", "X_right"), (edges, 6, 6)),
+        **dict.fromkeys(("C_child", "C_parent"), (edges, 6, 6)),
+        "scratch": (3, 6, 6),
+    }
+    arrays = {name: np.zeros(shapes[name]) for name in layout.WORK}
+    return layout.work(tuple(arrays.values())), arrays
+
+
+def _ints(numbers: Sequence[Any] | IndexArray) -> IndexArray:
+    return np.array(numbers, dtype=np.int64).reshape(len(numbers))
+
+
+def _flags(values: Sequence[bool]) -> Any:
+    return np.array(values, dtype=bool).reshape(len(values))
+
+
+def _vectors(values: Sequence[Any]) -> Floats:
+    return np.array(values, dtype=float).reshape(len(values), 3)

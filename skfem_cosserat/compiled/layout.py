@@ -1,0 +1,119 @@
+"""Arrays of a frozen system as the compiled kernels take them: one argument for many arrays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import types
+from numba.experimental import structref
+
+from .jit import jit
+
+__all__ = ["BEAMS", "PLAN", "TREE", "WORK", "beams", "plan", "tree", "work"]
+
+#: elements of one interpolation: shape functions and slopes at Gauss points as tuples, so that
+#: their numbers are known when compiling; first rows of y of the nodes; slots of the blocks
+BEAMS = (
+    *("N", "dN", "weights", "base", "slot", "lengths", "stiffness", "reference", "mass"),
+    *("rotations", "turned", "S0", "S", "predicted"),
+)
+#: vertices, edges (joints from parent to child) and their coordinates
+TREE = (
+    *("row", "framed", "free", "R", "shift", "turn", "swing", "value", "driven", "turning"),
+    *("child", "parent", "child_row", "parent_row", "parent_frame", "guide_frame", "relative"),
+    *("sphere", "open", "child_offset", "parent_offset", "arm0"),
+    *("fulcrum_row", "fulcrum_offset", "fulcrum_vertex", "first"),
+    *("kind", "own", "axis", "right", "axis0", "guide_row", "guide_vertex"),
+    *("target_row", "target_offset", "target_vertex"),
+    *("centre_row", "centre_offset", "centre_vertex"),
+    *("mass_data", "mass_indices", "mass_indptr"),
+    *("lump_vertex", "lumps", "point_vertex", "point_masses"),
+)
+#: the order of elimination, neighbours still to come, and slots of blocks
+PLAN = (
+    *("order", "edge", "parent", "size", "diag", "ptr", "neighbour", "right", "down"),
+    *("update_ptr", "update", "parent_at", "to_parent", "pivots"),
+)
+#: what changes during a step
+WORK = (
+    *("y0", "p0", "external", "ground1", "y1", "mid", "R", "momentum", "internal"),
+    *("R_mixed", "change", "F", "F_mixed", "b", "x", "total", "last", "extra", "twist", "A"),
+    *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
+)
+
+
+class _Type(types.StructRef):
+    def preprocess_fields(self, fields: Any) -> Any:
+        return tuple((name, types.unliteral(kind)) for name, kind in fields)
+
+
+@structref.register
+class _BeamsType(_Type):
+    pass
+
+
+@structref.register
+class _TreeType(_Type):
+    pass
+
+
+@structref.register
+class _PlanType(_Type):
+    pass
+
+
+@structref.register
+class _WorkType(_Type):
+    pass
+
+
+class _Beams(structref.StructRefProxy):
+    pass
+
+
+class _Tree(structref.StructRefProxy):
+    pass
+
+
+class _Plan(structref.StructRefProxy):
+    pass
+
+
+class _Work(structref.StructRefProxy):
+    pass
+
+
+for _proxy, _kind, _fields in (
+    (_Beams, _BeamsType, BEAMS),
+    (_Tree, _TreeType, TREE),
+    (_Plan, _PlanType, PLAN),
+    (_Work, _WorkType, WORK),
+):
+    structref.define_proxy(_proxy, _kind, list(_fields))
+
+
+# compiled, since only so the constructors are kept on disk
+
+
+@jit
+def beams(values: Any) -> Any:
+    """Structure of the fields :data:`BEAMS`."""
+    return _Beams(*values)
+
+
+@jit
+def tree(values: Any) -> Any:
+    """Structure of the fields :data:`TREE`."""
+    return _Tree(*values)
+
+
+@jit
+def plan(values: Any) -> Any:
+    """Structure of the fields :data:`PLAN`."""
+    return _Plan(*values)
+
+
+@jit
+def work(values: Any) -> Any:
+    """Structure of the fields :data:`WORK`."""
+    return _Work(*values)

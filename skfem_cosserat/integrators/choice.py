@@ -1,0 +1,80 @@
+"""Which kernels step a scene: plain numpy, or compiled ones."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import NamedTuple
+
+from ..constraints import Treatment
+from ..errors import InputError
+from ..log import logger
+from ..model import System
+from .base import Integrator
+from .fast import refusal
+
+__all__ = ["Choice", "choose_kernels", "estimated_seconds"]
+
+#: estimated time with the plain kernels (s) above which compiled ones are taken: compiling them on
+#: an empty cache takes about half of it
+WORTHWHILE = 40.0
+#: Newton iterations assumed for a step
+ITERATIONS = 3
+#: how much faster a step is with compiled kernels, for the warning where numba is missing: what
+#: was measured for 20 and for 2000 elements lies on both sides
+FACTOR = 15
+#: number of steps taken for granted where none is given
+STEPS = 1000
+
+
+class Choice(NamedTuple):
+    """Kernels, and why."""
+
+    name: str
+    why: str
+
+
+def estimated_seconds(system: System, steps: int) -> float:
+    """Time of as many steps with the plain kernels, to a factor of two or so (s)."""
+    nodes = sum(g.vertices.size for g in system.beam_groups)
+    entries = sum(g.vertices.size * g.vertices.shape[1] for g in system.beam_groups)
+    vertices = len(system.origin_rows)
+    return steps * (3e-4 + ITERATIONS * (3e-4 + 2e-6 * (nodes + entries) + 4e-6 * vertices))
+
+
+def choose_kernels(
+    kernels: str, system: System, integrator: Integrator, treatment: Treatment, steps: int | None
+) -> Choice:
+    """What ``kernels="auto" | "numpy" | "numba"`` means for a run of as many steps.
+
+    Raises
+    ------
+    InputError
+        If it is none of these, or compiled kernels are asked for where there are none.
+    ImportError
+        If they are asked for and numba is not installed.
+    """
+    if kernels not in ("auto", "numpy", "numba"):
+        raise InputError("argument kernels", f"{kernels!r}, expected 'auto', 'numpy' or 'numba'")
+    if kernels == "numpy":
+        return Choice("numpy", "asked for")
+    refused = refusal(system, integrator, treatment)
+    installed = find_spec("numba") is not None
+    if kernels == "numba":
+        if refused:
+            raise InputError("argument kernels", f"'numba': {refused}")
+        if not installed:
+            raise ImportError("kernels='numba' needs numba: pip install 'skfem-cosserat[fast]'")
+        return Choice("numba", "asked for")
+    if refused:
+        return Choice("numpy", refused)
+    seconds = estimated_seconds(system, STEPS if steps is None else steps)
+    if seconds < WORTHWHILE:
+        return Choice("numpy", f"about {seconds:.2g} s of work, compiling would take longer")
+    if not installed:
+        logger.warning(
+            "about %.0f s of work with numpy: with numba (pip install 'skfem-cosserat[fast]') some"
+            " %d times faster",
+            *(seconds, FACTOR),
+        )
+        return Choice("numpy", "numba is not installed")
+    return Choice("numba", f"about {seconds:.2g} s of work with numpy")

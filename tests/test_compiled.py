@@ -1,0 +1,335 @@
+"""Compiled kernels against the plain ones: states, increments, whole runs, and which are chosen."""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import test_drives
+import test_joints
+from helpers_scenes import JOINTS, full_section, random_tree, rotation
+
+import skfem_cosserat as sc
+from skfem_cosserat.integrators import choice
+from skfem_cosserat.integrators.fast import CompiledStep, refusal
+from skfem_cosserat.integrators.stepper import Stepper, _Problem
+
+pytest.importorskip("numba")
+INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
+integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
+ORDERS = (1, 2, 3, 4)
+
+
+# -- scenes ----------------------------------------------------------------------------------------
+
+
+def tree(order):
+    """A pinned curved beam, a ball joint at its end to a body, and a mass point on a rope."""
+    rng = np.random.default_rng(order)
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1.2, 1.2, 3, name="arc")
+    rod = model.add("rod", sc.Beam(mesh, full_section(), order=order, director=(0, 0, 1)))
+    pin = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("arc.start"), axis=(0.6, 0.8, 0))
+    model.add("pin", pin)
+    tip = 1.2 * np.array([np.sin(1.2), 1 - np.cos(1.2), 0.0])
+    inertia = np.array([[0.5, 0.06, -0.04], [0.06, 0.6, 0.09], [-0.04, 0.09, 0.45]])
+    body = sc.RigidBody(
+        1.5, inertia, center=(0.1, -0.2, 0.15), position=(1.6, 1.5, 0), triad=rotation(rng).T
+    )
+    model.add("body", body)
+    model.add("ball", sc.JointSpherical(rod.node("arc.end"), body.at(tip)))
+    point = model.add("point", sc.MassPoint(0.4, position=(1.6, 2.5, 0.1)))
+    model.add("rope", sc.JointDistance(body.at((1.6, 1.6, 0)), point.place()))
+    model.add("lump", sc.RigidBody.sphere(0.3, 0.1, on=rod.node("arc.end")))
+    model.add("gravity", sc.LoadGravity((0.5, -0.3, -9.81)))
+    model.add("push", sc.LoadForce(rod.node("arc.end"), (1.0, 2.0, 0.5), lambda t: np.sin(20 * t)))
+    return model.freeze()
+
+
+def crossing(order):
+    """Two beams rigidly connected at an angle: nodal triads that are not those of the section."""
+    points = [(0, 0, 0), (1, 0, 0), (1.3, 0.9, 0.2)]
+    mesh = sc.MeshCurve.init_polyline(points, 2, name="c")
+    model = sc.Model()
+    beam = model.add("beam", sc.Beam(mesh, full_section(), order=order, director=(0, 0, 1)))
+    model.add("clamp", sc.JointFixed(sc.ground(points[0]), beam.node("c.start")))
+    model.add("gravity", sc.LoadGravity((0.5, -0.3, -9.81)))
+    system = model.freeze()
+    assert system.beam_groups[0].elements.rotations is not None
+    return system
+
+
+def moving(system, seed=4):
+    """A start with some speed."""
+    v = np.random.default_rng(seed).standard_normal(system.n)
+    return sc.initial_state(system, v=sc.project(system, system.q0, v))
+
+
+def both(system, integrator, h, until, **options):
+    start = moving(system)
+    return [
+        sc.simulate(
+            system, INTEGRATORS[integrator], sc.NullSpace(), h, until, start=start,
+            derive=False, kernels=kernels, **options,
+        )
+        for kernels in ("numpy", "numba")
+    ]  # fmt: skip
+
+
+def assert_same(plain, compiled, tolerance=1e-11):
+    assert compiled.meta["kernels"] == "numba" and plain.meta["kernels"] == "numpy"
+    assert compiled["newton_iterations"].tolist() == plain["newton_iterations"].tolist()
+    assert compiled["attempts"].tolist() == plain["attempts"].tolist()
+    for name in ("q", "p", "carried", "work_loads"):
+        size = max(1.0, abs(plain[name]).max())
+        assert abs(compiled[name] - plain[name]).max() < tolerance * size, name
+    # stiff sections: forces are differences of large numbers
+    force = plain["constraint_force"][:-1]
+    difference = compiled["constraint_force"][:-1] - force
+    assert abs(difference).max() < 1e4 * tolerance * abs(force).max()
+
+
+# -- one state -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("make", [tree, crossing])
+@pytest.mark.parametrize("order", ORDERS)
+@integrators
+def test_residual_and_increment_at_random_states(order, integrator, make):
+    """Of one iteration far from the solution, with all parts of the tangent at work."""
+    system, h = make(order), 0.02
+    method, settings = INTEGRATORS[integrator], sc.NewtonSettings()
+    state = moving(system)
+    stepper = Stepper(system, method, sc.NullSpace(), h, kernels="numpy")
+    fast = CompiledStep(system, method, h, settings)
+    rng = np.random.default_rng(order)
+    for mixed in (False, True):
+        increment = 0.1 * rng.standard_normal(system.unknowns)
+        bound = stepper.bound
+        bound.begin(system.extend(state.q, state.time), system.ground(state.time + h), h)
+        bound.last = fast.last = increment
+        bound.guess(True)
+        problem = _Problem(stepper, method.begin(system, state, h))
+        problem.residual()
+        plain = problem.direction()
+        assert bound.solver.solve is not None
+        fast._begin(state)
+        fast._turn.configuration(fast._s, fast._a.y0, fast._a.ground1, fast._a.y1)
+        size = fast._step.residual(fast._s, fast._g, fast._w, fast._numbers)
+        assert fast._a.y1 == pytest.approx(problem.y1, abs=1e-13)
+        assert fast.balance == pytest.approx(
+            problem.evaluation.R, abs=1e-12 * abs(problem.evaluation.R).max()
+        )
+        assert size == pytest.approx(bound.relative(problem._r, problem.evaluation.size), rel=1e-9)
+        assert fast._direction(False)
+        found = fast._a.x.ravel()[fast._numbering]
+        assert found == pytest.approx(plain, abs=1e-10 * abs(plain).max())
+        if mixed:  # the next one with predicted stresses
+            problem.apply(plain)
+            problem.residual()
+            assert problem._stresses is not None
+            plain = problem.direction()
+            assert fast._step.increment(fast._s, fast._g, fast._w, fast._numbers)[2]
+            fast._turn.add(fast._s, fast._a.x)
+            fast._turn.configuration(fast._s, fast._a.y0, fast._a.ground1, fast._a.y1)
+            fast._step.residual(fast._s, fast._g, fast._w, fast._numbers)
+            assert fast._direction(True)
+            found = fast._a.x.ravel()[fast._numbering]
+            assert found == pytest.approx(plain, abs=1e-9 * abs(plain).max())
+
+
+# -- runs ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("make", [tree, crossing])
+@pytest.mark.parametrize("order", ORDERS)
+@integrators
+def test_runs(order, integrator, make):
+    assert_same(*both(make(order), integrator, 2e-3, 0.06))
+
+
+@pytest.mark.parametrize("kind", JOINTS, ids=lambda kind: kind.type)
+@integrators
+def test_every_joint(kind, integrator):
+    """Between bodies, ground at rest and in motion, beam nodes and mass points."""
+    assert_same(*both(test_joints.scene(kind)[0], integrator, 0.01, 0.1))
+
+
+@pytest.mark.parametrize("kind", test_drives.COORDINATES, ids=lambda kind: kind.type)
+@integrators
+def test_every_drive(kind, integrator):
+    assert_same(*both(test_drives.scene(kind)[0], integrator, 0.01, 0.1))
+
+
+@pytest.mark.parametrize("seed", range(100, 108))
+@integrators
+def test_random_trees(seed, integrator):
+    assert_same(*both(random_tree(seed), integrator, 0.005, 0.05))
+
+
+def chain(count):
+    """Links on ball joints and hinges in turn: a tree as deep as it is long."""
+    model = sc.Model()
+    previous = sc.ground((0, 0, 0))
+    for k in range(count):
+        link = sc.RigidBody.box(1.0, (0.05, 0.05, 0.3), position=(0.15 + 0.3 * k, 0, 0))
+        model.add(f"link {k}", link)
+        here = (0.3 * k, 0, 0)
+        if k % 2:
+            joint = sc.JointRevolute(previous, link.at(here), axis=(0, 1, 0))
+        else:
+            joint = sc.JointSpherical(previous, link.at(here))
+        model.add(f"joint {k}", joint)
+        previous = link.at((0.3 * (k + 1), 0, 0))
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    return model.freeze()
+
+
+@integrators
+def test_deep_trees(integrator):
+    assert_same(*both(chain(12), integrator, 2e-3, 0.05))
+
+
+def test_work_grows_with_the_length_of_a_chain():
+    """The elimination of a tree fills in nothing, however deep."""
+    works = []
+    for count in (20, 40):
+        system = chain(count)
+        fast = CompiledStep(system, sc.EnergyMomentum(), 1e-3, sc.NewtonSettings())
+        works.append(fast.plan.work)
+        assert not fast.filled
+    assert works[1] <= 2 * works[0] + 1
+
+
+@integrators
+def test_a_step_that_fails_is_tried_again_the_general_way(integrator, monkeypatch, caplog):
+    """With the same attempts, and the compiled kernels go on after it."""
+    system = tree(1)
+    solve = CompiledStep.solve
+    calls = []
+
+    def sometimes(self, state):
+        calls.append(state.index)
+        return None if state.index in (4, 5) else solve(self, state)
+
+    monkeypatch.setattr(CompiledStep, "solve", sometimes)
+    plain, compiled = both(system, integrator, 2e-3, 0.03)
+    assert len(calls) == 16
+    assert_same(plain, compiled)
+
+
+def test_a_run_that_diverges_keeps_its_history():
+    system = tree(1)
+    errors = []
+    for kernels in ("numpy", "numba"):
+        with pytest.raises(sc.Diverged) as caught:
+            sc.simulate(
+                system, sc.EnergyMomentum(), sc.NullSpace(), 0.6, 60.0, start=moving(system),
+                kernels=kernels, derive=False, settings=sc.NewtonSettings(damped_iterations=20),
+            )  # fmt: skip
+        errors.append(caught.value)
+    assert len(errors[0].history) == len(errors[1].history)
+    assert errors[0].step == errors[1].step
+
+
+@integrators
+def test_restart(integrator, tmp_path):
+    """Kernels are no part of what a history needs to go on."""
+    system = tree(2)
+    options = {"derive": False, "kernels": "numba"}
+    pair = INTEGRATORS[integrator], sc.NullSpace()
+    whole = sc.simulate(system, *pair, 2e-3, 0.04, start=moving(system), **options)
+    first = sc.simulate(system, *pair, 2e-3, 0.02, start=moving(system), **options)
+    rest = sc.simulate(
+        system,
+        *pair,
+        2e-3,
+        0.04,
+        start=sc.restart(system, first, pair[0], 2e-3),
+        derive=False,
+        kernels="numpy",
+    )
+    assert rest["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-11)
+
+
+# -- which kernels ---------------------------------------------------------------------------------
+
+
+def test_short_runs_take_numpy():
+    system = tree(1)
+    run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05, derive=False)
+    assert run.meta["kernels"] == "numpy"
+    assert "compiling would take longer" in run.meta["kernels_why"]
+
+
+def test_long_runs_take_numba():
+    system = tree(1)
+    pair = sc.EnergyMomentum(), sc.NullSpace()
+    assert choice.choose_kernels("auto", system, *pair, 10**6).name == "numba"
+    assert choice.estimated_seconds(system, 10**6) > choice.WORTHWHILE
+
+
+def test_without_numba(monkeypatch, caplog):
+    monkeypatch.setattr(choice, "find_spec", lambda name: None)
+    system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
+    with caplog.at_level(logging.WARNING, logger="skfem_cosserat"):
+        taken = choice.choose_kernels("auto", system, *pair, 10**6)
+    assert taken == ("numpy", "numba is not installed")
+    assert len(caplog.records) == 1 and "times faster" in caplog.text
+    with pytest.raises(ImportError, match=r"skfem-cosserat\[fast\]"):
+        choice.choose_kernels("numba", system, *pair, 10)
+    caplog.clear()
+    assert choice.choose_kernels("auto", system, *pair, 10).name == "numpy"
+    assert not caplog.records
+
+
+def test_what_is_not_compiled_is_refused_or_runs_plain():
+    model = sc.Model()
+    a = model.add("a", sc.MassPoint(1.0))
+    model.add("spring", sc.SpringDamper(a.place(), sc.ground((1, 0, 0)), stiffness=2.0))
+    system = model.freeze()
+    assert "springs" in refusal(system, sc.EnergyMomentum(), sc.NullSpace())
+    with pytest.raises(sc.InputError, match="springs, dampers and actuators"):
+        sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, kernels="numba")
+    run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-6, 2e-6)
+    assert "springs" in run.meta["kernels_why"]
+    with pytest.raises(sc.InputError, match="compiled kernels for multipliers"):
+        sc.simulate(tree(1), sc.EnergyMomentum(), sc.Multipliers(), 0.1, 1.0, kernels="numba")
+    with pytest.raises(sc.InputError, match="'fortran', expected"):
+        sc.simulate(tree(1), sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, kernels="fortran")
+
+
+def test_nothing_is_compiled_at_import():
+    code = (
+        "import sys, skfem_cosserat.compiled.step as s;"
+        "sys.exit(any(len(f.signatures) for f in vars(s).values() if hasattr(f, 'signatures')))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_sizes_do_not_compile_again():
+    """The same code serves every mesh, section and scene of one order."""
+    from skfem_cosserat.compiled import elements, step
+
+    both(crossing(1), "energy-momentum", 2e-3, 4e-3)
+    before = len(step.residual.signatures), len(elements.beam_stress.signatures)
+    both(test_joints.scene(sc.JointRevolute)[0], "variational", 2e-3, 4e-3)
+    both(chain(3), "variational", 2e-3, 4e-3)
+    assert (len(step.residual.signatures), len(elements.beam_stress.signatures)) == before
+
+
+def test_the_cache_knows_all_sources():
+    """Code of one file is compiled into functions of another: all of them make up the key."""
+    from skfem_cosserat.compiled import jit, step, tree
+
+    both(crossing(1), "energy-momentum", 2e-3, 4e-3)
+    for function in (step.residual, tree.configuration):
+        cache = function._cache
+        assert type(cache).__name__ == "_Cache"
+        codegen = function.targetctx.codegen()
+        assert jit.STAMP in cache._index_key(function.signatures[0], codegen)
+        assert list(Path(cache.cache_path).glob("*.nbi"))
