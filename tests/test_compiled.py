@@ -118,7 +118,7 @@ def test_residual_and_increment_at_random_states(order, integrator, make):
         plain = problem.direction()
         assert bound.solver.solve is not None
         fast._begin(state)
-        fast._turn.configuration(fast._s, fast._a.y0, fast._a.ground1, fast._a.y1)
+        fast._turn.configuration(fast._s, fast._w)
         size = fast._step.residual(fast._s, fast._g, fast._w, fast._numbers)
         assert fast._a.y1 == pytest.approx(problem.y1, abs=1e-13)
         assert fast.balance == pytest.approx(
@@ -135,7 +135,7 @@ def test_residual_and_increment_at_random_states(order, integrator, make):
             plain = problem.direction()
             assert fast._step.increment(fast._s, fast._g, fast._w, fast._numbers)[2]
             fast._turn.add(fast._s, fast._a.x)
-            fast._turn.configuration(fast._s, fast._a.y0, fast._a.ground1, fast._a.y1)
+            fast._turn.configuration(fast._s, fast._w)
             fast._step.residual(fast._s, fast._g, fast._w, fast._numbers)
             assert fast._direction(True)
             found = fast._a.x.ravel()[fast._numbering]

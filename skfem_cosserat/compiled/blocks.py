@@ -21,84 +21,90 @@ Maps = tuple[Floats, Floats, Floats, Floats, Floats, Floats]
 
 
 @jit
-def factor_block(D: Floats, pivots: IndexArray) -> bool:
-    """LU of a block in place, rows exchanged, diagonal inverted; False if a pivot vanishes."""
-    ok = True
-    for k in range(6):
-        p = k
-        big = abs(D[k, k])
-        for i in range(k + 1, 6):
-            if abs(D[i, k]) > big:
-                big = abs(D[i, k])
+def factor_block(A: Floats, k: int, pivots: IndexArray, v: int) -> bool:
+    """LU of block k in place, rows exchanged, diagonal inverted; False if a pivot vanishes."""
+    regular = True
+    for n in range(6):
+        p = n
+        big = abs(A[k, n, n])
+        for i in range(n + 1, 6):
+            if abs(A[k, i, n]) > big:
+                big = abs(A[k, i, n])
                 p = i
-        pivots[k] = p
+        pivots[v, n] = p
         if not big > 0.0:
-            ok = False
-        if p != k:
+            regular = False
+        if p != n:
             for c in range(6):
-                D[k, c], D[p, c] = D[p, c], D[k, c]
-        inv = 1.0 / D[k, k]
-        D[k, k] = inv
-        for i in range(k + 1, 6):
-            f = D[i, k] * inv
-            D[i, k] = f
-            for c in range(k + 1, 6):
-                D[i, c] -= f * D[k, c]
-    return ok
+                A[k, n, c], A[k, p, c] = A[k, p, c], A[k, n, c]
+        inverse = 1.0 / A[k, n, n]
+        A[k, n, n] = inverse
+        for i in range(n + 1, 6):
+            f = A[k, i, n] * inverse
+            A[k, i, n] = f
+            for c in range(n + 1, 6):
+                A[k, i, c] -= f * A[k, n, c]
+    return regular
 
 
 @jit
-def solve_block(D: Floats, pivots: IndexArray, U: Floats) -> None:
-    """``U <- D^-1 U`` for a factorised D."""
-    for k in range(6):
-        p = pivots[k]
-        if p != k:
+def solve_block(A: Floats, k: int, pivots: IndexArray, v: int, u: int) -> None:
+    """``A_u <- A_k^-1 A_u`` for a factorised block k."""
+    for n in range(6):
+        p = pivots[v, n]
+        if p != n:
             for c in range(6):
-                U[k, c], U[p, c] = U[p, c], U[k, c]
+                A[u, n, c], A[u, p, c] = A[u, p, c], A[u, n, c]
     for i in range(1, 6):
-        for k in range(i):
-            f = D[i, k]
+        for n in range(i):
+            f = A[k, i, n]
             for c in range(6):
-                U[i, c] -= f * U[k, c]
+                A[u, i, c] -= f * A[u, n, c]
     for i in range(5, -1, -1):
-        for k in range(i + 1, 6):
-            f = D[i, k]
+        for n in range(i + 1, 6):
+            f = A[k, i, n]
             for c in range(6):
-                U[i, c] -= f * U[k, c]
-        inv = D[i, i]
+                A[u, i, c] -= f * A[u, n, c]
+        f = A[k, i, i]
         for c in range(6):
-            U[i, c] *= inv
+            A[u, i, c] *= f
 
 
 @jit
-def solve_vector(D: Floats, pivots: IndexArray, b: Floats) -> None:
-    """``b <- D^-1 b`` for a factorised D."""
-    for k in range(6):
-        p = pivots[k]
-        if p != k:
-            b[k], b[p] = b[p], b[k]
+def solve_vector(A: Floats, k: int, pivots: IndexArray, v: int, b: Floats) -> None:
+    """``b_v <- A_k^-1 b_v`` for a factorised block k."""
+    for n in range(6):
+        p = pivots[v, n]
+        if p != n:
+            b[v, n], b[v, p] = b[v, p], b[v, n]
     for i in range(1, 6):
-        for k in range(i):
-            b[i] -= D[i, k] * b[k]
+        for n in range(i):
+            b[v, i] -= A[k, i, n] * b[v, n]
     for i in range(5, -1, -1):
-        for k in range(i + 1, 6):
-            b[i] -= D[i, k] * b[k]
-        b[i] *= D[i, i]
+        for n in range(i + 1, 6):
+            b[v, i] -= A[k, i, n] * b[v, n]
+        b[v, i] *= A[k, i, i]
 
 
 @jit
-def subtract(K: Floats, L: Floats, W: Floats) -> None:
-    """``K -= L W``."""
+def subtract(A: Floats, k: int, left: int, right: int) -> None:
+    """``A_k -= A_left A_right``; sums before stores, so that they go into vector registers."""
     for i in range(6):
-        for c in range(6):
-            K[i, c] -= (
-                L[i, 0] * W[0, c]
-                + L[i, 1] * W[1, c]
-                + L[i, 2] * W[2, c]
-                + L[i, 3] * W[3, c]
-                + L[i, 4] * W[4, c]
-                + L[i, 5] * W[5, c]
-            )
+        s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for n in range(6):
+            a = A[left, i, n]
+            s0 += a * A[right, n, 0]
+            s1 += a * A[right, n, 1]
+            s2 += a * A[right, n, 2]
+            s3 += a * A[right, n, 3]
+            s4 += a * A[right, n, 4]
+            s5 += a * A[right, n, 5]
+        A[k, i, 0] -= s0
+        A[k, i, 1] -= s1
+        A[k, i, 2] -= s2
+        A[k, i, 3] -= s3
+        A[k, i, 4] -= s4
+        A[k, i, 5] -= s5
 
 
 @jit
@@ -191,12 +197,8 @@ def to_own_coordinates(m: Any, t: int, maps: Maps, A: Floats, scratch: Floats) -
 
 @jit
 def collect(m: Any, v: int, maps: Maps, b: Floats, extra: Floats) -> None:
-    """Right-hand side of a pivot from what eliminations before it have left."""
+    """Right-hand side of a child from what eliminations before it have left."""
     e = m.edge[v]
-    if e < 0:
-        for i in range(6):
-            b[v, i] += extra[v, i]
-        return
     p = m.parent[v]
     for i in range(6):
         s = 0.0
@@ -211,59 +213,75 @@ def collect(m: Any, v: int, maps: Maps, b: Floats, extra: Floats) -> None:
 
 
 @jit
-def factor(m: Any, maps: Maps, A: Floats, b: Floats, extra: Floats, scratch: Floats) -> bool:
-    """Eliminate all vertices; b (nv, 6) becomes ``D^-1 b``. False if a pivot vanishes.
+def factor(m: Any, w: Any) -> bool:
+    """Eliminate all vertices: the first half of solving for minus the residual.
 
-    `extra` (nv, 6) must be zero; scratch (3, 6, 6).
+    False if a pivot vanishes.
     """
+    maps = (w.S_left, w.X_left, w.S_right, w.X_right, w.C_child, w.C_parent)
+    A, b, extra, scratch = w.A, w.x, w.extra, w.scratch
+    for v in range(b.shape[0]):
+        for c in range(6):
+            b[v, c] = -w.b[v, c]
+            extra[v, c] = 0.0
+    order, edge, diag, ptr, neighbour = m.order, m.edge, m.diag, m.ptr, m.neighbour
+    right, down, start, update, pivots = m.right, m.down, m.update_ptr, m.update, m.pivots
     regular = True
-    for t in range(len(m.order)):
-        v = m.order[t]
-        D = A[m.diag[v]]
-        pivots = m.pivots[v]
-        if m.edge[v] >= 0:
+    for t in range(len(order)):
+        v = order[t]
+        D = diag[v]
+        if edge[v] >= 0:
             to_own_coordinates(m, t, maps, A, scratch)
-        collect(m, v, maps, b, extra)
-        if not factor_block(D, pivots):
+            collect(m, v, maps, b, extra)
+        else:
+            for i in range(6):
+                b[v, i] += extra[v, i]
+        if not factor_block(A, D, pivots, v):
             regular = False
-        x = b[v]
-        solve_vector(D, pivots, x)
-        a0 = m.ptr[t]
-        n = m.ptr[t + 1] - a0
-        u0 = m.update_ptr[t]
+        solve_vector(A, D, pivots, v, b)
+        a0 = ptr[t]
+        n = ptr[t + 1] - a0
         for j in range(n):
-            solve_block(D, pivots, A[m.right[a0 + j]])
+            solve_block(A, D, pivots, v, right[a0 + j])
         for i in range(n):
-            L = A[m.down[a0 + i]]
-            y = extra[m.neighbour[a0 + i]]
+            k = down[a0 + i]
+            u = neighbour[a0 + i]
             for r in range(6):
-                s = L[r, 0] * x[0] + L[r, 1] * x[1] + L[r, 2] * x[2]
-                y[r] -= s + L[r, 3] * x[3] + L[r, 4] * x[4] + L[r, 5] * x[5]
+                s = 0.0
+                for c in range(6):
+                    s += A[k, r, c] * b[v, c]
+                extra[u, r] -= s
             for j in range(n):
-                subtract(A[m.update[u0 + i * n + j]], L, A[m.right[a0 + j]])
+                subtract(A, update[start[t] + i * n + j], k, right[a0 + j])
     return regular
 
 
 @jit
-def back(m: Any, maps: Maps, A: Floats, b: Floats, twist: Floats) -> None:
-    """Second half: b becomes the solution in own coordinates, twist (nv, 6) that of vertices."""
-    for t in range(len(m.order) - 1, -1, -1):
-        v = m.order[t]
-        for j in range(m.ptr[t], m.ptr[t + 1]):
-            W = A[m.right[j]]
-            x = twist[m.neighbour[j]]
+def back(m: Any, w: Any) -> None:
+    """Second half: the increment in own coordinates, x (nv, 6), and as twists of the vertices."""
+    A, b, twist = w.A, w.x, w.twist
+    order, edge, parent = m.order, m.edge, m.parent
+    ptr, neighbour, right = m.ptr, m.neighbour, m.right
+    S, X = w.S_right, w.X_right
+    for t in range(len(order) - 1, -1, -1):
+        v = order[t]
+        for j in range(ptr[t], ptr[t + 1]):
+            k = right[j]
+            u = neighbour[j]
             for r in range(6):
-                s = W[r, 0] * x[0] + W[r, 1] * x[1] + W[r, 2] * x[2]
-                b[v, r] -= s + W[r, 3] * x[3] + W[r, 4] * x[4] + W[r, 5] * x[5]
-        e = m.edge[v]
-        p = m.parent[v]
+                s = 0.0
+                for c in range(6):
+                    s += A[k, r, c] * twist[u, c]
+                b[v, r] -= s
+        e = edge[v]
+        p = parent[v]
         for r in range(6):
             if e < 0:
                 twist[v, r] = b[v, r]
                 continue
             s = 0.0
             for c in range(6):
-                s += maps[2][e, r, c] * b[v, c]
+                s += S[e, r, c] * b[v, c]
                 if p >= 0:
-                    s += maps[3][e, r, c] * twist[p, c]
+                    s += X[e, r, c] * twist[p, c]
             twist[v, r] = s

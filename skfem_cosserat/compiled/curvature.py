@@ -15,23 +15,14 @@ __all__ = ["edge_curvature"]
 
 
 @jit
-def edge_curvature(
-    t: Any,
-    y: tuple[Floats, Floats],
-    F: Floats,
-    weight: float,
-    A: Floats,
-    diag: IndexArray,
-    to_parent: IndexArray,
-    C: tuple[Floats, Floats],
-) -> None:
-    """Derivative of the tree's maps for fixed forces F (those of subtrees), times `weight`.
+def edge_curvature(t: Any, m: Any, w: Any, weight: float, mixed: bool) -> None:
+    """Derivative of the tree's maps at the midpoint for fixed forces of subtrees, times `weight`.
 
-    `y` = (y_L, y_1): where the maps are taken, and where the unknowns move. Moments on parents go
-    to A, to the blocks (parent, parent) and (parent, child); rows of own coordinates to
-    `C` = (by the child's twist, by the parent's).
+    Moments on parents go to the blocks (parent, parent) and (parent, child), rows of own
+    coordinates to C_child (by the child's twist) and C_parent (by the parent's).
     """
-    yL, y1 = y
+    yL, y1, A, C = w.mid, w.y1, w.A, (w.C_child, w.C_parent)
+    F = w.F_mixed if mixed else w.F
     arm = np.empty((6, 3))
     for e in range(len(t.child)):
         v = t.child[e]
@@ -39,7 +30,7 @@ def edge_curvature(
         clear(C[0][e])
         clear(C[1][e])
         if p >= 0 and t.framed[p]:
-            moment_curvature(t, e, y1, F[v], weight, A, diag, to_parent, arm[0])
+            moment_curvature(t, e, y1, F[v], weight, A, m.diag, m.to_parent, arm[0])
         for j in range(t.first[e], t.first[e + 1]):
             if t.own[j] < 0:
                 continue

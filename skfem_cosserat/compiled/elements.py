@@ -3,6 +3,9 @@
 Strains are ``Gamma_i = d_i . phi'`` and ``K_i = (d_k . d_j' - d_j . d_k')/2``, (i, j, k) cyclic, as
 in :mod:`skfem_cosserat.strain`. X (nn, 4, 3) are the nodes of an element, directors those of the
 section; G (7, 3) is ``phi', d1, d2, d3, d1', d2', d3'`` at a Gauss point.
+
+Arrays go with indices, not as ``a[i]``, and fields of structures are taken once: every new view
+counts references, atomically, which would take longer than the arithmetic.
 """
 
 from __future__ import annotations
@@ -11,28 +14,34 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Floats
+from ..types import Floats, IndexArray
 from .jit import jit
-from .small import clear, copy, dot
 
 __all__ = ["beam_force", "beam_predicted", "beam_stress", "beam_tangent", "scalar_block"]
 
 
 @jit
-def take(g: Any, e: int, y: Floats, X: Floats, Z: Floats) -> None:
+def take(
+    base: IndexArray, turned: bool, rotations: Floats, e: int, y: Floats, X: Floats, Z: Floats
+) -> None:
     """Nodes of an element; Z (3, 3) is scratch."""
     for a in range(X.shape[0]):
-        r = g.base[e, a]
+        r = base[e, a]
         for i in range(4):
             for c in range(3):
                 X[a, i, c] = y[r + i, c]
-    if g.turned:
+    if turned:
         for a in range(X.shape[0]):
-            Q = g.rotations[e, a]
             for i in range(3):
                 for c in range(3):
-                    Z[i, c] = Q[i, 0] * X[a, 1, c] + Q[i, 1] * X[a, 2, c] + Q[i, 2] * X[a, 3, c]
-            copy(Z, X[a, 1:])
+                    Z[i, c] = (
+                        rotations[e, a, i, 0] * X[a, 1, c]
+                        + rotations[e, a, i, 1] * X[a, 2, c]
+                        + rotations[e, a, i, 2] * X[a, 3, c]
+                    )
+            for i in range(3):
+                for c in range(3):
+                    X[a, 1 + i, c] = Z[i, c]
 
 
 @jit
@@ -55,13 +64,19 @@ def at_point(N: Any, dN: Any, inverse: float, X: Floats, G: Floats) -> None:
 
 
 @jit
+def rows_dot(G: Floats, i: int, H: Floats, j: int) -> float:
+    """``G_i . H_j``."""
+    return G[i, 0] * H[j, 0] + G[i, 1] * H[j, 1] + G[i, 2] * H[j, 2]
+
+
+@jit
 def strains(G: Floats, eps: Floats) -> None:
     """The six strains."""
     for i in range(3):
         j = (i + 1) % 3
         k = (i + 2) % 3
-        eps[i] = dot(G[1 + i], G[0])
-        eps[3 + i] = 0.5 * (dot(G[1 + k], G[4 + j]) - dot(G[1 + j], G[4 + k]))
+        eps[i] = rows_dot(G, 1 + i, G, 0)
+        eps[3 + i] = 0.5 * (rows_dot(G, 1 + k, G, 4 + j) - rows_dot(G, 1 + j, G, 4 + k))
 
 
 @jit
@@ -70,37 +85,39 @@ def strain_changes(G: Floats, V: Floats, eps: Floats) -> None:
     for i in range(3):
         j = (i + 1) % 3
         k = (i + 2) % 3
-        eps[i] = dot(G[1 + i], V[0]) + dot(V[1 + i], G[0])
-        first = dot(G[1 + k], V[4 + j]) + dot(V[1 + k], G[4 + j])
-        second = dot(G[1 + j], V[4 + k]) + dot(V[1 + j], G[4 + k])
+        eps[i] = rows_dot(G, 1 + i, V, 0) + rows_dot(V, 1 + i, G, 0)
+        first = rows_dot(G, 1 + k, V, 4 + j) + rows_dot(V, 1 + k, G, 4 + j)
+        second = rows_dot(G, 1 + j, V, 4 + k) + rows_dot(V, 1 + j, G, 4 + k)
         eps[3 + i] = 0.5 * (first - second)
 
 
 @jit
-def add_stress(D: Floats, eps: Floats, factor: float, out: Floats) -> None:
-    """``out += factor D eps``."""
+def add_stress(D: Floats, e: int, eps: Floats, factor: float, S: Floats, p: int) -> None:
+    """``S_ep += factor D_e eps``."""
     for i in range(6):
         s = 0.0
         for j in range(6):
-            s += D[i, j] * eps[j]
-        out[i] += factor * s
+            s += D[e, i, j] * eps[j]
+        S[e, p, i] += factor * s
 
 
 @jit
 def beam_stress(g: Any, y: Floats, share: float, factor: float, S0: Floats, S: Floats) -> None:
     """``S = share S0 + factor D eps(y)`` at all Gauss points."""
-    ne, nn = g.base.shape
+    base, turned, rotations, lengths = g.base, g.turned, g.rotations, g.lengths
+    N, dN, reference, stiffness = g.N, g.dN, g.reference, g.stiffness
+    ne, nn = base.shape
     X, Z, G, eps = np.empty((nn, 4, 3)), np.empty((3, 3)), np.empty((7, 3)), np.empty(6)
     for e in range(ne):
-        take(g, e, y, X, Z)
-        inverse = 1.0 / g.lengths[e]
-        for p in range(len(g.weights)):
-            at_point(g.N[p], g.dN[p], inverse, X, G)
+        take(base, turned, rotations, e, y, X, Z)
+        inverse = 1.0 / lengths[e]
+        for p in range(len(N)):
+            at_point(N[p], dN[p], inverse, X, G)
             strains(G, eps)
             for i in range(6):
-                eps[i] -= g.reference[e, p, i]
+                eps[i] -= reference[e, p, i]
                 S[e, p, i] = share * S0[e, p, i] if share != 0.0 else 0.0
-            add_stress(g.stiffness[e], eps, factor, S[e, p])
+            add_stress(stiffness, e, eps, factor, S, p)
 
 
 @jit
@@ -108,43 +125,54 @@ def beam_predicted(
     g: Any, y: Floats, change: Floats, factor: float, S: Floats, out: Floats
 ) -> None:
     """``out = S + factor D B(y) change``."""
-    ne, nn = g.base.shape
+    base, turned, rotations, lengths = g.base, g.turned, g.rotations, g.lengths
+    N, dN, stiffness = g.N, g.dN, g.stiffness
+    ne, nn = base.shape
     X, V, Z = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((3, 3))
     G, H, eps = np.empty((7, 3)), np.empty((7, 3)), np.empty(6)
     for e in range(ne):
-        take(g, e, y, X, Z)
-        take(g, e, change, V, Z)
-        inverse = 1.0 / g.lengths[e]
-        for p in range(len(g.weights)):
-            at_point(g.N[p], g.dN[p], inverse, X, G)
-            at_point(g.N[p], g.dN[p], inverse, V, H)
+        take(base, turned, rotations, e, y, X, Z)
+        take(base, turned, rotations, e, change, V, Z)
+        inverse = 1.0 / lengths[e]
+        for p in range(len(N)):
+            at_point(N[p], dN[p], inverse, X, G)
+            at_point(N[p], dN[p], inverse, V, H)
             strain_changes(G, H, eps)
             for i in range(6):
                 out[e, p, i] = S[e, p, i]
-            add_stress(g.stiffness[e], eps, factor, out[e, p])
+            add_stress(stiffness, e, eps, factor, out, p)
 
 
 @jit
 def beam_force(g: Any, y: Floats, S: Floats, f: Floats) -> None:
     """``f += int B(y)^T S ds``, rows of y."""
-    ne, nn = g.base.shape
+    base, turned, rotations, lengths = g.base, g.turned, g.rotations, g.lengths
+    N, dN, weights = g.N, g.dN, g.weights
+    ne, nn = base.shape
     X, Z, G, F = np.empty((nn, 4, 3)), np.empty((3, 3)), np.empty((7, 3)), np.empty((nn, 4, 3))
     for e in range(ne):
-        take(g, e, y, X, Z)
-        inverse = 1.0 / g.lengths[e]
+        take(base, turned, rotations, e, y, X, Z)
+        inverse = 1.0 / lengths[e]
         for a in range(nn):
-            clear(F[a])
-        for p in range(len(g.weights)):
-            at_point(g.N[p], g.dN[p], inverse, X, G)
-            add_point_force(g.N[p], g.dN[p], g.weights[p] * g.lengths[e], inverse, G, S[e, p], F)
+            for i in range(4):
+                for c in range(3):
+                    F[a, i, c] = 0.0
+        for p in range(len(N)):
+            at_point(N[p], dN[p], inverse, X, G)
+            add_point_force(N[p], dN[p], weights[p] * lengths[e], inverse, G, S, e, p, F)
         for a in range(nn):
-            if g.turned:  # chain rule: a nodal director is Q^T times those of the section
-                Q = g.rotations[e, a]
+            if turned:  # chain rule: a nodal director is Q^T times those of the section
                 for i in range(3):
                     for c in range(3):
-                        Z[i, c] = Q[0, i] * F[a, 1, c] + Q[1, i] * F[a, 2, c] + Q[2, i] * F[a, 3, c]
-                copy(Z, F[a, 1:])
-            r = g.base[e, a]
+                        Z[i, c] = (
+                            rotations[e, a, 0, i] * F[a, 1, c]
+                            + rotations[e, a, 1, i] * F[a, 2, c]
+                            + rotations[e, a, 2, i] * F[a, 3, c]
+                        )
+                for i in range(3):
+                    for c in range(3):
+                        F[a, 1 + i, c] = Z[i, c]
+            r = base[e, a]
             for i in range(4):
                 for c in range(3):
                     f[r + i, c] += F[a, i, c]
@@ -152,20 +180,28 @@ def beam_force(g: Any, y: Floats, S: Floats, f: Floats) -> None:
 
 @jit
 def add_point_force(
-    N: Any, dN: Any, weight: float, inverse: float, G: Floats, s: Floats, F: Floats
+    N: Any,
+    dN: Any,
+    weight: float,
+    inverse: float,
+    G: Floats,
+    S: Floats,
+    e: int,
+    p: int,
+    F: Floats,
 ) -> None:
     """Forces on the nodes of what acts at a Gauss point."""
     for c in range(3):
-        n = weight * inverse * (s[0] * G[1, c] + s[1] * G[2, c] + s[2] * G[3, c])
+        s = S[e, p, 0] * G[1, c] + S[e, p, 1] * G[2, c] + S[e, p, 2] * G[3, c]
         for a in range(len(N)):
-            F[a, 0, c] += dN[a] * n
+            F[a, 0, c] += dN[a] * weight * inverse * s
     for i in range(3):
         j = (i + 1) % 3
         k = (i + 2) % 3
         # d_i is in K_j = (d_i . d_k' - d_k . d_i')/2 and in K_k = (d_j . d_i' - d_i . d_j')/2
-        normal = weight * s[i]
-        mj = 0.5 * weight * s[3 + j]
-        mk = 0.5 * weight * s[3 + k]
+        normal = weight * S[e, p, i]
+        mj = 0.5 * weight * S[e, p, 3 + j]
+        mk = 0.5 * weight * S[e, p, 3 + k]
         for c in range(3):
             on_director = normal * G[0, c] + mj * G[4 + k, c] - mk * G[4 + j, c]
             on_slope = inverse * (mk * G[1 + j, c] - mj * G[1 + k, c])
@@ -174,125 +210,169 @@ def add_point_force(
 
 
 @jit
-def reduced_strain(Na: float, dNa: float, E: Floats, G: Floats, B: Floats) -> None:
-    """``B P_int`` of a node (6, 6): strains by its velocity and angular velocity.
+def reduced_strain(Na: float, dNa: float, X: Floats, a: int, G: Floats, B: Floats, k: int) -> None:
+    """``B P_int`` of node a (6, 6), in B_k: strains by its velocity and angular velocity.
 
-    E (4, 3) is the node where P_int is taken; those of K by the velocity are zero, and not set.
+    X is where P_int is taken; those of K by the velocity are zero, and not set.
     """
-    p = G[0]
     for i in range(3):
-        d = G[1 + i]
-        e = E[1 + i]
         for c in range(3):
-            B[i, c] = dNa * d[c]
-        B[i, 3] = Na * (e[1] * p[2] - e[2] * p[1])
-        B[i, 4] = Na * (e[2] * p[0] - e[0] * p[2])
-        B[i, 5] = Na * (e[0] * p[1] - e[1] * p[0])
+            B[k, i, c] = dNa * G[1 + i, c]
+        B[k, i, 3] = Na * (X[a, 1 + i, 1] * G[0, 2] - X[a, 1 + i, 2] * G[0, 1])
+        B[k, i, 4] = Na * (X[a, 1 + i, 2] * G[0, 0] - X[a, 1 + i, 0] * G[0, 2])
+        B[k, i, 5] = Na * (X[a, 1 + i, 0] * G[0, 1] - X[a, 1 + i, 1] * G[0, 0])
     hN = 0.5 * Na
     hd = 0.5 * dNa
     for i in range(3):
-        j = (i + 1) % 3
-        k = (i + 2) % 3
-        ej = E[1 + j]
-        ek = E[1 + k]
-        for c in range(3):
-            a = (c + 1) % 3
-            b = (c + 2) % 3
-            B[3 + i, 3 + c] = (
-                ej[a] * (hd * G[1 + k, b] - hN * G[4 + k, b])
-                - ej[b] * (hd * G[1 + k, a] - hN * G[4 + k, a])
-                - ek[a] * (hd * G[1 + j, b] - hN * G[4 + j, b])
-                + ek[b] * (hd * G[1 + j, a] - hN * G[4 + j, a])
-            )
+        j = 1 + (i + 1) % 3
+        m = 1 + (i + 2) % 3
+        # what the directors j and m are crossed with
+        u0 = hd * G[m, 0] - hN * G[3 + m, 0]
+        u1 = hd * G[m, 1] - hN * G[3 + m, 1]
+        u2 = hd * G[m, 2] - hN * G[3 + m, 2]
+        v0 = hd * G[j, 0] - hN * G[3 + j, 0]
+        v1 = hd * G[j, 1] - hN * G[3 + j, 1]
+        v2 = hd * G[j, 2] - hN * G[3 + j, 2]
+        B[k, 3 + i, 3] = X[a, j, 1] * u2 - X[a, j, 2] * u1 - X[a, m, 1] * v2 + X[a, m, 2] * v1
+        B[k, 3 + i, 4] = X[a, j, 2] * u0 - X[a, j, 0] * u2 - X[a, m, 2] * v0 + X[a, m, 0] * v2
+        B[k, 3 + i, 5] = X[a, j, 0] * u1 - X[a, j, 1] * u0 - X[a, m, 0] * v1 + X[a, m, 1] * v0
 
 
 @jit
-def scalar_block(C: Floats, L: Floats, R: Floats, K: Floats, V: Floats) -> None:
-    """``K += P_L^T (C (x) I_3) P_R`` for a node with scalar coefficients C (4, 4).
+def scalar_block(
+    C: Floats, a: int, b: int, L: Floats, R: Floats, A: Floats, k: int, V: Floats
+) -> None:
+    """``A_k += P_L^T (C_ab (x) I_3) P_R`` for nodes with scalar coefficients C_ab (4, 4).
 
-    L, R (4, 3): where the null space matrices are taken; V (3, 3) is scratch.
+    L_a, R_b (4, 3): where the null space matrices are taken; V (3, 3) is scratch.
     """
-    a0 = C[0, 1] * R[1, 0] + C[0, 2] * R[2, 0] + C[0, 3] * R[3, 0]
-    a1 = C[0, 1] * R[1, 1] + C[0, 2] * R[2, 1] + C[0, 3] * R[3, 1]
-    a2 = C[0, 1] * R[1, 2] + C[0, 2] * R[2, 2] + C[0, 3] * R[3, 2]
-    b0 = C[1, 0] * L[1, 0] + C[2, 0] * L[2, 0] + C[3, 0] * L[3, 0]
-    b1 = C[1, 0] * L[1, 1] + C[2, 0] * L[2, 1] + C[3, 0] * L[3, 1]
-    b2 = C[1, 0] * L[1, 2] + C[2, 0] * L[2, 2] + C[3, 0] * L[3, 2]
-    K[0, 0] += C[0, 0]
-    K[1, 1] += C[0, 0]
-    K[2, 2] += C[0, 0]
-    K[0, 4] += a2
-    K[0, 5] -= a1
-    K[1, 3] -= a2
-    K[1, 5] += a0
-    K[2, 3] += a1
-    K[2, 4] -= a0
-    K[3, 1] -= b2
-    K[3, 2] += b1
-    K[4, 0] += b2
-    K[4, 2] -= b0
-    K[5, 0] -= b1
-    K[5, 1] += b0
+    a0 = C[a, b, 0, 1] * R[b, 1, 0] + C[a, b, 0, 2] * R[b, 2, 0] + C[a, b, 0, 3] * R[b, 3, 0]
+    a1 = C[a, b, 0, 1] * R[b, 1, 1] + C[a, b, 0, 2] * R[b, 2, 1] + C[a, b, 0, 3] * R[b, 3, 1]
+    a2 = C[a, b, 0, 1] * R[b, 1, 2] + C[a, b, 0, 2] * R[b, 2, 2] + C[a, b, 0, 3] * R[b, 3, 2]
+    b0 = C[a, b, 1, 0] * L[a, 1, 0] + C[a, b, 2, 0] * L[a, 2, 0] + C[a, b, 3, 0] * L[a, 3, 0]
+    b1 = C[a, b, 1, 0] * L[a, 1, 1] + C[a, b, 2, 0] * L[a, 2, 1] + C[a, b, 3, 0] * L[a, 3, 1]
+    b2 = C[a, b, 1, 0] * L[a, 1, 2] + C[a, b, 2, 0] * L[a, 2, 2] + C[a, b, 3, 0] * L[a, 3, 2]
+    c = C[a, b, 0, 0]
+    A[k, 0, 0] += c
+    A[k, 1, 1] += c
+    A[k, 2, 2] += c
+    A[k, 0, 4] += a2
+    A[k, 0, 5] -= a1
+    A[k, 1, 3] -= a2
+    A[k, 1, 5] += a0
+    A[k, 2, 3] += a1
+    A[k, 2, 4] -= a0
+    A[k, 3, 1] -= b2
+    A[k, 3, 2] += b1
+    A[k, 4, 0] += b2
+    A[k, 4, 2] -= b0
+    A[k, 5, 0] -= b1
+    A[k, 5, 1] += b0
     # sum C_ij ((E_i . F_j) I - F_j E_i^T): (omega x E_i) . (theta x F_j)
     for i in range(3):
-        for c in range(3):
-            V[i, c] = C[1 + i, 1] * R[1, c] + C[1 + i, 2] * R[2, c] + C[1 + i, 3] * R[3, c]
-    trace = dot(V[0], L[1]) + dot(V[1], L[2]) + dot(V[2], L[3])
+        u = C[a, b, 1 + i, 1]
+        v = C[a, b, 1 + i, 2]
+        w = C[a, b, 1 + i, 3]
+        s0 = u * R[b, 1, 0] + v * R[b, 2, 0] + w * R[b, 3, 0]
+        s1 = u * R[b, 1, 1] + v * R[b, 2, 1] + w * R[b, 3, 1]
+        s2 = u * R[b, 1, 2] + v * R[b, 2, 2] + w * R[b, 3, 2]
+        V[i, 0] = s0
+        V[i, 1] = s1
+        V[i, 2] = s2
+    trace = 0.0
+    for i in range(3):
+        trace += V[i, 0] * L[a, 1 + i, 0] + V[i, 1] * L[a, 1 + i, 1] + V[i, 2] * L[a, 1 + i, 2]
     for r in range(3):
-        for c in range(3):
-            K[3 + r, 3 + c] -= V[0, r] * L[1, c] + V[1, r] * L[2, c] + V[2, r] * L[3, c]
-        K[3 + r, 3 + r] += trace
+        u = V[0, r]
+        v = V[1, r]
+        w = V[2, r]
+        s0 = u * L[a, 1, 0] + v * L[a, 2, 0] + w * L[a, 3, 0]
+        s1 = u * L[a, 1, 1] + v * L[a, 2, 1] + w * L[a, 3, 1]
+        s2 = u * L[a, 1, 2] + v * L[a, 2, 2] + w * L[a, 3, 2]
+        A[k, 3 + r, 3] -= s0
+        A[k, 3 + r, 4] -= s1
+        A[k, 3 + r, 5] -= s2
+        A[k, 3 + r, 3 + r] += trace
 
 
 @jit
-def add_geometric(N: Any, dN: Any, weight: float, s: Floats, C: Floats) -> None:
-    """Scalar coefficients C (nn, nn, 4, 4) of the strains' second derivatives times stresses s."""
-    for a in range(len(N)):
-        for b in range(len(N)):
-            u = weight * dN[a] * N[b]
-            v = weight * N[a] * dN[b]
-            wedge = 0.5 * (u - v)
-            for i in range(3):
-                j = (i + 1) % 3
-                k = (i + 2) % 3
-                C[a, b, 0, 1 + i] += u * s[i]
-                C[a, b, 1 + i, 0] += v * s[i]
-                C[a, b, 1 + j, 1 + k] += wedge * s[3 + i]
-                C[a, b, 1 + k, 1 + j] -= wedge * s[3 + i]
+def add_geometric(N: Any, dN: Any, weight: float, S: Floats, e: int, p: int, C: Floats) -> None:
+    """Scalar coefficients C (nn, nn, 4, 4) of the strains' second derivatives times stresses."""
+    for i in range(3):
+        j = 1 + (i + 1) % 3
+        k = 1 + (i + 2) % 3
+        n = weight * S[e, p, i]
+        m = 0.5 * weight * S[e, p, 3 + i]
+        for a in range(len(N)):
+            for b in range(len(N)):
+                u = dN[a] * N[b]
+                v = N[a] * dN[b]
+                C[a, b, 0, 1 + i] += u * n
+                C[a, b, 1 + i, 0] += v * n
+                C[a, b, j, k] += (u - v) * m
+                C[a, b, k, j] -= (u - v) * m
 
 
 @jit
-def stress_matrix(D: Floats, factor: float, B: Floats, T: Floats) -> None:
-    """``T = factor D B`` for a B of :func:`reduced_strain`."""
+def stress_matrix(D: Floats, e: int, factor: float, B: Floats, k: int, T: Floats) -> None:
+    """``T = factor D_e B_k`` for a B of :func:`reduced_strain`.
+
+    Here and below sums come before stores: only so they go into vector registers, as what is stored
+    might overlap with what is read.
+    """
     for i in range(6):
-        for c in range(3):
-            T[i, c] = factor * (D[i, 0] * B[0, c] + D[i, 1] * B[1, c] + D[i, 2] * B[2, c])
-            T[i, 3 + c] = factor * (
-                D[i, 0] * B[0, 3 + c]
-                + D[i, 1] * B[1, 3 + c]
-                + D[i, 2] * B[2, 3 + c]
-                + D[i, 3] * B[3, 3 + c]
-                + D[i, 4] * B[4, 3 + c]
-                + D[i, 5] * B[5, 3 + c]
-            )
+        a = factor * D[e, i, 0]
+        b = factor * D[e, i, 1]
+        c = factor * D[e, i, 2]
+        s0 = a * B[k, 0, 0] + b * B[k, 1, 0] + c * B[k, 2, 0]
+        s1 = a * B[k, 0, 1] + b * B[k, 1, 1] + c * B[k, 2, 1]
+        s2 = a * B[k, 0, 2] + b * B[k, 1, 2] + c * B[k, 2, 2]
+        s3 = a * B[k, 0, 3] + b * B[k, 1, 3] + c * B[k, 2, 3]
+        s4 = a * B[k, 0, 4] + b * B[k, 1, 4] + c * B[k, 2, 4]
+        s5 = a * B[k, 0, 5] + b * B[k, 1, 5] + c * B[k, 2, 5]
+        a = factor * D[e, i, 3]
+        b = factor * D[e, i, 4]
+        c = factor * D[e, i, 5]
+        s3 += a * B[k, 3, 3] + b * B[k, 4, 3] + c * B[k, 5, 3]
+        s4 += a * B[k, 3, 4] + b * B[k, 4, 4] + c * B[k, 5, 4]
+        s5 += a * B[k, 3, 5] + b * B[k, 4, 5] + c * B[k, 5, 5]
+        T[i, 0] = s0
+        T[i, 1] = s1
+        T[i, 2] = s2
+        T[i, 3] = s3
+        T[i, 4] = s4
+        T[i, 5] = s5
 
 
 @jit
-def add_material(L: Floats, T: Floats, K: Floats) -> None:
-    """``K += L^T T`` for an L of :func:`reduced_strain`."""
-    for r in range(3):
-        for c in range(6):
-            K[r, c] += L[0, r] * T[0, c] + L[1, r] * T[1, c] + L[2, r] * T[2, c]
-    for r in range(3, 6):
-        for c in range(6):
-            K[r, c] += (
-                L[0, r] * T[0, c]
-                + L[1, r] * T[1, c]
-                + L[2, r] * T[2, c]
-                + L[3, r] * T[3, c]
-                + L[4, r] * T[4, c]
-                + L[5, r] * T[5, c]
-            )
+def add_material(L: Floats, n: int, T: Floats, A: Floats, k: int) -> None:
+    """``A_k += L_n^T T`` for an L of :func:`reduced_strain`."""
+    for r in range(6):
+        a = L[n, 0, r]
+        b = L[n, 1, r]
+        c = L[n, 2, r]
+        s0 = a * T[0, 0] + b * T[1, 0] + c * T[2, 0]
+        s1 = a * T[0, 1] + b * T[1, 1] + c * T[2, 1]
+        s2 = a * T[0, 2] + b * T[1, 2] + c * T[2, 2]
+        s3 = a * T[0, 3] + b * T[1, 3] + c * T[2, 3]
+        s4 = a * T[0, 4] + b * T[1, 4] + c * T[2, 4]
+        s5 = a * T[0, 5] + b * T[1, 5] + c * T[2, 5]
+        if r >= 3:
+            a = L[n, 3, r]
+            b = L[n, 4, r]
+            c = L[n, 5, r]
+            s0 += a * T[3, 0] + b * T[4, 0] + c * T[5, 0]
+            s1 += a * T[3, 1] + b * T[4, 1] + c * T[5, 1]
+            s2 += a * T[3, 2] + b * T[4, 2] + c * T[5, 2]
+            s3 += a * T[3, 3] + b * T[4, 3] + c * T[5, 3]
+            s4 += a * T[3, 4] + b * T[4, 4] + c * T[5, 4]
+            s5 += a * T[3, 5] + b * T[4, 5] + c * T[5, 5]
+        A[k, r, 0] += s0
+        A[k, r, 1] += s1
+        A[k, r, 2] += s2
+        A[k, r, 3] += s3
+        A[k, r, 4] += s4
+        A[k, r, 5] += s5
 
 
 @jit
@@ -308,37 +388,40 @@ def beam_tangent(
     ``P(y_L)^T (mass M + material int B(y_B)^T D B(y_S) ds + geometric int S . C/l ds) P(y_R)``,
     with `at` = (y_B, y_S, y_L, y_R) and `factors` = (mass, material, geometric).
     """
-    ne, nn = g.base.shape
+    base, turned, rotations, lengths = g.base, g.turned, g.rotations, g.lengths
+    shapes, slopes, weights = g.N, g.dN, g.weights
+    masses, stiffness, slot = g.mass, g.stiffness, g.slot
+    ne, nn = base.shape
     yB, yS, yL, yR = at
     mass, material, geometric = factors
     XB, XS, Z = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((3, 3))
     XL, XR, C = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((nn, nn, 4, 4))
     GB, GS, L = np.empty((7, 3)), np.empty((7, 3)), np.empty((nn, 6, 6))
-    B, T = np.empty((6, 6)), np.empty((6, 6))
+    B, T = np.empty((1, 6, 6)), np.empty((6, 6))
     for e in range(ne):
-        inverse = 1.0 / g.lengths[e]
-        take(g, e, yB, XB, Z)
-        take(g, e, yS, XS, Z)
-        take(g, e, yL, XL, Z)
-        take(g, e, yR, XR, Z)
+        inverse = 1.0 / lengths[e]
+        take(base, turned, rotations, e, yB, XB, Z)
+        take(base, turned, rotations, e, yS, XS, Z)
+        take(base, turned, rotations, e, yL, XL, Z)
+        take(base, turned, rotations, e, yR, XR, Z)
         for a in range(nn):
             for b in range(nn):
                 for r in range(4):
                     for c in range(4):
-                        C[a, b, r, c] = mass * g.mass[e, a, b, r, c]
-        for p in range(len(g.weights)):
-            N = g.N[p]
-            dN = g.dN[p]
+                        C[a, b, r, c] = mass * masses[e, a, b, r, c]
+        for p in range(len(shapes)):
+            N = shapes[p]
+            dN = slopes[p]
             at_point(N, dN, inverse, XB, GB)
             at_point(N, dN, inverse, XS, GS)
-            add_geometric(N, dN, geometric * g.weights[p], S[e, p], C)
+            add_geometric(N, dN, geometric * weights[p], S, e, p, C)
             for a in range(nn):
-                reduced_strain(N[a], dN[a] * inverse, XL[a], GB, L[a])
+                reduced_strain(N[a], dN[a] * inverse, XL, a, GB, L, a)
             for b in range(nn):
-                reduced_strain(N[b], dN[b] * inverse, XR[b], GS, B)
-                stress_matrix(g.stiffness[e], material * g.weights[p] * g.lengths[e], B, T)
+                reduced_strain(N[b], dN[b] * inverse, XR, b, GS, B, 0)
+                stress_matrix(stiffness, e, material * weights[p] * lengths[e], B, 0, T)
                 for a in range(nn):
-                    add_material(L[a], T, A[g.slot[e, a, b]])
+                    add_material(L, a, T, A, slot[e, a, b])
         for a in range(nn):
             for b in range(nn):
-                scalar_block(C[a, b], XL[a], XR[b], A[g.slot[e, a, b]], Z)
+                scalar_block(C, a, b, XL, XR, A, slot[e, a, b], Z)

@@ -23,7 +23,6 @@ __all__ = [
     "clear_blocks",
     "increment",
     "residual",
-    "right_hand_side",
 ]
 
 #: numbers of a step, see :class:`skfem_cosserat.integrators.base.Scheme`
@@ -34,11 +33,12 @@ MASS, MOMENTUM, FORCE, START, END, WEIGHT, LENGTH, ROTATION, MIXED = range(len(N
 @jit
 def mass_times(s: Any, y1: Floats, y0: Floats, factor: float, out: Floats) -> None:
     """``factor M (y1 - y0)``."""
+    first, columns, entries = s.mass_indptr, s.mass_indices, s.mass_data
     for r in range(out.shape[0]):
         u, v, w = 0.0, 0.0, 0.0
-        for k in range(s.mass_indptr[r], s.mass_indptr[r + 1]):
-            j = s.mass_indices[k]
-            m = s.mass_data[k]
+        for k in range(first[r], first[r + 1]):
+            j = columns[k]
+            m = entries[k]
             u += m * (y1[j, 0] - y0[j, 0])
             v += m * (y1[j, 1] - y0[j, 1])
             w += m * (y1[j, 2] - y0[j, 2])
@@ -51,14 +51,15 @@ def mass_times(s: Any, y1: Floats, y0: Floats, factor: float, out: Floats) -> No
 def balance(w: Any, numbers: Floats) -> float:
     """R of the step from its terms; the largest of them."""
     momentum, force = numbers[MOMENTUM], numbers[FORCE]
+    R, inertia, p0, internal, external = w.R, w.momentum, w.p0, w.internal, w.external
     largest = 0.0
-    for r in range(w.R.shape[0]):
+    for r in range(R.shape[0]):
         for c in range(3):
-            a = w.momentum[r, c]
-            b = w.p0[r, c]
-            f = force * w.internal[r, c]
-            x = force * w.external[r, c]
-            w.R[r, c] = a - momentum * b + f - x
+            a = inertia[r, c]
+            b = p0[r, c]
+            f = force * internal[r, c]
+            x = force * external[r, c]
+            R[r, c] = a - momentum * b + f - x
             if numbers[START] == 0.0:  # one term, as in the variational scheme's evaluation
                 f, x = f - x, 0.0
             largest = max(largest, abs(a), abs(b), abs(f), abs(x))
@@ -85,9 +86,10 @@ def residual(s: Any, g: Any, w: Any, numbers: Floats) -> float:
     tree.twist_force(s, left, w.R, w.F)
     tree.reduce_force(s, w.S_left, w.X_left, w.F, w.b)
     size = 0.0
-    for v in range(w.b.shape[0]):
+    reduced = w.b
+    for v in range(reduced.shape[0]):
         for c in range(6):
-            a = abs(w.b[v, c])
+            a = abs(reduced[v, c])
             if not a <= size:  # NaN as well
                 size = a
     return size / largest if largest > 0.0 else size
@@ -110,27 +112,33 @@ def mixed_balance(s: Any, g: Any, w: Any, numbers: Floats, left: Floats) -> None
 @jit
 def lumped_masses(s: Any, m: Any, w: Any, mass: float, left: Floats) -> None:
     """Blocks of single frames and of mass points."""
-    V, C = np.empty((3, 3)), np.empty((4, 4))
+    V, C = np.empty((3, 3)), np.empty((1, 1, 4, 4))
+    L, R = np.empty((1, 4, 3)), np.empty((1, 4, 3))
+    A, y1, diag, row, lumps = w.A, w.y1, m.diag, s.row, s.lumps
     for k in range(len(s.lump_vertex)):
         v = s.lump_vertex[k]
-        r = s.row[v]
         for a in range(4):
             for b in range(4):
-                C[a, b] = mass * s.lumps[k, a, b]
-        scalar_block(C, left[r : r + 4], w.y1[r : r + 4], w.A[m.diag[v]], V)
-    for v in range(len(s.row)):
-        if not s.framed[v]:
+                C[0, 0, a, b] = mass * lumps[k, a, b]
+            for c in range(3):
+                L[0, a, c] = left[row[v] + a, c]
+                R[0, a, c] = y1[row[v] + a, c]
+        scalar_block(C, 0, 0, L, R, A, diag[v], V)
+    framed = s.framed
+    for v in range(len(row)):
+        if not framed[v]:
             for c in range(3, 6):
-                w.A[m.diag[v], c, c] = 1.0
+                A[diag[v], c, c] = 1.0
     for k in range(len(s.point_vertex)):
-        D = w.A[m.diag[s.point_vertex[k]]]
+        v = s.point_vertex[k]
         for c in range(3):
-            D[c, c] += mass * s.point_masses[k]
+            A[diag[v], c, c] += mass * s.point_masses[k]
 
 
 @jit
-def clear_blocks(A: Floats) -> None:
+def clear_blocks(w: Any) -> None:
     """All blocks zero."""
+    A = w.A
     for k in range(A.shape[0]):
         for i in range(6):
             for c in range(6):
@@ -164,24 +172,16 @@ def sizes(s: Any, x: Floats, length: float) -> tuple[float, float]:
     """Size of an increment, and of its largest rotation."""
     shift = 0.0
     turn = 0.0
+    turning = s.turning
     for v in range(x.shape[0]):
         for c in range(6):
             a = abs(x[v, c])
-            if s.turning[v, c]:
+            if turning[v, c]:
                 if not a <= turn:
                     turn = a
             elif not a <= shift:
                 shift = a
     return max(shift / length, turn), turn
-
-
-@jit
-def right_hand_side(w: Any) -> None:
-    """Minus the residual."""
-    for v in range(w.x.shape[0]):
-        for c in range(6):
-            w.x[v, c] = -w.b[v, c]
-            w.extra[v, c] = 0.0
 
 
 @jit
@@ -195,13 +195,14 @@ def increment(s: Any, g: Any, w: Any, numbers: Floats) -> tuple[float, float, bo
     mixed : bool
         Whether the next matrix is to be taken with the predicted stresses, which are then ready.
     """
-    size, turn = sizes(s, w.x, numbers[LENGTH])
+    x, twist, total = w.x, w.twist, w.total
+    size, turn = sizes(s, x, numbers[LENGTH])
     cap = numbers[ROTATION] / turn if turn > numbers[ROTATION] else 1.0
-    for v in range(w.x.shape[0]):
+    for v in range(x.shape[0]):
         for c in range(6):
-            w.x[v, c] *= cap
-            w.twist[v, c] *= cap
-            w.total[v, c] += w.x[v, c]
+            x[v, c] *= cap
+            twist[v, c] *= cap
+            total[v, c] += x[v, c]
     mixed = cap * size > numbers[MIXED] and g.base.shape[0] > 0
     if mixed:
         stressed = w.y1 if numbers[START] != 0.0 else w.mid

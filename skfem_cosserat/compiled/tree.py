@@ -34,6 +34,7 @@ __all__ = [
     "begin",
     "configuration",
     "maps",
+    "maps_right",
     "material",
     "nodal_curvature",
     "rates",
@@ -74,8 +75,9 @@ def material(y: Floats, row: int, a: Floats, out: Floats) -> None:
 
 
 @jit
-def begin(t: Any, y0: Floats) -> None:
-    """Start of a step: axes, arms and slides; zero increments, driven ones at their end."""
+def begin(t: Any, w: Any, again: bool) -> None:
+    """Start of a step: axes, arms and slides; the increments of the last step or none."""
+    y0 = w.y0
     left, right, a, b = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for j in range(len(t.kind)):
         if t.kind[j] == AXIS:
@@ -90,6 +92,11 @@ def begin(t: Any, y0: Floats) -> None:
         for c in range(3):
             t.arm0[e, c] = b[c] - a[c]
     reset(t)
+    copy(w.last, w.total)
+    if again:
+        add(t, w.last)
+    else:
+        clear(w.total)
 
 
 @jit
@@ -149,8 +156,9 @@ def add(t: Any, x: Floats) -> None:
 
 
 @jit
-def configuration(t: Any, y0: Floats, ground1: Floats, y1: Floats) -> None:
+def configuration(t: Any, w: Any) -> None:
     """All rows of y_1."""
+    y0, y1, ground1 = w.y0, w.y1, w.ground1
     rows = len(y0) - len(ground1)
     for r in range(len(ground1)):
         for c in range(3):
@@ -276,6 +284,12 @@ def parent_map(t: Any, e: int, y: Floats, X: Floats, r: Floats) -> None:
     if t.relative[e]:
         for c in range(3):
             X[3 + c, 3 + c] = 1.0
+
+
+@jit
+def maps_right(t: Any, w: Any) -> None:
+    """The maps where the unknowns move."""
+    maps(t, w.y1, w.S_right, w.X_right)
 
 
 @jit

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from types import SimpleNamespace
 
 import numpy as np
@@ -72,12 +73,12 @@ class CompiledStep:
         self.factorisations = 0
         groups = system.beam_groups
         # structures for the kernels, and their arrays by name
-        self._m, plan = bind.bound_plan(system, self.plan)
+        self._m, _ = bind.bound_plan(system, self.plan)
         self._s, self._tree = bind.bound_tree(system)
         self._w, self._arrays = bind.bound_work(system, self.plan)
         self._g, beams = bind.bound_beams(system, groups[0] if groups else None, self.plan)
         self._a = SimpleNamespace(**self._arrays)
-        self._S0, self._diag, self._to_parent = beams["S0"], plan["diag"], plan["to_parent"]
+        self._S0 = beams["S0"]
         self._numbers = np.array(
             [
                 *(scheme.mass, scheme.momentum, scheme.force),
@@ -96,8 +97,6 @@ class CompiledStep:
         self._jointed = len(system.tree.edges) > 0
         self._again = False
         self._dead: Floats | None = None
-        a = self._a
-        self._maps = (a.S_left, a.X_left, a.S_right, a.X_right, a.C_child, a.C_parent)
 
     @property
     def filled(self) -> bool:
@@ -134,12 +133,7 @@ class CompiledStep:
         self.start = StepData(y0, p0, t, self.h, np.zeros(0), self._dead, None)
         a, s, tree = self._a, self._s, self._turn
         a.y0[:], a.p0[:], a.ground1[:] = y0, p0, ground1
-        tree.begin(s, a.y0)
-        if self._again:
-            a.total[:] = a.last
-            tree.add(s, a.last)
-        else:
-            a.total[:] = 0.0
+        tree.begin(s, self._w, self._again)
         if self.scheme.ends and self.system.beam_groups:
             self._elements.beam_stress(self._g, a.y0, 0.0, 1.0, self._S0, self._S0)
         if self._jointed and not self.integrator.constraint_weight:
@@ -147,23 +141,20 @@ class CompiledStep:
 
     def _direction(self, mixed: bool) -> bool:
         """Newton increment at the configuration evaluated last; False if there is none."""
-        s, g, m, w, a = self._s, self._g, self._m, self._w, self._a
+        s, g, m, w = self._s, self._g, self._m, self._w
         step, weight = self._step, self.integrator.constraint_weight
-        step.clear_blocks(a.A)
+        step.clear_blocks(w)
         if self.system.beam_groups:
             step.add_elements(g, w, self._numbers, mixed)
         step.add_nodes(s, g, m, w, self._numbers, mixed)
         if self._jointed:
-            self._turn.maps(s, a.y1, a.S_right, a.X_right)
+            self._turn.maps_right(s, w)
             if weight:
-                F, C = a.F_mixed if mixed else a.F, (a.C_child, a.C_parent)
-                slots = self._diag, self._to_parent
-                self._curvature.edge_curvature(s, (a.mid, a.y1), F, weight, a.A, *slots, C)
-        step.right_hand_side(w)
+                self._curvature.edge_curvature(s, m, w, weight, mixed)
         self.factorisations += 1
-        if not self._blocks.factor(m, self._maps, a.A, a.x, a.extra, a.scratch):
+        if not self._blocks.factor(m, w):
             return False
-        self._blocks.back(m, self._maps, a.A, a.x, a.twist)
+        self._blocks.back(m, w)
         return True
 
     def solve(self, state: State) -> tuple[int, float] | None:
@@ -171,22 +162,22 @@ class CompiledStep:
         s, g, w, a, numbers = self._s, self._g, self._w, self._a, self._numbers
         step, tree, settings = self._step, self._turn, self.settings
         self._begin(state)
-        tree.configuration(s, a.y0, a.ground1, a.y1)
+        tree.configuration(s, w)
         size = step.residual(s, g, w, numbers)
         increments: list[float] = []
         mixed = False
         for count in range(1, settings.iterations + 1):
-            if not (np.isfinite(size) and self._direction(mixed)):
+            if not (isfinite(size) and self._direction(mixed)):
                 break
             length, turn, mixed = step.increment(s, g, w, numbers)
             if not length <= settings.largest:  # NaN as well
                 break
             increments.append(length)
             tree.add(s, a.x)
-            tree.configuration(s, a.y0, a.ground1, a.y1)
+            tree.configuration(s, w)
             size = step.residual(s, g, w, numbers)
             capped = turn > settings.rotation
-            if not capped and np.isfinite(size) and converged(increments, size, settings):
+            if not capped and isfinite(size) and converged(increments, size, settings):
                 a.last[:] = a.total
                 self._again = True
                 return count, size
