@@ -37,7 +37,16 @@ def _swing() -> Any:
 
 def _position(system: sc.System, integrator: Any, treatment: Any, step: float) -> tuple[Any, float]:
     start = time.perf_counter()
-    history = sc.simulate(system, integrator, treatment, step, UNTIL, derive=False, at=[UNTIL])
+    history = sc.simulate(
+        system,
+        integrator,
+        treatment,
+        step,
+        UNTIL,
+        derive=False,
+        at=[UNTIL],
+        kernels="numpy",
+    )
     cost = time.perf_counter() - start
     beam: Any = system.structures[0]
     return history["q"][-1, system.offset(beam.node("mid")) + np.arange(3)], cost
