@@ -26,7 +26,7 @@ def step_cost():
 
 
 def test_step_cost(step_cost, tmp_path):
-    """One row for each integrator, treatment and kind of kernels; the same iterates in each pair."""
+    """One row for each integrator, treatment and kind of kernels."""
     result = step_cost.main(
         quick=True, scenes=("tree",), orders=(1,), elements=(20, 40), repeats=1, out=tmp_path
     )
