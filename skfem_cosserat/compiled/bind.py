@@ -77,7 +77,7 @@ def bound_beams(system: System, group: BeamGroup | None, plan: Plan) -> tuple[An
         S = np.zeros((0, 1, 6))
         fields = {"N": ends, "dN": ((-1.0, 1.0),), "weights": (1.0,), "base": none, **empty}
         fields |= {"slot": np.zeros((0, 2, 2), dtype=np.int64), "lengths": np.zeros(0)}
-        fields |= {"rotations": np.zeros((0, 2, 3, 3)), "turned": False}
+        fields |= {"rotations": np.zeros((0, 2, 3, 3)), "turned": False, "diagonal": True}
         fields |= {"S0": S, "S": S.copy(), "predicted": S.copy()}
         return layout.beams(tuple(fields[name] for name in layout.BEAMS)), fields
     elements = group.elements
@@ -103,6 +103,7 @@ def bound_beams(system: System, group: BeamGroup | None, plan: Plan) -> tuple[An
         "slot": np.array(slots, dtype=np.int64),
         "lengths": np.ascontiguousarray(elements.lengths),
         "stiffness": np.ascontiguousarray(elements.stiffness),
+        "diagonal": not (elements.stiffness * (1 - np.eye(6))).any(),
         "reference": np.ascontiguousarray(elements.reference),
         "mass": mass,
         "rotations": rotations,

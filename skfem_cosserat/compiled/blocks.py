@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..types import Floats, IndexArray
-from .jit import jit
+from .jit import inlined, jit
 from .small import copy, increase
 
 __all__ = ["back", "factor"]
@@ -20,7 +20,7 @@ __all__ = ["back", "factor"]
 Maps = tuple[Floats, Floats, Floats, Floats, Floats, Floats]
 
 
-@jit
+@inlined
 def factor_block(A: Floats, k: int, pivots: IndexArray, v: int) -> bool:
     """LU of block k in place, rows exchanged, diagonal inverted; False if a pivot vanishes."""
     regular = True
@@ -47,7 +47,7 @@ def factor_block(A: Floats, k: int, pivots: IndexArray, v: int) -> bool:
     return regular
 
 
-@jit
+@inlined
 def solve_block(A: Floats, k: int, pivots: IndexArray, v: int, u: int) -> None:
     """``A_u <- A_k^-1 A_u`` for a factorised block k."""
     for n in range(6):
@@ -70,7 +70,7 @@ def solve_block(A: Floats, k: int, pivots: IndexArray, v: int, u: int) -> None:
             A[u, i, c] *= f
 
 
-@jit
+@inlined
 def solve_vector(A: Floats, k: int, pivots: IndexArray, v: int, b: Floats) -> None:
     """``b_v <- A_k^-1 b_v`` for a factorised block k."""
     for n in range(6):
@@ -86,7 +86,7 @@ def solve_vector(A: Floats, k: int, pivots: IndexArray, v: int, b: Floats) -> No
         b[v, i] *= A[k, i, i]
 
 
-@jit
+@inlined
 def subtract(A: Floats, k: int, left: int, right: int) -> None:
     """``A_k -= A_left A_right``; sums before stores, so that they go into vector registers."""
     for i in range(6):

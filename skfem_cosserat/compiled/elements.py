@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from ..types import Floats, IndexArray
-from .jit import jit
+from .jit import inlined, jit
 
 __all__ = ["beam_force", "beam_predicted", "beam_stress", "beam_tangent", "scalar_block"]
 
 
-@jit
+@inlined
 def take(
     base: IndexArray, turned: bool, rotations: Floats, e: int, y: Floats, X: Floats, Z: Floats
 ) -> None:
@@ -44,7 +44,7 @@ def take(
                     X[a, 1 + i, c] = Z[i, c]
 
 
-@jit
+@inlined
 def at_point(N: Any, dN: Any, inverse: float, X: Floats, G: Floats) -> None:
     """Interpolate to a Gauss point."""
     for c in range(3):
@@ -63,13 +63,13 @@ def at_point(N: Any, dN: Any, inverse: float, X: Floats, G: Floats) -> None:
             G[4 + i, c] = t * inverse
 
 
-@jit
+@inlined
 def rows_dot(G: Floats, i: int, H: Floats, j: int) -> float:
     """``G_i . H_j``."""
     return G[i, 0] * H[j, 0] + G[i, 1] * H[j, 1] + G[i, 2] * H[j, 2]
 
 
-@jit
+@inlined
 def strains(G: Floats, eps: Floats) -> None:
     """The six strains."""
     for i in range(3):
@@ -79,7 +79,7 @@ def strains(G: Floats, eps: Floats) -> None:
         eps[3 + i] = 0.5 * (rows_dot(G, 1 + k, G, 4 + j) - rows_dot(G, 1 + j, G, 4 + k))
 
 
-@jit
+@inlined
 def strain_changes(G: Floats, V: Floats, eps: Floats) -> None:
     """Their first change, V (7, 3) as G for a change of the nodes."""
     for i in range(3):
@@ -91,7 +91,7 @@ def strain_changes(G: Floats, V: Floats, eps: Floats) -> None:
         eps[3 + i] = 0.5 * (first - second)
 
 
-@jit
+@inlined
 def add_stress(D: Floats, e: int, eps: Floats, factor: float, S: Floats, p: int) -> None:
     """``S_ep += factor D_e eps``."""
     for i in range(6):
@@ -178,7 +178,7 @@ def beam_force(g: Any, y: Floats, S: Floats, f: Floats) -> None:
                     f[r + i, c] += F[a, i, c]
 
 
-@jit
+@inlined
 def add_point_force(
     N: Any,
     dN: Any,
@@ -209,18 +209,16 @@ def add_point_force(
                 F[a, 1 + i, c] += N[a] * on_director + dN[a] * on_slope
 
 
-@jit
-def reduced_strain(Na: float, dNa: float, X: Floats, a: int, G: Floats, B: Floats, k: int) -> None:
-    """``B P_int`` of node a (6, 6), in B_k: strains by its velocity and angular velocity.
+@inlined
+def turned_strain(Na: float, dNa: float, X: Floats, a: int, G: Floats, B: Floats, k: int) -> None:
+    """Strains by the angular velocity of node a: (6, 3), in B_k. X is where P_int is taken.
 
-    X is where P_int is taken; those of K by the velocity are zero, and not set.
+    By its velocity they are ``dNa d_i`` for Gamma_i and zero for K.
     """
     for i in range(3):
-        for c in range(3):
-            B[k, i, c] = dNa * G[1 + i, c]
-        B[k, i, 3] = Na * (X[a, 1 + i, 1] * G[0, 2] - X[a, 1 + i, 2] * G[0, 1])
-        B[k, i, 4] = Na * (X[a, 1 + i, 2] * G[0, 0] - X[a, 1 + i, 0] * G[0, 2])
-        B[k, i, 5] = Na * (X[a, 1 + i, 0] * G[0, 1] - X[a, 1 + i, 1] * G[0, 0])
+        B[k, i, 0] = Na * (X[a, 1 + i, 1] * G[0, 2] - X[a, 1 + i, 2] * G[0, 1])
+        B[k, i, 1] = Na * (X[a, 1 + i, 2] * G[0, 0] - X[a, 1 + i, 0] * G[0, 2])
+        B[k, i, 2] = Na * (X[a, 1 + i, 0] * G[0, 1] - X[a, 1 + i, 1] * G[0, 0])
     hN = 0.5 * Na
     hd = 0.5 * dNa
     for i in range(3):
@@ -233,12 +231,12 @@ def reduced_strain(Na: float, dNa: float, X: Floats, a: int, G: Floats, B: Float
         v0 = hd * G[j, 0] - hN * G[3 + j, 0]
         v1 = hd * G[j, 1] - hN * G[3 + j, 1]
         v2 = hd * G[j, 2] - hN * G[3 + j, 2]
-        B[k, 3 + i, 3] = X[a, j, 1] * u2 - X[a, j, 2] * u1 - X[a, m, 1] * v2 + X[a, m, 2] * v1
-        B[k, 3 + i, 4] = X[a, j, 2] * u0 - X[a, j, 0] * u2 - X[a, m, 2] * v0 + X[a, m, 0] * v2
-        B[k, 3 + i, 5] = X[a, j, 0] * u1 - X[a, j, 1] * u0 - X[a, m, 0] * v1 + X[a, m, 1] * v0
+        B[k, 3 + i, 0] = X[a, j, 1] * u2 - X[a, j, 2] * u1 - X[a, m, 1] * v2 + X[a, m, 2] * v1
+        B[k, 3 + i, 1] = X[a, j, 2] * u0 - X[a, j, 0] * u2 - X[a, m, 2] * v0 + X[a, m, 0] * v2
+        B[k, 3 + i, 2] = X[a, j, 0] * u1 - X[a, j, 1] * u0 - X[a, m, 0] * v1 + X[a, m, 1] * v0
 
 
-@jit
+@inlined
 def scalar_block(
     C: Floats, a: int, b: int, L: Floats, R: Floats, A: Floats, k: int, V: Floats
 ) -> None:
@@ -295,7 +293,7 @@ def scalar_block(
         A[k, 3 + r, 3 + r] += trace
 
 
-@jit
+@inlined
 def add_geometric(N: Any, dN: Any, weight: float, S: Floats, e: int, p: int, C: Floats) -> None:
     """Scalar coefficients C (nn, nn, 4, 4) of the strains' second derivatives times stresses."""
     for i in range(3):
@@ -313,66 +311,112 @@ def add_geometric(N: Any, dN: Any, weight: float, S: Floats, e: int, p: int, C: 
                 C[a, b, k, j] -= (u - v) * m
 
 
-@jit
-def stress_matrix(D: Floats, e: int, factor: float, B: Floats, k: int, T: Floats) -> None:
-    """``T = factor D_e B_k`` for a B of :func:`reduced_strain`.
+@inlined
+def shift_stress(D: Floats, diagonal: bool, e: int, factor: float, G: Floats, T: Floats) -> None:
+    """``T = factor D_e (d1, d2, d3; 0)`` (6, 3): stresses by a velocity, but for the slope."""
+    for i in range(6):
+        for c in range(3):
+            if not diagonal:
+                s = D[e, i, 0] * G[1, c] + D[e, i, 1] * G[2, c] + D[e, i, 2] * G[3, c]
+                T[i, c] = factor * s
+            elif i < 3:
+                T[i, c] = factor * D[e, i, i] * G[1 + i, c]
+            else:
+                T[i, c] = 0.0
+
+
+@inlined
+def turn_stress(
+    D: Floats, diagonal: bool, e: int, factor: float, B: Floats, k: int, T: Floats
+) -> None:
+    """``T = factor D_e B_k`` (6, 3).
 
     Here and below sums come before stores: only so they go into vector registers, as what is stored
     might overlap with what is read.
     """
     for i in range(6):
-        a = factor * D[e, i, 0]
-        b = factor * D[e, i, 1]
-        c = factor * D[e, i, 2]
-        s0 = a * B[k, 0, 0] + b * B[k, 1, 0] + c * B[k, 2, 0]
-        s1 = a * B[k, 0, 1] + b * B[k, 1, 1] + c * B[k, 2, 1]
-        s2 = a * B[k, 0, 2] + b * B[k, 1, 2] + c * B[k, 2, 2]
-        s3 = a * B[k, 0, 3] + b * B[k, 1, 3] + c * B[k, 2, 3]
-        s4 = a * B[k, 0, 4] + b * B[k, 1, 4] + c * B[k, 2, 4]
-        s5 = a * B[k, 0, 5] + b * B[k, 1, 5] + c * B[k, 2, 5]
-        a = factor * D[e, i, 3]
-        b = factor * D[e, i, 4]
-        c = factor * D[e, i, 5]
-        s3 += a * B[k, 3, 3] + b * B[k, 4, 3] + c * B[k, 5, 3]
-        s4 += a * B[k, 3, 4] + b * B[k, 4, 4] + c * B[k, 5, 4]
-        s5 += a * B[k, 3, 5] + b * B[k, 4, 5] + c * B[k, 5, 5]
+        if diagonal:
+            a = factor * D[e, i, i]
+            s0 = a * B[k, i, 0]
+            s1 = a * B[k, i, 1]
+            s2 = a * B[k, i, 2]
+        else:
+            s0 = 0.0
+            s1 = 0.0
+            s2 = 0.0
+            for j in range(6):
+                a = factor * D[e, i, j]
+                s0 += a * B[k, j, 0]
+                s1 += a * B[k, j, 1]
+                s2 += a * B[k, j, 2]
         T[i, 0] = s0
         T[i, 1] = s1
         T[i, 2] = s2
-        T[i, 3] = s3
-        T[i, 4] = s4
-        T[i, 5] = s5
 
 
-@jit
-def add_material(L: Floats, n: int, T: Floats, A: Floats, k: int) -> None:
-    """``A_k += L_n^T T`` for an L of :func:`reduced_strain`."""
-    for r in range(6):
-        a = L[n, 0, r]
-        b = L[n, 1, r]
-        c = L[n, 2, r]
+@inlined
+def three_rows(G: Floats, T: Floats, out: Floats) -> None:
+    """``out = (d1, d2, d3)^T T[:3]`` (3, 3)."""
+    for r in range(3):
+        a = G[1, r]
+        b = G[2, r]
+        c = G[3, r]
         s0 = a * T[0, 0] + b * T[1, 0] + c * T[2, 0]
         s1 = a * T[0, 1] + b * T[1, 1] + c * T[2, 1]
         s2 = a * T[0, 2] + b * T[1, 2] + c * T[2, 2]
-        s3 = a * T[0, 3] + b * T[1, 3] + c * T[2, 3]
-        s4 = a * T[0, 4] + b * T[1, 4] + c * T[2, 4]
-        s5 = a * T[0, 5] + b * T[1, 5] + c * T[2, 5]
-        if r >= 3:
-            a = L[n, 3, r]
-            b = L[n, 4, r]
-            c = L[n, 5, r]
-            s0 += a * T[3, 0] + b * T[4, 0] + c * T[5, 0]
-            s1 += a * T[3, 1] + b * T[4, 1] + c * T[5, 1]
-            s2 += a * T[3, 2] + b * T[4, 2] + c * T[5, 2]
-            s3 += a * T[3, 3] + b * T[4, 3] + c * T[5, 3]
-            s4 += a * T[3, 4] + b * T[4, 4] + c * T[5, 4]
-            s5 += a * T[3, 5] + b * T[4, 5] + c * T[5, 5]
-        A[k, r, 0] += s0
-        A[k, r, 1] += s1
-        A[k, r, 2] += s2
-        A[k, r, 3] += s3
-        A[k, r, 4] += s4
-        A[k, r, 5] += s5
+        out[r, 0] = s0
+        out[r, 1] = s1
+        out[r, 2] = s2
+
+
+@inlined
+def six_rows(L: Floats, n: int, T: Floats, Q: Floats) -> None:
+    """``Q_n = L_n^T T`` (3, 3)."""
+    for r in range(3):
+        s0 = 0.0
+        s1 = 0.0
+        s2 = 0.0
+        for i in range(6):
+            a = L[n, i, r]
+            s0 += a * T[i, 0]
+            s1 += a * T[i, 1]
+            s2 += a * T[i, 2]
+        Q[n, r, 0] = s0
+        Q[n, r, 1] = s1
+        Q[n, r, 2] = s2
+
+
+@inlined
+def add_pair(
+    left: float,
+    right: float,
+    H: Floats,
+    P: Floats,
+    Q: Floats,
+    L: Floats,
+    n: int,
+    T: Floats,
+    A: Floats,
+    k: int,
+) -> None:
+    """Material block of two nodes: ``H, P, Q`` hold what the slopes left, right scale."""
+    both = left * right
+    for r in range(3):
+        for c in range(3):
+            A[k, r, c] += both * H[r, c]
+            A[k, r, 3 + c] += left * P[r, c]
+            A[k, 3 + r, c] += right * Q[n, r, c]
+        s0 = 0.0
+        s1 = 0.0
+        s2 = 0.0
+        for i in range(6):
+            a = L[n, i, r]
+            s0 += a * T[i, 0]
+            s1 += a * T[i, 1]
+            s2 += a * T[i, 2]
+        A[k, 3 + r, 3] += s0
+        A[k, 3 + r, 4] += s1
+        A[k, 3 + r, 5] += s2
 
 
 @jit
@@ -390,14 +434,14 @@ def beam_tangent(
     """
     base, turned, rotations, lengths = g.base, g.turned, g.rotations, g.lengths
     shapes, slopes, weights = g.N, g.dN, g.weights
-    masses, stiffness, slot = g.mass, g.stiffness, g.slot
+    masses, stiffness, slot, diagonal = g.mass, g.stiffness, g.slot, g.diagonal
     ne, nn = base.shape
     yB, yS, yL, yR = at
     mass, material, geometric = factors
     XB, XS, Z = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((3, 3))
     XL, XR, C = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((nn, nn, 4, 4))
-    GB, GS, L = np.empty((7, 3)), np.empty((7, 3)), np.empty((nn, 6, 6))
-    B, T = np.empty((1, 6, 6)), np.empty((6, 6))
+    GB, GS, L, Q = np.empty((7, 3)), np.empty((7, 3)), np.empty((nn, 6, 3)), np.empty((nn, 3, 3))
+    B, T, H, P = np.empty((1, 6, 3)), np.empty((6, 3)), np.empty((3, 3)), np.empty((3, 3))
     for e in range(ne):
         inverse = 1.0 / lengths[e]
         take(base, turned, rotations, e, yB, XB, Z)
@@ -415,13 +459,19 @@ def beam_tangent(
             at_point(N, dN, inverse, XB, GB)
             at_point(N, dN, inverse, XS, GS)
             add_geometric(N, dN, geometric * weights[p], S, e, p, C)
+            factor = material * weights[p] * lengths[e]
+            shift_stress(stiffness, diagonal, e, factor, GS, T)
+            three_rows(GB, T, H)
             for a in range(nn):
-                reduced_strain(N[a], dN[a] * inverse, XL, a, GB, L, a)
+                turned_strain(N[a], dN[a] * inverse, XL, a, GB, L, a)
+                six_rows(L, a, T, Q)
             for b in range(nn):
-                reduced_strain(N[b], dN[b] * inverse, XR, b, GS, B, 0)
-                stress_matrix(stiffness, e, material * weights[p] * lengths[e], B, 0, T)
+                turned_strain(N[b], dN[b] * inverse, XR, b, GS, B, 0)
+                turn_stress(stiffness, diagonal, e, factor, B, 0, T)
+                three_rows(GB, T, P)
                 for a in range(nn):
-                    add_material(L, a, T, A, slot[e, a, b])
+                    left, right = dN[a] * inverse, dN[b] * inverse
+                    add_pair(left, right, H, P, Q, L, a, T, A, slot[e, a, b])
         for a in range(nn):
             for b in range(nn):
                 scalar_block(C, a, b, XL, XR, A, slot[e, a, b], Z)

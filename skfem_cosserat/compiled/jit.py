@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import njit
 from numba.core.caching import FunctionCache
 
-__all__ = ["STAMP", "jit"]
+__all__ = ["STAMP", "inlined", "jit"]
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
@@ -41,5 +42,11 @@ def jit(function: Kernel) -> Kernel:
     length are unrolled, those over ``a.shape`` are not.
     """
     compiled: Any = njit(function, error_model="numpy", boundscheck=False)
-    compiled._cache = _Cache(function)
+    with suppress(RuntimeError):  # no folder to write to: compiled in every process
+        compiled._cache = _Cache(function)
     return cast(Kernel, compiled)
+
+
+def inlined(function: Kernel) -> Kernel:
+    """As :func:`jit`, for what is called in loops: a call of its own would take 20 ns an array."""
+    return cast(Kernel, njit(function, error_model="numpy", boundscheck=False, forceinline=True))

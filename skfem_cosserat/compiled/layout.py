@@ -15,7 +15,7 @@ __all__ = ["BEAMS", "PLAN", "TREE", "WORK", "beams", "plan", "tree", "work"]
 #: their numbers are known when compiling; first rows of y of the nodes; slots of the blocks
 BEAMS = (
     *("N", "dN", "weights", "base", "slot", "lengths", "stiffness", "reference", "mass"),
-    *("rotations", "turned", "S0", "S", "predicted"),
+    *("diagonal", "rotations", "turned", "S0", "S", "predicted"),
 )
 #: vertices, edges (joints from parent to child) and their coordinates
 TREE = (
