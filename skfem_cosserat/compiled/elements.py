@@ -17,7 +17,28 @@ import numpy as np
 from ..types import Floats, IndexArray
 from .jit import inlined, jit
 
-__all__ = ["beam_force", "beam_predicted", "beam_stress", "beam_tangent", "scalar_block"]
+__all__ = [
+    "END",
+    "FORCE",
+    "LENGTH",
+    "MASS",
+    "MIXED",
+    "MOMENTUM",
+    "NUMBERS",
+    "ROTATION",
+    "START",
+    "WEIGHT",
+    "beam_force",
+    "beam_predicted",
+    "beam_stress",
+    "beam_tangent",
+    "scalar_block",
+]
+
+
+#: numbers of a step, see :class:`skfem_cosserat.integrators.base.Scheme`
+NUMBERS = ("mass", "momentum", "force", "start", "end", "weight", "length", "rotation", "mixed")
+MASS, MOMENTUM, FORCE, START, END, WEIGHT, LENGTH, ROTATION, MIXED = range(len(NUMBERS))
 
 
 @inlined
@@ -420,24 +441,23 @@ def add_pair(
 
 
 @jit
-def beam_tangent(
-    g: Any,
-    at: tuple[Floats, Floats, Floats, Floats],
-    S: Floats,
-    factors: tuple[float, float, float],
-    A: Floats,
-) -> None:
-    """Add the blocks of all elements, in reduced coordinates, to their slots of A.
+def beam_tangent(g: Any, w: Any, numbers: Floats, mixed: bool) -> None:
+    """Add the blocks of all elements, in reduced coordinates, to their slots.
 
-    ``P(y_L)^T (mass M + material int B(y_B)^T D B(y_S) ds + geometric int S . C/l ds) P(y_R)``,
-    with `at` = (y_B, y_S, y_L, y_R) and `factors` = (mass, material, geometric).
+    ``P(y_L)^T (mass M + (force/2) (int B(q_mid)^T D B(y_S) ds + int S . C/l ds)) P(y_1)``: y_L is
+    where constraint forces act, y_S where the stresses come from; S are those, or predicted ones.
     """
+    yB = w.mid
+    yS = w.y1 if numbers[START] != 0.0 else w.mid
+    yL = w.mid if numbers[WEIGHT] != 0.0 else w.y0
+    yR = w.y1
+    S = g.predicted if mixed else g.S
+    A = w.A
+    mass, half = numbers[MASS], 0.5 * numbers[FORCE]
     base, turned, rotations, lengths = g.base, g.turned, g.rotations, g.lengths
     shapes, slopes, weights = g.N, g.dN, g.weights
     masses, stiffness, slot, diagonal = g.mass, g.stiffness, g.slot, g.diagonal
     ne, nn = base.shape
-    yB, yS, yL, yR = at
-    mass, material, geometric = factors
     XB, XS, Z = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((3, 3))
     XL, XR, C = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((nn, nn, 4, 4))
     GB, GS, L, Q = np.empty((7, 3)), np.empty((7, 3)), np.empty((nn, 6, 3)), np.empty((nn, 3, 3))
@@ -458,8 +478,8 @@ def beam_tangent(
             dN = slopes[p]
             at_point(N, dN, inverse, XB, GB)
             at_point(N, dN, inverse, XS, GS)
-            add_geometric(N, dN, geometric * weights[p], S, e, p, C)
-            factor = material * weights[p] * lengths[e]
+            add_geometric(N, dN, half * weights[p], S, e, p, C)
+            factor = half * weights[p] * lengths[e]
             shift_stress(stiffness, diagonal, e, factor, GS, T)
             three_rows(GB, T, H)
             for a in range(nn):

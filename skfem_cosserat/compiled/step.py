@@ -12,22 +12,32 @@ import numpy as np
 
 from ..types import Floats
 from . import tree
-from .elements import beam_force, beam_predicted, beam_stress, beam_tangent, scalar_block
+from .elements import (
+    END,
+    FORCE,
+    LENGTH,
+    MASS,
+    MIXED,
+    MOMENTUM,
+    NUMBERS,
+    ROTATION,
+    START,
+    WEIGHT,
+    beam_force,
+    beam_predicted,
+    beam_stress,
+    scalar_block,
+)
 from .jit import jit
 from .small import clear
 
 __all__ = [
     "NUMBERS",
-    "add_elements",
     "add_nodes",
     "clear_blocks",
     "increment",
     "residual",
 ]
-
-#: numbers of a step, see :class:`skfem_cosserat.integrators.base.Scheme`
-NUMBERS = ("mass", "momentum", "force", "start", "end", "weight", "length", "rotation", "mixed")
-MASS, MOMENTUM, FORCE, START, END, WEIGHT, LENGTH, ROTATION, MIXED = range(len(NUMBERS))
 
 
 @jit
@@ -143,16 +153,6 @@ def clear_blocks(w: Any) -> None:
         for i in range(6):
             for c in range(6):
                 A[k, i, c] = 0.0
-
-
-@jit
-def add_elements(g: Any, w: Any, numbers: Floats, mixed: bool) -> None:
-    """Blocks of beam elements, by twists."""
-    left = w.mid if numbers[WEIGHT] != 0.0 else w.y0
-    stressed = w.y1 if numbers[START] != 0.0 else w.mid
-    S = g.predicted if mixed else g.S
-    half = 0.5 * numbers[FORCE]
-    beam_tangent(g, (w.mid, stressed, left, w.y1), S, (numbers[MASS], half, half), w.A)
 
 
 @jit

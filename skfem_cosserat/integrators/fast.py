@@ -145,7 +145,7 @@ class CompiledStep:
         step, weight = self._step, self.integrator.constraint_weight
         step.clear_blocks(w)
         if self.system.beam_groups:
-            step.add_elements(g, w, self._numbers, mixed)
+            self._elements.beam_tangent(g, w, self._numbers, mixed)
         step.add_nodes(s, g, m, w, self._numbers, mixed)
         if self._jointed:
             self._turn.maps_right(s, w)
