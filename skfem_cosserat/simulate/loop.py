@@ -125,10 +125,11 @@ def simulate(
         True: one line on stderr, kept up to date; a callable gets (time, until) after each step.
     kernels : {"auto", "numpy", "numba"}
         Plain numpy kernels, or those compiled by numba (extra ``fast``), an order of magnitude
-        faster after half a minute of compilation, which is kept on disk. "auto" takes them if numba is
-        installed, the estimated time with numpy is above 40 s and there are some: for the null
-        space method, without closed loops, springs, following loads, damping and beams of several
-        orders. ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken, and why.
+        faster after half a minute of compilation, which is kept on disk. "auto" takes them if
+        numba is installed, the estimated time with numpy is above 40 s and there are some: for
+        the null space method, without closed loops, springs, following loads, damping and beams
+        of several orders. ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken,
+        and why.
     path : path, optional
         Stream the history to this file, block by block. An older file is replaced, but not by a
         run that goes on from a history.
