@@ -16,7 +16,7 @@ from . import layout
 from .plan import Plan
 from .tree import AXIS, ROTATION, SLIDE, SPHERE
 
-__all__ = ["bound_beams", "bound_plan", "bound_tree", "bound_work", "coordinates_of", "make_plan"]
+__all__ = ["bound_beams", "bound_plan", "bound_tree", "bound_work", "coordinates_of"]
 
 _PLANNED = (
     "order",
@@ -30,19 +30,6 @@ _PLANNED = (
     "parent_at",
 )
 KINDS = {"rotation": ROTATION, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE}
-
-
-def make_plan(system: System) -> Plan:
-    """Elimination of the vertices of a system."""
-    count = len(system.origin_rows)
-    pairs = [
-        (a, b)
-        for group in system.beam_groups
-        for vertices in group.vertices.tolist()
-        for k, a in enumerate(vertices)
-        for b in vertices[k + 1 :]
-    ]
-    return Plan(count, pairs, _parents(system)[1])
 
 
 def _parents(system: System) -> tuple[list[int], list[int]]:

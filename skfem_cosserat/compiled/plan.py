@@ -7,9 +7,13 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from ..model import System
 from ..types import IndexArray
 
-__all__ = ["Plan"]
+__all__ = ["Plan", "plan_of"]
+
+#: products of blocks for each vertex above which an elimination in blocks does not pay: lattices
+FILLED = 30
 
 
 class Plan:
@@ -23,6 +27,11 @@ class Plan:
         Vertices that share a block.
     parent : sequence of int
         Parent of each vertex in the tree of joints, -1 for none.
+
+    Raises
+    ------
+    OverflowError
+        If it fills in: more than 30 products of blocks for each vertex.
 
     Attributes
     ----------
@@ -70,6 +79,28 @@ class Plan:
         self.parent_at = _ints(ws.index(parent[v]) if parent[v] >= 0 else -1 for v, ws in each)
 
 
+def plan_of(system: System) -> Plan:
+    """Elimination of the vertices of a system.
+
+    Raises
+    ------
+    OverflowError
+        See :class:`Plan`.
+    """
+    count = len(system.origin_rows)
+    pairs = [
+        (a, b)
+        for group in system.beam_groups
+        for vertices in group.vertices.tolist()
+        for k, a in enumerate(vertices)
+        for b in vertices[k + 1 :]
+    ]
+    parent = [-1] * count
+    for e in system.tree.edges:
+        parent[e.child] = e.parent if e.parent < count else -1
+    return Plan(count, pairs, parent)
+
+
 def _ints(numbers: Iterable[int]) -> IndexArray:
     return np.array(list(numbers), dtype=np.int64)
 
@@ -92,7 +123,7 @@ def _ordered(
     heapq.heapify(heap)
     order: list[int] = []
     later: list[set[int]] = []
-    done = [False] * count
+    done, work = [False] * count, 0
     while heap:
         degree, v = heapq.heappop(heap)
         if done[v]:
@@ -101,6 +132,9 @@ def _ordered(
             heapq.heappush(heap, (len(around[v]), v))
             continue
         done[v] = True
+        work += len(around[v]) ** 2
+        if work > FILLED * count + FILLED**2:
+            raise OverflowError(f"more than {FILLED} products of blocks for each vertex")
         order.append(v)
         later.append(around[v])
         for w in around[v]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import NamedTuple
 
+from ..compiled.plan import Plan, plan_of
 from ..constraints import Treatment
 from ..errors import InputError
 from ..log import logger
@@ -22,15 +23,17 @@ ITERATIONS = 3
 #: how much faster a step is with compiled kernels, for the warning where numba is missing: what
 #: was measured for 20 and for 2000 elements lies on both sides
 FACTOR = 15
+FILLS_IN = "there are no compiled kernels for networks whose elimination fills in"
 #: number of steps taken for granted where none is given
 STEPS = 1000
 
 
 class Choice(NamedTuple):
-    """Kernels, and why."""
+    """Kernels, and why; for compiled ones, how they eliminate."""
 
     name: str
     why: str
+    plan: Plan | None = None
 
 
 def estimated_seconds(system: System, steps: int) -> float:
@@ -64,7 +67,10 @@ def choose_kernels(
             raise InputError("argument kernels", f"'numba': {refused}")
         if not installed:
             raise ImportError("kernels='numba' needs numba: pip install 'skfem-cosserat[fast]'")
-        return Choice("numba", "asked for")
+        try:
+            return Choice("numba", "asked for", plan_of(system))
+        except OverflowError:
+            raise InputError("argument kernels", f"'numba': {FILLS_IN}") from None
     if refused:
         return Choice("numpy", refused)
     seconds = estimated_seconds(system, STEPS if steps is None else steps)
@@ -77,4 +83,7 @@ def choose_kernels(
             *(seconds, FACTOR),
         )
         return Choice("numpy", "numba is not installed")
-    return Choice("numba", f"about {seconds:.2g} s of work with numpy")
+    try:
+        return Choice("numba", f"about {seconds:.2g} s of work with numpy", plan_of(system))
+    except OverflowError:
+        return Choice("numpy", FILLS_IN)

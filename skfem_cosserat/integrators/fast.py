@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from ..compiled.plan import Plan, plan_of
 from ..constraints import NullSpace, Treatment
 from ..model import System
 from ..model.chart import Chart
@@ -15,9 +16,6 @@ from ..types import Array, Floats
 from .base import Integrator, Scheme, State, StepData, StepWork
 
 __all__ = ["CompiledStep", "refusal"]
-
-#: products of blocks for each vertex above which an elimination in blocks does not pay
-FILLED = 30
 
 
 def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str | None:
@@ -51,6 +49,8 @@ class CompiledStep:
     h : float
         Step size (s).
     settings : NewtonSettings
+    plan : Plan, optional
+        Of the elimination, if it is there already.
 
     Attributes
     ----------
@@ -59,7 +59,12 @@ class CompiledStep:
     """
 
     def __init__(
-        self, system: System, integrator: Integrator, h: float, settings: NewtonSettings
+        self,
+        system: System,
+        integrator: Integrator,
+        h: float,
+        settings: NewtonSettings,
+        plan: Plan | None = None,
     ) -> None:
         from ..compiled import bind, blocks, curvature, elements, step, tree
 
@@ -69,7 +74,7 @@ class CompiledStep:
         self.scheme = scheme
         self._blocks, self._elements, self._curvature = blocks, elements, curvature
         self._step, self._turn = step, tree
-        self.plan = bind.make_plan(system)
+        self.plan = plan_of(system) if plan is None else plan
         self.factorisations = 0
         groups = system.beam_groups
         # structures for the kernels, and their arrays by name
@@ -97,11 +102,6 @@ class CompiledStep:
         self._jointed = len(system.tree.edges) > 0
         self._again = False
         self._dead: Floats | None = None
-
-    @property
-    def filled(self) -> bool:
-        """Whether the elimination fills in so much that a general sparse one is faster."""
-        return self.plan.work > FILLED * len(self.system.origin_rows)
 
     @property
     def last(self) -> Floats | None:

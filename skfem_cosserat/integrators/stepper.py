@@ -173,7 +173,8 @@ class Stepper:
         self._fast: CompiledStep | None = None
         if self.choice.name == "numba":
             logger.info("kernels are compiled or read from the cache")
-            self._fast = CompiledStep(system, integrator, self.h, self.settings)
+            plan = self.choice.plan
+            self._fast = CompiledStep(system, integrator, self.h, self.settings, plan)
 
     @property
     def factorisations(self) -> int:
