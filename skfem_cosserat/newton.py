@@ -62,6 +62,12 @@ class NewtonSettings:
         the increment predicts, not with those it leads to: the mixed (MIP) iteration of Magisano,
         Leonetti & Garcea, Comput. Methods Appl. Mech. Engrg 313 (2017) 986. Same solution, from
         farther away. Infinity: never.
+    reuse : int
+        Factors of a matrix are kept, over steps too, as long as no more than this many further
+        iterations with them are expected (compiled kernels); 0: factorise in each iteration.
+    settled : float
+        Converged with kept factors when all increments still to come, estimated from the linear
+        contraction of the last two, are below this.
     largest : float
         An increment longer than this ends the iteration: it would find nothing any more.
 
@@ -86,12 +92,15 @@ class NewtonSettings:
     stagnation: float = 1e-8
     rotation: float = 0.6
     mixed: float = 1e-3
+    reuse: int = 4
+    settled: float = 1e-16
     largest: float = np.inf
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             endless = name in ("mixed", "largest")
-            if not ((np.isfinite(value) or endless) and value > 0):
+            least = value >= 0 if name == "reuse" else value > 0
+            if not ((np.isfinite(value) or endless) and least):
                 raise InputError("Newton settings", f"{name} = {value!r}, expected it positive")
 
 
@@ -169,18 +178,46 @@ def _advance(problem: NewtonProblem, increment: Floats, before: float, damped: b
 
 def converged(increments: list[float], size: float, settings: NewtonSettings) -> bool:
     """Whether increments of these sizes, and a residual of this one, are enough."""
-    last = increments[-1]
-    if last <= settings.negligible:
+    before = increments[-2] if len(increments) > 1 else np.inf
+    s = settings
+    return enough(increments[-1], before, size, s.increment, s.negligible, s.stagnation, s.mixed)
+
+
+def enough(
+    last: float,
+    before: float,
+    size: float,
+    increment: float,
+    negligible: float,
+    stagnation: float,
+    mixed: float,
+) -> bool:
+    """The same for the last two increments (the one before infinite if there is none).
+
+    Plain numbers, for compiled kernels as well.
+    """
+    if last <= negligible:
         return True
-    if len(increments) < 2:
+    if before == np.inf:
         return False
-    before = increments[-2]
     # after a mixed tangent the contraction is better than quadratic once, and not again
-    plain = before <= settings.mixed
-    if plain and last < 1e-3 and last < before and last**3 / before**2 <= settings.increment:
+    plain = before <= mixed
+    if plain and last < 1e-3 and last < before and last**3 / before**2 <= increment:
         return True
     if last <= 0.3 * before:
         return False
     # the rounding floor: no contraction left although increments are tiny; where the matrix is
     # singular at the solution (a closed loop exactly in a singular position) it is at its root
-    return last <= settings.stagnation or (last <= 5 * settings.stagnation and size <= 1e-12)
+    return last <= stagnation or (last <= 5 * stagnation and size <= 1e-12)
+
+
+def left_over(length: float, rate: float, settled: float) -> float:
+    """How many more iterations with kept factors it takes after an increment of this length.
+
+    Their increments shrink by `rate` each; none is needed once their sum is below `settled`.
+    """
+    if length * rate <= settled * (1 - rate):
+        return 0.0
+    if rate >= 1:
+        return np.inf
+    return float(np.log(settled * (1 - rate) / (length * rate)) / np.log(rate))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from skfem_cosserat.integrators import choice
 from skfem_cosserat.integrators.fast import CompiledStep, refusal
 from skfem_cosserat.integrators.stepper import Stepper, _Problem
 
-pytest.importorskip("numba")
+numba = pytest.importorskip("numba")
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
 ORDERS = (1, 2, 3, 4)
@@ -72,10 +73,11 @@ def moving(system, seed=4):
 
 def both(system, integrator, h, until, **options):
     start = moving(system)
+    settings = sc.NewtonSettings(reuse=0)  # the same iterates
     return [
         sc.simulate(
             system, INTEGRATORS[integrator], sc.NullSpace(), h, until, start=start,
-            derive=False, kernels=kernels, **options,
+            derive=False, kernels=kernels, settings=settings, **options,
         )
         for kernels in ("numpy", "numba")
     ]  # fmt: skip
@@ -94,6 +96,12 @@ def assert_same(plain, compiled, tolerance=1e-11):
     assert abs(difference).max() < 1e4 * tolerance * abs(force).max()
 
 
+@cache
+def called(function):
+    """What compiled code calls, for Python to call."""
+    return numba.njit(lambda *arguments: function(*arguments))  # noqa: PLW0108
+
+
 # -- one state -------------------------------------------------------------------------------------
 
 
@@ -107,26 +115,30 @@ def test_residual_and_increment_at_random_states(order, integrator, make):
     state = moving(system)
     stepper = Stepper(system, method, sc.NullSpace(), h, kernels="numpy")
     fast = CompiledStep(system, method, h, settings)
+    begin, evaluate, matrix, increment = map(
+        called, (fast._step.start, fast._step.evaluate, fast._step.matrix, fast._step.increment)
+    )
     rng = np.random.default_rng(order)
     for mixed in (False, True):
-        increment = 0.1 * rng.standard_normal(system.unknowns)
+        guess = 0.1 * rng.standard_normal(system.unknowns)
         bound = stepper.bound
         bound.begin(system.extend(state.q, state.time), system.ground(state.time + h), h)
-        bound.last = fast.last = increment
+        bound.last = fast.last = guess
         bound.guess(True)
         problem = _Problem(stepper, method.begin(system, state, h))
         problem.residual()
         plain = problem.direction()
         assert bound.solver.solve is not None
         fast._begin(state)
-        fast._turn.configuration(fast._s, fast._w)
-        size = fast._step.residual(fast._s, fast._g, fast._w, fast._numbers)
+        begin(*fast._all, 1)
+        size = evaluate(*fast._all, 1)
         assert fast._a.y1 == pytest.approx(problem.y1, abs=1e-13)
         assert fast.balance == pytest.approx(
             problem.evaluation.R, abs=1e-12 * abs(problem.evaluation.R).max()
         )
         assert size == pytest.approx(bound.relative(problem._r, problem.evaluation.size), rel=1e-9)
-        assert fast._direction(False)
+        assert matrix(*fast._all, 0)
+        increment(*fast._all, 0)
         found = fast._a.x.ravel()[fast._numbering]
         assert found == pytest.approx(plain, abs=1e-10 * abs(plain).max())
         if mixed:  # the next one with predicted stresses
@@ -134,11 +146,10 @@ def test_residual_and_increment_at_random_states(order, integrator, make):
             problem.residual()
             assert problem._stresses is not None
             plain = problem.direction()
-            assert fast._step.increment(fast._s, fast._g, fast._w, fast._numbers)[2]
-            fast._turn.add(fast._s, fast._a.x)
-            fast._turn.configuration(fast._s, fast._w)
-            fast._step.residual(fast._s, fast._g, fast._w, fast._numbers)
-            assert fast._direction(True)
+            assert fast._a.found[1] == 1
+            evaluate(*fast._all, 1)
+            assert matrix(*fast._all, 1)
+            increment(*fast._all, 0)
             found = fast._a.x.ravel()[fast._numbering]
             assert found == pytest.approx(plain, abs=1e-9 * abs(plain).max())
 
@@ -203,6 +214,48 @@ def test_work_grows_with_the_length_of_a_chain():
         fast = CompiledStep(system, sc.EnergyMomentum(), 1e-3, sc.NewtonSettings())
         works.append(fast.plan.work)
     assert works[1] <= 2 * works[0] + 1
+
+
+@pytest.mark.parametrize("make", [tree, crossing])
+@pytest.mark.parametrize("order", [1, 3])
+@integrators
+def test_kept_factors_lead_to_the_same_motion(order, integrator, make):
+    """With a fraction of the factorisations; energy is conserved as well as without."""
+    system = make(order)
+    start = moving(system)
+    runs = [
+        sc.simulate(
+            system, INTEGRATORS[integrator], sc.NullSpace(), 1e-3, 0.2, start=start,
+            kernels="numba", settings=sc.NewtonSettings(reuse=reuse),
+        )
+        for reuse in (0, 4)
+    ]  # fmt: skip
+    whole, kept = runs
+    assert kept["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-9)
+    iterations = [run["newton_iterations"].sum() for run in runs]
+    factorisations = [run.meta["factorisations"] for run in runs]
+    assert iterations[0] <= factorisations[0] <= iterations[0] + 3  # one look ahead
+    assert factorisations[1] < 0.4 * factorisations[0] and iterations[1] < 3 * iterations[0]
+    if integrator == "energy-momentum":
+        for run in runs:
+            assert abs(run["energy_balance"]).max() < 1e-10 * abs(run["energy"]).max()
+
+
+@integrators
+def test_factors_that_do_not_do_are_given_up(integrator):
+    """Steps so large that kept factors do not contract take as many iterations as without."""
+    system = tree(1)
+    start = moving(system)
+    whole, kept = [
+        sc.simulate(
+            system, INTEGRATORS[integrator], sc.NullSpace(), 0.02, 0.4, start=start,
+            kernels="numba", settings=sc.NewtonSettings(reuse=reuse), derive=False,
+        )
+        for reuse in (0, 4)
+    ]  # fmt: skip
+    assert kept["attempts"].max() == 1
+    assert kept["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-9)
+    assert kept.meta["factorisations"] <= 1.2 * whole.meta["factorisations"]
 
 
 @integrators
@@ -347,10 +400,10 @@ def test_sizes_do_not_compile_again():
     from skfem_cosserat.compiled import elements, step
 
     both(crossing(1), "energy-momentum", 2e-3, 4e-3)
-    before = len(step.residual.signatures), len(elements.beam_stress.signatures)
+    before = len(step.solve.signatures), len(elements.beam_force.signatures)
     both(test_joints.scene(sc.JointRevolute)[0], "variational", 2e-3, 4e-3)
     both(chain(3), "variational", 2e-3, 4e-3)
-    assert (len(step.residual.signatures), len(elements.beam_stress.signatures)) == before
+    assert (len(step.solve.signatures), len(elements.beam_force.signatures)) == before
 
 
 def test_the_cache_knows_all_sources():
@@ -358,7 +411,7 @@ def test_the_cache_knows_all_sources():
     from skfem_cosserat.compiled import jit, step, tree
 
     both(crossing(1), "energy-momentum", 2e-3, 4e-3)
-    for function in (step.residual, tree.configuration):
+    for function in (step.solve, tree.joint_move):
         cache = function._cache
         assert type(cache).__name__ == "_Cache"
         codegen = function.targetctx.codegen()

@@ -41,8 +41,8 @@ LAYER = {name: number for number, names in enumerate(LAYERS, start=1) for name i
 #: Import names of the hard dependencies: nothing else but Python's own is imported with a module.
 REQUIRED = {"numpy", "scipy", "skfem", "meshio"}
 #: What a folder that is itself imported in functions only may import with its modules.
-COMPILED = {("compiled", "numba")}
-OPTIONAL = ("pyvista", "matplotlib", "vtk", "vtkmodules", "numba", "h5py", "tqdm")
+COMPILED = {("compiled", "numba"), ("compiled", "llvmlite")}
+OPTIONAL = ("pyvista", "matplotlib", "vtk", "vtkmodules", "numba", "llvmlite", "h5py", "tqdm")
 
 MAX_MODULE_LINES = 500
 MAX_FUNCTION_LINES = 70

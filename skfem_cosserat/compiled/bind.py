@@ -6,17 +6,20 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numba import typeof, types
 
 from ..model import System
 from ..model.groups import BeamGroup, Group
 from ..model.tree import Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..types import Floats, IndexArray
-from . import layout
+from . import blocks, curvature, elements, layout, nodes, tree
+from .jit import address
+from .numbers import BEAM_PARTS, TREE_PARTS
 from .plan import Plan
 from .tree import AXIS, ROTATION, SLIDE, SPHERE
 
-__all__ = ["bound_beams", "bound_plan", "bound_tree", "bound_work", "coordinates_of"]
+__all__ = ["addresses", "bound_beams", "bound_plan", "bound_tree", "bound_work", "coordinates_of"]
 
 _PLANNED = (
     "order",
@@ -30,6 +33,36 @@ _PLANNED = (
     "parent_at",
 )
 KINDS = {"rotation": ROTATION, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE}
+
+
+def addresses(
+    system: System, structures: Sequence[Any], beams: Any, weight: float, ends: bool
+) -> IndexArray:
+    """Addresses of all parts that a step takes, compiled if need be; 0 for the others.
+
+    Parameters
+    ----------
+    structures : (tree, plan, work)
+    weight, ends
+        Of the integrator: where constraints act, and whether stresses are a mean of both ends.
+    """
+    numbers = np.zeros(0)
+    parts = {k: v for m in (nodes, tree, curvature, blocks, elements) for k, v in vars(m).items()}
+    unused = set()
+    if not system.tree.edges:
+        unused |= {name for name in TREE_PARTS if name.startswith("joint")}
+    if not weight:
+        unused.add("joint_curvature")
+    if not ends:
+        unused.add("beam_start")
+    if not system.beam_groups:
+        unused |= {*BEAM_PARTS, "predict_changes"}
+    tree_kinds = [*map(typeof, (*structures, numbers)), types.int64]
+    beam_kinds = [*map(typeof, (beams, structures[2], numbers)), types.int64]
+    return np.array(
+        [0 if name in unused else address(parts[name], *tree_kinds) for name in TREE_PARTS]
+        + [0 if name in unused else address(parts[name], *beam_kinds) for name in BEAM_PARTS]
+    )
 
 
 def _parents(system: System) -> tuple[list[int], list[int]]:
@@ -200,6 +233,7 @@ def _coordinates(system: System) -> dict[str, Any]:
         "value": np.zeros(len(own)),
         "driven": np.zeros(len(own)),
         "turning": turning,
+        "triple": _triples(system, each),
         "first": np.concatenate([[0], np.cumsum([len(cs) for cs in each])]).astype(np.int64),
         "kind": _ints([KINDS[c.kind] for c in own]),
         "own": _ints(numbers),
@@ -215,6 +249,19 @@ def _coordinates(system: System) -> dict[str, Any]:
         "centre_offset": _vectors([s.offset for s in centres]),
         "centre_vertex": _ints([s.vertex if s.vertex < count else -1 for s in centres]),
     }
+
+
+def _triples(system: System, each: list[list[Coordinate]]) -> IndexArray:
+    """Where the three components of a rotation are among a vertex's own coordinates; -1: not."""
+    triple = np.full(len(system.origin_rows), -1)
+    for v in system.tree.free:
+        if system.is_frame[v]:
+            triple[v] = 3
+    for e, own in zip(system.tree.edges, each, strict=True):
+        places = [k for k, c in enumerate(own) if c.kind == "rotation"]
+        if len(places) == 3:
+            triple[e.child] = system.tree.own[e.child].index(own[places[0]].number)
+    return triple
 
 
 def _lumps(frames: Group | None, points: Group | None) -> dict[str, Any]:
@@ -237,14 +284,19 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
     edges = len(system.tree.edges)
     shapes: dict[str, tuple[int, ...]] = {
         **dict.fromkeys(("y0", "y1", "mid"), (total, 3)),
-        **dict.fromkeys(("p0", "external", "R", "momentum", "internal"), (rows, 3)),
+        **dict.fromkeys(("p0", "external", "R", "momentum", "internal", "carried"), (rows, 3)),
         **dict.fromkeys(("R_mixed", "change"), (rows, 3)),
         "ground1": (total - rows, 3),
         **dict.fromkeys(("F", "F_mixed", "b", "x", "total", "last", "extra", "twist"), (count, 6)),
+        "before": (count, 6),
+        "found": (2,),
+        "frames": (rows, 3),
         "A": (len(plan.slot), 6, 6),
-        **dict.fromkeys(("S_left", "X_left", "S_right", "X_right"), (edges, 6, 6)),
+        **dict.fromkeys(
+            ("S_left", "X_left", "S_right", "X_right", "S_kept", "X_kept"), (edges, 6, 6)
+        ),
         **dict.fromkeys(("C_child", "C_parent"), (edges, 6, 6)),
-        "scratch": (3, 6, 6),
+        "scratch": (1, 6, 6),
     }
     arrays = {name: np.zeros(shapes[name]) for name in layout.WORK}
     return layout.work(tuple(arrays.values())), arrays

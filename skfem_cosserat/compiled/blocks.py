@@ -3,7 +3,8 @@
 All blocks are 6x6: vertices with fewer unknowns are filled up with ones on the diagonal. Where a
 vertex hangs on a joint, its rows and columns are those of its twist until its turn comes: then they
 are turned into its joint's own coordinates, and what its parent carries along goes to the parent
-(the articulated-body recursion, inside a factorisation).
+(the articulated-body recursion, inside a factorisation). Parts take ``(s, m, w, numbers, flag)`` as
+those of :mod:`.tree`.
 """
 
 from __future__ import annotations
@@ -11,13 +12,10 @@ from __future__ import annotations
 from typing import Any
 
 from ..types import Floats, IndexArray
-from .jit import inlined, jit
-from .small import copy, increase
+from .jit import inlined, part
+from .small import Rotation, combine, directors, turned
 
-__all__ = ["back", "factor"]
-
-#: maps of all edges: S and X where P^T is taken, where the unknowns move, and their derivatives
-Maps = tuple[Floats, Floats, Floats, Floats, Floats, Floats]
+__all__ = ["factor", "sweep"]
 
 
 @inlined
@@ -107,181 +105,196 @@ def subtract(A: Floats, k: int, left: int, right: int) -> None:
         A[k, i, 5] -= s5
 
 
-@jit
-def product(A: Floats, B: Floats, out: Floats) -> None:
-    """``out = A B``; for joints: they are few, and unrolled loops take long to compile."""
-    n = A.shape[0]
-    for i in range(n):
-        for c in range(n):
-            s = 0.0
-            for k in range(n):
-                s += A[i, k] * B[k, c]
-            out[i, c] = s
+@inlined
+def passed_on(A: Floats, k: int, X: Floats, e: int, left: bool, to: int, W: Floats) -> None:
+    """``A_to += A_k X_e``, or from the left ``A_to += X_e^T A_k``, by W if `to` is -1.
 
-
-@jit
-def transposed_product(A: Floats, B: Floats, out: Floats) -> None:
-    """``out = A^T B``, likewise."""
-    n = A.shape[0]
-    for i in range(n):
-        for c in range(n):
-            s = 0.0
-            for k in range(n):
-                s += A[k, i] * B[k, c]
-            out[i, c] = s
-
-
-@jit
-def to_parent(m: Any, t: int, maps: Maps, A: Floats, T: Floats, U: Floats, V: Floats) -> None:
-    """Rows and columns of pivot t, a child, that its parent carries along; T = D S_right.
-
-    On return those between child and parent are in the child's own coordinates; U, V are scratch.
+    For joints: they are few, and unrolled loops take long to compile.
     """
+    n = A.shape[1]
+    for r in range(n):
+        for c in range(n):
+            s = 0.0
+            for t in range(n):
+                s += X[e, t, r] * A[k, t, c] if left else A[k, r, t] * X[e, t, c]
+            if to >= 0:
+                A[to, r, c] += s
+            else:
+                W[0, r, c] = s
+    if to < 0:
+        for r in range(n):
+            for c in range(n):
+                A[k, r, c] = W[0, r, c]
+
+
+@inlined
+def to_own_coordinates(m: Any, w: Any, t: int) -> None:
+    """Rows and columns of pivot t, a child: from its twist to its joint's coordinates.
+
+    What its parent carries along goes to the parent's: all columns first, then all rows.
+    """
+    A, W = w.A, w.scratch
     v = m.order[t]
     e = m.edge[v]
-    S_left, X_left, S_right, X_right = maps[0][e], maps[1][e], maps[2][e], maps[3][e]
-    a0 = m.ptr[t]
-    n = m.ptr[t + 1] - a0
+    first = m.ptr[t]
+    n = m.ptr[t + 1] - first
     u0 = m.update_ptr[t]
     p = m.parent_at[t]
-    row = A[m.right[a0 + p]]
-    column = A[m.down[a0 + p]]
-    own = A[m.update[u0 + p * n + p]]
-    product(A[m.diag[v]], X_right, U)
-    increase(U, row)
-    transposed_product(X_left, U, V)
-    increase(own, V)
-    product(column, X_right, V)
-    increase(own, V)
-    for j in range(n):
-        if j != p:
-            transposed_product(X_left, A[m.right[a0 + j]], V)
-            increase(A[m.update[u0 + p * n + j]], V)
-            product(A[m.down[a0 + j]], X_right, V)
-            increase(A[m.update[u0 + j * n + p]], V)
-    # row <- S^T (D X + row) + C X + C_p, column <- X^T D S + column S
-    transposed_product(S_left, U, row)
-    product(maps[4][e], X_right, U)
-    increase(row, U)
-    increase(row, maps[5][e])
-    product(column, S_right, U)
-    transposed_product(X_left, T, column)
-    increase(column, U)
-
-
-@jit
-def to_own_coordinates(m: Any, t: int, maps: Maps, A: Floats, scratch: Floats) -> None:
-    """Rows and columns of pivot t, a child: from its twist to its joint's coordinates."""
-    v = m.order[t]
-    e = m.edge[v]
-    D = A[m.diag[v]]
-    T, U, V = scratch[0], scratch[1], scratch[2]
-    product(D, maps[2][e], T)
-    p = m.parent_at[t]
-    if p >= 0:
-        to_parent(m, t, maps, A, T, U, V)
-    for j in range(m.ptr[t], m.ptr[t + 1]):
-        if j != m.ptr[t] + p or p < 0:
-            row = A[m.right[j]]
-            column = A[m.down[j]]
-            transposed_product(maps[0][e], row, V)
-            copy(V, row)
-            product(column, maps[2][e], V)
-            copy(V, column)
-    transposed_product(maps[0][e], T, D)
-    product(maps[4][e], maps[2][e], V)
-    increase(D, V)
-    for i in range(m.size[v], 6):
-        D[i, i] = 1.0
-
-
-@jit
-def collect(m: Any, v: int, maps: Maps, b: Floats, extra: Floats) -> None:
-    """Right-hand side of a child from what eliminations before it have left."""
-    e = m.edge[v]
-    p = m.parent[v]
-    for i in range(6):
-        s = 0.0
-        r = 0.0
+    for side in range(2):
+        left = side == 1
+        S, X = w.S_right, w.X_right
+        if left:
+            S, X = w.S_left, w.X_left
+        for j in range(n + 1):  # the last one is the pivot itself
+            own, parents = m.diag[v], -1
+            if j < n:
+                own = m.right[first + j] if left else m.down[first + j]
+                if p >= 0:
+                    parents = m.update[u0 + (p * n + j if left else j * n + p)]
+            elif p >= 0:
+                parents = m.down[first + p] if left else m.right[first + p]
+            if parents >= 0:
+                passed_on(A, own, X, e, left, parents, W)
+            passed_on(A, own, S, e, left, -1, W)
+    C_child, C_parent, S, X = w.C_child, w.C_parent, w.S_right, w.X_right
+    for r in range(6):
         for c in range(6):
-            s += maps[0][e, c, i] * extra[v, c]
+            own, parents = 0.0, C_parent[e, r, c]
+            for i in range(6):
+                own += C_child[e, r, i] * S[e, i, c]
+                parents += C_child[e, r, i] * X[e, i, c]
+            A[m.diag[v], r, c] += own
             if p >= 0:
-                r += maps[1][e, c, i] * extra[v, c]
-        b[v, i] += s
-        if p >= 0:
-            extra[p, i] += r
+                A[m.right[first + p], r, c] += parents
+    for i in range(m.size[v], 6):
+        A[m.diag[v], i, i] = 1.0
 
 
-@jit
-def factor(m: Any, w: Any) -> bool:
-    """Eliminate all vertices: the first half of solving for minus the residual.
-
-    False if a pivot vanishes.
-    """
-    maps = (w.S_left, w.X_left, w.S_right, w.X_right, w.C_child, w.C_parent)
-    A, b, extra, scratch = w.A, w.x, w.extra, w.scratch
-    for v in range(b.shape[0]):
-        for c in range(6):
-            b[v, c] = -w.b[v, c]
-            extra[v, c] = 0.0
-    order, edge, diag, ptr, neighbour = m.order, m.edge, m.diag, m.ptr, m.neighbour
-    right, down, start, update, pivots = m.right, m.down, m.update_ptr, m.update, m.pivots
-    regular = True
+@part
+def factor(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Factorise: 0 if a pivot vanishes, else 1."""
+    A, pivots, edge, diag, ptr = w.A, m.pivots, m.edge, m.diag, m.ptr
+    order, right, down, start, update = m.order, m.right, m.down, m.update_ptr, m.update
+    S, X, y1, frames = w.S_left, w.X_left, w.y1, w.frames
+    for r in range(frames.shape[0]):
+        for c in range(3):
+            frames[r, c] = y1[r, c]
+    S_kept, X_kept = w.S_kept, w.X_kept
+    for e in range(S.shape[0]):
+        for r in range(6):
+            for c in range(6):
+                S_kept[e, r, c] = S[e, r, c]
+                X_kept[e, r, c] = X[e, r, c]
+    regular = 1.0
     for t in range(len(order)):
         v = order[t]
-        D = diag[v]
         if edge[v] >= 0:
-            to_own_coordinates(m, t, maps, A, scratch)
-            collect(m, v, maps, b, extra)
-        else:
-            for i in range(6):
-                b[v, i] += extra[v, i]
-        if not factor_block(A, D, pivots, v):
-            regular = False
-        solve_vector(A, D, pivots, v, b)
+            to_own_coordinates(m, w, t)
+        if not factor_block(A, diag[v], pivots, v):
+            regular = 0.0
         a0 = ptr[t]
         n = ptr[t + 1] - a0
         for j in range(n):
-            solve_block(A, D, pivots, v, right[a0 + j])
+            solve_block(A, diag[v], pivots, v, right[a0 + j])
         for i in range(n):
-            k = down[a0 + i]
-            u = neighbour[a0 + i]
-            for r in range(6):
-                s = 0.0
-                for c in range(6):
-                    s += A[k, r, c] * b[v, c]
-                extra[u, r] -= s
             for j in range(n):
-                subtract(A, update[start[t] + i * n + j], k, right[a0 + j])
+                subtract(A, update[start[t] + i * n + j], down[a0 + i], right[a0 + j])
     return regular
 
 
-@jit
-def back(m: Any, w: Any) -> None:
-    """Second half: the increment in own coordinates, x (nv, 6), and as twists of the vertices."""
-    A, b, twist = w.A, w.x, w.twist
-    order, edge, parent = m.order, m.edge, m.parent
-    ptr, neighbour, right = m.ptr, m.neighbour, m.right
-    S, X = w.S_right, w.X_right
+@inlined
+def carry(D: Rotation, E: Rotation, sign: float, a: Floats, v: int, c: int, out: Floats) -> None:
+    """Turn three components, from c on, with a frame: from where it was D to where it is E."""
+    u = combine(turned(D, (a[v, c], a[v, c + 1], a[v, c + 2])), E)
+    out[v, c] = sign * u[0]
+    out[v, c + 1] = sign * u[1]
+    out[v, c + 2] = sign * u[2]
+
+
+@inlined
+def turn_back(s: Any, m: Any, w: Any) -> None:
+    """Increments from the frames of kept factors to where these are now."""
+    x, twist, y1, frames, first, triple = w.x, w.twist, w.y1, w.frames, s.row, s.triple
+    for v in range(x.shape[0]):
+        if not s.framed[v]:
+            continue
+        now, then = directors(y1, first[v]), directors(frames, first[v])
+        carry(then, now, 1.0, twist, v, 0, twist)
+        carry(then, now, 1.0, twist, v, 3, twist)
+        if triple[v] >= 0:
+            carry(then, now, 1.0, x, v, triple[v], x)
+            if m.edge[v] < 0:
+                carry(then, now, 1.0, x, v, 0, x)
+
+
+@part
+def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Solve for minus the residual: own coordinates x (nv, 6), and as twists of the vertices.
+
+    Flag 1: with factors kept from before. Each vertex takes its part of them along, turned with its
+    frame: so they are out of date by strains only, not by rotations.
+    """
+    A, b, x, twist, extra = w.A, w.b, w.x, w.twist, w.extra
+    order, edge, diag, ptr, neighbour = m.order, m.edge, m.diag, m.ptr, m.neighbour
+    right, down, parent, pivots = m.right, m.down, m.parent, m.pivots
+    S_left, X_left, S, X = w.S_kept, w.X_kept, w.S_right, w.X_right
+    y1, frames, first, triple = w.y1, w.frames, s.row, s.triple
+    for v in range(len(order)):
+        for c in range(6):
+            x[v, c] = -b[v, c]
+            extra[v, c] = 0.0
+        if flag == 1 and triple[v] >= 0:
+            now, then = directors(y1, first[v]), directors(frames, first[v])
+            carry(now, then, -1.0, b, v, triple[v], x)
+            if edge[v] < 0:
+                carry(now, then, -1.0, b, v, 0, x)
+    for t in range(len(order)):
+        v = order[t]
+        e = edge[v]
+        p = parent[v]
+        for i in range(6):
+            if e < 0:
+                x[v, i] += extra[v, i]
+                continue
+            # of a child: what eliminations before it have left
+            own, passed = 0.0, 0.0
+            for c in range(6):
+                own += S_left[e, c, i] * extra[v, c]
+                passed += X_left[e, c, i] * extra[v, c]
+            x[v, i] += own
+            if p >= 0:
+                extra[p, i] += passed
+        solve_vector(A, diag[v], pivots, v, x)
+        for j in range(ptr[t], ptr[t + 1]):
+            k = down[j]
+            u = neighbour[j]
+            for r in range(6):
+                own = 0.0
+                for c in range(6):
+                    own += A[k, r, c] * x[v, c]
+                extra[u, r] -= own
     for t in range(len(order) - 1, -1, -1):
         v = order[t]
         for j in range(ptr[t], ptr[t + 1]):
             k = right[j]
             u = neighbour[j]
             for r in range(6):
-                s = 0.0
+                own = 0.0
                 for c in range(6):
-                    s += A[k, r, c] * twist[u, c]
-                b[v, r] -= s
+                    own += A[k, r, c] * twist[u, c]
+                x[v, r] -= own
         e = edge[v]
         p = parent[v]
         for r in range(6):
             if e < 0:
-                twist[v, r] = b[v, r]
+                twist[v, r] = x[v, r]
                 continue
-            s = 0.0
+            own = 0.0
             for c in range(6):
-                s += S[e, r, c] * b[v, c]
+                own += S[e, r, c] * x[v, c]
                 if p >= 0:
-                    s += X[e, r, c] * twist[p, c]
-            twist[v, r] = s
+                    own += X[e, r, c] * twist[p, c]
+            twist[v, r] = own
+    if flag == 1:
+        turn_back(s, m, w)
+    return 0.0

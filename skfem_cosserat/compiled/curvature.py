@@ -4,172 +4,138 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
+from ..types import Floats
+from .jit import inlined, part
+from .numbers import WEIGHT
+from .small import Vector, add_skew, combine, cross, directors, dot, minus, plus, row, times
+from .tree import AXIS, SLIDE, axis, slide, spot
 
-from ..types import Floats, IndexArray
-from .jit import jit
-from .small import clear, cross, put_cross, put_cross_cross
-from .tree import AXIS, SLIDE, SPHERE, axis, material, spot
-
-__all__ = ["edge_curvature"]
+__all__ = ["joint_curvature"]
 
 
-@jit
-def edge_curvature(t: Any, m: Any, w: Any, weight: float, mixed: bool) -> None:
-    """Derivative of the tree's maps at the midpoint for fixed forces of subtrees, times `weight`.
+@part
+def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Derivative of the tree's maps at the midpoint for fixed forces of subtrees, times the weight.
 
     Moments on parents go to the blocks (parent, parent) and (parent, child), rows of own
-    coordinates to C_child (by the child's twist) and C_parent (by the parent's).
+    coordinates to C_child (by the child's twist) and C_parent (by the parent's). Flag 1: forces
+    with the predicted stresses.
     """
-    yL, y1, A, C = w.mid, w.y1, w.A, (w.C_child, w.C_parent)
-    F = w.F_mixed if mixed else w.F
-    arm = np.empty((6, 3))
-    for e in range(len(t.child)):
-        v = t.child[e]
-        p = t.parent[e]
-        clear(C[0][e])
-        clear(C[1][e])
-        if p >= 0 and t.framed[p]:
-            moment_curvature(t, e, y1, F[v], weight, A, m.diag, m.to_parent, arm[0])
-        for j in range(t.first[e], t.first[e + 1]):
-            if t.own[j] < 0:
+    weight = numbers[WEIGHT]
+    A, C_child, C_parent = w.A, w.C_child, w.C_parent
+    F = w.F_mixed if flag == 1 else w.F
+    for e in range(len(s.child)):
+        v = s.child[e]
+        p = s.parent[e]
+        f = times(weight, row(F, v))
+        moment = times(weight, (F[v, 3], F[v, 4], F[v, 5]))
+        for r in range(6):
+            for c in range(6):
+                C_child[e, r, c] = 0.0
+                C_parent[e, r, c] = 0.0
+        if p >= 0 and s.framed[p]:
+            moment_curvature(s, e, w.y1, f, A, m.diag[p], m.to_parent[e])
+        for j in range(s.first[e], s.first[e + 1]):
+            if s.own[j] < 0:
                 continue
-            if t.kind[j] == SLIDE:
-                slide_curvature(t, e, j, yL, y1, F[v], weight, C, arm)
+            if s.kind[j] == SLIDE:
+                slide_curvature(s, e, j, w.mid, w.y1, f, C_child, C_parent)
             else:
-                turn_curvature(t, e, j, yL, y1, F[v], weight, C, arm)
+                turn_curvature(s, e, j, w.mid, w.y1, f, moment, C_child, C_parent)
+    return 0.0
 
 
-@jit
-def moment_curvature(
-    t: Any,
-    e: int,
-    y1: Floats,
-    force: Floats,
-    weight: float,
-    A: Floats,
-    diag: IndexArray,
-    to_parent: IndexArray,
-    a: Floats,
-) -> None:
-    """Of the moment ``(x_fulcrum - phi_p) x f`` on a parent; a (3,) is scratch."""
-    v = t.child[e]
-    p = t.parent[e]
-    f = force[:3]
-    own = A[diag[p]]
-    spot(y1, t.fulcrum_row[e], t.fulcrum_offset[e], a)
-    if t.fulcrum_vertex[e] == p:
+@inlined
+def add_crossed(A: Floats, k: int, f: Vector, a: Vector) -> None:
+    """``A_k += f^ a^ = a f^T - (f . a) I``, the moments by rotations."""
+    fa = dot(f, a)
+    for r in range(3):
         for c in range(3):
-            a[c] -= y1[t.parent_row[e], c]
-        put_cross_cross(own, 3, 3, weight, f, a)
-        return
-    other = A[to_parent[e]]
-    for c in range(3):
-        a[c] -= y1[t.child_row[e], c]
-    put_cross(other, 3, 0, -weight, f)
-    put_cross(own, 3, 0, weight, f)
-    if t.framed[v]:
-        put_cross_cross(other, 3, 3, weight, f, a)
+            A[k, 3 + r, 3 + c] += a[r] * f[c]
+        A[k, 3 + r, 3 + r] -= fa
 
 
-@jit
-def slide_curvature(
-    t: Any,
-    e: int,
-    j: int,
-    yL: Floats,
-    y1: Floats,
-    force: Floats,
-    weight: float,
-    C: tuple[Floats, Floats],
-    arm: Floats,
+@inlined
+def moment_curvature(
+    s: Any, e: int, y1: Floats, f: Vector, A: Floats, own: int, other: int
 ) -> None:
-    """Of ``(left x right) . f``; arm (6, 3) is scratch."""
-    guide = t.guide_vertex[j]
+    """Of the moment ``(x_fulcrum - phi_p) x f`` on a parent."""
+    v = s.child[e]
+    x = spot(y1, s.fulcrum_row[e], row(s.fulcrum_offset, e))
+    if s.fulcrum_vertex[e] == s.parent[e]:
+        add_crossed(A, own, f, minus(x, row(y1, s.parent_row[e])))
+        return
+    add_skew(A, other, 3, 0, times(-1.0, f))
+    add_skew(A, own, 3, 0, f)
+    if s.framed[v]:
+        add_crossed(A, other, f, minus(x, row(y1, s.child_row[e])))
+
+
+@inlined
+def add_row(C: Floats, e: int, o: int, c0: int, g: Vector) -> None:
+    """``C_eo += g``, from column c0 on."""
+    for c in range(3):
+        C[e, o, c0 + c] += g[c]
+
+
+@inlined
+def slide_curvature(
+    s: Any, e: int, j: int, yL: Floats, y1: Floats, f: Vector, C_child: Floats, C_parent: Floats
+) -> None:
+    """Of ``(left x right) . f``."""
+    guide = s.guide_vertex[j]
     if guide < 0:
         return
-    f = force[:3]
-    a, b, w, u, m, g = arm[0], arm[1], arm[2], arm[3], arm[4], arm[5]
-    K = C[0][e] if guide == t.child[e] else C[1][e]
-    row = t.guide_row[j]
-    material(yL, row, t.axis[j], a)
-    material(yL, row, t.right[j], b)
-    cross(b, f, u)
-    material(y1, row, t.axis[j], w)
-    cross(w, u, m)
-    cross(f, a, u)
-    material(y1, row, t.right[j], w)
-    cross(w, u, g)
-    for c in range(3):
-        K[t.own[j], 3 + c] += weight * (m[c] + g[c])
+    left, right = slide(s, j, yL)
+    left1, right1 = slide(s, j, y1)
+    g = plus(cross(left1, cross(right, f)), cross(right1, cross(f, left)))
+    if guide == s.child[e]:
+        add_row(C_child, e, s.own[j], 3, g)
+    else:
+        add_row(C_parent, e, s.own[j], 3, g)
 
 
-@jit
+@inlined
 def turn_curvature(
-    t: Any,
+    s: Any,
     e: int,
     j: int,
     yL: Floats,
     y1: Floats,
-    force: Floats,
-    weight: float,
-    C: tuple[Floats, Floats],
-    arm: Floats,
+    f: Vector,
+    moment: Vector,
+    C_child: Floats,
+    C_parent: Floats,
 ) -> None:
-    """Of ``a . ((x_target - x_centre) x f + m)``; arm (6, 3) is scratch."""
-    v = t.child[e]
-    o = t.own[j]
-    f = force[:3]
-    a, b, w, u, m, g = arm[0], arm[1], arm[2], arm[3], arm[4], arm[5]
-    axis(t, j, yL, w)
-    spot(yL, t.target_row[j], t.target_offset[j], a)
-    spot(yL, t.centre_row[j], t.centre_offset[j], b)
-    for c in range(3):
-        a[c] -= b[c]
-    cross(a, f, m)
-    if t.kind[j] != SPHERE and t.framed[v]:
-        for c in range(3):
-            m[c] += force[3 + c]
-    guide = t.guide_vertex[j]
-    if t.kind[j] == AXIS and guide >= 0:
-        K = C[0][e] if guide == v else C[1][e]
-        axis(t, j, y1, u)
-        cross(u, m, g)
-        for c in range(3):
-            K[o, 3 + c] += weight * g[c]
-    cross(f, w, g)  # (arm' x f) . w = arm' . (f x w)
-    spot_curvature(
-        t.target_vertex[j], t.target_row[j], t.target_offset[j], e, t, y1, weight, C, o, arm
-    )
-    spot_curvature(
-        t.centre_vertex[j], t.centre_row[j], t.centre_offset[j], e, t, y1, -weight, C, o, arm
-    )
-
-
-@jit
-def spot_curvature(
-    vertex: int,
-    row: int,
-    offset: Floats,
-    e: int,
-    t: Any,
-    y1: Floats,
-    weight: float,
-    C: tuple[Floats, Floats],
-    o: int,
-    arm: Floats,
-) -> None:
-    """A spot's velocity times the last of `arm`, in the row of a coordinate."""
-    if vertex < 0:
-        return
-    b, u, g = arm[1], arm[3], arm[5]
-    K = C[0][e] if vertex == t.child[e] else C[1][e]
-    for c in range(3):
-        K[o, c] += weight * g[c]
-    if offset[0] != 0 or offset[1] != 0 or offset[2] != 0:
-        spot(y1, row, offset, b)
-        for c in range(3):
-            b[c] -= y1[row, c]
-        cross(b, g, u)
-        for c in range(3):
-            K[o, 3 + c] += weight * u[c]
+    """Of ``a . ((x_target - x_centre) x f + m)``."""
+    v = s.child[e]
+    o = s.own[j]
+    target, centre = row(s.target_offset, j), row(s.centre_offset, j)
+    a = axis(s, j, yL)
+    guide = s.guide_vertex[j]
+    if s.kind[j] == AXIS and guide >= 0:
+        arm = minus(spot(yL, s.target_row[j], target), spot(yL, s.centre_row[j], centre))
+        m = cross(arm, f)
+        if s.framed[v]:
+            m = plus(m, moment)
+        g = cross(axis(s, j, y1), m)
+        if guide == v:
+            add_row(C_child, e, o, 3, g)
+        else:
+            add_row(C_parent, e, o, 3, g)
+    g = cross(f, a)  # (arm' x f) . a = arm' . (f x a)
+    for k in range(2):
+        vertex, r, offset = s.target_vertex[j], s.target_row[j], target
+        if k == 1:
+            vertex, r, offset = s.centre_vertex[j], s.centre_row[j], centre
+            g = times(-1.0, g)
+        if vertex < 0:
+            continue
+        moved = combine(offset, directors(y1, r)) if s.framed[vertex] else (0.0, 0.0, 0.0)
+        turning = cross(moved, g)
+        if vertex == v:
+            add_row(C_child, e, o, 0, g)
+            add_row(C_child, e, o, 3, turning)
+        else:
+            add_row(C_parent, e, o, 0, g)
+            add_row(C_parent, e, o, 3, turning)

@@ -1,4 +1,10 @@
-"""How kernels are compiled: importing this module imports numba."""
+"""How kernels are compiled: importing this module imports numba.
+
+A step is made of *parts*, functions of one of two signatures. They are compiled one by one and
+called through their addresses: a compiled function that calls another one directly has that one
+optimised with it once more, which would double the time to compile. So a step needs, and compiles,
+just the parts of what is in the scene.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +14,22 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
 from numba.core.caching import FunctionCache
+from numba.extending import intrinsic
 
-__all__ = ["STAMP", "inlined", "jit"]
+__all__ = ["STAMP", "address", "call", "inlined", "jit", "part"]
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 
 def _stamp() -> str:
-    """Of all sources of this folder."""
+    """Of all sources that are compiled."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    folder = Path(__file__).parent
+    for path in [*sorted(folder.glob("*.py")), folder.parent / "newton.py"]:
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
@@ -35,18 +45,61 @@ class _Cache(FunctionCache):
         return (*super()._index_key(sig, codegen), STAMP)
 
 
+def _compiled(function: Kernel, keep: bool, **options: bool) -> Any:
+    """IEEE arithmetic as in numpy; kept on disk or not."""
+    made: Any = njit(
+        function, error_model="numpy", boundscheck=False, no_cfunc_wrapper=True, **options
+    )
+    if keep:
+        with suppress(RuntimeError):  # no folder to write to: compiled in every process
+            made._cache = _Cache(function)
+    return made
+
+
 def jit(function: Kernel) -> Kernel:
-    """Compile at the first call and keep the result on disk; IEEE arithmetic as in numpy.
+    """For Python to call: compiled at the first call.
 
     Loops are written out: assigning to slices takes numba seconds to compile. Short loops of fixed
     length are unrolled, those over ``a.shape`` are not.
     """
-    compiled: Any = njit(function, error_model="numpy", boundscheck=False)
-    with suppress(RuntimeError):  # no folder to write to: compiled in every process
-        compiled._cache = _Cache(function)
-    return cast(Kernel, compiled)
+    return cast(Kernel, _compiled(function, True))
+
+
+def part(function: Kernel) -> Kernel:
+    """For compiled code to call through its :func:`address`: ``f(*structures, numbers, flag)``.
+
+    It gives a float.
+    """
+    return cast(Kernel, _compiled(function, True, no_cpython_wrapper=True))
 
 
 def inlined(function: Kernel) -> Kernel:
-    """As :func:`jit`, for what is called in loops: a call of its own would take 20 ns an array."""
-    return cast(Kernel, njit(function, error_model="numpy", boundscheck=False, forceinline=True))
+    """For parts to call: compiled into them."""
+    return cast(Kernel, _compiled(function, False, no_cpython_wrapper=True, forceinline=True))
+
+
+def address(function: Any, *kinds: Any) -> int:
+    """Address of a part for arguments of these types, compiled if need be."""
+    signature = types.float64(*kinds)
+    function.compile(signature)
+    compiled = function.overloads[signature.args]
+    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+
+
+@intrinsic
+def call(typing: Any, place: Any, *arguments: Any) -> Any:
+    """Call the part at an address."""
+    kinds = arguments[0] if len(arguments) == 1 else arguments
+    kinds = tuple(kinds)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        own = cgutils.unpack_tuple(builder, values[1], len(kinds))
+        convention = context.call_conv
+        kind = convention.get_function_type(types.float64, kinds)
+        function = builder.inttoptr(values[0], ir.PointerType(kind))
+        status, result = convention.call_function(builder, function, types.float64, kinds, own)
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return result
+
+    return types.float64(types.int64, types.StarArgTuple(kinds)), generate

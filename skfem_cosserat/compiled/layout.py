@@ -27,7 +27,7 @@ TREE = (
     *("target_row", "target_offset", "target_vertex"),
     *("centre_row", "centre_offset", "centre_vertex"),
     *("mass_data", "mass_indices", "mass_indptr"),
-    *("lump_vertex", "lumps", "point_vertex", "point_masses"),
+    *("triple", "lump_vertex", "lumps", "point_vertex", "point_masses"),
 )
 #: the order of elimination, neighbours still to come, and slots of blocks
 PLAN = (
@@ -38,6 +38,7 @@ PLAN = (
 WORK = (
     *("y0", "p0", "external", "ground1", "y1", "mid", "R", "momentum", "internal"),
     *("R_mixed", "change", "F", "F_mixed", "b", "x", "total", "last", "extra", "twist", "A"),
+    *("before", "found", "carried", "frames", "S_kept", "X_kept"),
     *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
 )
 

@@ -1,124 +1,160 @@
-"""Vectors, rotations and small matrices for the compiled kernels."""
+"""Vectors, rotations and nodes for the compiled kernels.
+
+Vectors are tuples, not arrays: they stay in registers, and compile in a fifth of the time.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..types import Floats
-from .jit import jit
+from .jit import inlined
 
 __all__ = [
-    "clear",
+    "Rotation",
+    "Vector",
+    "add_skew",
+    "combine",
     "compose",
-    "copy",
     "cross",
+    "directors",
     "dot",
     "increase",
-    "put_cross",
-    "put_cross_cross",
+    "minus",
+    "plus",
+    "put",
     "quaternion",
     "rotation",
+    "row",
+    "times",
+    "turned",
 ]
 
+Vector = tuple[float, float, float]
+Rotation = tuple[Vector, Vector, Vector]
+Quaternion = tuple[float, float, float, float]
 
-@jit
-def dot(a: Floats, b: Floats) -> float:
+
+@inlined
+def row(a: Floats, r: int) -> Vector:
+    """``a_r``."""
+    return a[r, 0], a[r, 1], a[r, 2]
+
+
+@inlined
+def put(a: Floats, r: int, v: Vector) -> None:
+    """``a_r = v``."""
+    a[r, 0] = v[0]
+    a[r, 1] = v[1]
+    a[r, 2] = v[2]
+
+
+@inlined
+def increase(a: Floats, r: int, v: Vector) -> None:
+    """``a_r += v``."""
+    a[r, 0] += v[0]
+    a[r, 1] += v[1]
+    a[r, 2] += v[2]
+
+
+@inlined
+def dot(a: Vector, b: Vector) -> float:
     """``a . b``."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@jit
-def cross(a: Floats, b: Floats, out: Floats) -> None:
-    """``out = a x b``."""
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
+@inlined
+def cross(a: Vector, b: Vector) -> Vector:
+    """``a x b``."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@jit
-def copy(a: Floats, out: Floats) -> None:
-    """``out = a``, two axes."""
-    for i in range(a.shape[0]):
-        for c in range(a.shape[1]):
-            out[i, c] = a[i, c]
+@inlined
+def plus(a: Vector, b: Vector) -> Vector:
+    """``a + b``."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@jit
-def clear(out: Floats) -> None:
-    """``out = 0``, two axes."""
-    for i in range(out.shape[0]):
-        for c in range(out.shape[1]):
-            out[i, c] = 0.0
+@inlined
+def minus(a: Vector, b: Vector) -> Vector:
+    """``a - b``."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@jit
-def increase(out: Floats, a: Floats) -> None:
-    """``out += a``, two axes."""
-    for i in range(out.shape[0]):
-        for c in range(out.shape[1]):
-            out[i, c] += a[i, c]
+@inlined
+def times(c: float, a: Vector) -> Vector:
+    """``c a``."""
+    return c * a[0], c * a[1], c * a[2]
 
 
-@jit
-def quaternion(theta: Floats, out: Floats) -> None:
+@inlined
+def directors(y: Floats, r: int) -> Rotation:
+    """The three directors of the frame whose origin is row r."""
+    return row(y, r + 1), row(y, r + 2), row(y, r + 3)
+
+
+@inlined
+def combine(c: Vector, d: Rotation) -> Vector:
+    """``sum c_i d_i``."""
+    return (
+        c[0] * d[0][0] + c[1] * d[1][0] + c[2] * d[2][0],
+        c[0] * d[0][1] + c[1] * d[1][1] + c[2] * d[2][1],
+        c[0] * d[0][2] + c[1] * d[1][2] + c[2] * d[2][2],
+    )
+
+
+@inlined
+def turned(R: Rotation, a: Vector) -> Vector:
+    """``R a``, R by its rows."""
+    return dot(R[0], a), dot(R[1], a), dot(R[2], a)
+
+
+@inlined
+def quaternion(theta: Vector) -> Quaternion:
     """Unit quaternion (w, x, y, z) of a rotation vector."""
     half2 = 0.25 * dot(theta, theta)
-    if half2 < 1e-8:
-        out[0] = 1 - half2 / 2 + half2 * half2 / 24
-        factor = 0.5 * (1 - half2 / 6 + half2 * half2 / 120)
+    if half2 < 0.01:  # to rounding
+        w = 1 - half2 / 2 * (1 - half2 / 12 * (1 - half2 / 30 * (1 - half2 / 56)))
+        f = 0.5 - half2 / 12 * (1 - half2 / 20 * (1 - half2 / 42 * (1 - half2 / 72)))
     else:
         half = np.sqrt(half2)
-        out[0] = np.cos(half)
-        factor = 0.5 * np.sin(half) / half
-    for c in range(3):
-        out[1 + c] = factor * theta[c]
+        w = np.cos(half)
+        f = 0.5 * np.sin(half) / half
+    return w, f * theta[0], f * theta[1], f * theta[2]
 
 
-@jit
-def compose(a: Floats, b: Floats, out: Floats) -> None:
-    """Quaternion of the rotation b, then a; normalised. `out` may be one of them."""
-    w = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
-    x = a[0] * b[1] + b[0] * a[1] + a[2] * b[3] - a[3] * b[2]
-    y = a[0] * b[2] + b[0] * a[2] + a[3] * b[1] - a[1] * b[3]
-    z = a[0] * b[3] + b[0] * a[3] + a[1] * b[2] - a[2] * b[1]
-    factor = 1 / np.sqrt(w * w + x * x + y * y + z * z)
-    out[0] = factor * w
-    out[1] = factor * x
-    out[2] = factor * y
-    out[3] = factor * z
+@inlined
+def compose(theta: Vector, q: Floats, v: int) -> None:
+    """Turn the quaternion ``q_v`` by a rotation vector, and normalise it."""
+    a = quaternion(theta)
+    b0, b1, b2, b3 = q[v, 0], q[v, 1], q[v, 2], q[v, 3]
+    w = a[0] * b0 - a[1] * b1 - a[2] * b2 - a[3] * b3
+    x = a[0] * b1 + b0 * a[1] + a[2] * b3 - a[3] * b2
+    y = a[0] * b2 + b0 * a[2] + a[3] * b1 - a[1] * b3
+    z = a[0] * b3 + b0 * a[3] + a[1] * b2 - a[2] * b1
+    f = 1 / np.sqrt(w * w + x * x + y * y + z * z)
+    q[v, 0] = f * w
+    q[v, 1] = f * x
+    q[v, 2] = f * y
+    q[v, 3] = f * z
 
 
-@jit
-def rotation(q: Floats, R: Floats) -> None:
+@inlined
+def rotation(w: float, x: float, y: float, z: float) -> Rotation:
     """Rotation matrix of a unit quaternion; not w^2 - v.v, whose rounding would add up."""
-    w, x, y, z = q[0], q[1], q[2], q[3]
-    R[0, 0] = 1 - 2 * (y * y + z * z)
-    R[1, 1] = 1 - 2 * (x * x + z * z)
-    R[2, 2] = 1 - 2 * (x * x + y * y)
-    R[0, 1] = 2 * (x * y - w * z)
-    R[1, 0] = 2 * (x * y + w * z)
-    R[0, 2] = 2 * (x * z + w * y)
-    R[2, 0] = 2 * (x * z - w * y)
-    R[1, 2] = 2 * (y * z - w * x)
-    R[2, 1] = 2 * (y * z + w * x)
+    return (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
 
 
-@jit
-def put_cross(K: Floats, row: int, col: int, sign: float, a: Floats) -> None:
-    """Add ``sign a^`` to a block, from (row, col) on."""
-    K[row, col + 1] -= sign * a[2]
-    K[row, col + 2] += sign * a[1]
-    K[row + 1, col] += sign * a[2]
-    K[row + 1, col + 2] -= sign * a[0]
-    K[row + 2, col] -= sign * a[1]
-    K[row + 2, col + 1] += sign * a[0]
-
-
-@jit
-def put_cross_cross(K: Floats, row: int, col: int, sign: float, f: Floats, s: Floats) -> None:
-    """Add ``sign f^ s^ = sign (s f^T - (f . s) I)`` to a block, from (row, col) on."""
-    fs = dot(f, s)
-    for a in range(3):
-        for b in range(3):
-            K[row + a, col + b] += sign * s[a] * f[b]
-        K[row + a, col + a] -= sign * fs
+@inlined
+def add_skew(A: Floats, k: int, r: int, c: int, a: Vector) -> None:
+    """``A_k += a^``, from (r, c) on."""
+    A[k, r, c + 1] -= a[2]
+    A[k, r, c + 2] += a[1]
+    A[k, r + 1, c] += a[2]
+    A[k, r + 1, c + 2] -= a[0]
+    A[k, r + 2, c] -= a[1]
+    A[k, r + 2, c + 1] += a[0]

@@ -1,8 +1,4 @@
-"""Compiled parts of a step; Newton's loop over them stays in Python.
-
-In parts, since a compiled function that calls another is optimised with it once more: composed, it
-would take twice as long to compile.
-"""
+"""The loop of Newton's method over a step, compiled once for all scenes: it calls their parts."""
 
 from __future__ import annotations
 
@@ -10,202 +6,169 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Floats
-from . import tree
-from .elements import (
-    END,
-    FORCE,
-    LENGTH,
-    MASS,
-    MIXED,
-    MOMENTUM,
-    NUMBERS,
-    ROTATION,
-    START,
-    WEIGHT,
-    beam_force,
-    beam_predicted,
-    beam_stress,
-    scalar_block,
-)
-from .jit import jit
-from .small import clear
+from .. import newton
+from ..types import Floats, IndexArray
+from . import numbers as n
+from .jit import call, inlined, jit
 
-__all__ = [
-    "NUMBERS",
-    "add_nodes",
-    "clear_blocks",
-    "increment",
-    "residual",
-]
+__all__ = ["evaluate", "increment", "matrix", "solve", "start"]
+
+#: contraction assumed for factors of an earlier step before any is measured
+UNKNOWN = 0.1
+
+enough = inlined(newton.enough)
+left_over = inlined(newton.left_over)
 
 
-@jit
-def mass_times(s: Any, y1: Floats, y0: Floats, factor: float, out: Floats) -> None:
-    """``factor M (y1 - y0)``."""
-    first, columns, entries = s.mass_indptr, s.mass_indices, s.mass_data
-    for r in range(out.shape[0]):
-        u, v, w = 0.0, 0.0, 0.0
-        for k in range(first[r], first[r + 1]):
-            j = columns[k]
-            m = entries[k]
-            u += m * (y1[j, 0] - y0[j, 0])
-            v += m * (y1[j, 1] - y0[j, 1])
-            w += m * (y1[j, 2] - y0[j, 2])
-        out[r, 0] = factor * u
-        out[r, 1] = factor * v
-        out[r, 2] = factor * w
+@inlined
+def start(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, guess: int) -> None:
+    """What is fixed during a step, and the increments that it starts with."""
+    call(p[n.BEGIN], s, m, w, numbers, guess)
+    if p[n.JOINT_BEGIN]:
+        call(p[n.JOINT_BEGIN], s, m, w, numbers, 0)
+        if numbers[n.WEIGHT] == 0.0:
+            call(p[n.JOINT_MAPS], s, m, w, numbers, 0)
+    if p[n.BEAM_START]:
+        call(p[n.BEAM_START], g, w, numbers, 0)
 
 
-@jit
-def balance(w: Any, numbers: Floats) -> float:
-    """R of the step from its terms; the largest of them."""
-    momentum, force = numbers[MOMENTUM], numbers[FORCE]
-    R, inertia, p0, internal, external = w.R, w.momentum, w.p0, w.internal, w.external
-    largest = 0.0
-    for r in range(R.shape[0]):
-        for c in range(3):
-            a = inertia[r, c]
-            b = p0[r, c]
-            f = force * internal[r, c]
-            x = force * external[r, c]
-            R[r, c] = a - momentum * b + f - x
-            if numbers[START] == 0.0:  # one term, as in the variational scheme's evaluation
-                f, x = f - x, 0.0
-            largest = max(largest, abs(a), abs(b), abs(f), abs(x))
-    return largest
-
-
-@jit
-def residual(s: Any, g: Any, w: Any, numbers: Floats) -> float:
-    """Evaluate at the configuration y1: the size of the residual against its terms."""
-    y0, y1, mid = w.y0, w.y1, w.mid
-    for r in range(y1.shape[0]):
+@inlined
+def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, sized: int) -> float:
+    """Add the increment x and evaluate; if asked, the size of the residual against its terms."""
+    if p[n.JOINT_ADD]:
+        call(p[n.JOINT_ADD], s, m, w, numbers, 0)
+    call(p[n.MOVE], s, m, w, numbers, 0)
+    if p[n.JOINT_MOVE]:
+        call(p[n.JOINT_MOVE], s, m, w, numbers, 0)
+    y0, y1, mid, internal = w.y0, w.y1, w.mid, w.internal
+    for r in range(len(y1)):
         for c in range(3):
             mid[r, c] = 0.5 * (y0[r, c] + y1[r, c])
-    mass_times(s, y1, y0, numbers[MASS], w.momentum)
-    stressed = y1 if numbers[START] != 0.0 else mid
-    beam_stress(g, stressed, numbers[START], numbers[END], g.S0, g.S)
-    clear(w.internal)
-    beam_force(g, mid, g.S, w.internal)
-    largest = balance(w, numbers)
-    left = y0
-    if numbers[WEIGHT] != 0.0:
-        left = mid
-        tree.maps(s, mid, w.S_left, w.X_left)
-    tree.twist_force(s, left, w.R, w.F)
-    tree.reduce_force(s, w.S_left, w.X_left, w.F, w.b)
-    size = 0.0
-    reduced = w.b
-    for v in range(reduced.shape[0]):
-        for c in range(6):
-            a = abs(reduced[v, c])
-            if not a <= size:  # NaN as well
-                size = a
+    for r in range(len(internal)):
+        for c in range(3):
+            internal[r, c] = 0.0
+    if p[n.BEAM_FORCE]:
+        call(p[n.BEAM_FORCE], g, w, numbers, 0)
+    largest = call(p[n.BALANCE], s, m, w, numbers, 2 * sized)
+    if p[n.JOINT_MAPS]:
+        if numbers[n.WEIGHT] != 0.0:
+            call(p[n.JOINT_MAPS], s, m, w, numbers, 0)
+        call(p[n.JOINT_REDUCE], s, m, w, numbers, 0)
+    if not sized:
+        return 0.0
+    size = call(p[n.SIZE], s, m, w, numbers, 0)
     return size / largest if largest > 0.0 else size
 
 
-@jit
-def mixed_balance(s: Any, g: Any, w: Any, numbers: Floats, left: Floats) -> None:
-    """R and the forces of subtrees with the predicted stresses, for the curvature terms."""
-    R = w.R_mixed
-    clear(R)
-    beam_force(g, w.mid, g.predicted, R)
-    for r in range(R.shape[0]):
-        for c in range(3):
-            R[r, c] = w.R[r, c] + numbers[FORCE] * (R[r, c] - w.internal[r, c])
-    if numbers[WEIGHT] != 0.0:
-        tree.twist_force(s, left, R, w.F_mixed)
-        tree.reduce_force(s, w.S_left, w.X_left, w.F_mixed, w.x)
-
-
-@jit
-def lumped_masses(s: Any, m: Any, w: Any, mass: float, left: Floats) -> None:
-    """Blocks of single frames and of mass points."""
-    V, C = np.empty((3, 3)), np.empty((1, 1, 4, 4))
-    L, R = np.empty((1, 4, 3)), np.empty((1, 4, 3))
-    A, y1, diag, row, lumps = w.A, w.y1, m.diag, s.row, s.lumps
-    for k in range(len(s.lump_vertex)):
-        v = s.lump_vertex[k]
-        for a in range(4):
-            for b in range(4):
-                C[0, 0, a, b] = mass * lumps[k, a, b]
+@inlined
+def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed: int) -> bool:
+    """Factorise the tangent where the residual was evaluated; False if it is singular."""
+    call(p[n.CLEAR], s, m, w, numbers, 0)
+    if p[n.BEAM_TANGENT]:
+        call(p[n.BEAM_TANGENT], g, w, numbers, mixed)
+    if mixed:  # R and the forces of subtrees with the predicted stresses
+        force = w.R_mixed
+        for r in range(len(force)):
             for c in range(3):
-                L[0, a, c] = left[row[v] + a, c]
-                R[0, a, c] = y1[row[v] + a, c]
-        scalar_block(C, 0, 0, L, R, A, diag[v], V)
-    framed = s.framed
-    for v in range(len(row)):
-        if not framed[v]:
-            for c in range(3, 6):
-                A[diag[v], c, c] = 1.0
-    for k in range(len(s.point_vertex)):
-        v = s.point_vertex[k]
-        for c in range(3):
-            A[diag[v], c, c] += mass * s.point_masses[k]
+                force[r, c] = 0.0
+        call(p[n.BEAM_FORCE], g, w, numbers, 1)
+        call(p[n.BALANCE], s, m, w, numbers, 1)
+        if p[n.JOINT_REDUCE]:
+            call(p[n.JOINT_REDUCE], s, m, w, numbers, 1)
+    call(p[n.NODE_MATRIX], s, m, w, numbers, mixed)
+    if p[n.JOINT_MAPS]:
+        call(p[n.JOINT_MAPS], s, m, w, numbers, 1)
+    if p[n.JOINT_CURVATURE]:
+        call(p[n.JOINT_CURVATURE], s, m, w, numbers, mixed)
+    return call(p[n.FACTOR], s, m, w, numbers, 0) != 0.0
 
 
-@jit
-def clear_blocks(w: Any) -> None:
-    """All blocks zero."""
-    A = w.A
-    for k in range(A.shape[0]):
-        for i in range(6):
-            for c in range(6):
-                A[k, i, c] = 0.0
+@inlined
+def increment(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, kept: int) -> float:
+    """Increment x for the residual and the factors there are; its size before it was capped.
 
-
-@jit
-def add_nodes(s: Any, g: Any, m: Any, w: Any, numbers: Floats, mixed: bool) -> None:
-    """Blocks of single nodes; with predicted stresses also the forces that edges need."""
-    weight = numbers[WEIGHT]
-    left = w.mid if weight != 0.0 else w.y0
-    lumped_masses(s, m, w, numbers[MASS], left)
-    if mixed:
-        mixed_balance(s, g, w, numbers, left)
-    if weight != 0.0:
-        tree.nodal_curvature(s, w.y1, w.R_mixed if mixed else w.R, weight, w.A, m.diag)
-
-
-@jit
-def sizes(s: Any, x: Floats, length: float) -> tuple[float, float]:
-    """Size of an increment, and of its largest rotation."""
-    shift = 0.0
-    turn = 0.0
-    turning = s.turning
-    for v in range(x.shape[0]):
-        for c in range(6):
-            a = abs(x[v, c])
-            if turning[v, c]:
-                if not a <= turn:
-                    turn = a
-            elif not a <= shift:
-                shift = a
-    return max(shift / length, turn), turn
-
-
-@jit
-def increment(s: Any, g: Any, w: Any, numbers: Floats) -> tuple[float, float, bool]:
-    """Cap the increment found, keep count of it, predict the stresses that it leads to.
-
-    Returns
-    -------
-    size, turn : float
-        Of the increment before it was capped.
-    mixed : bool
-        Whether the next matrix is to be taken with the predicted stresses, which are then ready.
+    ``w.found`` is its largest rotation, and whether the next matrix is to be taken with the
+    stresses that it predicts: they are ready then.
     """
-    x, twist, total = w.x, w.twist, w.total
-    size, turn = sizes(s, x, numbers[LENGTH])
-    cap = numbers[ROTATION] / turn if turn > numbers[ROTATION] else 1.0
-    for v in range(x.shape[0]):
-        for c in range(6):
-            x[v, c] *= cap
-            twist[v, c] *= cap
-            total[v, c] += x[v, c]
-    mixed = cap * size > numbers[MIXED] and g.base.shape[0] > 0
-    if mixed:
-        stressed = w.y1 if numbers[START] != 0.0 else w.mid
-        tree.rates(s, w.y1, w.twist, w.change)
-        beam_predicted(g, stressed, w.change, 0.5, g.S, g.predicted)
-    return size, turn, mixed
+    call(p[n.SWEEP], s, m, w, numbers, kept)
+    size = call(p[n.CAP], s, m, w, numbers, 0)
+    if w.found[1] != 0.0 and p[n.BEAM_PREDICTED]:
+        call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
+        call(p[n.BEAM_PREDICTED], g, w, numbers, 0)
+    else:
+        w.found[1] = 0.0
+    return size
+
+
+@jit
+def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats) -> bool:
+    """Solve a step, with the factors of earlier matrices as long as they do; False: not found.
+
+    Parameters
+    ----------
+    p : int array
+        Addresses of the parts, 0 for those that a scene does not have.
+    numbers, record : arrays
+        See :mod:`.numbers`.
+    """
+    reuse, settled = numbers[n.REUSE], numbers[n.SETTLED]
+    kept = reuse > 0.0 and record[n.KEPT] != 0.0
+    rate = record[n.RATE]
+    record[n.KEPT] = 0.0
+    record[n.FACTORED] = 0.0
+    # where factors of the step before did not do they are tried again some steps later only
+    if kept and left_over(record[n.FIRST], rate, settled) > reuse:
+        kept = False
+        record[n.RATE] = 0.8 * rate
+    start(p, s, m, w, g, numbers, int(record[n.GUESS]))
+    size = evaluate(p, s, m, w, g, numbers, int(not kept))
+    last, mixed = np.inf, 0
+    for count in range(1, int(numbers[n.LIMIT]) + 1):
+        fresh = not kept
+        if fresh:
+            record[n.FACTORED] += 1.0
+            if not (np.isfinite(size) and matrix(p, s, m, w, g, numbers, mixed)):
+                return False
+        length = increment(p, s, m, w, g, numbers, int(kept))
+        mixed = int(w.found[1])
+        before, last = last, length
+        done = False
+        if not fresh:
+            if count > 1:
+                rate = length / before
+            elif rate == 0.0:
+                rate = UNKNOWN
+            if count == 2:
+                record[n.RATE], record[n.FIRST] = rate, before
+            if not (rate < 0.5 and length <= numbers[n.LARGEST]):  # NaN as well
+                done = 0.1 * numbers[n.NEGLIGIBLE] > length  # nothing but rounding
+                if not done:
+                    kept, mixed, last = False, 0, before
+                    continue
+            further = left_over(length, rate, settled)
+            done = done or further <= 0.0
+            kept = further <= reuse or rate == UNKNOWN  # the next iteration will tell
+        elif not length <= numbers[n.LARGEST]:
+            return False
+        size = evaluate(p, s, m, w, g, numbers, int(fresh or done or not kept))
+        if fresh:
+            done = w.found[0] <= numbers[n.ROTATION] and enough(
+                length,
+                before,
+                size,
+                numbers[n.INCREMENT],
+                numbers[n.NEGLIGIBLE],
+                numbers[n.STAGNATION],
+                numbers[n.MIXED],
+            )
+            kept = reuse > 0.0 and mixed == 0
+            rate = 0.0
+        if done and np.isfinite(size):
+            record[n.ITERATIONS], record[n.RESIDUAL] = count, size
+            record[n.KEPT] = 1.0 if reuse > 0.0 else 0.0
+            record[n.WORK] = call(p[n.FINISH], s, m, w, numbers, 0)
+            better = call(p[n.BETTER], s, m, w, numbers, int(record[n.KNOWN]))
+            record[n.GUESS] = better if reuse > 0.0 else 1.0
+            record[n.KNOWN] = min(record[n.KNOWN] + 1.0, 2.0)
+            return True
+    return False

@@ -3,25 +3,32 @@
 The twist of a child is ``X t_parent + S nu``, nu its joint's own coordinates: so a chain of any
 length costs as much as its joints, where the columns of one matrix T would grow with the depth. See
 :mod:`skfem_cosserat.model.tree` for what the coordinates are, and :mod:`.layout` for the arrays.
+Parts take ``(s, m, w, numbers, flag)``: s the tree, m the plan of the elimination, w the work.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from ..types import Floats, IndexArray
-from .jit import jit
+from ..types import Floats
+from .jit import inlined, part
+from .numbers import WEIGHT
 from .small import (
-    clear,
+    Rotation,
+    Vector,
+    add_skew,
+    combine,
     compose,
-    copy,
     cross,
-    dot,
-    put_cross,
+    directors,
+    minus,
+    plus,
+    put,
     quaternion,
     rotation,
+    row,
+    times,
+    turned,
 )
 
 __all__ = [
@@ -29,350 +36,243 @@ __all__ = [
     "ROTATION",
     "SLIDE",
     "SPHERE",
-    "add",
     "axis",
-    "begin",
-    "configuration",
-    "maps",
-    "maps_right",
-    "material",
-    "nodal_curvature",
-    "rates",
-    "reduce_force",
-    "reset",
+    "joint_add",
+    "joint_begin",
+    "joint_maps",
+    "joint_move",
+    "joint_reduce",
+    "slide",
     "spot",
-    "twist_force",
 ]
 
 #: kinds of coordinates: absolute rotation, hinge, point on a sphere, slide
 ROTATION, AXIS, SPHERE, SLIDE = 1, 2, 3, 4
 
 
-@jit
-def rotated(R: Floats, r: int, y0: Floats, y1: Floats) -> None:
-    """Directors of the frame at row r: R d."""
-    for i in range(1, 4):
-        for c in range(3):
-            y1[r + i, c] = R[c, 0] * y0[r + i, 0] + R[c, 1] * y0[r + i, 1] + R[c, 2] * y0[r + i, 2]
-
-
-@jit
-def spot(y: Floats, row: int, offset: Floats, out: Floats) -> None:
+@inlined
+def spot(y: Floats, r: int, offset: Vector) -> Vector:
     """Position of a material point."""
-    for c in range(3):
-        out[c] = y[row, c]
-        if offset[0] != 0 or offset[1] != 0 or offset[2] != 0:
-            out[c] += (
-                offset[0] * y[row + 1, c] + offset[1] * y[row + 2, c] + offset[2] * y[row + 3, c]
-            )
+    x = row(y, r)
+    if offset[0] != 0 or offset[1] != 0 or offset[2] != 0:
+        x = plus(x, combine(offset, directors(y, r)))
+    return x
 
 
-@jit
-def material(y: Floats, row: int, a: Floats, out: Floats) -> None:
-    """Vector with components a in the frame at row."""
-    for c in range(3):
-        out[c] = a[0] * y[row + 1, c] + a[1] * y[row + 2, c] + a[2] * y[row + 3, c]
+@inlined
+def axis(s: Any, j: int, y: Floats) -> Vector:
+    """Axis of a coordinate at y."""
+    a = row(s.axis, j)
+    if s.kind[j] == AXIS:
+        a = combine(a, directors(y, s.guide_row[j]))
+    return a
 
 
-@jit
-def begin(t: Any, w: Any, again: bool) -> None:
-    """Start of a step: axes, arms and slides; the increments of the last step or none."""
-    y0 = w.y0
-    left, right, a, b = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    for j in range(len(t.kind)):
-        if t.kind[j] == AXIS:
-            material(y0, t.guide_row[j], t.axis[j], t.axis0[j])
-        elif t.kind[j] == SLIDE:
-            material(y0, t.guide_row[j], t.axis[j], left)
-            material(y0, t.guide_row[j], t.right[j], right)
-            cross(left, right, t.axis0[j])
-    for e in range(len(t.child)):
-        spot(y0, t.parent_row[e], t.parent_offset[e], a)
-        spot(y0, t.child_row[e], t.child_offset[e], b)
+@inlined
+def slide(s: Any, j: int, y: Floats) -> tuple[Vector, Vector]:
+    """Both vectors whose product is the direction of a slide, at y."""
+    d = directors(y, s.guide_row[j])
+    return combine(row(s.axis, j), d), combine(row(s.right, j), d)
+
+
+@part
+def joint_begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Start of a step: axes, arms and slides; zero increments, driven ones at their end."""
+    y0, axis0, arm0, swing, value, driven = w.y0, s.axis0, s.arm0, s.swing, s.value, s.driven
+    for j in range(len(value)):
+        value[j] = driven[j]
+        if s.kind[j] == AXIS:
+            put(axis0, j, axis(s, j, y0))
+        elif s.kind[j] == SLIDE:
+            left, right = slide(s, j, y0)
+            put(axis0, j, cross(left, right))
+    for e in range(len(swing)):
+        swing[e, 0] = 1.0
         for c in range(3):
-            t.arm0[e, c] = b[c] - a[c]
-    reset(t)
-    copy(w.last, w.total)
-    if again:
-        add(t, w.last)
-    else:
-        clear(w.total)
+            swing[e, 1 + c] = 0.0
+        a = spot(y0, s.parent_row[e], row(s.parent_offset, e))
+        put(arm0, e, minus(spot(y0, s.child_row[e], row(s.child_offset, e)), a))
+    return 0.0
 
 
-@jit
-def reset(t: Any) -> None:
-    """Zero increments; driven coordinates at their end."""
-    for v in range(len(t.shift)):
-        for c in range(3):
-            t.shift[v, c] = 0.0
-            t.turn[v, 1 + c] = 0.0
-        t.turn[v, 0] = 1.0
-    for e in range(len(t.swing)):
-        for c in range(3):
-            t.swing[e, 1 + c] = 0.0
-        t.swing[e, 0] = 1.0
-    for j in range(len(t.value)):
-        t.value[j] = t.driven[j]
-
-
-@jit
-def add(t: Any, x: Floats) -> None:
-    """Compose with increments x (nv, 6) of the vertices' own coordinates."""
-    q, theta = np.empty(4), np.empty(3)
-    for k in range(len(t.free)):
-        v = t.free[k]
-        for c in range(3):
-            t.shift[v, c] += x[v, c]
-        if t.framed[v]:
-            quaternion(x[v, 3:], q)
-            compose(q, t.turn[v], t.turn[v])
-    for e in range(len(t.child)):
-        v = t.child[e]
+@part
+def joint_add(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Compose with increments x (nv, 6) of the children's own coordinates."""
+    x, value, turn, swing = w.x, s.value, s.turn, s.swing
+    first, kinds, own, child = s.first, s.kind, s.own, s.child
+    for e in range(len(child)):
+        v = child[e]
         kind = 0
-        for c in range(3):
-            theta[c] = 0.0
-        for j in range(t.first[e], t.first[e + 1]):
-            o = t.own[j]
+        theta = (0.0, 0.0, 0.0)
+        for j in range(first[e], first[e + 1]):
+            o = own[j]
             if o < 0:
                 continue
-            if t.kind[j] == AXIS or t.kind[j] == SLIDE:
-                t.value[j] += x[v, o]
+            if kinds[j] == AXIS or kinds[j] == SLIDE:
+                value[j] += x[v, o]
                 continue
-            kind = t.kind[j]
-            for c in range(3):
-                theta[c] += x[v, o] * t.axis[j, c]
-            if kind == SPHERE and j + 1 < t.first[e + 1] and t.kind[j + 1] == ROTATION:
+            if kind == SPHERE and kinds[j] == ROTATION:
                 # a point on a sphere whose body turns as well: one after the other
-                quaternion(theta, q)
-                compose(q, t.swing[e], t.swing[e])
-                for c in range(3):
-                    theta[c] = 0.0
+                compose(theta, swing, e)
+                theta = (0.0, 0.0, 0.0)
+            kind = kinds[j]
+            theta = plus(theta, times(x[v, o], row(s.axis, j)))
         if kind == ROTATION:
-            quaternion(theta, q)
-            compose(q, t.turn[v], t.turn[v])
+            compose(theta, turn, v)
         elif kind == SPHERE:
-            quaternion(theta, q)
-            compose(q, t.swing[e], t.swing[e])
+            compose(theta, swing, e)
+    return 0.0
 
 
-@jit
-def configuration(t: Any, w: Any) -> None:
-    """All rows of y_1."""
-    y0, y1, ground1 = w.y0, w.y1, w.ground1
-    rows = len(y0) - len(ground1)
-    for r in range(len(ground1)):
-        for c in range(3):
-            y1[rows + r, c] = ground1[r, c]
-    for k in range(len(t.free)):
-        v = t.free[k]
-        r = t.row[v]
-        for c in range(3):
-            y1[r, c] = y0[r, c] + t.shift[v, c]
-        if t.framed[v]:
-            rotation(t.turn[v], t.R[v])
-            rotated(t.R[v], r, y0, y1)
-    if len(t.child) == 0:
-        return
-    nv = len(t.row)
-    for g in range(len(ground1) // 4):
+@inlined
+def columns(R: Floats, v: int) -> Rotation:
+    """Columns of the rotation ``R_v``."""
+    return (
+        (R[v, 0, 0], R[v, 1, 0], R[v, 2, 0]),
+        (R[v, 0, 1], R[v, 1, 1], R[v, 2, 1]),
+        (R[v, 0, 2], R[v, 1, 2], R[v, 2, 2]),
+    )
+
+
+@part
+def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Rows of y_1 of all children, behind those of free vertices and the ground."""
+    y0, y1, rotations, turn = w.y0, w.y1, s.R, s.turn
+    child, framed, first, kinds, value = s.child, s.framed, s.first, s.kind, s.value
+    nv = len(s.row)
+    rows = w.p0.shape[0]
+    for g in range((y1.shape[0] - rows) // 4):
         r = rows + 4 * g
         for a in range(3):
             for b in range(3):
-                s = y1[r + 1, a] * y0[r + 1, b]
-                t.R[nv + g, a, b] = s + y1[r + 2, a] * y0[r + 2, b] + y1[r + 3, a] * y0[r + 3, b]
-    H, T, q = np.empty((3, 3)), np.empty((3, 3)), np.empty(4)
-    arm = np.empty(3)
-    for e in range(len(t.child)):
-        v = t.child[e]
-        if t.framed[v]:
-            turn_child(t, e, H, T, q, arm)
-            rotated(t.R[v], t.child_row[e], y0, y1)
-        place_child(t, e, H, arm, y1)
+                t = y1[r + 1, a] * y0[r + 1, b] + y1[r + 2, a] * y0[r + 2, b]
+                rotations[nv + g, a, b] = t + y1[r + 3, a] * y0[r + 3, b]
+    for e in range(len(child)):
+        v = child[e]
+        r = s.child_row[e]
+        if framed[v]:
+            if s.relative[e]:
+                C = columns(rotations, s.parent_frame[e])
+                for j in range(first[e], first[e + 1]):
+                    if kinds[j] == AXIS:
+                        q = quaternion(times(value[j], row(s.axis0, j)))
+                        H = rotation(q[0], q[1], q[2], q[3])
+                        # columns of R H: those of H, turned by R
+                        C = (
+                            combine((H[0][0], H[1][0], H[2][0]), C),
+                            combine((H[0][1], H[1][1], H[2][1]), C),
+                            combine((H[0][2], H[1][2], H[2][2]), C),
+                        )
+                for a in range(3):
+                    for b in range(3):
+                        rotations[v, a, b] = C[b][a]
+            else:
+                H = rotation(turn[v, 0], turn[v, 1], turn[v, 2], turn[v, 3])
+                for a in range(3):
+                    for b in range(3):
+                        rotations[v, a, b] = H[a][b]
+            C = columns(rotations, v)
+            for i in range(1, 4):
+                put(y1, r + i, combine(row(y0, r + i), C))
+        place_child(s, e, y1)
+    return 0.0
 
 
-@jit
-def turn_child(t: Any, e: int, H: Floats, T: Floats, q: Floats, theta: Floats) -> None:
-    """Rotation of a child since the start of the step; the others are scratch."""
-    R = t.R[t.child[e]]
-    if not t.relative[e]:
-        rotation(t.turn[t.child[e]], R)
-        return
-    copy(t.R[t.parent_frame[e]], R)
-    for j in range(t.first[e], t.first[e + 1]):
-        if t.kind[j] == AXIS:
-            for c in range(3):
-                theta[c] = t.value[j] * t.axis0[j, c]
-            quaternion(theta, q)
-            rotation(q, H)
-            for a in range(3):
-                for b in range(3):
-                    T[a, b] = R[a, 0] * H[0, b] + R[a, 1] * H[1, b] + R[a, 2] * H[2, b]
-            copy(T, R)
+@inlined
+def place_child(s: Any, e: int, y1: Floats) -> None:
+    """Position of a child whose directors and whose parent are in place."""
+    r = s.child_row[e]
+    x = spot(y1, s.parent_row[e], row(s.parent_offset, e))
+    put(y1, r, (0.0, 0.0, 0.0))
+    x = minus(x, spot(y1, r, row(s.child_offset, e)))
+    if s.sphere[e]:
+        q = s.swing
+        R = rotation(q[e, 0], q[e, 1], q[e, 2], q[e, 3])
+        x = plus(x, turned(R, row(s.arm0, e)))
+    if s.open[e]:
+        arm = row(s.arm0, e)
+        for j in range(s.first[e], s.first[e + 1]):
+            if s.kind[j] == SLIDE:
+                arm = plus(arm, times(s.value[j], row(s.axis0, j)))
+        x = plus(x, combine(arm, columns(s.R, s.guide_frame[e])))
+    put(y1, r, x)
 
 
-@jit
-def place_child(t: Any, e: int, H: Floats, arm: Floats, y1: Floats) -> None:
-    """Position of a child whose directors and whose parent are in place; H, arm are scratch."""
-    r = t.child_row[e]
-    p = t.parent_row[e]
-    spot(y1, p, t.parent_offset[e], arm)
-    for c in range(3):
-        y1[r, c] = 0.0
-        H[0, c] = arm[c]
-    spot(y1, r, t.child_offset[e], arm)
-    for c in range(3):
-        y1[r, c] = H[0, c] - arm[c]
-    if t.sphere[e]:
-        rotation(t.swing[e], H)
-        for c in range(3):
-            y1[r, c] += dot(H[c], t.arm0[e])
-    if t.open[e]:
-        for c in range(3):
-            arm[c] = t.arm0[e, c]
-        for j in range(t.first[e], t.first[e + 1]):
-            if t.kind[j] == SLIDE:
-                for c in range(3):
-                    arm[c] += t.value[j] * t.axis0[j, c]
-        G = t.R[t.guide_frame[e]]
-        for c in range(3):
-            y1[r, c] += dot(G[c], arm)
+@part
+def joint_maps(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """S and X of all edges: flag 0 where P^T is taken, 1 where the unknowns move."""
+    if flag == 1:
+        maps(s, w.y1, w.S_right, w.X_right)
+    elif numbers[WEIGHT] != 0.0:
+        maps(s, w.mid, w.S_left, w.X_left)
+    else:
+        maps(s, w.y0, w.S_left, w.X_left)
+    return 0.0
 
 
-@jit
-def maps(t: Any, y: Floats, S: Floats, X: Floats) -> None:
+@inlined
+def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
     """S (ne, 6, 6) and X (ne, 6, 6): a child's twist is X t_parent + S nu."""
-    a, b, u, w = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    for e in range(len(t.child)):
-        clear(S[e])
-        for j in range(t.first[e], t.first[e + 1]):
-            o = t.own[j]
+    child, parent, framed, first, kinds, own = s.child, s.parent, s.framed, s.first, s.kind, s.own
+    for e in range(len(child)):
+        for r in range(6):
+            for c in range(6):
+                S[e, r, c] = 0.0
+                X[e, r, c] = 1.0 if r == c and r < 3 else 0.0
+        for j in range(first[e], first[e + 1]):
+            o = own[j]
             if o < 0:
                 continue
-            if t.kind[j] == SLIDE:
-                material(y, t.guide_row[j], t.axis[j], a)
-                material(y, t.guide_row[j], t.right[j], b)
-                cross(a, b, u)
-                for c in range(3):
-                    S[e, c, o] = u[c]
-                continue
-            axis(t, j, y, w)
-            spot(y, t.target_row[j], t.target_offset[j], a)
-            spot(y, t.centre_row[j], t.centre_offset[j], b)
-            for c in range(3):
-                a[c] -= b[c]
-            cross(w, a, u)
+            if kinds[j] == SLIDE:
+                left, right = slide(s, j, y)
+                u = cross(left, right)
+                a = (0.0, 0.0, 0.0)
+            else:
+                a = axis(s, j, y)
+                arm = minus(
+                    spot(y, s.target_row[j], row(s.target_offset, j)),
+                    spot(y, s.centre_row[j], row(s.centre_offset, j)),
+                )
+                u = cross(a, arm)
+                if kinds[j] == SPHERE or not framed[child[e]]:
+                    a = (0.0, 0.0, 0.0)
             for c in range(3):
                 S[e, c, o] = u[c]
-                if t.kind[j] != SPHERE and t.framed[t.child[e]]:
-                    S[e, 3 + c, o] = w[c]
-        if t.parent[e] >= 0:
-            parent_map(t, e, y, X[e], a)
+                S[e, 3 + c, o] = a[c]
+        p = parent[e]
+        if p >= 0 and framed[p]:
+            # a child moves with its parent as v - r^ omega, and omega if it is passed on
+            f = spot(y, s.fulcrum_row[e], row(s.fulcrum_offset, e))
+            add_skew(X, e, 0, 3, minus(row(y, s.parent_row[e]), f))
+            if s.relative[e]:
+                for c in range(3):
+                    X[e, 3 + c, 3 + c] = 1.0
 
 
-@jit
-def parent_map(t: Any, e: int, y: Floats, X: Floats, r: Floats) -> None:
-    """How a child moves with its parent: ``v - r^ omega``, and omega if it is passed on."""
-    clear(X)
-    for c in range(3):
-        X[c, c] = 1.0
-    if not t.framed[t.parent[e]]:
-        return
-    spot(y, t.fulcrum_row[e], t.fulcrum_offset[e], r)
-    for c in range(3):
-        r[c] -= y[t.parent_row[e], c]
-    put_cross(X, 0, 3, -1.0, r)
-    if t.relative[e]:
-        for c in range(3):
-            X[3 + c, 3 + c] = 1.0
-
-
-@jit
-def maps_right(t: Any, w: Any) -> None:
-    """The maps where the unknowns move."""
-    maps(t, w.y1, w.S_right, w.X_right)
-
-
-@jit
-def axis(t: Any, j: int, y: Floats, out: Floats) -> None:
-    """Axis of a coordinate at y."""
-    if t.kind[j] == AXIS:
-        material(y, t.guide_row[j], t.axis[j], out)
-    else:
-        for c in range(3):
-            out[c] = t.axis[j, c]
-
-
-@jit
-def twist_force(t: Any, y: Floats, R: Floats, F: Floats) -> None:
-    """P_int(y)^T R (nv, 6)."""
-    for v in range(len(t.row)):
-        r = t.row[v]
-        for c in range(3):
-            F[v, c] = R[r, c]
-            F[v, 3 + c] = 0.0
-        if t.framed[v]:
-            for i in range(1, 4):
-                d = y[r + i]
-                f = R[r + i]
-                F[v, 3] += d[1] * f[2] - d[2] * f[1]
-                F[v, 4] += d[2] * f[0] - d[0] * f[2]
-                F[v, 5] += d[0] * f[1] - d[1] * f[0]
-
-
-@jit
-def reduce_force(t: Any, S: Floats, X: Floats, F: Floats, b: Floats) -> None:
+@inlined
+def reduce(s: Any, w: Any, F: Floats, b: Floats) -> None:
     """T^T F by vertices: F becomes what the subtrees add up to, b (nv, 6) the residual."""
-    copy(F, b)
-    for e in range(len(t.child) - 1, -1, -1):
-        v = t.child[e]
+    S, X, child, parent = w.S_left, w.X_left, s.child, s.parent
+    for e in range(len(child) - 1, -1, -1):
+        v = child[e]
+        p = parent[e]
         for o in range(6):
-            s = 0.0
+            t = 0.0
+            u = 0.0
             for c in range(6):
-                s += S[e, c, o] * F[v, c]
-            b[v, o] = s
-        p = t.parent[e]
-        if p >= 0:
-            for o in range(6):
-                s = 0.0
-                for c in range(6):
-                    s += X[e, c, o] * F[v, c]
-                F[p, o] += s
+                t += S[e, c, o] * F[v, c]
+                u += X[e, c, o] * F[v, c]
+            b[v, o] = t
+            if p >= 0:
+                F[p, o] += u
                 b[p, o] = F[p, o]
 
 
-@jit
-def rates(t: Any, y: Floats, twist: Floats, change: Floats) -> None:
-    """P_int(y) t, rows of y."""
-    for v in range(len(t.row)):
-        r = t.row[v]
-        for c in range(3):
-            change[r, c] = twist[v, c]
-        if t.framed[v]:
-            w = twist[v, 3:]
-            for i in range(1, 4):
-                change[r + i, 0] = w[1] * y[r + i, 2] - w[2] * y[r + i, 1]
-                change[r + i, 1] = w[2] * y[r + i, 0] - w[0] * y[r + i, 2]
-                change[r + i, 2] = w[0] * y[r + i, 1] - w[1] * y[r + i, 0]
-
-
-@jit
-def nodal_curvature(
-    t: Any, y1: Floats, R: Floats, weight: float, A: Floats, diag: IndexArray
-) -> None:
-    """Add ``weight d(P_int^T R)`` to the diagonal blocks."""
-    for v in range(len(t.row)):
-        if not t.framed[v]:
-            continue
-        r = t.row[v]
-        K = A[diag[v]]
-        trace = 0.0
-        for i in range(1, 4):
-            trace += dot(y1[r + i], R[r + i])
-        for a in range(3):
-            for b in range(3):
-                K[3 + a, 3 + b] += weight * (
-                    y1[r + 1, a] * R[r + 1, b]
-                    + y1[r + 2, a] * R[r + 2, b]
-                    + y1[r + 3, a] * R[r + 3, b]
-                )
-            K[3 + a, 3 + a] -= weight * trace
+@part
+def joint_reduce(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """From forces on vertices to the residual; flag 1: of those with the predicted stresses."""
+    if flag == 1:
+        reduce(s, w, w.F_mixed, w.x)
+    else:
+        reduce(s, w, w.F, w.b)
+    return 0.0

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from types import SimpleNamespace
 
 import numpy as np
 
+from ..compiled.numbers import FACTORED, GUESS, ITERATIONS, KNOWN, NUMBERS, RECORD, RESIDUAL, WORK
 from ..compiled.plan import Plan, plan_of
 from ..constraints import NullSpace, Treatment
 from ..model import System
 from ..model.chart import Chart
-from ..newton import NewtonSettings, converged
+from ..newton import NewtonSettings
 from ..types import Array, Floats
 from .base import Integrator, Scheme, State, StepData, StepWork
 
@@ -66,51 +66,53 @@ class CompiledStep:
         settings: NewtonSettings,
         plan: Plan | None = None,
     ) -> None:
-        from ..compiled import bind, blocks, curvature, elements, step, tree
+        from ..compiled import bind, step
 
         scheme = integrator.scheme(h)
         assert isinstance(scheme, Scheme)
         self.system, self.integrator, self.h, self.settings = system, integrator, h, settings
         self.scheme = scheme
-        self._blocks, self._elements, self._curvature = blocks, elements, curvature
-        self._step, self._turn = step, tree
         self.plan = plan_of(system) if plan is None else plan
         self.factorisations = 0
         groups = system.beam_groups
         # structures for the kernels, and their arrays by name
-        self._m, _ = bind.bound_plan(system, self.plan)
-        self._s, self._tree = bind.bound_tree(system)
-        self._w, self._arrays = bind.bound_work(system, self.plan)
-        self._g, beams = bind.bound_beams(system, groups[0] if groups else None, self.plan)
+        m, _ = bind.bound_plan(system, self.plan)
+        s, self._tree = bind.bound_tree(system)
+        w, self._arrays = bind.bound_work(system, self.plan)
+        g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
         self._a = SimpleNamespace(**self._arrays)
-        self._S0 = beams["S0"]
-        self._numbers = np.array(
-            [
-                *(scheme.mass, scheme.momentum, scheme.force),
-                *((0.5, 0.5) if scheme.ends else (0.0, 1.0)),
-                *(integrator.constraint_weight, system.length),
-                *(settings.rotation, settings.mixed),
-            ]
+        weight = integrator.constraint_weight
+        numbers = {
+            **vars(settings),
+            **{name: getattr(scheme, name) for name in ("mass", "momentum", "force")},
+            **dict(zip(("start", "end"), (0.5, 0.5) if scheme.ends else (0.0, 1.0), strict=True)),
+            **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
+            **{"weight": weight, "length": system.length},
+        }
+        self._step = step
+        self._record = np.zeros(len(RECORD))
+        self._all = (
+            bind.addresses(system, (s, m, w), g, weight, scheme.ends),
+            *(s, m, w, g),
+            np.array([numbers[name] for name in NUMBERS], dtype=float),
         )
         self._coordinates = [c for cs in bind.coordinates_of(system) for c in cs]
         self._drives = any(c.drive is not None for c in self._coordinates)
         self._chart = Chart(system.kinematics)
         own = system.tree.own
         self._numbering = np.full(system.kinematics.unknowns, -1)
-        for v, numbers in own.items():
-            self._numbering[numbers] = 6 * v + np.arange(len(numbers))
-        self._jointed = len(system.tree.edges) > 0
-        self._again = False
+        for v, places in own.items():
+            self._numbering[places] = 6 * v + np.arange(len(places))
         self._dead: Floats | None = None
 
     @property
     def last(self) -> Floats | None:
         """Increments (K,) of the tree's coordinates in the last step, None before the first."""
-        return self._a.last.ravel()[self._numbering] if self._again else None
+        return self._a.last.ravel()[self._numbering] if self._record[KNOWN] else None
 
     @last.setter
     def last(self, value: Array | None) -> None:
-        self._again = value is not None
+        self._record[KNOWN] = self._record[GUESS] = float(value is not None)
         if value is not None:
             self._a.last.ravel()[self._numbering] = np.real(value)
 
@@ -131,57 +133,16 @@ class CompiledStep:
             self._tree["driven"][:] = self._chart.driven(self._coordinates)
         p0 = state.p.reshape(-1, 3)
         self.start = StepData(y0, p0, t, self.h, np.zeros(0), self._dead, None)
-        a, s, tree = self._a, self._s, self._turn
+        a = self._a
         a.y0[:], a.p0[:], a.ground1[:] = y0, p0, ground1
-        tree.begin(s, self._w, self._again)
-        if self.scheme.ends and self.system.beam_groups:
-            self._elements.beam_stress(self._g, a.y0, 0.0, 1.0, self._S0, self._S0)
-        if self._jointed and not self.integrator.constraint_weight:
-            tree.maps(s, a.y0, a.S_left, a.X_left)
-
-    def _direction(self, mixed: bool) -> bool:
-        """Newton increment at the configuration evaluated last; False if there is none."""
-        s, g, m, w = self._s, self._g, self._m, self._w
-        step, weight = self._step, self.integrator.constraint_weight
-        step.clear_blocks(w)
-        if self.system.beam_groups:
-            self._elements.beam_tangent(g, w, self._numbers, mixed)
-        step.add_nodes(s, g, m, w, self._numbers, mixed)
-        if self._jointed:
-            self._turn.maps_right(s, w)
-            if weight:
-                self._curvature.edge_curvature(s, m, w, weight, mixed)
-        self.factorisations += 1
-        if not self._blocks.factor(m, w):
-            return False
-        self._blocks.back(m, w)
-        return True
 
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
-        s, g, w, a, numbers = self._s, self._g, self._w, self._a, self._numbers
-        step, tree, settings = self._step, self._turn, self.settings
         self._begin(state)
-        tree.configuration(s, w)
-        size = step.residual(s, g, w, numbers)
-        increments: list[float] = []
-        mixed = False
-        for count in range(1, settings.iterations + 1):
-            if not (isfinite(size) and self._direction(mixed)):
-                break
-            length, turn, mixed = step.increment(s, g, w, numbers)
-            if not length <= settings.largest:  # NaN as well
-                break
-            increments.append(length)
-            tree.add(s, a.x)
-            tree.configuration(s, w)
-            size = step.residual(s, g, w, numbers)
-            capped = turn > settings.rotation
-            if not capped and isfinite(size) and converged(increments, size, settings):
-                a.last[:] = a.total
-                self._again = True
-                return count, size
-        return None
+        record = self._record
+        solved = self._step.solve(*self._all, record)
+        self.factorisations += int(record[FACTORED])
+        return (int(record[ITERATIONS]), float(record[RESIDUAL])) if solved else None
 
     @property
     def y1(self) -> Floats:
@@ -195,15 +156,8 @@ class CompiledStep:
 
     def carried(self) -> Floats:
         """Momentum (rows, 3) carried on."""
-        a, (mass, momentum, force) = self._a, self.scheme.carry
-        out = mass * a.momentum
-        if momentum:
-            out += momentum * a.p0
-        if force:
-            out += force * self.scheme.force * (a.internal - a.external)
-        return out
+        return self._a.carried.copy()
 
     def work(self) -> StepWork:
         """Work of the loads along the step."""
-        a, rows = self._a, self.system.rows
-        return StepWork(float((a.external * (a.y1[:rows] - a.y0[:rows])).sum()))
+        return StepWork(float(self._record[WORK]))

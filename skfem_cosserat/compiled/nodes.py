@@ -1,0 +1,333 @@
+"""Compiled parts of vertices: configuration, balance, masses, geometric terms of single frames.
+
+Parts take ``(s, m, w, numbers, flag)`` as those of :mod:`.tree`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..types import Floats
+from .elements import scalar_block
+from .jit import inlined, part
+from .numbers import (
+    CARRY_FORCE,
+    CARRY_MASS,
+    CARRY_MOMENTUM,
+    FORCE,
+    LENGTH,
+    MASS,
+    MIXED,
+    MOMENTUM,
+    ROTATION,
+    START,
+    WEIGHT,
+)
+from .small import (
+    combine,
+    compose,
+    cross,
+    directors,
+    dot,
+    plus,
+    put,
+    rotation,
+    row,
+)
+
+__all__ = [
+    "balance",
+    "begin",
+    "better",
+    "cap",
+    "clear",
+    "finish",
+    "move",
+    "node_matrix",
+    "predict_changes",
+    "size",
+]
+
+
+@part
+def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Zero increments; x are those to start with: flag 0 none, 1 the last, 2 extrapolated twice."""
+    x, total, last, before, shift, turn = w.x, w.total, w.last, w.before, s.shift, s.turn
+    for v in range(x.shape[0]):
+        for c in range(6):
+            start = 0.0
+            if flag == 1:
+                start = last[v, c]
+            elif flag == 2:
+                start = 2.0 * last[v, c] - before[v, c]
+            x[v, c] = start
+            total[v, c] = 0.0
+        turn[v, 0] = 1.0
+        for c in range(3):
+            shift[v, c] = 0.0
+            turn[v, 1 + c] = 0.0
+    return 0.0
+
+
+@part
+def move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Add up the increments x (nv, 6); the rows of y_1 of free vertices, and the ground's."""
+    y0, y1, ground1, x, shift, turn = w.y0, w.y1, w.ground1, w.x, s.shift, s.turn
+    free, framed, first = s.free, s.framed, s.row
+    rows = len(y0) - len(ground1)
+    total = w.total
+    for v in range(x.shape[0]):
+        for c in range(6):
+            total[v, c] += x[v, c]
+    for r in range(len(ground1)):
+        put(y1, rows + r, row(ground1, r))
+    for k in range(len(free)):
+        v = free[k]
+        r = first[v]
+        for c in range(3):
+            shift[v, c] += x[v, c]
+            y1[r, c] = y0[r, c] + shift[v, c]
+        if framed[v]:
+            compose((x[v, 3], x[v, 4], x[v, 5]), turn, v)
+            R = rotation(turn[v, 0], turn[v, 1], turn[v, 2], turn[v, 3])
+            for a in range(3):
+                for b in range(3):
+                    s.R[v, a, b] = R[a][b]
+            for i in range(1, 4):
+                d = row(y0, r + i)
+                put(y1, r + i, (dot(R[0], d), dot(R[1], d), dot(R[2], d)))
+    return 0.0
+
+
+@inlined
+def mass_times(s: Any, y1: Floats, y0: Floats, factor: float, out: Floats) -> None:
+    """``factor M (y1 - y0)``."""
+    first, columns, entries = s.mass_indptr, s.mass_indices, s.mass_data
+    for r in range(out.shape[0]):
+        u = (0.0, 0.0, 0.0)
+        for k in range(first[r], first[r + 1]):
+            j = columns[k]
+            a = entries[k]
+            u = (
+                u[0] + a * (y1[j, 0] - y0[j, 0]),
+                u[1] + a * (y1[j, 1] - y0[j, 1]),
+                u[2] + a * (y1[j, 2] - y0[j, 2]),
+            )
+        for c in range(3):
+            out[r, c] = factor * u[c]
+
+
+@inlined
+def twist_force(s: Any, y: Floats, R: Floats, F: Floats, b: Floats) -> None:
+    """``F = b = P_int(y)^T R`` (nv, 6)."""
+    first, framed = s.row, s.framed
+    for v in range(len(first)):
+        r = first[v]
+        u = (0.0, 0.0, 0.0)
+        if framed[v]:
+            u = cross(row(y, r + 1), row(R, r + 1))
+            u = plus(u, cross(row(y, r + 2), row(R, r + 2)))
+            u = plus(u, cross(row(y, r + 3), row(R, r + 3)))
+        for c in range(3):
+            F[v, c] = R[r, c]
+            F[v, 3 + c] = u[c]
+            b[v, c] = R[r, c]
+            b[v, 3 + c] = u[c]
+
+
+@part
+def balance(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """R of the step and the forces on vertices; flag 2: gives the largest of its terms.
+
+    Flag 1: R with the predicted stresses, whose internal force stands in its place.
+    """
+    momentum, force = numbers[MOMENTUM], numbers[FORCE]
+    R, inertia, p0, internal, external = w.R, w.momentum, w.p0, w.internal, w.external
+    left = w.y0
+    if numbers[WEIGHT] != 0.0:
+        left = w.mid
+    largest = 0.0
+    if flag == 1:
+        predicted = w.R_mixed
+        for r in range(R.shape[0]):
+            for c in range(3):
+                predicted[r, c] = R[r, c] + force * (predicted[r, c] - internal[r, c])
+        twist_force(s, left, predicted, w.F_mixed, w.x)
+        return 0.0
+    mass_times(s, w.y1, w.y0, numbers[MASS], inertia)
+    for r in range(R.shape[0]):
+        for c in range(3):
+            f = force * internal[r, c] - force * external[r, c]
+            R[r, c] = inertia[r, c] - momentum * p0[r, c] + f
+    if flag == 2:
+        single = numbers[START] == 0.0  # one term, as in the variational scheme's evaluation
+        for r in range(R.shape[0]):
+            for c in range(3):
+                f = force * internal[r, c]
+                x = force * external[r, c]
+                if single:
+                    f, x = f - x, 0.0
+                most = max(abs(inertia[r, c]), abs(p0[r, c]), abs(f), abs(x))
+                if not most <= largest:
+                    largest = most
+    twist_force(s, left, R, w.F, w.b)
+    return largest
+
+
+@part
+def size(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Largest entry of the residual; NaN if there is one."""
+    b = w.b
+    out = 0.0
+    for v in range(b.shape[0]):
+        for c in range(6):
+            a = abs(b[v, c])
+            if not a <= out:
+                out = a
+    return out
+
+
+@inlined
+def lumped_masses(s: Any, diag: Any, w: Any, mass: float, left: Floats) -> None:
+    """Blocks of single frames and of mass points."""
+    V, C = np.empty((3, 3)), np.empty((1, 1, 4, 4))
+    L, R = np.empty((1, 4, 3)), np.empty((1, 4, 3))
+    A, y1, first, lumps, framed = w.A, w.y1, s.row, s.lumps, s.framed
+    for k in range(len(s.lump_vertex)):
+        v = s.lump_vertex[k]
+        for a in range(4):
+            for b in range(4):
+                C[0, 0, a, b] = mass * lumps[k, a, b]
+            for c in range(3):
+                L[0, a, c] = left[first[v] + a, c]
+                R[0, a, c] = y1[first[v] + a, c]
+        scalar_block(C, 0, 0, L, R, A, diag[v], V)
+    for v in range(len(first)):
+        if not framed[v]:
+            for c in range(3, 6):
+                A[diag[v], c, c] = 1.0
+    for k in range(len(s.point_vertex)):
+        v = s.point_vertex[k]
+        for c in range(3):
+            A[diag[v], c, c] += mass * s.point_masses[k]
+
+
+@part
+def clear(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """All blocks zero."""
+    A = w.A
+    for k in range(A.shape[0]):
+        for i in range(6):
+            for c in range(6):
+                A[k, i, c] = 0.0
+    return 0.0
+
+
+@part
+def node_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Add blocks of single nodes: masses, and ``weight d(P_int^T R)``; flag 1: of predicted R."""
+    weight = numbers[WEIGHT]
+    A, y1, diag, first, framed = w.A, w.y1, m.diag, s.row, s.framed
+    left, R = w.y0, w.R
+    if weight != 0.0:
+        left = w.mid
+    if flag == 1:
+        R = w.R_mixed
+    lumped_masses(s, diag, w, numbers[MASS], left)
+    if weight == 0.0:
+        return 0.0
+    for v in range(len(first)):
+        if not framed[v]:
+            continue
+        k = diag[v]
+        r = first[v]
+        D, F = directors(y1, r), directors(R, r)
+        trace = dot(D[0], F[0]) + dot(D[1], F[1]) + dot(D[2], F[2])
+        for a in range(3):
+            g = combine((D[0][a], D[1][a], D[2][a]), F)
+            for b in range(3):
+                A[k, 3 + a, 3 + b] += weight * g[b]
+            A[k, 3 + a, 3 + a] -= weight * trace
+    return 0.0
+
+
+@part
+def cap(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Size of the increment; one with large rotations is scaled down.
+
+    ``w.found`` is its largest rotation, and 1 where the next matrix is to be taken with the
+    predicted stresses, else 0.
+    """
+    x, twist, turning, found = w.x, w.twist, s.turning, w.found
+    shift = 0.0
+    turn = 0.0
+    for v in range(x.shape[0]):
+        for c in range(6):
+            a = abs(x[v, c])
+            if turning[v, c]:
+                if not a <= turn:
+                    turn = a
+            elif not a <= shift:
+                shift = a
+    out = max(shift / numbers[LENGTH], turn)
+    factor = numbers[ROTATION] / turn if turn > numbers[ROTATION] else 1.0
+    found[0] = turn
+    found[1] = 1.0 if factor * out > numbers[MIXED] else 0.0
+    for v in range(x.shape[0]):
+        for c in range(6):
+            x[v, c] *= factor
+            twist[v, c] *= factor
+    return out
+
+
+@part
+def predict_changes(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """``P_int(y_1) twist``, rows of y."""
+    y, twist, change, first, framed = w.y1, w.twist, w.change, s.row, s.framed
+    for v in range(len(first)):
+        r = first[v]
+        put(change, r, row(twist, v))
+        if framed[v]:
+            omega = twist[v, 3], twist[v, 4], twist[v, 5]
+            for i in range(1, 4):
+                put(change, r + i, cross(omega, row(y, r + i)))
+    return 0.0
+
+
+@part
+def finish(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Momentum carried on; gives the work of the loads along the step."""
+    y0, y1, p0, carried, inertia = w.y0, w.y1, w.p0, w.carried, w.momentum
+    internal, external = w.internal, w.external
+    mass, momentum = numbers[CARRY_MASS], numbers[CARRY_MOMENTUM]
+    force = numbers[CARRY_FORCE] * numbers[FORCE]
+    work = 0.0
+    for r in range(carried.shape[0]):
+        for c in range(3):
+            f = external[r, c]
+            carried[r, c] = mass * inertia[r, c] + momentum * p0[r, c]
+            carried[r, c] += force * (internal[r, c] - f)
+            work += f * (y1[r, c] - y0[r, c])
+    return work
+
+
+@part
+def better(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Keep the increments of the step; 2 if going on from the last two had been the better start.
+
+    Flag: how many were known before.
+    """
+    total, last, before = w.total, w.last, w.before
+    once = 0.0
+    twice = 0.0
+    for v in range(total.shape[0]):
+        for c in range(6):
+            change = total[v, c] - last[v, c]
+            once += change * change
+            change += before[v, c] - last[v, c]
+            twice += change * change
+            before[v, c] = last[v, c]
+            last[v, c] = total[v, c]
+    return 2.0 if flag > 1 and twice < once else 1.0

@@ -1,0 +1,34 @@
+"""Numbers of a step, its parts, and what its loop leaves behind: places in arrays."""
+
+from __future__ import annotations
+
+__all__ = ["BEAM_PARTS", "NUMBERS", "RECORD", "TREE_PARTS"]
+
+#: see :class:`skfem_cosserat.integrators.base.Scheme` and :class:`skfem_cosserat.NewtonSettings`
+NUMBERS = (
+    *("mass", "momentum", "force", "start", "end", "weight", "length"),
+    *("rotation", "mixed", "reuse", "iterations", "largest", "increment", "negligible"),
+    *("stagnation", "settled", "carry_mass", "carry_momentum", "carry_force"),
+)
+MASS, MOMENTUM, FORCE, START, END, WEIGHT, LENGTH = range(7)
+ROTATION, MIXED, REUSE, LIMIT, LARGEST, INCREMENT, NEGLIGIBLE = range(7, 14)
+STAGNATION, SETTLED, CARRY_MASS, CARRY_MOMENTUM, CARRY_FORCE = range(14, 19)
+
+#: what the loop over the iterations leaves behind for the next step: whether factors are kept, the
+#: contraction they gave last and the first increment of that step; how to start: from no
+#: increment, the last one or both extrapolated (0, 1, 2), and how many are known; of the step
+#: itself: iterations, residual, factorisations, work of the loads (J)
+RECORD = ("kept", "rate", "first", "start", "known", "iterations", "residual", "factored", "work")
+KEPT, RATE, FIRST, GUESS, KNOWN, ITERATIONS, RESIDUAL, FACTORED, WORK = range(len(RECORD))
+
+#: functions that take ``(s, m, w, numbers, flag)``, and those that take ``(g, w, numbers, flag)``
+TREE_PARTS = (
+    *("begin", "move", "balance", "size", "clear", "node_matrix", "cap", "predict_changes"),
+    *("finish", "better", "factor", "sweep"),
+    *("joint_begin", "joint_add", "joint_move", "joint_maps", "joint_reduce", "joint_curvature"),
+)
+BEAM_PARTS = ("beam_start", "beam_force", "beam_tangent", "beam_predicted")
+BEGIN, MOVE, BALANCE, SIZE, CLEAR, NODE_MATRIX, CAP, PREDICT_CHANGES = range(8)
+FINISH, BETTER, FACTOR, SWEEP = range(8, 12)
+JOINT_BEGIN, JOINT_ADD, JOINT_MOVE, JOINT_MAPS, JOINT_REDUCE, JOINT_CURVATURE = range(12, 18)
+BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED = range(18, 22)
