@@ -14,6 +14,7 @@ from .errors import (
     HistoryError,
     IncompatibleError,
     InputError,
+    JobError,
     MeshError,
 )
 from .frames import Motion, Place, ground, triad
@@ -36,6 +37,7 @@ from .modal import Buckling, Modes, buckling, modes
 from .model import Model, System
 from .model.balance import Spin
 from .newton import NewtonSettings
+from .parallel import Job, Outcome, Processes, run_all
 from .section import Material, Section, SectionCircle, SectionRectangle, SectionTube
 from .simulate import initial_state, project, restart, simulate, steps
 from .statics import (
@@ -67,6 +69,8 @@ __all__ = [
     "InputError",
     "InterpolationEquidistant",
     "InterpolationLobatto",
+    "Job",
+    "JobError",
     "JointActuator",
     "JointCylindrical",
     "JointDistance",
@@ -94,7 +98,9 @@ __all__ = [
     "Multipliers",
     "NewtonSettings",
     "NullSpace",
+    "Outcome",
     "Place",
+    "Processes",
     "Projection",
     "RayleighDamping",
     "RigidBody",
@@ -118,6 +124,7 @@ __all__ = [
     "project",
     "read_mesh",
     "restart",
+    "run_all",
     "simulate",
     "static",
     "steps",

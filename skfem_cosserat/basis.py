@@ -110,6 +110,7 @@ class DirectorBasis(CellBasis):
         if not isinstance(mesh, MeshCurve):
             raise MeshError("argument mesh", f"got {type(mesh).__name__}, expected a MeshCurve")
         element = ElementDirector(order)
+        self._quadrature = quadrature
         self.interpolation = interpolation(order)
         self.order = self.interpolation.order
         rule = _checked_rule(quadrature) if quadrature else gauss_rule(self.interpolation.points)
@@ -126,6 +127,10 @@ class DirectorBasis(CellBasis):
         self.nodes[self.connectivity] = np.moveaxis(places, 0, -1)
         self.nodes[:nv] = mesh.p.T
         self.doflocs = np.repeat(self.nodes.T, 12, axis=1)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # tabulated shape functions are ten times as large as what they follow from
+        return DirectorBasis, (self.mesh, self.interpolation, self._quadrature)
 
     @property
     def element_dof_rows(self) -> IndexArray:

@@ -15,7 +15,7 @@ import numpy as np
 from .errors import InputError
 from .frames import Item, Place, vector
 from .joint import Joint
-from .load import Amplitude, Constant, FunctionOfTime, TimeFunction, time_function
+from .load import Amplitude, Component, Constant, FunctionOfTime, TimeFunction, time_function
 from .relative import RelativeCoordinate, displacement, distance, rotation
 from .types import ArrayLike, Floats, numbers, positive
 
@@ -214,20 +214,11 @@ class JointActuator(_OnJoint):
         elif callable(amplitude):
             vector(self.label, "amplitude(0)", amplitude(0.0))
             self.channels = tuple(
-                FunctionOfTime(_component(self.label, amplitude, i)) for i in range(m)
+                FunctionOfTime(Component(amplitude, i, self.label, "amplitude")) for i in range(m)
             )
         else:
             values = vector(self.label, "amplitude", amplitude)  # type: ignore[arg-type]
             self.channels = tuple(Constant(float(value)) for value in values)
-
-
-def _component(
-    label: str, function: Callable[[float], ArrayLike], i: int
-) -> Callable[[float], float]:
-    def component(t: float) -> float:
-        return float(vector(label, f"amplitude({t!r})", function(t))[i])
-
-    return component
 
 
 class _BetweenPlaces(Coupling):

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:  # pragma: no cover - for annotations only: errors is the lowest layer
-    from typing import Any
+from typing import Any
 
 
 class CosseratError(Exception):
@@ -16,6 +13,14 @@ class CosseratError(Exception):
     >>> issubclass(InputError, CosseratError), issubclass(Diverged, CosseratError)
     (True, True)
     """
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # its text is not what its constructor takes, which Python would call with it
+        return _error_again, (type(self), self.args), self.__dict__
+
+
+def _error_again(kind: type[CosseratError], args: tuple[Any, ...]) -> CosseratError:
+    return kind.__new__(kind, *args)
 
 
 class InputError(CosseratError, ValueError):
@@ -166,3 +171,30 @@ class Diverged(CosseratError, RuntimeError):
             f"step {step} from {where} could not be solved: {reason}"
             f" (scaled residual {residual:.3g}); {advice}"
         )
+
+
+class JobError(CosseratError, RuntimeError):
+    """A job of :func:`run_all` has no outcome of its own: its worker ended, or it was cancelled.
+
+    Attributes
+    ----------
+    job : str
+        Name of the job.
+    reason : str
+        What happened.
+
+    Examples
+    --------
+    A lock cannot be handed from one process to another:
+
+    >>> import threading
+    >>> from skfem_cosserat import Job, Processes, run_all
+    >>> with Processes(1) as executor:
+    ...     (outcome,) = run_all([Job("lock", threading.Lock)], executor)
+    >>> print(type(outcome.error).__name__, outcome.error)  # doctest: +ELLIPSIS
+    JobError job 'lock': its value, of type lock, cannot travel between processes: TypeError: ...
+    """
+
+    def __init__(self, job: str, reason: str) -> None:
+        self.job, self.reason = job, reason
+        super().__init__(f"job {job!r}: {reason}")

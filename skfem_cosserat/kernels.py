@@ -6,7 +6,8 @@ complex step) and know no model: the seam where compiled kernels enter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -89,6 +90,10 @@ class BeamElements:
             # eta = root root^T: what is dissipated is a sum of squares
             values, vectors = np.linalg.eigh(self.viscosity)
             self.viscosity_root = vectors * np.sqrt(values.clip(0))[:, None, :]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # without what __post_init__ computes
+        return BeamElements, tuple(getattr(self, f.name) for f in fields(self) if f.init)
 
     def repeated(self, count: int) -> BeamElements:
         """The same elements `count` times, to evaluate many states at once."""

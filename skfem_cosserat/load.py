@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Protocol, runtime_checkable
 
@@ -235,7 +236,8 @@ class Load(Item):
                 raise InputError(self.label, "give value as a function of time or an amplitude")
             vector(self.label, "value(0)", value(0.0))
             self.channels: list[tuple[Floats, TimeFunction]] = [
-                (np.eye(3)[i], FunctionOfTime(_component(value, i))) for i in range(3)
+                (np.eye(3)[i], FunctionOfTime(Component(value, i, "load", "value")))
+                for i in range(3)
             ]
         else:
             self.channels = [
@@ -252,11 +254,18 @@ class Load(Item):
         return all(isinstance(time, Constant) for _, time in self.channels)
 
 
-def _component(function: Callable[[float], ArrayLike], i: int) -> Callable[[float], float]:
-    def component(t: float) -> float:
-        return float(vector("load", f"value({t!r})", function(t))[i])
+@dataclass(frozen=True, eq=False)
+class Component:
+    """One component of a function of time that gives three; errors name item and argument."""
 
-    return component
+    function: Callable[[float], ArrayLike]
+    number: int
+    item: str
+    name: str
+
+    def __call__(self, t: float) -> float:
+        """The component at time `t` (s)."""
+        return float(vector(self.item, f"{self.name}({t!r})", self.function(t))[self.number])
 
 
 class _NodalLoad(Load):

@@ -32,7 +32,7 @@ LAYERS = (
     ("integrators",),
     ("history",),
     ("diagnostics",),
-    ("statics", "modal", "simulate"),
+    ("statics", "modal", "simulate", "parallel"),
     ("export", "plot", "study", "cli"),
     ("__init__", "__main__"),
 )

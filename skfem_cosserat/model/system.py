@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,7 +98,7 @@ class System:
         dampings: Sequence[RayleighDamping] = (),
     ) -> None:
         self.structures, self.joints, self.loads = list(structures), list(joints), list(loads)
-        self.drives = list(drives)
+        self.drives, self._dampings = list(drives), list(dampings)
         self._number()
         self._place_ground(couplings)
         self.mass, self.lumps = assemble_mass(self.structures, self.first, self.rows)
@@ -117,6 +118,12 @@ class System:
         reference = self.extend(self._y0, 0.0)
         self.couplings = Couplings(couplings, self.row_of, reference, self.rows)
         self._span()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled are the items: arrays, numbers by identity and caches are made anew."""
+        couplings = self.couplings.items
+        items = (self.structures, self.joints, self.loads, self.drives, couplings, self._dampings)
+        return System, items
 
     # -- construction ------------------------------------------------------------------------------
 

@@ -11,10 +11,18 @@ __all__ = ["Interrupt"]
 
 
 class Interrupt:
-    """Ctrl-C ends a run after the step that is being solved; a second one ends it at once."""
+    """Ctrl-C ends a run after the step that is being solved; a second one ends it at once.
 
-    def __init__(self) -> None:
-        self.asked = False
+    Around several runs, one after the other, another one learns of it too and starts no more.
+
+    Parameters
+    ----------
+    message : str
+        What the warning says.
+    """
+
+    def __init__(self, message: str = "the run ends after this step, its history is kept") -> None:
+        self.asked, self.message = False, message
         self._main = threading.current_thread() is threading.main_thread()
 
     def __enter__(self) -> Interrupt:
@@ -24,10 +32,13 @@ class Interrupt:
         return self
 
     def _ask(self, number: int, frame: object) -> None:
+        around = getattr(self._before, "__self__", None)
+        if isinstance(around, Interrupt):
+            around.asked = True
         if self.asked:
             raise KeyboardInterrupt
         self.asked = True
-        logger.warning("interrupted: the run ends after this step, its history is kept")
+        logger.warning("interrupted: %s", self.message)
 
     def __exit__(self, *exception: object) -> None:
         if self._main:

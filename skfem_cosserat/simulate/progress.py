@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from typing import Any
 
 from ..errors import InputError
 
@@ -39,10 +40,10 @@ class Progress:
             )
         self._function = progress if callable(progress) else None
         self._text, self._on = text, progress is True
-        self._numbers: tuple[float, ...] = ()
+        self._numbers: tuple[Any, ...] = ()
         self._written, self._last = False, 0.0
 
-    def __call__(self, *numbers: float) -> None:
+    def __call__(self, *numbers: Any) -> None:
         """Show these numbers now or soon."""
         if self._function is not None:
             self._function(*numbers)

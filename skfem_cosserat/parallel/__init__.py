@@ -1,0 +1,7 @@
+"""Independent runs side by side, through any executor: results in order, failures kept apart."""
+
+from .jobs import Job, Outcome
+from .processes import Processes
+from .run import run_all
+
+__all__ = ["Job", "Outcome", "Processes", "run_all"]

@@ -1,0 +1,226 @@
+"""Jobs and their outcomes, and how both travel: as pickled data, functions by reference."""
+
+from __future__ import annotations
+
+import pickle
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, NamedTuple
+
+from ..errors import InputError, JobError
+
+__all__ = ["Answer", "Caught", "Job", "Outcome", "call", "done_here", "pack", "read", "run_packed"]
+
+
+class Job:
+    """A call to make, under a name.
+
+    Parameters
+    ----------
+    name : str
+        Of the job, in progress and errors; not empty.
+    function : callable
+        To reach another process it must be importable there: at the top level of a module.
+        ``simulate``, ``static`` and ``modes`` are.
+    *args, **kwargs
+        What it is called with. To reach another process all must be data: models, systems, states
+        and histories are. A beam takes some 1 kB an element; a function that builds the model where
+        it is needed takes nothing.
+
+    Raises
+    ------
+    InputError
+        If the name is empty or the function cannot be called.
+
+    Examples
+    --------
+    >>> import math
+    >>> Job("two", math.hypot, 3.0, 4.0)
+    <Job 'two': hypot>
+    """
+
+    def __init__(
+        self, name: str, function: Callable[..., Any], /, *args: Any, **kwargs: Any
+    ) -> None:
+        if not isinstance(name, str) or not name:
+            raise InputError("job", f"name = {name!r}, expected a non-empty string")
+        if not callable(function):
+            raise InputError(f"job {name!r}", f"{function!r} cannot be called")
+        self.name, self.function, self.args, self.kwargs = name, function, args, kwargs
+
+    def __repr__(self) -> str:
+        called = getattr(self.function, "__name__", repr(self.function))
+        return f"<Job {self.name!r}: {called}>"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Outcome:
+    """What came of a job: a value or an error.
+
+    Attributes
+    ----------
+    name : str
+        Of the job.
+    value : object
+        What its function gave; None if it failed.
+    error : BaseException or None
+        What it raised, with its attributes (``Diverged`` with ``history``, ``residuals``, ...), or
+        a :class:`JobError` if its worker ended, it was cancelled, or something could not travel.
+    seconds : float
+        How long its function ran (s); NaN if that is not known.
+    traceback : str
+        Where it failed, as text; empty if it did not.
+
+    Examples
+    --------
+    >>> import math
+    >>> from skfem_cosserat import run_all
+    >>> good, bad = run_all([Job("4", math.sqrt, 4.0), Job("-1", math.sqrt, -1.0)])
+    >>> good.result(), bad.ok, type(bad.error).__name__
+    (2.0, False, 'ValueError')
+    """
+
+    name: str
+    value: Any = None
+    error: BaseException | None = None
+    seconds: float = float("nan")
+    traceback: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is a value."""
+        return self.error is None
+
+    def result(self) -> Any:
+        """The value; raises the error if there is none."""
+        if self.error is not None:
+            raise self.error
+        return self.value
+
+    def __repr__(self) -> str:
+        if self.error is None:
+            return f"<Outcome {self.name!r}: {type(self.value).__name__} in {self.seconds:.3g} s>"
+        return f"<Outcome {self.name!r}: {type(self.error).__name__}: {self.error}>"
+
+
+class Caught:
+    """A context that keeps what a job raises: its error is its outcome, and not ours.
+
+    Ctrl-C goes through; a job that calls ``sys.exit`` has failed, but ends nobody else.
+    """
+
+    def __init__(self) -> None:
+        self.error: Exception | SystemExit | None = None
+
+    def __enter__(self) -> Caught:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> bool:
+        if not isinstance(error, Exception | SystemExit):
+            return False
+        self.error = error
+        return True
+
+
+class _Call(NamedTuple):
+    """How a call ended."""
+
+    value: Any
+    error: Exception | SystemExit | None
+    seconds: float
+    traceback: str
+
+
+def call(function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> _Call:
+    """Call a function, and keep what it raises."""
+    value, caught, start = None, Caught(), time.perf_counter()
+    with caught:
+        value = function(*args, **kwargs)
+    seconds, error = time.perf_counter() - start, caught.error
+    text = "" if error is None else "".join(traceback.format_exception(error))
+    return _Call(value, error, seconds, text)
+
+
+def done_here(job: Job) -> Outcome:
+    """Do a job in this process, with its own arguments."""
+    return Outcome(job.name, *call(job.function, job.args, job.kwargs))
+
+
+# -- there and back --------------------------------------------------------------------------------
+
+
+class Answer(NamedTuple):
+    """What comes back from a worker: plain data, whatever the job gave or raised.
+
+    `data` is the pickled value, or the pickled error if `failed`; `what` says in words what it is,
+    for the case that it cannot be read.
+    """
+
+    failed: bool
+    data: bytes
+    what: str
+    seconds: float
+    traceback: str
+
+
+def pack(job: Job) -> bytes:
+    """A job's call as bytes, functions by reference."""
+    return pickle.dumps((job.function, job.args, job.kwargs), pickle.HIGHEST_PROTOCOL)
+
+
+def run_packed(packed: bytes) -> Answer:
+    """Do a packed job; in the worker. Nothing that the job is or does makes this fail."""
+    reading = Caught()
+    with reading:
+        function, args, kwargs = pickle.loads(packed)
+    if reading.error is not None:
+        what = (
+            f"it cannot be read in the worker process ({_in_words(reading.error)}): what it refers"
+            " to must be importable there"
+        )
+        return Answer(True, b"", what, float("nan"), _text(reading.error))
+    value, error, seconds, text = call(function, args, kwargs)
+    sending, data = Caught(), b""
+    with sending:
+        data = pickle.dumps(value if error is None else error, pickle.HIGHEST_PROTOCOL)
+    if error is not None:
+        return Answer(True, data, f"it raised {_in_words(error)}", seconds, text)
+    what = f"its value, of type {type(value).__name__}"
+    if sending.error is not None:
+        what += f", cannot travel between processes: {_in_words(sending.error)}"
+        return Answer(True, b"", what, seconds, _text(sending.error))
+    return Answer(False, data, what, seconds, "")
+
+
+def read(name: str, answer: Answer) -> Outcome:
+    """The outcome that an answer holds."""
+    if not answer.data:
+        error = JobError(name, answer.what)
+        return Outcome(name, None, error, answer.seconds, answer.traceback)
+    content, reading = None, Caught()
+    with reading:
+        content = pickle.loads(answer.data)
+    if reading.error is not None or (answer.failed and not isinstance(content, BaseException)):
+        error = JobError(
+            name, f"{answer.what}, which cannot be read back: {_in_words(reading.error)}"
+        )
+        return Outcome(name, None, error, answer.seconds, answer.traceback)
+    if answer.failed:
+        return Outcome(name, None, content, answer.seconds, answer.traceback)
+    return Outcome(name, content, None, answer.seconds)
+
+
+def _in_words(error: BaseException | None) -> str:
+    return f"{type(error).__name__}: {error}"
+
+
+def _text(error: BaseException) -> str:
+    return "".join(traceback.format_exception(error))
