@@ -43,10 +43,37 @@ _COUPLING = np.random.default_rng(8).standard_normal((6, 6))
 FULL = np.diag([40.0, 50.0, 90.0, 12.0, 15.0, 8.0]) + _COUPLING @ _COUPLING.T
 #: Products of inertia, about the centre of mass (kg m^2).
 TENSOR = np.array([[0.5, 0.06, -0.04], [0.06, 0.6, 0.09], [-0.04, 0.09, 0.45]])
-SHAKE = Motion(
-    displacement=lambda t: (0.1 * np.sin(2 * t), 0.2 * t**2, -0.05 * t),
-    rotation=lambda t: (0.3 * np.sin(t), 0.2 * t, -0.4 * t**2),
-)
+
+
+# functions of time that can be sent to other processes
+
+
+def shaking(t: float) -> tuple[float, float, float]:
+    """A displacement."""
+    return 0.1 * np.sin(2 * t), 0.2 * t**2, -0.05 * t
+
+
+def rocking(t: float) -> tuple[float, float, float]:
+    """A rotation vector."""
+    return 0.3 * np.sin(t), 0.2 * t, -0.4 * t**2
+
+
+def waving(t: float) -> float:
+    """An amplitude."""
+    return 1 + np.cos(3 * t)
+
+
+def growing(t: float) -> tuple[float, float, float]:
+    """A force."""
+    return t, 1, t**2
+
+
+def twisting(t: float) -> tuple[float, float, float]:
+    """A moment."""
+    return 1, t, 2
+
+
+SHAKE = Motion(displacement=shaking, rotation=rocking)
 
 
 def rotation(rng: np.random.Generator, size: float = 1.0) -> np.ndarray:
@@ -250,20 +277,20 @@ def _second_chain(build: _Builder) -> None:
 
 
 def _loads(model: Model, curved: Beam, frame: Beam, body: RigidBody, hub: RigidBody) -> None:
-    wave = FunctionOfTime(lambda t: 1 + np.cos(3 * t))
+    wave = FunctionOfTime(waving)
     ramp = Table([0.0, 0.4, 2.0], [0.2, 1.0, 0.5])
     place = body.at((0.4, 0.5, 2.1))
     node = curved.node("arc.end")
     model.add("gravity", LoadGravity((0.3, -0.2, -9.81), wave))
     model.add("dead force", LoadForce(place, (1, 2, 3), ramp))
-    model.add("dead force on a node", LoadForce(frame.node("arm.end"), lambda t: (t, 1, t**2)))
+    model.add("dead force on a node", LoadForce(frame.node("arm.end"), growing))
     model.add("follower force", LoadForce(place, (-2, 1, 3), wave, follower=True))
     model.add("follower on a node", LoadForce(node, (2, 1, -1), follower=True))
     model.add("follower on a lump", LoadForce(hub.at((1.2, 0, -1)), (0, 2, 1), follower=True))
     model.add("moment", LoadMoment(place, (1, -1, 2), ramp))
     model.add("moment on a node", LoadMoment(frame.node("corner"), (3, 1, 2)))
     model.add("follower moment", LoadMoment(node, (1, 2, -3), wave, follower=True))
-    model.add("follower moment on a body", LoadMoment(place, lambda t: (1, t, 2), follower=True))
+    model.add("follower moment on a body", LoadMoment(place, twisting, follower=True))
     model.add("line", LoadLine(curved, (1, 0, -2), ramp))
     model.add("wind", LoadLine(frame, (0.5, 1, 0.3), wave, follower=True, part="leg"))
     model.add("pressure", LoadLine(curved, (2.0, -1.0, 0.5), follower=True))

@@ -1,0 +1,703 @@
+"""Independent runs through executors: the same numbers, in order, and failures kept apart."""
+
+from __future__ import annotations
+
+import copy
+import logging
+import math
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+import threading
+import time
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
+
+import numpy as np
+import pytest
+from helpers_scenes import everything, four_bar, growing, swing, waving
+from test_examples import load
+
+import skfem_cosserat as sc
+from skfem_cosserat.linear import SingularMatrixError
+from skfem_cosserat.simulate.describe import fingerprint
+
+PAIRS = [
+    (integrator, treatment)
+    for integrator in (sc.EnergyMomentum, sc.Variational)
+    for treatment in (sc.NullSpace, sc.Multipliers)
+]
+
+
+@pytest.fixture(scope="module")
+def processes():
+    with sc.Processes(2) as executor:
+        yield executor
+
+
+@pytest.fixture(scope="module")
+def pool():
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as executor:
+        yield executor
+
+
+@pytest.fixture(scope="module")
+def threads():
+    with ThreadPoolExecutor(2) as executor:
+        yield executor
+
+
+@pytest.fixture(params=["serial", "processes", "pool", "threads"])
+def executor(request):
+    """Each way of running jobs."""
+    return None if request.param == "serial" else request.getfixturevalue(request.param)
+
+
+# -- what the workers call -------------------------------------------------------------------------
+
+
+def turning(t):
+    return 0.3 * t**2
+
+
+def slow(seconds):
+    time.sleep(seconds)
+    return seconds
+
+
+def killed():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+class TwoArgumentsError(Exception):
+    """Pickles, but cannot be read again: its constructor takes something else than its text."""
+
+    def __init__(self, one, other):
+        super().__init__(f"{one} and {other}")
+
+
+class NotedError(Exception):
+    """Keeps what it was given."""
+
+
+def raising(kind, *args):
+    error = kind(*args)
+    error.at = 7
+    error.add_note("seen at dawn")
+    raise error
+
+
+def giving_a_lambda():
+    return lambda: 1
+
+
+def environment(name):
+    return os.environ.get(name)
+
+
+# -- data that travels -----------------------------------------------------------------------------
+
+
+def pendulum(length, blow=0.0):
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(1.0, position=(length, 0, 0)))
+    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    if blow:
+        model.add("blow", sc.LoadForce(bob.place(), (0, blow, 0), sc.Table([0.3, 0.4], [0, 1])))
+    return model.freeze()
+
+
+def machine():
+    """Drive, springs, actuators, a cable, a bushing, damping."""
+    model = four_bar()
+    crank, rocker, pins = model["crank"], model["rocker"], [model[f"pin {k}"] for k in range(4)]
+    model.add("motor", sc.JointDrive(pins[0], turning))
+    model.add("spring", sc.JointSpringDamper(pins[3], stiffness=2.0, damping=0.1))
+    model.add("torque", sc.JointActuator(pins[2], waving))
+    model.add("cable", sc.Cable(sc.ground((0, 3, 0)), rocker.local((0, 0, 0)), 5.0, length=1.0))
+    weight = model.add("weight", sc.RigidBody.box(1.0, (0.1, 0.2, 0.3), position=(0, 0, 2)))
+    ball = sc.JointSpherical(sc.ground((0, 0, 2)), weight.local((0, 0, 0)))
+    model.add("ball", ball)
+    model.add("twist", sc.JointActuator(ball, growing))
+    model.add("drag", sc.RayleighDamping(mass=0.1, items=[crank, weight]))
+    return model
+
+
+SYSTEMS = {
+    "swing": swing,
+    "order 3": partial(everything, 3),
+    "machine": lambda: machine().freeze(),
+}
+
+
+def equal_histories(a, b):
+    assert a.meta == b.meta
+    assert list(a.series) == list(b.series) and list(a.static) == list(b.static)
+    for name in a.series:
+        assert np.array_equal(a[name], b[name], equal_nan=True), name
+    for name in a.static:
+        assert np.array_equal(a.static[name], b.static[name]), name
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_system_that_has_travelled_is_the_same_to_the_last_bit(name):
+    """Every item, all pairs of integrator and treatment, numbers by identity included."""
+    system = SYSTEMS[name]()
+    other = pickle.loads(pickle.dumps(system))
+    assert other is not system and other.structures[0] is not system.structures[0]
+    assert fingerprint(other) == fingerprint(system)
+    assert repr(other) == repr(system) and other.redundancies() == system.redundancies()
+    start = sc.initial_state(system, v=sc.project(system, system.q0, system.v0))
+    for integrator, treatment in PAIRS:
+        one, two = (
+            sc.simulate(each, integrator(), treatment(), 1e-3, 4e-3, start=start)
+            for each in (system, other)
+        )
+        equal_histories(one, two)
+
+
+def test_a_model_and_its_places_travel_together():
+    """A place in another argument still belongs to the model's item."""
+    model = machine()
+    other, place = pickle.loads(pickle.dumps((model, model["weight"].local((0, 0, 0)))))
+    assert list(other) == list(model) and place.item is other["weight"]
+    assert fingerprint(other.freeze()) == fingerprint(model.freeze())
+    assert copy.deepcopy(other)["motor"].value(2.0) == turning(2.0)
+
+
+def test_a_system_is_sent_without_what_follows_from_it():
+    """Arrays of elements and tables of shape functions are made anew: some 1 kB an element."""
+    sizes = []
+    for elements in (100, 200):
+        system = swing(elements)
+        _ = system.length, system._scatter  # cached
+        sizes.append(len(pickle.dumps(system)))
+    assert sizes[1] - sizes[0] < 100 * 1000
+
+
+def test_results_travel():
+    system = swing(4)
+    history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05)
+    equal_histories(pickle.loads(pickle.dumps(history)), history)
+    report = next(sc.steps(system, sc.Variational(), sc.Multipliers(), 1e-2))
+    again = pickle.loads(pickle.dumps(report))
+    assert np.array_equal(again.state.q, report.state.q) and again.iterations == report.iterations
+    path = sc.static(pendulum_rod(), control=sc.ArcLength(until=1.0))
+    equal_histories(pickle.loads(pickle.dumps(path)), path)
+    modes = sc.modes(pendulum_rod(), count=3)
+    again = pickle.loads(pickle.dumps(modes))
+    assert np.array_equal(again.shapes, modes.shapes) and again.rigid == modes.rigid
+    equal_histories(again.animation(1), modes.animation(1))
+
+
+def pendulum_rod():
+    section = sc.Section.from_constants(
+        EA=1e5, GA=4e4, EI=(20, 25), GJ=15, mass=1.0, inertia=(1e-4, 1e-4)
+    )
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
+    rod = model.add("rod", sc.Beam(mesh, section, order=2, director=(0, 0, 1)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    model.add("push", sc.LoadForce(rod.node("rod.end"), (0, 1.0, 0)))
+    return model
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        sc.CosseratError("text"),
+        sc.InputError("item", "message"),
+        sc.MeshError("item", "message"),
+        sc.HistoryError("item", "message"),
+        sc.IncompatibleError("item", "message"),
+        sc.Diverged(0.1, 2, 3e-4, "reason", "advice", [[1.0, 2.0]], "load factor 3"),
+        sc.JobError("name", "reason"),
+        SingularMatrixError("matrix"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_errors_travel_with_all_they_say(error):
+    error.add_note("a note")
+    error.extra = [1, 2]
+    for again in (pickle.loads(pickle.dumps(error)), copy.copy(error)):
+        assert type(again) is type(error) and str(again) == str(error)
+        assert vars(again) == vars(error)
+
+
+# -- running ---------------------------------------------------------------------------------------
+
+
+def batch():
+    """Five runs, of which the third fails."""
+    systems = [pendulum(0.5 + 0.1 * k, 1e6 if k == 2 else 0.0) for k in range(5)]
+    scheme = sc.Variational(), sc.Multipliers()
+    return [
+        sc.Job(f"run {k}", sc.simulate, system, *scheme, step=0.1, until=1.0)
+        for k, system in enumerate(systems)
+    ]
+
+
+@pytest.fixture(scope="module")
+def expected():
+    """The histories of the batch, without any of this."""
+    out = []
+    for job in batch():
+        try:
+            out.append(job.function(*job.args, **job.kwargs))
+        except sc.Diverged as error:
+            out.append(error)
+    return out
+
+
+def test_outcomes_in_order_and_a_failure_apart(executor, expected):
+    told = []
+    outcomes = sc.run_all(batch(), executor, progress=lambda *args: told.append(args))
+    assert [outcome.name for outcome in outcomes] == [f"run {k}" for k in range(5)]
+    assert [outcome.ok for outcome in outcomes] == [True, True, False, True, True]
+    for outcome, value in zip(outcomes, expected, strict=True):
+        assert outcome.seconds > 0
+        if outcome.ok:
+            equal_histories(outcome.result(), value)
+    failed, error = outcomes[2], expected[2]
+    assert type(failed.error) is sc.Diverged and str(failed.error) == str(error)
+    assert failed.error.residuals == error.residuals and failed.error.step == error.step
+    assert failed.error.history.status == "diverged"
+    equal_histories(failed.error.history, error.history)
+    assert "in simulate" in failed.traceback and outcomes[0].traceback == ""
+    with pytest.raises(sc.Diverged):
+        failed.result()
+    assert "Diverged" in repr(failed) and "History" in repr(outcomes[0])
+    assert [done for done, _, _ in told] == [1, 2, 3, 4, 5]
+    assert {count for _, count, _ in told} == {5}
+    assert sorted(outcome.name for _, _, outcome in told) == [f"run {k}" for k in range(5)]
+
+
+def test_other_verbs_are_jobs_too(processes):
+    model = pendulum_rod()
+    pull = sc.DisplacementControl(tip(model), (0, 1, 0), 0.1)
+    jobs = [
+        sc.Job("path", sc.static, model, control=sc.LoadControl(steps=2)),
+        sc.Job("modes", sc.modes, model, count=2),
+        sc.Job("hold", sc.static, model, control=pull),
+    ]
+    path, modes, hold = (outcome.result() for outcome in sc.run_all(jobs, processes))
+    equal_histories(path, sc.static(model, control=sc.LoadControl(steps=2)))
+    assert np.array_equal(modes.eigenvalues, sc.modes(model, count=2).eigenvalues)
+    q = hold["q"][-1].reshape(-1, 12)
+    assert q[tip(model).vertex, 1] == pytest.approx(0.1, abs=1e-12)
+
+
+def tip(model):
+    return model["rod"].node("rod.end")
+
+
+def test_order_of_jobs_not_of_ends(threads):
+    """The first one is done last; progress tells them as they come."""
+    told = []
+    waits = (0.3, 0.05, 0.1)
+    jobs = [sc.Job(f"{wait}", slow, wait) for wait in waits]
+    out = sc.run_all(jobs, threads, progress=lambda done, count, outcome: told.append(outcome.name))
+    assert [outcome.value for outcome in out] == list(waits)
+    assert told == ["0.05", "0.1", "0.3"]
+    assert out[0].seconds >= 0.3 > out[1].seconds
+
+
+def test_line_of_progress(capsys):
+    sc.run_all([sc.Job("a", math.sqrt, 1.0), sc.Job("b", math.sqrt, -1.0)], progress=True)
+    assert "2 of 2 jobs done, last 'b'" in capsys.readouterr().err
+
+
+def test_nothing_to_do(executor):
+    assert sc.run_all([], executor) == []
+
+
+def test_any_error_travels(executor):
+    outcomes = sc.run_all(
+        [
+            sc.Job("noted", raising, NotedError, "text", 3),
+            sc.Job("exit", sys.exit, 3),
+            sc.Job("good", math.sqrt, 4.0),
+        ],
+        executor,
+    )
+    noted, left, good = outcomes
+    assert type(noted.error) is NotedError and noted.error.args == ("text", 3)
+    assert noted.error.at == 7 and noted.error.__notes__ == ["seen at dawn"]
+    assert type(left.error) is SystemExit and left.error.code == 3
+    assert good.value == 2.0
+
+
+@pytest.mark.parametrize("name", ["processes", "pool", "threads"])
+def test_what_cannot_travel_back_is_an_outcome(name, request):
+    """An exception that cannot be read breaks a ProcessPoolExecutor that gets it by itself."""
+    jobs = [
+        sc.Job("error", raising, TwoArgumentsError, 1, 2),
+        sc.Job("value", giving_a_lambda),
+        sc.Job("good", math.sqrt, 4.0),
+    ]
+    error, value, good = sc.run_all(jobs, request.getfixturevalue(name))
+    assert type(error.error) is sc.JobError and error.error.job == "error"
+    assert "TwoArgumentsError: 1 and 2" in str(error.error) and "in raising" in error.traceback
+    assert "'value'" in str(value.error) and "of type function" in str(value.error)
+    assert good.value == 2.0
+
+
+# -- workers that end ------------------------------------------------------------------------------
+
+
+def test_a_killed_worker_costs_its_own_job(processes):
+    jobs = [sc.Job(f"{k}", *((killed,) if k == 1 else (slow, 0.01))) for k in range(6)]
+    outcomes = sc.run_all(jobs, processes)
+    assert [outcome.ok for outcome in outcomes] == [True, False, True, True, True, True]
+    error = outcomes[1].error
+    assert type(error) is sc.JobError and error.job == "1" and "SIGKILL" in str(error)
+    assert type(error.__cause__) is BrokenProcessPool
+
+
+def test_a_worker_that_dies_between_jobs_is_replaced():
+    with sc.Processes(1) as executor:
+        executor.submit(math.sqrt, 4.0).result()
+        executor._idle[0].process.kill()
+        executor._idle[0].process.join()
+        assert executor.submit(math.sqrt, 9.0).result() == 3.0
+
+
+def test_a_broken_pool_is_an_outcome():
+    """Jobs in it and after it say so; nothing is raised, and what was done is kept."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        jobs = [
+            sc.Job("first", math.sqrt, 4.0),
+            sc.Job("killed", killed),
+            *(sc.Job(f"{k}", slow, 0.01) for k in range(4)),
+        ]
+        outcomes = sc.run_all(jobs, pool)
+        assert outcomes[0].value == 2.0
+        for outcome in outcomes[1:]:
+            assert type(outcome.error) is sc.JobError and outcome.name in str(outcome.error)
+            assert "process ended" in str(outcome.error)
+        (late,) = sc.run_all([sc.Job("late", math.sqrt, 4.0)], pool)
+        assert type(late.error) is sc.JobError and type(late.error.__cause__) is BrokenProcessPool
+
+
+def test_processes_is_an_executor(processes):
+    assert processes.submit(pow, 2, exp=5).result() == 32
+    assert list(processes.map(math.sqrt, [1.0, 4.0])) == [1.0, 2.0]
+    with pytest.raises(NotedError):
+        processes.submit(raising, NotedError).result()
+
+
+def test_one_thread_each_and_the_own_environment_untouched(processes, monkeypatch):
+    names = ("OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "OMP_NUM_THREADS")
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    before = dict(os.environ)
+    assert [processes.submit(environment, name).result() for name in names] == ["1"] * 3
+    with sc.Processes(1, threads=3) as executor:
+        assert executor.submit(environment, "NUMBA_NUM_THREADS").result() == "3"
+    assert dict(os.environ) == before
+
+
+def test_an_error_in_the_block_ends_the_workers():
+    start, futures = time.perf_counter(), []
+
+    def block():
+        with sc.Processes(1) as executor:
+            executor.submit(math.sqrt, 4.0).result()
+            futures.append(executor.submit(slow, 60.0))
+            while not futures[0].running():
+                time.sleep(0.01)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        block()
+    assert time.perf_counter() - start < 30
+    assert isinstance(futures[0].exception(), BrokenProcessPool)
+
+
+# -- refused before work starts --------------------------------------------------------------------
+
+
+class Refusing:
+    """An executor that must not be asked."""
+
+    def submit(self, function, *args):
+        raise AssertionError("work started")
+
+
+def driven():
+    model = four_bar()
+    model.add("motor", sc.JointDrive(model["pin 0"], lambda t: t**2))
+    return model
+
+
+def loaded(**options):
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0))
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    model.add("wind", sc.LoadForce(ball.place(), **options))
+    return model
+
+
+def shaken():
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(1.0, position=(0, 0, -1)))
+    motion = sc.Motion(displacement=lambda t: (t, 0, 0))
+    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0), motion), bob.place()))
+    return model
+
+
+def actuated():
+    model = four_bar()
+    model.add("torque", sc.JointActuator(model["pin 1"], lambda t: t))
+    return model
+
+
+STUCK = {
+    "amplitude": (lambda: loaded(value=(1, 0, 0), amplitude=lambda t: t), "load 'wind'"),
+    "vector": (lambda: loaded(value=lambda t: (t, 0, 0)), "load 'wind'"),
+    "wrapped": (
+        lambda: loaded(value=(1, 0, 0), amplitude=sc.FunctionOfTime(lambda t: t)),
+        "load 'wind'",
+    ),
+    "partial": (
+        lambda: loaded(value=(1, 0, 0), amplitude=partial(lambda a, t: a * t, 2.0)),
+        "load 'wind'",
+    ),
+    "drive": (driven, "drive 'motor'"),
+    "motion": (shaken, "joint 'rod'"),
+    "actuator": (actuated, "joint actuator 'torque'"),
+}
+
+
+@pytest.mark.parametrize("name", STUCK)
+@pytest.mark.parametrize("frozen", [True, False])
+def test_a_function_that_cannot_travel_is_named_before_work_starts(name, frozen):
+    make, label = STUCK[name]
+    scene = make().freeze() if frozen else make()
+    jobs = [sc.Job("first", math.sqrt, 4.0), sc.Job("k = 2", repr, scene)]
+    with pytest.raises(sc.InputError) as caught:
+        sc.run_all(jobs, Refusing())
+    text = str(caught.value)
+    assert text.startswith("job 'k = 2', ") and label in caught.value.item
+    assert (
+        text.count("of module 'test_parallel'") == 1 and "executor=None" in text and "Table" in text
+    )
+    assert all(outcome.ok for outcome in sc.run_all(jobs))
+
+
+def test_all_that_stands_in_the_way_is_named_at_once():
+    model = loaded(value=(1, 0, 0), amplitude=lambda t: t)
+    model.add("rain", sc.LoadGravity((0, 0, 1), lambda t: t))
+    with pytest.raises(sc.InputError) as caught:
+        sc.run_all([sc.Job("a", repr, model, [print, lambda: 1])], Refusing())
+    for label in ("load 'wind'", "load 'rain'", "argument 2"):
+        assert label in str(caught.value)
+
+
+def test_a_local_function_and_an_object_that_cannot_travel():
+    def local():
+        return 1
+
+    with pytest.raises(sc.InputError, match=r"job 'a', function: '.*local' of module"):
+        sc.run_all([sc.Job("a", local)], Refusing())
+    with pytest.raises(sc.InputError, match=r"argument callbacks: .*type 'lock'"):
+        sc.run_all([sc.Job("a", print, callbacks=threading.Lock())], Refusing())
+    assert sc.run_all([sc.Job("a", local)])[0].value == 1
+
+
+def test_ready_objects_and_module_functions_travel(processes):
+    """A table, and a function at the top level of a module, also with parameters."""
+    for amplitude in (sc.Table([0, 1], [0, 2]), waving, partial(pow, 2.0)):
+        system = loaded(value=(1, 0, 0), amplitude=amplitude).freeze()
+        arguments = system, sc.EnergyMomentum(), sc.NullSpace(), 0.1, 0.5
+        (outcome,) = sc.run_all([sc.Job("a", sc.simulate, *arguments)], processes)
+        equal_histories(outcome.result(), sc.simulate(*arguments))
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: sc.Job("", math.sqrt), "name = ''"),
+        (lambda: sc.Job("a", 3), "job 'a': 3 cannot be called"),
+        (lambda: sc.run_all(3), "argument jobs: 3"),
+        (lambda: sc.run_all([math.sqrt]), "expected a Job"),
+        (lambda: sc.run_all([sc.Job("a", id), sc.Job("a", id)]), "two jobs are called 'a'"),
+        (lambda: sc.run_all([], executor=2), "argument executor: 2"),
+        (lambda: sc.run_all([], progress=2), "argument progress: 2"),
+        (lambda: sc.Processes(0), "argument workers: 0"),
+        (lambda: sc.Processes(1, threads=-1), "argument threads: -1"),
+    ],
+)
+def test_bad_arguments(call, text):
+    with pytest.raises(sc.InputError) as caught:
+        call()
+    assert text in str(caught.value)
+
+
+# -- interruption ----------------------------------------------------------------------------------
+
+
+def interrupting(report):
+    signal.raise_signal(signal.SIGINT)
+
+
+def interrupted_run(system):
+    return sc.simulate(
+        system, sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, callbacks=[interrupting]
+    )
+
+
+def test_ctrl_c_ends_the_run_and_starts_no_other(caplog):
+    """The simulation under way ends after its step, as it does alone."""
+    system = pendulum(1.0)
+    jobs = [
+        sc.Job("done", math.sqrt, 4.0),
+        sc.Job("under way", interrupted_run, system),
+        sc.Job("not started", math.sqrt, 4.0),
+    ]
+    with caplog.at_level(logging.WARNING):
+        done, under_way, left = sc.run_all(jobs)
+    assert done.value == 2.0
+    assert under_way.value.status == "interrupted" and len(under_way.value) == 2
+    assert type(left.error) is sc.JobError and "cancelled" in str(left.error)
+    assert "interrupted" in caplog.text
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def twice():
+    signal.raise_signal(signal.SIGINT)
+    signal.raise_signal(signal.SIGINT)
+
+
+def test_a_second_ctrl_c_ends_it_at_once():
+    jobs = [sc.Job("done", math.sqrt, 4.0), sc.Job("twice", twice), sc.Job("left", math.sqrt, 4.0)]
+    with pytest.raises(KeyboardInterrupt) as caught:
+        sc.run_all(jobs)
+    assert [outcome.ok for outcome in caught.value.outcomes] == [True, False, False]
+
+
+def test_ctrl_c_cancels_what_an_executor_has_not_started():
+    """What runs is waited for."""
+    jobs = [sc.Job(f"{k}", slow, 0.1) for k in range(5)]
+
+    def interrupt(done, count, outcome):
+        if done == 1:
+            raise KeyboardInterrupt
+
+    with ThreadPoolExecutor(1) as threads:
+        outcomes = sc.run_all(jobs, threads, progress=interrupt)
+    assert outcomes[0].ok and not any(outcome.ok for outcome in outcomes[2:])
+    assert all("cancelled" in str(outcome.error) for outcome in outcomes[2:])
+
+
+@pytest.mark.parametrize("kind", [KeyboardInterrupt, ZeroDivisionError])
+def test_an_error_of_progress_cancels_the_rest(kind):
+    """As Ctrl-C for a second time does."""
+
+    def fail(done, count, outcome):
+        raise kind
+
+    jobs = [sc.Job(f"{k}", slow, 0.05) for k in range(20)]
+    start = time.perf_counter()
+    with ThreadPoolExecutor(1) as threads, pytest.raises(kind) as caught:
+        sc.run_all(jobs, threads, progress=fail)
+    assert time.perf_counter() - start < 0.7
+    if kind is KeyboardInterrupt:
+        assert len(caught.value.outcomes) == 20
+
+
+# -- other executors -------------------------------------------------------------------------------
+
+
+class Promise:
+    """A future of somebody else's making."""
+
+    def __init__(self, function, args):
+        self.call = partial(function, *args)
+
+    def result(self):
+        return self.call()
+
+    def cancel(self):
+        raise AssertionError("all are done")
+
+
+class Elsewhere:
+    """An executor with futures that are not Python's."""
+
+    def submit(self, function, *args):
+        return Promise(function, args)
+
+
+def test_futures_that_are_not_pythons():
+    told = []
+    jobs = [sc.Job(f"{x}", math.sqrt, x) for x in (4.0, -1.0, 9.0)]
+    outcomes = sc.run_all(jobs, Elsewhere(), progress=lambda done, n, out: told.append(out.name))
+    assert [outcome.value for outcome in outcomes] == [2.0, None, 3.0]
+    assert told == ["4.0", "-1.0", "9.0"]
+
+
+class Losing:
+    """An executor that fails."""
+
+    def submit(self, function, *args):
+        future = Future()
+        future.set_exception(ConnectionError("gone"))
+        return future
+
+
+def test_an_executor_that_fails_is_an_outcome():
+    (outcome,) = sc.run_all([sc.Job("a", math.sqrt, 4.0)], Losing())
+    assert "job 'a': the executor gave no answer: ConnectionError: gone" in str(outcome.error)
+
+
+@pytest.fixture(scope="module")
+def client():
+    distributed = pytest.importorskip("distributed")
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
+        yield client
+
+
+@pytest.mark.slow
+def test_a_local_dask_cluster(client, expected):
+    """Two workers, the same numbers; and a worker that is killed."""
+    with client.get_executor() as executor:
+        test_outcomes_in_order_and_a_failure_apart(executor, expected)
+        test_any_error_travels(executor)
+        workers = sc.run_all([sc.Job(f"{k}", pid, 0.3) for k in range(4)], executor)
+        assert len({outcome.value for outcome in workers}) == 2
+        assert os.getpid() not in {outcome.value for outcome in workers}
+    outcomes = sc.run_all(batch(), client)  # the client itself will do
+    assert [outcome.ok for outcome in outcomes] == [True, True, False, True, True]
+    equal_histories(outcomes[3].value, expected[3])
+
+
+@pytest.mark.slow
+def test_a_dask_worker_that_is_killed(client):
+    with client.get_executor(retries=0) as executor:
+        jobs = [sc.Job("good", math.sqrt, 4.0), sc.Job("killed", killed)]
+        good, bad = sc.run_all(jobs, executor)
+    assert good.value == 2.0
+    assert type(bad.error) is sc.JobError and "job 'killed'" in str(bad.error)
+
+
+def pid(seconds):
+    time.sleep(seconds)
+    return os.getpid()
+
+
+# -- example ---------------------------------------------------------------------------------------
+
+
+def test_example():
+    """Eight runs in two processes are those of one; the last one fails."""
+    result = load("parallel_runs").main(until=0.04, elements=4)
+    assert result["identical"]
+    assert len(result["rows"]) == 8 and result["failed"] == [result["rows"][-1][0]]
+    assert "could not be solved" in result["rows"][-1][3]
+    heights = [row[1] for row in result["rows"]]
+    assert max(heights) < 0 and result["serial"] > 0 and result["parallel"] > 0
