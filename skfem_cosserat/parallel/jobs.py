@@ -66,9 +66,10 @@ class Outcome:
         Of the job.
     value : object
         What its function gave; None if it failed.
-    error : BaseException or None
+    error : Exception or None
         What it raised, with its attributes (``Diverged`` with ``history``, ``residuals``, ...), or
-        a :class:`JobError` if its worker ended, it was cancelled, or something could not travel.
+        a :class:`JobError` if its worker ended, it called ``sys.exit``, it was cancelled, or
+        something could not travel.
     seconds : float
         How long its function ran (s); NaN if that is not known.
     traceback : str
@@ -85,7 +86,7 @@ class Outcome:
 
     name: str
     value: Any = None
-    error: BaseException | None = None
+    error: Exception | None = None
     seconds: float = float("nan")
     traceback: str = ""
 
@@ -134,24 +135,28 @@ class _Call(NamedTuple):
     """How a call ended."""
 
     value: Any
-    error: Exception | SystemExit | None
+    error: Exception | None
     seconds: float
     traceback: str
 
 
-def call(function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> _Call:
-    """Call a function, and keep what it raises."""
+def call(
+    name: str, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]
+) -> _Call:
+    """Do the job of this name, and keep what it raises."""
     value, caught, start = None, Caught(), time.perf_counter()
     with caught:
         value = function(*args, **kwargs)
     seconds, error = time.perf_counter() - start, caught.error
-    text = "" if error is None else "".join(traceback.format_exception(error))
+    text = "" if error is None else _text(error)
+    if isinstance(error, SystemExit):
+        error = JobError(name, f"it called sys.exit({error.code!r})")
     return _Call(value, error, seconds, text)
 
 
 def done_here(job: Job) -> Outcome:
     """Do a job in this process, with its own arguments."""
-    return Outcome(job.name, *call(job.function, job.args, job.kwargs))
+    return Outcome(job.name, *call(job.name, job.function, job.args, job.kwargs))
 
 
 # -- there and back --------------------------------------------------------------------------------
@@ -173,21 +178,22 @@ class Answer(NamedTuple):
 
 def pack(job: Job) -> bytes:
     """A job's call as bytes, functions by reference."""
-    return pickle.dumps((job.function, job.args, job.kwargs), pickle.HIGHEST_PROTOCOL)
+    content = job.name, job.function, job.args, job.kwargs
+    return pickle.dumps(content, pickle.HIGHEST_PROTOCOL)
 
 
 def run_packed(packed: bytes) -> Answer:
     """Do a packed job; in the worker. Nothing that the job is or does makes this fail."""
     reading = Caught()
     with reading:
-        function, args, kwargs = pickle.loads(packed)
+        name, function, args, kwargs = pickle.loads(packed)
     if reading.error is not None:
         what = (
             f"it cannot be read in the worker process ({_in_words(reading.error)}): what it refers"
             " to must be importable there"
         )
         return Answer(True, b"", what, float("nan"), _text(reading.error))
-    value, error, seconds, text = call(function, args, kwargs)
+    value, error, seconds, text = call(name, function, args, kwargs)
     sending, data = Caught(), b""
     with sending:
         data = pickle.dumps(value if error is None else error, pickle.HIGHEST_PROTOCOL)
@@ -208,7 +214,7 @@ def read(name: str, answer: Answer) -> Outcome:
     content, reading = None, Caught()
     with reading:
         content = pickle.loads(answer.data)
-    if reading.error is not None or (answer.failed and not isinstance(content, BaseException)):
+    if reading.error is not None or (answer.failed and not isinstance(content, Exception)):
         error = JobError(
             name, f"{answer.what}, which cannot be read back: {_in_words(reading.error)}"
         )

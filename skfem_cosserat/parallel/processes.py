@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from ..errors import InputError
-from .jobs import Answer, read, run_packed
+from .jobs import Answer, Job, pack, read, run_packed
 
 __all__ = ["Processes"]
 
@@ -28,7 +28,13 @@ THREADS = (
     "VECLIB_MAXIMUM_THREADS",
     "NUMBA_NUM_THREADS",
 )
+#: name of what is called by somebody else than run_all
+CALL = "a call of an executor"
 _STARTING = threading.Lock()
+
+
+class WorkerEndedError(BrokenProcessPool):
+    """The process that did a job ended before it answered."""
 
 
 class Processes(Executor):
@@ -85,9 +91,9 @@ class Processes(Executor):
         Returns
         -------
         Future
-            Its result raises ``BrokenProcessPool`` if the worker ended.
+            Its result raises ``BrokenProcessPool`` if the worker ended before it answered.
         """
-        return self._pool.submit(self._call, pickle.dumps((function, args, kwargs)))
+        return self._pool.submit(self._call, pack(Job(CALL, function, *args, **kwargs)))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the workers: those at work when they are done."""
@@ -128,7 +134,7 @@ class Processes(Executor):
                 self._idle.append(worker)
         if not keep:
             worker.close()
-        return read("of this executor", answer).result()
+        return read(CALL, answer).result()
 
 
 class _Worker:
@@ -149,7 +155,7 @@ class _Worker:
             return Answer(*pickle.loads(self._connection.recv_bytes()))
         except (EOFError, OSError) as error:
             self.close()
-            raise BrokenProcessPool(f"the worker process ended {self._ending()}") from error
+            raise WorkerEndedError(f"its worker process ended {self._ending()}") from error
 
     def close(self) -> None:
         """Let it end, and wait for that."""

@@ -12,6 +12,7 @@ from ..simulate.interrupt import Interrupt
 from ..simulate.progress import Progress
 from .checks import refusal
 from .jobs import Caught, Job, Outcome, done_here, pack, read, run_packed
+from .processes import WorkerEndedError
 
 __all__ = ["Executor", "run_all"]
 
@@ -225,8 +226,10 @@ def _cancel(futures: dict[int, Any]) -> None:
 
 def _lost(job: Job, error: BaseException | None) -> Outcome:
     """What the executor says instead of an answer."""
-    if isinstance(error, BrokenExecutor):
-        what = f"its worker process ended, or that of a job beside it: {error}"
+    if isinstance(error, WorkerEndedError):
+        what = str(error)
+    elif isinstance(error, BrokenExecutor):
+        what = f"a worker process ended while this job or another one ran: {error}"
     elif isinstance(error, CancelledError):
         what = CANCELLED
     else:
