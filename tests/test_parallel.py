@@ -663,6 +663,17 @@ def client():
 
 
 @pytest.mark.slow
+def test_compiled_kernels_in_the_workers(processes):
+    """Nothing compiled travels; each worker finds or makes its own."""
+    pytest.importorskip("numba")
+    arguments = swing(), sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 5e-3
+    jobs = [sc.Job(f"{k}", sc.simulate, *arguments, kernels="numba") for k in range(2)]
+    expected = sc.simulate(*arguments, kernels="numba")
+    for outcome in sc.run_all(jobs, processes):
+        equal_histories(outcome.result(), expected)
+
+
+@pytest.mark.slow
 def test_a_local_dask_cluster(client, expected):
     """Two workers, the same numbers; and a worker that is killed."""
     with client.get_executor() as executor:

@@ -2,6 +2,6 @@
 
 from .jobs import Job, Outcome
 from .processes import Processes
-from .run import run_all
+from .run import Executor, run_all
 
-__all__ = ["Job", "Outcome", "Processes", "run_all"]
+__all__ = ["Executor", "Job", "Outcome", "Processes", "run_all"]

@@ -30,6 +30,8 @@ THREADS = (
 )
 #: name of what is called by somebody else than run_all
 CALL = "a call of an executor"
+#: seconds that a worker without work may take to end
+PATIENCE = 10.0
 _STARTING = threading.Lock()
 
 
@@ -158,14 +160,18 @@ class _Worker:
             raise WorkerEndedError(f"its worker process ended {self._ending()}") from error
 
     def close(self) -> None:
-        """Let it end, and wait for that."""
+        """Let it end, and wait for that; threads that a job left running do not keep it."""
         self._connection.close()
-        self.process.join()
+        self.process.join(PATIENCE)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
 
     def _ending(self) -> str:
         code = self.process.exitcode
         if code is not None and code < 0:
-            return f"by signal {signal.Signals(-code).name}"
+            names = {each.value: each.name for each in signal.Signals}
+            return f"by signal {names.get(-code, -code)}"
         if code == 1:
             return (
                 'with exit code 1 (a script needs `if __name__ == "__main__":` around what it does)'
