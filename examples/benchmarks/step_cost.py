@@ -11,13 +11,6 @@ Run ``python examples/benchmarks/step_cost.py --help`` for the choices.
 
 from __future__ import annotations
 
-import os
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices
-
-import argparse
-import csv
-import json
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -25,18 +18,16 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import measuring  # before numpy: one thread
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-import paper_record
+from measuring import INTEGRATORS, TREATMENTS, chain, rubber
 
 import skfem_cosserat as sc
 from skfem_cosserat.integrators import Stepper
 from skfem_cosserat.integrators.fast import refusal
 
-INTEGRATORS = {"energy-momentum": sc.EnergyMomentum, "variational": sc.Variational}
-TREATMENTS = {"null-space": sc.NullSpace, "multipliers": sc.Multipliers}
 STEP = 1e-3
 #: largest exponent with which the cost of a step may grow with the elements, compiled
 EXPONENT = 1.05
@@ -46,22 +37,6 @@ COLUMNS = (
     *("scene", "elements", "order", "integrator", "treatment", "kernels", "solver"),
     *("ms_per_step", "ms_per_iteration", "iterations_per_step", "unknowns", "steps"),
 )
-
-
-def rubber() -> sc.Section:
-    """A round rod, 1 cm thick."""
-    return sc.SectionCircle(radius=5e-3, material=sc.Material(E=5e6, nu=0.5, rho=1100))
-
-
-def chain(elements: int, order: int) -> sc.System:
-    """A rod on a hinge, drawn out of its plane."""
-    model = sc.Model()
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), elements, name="rod")
-    rod = model.add("rod", sc.Beam(mesh, rubber(), order=order, director=(0, 1, 0)))
-    pin = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1))
-    model.add("hinge", pin)
-    model.add("gravity", sc.LoadGravity((0, -9.81, 0.5)))
-    return model.freeze()
 
 
 def tree(elements: int, order: int) -> sc.System:
@@ -97,13 +72,9 @@ def measured(
             state = stepper.advance(state).state
         last = time.perf_counter() - begun
         steps = int(np.clip(budget / repeats / last, 3, 500))
-        iterations = 0
-        begun = time.perf_counter()
-        for _ in range(steps):
-            report = stepper.advance(state)
-            state, iterations = report.state, iterations + report.iterations
-        times.append((time.perf_counter() - begun) / steps)
-        counts.append(iterations / steps)
+        run = measuring.advance(stepper, state, steps)
+        times.append(run.seconds / steps)
+        counts.append(run.iterations / steps)
     return {
         "kernels": stepper.choice.name,
         "solver": stepper.method,
@@ -113,17 +84,6 @@ def measured(
         "unknowns": stepper.bound.unknowns,
         "steps": steps,
     }
-
-
-def yardstick() -> float:
-    """Speed of a matrix product of this run (GF/s)."""
-    a = np.random.default_rng(0).standard_normal((600, 600))
-    times = []
-    for _ in range(7):
-        begun = time.perf_counter()
-        a @ a
-        times.append(time.perf_counter() - begun)
-    return 2 * 600**3 / median(times) / 1e9
 
 
 def exponents(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
@@ -186,24 +146,11 @@ def main(
     result = {
         "rows": rows,
         "exponents": exponents(rows),
-        "dgemm_gflops": yardstick(),
-        "provenance": paper_record.main(),
+        **measuring.environment(),
     }
     if out is not None:
-        write(result, Path(out))
+        measuring.write(Path(out) / "step_cost.csv", result, COLUMNS)
     return result
-
-
-def write(result: dict[str, Any], folder: Path) -> None:
-    """The table, with what it was measured on."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "step_cost.csv").open("w", newline="", encoding="utf-8") as file:
-        for name, value in result["provenance"].items():
-            file.write(f"# {name}: {json.dumps(value)}\n")
-        file.write(f"# dgemm: {result['dgemm_gflops']:.1f} GF/s\n")
-        table = csv.DictWriter(file, COLUMNS)
-        table.writeheader()
-        table.writerows(result["rows"])
 
 
 def missed(result: dict[str, Any]) -> list[str]:
@@ -228,22 +175,8 @@ def report(result: dict[str, Any]) -> str:
             f" {r['ms_per_iteration']:10.4f} {r['iterations_per_step']:6.2f}"
         )
     lines += [f"exponent {value:6.3f}  {name}" for name, value in result["exponents"].items()]
-    lines.append(f"dgemm {result['dgemm_gflops']:.1f} GF/s")
     return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="up to 200 elements")
-    parser.add_argument("--json", help="file for the rows")
-    parser.add_argument("--check", action="store_true", help="exit with 1 where a figure is missed")
-    parser.add_argument("--out", help="folder for step_cost.csv")
-    arguments = parser.parse_args()
-    answer = main(arguments.quick, out=arguments.out)
-    print(report(answer))
-    if arguments.json:
-        Path(arguments.json).write_text(json.dumps(answer["rows"]), encoding="utf-8")
-    wrong = missed(answer)
-    print("\n".join(wrong))
-    if arguments.check and wrong:
-        sys.exit(1)
+    sys.exit(measuring.command(__doc__, main, report, missed))

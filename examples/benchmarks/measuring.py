@@ -1,0 +1,180 @@
+"""What the benchmarks of this folder share: scene, clock, yardstick, tables, command line.
+
+Import it before numpy: it keeps the linear algebra to one thread. Times are CPU times of the
+process (:func:`time.process_time`): with one thread they are what a clock on the wall shows on an
+idle machine, and other programs disturb them less.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices
+
+import argparse
+import csv
+import json
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields
+from pathlib import Path
+from statistics import median
+from typing import Any, NamedTuple
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import paper_record
+
+import skfem_cosserat as sc
+from skfem_cosserat.integrators import Stepper
+from skfem_cosserat.newton import NewtonSettings
+
+__all__ = ["INTEGRATORS", "TREATMENTS", "Run", "advance", "chain", "command", "full_newton"]
+__all__ += ["environment", "rubber", "table", "tip", "write"]
+
+INTEGRATORS = {"energy-momentum": sc.EnergyMomentum, "variational": sc.Variational}
+TREATMENTS = {"null-space": sc.NullSpace, "multipliers": sc.Multipliers}
+GRAVITY = (0.0, -9.81, 0.5)
+LENGTH, RADIUS = 1.0, 5e-3
+
+
+def rubber() -> sc.Section:
+    """A round rod, 1 cm thick."""
+    return sc.SectionCircle(radius=RADIUS, material=sc.Material(E=5e6, nu=0.5, rho=1100))
+
+
+def chain(elements: int, order: int) -> sc.System:
+    """A rod on a hinge, drawn out of its plane."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (LENGTH, 0, 0), elements, name="rod")
+    rod = model.add("rod", sc.Beam(mesh, rubber(), order=order, director=(0, 1, 0)))
+    pin = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1))
+    model.add("hinge", pin)
+    model.add("gravity", sc.LoadGravity(GRAVITY))
+    return model.freeze()
+
+
+def tip(system: sc.System, state: Any) -> np.ndarray:
+    """Where the free end of the rod of :func:`chain` is (m)."""
+    rod: Any = system.structures[0]
+    first = system.offset(rod.node("rod.end"))
+    return np.asarray(state.q[first : first + 3])
+
+
+def full_newton() -> NewtonSettings:
+    """Settings with which every iteration has a matrix and a factorisation of its own."""
+    known = {field.name for field in fields(NewtonSettings)}
+    return NewtonSettings(**({"reuse": False} if "reuse" in known else {}))
+
+
+class Run(NamedTuple):
+    """A stretch of steps: CPU time, Newton iterations, factorisations, and where it ended."""
+
+    seconds: float
+    iterations: int
+    factorisations: int
+    state: Any
+
+
+def advance(stepper: Stepper, state: Any, steps: int) -> Run:
+    """Solve as many steps from `state` on, without recording anything."""
+    iterations, before = 0, stepper.factorisations
+    begun = time.process_time()
+    for _ in range(steps):
+        report = stepper.advance(state)
+        state, iterations = report.state, iterations + report.iterations
+    seconds = time.process_time() - begun
+    return Run(seconds, iterations, stepper.factorisations - before, state)
+
+
+def yardstick() -> float:
+    """Speed of a matrix product of this run (GF/s)."""
+    a = np.random.default_rng(0).standard_normal((600, 600))
+    times = []
+    for _ in range(7):
+        begun = time.process_time()
+        a @ a
+        times.append(time.process_time() - begun)
+    return 2 * 600**3 / median(times) / 1e9
+
+
+def environment() -> dict[str, Any]:
+    """Where the numbers of this run come from, and how fast it is there."""
+    return {"dgemm_gflops": yardstick(), "provenance": paper_record.main()}
+
+
+def write(path: Path, result: dict[str, Any], columns: Sequence[str]) -> None:
+    """The rows as CSV, below lines with ``#`` that say where they were measured."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    notes = {**result["provenance"], **result.get("notes", {})}
+    with path.open("w", newline="", encoding="utf-8") as file:
+        for name, value in notes.items():
+            file.write(f"# {name}: {json.dumps(value)}\n")
+        file.write(f"# dgemm: {result['dgemm_gflops']:.1f} GF/s\n")
+        lines = csv.DictWriter(file, columns, extrasaction="ignore", lineterminator="\n")
+        lines.writeheader()
+        lines.writerows(result["rows"])
+
+
+def table(rows: Iterable[dict[str, Any]], columns: Sequence[str]) -> str:
+    """The rows as text."""
+    cells = [list(columns), *([_text(row.get(name)) for name in columns] for row in rows)]
+    widths = [max(len(line[k]) for line in cells) for k in range(len(columns))]
+    return "\n".join(
+        "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+        for line in cells
+    )
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def command(
+    doc: str | None,
+    main: Callable[..., dict[str, Any]],
+    report: Callable[[dict[str, Any]], str],
+    missed: Callable[[dict[str, Any]], list[str]],
+    arguments: Sequence[str] | None = None,
+    options: Sequence[str] = (),
+) -> int:
+    """Run a benchmark from the command line.
+
+    Parameters
+    ----------
+    doc : str
+        Its first line describes the command.
+    main, report, missed : callable
+        Measure; the result as text; the figures it misses, as text.
+    arguments : sequence of str, optional
+        Default: those of the process.
+    options : sequence of str
+        Names of further arguments of `main` that take a folder.
+
+    Returns
+    -------
+    int
+        Exit status: 1 with ``--check`` where a figure is missed.
+    """
+    parser = argparse.ArgumentParser(description=(doc or "").splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="small scenes, short runs")
+    parser.add_argument("--json", help="file for the rows, a list")
+    parser.add_argument("--check", action="store_true", help="exit with 1 where a figure is missed")
+    parser.add_argument("--out", help="folder for the table, and the chart where there is one")
+    for name in options:
+        parser.add_argument(f"--{name}", help=f"folder for {name}")
+    chosen = parser.parse_args(arguments)
+    more = {name: getattr(chosen, name) for name in options}
+    result = main(chosen.quick, out=chosen.out, **more)
+    print(report(result))
+    print(f"dgemm {result['dgemm_gflops']:.1f} GF/s")
+    if chosen.json:
+        Path(chosen.json).write_text(json.dumps(result["rows"]), encoding="utf-8")
+    wrong = missed(result)
+    print("\n".join(wrong) if wrong else "no figure is missed")
+    return 1 if chosen.check and wrong else 0

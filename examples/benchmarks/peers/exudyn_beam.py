@@ -1,0 +1,200 @@
+"""Adapter: the hinged beam in Exudyn, one run, its cost and tip as JSON on stdout.
+
+Runs in an environment that has Exudyn and not this package: all numbers of the scene come on the
+command line. Exudyn's build without range checks is taken (``sys.exudynFast``), one thread, its
+default tolerances. CPU time is that of the steps after `warm` ones, without setting the solver up.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from importlib import import_module
+from itertools import pairwise
+from typing import Any
+
+NODES = ("Rxyz", "EP", "RotVecLG")
+SOLVERS = ("EXUdense", "EigenDense", "EigenSparse", "EigenSparseSymmetric")
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line; the scene: length, stiffness (6, as a section of ours), mass, inertia, g."""
+    out = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    out.add_argument("--scene", required=True, type=json.loads, help="numbers, as JSON")
+    out.add_argument("--element", choices=("exact", "cable"), default="exact")
+    out.add_argument("--elements", type=int, required=True)
+    out.add_argument("--node", choices=NODES, default="EP")
+    out.add_argument("--newton", choices=("full", "modified"), default="modified")
+    out.add_argument("--solver", choices=SOLVERS, default="EigenSparse")
+    out.add_argument("--tolerance", type=float, default=1e-8, help="of the residual, relative")
+    out.add_argument("--reuse-pattern", action="store_true", help="of the sparse factorisation")
+    out.add_argument("--checked", action="store_true", help="the build with range checks")
+    out.add_argument("--step", type=float, default=1e-3)
+    out.add_argument("--warm", type=int, default=2, help="steps that are not timed")
+    out.add_argument("--steps", type=int, required=True, help="that are timed")
+    out.add_argument("--sample", type=float, default=0.0, help="interval of the tip path (s)")
+    return out
+
+
+def exact_beam(mbs: Any, a: argparse.Namespace) -> list[int]:
+    """Geometrically exact beams on a hinge about the third axis; the numbers of the nodes."""
+    import exudyn as exu
+
+    items: Any = import_module("exudyn.itemInterface")
+
+    s, n = a.scene, a.elements
+    shear1, shear2, axial, bend1, bend2, twist = s["stiffness"]
+    section = exu.BeamSection()
+    section.stiffnessMatrix = _diagonal([axial, shear1, shear2, twist, bend1, bend2])
+    section.inertia = _diagonal([sum(s["inertia"]), *s["inertia"]])
+    section.massPerLength = s["mass"]
+    kind = getattr(items, f"NodeRigidBody{a.node}")
+    rotation = [1, 0, 0, 0] if a.node == "EP" else [0, 0, 0]
+    nodes = [
+        mbs.AddNode(kind(referenceCoordinates=[s["length"] * k / n, 0, 0, *rotation]))
+        for k in range(n + 1)
+    ]
+    for pair in pairwise(nodes):
+        beam = items.ObjectBeamGeometricallyExact(
+            nodeNumbers=list(pair), length=s["length"] / n, sectionData=section
+        )
+        mbs.AddObject(beam)
+    ground = mbs.AddObject(items.ObjectGround())
+    sides = [
+        mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=ground, localPosition=[0, 0, 0])),
+        mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=nodes[0])),
+    ]
+    mbs.AddObject(items.GenericJoint(markerNumbers=sides, constrainedAxes=[1, 1, 1, 1, 1, 0]))
+    for k, node in enumerate(nodes):  # gravity, as the linear shape functions share it out
+        weight = s["mass"] * s["length"] / n * (0.5 if k in (0, n) else 1.0)
+        marker = mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=node))
+        force = [weight * g for g in s["gravity"]]
+        mbs.AddLoad(items.Force(markerNumber=marker, loadVector=force))
+    return nodes
+
+
+def cable(mbs: Any, a: argparse.Namespace) -> list[int]:
+    """ANCF cables (neither shear nor torsion) on a hinge; the numbers of the nodes."""
+    items: Any = import_module("exudyn.itemInterface")
+
+    s, n = a.scene, a.elements
+    nodes = [
+        mbs.AddNode(
+            items.NodePointSlope1(referenceCoordinates=[s["length"] * k / n, 0, 0, 1, 0, 0])
+        )
+        for k in range(n + 1)
+    ]
+    for pair in pairwise(nodes):
+        body = mbs.AddObject(
+            items.ObjectANCFCable(
+                length=s["length"] / n,
+                massPerLength=s["mass"],
+                bendingStiffness=s["stiffness"][3],
+                axialStiffness=s["stiffness"][2],
+                nodeNumbers=list(pair),
+            )
+        )
+        marker = mbs.AddMarker(items.MarkerBodyMass(bodyNumber=body))
+        mbs.AddLoad(items.LoadMassProportional(markerNumber=marker, loadVector=s["gravity"]))
+    ground = mbs.AddMarker(
+        items.MarkerNodeCoordinate(nodeNumber=mbs.AddNode(items.NodePointGround()), coordinate=0)
+    )
+    for k in (0, 1, 2, 5):  # place, and the slope out of the plane of the hinge
+        end = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=nodes[0], coordinate=k))
+        mbs.AddObject(items.CoordinateConstraint(markerNumbers=[ground, end]))
+    return nodes
+
+
+def _diagonal(values: list[float]) -> list[list[float]]:
+    return [[v if i == k else 0.0 for k in range(len(values))] for i, v in enumerate(values)]
+
+
+def settings(a: argparse.Namespace, steps: int) -> Any:
+    """Of the solver, to the end of as many steps."""
+    import exudyn as exu
+
+    out = exu.SimulationSettings()
+    t = out.timeIntegration
+    t.numberOfSteps, t.endTime = steps, a.step * steps
+    t.newton.useModifiedNewton = a.newton == "modified"
+    t.newton.relativeTolerance = a.tolerance
+    t.adaptiveStep = False  # steps of the size asked for, or none
+    t.verboseMode = 0
+    out.linearSolver.solverType = getattr(exu.LinearSolverType, a.solver)
+    out.linearSolver.reuseAnalyzedPattern = a.reuse_pattern
+    out.parallel.numberOfThreads = 1
+    out.solution.file.write = False
+    if a.sample > 0:
+        out.solution.sensors.writePeriod = a.sample
+    return out
+
+
+def run(a: argparse.Namespace) -> dict[str, Any]:
+    """Time of a step and of a Newton iteration, their numbers, the tip."""
+    if not a.checked:
+        sys.exudynFast = True  # type: ignore[attr-defined]
+    import exudyn as exu
+
+    items: Any = import_module("exudyn.itemInterface")
+
+    mbs = exu.SystemContainer().AddSystem()
+    nodes = {"exact": exact_beam, "cable": cable}[a.element](mbs, a)
+    position = exu.OutputVariableType.Position
+    if a.sample > 0:
+        tip = {"nodeNumber": nodes[-1], "outputVariableType": position}
+        sensor = mbs.AddSensor(items.SensorNode(**tip, storeInternal=True, writeToFile=False))
+    mbs.Assemble()
+    stamps: list[tuple[float, int, int]] = []
+    solver = exu.MainSolverImplicitSecondOrder()
+
+    def started(system: Any, now: float) -> bool:
+        k = round(now / a.step)  # time at the end of the step
+        if k == a.warm + 1:
+            count = solver.it.newtonStepsCount, solver.it.newtonJacobiCount
+            stamps.append((time.process_time(), *count))
+        return True
+
+    mbs.SetPreStepUserFunction(started)
+    own = settings(a, a.warm + a.steps)
+    if not solver.InitializeSolver(mbs, own):
+        return {"status": "the solver could not be set up"}
+    done = solver.SolveSteps(mbs, own)
+    end = time.process_time()
+    solver.FinalizeSolver(mbs, own)
+    if not done or not stamps:
+        return {"status": f"stopped at {solver.it.currentTime:.6g} s"}
+    begun, iterations, jacobians = stamps[0]
+    iterations = solver.it.newtonStepsCount - iterations
+    jacobians = solver.it.newtonJacobiCount - jacobians
+    path = mbs.GetSensorStoredData(sensor).tolist() if a.sample > 0 else None
+    return {
+        "status": "completed",
+        "version": exu.config.Version(),
+        "ms_per_step": 1e3 * (end - begun) / a.steps,
+        "cpu_s": end - begun,
+        "iterations_per_step": iterations / a.steps,
+        "factorisations_per_step": jacobians / a.steps,
+        "steps": a.steps,
+        "tip": [float(x) for x in mbs.GetNodeOutput(nodes[-1], position)],
+        "path": path,
+    }
+
+
+def main() -> None:
+    """Keep stdout for the answer: the code prints to it as well."""
+    answer = os.dup(1)
+    os.dup2(2, 1)
+    arguments = parser().parse_args()
+    try:
+        found = run(arguments)
+    except (RuntimeError, ValueError) as error:  # what its solvers raise
+        found = {"status": " ".join(str(error).split())[:200] or "failed"}
+    with os.fdopen(answer, "w") as file:
+        json.dump(found, file)
+
+
+if __name__ == "__main__":
+    main()
