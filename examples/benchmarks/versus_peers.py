@@ -11,10 +11,10 @@ is the default one, 1e-8, or the next power of ten its residual reaches in spite
 *exudyn-ancf-cable*: ``ObjectANCFCable`` (no shear, no torsion), modified Newton, 20 elements.
 *pyelastica*: PyElastica, explicit, at its largest stable step.
 
-
 *step*: the step; *iteration*: a full Newton iteration (residual, matrix, factorisation, solution
 and a share of what a step costs beside them), from runs in which every iteration has its own
-matrix; *second*: a simulated second. Medians of CPU times over `repeats` runs, ours and the peer's in turns, after two steps.
+matrix; *second*: a simulated second. Medians of CPU times over `repeats` runs, ours and the peer's
+in turns, after two steps.
 
 Run ``python examples/benchmarks/versus_peers.py --help`` for the choices.
 """
