@@ -1,0 +1,198 @@
+"""What starting costs: importing, compiling on an empty cache, reading a full one.
+
+*import*: of the package in a fresh process in which optional packages cannot be found; nothing is
+compiled and numba is not imported even where it is there. *cold*: two steps with compiled kernels
+on an empty cache, less two with the plain ones, in fresh processes, for each integrator, treatment
+and order that has compiled kernels; *warm*: the same on the cache that this left; *other mesh*: as
+warm with another number of elements, which compiles nothing.
+
+CPU times, medians over `repeats` (one run on an empty cache: it takes seconds).
+
+Run ``python examples/benchmarks/cold_start.py --help`` for the choices.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import measuring
+from measuring import INTEGRATORS, TREATMENTS
+
+from skfem_cosserat.integrators.fast import refusal
+
+HERE = Path(__file__).resolve().parent
+#: at most (s)
+LIMITS = {"import": 1.0, "cold": 12.0, "warm": 0.5, "other mesh": 0.5}
+OPTIONAL = ("numba", "matplotlib", "pyvista", "vtk", "exudyn", "pypardiso", "pymetis", "dask")
+ELEMENTS, OTHER = 6, 9
+COLUMNS = (
+    *("measure", "integrator", "treatment", "order", "seconds", "limit", "compiled"),
+    *("new_files", "numba_imported"),
+)
+
+IMPORT = """
+import json, os, sys, time
+hidden = set(filter(None, os.environ["HIDDEN"].split(",")))
+class Hide:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in hidden:
+            raise ModuleNotFoundError(f"{name} is hidden", name=name)
+sys.meta_path.insert(0, Hide())
+begun = time.process_time()
+import skfem_cosserat
+seconds = time.process_time() - begun
+print(json.dumps({"seconds": seconds, "numba_imported": "numba" in sys.modules, "compiled": 0}))
+"""
+
+#: two steps; what numba compiles in them is counted, not what it reads from its cache
+STEPS = """
+import json, sys, time
+folder, integrator, treatment, order, elements, kernels = sys.argv[1:]
+sys.path.insert(0, folder)
+import measuring
+import skfem_cosserat as sc
+from skfem_cosserat.integrators import Stepper
+system = measuring.chain(int(elements), int(order))
+own = measuring.INTEGRATORS[integrator](), measuring.TREATMENTS[treatment]()
+state = sc.initial_state(system)
+before = "numba" in sys.modules
+begun = time.process_time()
+compiled = []
+if kernels == "numba":
+    from numba.core import event
+    recorder = event.RecordingListener()
+    event.register("numba:compile", recorder)
+stepper = Stepper(system, *own, 1e-3, kernels=kernels)
+measuring.advance(stepper, state, 2)
+seconds = time.process_time() - begun
+if kernels == "numba":
+    compiled = [record for _, record in recorder.buffer if record.is_start]
+answer = {"seconds": seconds, "numba_imported": before, "compiled": len(compiled)}
+print(json.dumps(answer))
+"""
+
+
+def python(code: str, *arguments: Any, **variables: str) -> dict[str, Any]:
+    """What a fresh process answers."""
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    source = str(HERE.parents[1])
+    path = os.pathsep.join(filter(None, (source, os.environ.get("PYTHONPATH"))))
+    new = {**os.environ, "PYTHONPATH": path, **variables}
+    done = subprocess.run(command, capture_output=True, text=True, env=new, check=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def imports(repeats: int) -> list[dict[str, Any]]:
+    """Without optional packages; and what importing does where they are."""
+    with TemporaryDirectory() as cache:
+        fresh = {"NUMBA_CACHE_DIR": cache}
+        runs = [python(IMPORT, HIDDEN=",".join(OPTIONAL), **fresh) for _ in range(repeats)]
+        full = python(IMPORT, HIDDEN="", **fresh)
+        row = {"measure": "import", "seconds": median(r["seconds"] for r in runs)}
+        files = len(contents(cache))
+    imported = full["numba_imported"]
+    return [row | {"compiled": 0, "new_files": files, "numba_imported": imported}]
+
+
+def contents(folder: str) -> dict[str, int]:
+    """Files in a folder, and when they were written."""
+    return {str(p): p.stat().st_mtime_ns for p in Path(folder).rglob("*") if p.is_file()}
+
+
+def starts(integrator: str, treatment: str, order: int, repeats: int) -> list[dict[str, Any]]:
+    """On an empty cache, a full one, and with another mesh."""
+    own = (HERE, integrator, treatment, order)
+    fixed = {"integrator": integrator, "treatment": treatment, "order": order}
+    rows = []
+    plain = median(python(STEPS, *own, ELEMENTS, "numpy")["seconds"] for _ in range(repeats))
+    with TemporaryDirectory() as cache:
+        for measure, elements, times in (
+            ("cold", ELEMENTS, 1),
+            ("warm", ELEMENTS, repeats),
+            ("other mesh", OTHER, repeats),
+        ):
+            before = contents(cache)
+            runs = [
+                python(STEPS, *own, elements, "numba", NUMBA_CACHE_DIR=cache) for _ in range(times)
+            ]
+            files = {p: t for p, t in contents(cache).items() if before.get(p) != t}
+            row = {"measure": measure, **fixed, "new_files": len(files)}
+            row["seconds"] = median(r["seconds"] for r in runs) - plain
+            row["compiled"] = max(r["compiled"] for r in runs)
+            rows.append({**row, "numba_imported": any(r["numba_imported"] for r in runs)})
+    return rows
+
+
+def main(
+    quick: bool = True,
+    orders: Sequence[int] | None = None,
+    integrators: Sequence[str] = tuple(INTEGRATORS),
+    repeats: int = 5,
+    out: str | Path | None = None,
+) -> dict[str, Any]:
+    """Measure.
+
+    Parameters
+    ----------
+    quick : bool
+        Order 1 instead of 1 to 4.
+    orders, integrators : sequences, optional
+        Only these; no orders: importing alone.
+    repeats : int
+        Runs of which the median is taken.
+    out : path, optional
+        Folder for cold_start.csv.
+
+    Returns
+    -------
+    dict
+        ``rows``, ``dgemm_gflops`` and where it was measured.
+    """
+    chosen = ((1,) if quick else (1, 2, 3, 4)) if orders is None else tuple(orders)
+    rows = imports(repeats)
+    for order, integrator, treatment in product(chosen, integrators, TREATMENTS):
+        pair = INTEGRATORS[integrator](), TREATMENTS[treatment]()
+        if refusal(measuring.chain(ELEMENTS, order), *pair) is None:
+            rows += starts(integrator, treatment, order, repeats)
+    for row in rows:
+        row["limit"] = LIMITS[row["measure"]]
+    result = {"rows": rows, **measuring.environment()}
+    if out is not None:
+        measuring.write(Path(out) / "cold_start.csv", result, COLUMNS)
+    return result
+
+
+def missed(result: dict[str, Any]) -> list[str]:
+    """What does not come up to the figures."""
+    out = []
+    for row in result["rows"]:
+        name = " ".join(str(row[k]) for k in COLUMNS[:4] if row.get(k) is not None)
+        if not row["seconds"] <= row["limit"]:
+            out.append(f"{name}: {row['seconds']:.2f} s, at most {row['limit']:g}")
+        if row["measure"] != "cold" and (row["compiled"] or row["new_files"]):
+            out.append(
+                f"{name}: {row['compiled']} functions compiled, {row['new_files']} new files"
+            )
+        if row["numba_imported"]:
+            out.append(f"{name}: importing the package imports numba")
+    return out
+
+
+def report(result: dict[str, Any]) -> str:
+    """The table as text."""
+    return measuring.table(result["rows"], COLUMNS)
+
+
+if __name__ == "__main__":
+    sys.exit(measuring.command(__doc__, main, report, missed))
