@@ -8,8 +8,9 @@ integrator. Ours: both integrators, orders 1 to 4, compiled kernels. Exudyn: its
 is linear, modified Newton, generalized-alpha, with its default tolerance and a looser one.
 
 CPU times of the steps alone, without model, compilation and recording. The whole grid is run once,
-but for setups that must take longer than what has reached all errors already; what reaches an
-error cheapest is run again, `repeats` times, for the median. Runs that fail stay in the table.
+but for setups that must take longer than what has reached all errors already, and for smaller steps
+(finer meshes) where the last ones have changed nothing; what reaches an error cheapest is run
+again, `repeats` times, for the median. Runs that fail stay in the table.
 
 Run ``python examples/benchmarks/time_to_accuracy.py --help`` for the choices.
 """
@@ -48,8 +49,10 @@ MESHES = {
     3: (2, 4, 8, 16, 32),
     4: (2, 4, 8, 16),
 }
+#: relative change of the error below which it is no matter of the step, or of the mesh
+SETTLED = 0.1
 TOLERANCES = (1e-8, 1e-5)
-NODES = (("EP", "--reuse-pattern"), ("Rxyz",))
+NODES = (("EP", "--reuse-pattern"),)  # what versus_peers.py finds best
 #: a quick grid finds the first error only
 QUICK = {"steps": (1e-2, 2.5e-3, 1e-3), "meshes": {1: (10, 20, 40, 80), 3: (4, 8)}}
 COLUMNS = (
@@ -162,6 +165,7 @@ def explored(
     """A row for each setup, cheap ones first; those that come too late are not run."""
     rows: list[dict[str, Any]] = []
     rates: dict[int, float] = {}
+    errors: dict[Any, list[float]] = {}  # of a mesh with smaller steps, of a step on finer meshes
     for setup in sorted(grid, key=lambda s: s.work):
         row = {**setup._asdict(), "setting": " ".join(setup.setting), "setup": setup}
         reached = [cheapest(rows, target) for target in TARGETS]
@@ -170,13 +174,26 @@ def explored(
         if all(reached) and 0.5 * rates.get(setup.order, 0.0) * setup.work > enough:
             rows.append({**row, "error": None, "cpu_s": None, "status": "skipped: takes longer"})
             continue
+        same = {"step": setup._replace(elements=0), "mesh": setup._replace(step=0.0)}
+        limits = [name for name, key in same.items() if settled(errors.get(key, []))]
+        if limits:
+            why = f"skipped: its {limits[0]} limits the error"
+            rows.append({**row, "error": None, "cpu_s": None, "status": why})
+            continue
         answer = run(setup)
         error = None if answer.path is None else distance(answer.path, path)
         if error is not None:
             rate = answer.seconds / setup.work
             rates[setup.order] = min(rates.get(setup.order, rate), rate)
+            for key in same.values():
+                errors.setdefault(key, []).append(error)
         rows.append({**row, "error": error, "cpu_s": answer.seconds, "status": answer.status})
     return rows
+
+
+def settled(errors: Sequence[float]) -> bool:
+    """Whether the last two of three refinements have changed nothing worth mentioning."""
+    return len(errors) > 2 and bool(np.ptp(errors[-3:]) < SETTLED * errors[-1])
 
 
 def cheapest(rows: Sequence[dict[str, Any]], target: float) -> dict[str, Any] | None:
