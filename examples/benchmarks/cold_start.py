@@ -138,7 +138,7 @@ def main(
     quick: bool = True,
     orders: Sequence[int] | None = None,
     integrators: Sequence[str] = tuple(INTEGRATORS),
-    repeats: int = 5,
+    repeats: int = 3,
     out: str | Path | None = None,
 ) -> dict[str, Any]:
     """Measure.

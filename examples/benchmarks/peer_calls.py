@@ -57,7 +57,7 @@ def prepare(peer: Peer, folder: str | Path | None = None) -> Path:
     if ready.exists():
         return python
     try:
-        venv.create(place, with_pip=True, clear=True)
+        venv.create(place, with_pip=True, clear=True, symlinks=os.name != "nt")
         install = [str(python), "-m", "pip", "install", "--quiet", peer.requirement]
         subprocess.run(install, check=True, capture_output=True, text=True, timeout=900)
     except subprocess.CalledProcessError as error:
