@@ -272,10 +272,17 @@ def skew(v: Array) -> Array:
     return out
 
 
+# e_ijk, as matrices by which flat outer products are multiplied: one product of matrices takes the
+# place of many small operations, which is what scenes of a few elements cost
+_LEVI = np.zeros((3, 3, 3))
+_LEVI[(0, 1, 2), (1, 2, 0), (2, 0, 1)] = 1
+_LEVI[(1, 2, 0), (0, 1, 2), (2, 0, 1)] = -1
+_AXIAL = _LEVI.reshape(9, 3)
+
+
 def director_force(directors: Array, force: Array) -> Array:
     """Moment ``sum_i d_i x f_i`` (N, 3): the omega rows of ``P_int^T f`` (69)."""
-    W = (directors.transpose(0, 2, 1) @ force).reshape(-1, 9)
-    return W[:, [5, 6, 1]] - W[:, [7, 2, 3]]
+    return (directors.transpose(0, 2, 1) @ force).reshape(-1, 9) @ _AXIAL
 
 
 # entries of -d^ below the identity of P_int: rows, columns, which number of d1, d2, d3, sign
@@ -298,33 +305,60 @@ def null_space_blocks(directors: Array) -> Array:
     return out
 
 
+# half of a vanishing angle: the sine of it over itself is one, also for complex steps
+_TINY = 1e-300
+
+
 def exp_quaternion(theta: Array) -> Array:
-    """Unit quaternions ``(w, x, y, z)`` (N, 4) of rotation vectors ``theta`` (N, 3)."""
-    half2 = (theta * theta).sum(-1) / 4
-    small = abs(half2) < 1e-8
-    half = np.sqrt(np.where(small, 1, half2))
-    sinc = np.where(small, 1 - half2 / 6 + half2 * half2 / 120, np.sin(half) / half)
+    """Unit quaternions ``(w, x, y, z)`` (..., 4) of rotation vectors ``theta`` (..., 3)."""
+    half = np.sqrt((0.25 * theta * theta).sum(-1, keepdims=True) + _TINY)
     out = np.empty((*theta.shape[:-1], 4), dtype=theta.dtype)
-    out[..., 0] = np.where(small, 1 - half2 / 2 + half2 * half2 / 24, np.cos(half))
-    out[..., 1:] = 0.5 * sinc[..., None] * theta
+    out[..., :1] = np.cos(half)
+    out[..., 1:] = (0.5 * np.sin(half) / half) * theta
     return out
+
+
+def _product_table() -> Floats:
+    """``(a b)_k = T_ijk a_i b_j`` as (16, 4)."""
+    table = np.zeros((4, 4, 4))
+    table[0, :, :] = np.eye(4)
+    table[1:, 0, 1:] = np.eye(3)
+    table[1:, 1:, 0] = -np.eye(3)
+    table[1:, 1:, 1:] = _LEVI
+    return table.reshape(16, 4)
+
+
+def _rotation_table() -> Floats:
+    """``R - 1 = T_ij q_i q_j`` as (16, 9): ``2 v v^T - 2 v.v 1 + 2 w v^``."""
+    # not with w^2 - v.v: the rounding of |q| would add up over many steps as a change of scale
+    table = np.zeros((4, 4, 3, 3))
+    for i in range(3):
+        table[i + 1, i + 1] = -2 * np.eye(3)
+        table[0, i + 1] = -2 * _LEVI[:, :, i]
+        for j in range(3):
+            table[i + 1, j + 1, i, j] += 2
+    return table.reshape(16, 9)
+
+
+_PRODUCT = _product_table()
+_ROTATION = _rotation_table()
+_UNIT = np.eye(3).ravel()
+
+
+def _outer(a: Array, b: Array) -> Array:
+    """Products of all pairs of numbers, flat: (N, 16) of quaternions (..., 4)."""
+    return (a[..., :, None] * b[..., None, :]).reshape(-1, 16)
 
 
 def quaternion_product(a: Array, b: Array) -> Array:
-    """Product ``a b`` (N, 4): the rotation b, then a; normalised against drift."""
-    out = np.empty(np.broadcast(a, b).shape, dtype=np.result_type(a, b))
-    out[..., 0] = a[..., 0] * b[..., 0] - (a[..., 1:] * b[..., 1:]).sum(-1)
-    out[..., 1:] = a[..., :1] * b[..., 1:] + b[..., :1] * a[..., 1:] + cross(a[..., 1:], b[..., 1:])
-    out /= np.sqrt((out * out).sum(-1))[..., None]
-    return out
+    """Product ``a b`` (..., 4): the rotation b, then a; normalised against drift."""
+    out = _outer(a, b) @ _PRODUCT
+    out /= np.sqrt((out * out).sum(-1, keepdims=True))
+    return out.reshape(np.broadcast(a, b).shape)
 
 
 def rotation_matrix(quaternion: Array) -> Array:
-    """Rotation matrices (N, 3, 3) of unit quaternions ``(w, x, y, z)``."""
-    w, v = quaternion[..., 0], quaternion[..., 1:]
-    out = 2 * v[..., :, None] * v[..., None, :]
-    out += 2 * w[..., None, None] * skew(v)
-    # not w^2 - v.v: the rounding of |q| would add up over many steps as a change of scale
-    diagonal = 1 - 2 * (v * v).sum(-1)
-    out[..., (0, 1, 2), (0, 1, 2)] += diagonal[..., None]
-    return out
+    """Rotation matrices (..., 3, 3) of unit quaternions ``(w, x, y, z)``."""
+    out = _outer(quaternion, quaternion) @ _ROTATION
+    out += _UNIT
+    return out.reshape(*quaternion.shape[:-1], 3, 3)
