@@ -13,9 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import DTypeLike
 
-from ..kernels import exp_quaternion, quaternion_product, rotation_matrix
+from ..kernels import cross, exp_quaternion, quaternion_product, rotation_matrix
 from ..types import Array, Floats, IndexArray
 from .kinematics import Kinematics
 from .tree import Coordinate, Edge, Spot
@@ -84,8 +83,7 @@ class Chart:
         self.sphere_numbers, spheres = pick("sphere", 2)
         self._hinges = _Drives(kinematics, kinematics.guided)
         self._tracks = _Drives(kinematics, kinematics.sliding)
-        free = np.array(tree.free, dtype=np.int64)
-        self._free_frames = free[np.isin(free, kinematics.frames)]
+        self._shift_rows = kinematics.row[self._shift_vertices]
         edges = {e.child: e for e in tree.edges}
         self._sphere_edges = [edges[int(v)] for v in spheres]
         self._open_edges = [e for e in tree.edges if tree.slides.get(e.child)]
@@ -104,9 +102,7 @@ class Chart:
         ]
         number = {c.number: i for i, c in enumerate(kin.guided)}
         self._layers = _layers([tree.turns.get(e.child, []) for e in self._relative], number)
-        framed = np.array([e.child for e in tree.edges if e.child in frame], dtype=np.int64)
-        self._framed = framed
-        self._framed_rows = kin.row[framed][:, None] + _DIRECTORS
+        self._ground_rows = kin.row[self._grounds][:, None] + _DIRECTORS
         place = {e.child: i for i, e in enumerate(tree.edges)}
         turned = {e.child: i for i, e in enumerate(self._relative)}
         levels: dict[int, list[Edge]] = {}
@@ -157,11 +153,12 @@ class Chart:
         """Start a step from y0 (all rows); the ground's rows at its end are `ground1`."""
         kin = self.kin
         self.y0 = y0
+        self._triads0 = kin.directors(y0)
         self.fixed = kin.fixed_axes(y0)
         self._arm = np.array([self._arm_of(e, y0) for e in self._sphere_edges]).reshape(-1, 3)
         self._open_arm = np.array([self._arm_of(e, y0) for e in self._open_edges]).reshape(-1, 3)
         _, self._hinge_axis, left, right = kin.combined(y0)
-        self._track_axis = np.cross(left, right)
+        self._track_axis = cross(left, right)
         self._set_ground(ground1)
         self.reset()
 
@@ -176,6 +173,9 @@ class Chart:
         if len(self._tracks.where):
             a, b = self._tracks.ends(self.y0, ground1, self.kin.total)
             self._driven_track = b[:, 2] - a[:, 2]
+        if self._levels:
+            now = ground1[self._ground_rows - (self.kin.total - len(ground1))]
+            self._ground_turns = now.transpose(0, 2, 1) @ self.y0[self._ground_rows]
 
     def _arm_of(self, edge: Edge, y: Array) -> Array:
         def position(spot: Spot) -> Array:
@@ -186,8 +186,8 @@ class Chart:
     def reset(self) -> None:
         """Back to the start of the step: zero increments, driven ones at its end."""
         self._shift: Array = np.zeros((len(self.shift_numbers), 3))
-        self._turn: Array = _identity(len(self.turn_numbers))
-        self._swing: Array = _identity(len(self.sphere_numbers))
+        # those of free rotations, then those of arms on spheres
+        self._turns: Array = _identity(len(self.turn_numbers) + len(self.sphere_numbers))
         self._hinge: Array = np.zeros(len(self._hinge_axis))
         self._hinge[self._hinges.where] = self._driven_hinge
         self._track: Array = np.zeros(len(self._track_axis))
@@ -204,15 +204,15 @@ class Chart:
     def add(self, increment: Array) -> None:
         """Compose with an increment (K,) of the tree's coordinates at the present configuration."""
         self._shift = self._shift + increment[self.shift_numbers]
-        if len(self._turn):
-            step = exp_quaternion(increment[self.turn_numbers])
-            self._turn = quaternion_product(step, self._turn)
+        if len(self._turns):
+            theta = increment[self.turn_numbers]
+            if len(self.sphere_numbers):
+                numbers = self.sphere_numbers
+                swings = (increment[numbers][:, :, None] * self.fixed[numbers]).sum(1)
+                theta = np.concatenate([theta, swings])
+            self._turns = quaternion_product(exp_quaternion(theta), self._turns)
         self._hinge = self._hinges.moved(self._hinge, increment)
         self._track = self._tracks.moved(self._track, increment)
-        if len(self._swing):
-            numbers = self.sphere_numbers
-            theta = (increment[numbers][:, :, None] * self.fixed[numbers]).sum(1)
-            self._swing = quaternion_product(exp_quaternion(theta), self._swing)
 
     def driven(self, coordinates: Sequence[Coordinate]) -> Floats:
         """Values of `coordinates` at the end of the step as far as drives prescribe them."""
@@ -222,54 +222,60 @@ class Chart:
 
     def save(self) -> tuple[Array, ...]:
         """The increments of the step so far."""
-        return self._shift, self._turn, self._swing, self._hinge, self._track
+        return self._shift, self._turns, self._hinge, self._track
 
     def restore(self, saved: tuple[Array, ...]) -> None:
         """Back to saved increments."""
-        self._shift, self._turn, self._swing, self._hinge, self._track = saved
+        self._shift, self._turns, self._hinge, self._track = saved
 
     def configuration(self) -> Array:
         """``y_{n+1}`` (all rows)."""
-        kin, y0 = self.kin, self.y0
-        y = y0.astype(np.result_type(y0, *self.save()))
-        n_ground = len(self._ground1)
-        y[len(y) - n_ground :] = self._ground1
-        y[kin.row[self._shift_vertices]] += self._shift
+        kin = self.kin
+        # every increment is added to the shifts, be there none
+        y = self.y0.astype(np.result_type(self.y0, self._shift))
+        y[len(y) - len(self._ground1) :] = self._ground1
+        y[self._shift_rows] += self._shift
+        if not len(kin.frames) and not self._levels:
+            return y
+        turns, swings, hinges = self._rotations()
         R = np.empty((len(kin.row), 3, 3), dtype=y.dtype)
-        if len(self._turn):
-            R[self._turn_vertices] = rotation_matrix(self._turn)
-            free = self._free_frames
-            rows = kin.row[free][:, None] + _DIRECTORS
-            y[rows] = y0[rows] @ R[free].transpose(0, 2, 1)
+        R[self._turn_vertices] = turns
         if self._levels:
-            rows = kin.row[self._grounds][:, None] + _DIRECTORS
-            R[self._grounds] = y[rows].transpose(0, 2, 1) @ y0[rows]
-            turns = self._relative_rotations(y.dtype)
+            R[self._grounds] = self._ground_turns
+            relative = self._relative_rotations(hinges)
             for level in self._levels:
                 if len(level.child):
-                    R[level.child] = R[level.parent] @ turns[level.relative]
-            y[self._framed_rows] = y0[self._framed_rows] @ R[self._framed].transpose(0, 2, 1)
-            arms = self._arms(y, R)
+                    R[level.child] = R[level.parent] @ relative[level.relative]
+        y[kin.director_rows] = self._triads0 @ R[kin.frames].transpose(0, 2, 1)
+        if self._levels:
+            arms = self._arms(y, R, swings)
             for level in self._levels:
                 y[level.child_row] = y[level.parent_row] + arms[level.edge]
         return y
 
-    def _relative_rotations(self, dtype: DTypeLike) -> Array:
-        """``exp(alpha a_n) exp(beta b_n)`` of each child with a relative rotation."""
-        out = np.empty((len(self._relative), 3, 3), dtype=dtype)
-        out[:] = np.eye(3)
+    def _rotations(self) -> tuple[Array, Array, Array]:
+        """Of free frames, arms on spheres and hinges, in the step so far; one call for all."""
+        quaternions = self._turns
         if len(self._hinge):
-            hinge = rotation_matrix(exp_quaternion(self._hinge[:, None] * self._hinge_axis))
-            for which, number in self._layers:
-                out[which] = out[which] @ hinge[number]
+            hinges = exp_quaternion(self._hinge[:, None] * self._hinge_axis)
+            quaternions = np.concatenate([quaternions, hinges])
+        R = rotation_matrix(quaternions)
+        a, b = len(self.turn_numbers), len(self._turns)
+        return R[:a], R[a:b], R[b:]
+
+    def _relative_rotations(self, hinges: Array) -> Array:
+        """``exp(alpha a_n) exp(beta b_n)`` of each child with a relative rotation."""
+        out = np.empty((len(self._relative), 3, 3), dtype=hinges.dtype)
+        out[:] = np.eye(3)
+        for k, (which, number) in enumerate(self._layers):
+            out[which] = out[which] @ hinges[number] if k else hinges[number]
         return out
 
-    def _arms(self, y: Array, R: Array) -> Array:
+    def _arms(self, y: Array, R: Array, swings: Array) -> Array:
         """``phi_child - phi_parent`` of each edge."""
         out = (self._arm_factors * y[self._arm_rows]).sum(1)
-        if len(self._swing):
-            turned = rotation_matrix(self._swing) @ self._arm[:, :, None]
-            out[self._sphere_at] += turned[:, :, 0]
+        if len(swings):
+            out[self._sphere_at] += (swings @ self._arm[:, :, None])[:, :, 0]
         if len(self._open_at):
             arm = self._open_arm.astype(y.dtype)
             slide = self._track[:, None] * self._track_axis
