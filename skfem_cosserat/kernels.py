@@ -18,12 +18,15 @@ __all__ = [
     "BeamElements",
     "beam_damping",
     "beam_dissipation",
+    "add_scalar",
     "beam_force",
+    "beam_geometric",
     "beam_strain",
     "beam_strain_rate",
     "beam_stress",
     "beam_tangent",
     "beam_viscous_stress",
+    "bilinear",
     "cross",
     "director_force",
     "exp_quaternion",
@@ -81,7 +84,9 @@ class BeamElements:
         ng, _, k, _ = self.table.shape
         # one matrix product gives B of all elements and points
         self.B_table = self.table.reshape(ng * 6 * k, k).T.copy()
-        self.C_table = self.table.reshape(ng * 6, k * k)
+        # C is the same for x, y and z: one number for each pair of coordinate vectors
+        scalar = self.table.reshape(ng * 6, k // 3, 3, k // 3, 3)[:, :, 0, :, 0]
+        self.C_table = scalar.reshape(ng * 6, -1)
         self.measure = (self.weights * self.lengths[:, None])[:, :, None]
         self.weighted_stiffness = self.measure[..., None] * self.stiffness[:, None]
         self.inverse_length = (1 / self.lengths)[:, None]
@@ -183,22 +188,38 @@ def beam_tangent(
     The derivative of ``int B(q_a)^T S* ds`` where ``S*`` depends on the new state through
     ``material * D B_right`` and ``q_a`` through the factor ``geometric``.
     """
-    ne, rows, k = B_left.shape
-    K = _bilinear(material * elements.weighted_stiffness, B_left, B_right)
+    K = bilinear(material * elements.weighted_stiffness, B_left, B_right)
+    return add_scalar(K, beam_geometric(elements, geometric * stress))
+
+
+def beam_geometric(elements: BeamElements, stress: Array) -> Array:
+    """``int S . C/l ds`` as (ne, 4 nn, 4 nn), one number for each pair of coordinate vectors.
+
+    The derivative of ``int B(q)^T S ds`` for fixed S is this times the identity of space.
+    """
     # weight l times the 1/l of C
-    S = (geometric * stress * elements.weights[:, None]).reshape(ne, rows)
-    G = (S @ elements.C_table).reshape(ne, k, k)
-    if elements.rotations is not None:
-        G = _from_section(elements.rotations, G)
-        G = _from_section(elements.rotations, G.transpose(0, 2, 1)).transpose(0, 2, 1)
-    K += G
-    return K
+    S = (stress * elements.weights[:, None]).reshape(len(stress), -1)
+    size = elements.table.shape[-1] // 3
+    G = (S @ elements.C_table).reshape(len(S), size, size)
+    if elements.rotations is None:
+        return G
+    G = _from_section(elements.rotations, G)
+    return _from_section(elements.rotations, G.transpose(0, 2, 1)).transpose(0, 2, 1)
 
 
-def _bilinear(weighted: Floats, B_left: Array, B_right: Array) -> Array:
-    """``sum_g B_left^T D_g B_right`` (ne, 12nn, 12nn) for weighted D (ne, ng, 6, 6)."""
+def add_scalar(blocks: Array, scalar: Array) -> Array:
+    """Add ``scalar x 1_3`` (ne, r, r) to blocks (ne, 3 r, 3 r) in place."""
+    ne, r = scalar.shape[:2]
+    by_axis = blocks.reshape(ne, r, 3, r, 3)
+    for c in range(3):
+        by_axis[:, :, c, :, c] += scalar
+    return blocks
+
+
+def bilinear(weighted: Floats, B_left: Array, B_right: Array) -> Array:
+    """``sum_g B_left^T D_g B_right`` (ne, k, l) for weighted D (ne, ng, 6, 6)."""
     ne, rows, k = B_right.shape
-    if rows == 6:
+    if rows == 6:  # without an axis of length one it is faster
         DB = weighted[:, 0] @ B_right
     else:
         DB = (weighted @ B_right.reshape(ne, rows // 6, 6, k)).reshape(ne, rows, k)
@@ -229,7 +250,7 @@ def beam_dissipation(elements: BeamElements, rate: Array) -> Array:
 def beam_damping(elements: BeamElements, B_left: Array, B_right: Array) -> Array:
     """``int B_left^T eta B_right ds`` (ne, 12nn, 12nn): with ``B(q)`` twice the damping matrix."""
     assert elements.weighted_viscosity is not None
-    return _bilinear(elements.weighted_viscosity, B_left, B_right)
+    return bilinear(elements.weighted_viscosity, B_left, B_right)
 
 
 def _to_section(rotations: Floats, q: Array) -> Array:
@@ -240,9 +261,9 @@ def _to_section(rotations: Floats, q: Array) -> Array:
 
 
 def _from_section(rotations: Floats, rows: Array) -> Array:
-    """Rows (ne, r, 12 nn) by section coordinates -> by nodal coordinates (chain rule)."""
+    """Rows (ne, r, 4 nn c) by section coordinates -> by nodal ones (chain rule); c = 1 or 3."""
     ne, r, k = rows.shape
-    out = rows.reshape(ne, r, k // 12, 4, 3).copy()
+    out = rows.reshape(ne, r, rotations.shape[1], 4, -1).copy()
     back = rotations.transpose(0, 1, 3, 2)[:, None]
     out[:, :, :, 1:] = back @ out[:, :, :, 1:]
     return out.reshape(ne, r, k)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..linear import LinearSolver
 from ..model import System
+from ..model.groups import Blocks
 from ..types import Array, Floats, IndexArray
 
 __all__ = ["BoundTreatment", "Treatment"]
@@ -98,7 +99,7 @@ class BoundTreatment(ABC):
         """Size of a residual against the largest term of the balance."""
 
     @abstractmethod
-    def data(self, blocks: list[Array], R: Array, y1: Array, scaled: bool = True) -> Floats:
+    def data(self, blocks: list[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """Entries of the iteration matrix in the solver's pattern; as solved, or unscaled."""
 
     def active(self) -> NDArray[np.bool_] | None:

@@ -12,6 +12,7 @@ from ..linear import LinearSolver
 from ..model import System
 from ..model.chart import Chart
 from ..model.closure import SINGULAR, Selected
+from ..model.groups import Blocks, Parts
 from ..model.loops import tree_values
 from ..model.singular import Passages, way_off
 from ..types import Array, Floats
@@ -225,15 +226,16 @@ class BoundMultipliers(BoundTreatment):
         violation = float((abs(residual[n:]) / self._magnitude).max(initial=0.0))
         return float(np.max([relative_size(balance, largest), violation]))  # NaN stays
 
-    def data(self, blocks: list[Array], R: Array, y1: Array, scaled: bool = True) -> Floats:
+    def data(self, blocks: list[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class; with the columns' and rows' factors of this step."""
+        full = [b.blocks() if isinstance(b, Parts) else b for b in blocks]
         if self._size is None:
             # a scene without stiffness, on a path, has blocks of zeros
-            self._size = (max(float(abs(b).max()) for b in blocks) or 1.0) if self.scaled else 0.0
+            self._size = (max(float(abs(b).max()) for b in full) or 1.0) if self.scaled else 0.0
         constraints = self.system.constraints
         size = self._size
         column, row = (size, size) if self.scaled and scaled else (self.h, 1.0)
-        values = [b.ravel() for b in blocks]
+        values = [b.ravel() for b in full]
         left, right = self._left, constraints.jacobian_values(y1)
         dead = np.zeros(0)
         if self._redundant:

@@ -10,6 +10,7 @@ from ..linear import LinearSolver
 from ..model import System
 from ..model.chart import Chart
 from ..model.closure import Selected, continued
+from ..model.groups import Blocks, Parts
 from ..model.quadratic import sum_at
 from ..model.singular import Passages, way_on
 from ..types import Array, Floats, IndexArray
@@ -154,6 +155,7 @@ class BoundNullSpace(BoundTreatment):
         self._enough = QUADRATIC
         self._direction: list[Floats] | None = None
         self._passages = Passages(system)
+        self._P_left: list[Array] | None = None
 
     def _make_pattern(self) -> None:
         system, kin = self.system, self.kin
@@ -230,6 +232,7 @@ class BoundNullSpace(BoundTreatment):
         """P^T is evaluated at y."""
         self._left = self.kin.locate(y, self.chart.fixed)
         self._T_left = self.kin.T_values(self._left)
+        self._P_left = None
         if self._loops:
             self._selected_left = self._selected(y, self._T_left)
             self._Z_left = self.closure.null_values(self._selected_left, self._ones)
@@ -314,19 +317,32 @@ class BoundNullSpace(BoundTreatment):
             return float("inf")
         return relative_size(float(abs(residual).max(initial=0.0)), largest)
 
-    def _project(self, blocks: list[Array], right: Array) -> list[Array]:
-        """Blocks by coordinates -> by twists, ``P_int(y_c)^T K P_int(y_1)``."""
-        left = null_space_blocks(self.kin.directors(self._left.y)).transpose(0, 2, 1)
+    def _null_spaces(self, y: Array) -> list[Array]:
+        """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), and none of points."""
+        P = null_space_blocks(self.kin.directors(y))
         out = []
-        for block, frames in zip(blocks, self._frames, strict=True):
+        for frames in self._frames:
             if frames is None:
-                out.append(block.ravel())
+                out.append(P[:0])
                 continue
             ne, nn = frames.shape
-            k = block.shape[1]
-            half = left[frames] @ block.reshape(ne, nn, 12, k)
-            full = half.reshape(ne, 6 * nn, nn, 12).swapaxes(1, 2) @ right[frames]
-            out.append(full.swapaxes(1, 2).ravel())
+            matrices = np.zeros((ne, nn, 12, nn, 6), dtype=P.dtype)
+            for a in range(nn):
+                matrices[:, a, :, a] = P.take(frames[:, a], axis=0)
+            out.append(matrices.reshape(ne, 12 * nn, 6 * nn))
+        return out
+
+    def _project(self, blocks: list[Blocks], y1: Array) -> list[Array]:
+        """Blocks by coordinates -> by twists, ``P_int(y_c)^T K P_int(y_1)``."""
+        if self._P_left is None:
+            self._P_left = self._null_spaces(self._left.y)
+        out = []
+        for block, left, right in zip(blocks, self._P_left, self._null_spaces(y1), strict=True):
+            if isinstance(block, Parts):
+                K = block.between(left, right) if len(left) else block.blocks()
+            else:
+                K = left.transpose(0, 2, 1) @ (block @ right) if len(left) else block
+            out.append(K.ravel())
         return out
 
     def _project_pairs(self, blocks: Array, y1: Array) -> Array:
@@ -357,13 +373,13 @@ class BoundNullSpace(BoundTreatment):
         blocks = curvature[:, None, None] * np.eye(3)
         return balanced, self.kin.twist_force(y, balanced), blocks
 
-    def data(self, blocks: list[Array], R: Array, y1: Array, scaled: bool = True) -> Floats:
+    def data(self, blocks: list[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class."""
         kin = self.kin
         D1 = kin.directors(y1)
         count = len(self._frames)
-        values = self._project(blocks[:count], null_space_blocks(D1))
-        pairs = blocks[count:]
+        values = self._project(blocks[:count], y1)
+        pairs = [np.asarray(block) for block in blocks[count:]]
         extra = np.zeros(0)
         right = kin.locate(y1, self.chart.fixed)
         T1 = kin.T_values(right)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..model import System
 from ..model.couplings import CoupledForce, CoupledStart
+from ..model.groups import Blocks, Parts
 from ..types import Array, Floats, IndexArray
 
 __all__ = ["Evaluation", "Integrator", "Scheme", "State", "StepData", "StepWork"]
@@ -215,7 +216,7 @@ class Integrator(ABC):
         """Balance at the trial configuration y1 (all rows)."""
 
     @abstractmethod
-    def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:
+    def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
         """``dR/dq_1`` as blocks of the system's groups, then of its couplings if it has any."""
 
     @abstractmethod
@@ -287,7 +288,7 @@ class Integrator(ABC):
 
 def largest(*terms: Array) -> float:
     """Largest magnitude in any of the arrays."""
-    return max(float(abs(term).max(initial=0.0)) for term in terms)
+    return float(abs(np.concatenate(terms)).max(initial=0.0))
 
 
 def damped_force(
@@ -334,17 +335,35 @@ def dissipated_power(system: System, damping: Damping) -> float:
 
 def midpoint_tangent(
     system: System, step: StepData, evaluation: Evaluation, mass: float, force: float
-) -> list[Array]:
+) -> list[Blocks]:
     """``mass * M + force * d(f_int - f)/dq_1`` as blocks of the groups, then of the couplings.
 
     At the midpoint half of a change of q_1 reaches B and the loads, and half of it the elastic
     stress; the strain rate changes by ``B(q_1)/h``.
     """
     e = evaluation
-    blocks = system.mass_tangent(mass)
     half = 0.5 * force
+    parts = [Parts(mass * g.scalar_mass) for g in system.groups]
     for k, g in enumerate(system.beam_groups):
-        blocks[k] += g.tangent(e.Bs[k], e.B1s[k], e.stresses[k], half, half)
+        beam = g.parts(e.Bs[k], e.B1s[k], e.stresses[k], half, half)
+        beam.scalar += parts[k].scalar
+        parts[k] = beam
+    blocks: list[Blocks] = [*parts]
+    if system.damped or not system.loading.dead_only:
+        full = [p.blocks() for p in parts]
+        _add_damping(system, step, e, full, force)
+        system.loading.add_tangent(full, e.mid[: system.rows], step.amplitudes, -half)
+        blocks = [*full]
+    if e.coupled is not None:
+        blocks.append(system.couplings.tangent(e.coupled, force))
+    return blocks
+
+
+def _add_damping(
+    system: System, step: StepData, e: Evaluation, blocks: list[Array], force: float
+) -> None:
+    """Add what viscous sections and drag contribute to the groups' blocks."""
+    for k, g in enumerate(system.beam_groups):
         if g.viscous:
             end = g.strain(2 * e.mid - step.y0)[1]
             blocks[k] += (force / step.h) * g.damping(e.Bs[k], end)
@@ -352,11 +371,6 @@ def midpoint_tangent(
         for block, group in zip(blocks, system.groups, strict=True):
             if group.drag is not None:
                 block += (force / step.h) * group.drag
-    if not system.loading.dead_only:
-        system.loading.add_tangent(blocks, e.mid[: system.rows], step.amplitudes, -half)
-    if e.coupled is not None:
-        blocks.append(system.couplings.tangent(e.coupled, force))
-    return blocks
 
 
 def load_force(system: System, step: StepData, y: Array) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model import System
+from ..model.groups import Blocks
 from ..types import Array, Floats
 from .base import (
     Evaluation,
@@ -26,6 +27,7 @@ __all__ = ["EnergyMomentum"]
 @dataclass(eq=False)
 class _StepData(StepData):
     stresses0: list[Array]
+    B0s: list[Array]
 
 
 class EnergyMomentum(Integrator):
@@ -59,11 +61,9 @@ class EnergyMomentum(Integrator):
     def begin(self, system: System, state: State, h: float) -> StepData:
         """See the base class; the stresses at the start do not change in a step."""
         step = super().begin(system, state, h)
-        stresses = [
-            g.stress(eps)
-            for g, (eps, _) in zip(system.beam_groups, system.strain(step.y0), strict=True)
-        ]
-        return _StepData(**vars(step), stresses0=stresses)
+        strains = system.strain(step.y0)
+        stresses = [g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)]
+        return _StepData(**vars(step), stresses0=stresses, B0s=[B for _, B in strains])
 
     def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:
         """See the base class."""
@@ -71,8 +71,9 @@ class EnergyMomentum(Integrator):
         h, rows = step.h, system.rows
         mid = 0.5 * (step.y0 + y1)
         groups = system.beam_groups
-        Bs = [B for _, B in system.strain(mid)]
         strains1 = system.strain(y1)
+        # B is linear in q
+        Bs = [0.5 * (B0 + B1) for B0, (_, B1) in zip(step.B0s, strains1, strict=True)]
         stresses = [
             0.5 * (S0 + g.stress(eps))
             for g, S0, (eps, _) in zip(groups, step.stresses0, strains1, strict=True)
@@ -97,7 +98,7 @@ class EnergyMomentum(Integrator):
             damping,
         )
 
-    def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:
+    def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
         """See the base class: ``2M/h + h d(DV)/dq_{n+1}``."""
         return midpoint_tangent(system, step, evaluation, 2 / step.h, step.h)
 

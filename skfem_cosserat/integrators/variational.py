@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model import System
+from ..model.groups import Blocks
 from ..types import Array, Floats
 from .base import (
     Evaluation,
@@ -87,7 +88,7 @@ class Variational(Integrator):
             kick,
         )
 
-    def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:
+    def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
         """See the base class: ``M/h + (h/4) K(q_mid)``."""
         return midpoint_tangent(system, step, evaluation, 1 / step.h, self.force_share * step.h)
 

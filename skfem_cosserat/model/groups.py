@@ -14,19 +14,62 @@ import numpy as np
 from ..beam import Beam
 from ..kernels import (
     BeamElements,
+    add_scalar,
     beam_damping,
     beam_dissipation,
     beam_force,
+    beam_geometric,
     beam_strain,
     beam_strain_rate,
     beam_stress,
     beam_tangent,
     beam_viscous_stress,
+    bilinear,
 )
 from ..types import Array, Floats, IndexArray
 from .inertia import Lump
 
-__all__ = ["BeamGroup", "Group", "lump_group"]
+__all__ = ["BeamGroup", "Blocks", "Group", "Parts", "lump_group"]
+
+
+@dataclass(eq=False)
+class Parts:
+    """Blocks of a group that are not multiplied out: ``scalar x 1_3 + left^T weight right``.
+
+    Projected by the null space matrices of the nodes they cost less than their blocks.
+
+    Attributes
+    ----------
+    scalar : (ne, r, r) array
+        Mass and geometric part: the same for x, y and z.
+    left, right : (ne, 6 ng, 3 r) array or None
+        Strains by coordinates; None: there is no such part.
+    weight : (ne, ng, 6, 6) array or None
+    """
+
+    scalar: Array
+    left: Array | None = None
+    right: Array | None = None
+    weight: Array | None = None
+
+    def blocks(self) -> Array:
+        """The blocks (ne, 3 r, 3 r)."""
+        if self.left is None or self.right is None or self.weight is None:
+            ne, r = self.scalar.shape[:2]
+            return add_scalar(np.zeros((ne, 3 * r, 3 * r), self.scalar.dtype), self.scalar)
+        return add_scalar(bilinear(self.weight, self.left, self.right), self.scalar)
+
+    def between(self, left: Array, right: Array) -> Array:
+        """``left^T blocks right`` for matrices (ne, 3 r, k)."""
+        ne, r = self.scalar.shape[:2]
+        half = (self.scalar @ right.reshape(ne, r, -1)).reshape(ne, 3 * r, -1)
+        if self.left is not None and self.right is not None and self.weight is not None:
+            half += bilinear(self.weight, self.left, self.right @ right)
+        return left.transpose(0, 2, 1) @ half
+
+
+#: blocks of a group (ne, 3 r, 3 r), multiplied out or not
+Blocks = Array | Parts
 
 
 @dataclass(eq=False)
@@ -52,6 +95,10 @@ class Group:
     mass: Floats
     framed: bool = True
     drag: Floats | None = None
+
+    def __post_init__(self) -> None:
+        #: mass (ne, r, r) without the factor 1_3
+        self.scalar_mass: Floats = self.mass[:, ::3, ::3].copy()
 
     @property
     def dofs(self) -> IndexArray:
@@ -151,9 +198,13 @@ class BeamGroup(Group):
             _viscosity(es, [0.0 if beta is None else beta.get(id(b), 0.0) for b, _, _ in beams]),
         )
 
+    def gather(self, y: Array) -> Array:
+        """Rows of y of each element (ne, 12 nn)."""
+        return y.take(self.rows, axis=0).reshape(len(self.rows), -1)
+
     def strain(self, y: Array) -> tuple[Array, Array]:
         """Strains (ne, ng, 6) and B (ne, 6 ng, 12 nn) at configuration y (nv, 3)."""
-        return beam_strain(self.elements, y[self.rows].reshape(len(self.rows), -1))
+        return beam_strain(self.elements, self.gather(y))
 
     def stress(self, eps: Array) -> Array:
         """Stress resultants (ne, ng, 6)."""
@@ -169,6 +220,14 @@ class BeamGroup(Group):
         """See :func:`skfem_cosserat.kernels.beam_tangent`."""
         return beam_tangent(self.elements, left, right, stress, material, geometric)
 
+    def parts(
+        self, left: Array, right: Array, stress: Array, material: float, geometric: float
+    ) -> Parts:
+        """The same as :meth:`tangent`, not multiplied out."""
+        e = self.elements
+        scalar = beam_geometric(e, geometric * stress)
+        return Parts(scalar, left, right, material * e.weighted_stiffness)
+
     @property
     def viscous(self) -> bool:
         """Whether a section has Kelvin-Voigt damping, its own or Rayleigh's."""
@@ -176,7 +235,7 @@ class BeamGroup(Group):
 
     def strain_rate(self, B: Array, velocity: Array) -> Array:
         """Strain rates ``B qdot`` (ne, ng, 6) of velocities (nv, 3)."""
-        return beam_strain_rate(B, velocity[self.rows].reshape(len(self.rows), -1))
+        return beam_strain_rate(B, self.gather(velocity))
 
     def viscous_stress(self, rate: Array) -> Array:
         """Viscous part (ne, ng, 6) of the resultants, of a viscous group."""

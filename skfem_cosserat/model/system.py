@@ -41,7 +41,7 @@ from .inertia import Structure, assemble_mass, damping_factors
 from .kinematics import Kinematics
 from .loading import Loading
 from .loops import almost_redundant, close_loops, closure_rows, redundancies, tree_values
-from .quadratic import ConstraintBuilder, QuadraticConstraints
+from .quadratic import ConstraintBuilder, QuadraticConstraints, sum_at
 from .tree import End, Spot, build_tree
 
 __all__ = ["JointRows", "System"]
@@ -476,22 +476,16 @@ class System:
 
     def internal_force(self, Bs: list[Array], stresses: list[Array]) -> Array:
         """``sum int B^T S ds`` as rows (rows, 3)."""
-        dtype = np.result_type(*Bs, *stresses, float)
-        out = np.zeros((self.rows, 3), dtype=dtype)
-        for g, S, B, s in zip(self.beam_groups, self._scatter, Bs, stresses, strict=True):
-            out += S @ g.force(B, s).reshape(-1, 3)
-        return out
+        if not self.beam_groups:
+            return np.zeros((self.rows, 3))
+        triples = zip(self.beam_groups, Bs, stresses, strict=True)
+        forces = [g.force(B, s).ravel() for g, B, s in triples]
+        # much less overhead than a sparse product
+        return sum_at(self._force_dofs, np.concatenate(forces), self.n).reshape(-1, 3)
 
     @cached_property
-    def _scatter(self) -> list[csr_matrix]:
-        out = []
-        for g in self.beam_groups:
-            count = g.rows.size
-            ones = np.ones(count)
-            out.append(
-                csr_matrix((ones, (g.rows.ravel(), np.arange(count))), shape=(self.rows, count))
-            )
-        return out
+    def _force_dofs(self) -> IndexArray:
+        return np.concatenate([g.dofs.ravel() for g in self.beam_groups])
 
     def mass_tangent(self, factor: float) -> list[Array]:
         """``factor * M`` as blocks of the groups; fresh arrays, to be added to."""
