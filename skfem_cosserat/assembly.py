@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 from skfem import CellBasis, Functional
 from skfem.assembly.form.form import Form
 
@@ -14,7 +15,7 @@ from .basis import DirectorBasis
 from .errors import InputError
 from .types import Array, ArrayLike, Floats, IndexArray
 
-__all__ = ["ElementForm", "ElementLoad", "ElementMatrix", "FrozenPattern", "error_norms"]
+__all__ = ["ElementForm", "ElementLoad", "ElementMatrix", "FrozenPattern", "error_norms", "summation"]
 
 
 class FrozenPattern:
@@ -81,10 +82,12 @@ class FrozenPattern:
                 "argument values",
                 f"{flat.size} numbers for {self.slot.size} contributions of the pattern",
             )
-        if np.iscomplexobj(flat):
-            real = np.bincount(self.slot, flat.real, self.nnz)
-            return real + 1j * np.bincount(self.slot, flat.imag, self.nnz)
-        return np.bincount(self.slot, flat, self.nnz)
+        return np.asarray(self._sums @ flat)
+
+    @cached_property
+    def _sums(self) -> csr_matrix:
+        """Sums of contributions; a product with it is faster than ``bincount`` for many."""
+        return summation(self.slot, np.arange(len(self.slot)), (self.nnz, len(self.slot)))
 
     def matrix(self, values: ArrayLike) -> csc_matrix:
         """Matrix of contributions; explicit zeros are kept and the index arrays are shared."""
@@ -98,6 +101,11 @@ class FrozenPattern:
         out.has_sorted_indices = True
         out.has_canonical_format = True
         return out
+
+
+def summation(places: IndexArray, sources: IndexArray, shape: tuple[int, int]) -> csr_matrix:
+    """Matrix that adds the numbers at `sources` up at `places`, in the order given."""
+    return csr_matrix((np.ones(len(places)), (places, sources)), shape=shape)
 
 
 def _indices(name: str, values: ArrayLike, limit: int) -> IndexArray:

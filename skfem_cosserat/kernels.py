@@ -34,6 +34,7 @@ __all__ = [
     "quaternion_product",
     "rotation_matrix",
     "skew",
+    "spin_gradient",
 ]
 
 NAME = "numpy"
@@ -274,11 +275,11 @@ def _from_section(rotations: Floats, rows: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Cross product over the last axis; much faster than numpy's for small arrays."""
-    return a[..., _YZX] * b[..., _ZXY] - a[..., _ZXY] * b[..., _YZX]
+    turned = a * b.take(_YZX, axis=-1) - a.take(_YZX, axis=-1) * b
+    return turned.take(_YZX, axis=-1)
 
 
 _YZX = np.array([1, 2, 0])
-_ZXY = np.array([2, 0, 1])
 
 
 def skew(v: Array) -> Array:
@@ -306,12 +307,23 @@ def director_force(directors: Array, force: Array) -> Array:
     return (directors.transpose(0, 2, 1) @ force).reshape(-1, 9) @ _AXIAL
 
 
-# entries of -d^ below the identity of P_int: rows, columns, which number of d1, d2, d3, sign
+# entries of -d^ below the identity of P_int: where, which number of d1, d2, d3, sign
 _OFF = np.array([(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)])
-_ROWS = (3 * np.arange(1, 4)[:, None] + _OFF[:, 0]).ravel()
-_COLS = np.tile(3 + _OFF[:, 1], 3)
+_WHERE = (6 * (3 * np.arange(1, 4)[:, None] + _OFF[:, 0]) + 3 + _OFF[:, 1]).ravel()
 _PART = (3 * np.arange(3)[:, None] + 3 - _OFF.sum(1)).ravel()
 _SIGN = np.tile([1.0, -1.0, -1.0, 1.0, 1.0, -1.0], 3)
+
+
+def spin_gradient(directors: Array, force: Array) -> Array:
+    """Derivative (N, 3, 3) of ``sum_i d_i x f_i`` by a spin of the directors, for fixed forces.
+
+    ``d(d_i) = omega x d_i``: ``sum_i f_i^ d_i^ = W - tr(W) 1`` with ``W = sum_i d_i f_i^T``.
+    """
+    W = (directors.transpose(0, 2, 1) @ force).reshape(-1, 9)
+    return (W @ _LESS_TRACE).reshape(-1, 3, 3)
+
+
+_LESS_TRACE = np.eye(9) - np.outer(np.eye(3), np.eye(3))
 
 
 def null_space_blocks(directors: Array) -> Array:
@@ -320,10 +332,10 @@ def null_space_blocks(directors: Array) -> Array:
     ``qdot = P_int (phidot, omega)``: rows ``[[I, 0], [0, -d1^], [0, -d2^], [0, -d3^]]``.
     """
     N = len(directors)
-    out = np.zeros((N, 12, 6), dtype=directors.dtype)
-    out[:, (0, 1, 2), (0, 1, 2)] = 1
-    out[:, _ROWS, _COLS] = directors.reshape(N, 9)[:, _PART] * _SIGN
-    return out
+    out = np.zeros((N, 72), dtype=directors.dtype)
+    out[:, 0:15:7] = 1
+    out[:, _WHERE] = directors.reshape(N, 9).take(_PART, axis=1) * _SIGN
+    return out.reshape(N, 12, 6)
 
 
 # half of a vanishing angle: the sine of it over itself is one, also for complex steps

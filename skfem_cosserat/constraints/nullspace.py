@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..assembly import FrozenPattern
-from ..kernels import null_space_blocks, skew
+from ..assembly import FrozenPattern, summation
+from ..kernels import null_space_blocks, skew, spin_gradient
 from ..linear import LinearSolver
 from ..model import System
 from ..model.chart import Chart
@@ -81,30 +81,35 @@ class Congruence:
         # are constant translations whose factor must be 0 or 1
         I, J = pairs  # noqa: E741
         plain = identity[I] & identity[J]
-        self._plain = np.flatnonzero(plain)
-        rest = np.flatnonzero(~plain)
+        passed, rest = np.flatnonzero(plain), np.flatnonzero(~plain)
         self._source, self._left, self._right = _expand(I[rest], J[rest], rest, start, order)
         k, J2 = extra
         self._extra, _, self._extra_right = _expand(None, J2, np.arange(len(J2)), start, order)
         col = T_cols[order[start[:-1][identity]]] if identity.any() else np.zeros(0, dtype=int)
         number = np.full(shape[0], -1)
         number[identity] = col
-        rows = [number[I[self._plain]], T_cols[self._left], k[self._extra]]
-        cols = [number[J[self._plain]], T_cols[self._right], T_cols[self._extra_right]]
+        rows = [number[I[passed]], T_cols[self._left], k[self._extra]]
+        cols = [number[J[passed]], T_cols[self._right], T_cols[self._extra_right]]
         self.pattern = FrozenPattern(
             np.concatenate(rows).astype(np.int64),
             np.concatenate(cols).astype(np.int64),
             (shape[1], shape[1]),
         )
+        slot, nnz = self.pattern.slot, self.pattern.nnz
+        self._passed = summation(slot[: len(passed)], passed, (nnz, len(I)))
+        self._places, self._place = np.unique(slot[len(passed) :], return_inverse=True)
 
     def data(self, A: Floats, C: Floats, left: Floats, right: Floats) -> Floats:
         """Entries of the product in :attr:`pattern`."""
-        values = [A[self._plain]]
+        out = np.asarray(self._passed @ A)
+        values = []
         if len(self._source):
             values.append(A[self._source] * left[self._left] * right[self._right])
         if len(self._extra):
             values.append(C[self._extra] * right[self._extra_right])
-        return self.pattern.data(np.concatenate(values))
+        if values:
+            out[self._places] += sum_at(self._place, np.concatenate(values), len(self._places))
+        return out
 
 
 def _expand(
@@ -376,7 +381,6 @@ class BoundNullSpace(BoundTreatment):
     def data(self, blocks: list[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class."""
         kin = self.kin
-        D1 = kin.directors(y1)
         count = len(self._frames)
         values = self._project(blocks[:count], y1)
         pairs = [np.asarray(block) for block in blocks[count:]]
@@ -390,10 +394,8 @@ class BoundNullSpace(BoundTreatment):
         if pairs:
             values.append(self._project_pairs(np.concatenate(pairs), y1))
         if self.weight:
-            # w d(P_int^T R): sum_i R_i^ d_i^ = D^T R - tr(D^T R) I with d_i of y_1
-            W = D1.transpose(0, 2, 1) @ R[kin.director_rows]
-            trace = W[:, 0, 0] + W[:, 1, 1] + W[:, 2, 2]
-            W[:, (0, 1, 2), (0, 1, 2)] -= trace[:, None]
+            # derivative of P_int^T R
+            W = spin_gradient(kin.directors(y1), R.take(kin.director_rows, axis=0))
             values.append((self.weight * W).ravel())
             if len(kin.tree.pairs):
                 extra = kin.curvature_values(self._left, right, force)

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..kernels import cross, exp_quaternion, quaternion_product, rotation_matrix
 from ..types import Array, Floats, IndexArray
-from .kinematics import Kinematics
+from .kinematics import Kinematics, combination
 from .tree import Coordinate, Edge, Spot
 
 __all__ = ["Chart"]
@@ -131,15 +131,15 @@ class Chart:
         """``phi_child - phi_parent`` of each edge from directors, arms on spheres, slides."""
         kin, tree = self.kin, self.kin.tree
         edges = tree.edges
-        rows, factors = [], []
-        for e in edges:
-            parent = [(a, c) for a, c in kin.spot_terms(e.parent_spot)[1:]]
-            terms = parent + [(a, -c) for a, c in kin.spot_terms(e.child_spot)[1:]]
-            terms += [(0, 0.0)] * (6 - len(terms))
-            rows.append([a for a, _ in terms])
-            factors.append([c for _, c in terms])
-        self._arm_rows = np.array(rows, dtype=np.int64).reshape(-1, 6)
-        self._arm_factors = np.array(factors).reshape(-1, 6, 1)
+        self._arm_rows, self._arm_factors = combination(
+            [
+                [
+                    *kin.spot_terms(e.parent_spot)[1:],
+                    *((a, -c) for a, c in kin.spot_terms(e.child_spot)[1:]),
+                ]
+                for e in edges
+            ]
+        )
         place = {e.child: i for i, e in enumerate(edges)}
         self._sphere_at = np.array([place[e.child] for e in self._sphere_edges], dtype=np.int64)
         self._open_at = np.array([place[e.child] for e in self._open_edges], dtype=np.int64)
@@ -154,6 +154,7 @@ class Chart:
         kin = self.kin
         self.y0 = y0
         self._triads0 = kin.directors(y0)
+        self._shifted0 = y0.take(self._shift_rows, axis=0)
         self.fixed = kin.fixed_axes(y0)
         self._arm = np.array([self._arm_of(e, y0) for e in self._sphere_edges]).reshape(-1, 3)
         self._open_arm = np.array([self._arm_of(e, y0) for e in self._open_edges]).reshape(-1, 3)
@@ -203,9 +204,9 @@ class Chart:
 
     def add(self, increment: Array) -> None:
         """Compose with an increment (K,) of the tree's coordinates at the present configuration."""
-        self._shift = self._shift + increment[self.shift_numbers]
+        self._shift = self._shift + increment.take(self.shift_numbers)
         if len(self._turns):
-            theta = increment[self.turn_numbers]
+            theta = increment.take(self.turn_numbers)
             if len(self.sphere_numbers):
                 numbers = self.sphere_numbers
                 swings = (increment[numbers][:, :, None] * self.fixed[numbers]).sum(1)
@@ -234,7 +235,7 @@ class Chart:
         # every increment is added to the shifts, be there none
         y = self.y0.astype(np.result_type(self.y0, self._shift))
         y[len(y) - len(self._ground1) :] = self._ground1
-        y[self._shift_rows] += self._shift
+        y[self._shift_rows] = self._shifted0 + self._shift
         if not len(kin.frames) and not self._levels:
             return y
         turns, swings, hinges = self._rotations()
@@ -245,8 +246,9 @@ class Chart:
             relative = self._relative_rotations(hinges)
             for level in self._levels:
                 if len(level.child):
-                    R[level.child] = R[level.parent] @ relative[level.relative]
-        y[kin.director_rows] = self._triads0 @ R[kin.frames].transpose(0, 2, 1)
+                    parents = R.take(level.parent, axis=0)
+                    R[level.child] = parents @ relative.take(level.relative, axis=0)
+        y[kin.director_rows] = self._triads0 @ R.take(kin.frames, axis=0).transpose(0, 2, 1)
         if self._levels:
             arms = self._arms(y, R, swings)
             for level in self._levels:
@@ -266,14 +268,14 @@ class Chart:
     def _relative_rotations(self, hinges: Array) -> Array:
         """``exp(alpha a_n) exp(beta b_n)`` of each child with a relative rotation."""
         out = np.empty((len(self._relative), 3, 3), dtype=hinges.dtype)
-        out[:] = np.eye(3)
+        out[:] = _ONE
         for k, (which, number) in enumerate(self._layers):
             out[which] = out[which] @ hinges[number] if k else hinges[number]
         return out
 
     def _arms(self, y: Array, R: Array, swings: Array) -> Array:
         """``phi_child - phi_parent`` of each edge."""
-        out = (self._arm_factors * y[self._arm_rows]).sum(1)
+        out = (self._arm_factors * y.take(self._arm_rows, axis=0)).sum(1)
         if len(swings):
             out[self._sphere_at] += (swings @ self._arm[:, :, None])[:, :, 0]
         if len(self._open_at):
@@ -299,6 +301,9 @@ def _layers(
 
 
 _DIRECTORS = np.arange(1, 4)
+
+
+_ONE = np.eye(3)
 
 
 def _identity(count: int) -> Floats:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +43,14 @@ class Located:
     slide: Array
 
 
+def combination(terms: Sequence[Sequence[tuple[int, float]]]) -> tuple[IndexArray, Floats]:
+    """Rows of y (k, r) and factors (k, r, 1) whose sums the terms are, zeros added."""
+    size = max((len(t) for t in terms), default=0)
+    full = [[*t, *[(0, 0.0)] * (size - len(t))] for t in terms]
+    array = np.array(full, dtype=float).reshape(len(terms), size, 2)
+    return array[:, :, 0].astype(np.int64), array[:, :, 1:].copy()
+
+
 class Kinematics:
     """Arrays of the twist map T(q) and of the reduction to twists.
 
@@ -77,6 +86,10 @@ class Kinematics:
         self.director_rows = self.frame_rows[:, None] + np.arange(1, 4)
         self.frame_twist = self.twist_of[self.frames][:, None] + np.arange(6)
         self.point_twist = self.twist_of[self.points][:, None] + np.arange(3)
+        # forces on frames and points, then moments: which make up a twist force, three by three
+        self._force_rows = np.concatenate([self.frame_rows, row[self.points]])
+        first = [self.frame_twist[:, 0], self.point_twist[:, 0], self.frame_twist[:, 3]]
+        self._by_twist = np.argsort(np.concatenate(first))
         self._frame_row = np.where(is_frame, row[:nv], -1)
         self._spots: dict[Spot, int] = {}
         #: (coordinate numbers, (parent spot, child spot)) of points that move on spheres
@@ -124,7 +137,7 @@ class Kinematics:
         self.pair_rotates = np.flatnonzero(rotates)
         self.spots = list(self._spots)
         # spots, then material axes: one product gives all points and axes of a configuration
-        self._combine = self._combination(
+        self._combine = combination(
             [self.spot_terms(s) for s in self.spots]
             + [self._axis_terms(c, c.axis) for c in self.guided]
             + [self._axis_terms(c, c.axis) for c in self.sliding]
@@ -132,6 +145,11 @@ class Kinematics:
         )
         self.hinges = np.array([c.number for c in self.guided], dtype=np.int64)
         self.tracks = np.array([c.number for c in self.sliding], dtype=np.int64)
+        hinge_of = {number: i for i, number in enumerate(self.hinges.tolist())}
+        numbers = self.pair_number.tolist()
+        #: pairs that turn about hinges, and which
+        self._on_hinge = np.flatnonzero(np.isin(self.pair_number, self.hinges))
+        self._hinge_of = np.array([hinge_of[numbers[k]] for k in self._on_hinge], dtype=np.int64)
         # pattern of T: identity of free vertices, constant shifts, turning pairs
         rows, cols, ones = [], [], []
         for v in tree.free:
@@ -187,22 +205,23 @@ class Kinematics:
         self._spot_base = self.row[self._spot_vertex]
         self._spot_turns = np.array([any(s.offset) for s in self.spots], dtype=bool)
         self._pair_twist = self.twist_of[self.pair_vertex][:, None] + np.arange(3)
-        self._spot_cache = []
-        for spots, sign in ((self.pair_target, 1.0), (self.pair_centre, -1.0)):
-            twists = self._spot_twists(spots)
-            self._spot_cache.append((sign, twists, spots[twists[0]][twists[2]]))
-
-    def _combination(self, terms: list[list[tuple[int, float]]]) -> csr_matrix:
-        i = [k for k, row in enumerate(terms) for _ in row]
-        j = [a for row in terms for a, _ in row]
-        c = [x for row in terms for _, x in row]
-        return csr_matrix((c, (i, j)), shape=(len(terms), self.total))
+        self._rotated_twist = self._pair_twist[self.pair_rotates] + 3
+        # targets, then centres, as far as they move with a vertex; which of them feel its rotation
+        spots = np.concatenate([self.pair_target, self.pair_centre])
+        vertex = self._spot_vertex[spots]
+        on = np.flatnonzero(vertex < nv)
+        self._spot_twist = self.twist_of[vertex[on]]
+        self._spot_pair = on % max(len(self.pair_number), 1)
+        self._spot_sign = np.where(on < len(self.pair_number), 1.0, -1.0)[:, None]
+        self._turning = np.flatnonzero(self._spot_turns[spots[on]])
+        self._turning_spot = spots[on][self._turning]
 
     # -- evaluation ----------------------------------------------------------------------------
 
     def combined(self, y: Array) -> tuple[Array, Array, Array, Array]:
         """Spots, axes of hinges, left and right vectors of slides at y."""
-        both = self._combine @ y
+        rows, factors = self._combine
+        both = (factors * y.take(rows, axis=0)).sum(1)
         a, b = len(self.spots), len(self.hinges)
         c = a + b + len(self.tracks)
         return both[:a], both[a : a + b], both[a + b : c], both[c:]
@@ -223,15 +242,15 @@ class Kinematics:
         if not len(self.pair_number) and not len(self.slide_number):
             return Located(y, *(y[:0],) * 6)
         x, hinges, left, right = self.combined(y)
-        axes = fixed
-        if len(hinges):
-            axes = fixed.astype(x.dtype)
-            axes[self.hinges] = hinges
-        arm = x[self.pair_target] - x[self.pair_centre]
+        axis = fixed.take(self.pair_number, axis=0)
+        if len(self._on_hinge):
+            axis = axis.astype(x.dtype, copy=False)
+            axis[self._on_hinge] = hinges.take(self._hinge_of, axis=0)
+        arm = x.take(self.pair_target, axis=0) - x.take(self.pair_centre, axis=0)
         if not len(self.slide_number):
-            return Located(y, x, axes[self.pair_number], arm, left, right, left)
+            return Located(y, x, axis, arm, left, right, left)
         left, right = left[self._slide_of], right[self._slide_of]
-        return Located(y, x, axes[self.pair_number], arm, left, right, cross(left, right))
+        return Located(y, x, axis, arm, left, right, cross(left, right))
 
     def T_values(self, at: Located) -> Array:
         """Entries of T at ``(T_rows, T_cols)``."""
@@ -260,16 +279,15 @@ class Kinematics:
 
     def directors(self, y: Array) -> Array:
         """Directors (nf, 3, 3) of the frames, rows d1, d2, d3."""
-        return y[self.director_rows]
+        return y.take(self.director_rows, axis=0)
 
     def twist_force(self, y: Array, force: Array) -> Array:
         """``P_int(y)^T f``: force and moment of each vertex, (n_twist,) from (nv, 3)."""
-        out = np.empty(self.n_twist, dtype=np.result_type(y, force))
-        out[self.frame_twist[:, :3]] = force[self.frame_rows]
-        out[self.frame_twist[:, 3:]] = director_force(self.directors(y), force[self.director_rows])
-        if len(self.points):
-            out[self.point_twist] = force[self.row[self.points]]
-        return out
+        parts = [
+            force.take(self._force_rows, axis=0),
+            director_force(self.directors(y), force.take(self.director_rows, axis=0)),
+        ]
+        return np.concatenate(parts).take(self._by_twist, axis=0).ravel()
 
     def rates(self, y: Array, twist: Array) -> Array:
         """``P_int(y) t``: rates of the rows of y that are unknowns."""
@@ -296,15 +314,10 @@ class Kinematics:
     def curvature_pattern(self) -> tuple[IndexArray, IndexArray]:
         """Rows (unknowns) and columns (twists) of :meth:`curvature_values`."""
         guided = self._guided
-        rows = [np.repeat(self.pair_number[guided], 3)]
-        cols = [(self._guide_twist[:, None] + np.arange(3)).ravel()]
-        for spots in (self.pair_target, self.pair_centre):
-            on, twist, turns = self._spot_twists(spots)
-            rows += [np.repeat(self.pair_number[on], 3), np.repeat(self.pair_number[on][turns], 3)]
-            cols += [
-                (twist[:, None] + np.arange(3)).ravel(),
-                (twist[turns][:, None] + 3 + np.arange(3)).ravel(),
-            ]
+        number, turning = self.pair_number[self._spot_pair], self._turning
+        rows = [np.repeat(n, 3) for n in (self.pair_number[guided], number, number[turning])]
+        twists = (self._guide_twist, self._spot_twist, self._spot_twist[turning] + 3)
+        cols = [(twist[:, None] + np.arange(3)).ravel() for twist in twists]
         rows.append(np.repeat(self.slide_number[self._on_track], 3))
         cols.append((self._track_twist[:, None] + np.arange(3)).ravel())
         return np.concatenate(rows), np.concatenate(cols)
@@ -314,16 +327,20 @@ class Kinematics:
 
         The factor of y1 in y (1/2 at the midpoint) is left to the caller.
         """
-        force = twist_force[self._pair_twist]
-        moment = cross(at.arm, force)
-        moment[self.pair_rotates] += twist_force[self._pair_twist[self.pair_rotates] + 3]
+        force = twist_force.take(self._pair_twist)
+        parts = []
         guided = self._guided
-        parts = [cross(at1.axis[guided], moment[guided])]
-        g = cross(force, at.axis)
-        for sign, (on, _, turns), where in self._spot_cache:
-            signed = sign * g[on]
-            arm = at1.x[where] - at1.y[self._spot_base[where]]
-            parts += [signed, cross(arm, signed[turns])]
+        if len(guided):
+            moment = cross(at.arm, force)
+            moment[self.pair_rotates] += twist_force.take(self._rotated_twist)
+            parts.append(cross(at1.axis.take(guided, axis=0), moment.take(guided, axis=0)))
+        if len(self._spot_pair):
+            signed = self._spot_sign * cross(force, at.axis).take(self._spot_pair, axis=0)
+            parts.append(signed)
+        if len(self._turning):
+            spot = self._turning_spot
+            arm = at1.x.take(spot, axis=0) - at1.y.take(self._spot_base[spot], axis=0)
+            parts.append(cross(arm, signed.take(self._turning, axis=0)))
         on = self._on_track
         if len(on):
             f = twist_force[self._slide_twist[on]]
@@ -331,13 +348,7 @@ class Kinematics:
                 cross(at1.left[on], cross(at.right[on], f))
                 + cross(at1.right[on], cross(f, at.left[on]))
             )
-        return np.concatenate(parts).ravel()
-
-    def _spot_twists(self, spots: IndexArray) -> tuple[IndexArray, IndexArray, IndexArray]:
-        """Pairs whose spot is on a vertex, its twist, and which of them feel its rotation."""
-        vertex = self._spot_vertex[spots]
-        on = np.flatnonzero(vertex < len(self.twist_of))
-        return on, self.twist_of[vertex[on]], np.flatnonzero(self._spot_turns[spots[on]])
+        return np.concatenate([force[:0], *parts]).ravel()
 
 
 def _plane(arm: Array) -> Floats:

@@ -160,7 +160,8 @@ class Loading:
         """Generalised force (rows, 3) of the loads that do not depend on y."""
         if not len(self._dead_times):
             return np.zeros((self._rows, 3))
-        return np.tensordot(amplitudes[self._dead_times], self.dead, 1)
+        flat = self.dead.reshape(len(self.dead), -1)
+        return (amplitudes[self._dead_times] @ flat).reshape(-1, 3)
 
     def force(self, y: Array, amplitudes: Floats) -> Array:
         """Generalised force (rows, 3) of the loads that depend on y (follower forces, moments)."""
