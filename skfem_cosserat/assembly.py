@@ -15,7 +15,14 @@ from .basis import DirectorBasis
 from .errors import InputError
 from .types import Array, ArrayLike, Floats, IndexArray
 
-__all__ = ["ElementForm", "ElementLoad", "ElementMatrix", "FrozenPattern", "error_norms", "summation"]
+__all__ = [
+    "ElementForm",
+    "ElementLoad",
+    "ElementMatrix",
+    "FrozenPattern",
+    "error_norms",
+    "summation",
+]
 
 
 class FrozenPattern:

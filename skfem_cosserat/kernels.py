@@ -16,9 +16,9 @@ from .types import Array, Floats
 
 __all__ = [
     "BeamElements",
+    "add_scalar",
     "beam_damping",
     "beam_dissipation",
-    "add_scalar",
     "beam_force",
     "beam_geometric",
     "beam_strain",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
@@ -11,7 +12,7 @@ from scipy.sparse.linalg import MatrixRankWarning, splu
 
 from .assembly import FrozenPattern
 from .errors import CosseratError
-from .types import Floats
+from .types import Floats, IndexArray
 
 __all__ = ["LinearSolver", "SingularMatrixError"]
 
@@ -89,10 +90,14 @@ class LinearSolver:
             raise SingularMatrixError("the iteration matrix is singular")
         return out
 
+    @cached_property
+    def _columns(self) -> IndexArray:
+        """Column of each stored entry."""
+        return np.repeat(np.arange(self.n), np.diff(self.pattern.indptr))
+
     def _dense(self, data: Floats, rhs: Floats) -> tuple[Floats, int]:
         matrix = np.zeros((self.n, self.n))
-        cols = np.repeat(np.arange(self.n), np.diff(self.pattern.indptr))
-        matrix[self.pattern.indices, cols] = data
+        matrix[self.pattern.indices, self._columns] = data
         try:
             return np.asarray(np.linalg.solve(matrix, rhs), dtype=float), 0
         except np.linalg.LinAlgError:

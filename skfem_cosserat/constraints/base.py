@@ -9,6 +9,7 @@ forces act (``w`` is its `constraint_weight`). A treatment turns this into a squ
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -99,7 +100,7 @@ class BoundTreatment(ABC):
         """Size of a residual against the largest term of the balance."""
 
     @abstractmethod
-    def data(self, blocks: list[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
+    def data(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """Entries of the iteration matrix in the solver's pattern; as solved, or unscaled."""
 
     def active(self) -> NDArray[np.bool_] | None:

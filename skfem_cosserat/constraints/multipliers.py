@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
@@ -14,6 +16,7 @@ from ..model.chart import Chart
 from ..model.closure import SINGULAR, Selected
 from ..model.groups import Blocks, Parts
 from ..model.loops import tree_values
+from ..model.quadratic import sum_at
 from ..model.singular import Passages, way_off
 from ..types import Array, Floats
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers, relative_size
@@ -66,7 +69,7 @@ class BoundMultipliers(BoundTreatment):
         self.scaled = scaled
         self.unknowns = n + system.rank
         i, j = group_pairs(system, [group.dofs for group in system.groups])
-        gi, gj = g.rows[g.inside], g.cols[g.inside]
+        gi, gj = g.G_rows, g.G_cols
         self._redundant = system.rank < m
         loop = n + system.closure.rows if self._redundant else np.zeros(0, dtype=np.int64)
         ci, cj = pair_numbers(system.coupled_rows, 3 * np.arange(system.rows))
@@ -196,14 +199,10 @@ class BoundMultipliers(BoundTreatment):
         """See the base class; the constraint rows are not scaled here."""
         constraints = self.system.constraints
         self._left = self._transposed(y1)
-        rows, cols = constraints.rows[constraints.inside], constraints.cols[constraints.inside]
-        force = self._left * self._multiplier[rows]
         n = self.system.n
+        force = self._left * self._multiplier.take(constraints.G_rows)
+        summed = sum_at(constraints.G_cols, force, n)
         out = np.empty(n + self.system.m, dtype=np.result_type(R, force, y1))
-        if np.iscomplexobj(force):
-            summed = np.bincount(cols, force.real, n) + 1j * np.bincount(cols, force.imag, n)
-        else:
-            summed = np.bincount(cols, force, n)
         self._impulse = summed
         out[:n] = R.reshape(-1) + summed
         out[n:] = constraints.values(y1)
@@ -226,7 +225,7 @@ class BoundMultipliers(BoundTreatment):
         violation = float((abs(residual[n:]) / self._magnitude).max(initial=0.0))
         return float(np.max([relative_size(balance, largest), violation]))  # NaN stays
 
-    def data(self, blocks: list[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
+    def data(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class; with the columns' and rows' factors of this step."""
         full = [b.blocks() if isinstance(b, Parts) else b for b in blocks]
         if self._size is None:
@@ -239,8 +238,8 @@ class BoundMultipliers(BoundTreatment):
         left, right = self._left, constraints.jacobian_values(y1)
         dead = np.zeros(0)
         if self._redundant:
-            rows = constraints.rows[constraints.inside]
-            left, right = left * self._keep[rows], right * self._keep[rows]
+            keep = self._keep[constraints.G_rows]
+            left, right = left * keep, right * keep
             dead = 1.0 - self._keep[self.system.closure.rows]
         values += [column * left, row * right, row * dead]
         if self.weight:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..assembly import FrozenPattern, summation
@@ -337,7 +339,7 @@ class BoundNullSpace(BoundTreatment):
             out.append(matrices.reshape(ne, 12 * nn, 6 * nn))
         return out
 
-    def _project(self, blocks: list[Blocks], y1: Array) -> list[Array]:
+    def _project(self, blocks: Sequence[Blocks], y1: Array) -> list[Array]:
         """Blocks by coordinates -> by twists, ``P_int(y_c)^T K P_int(y_1)``."""
         if self._P_left is None:
             self._P_left = self._null_spaces(self._left.y)
@@ -371,14 +373,14 @@ class BoundNullSpace(BoundTreatment):
             rows, values = self.closure.multipliers(s, self._tree_force)
             mu[rows] = values
         y = self._left.y
-        entries = constraints.jacobian_values(y) * mu[constraints.rows[constraints.inside]]
-        force = sum_at(constraints.cols[constraints.inside], entries, constraints.n)
+        entries = constraints.jacobian_values(y) * mu[constraints.G_rows]
+        force = sum_at(constraints.G_cols, entries, constraints.n)
         balanced = R - force.reshape(-1, 3)
         curvature = -self.weight * constraints.curvature_factors(self._curved, mu, y)
         blocks = curvature[:, None, None] * np.eye(3)
         return balanced, self.kin.twist_force(y, balanced), blocks
 
-    def data(self, blocks: list[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
+    def data(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class."""
         kin = self.kin
         count = len(self._frames)
@@ -423,8 +425,8 @@ class BoundNullSpace(BoundTreatment):
 
     def _size(self, increment: Array) -> tuple[float, float]:
         d = abs(increment)
-        shift = d[self._shifting].max(initial=0.0) / self.system.length
-        turn = d[self._turning].max(initial=0.0)
+        shift = d.take(self._shifting).max(initial=0.0) / self.system.length
+        turn = d.take(self._turning).max(initial=0.0)
         return float(max(shift, turn)), float(turn)
 
     def sizes(self, increment: Floats) -> tuple[float, float]:

@@ -113,7 +113,9 @@ class QuadraticConstraints:
         self._linear_values = np.repeat(lc, 3)
         self.inside = np.flatnonzero(self.cols < n)
         self._all_inside = len(self.inside) == len(self.cols)
-        self._pattern = FrozenPattern(self.rows[self.inside], self.cols[self.inside], (m, n))
+        #: rows and columns of the contributions to G
+        self.G_rows, self.G_cols = self.rows[self.inside], self.cols[self.inside]
+        self._pattern = FrozenPattern(self.G_rows, self.G_cols, (m, n))
         # curvature: both vectors unknown
         both = (self._pa < free) & (self._pb < free)
         a, b = self._pa[both], self._pb[both]
@@ -131,9 +133,11 @@ class QuadraticConstraints:
 
     def values(self, y: Array) -> Array:
         """``g(y)`` (m,)."""
-        products = (self._factors(y) * (y[self._pa] * y[self._pb])).sum(1)
+        products = (self._factors(y) * (y.take(self._pa, axis=0) * y.take(self._pb, axis=0))).sum(1)
         out = sum_at(self._pk, products, self.size) - self._constant
-        return out + sum_at(self._lk, (self._lc * y[self._la]).ravel(), self.size)
+        if not len(self._lk):
+            return out
+        return out + sum_at(self._lk, (self._lc * y.take(self._la, axis=0)).ravel(), self.size)
 
     def magnitudes(self, y: Floats, rates: Floats | None = None) -> Floats:
         """Sizes (m,) of the terms of g(y), or of ``dg/dt`` for rates of y: what its error means."""
@@ -149,11 +153,11 @@ class QuadraticConstraints:
         return np.asarray(out + np.bincount(self._lk, terms, self.size), dtype=float)
 
     def jacobian_values(self, y: Array) -> Array:
-        """Contributions to G at ``(rows, cols)[inside]``, ground columns left out."""
+        """Contributions to G at ``(G_rows, G_cols)``, ground columns left out."""
         factors = self._factors(y)
-        scale = np.concatenate([factors, factors])
-        values = np.concatenate([self._linear_values, (scale * y[self._other]).ravel()])
-        return values if self._all_inside else values[self.inside]
+        scaled = np.concatenate([factors, factors]) * y.take(self._other, axis=0)
+        values = np.concatenate([self._linear_values, scaled.ravel()])
+        return values if self._all_inside else values.take(self.inside)
 
     def jacobian(self, y: Array) -> csc_matrix:
         """``G(y)`` (m, n) by the free coordinates."""

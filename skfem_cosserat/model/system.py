@@ -22,7 +22,7 @@ from ..drive import JointDrive
 from ..errors import InputError
 from ..frames import Place
 from ..joint import Joint
-from ..kernels import null_space_blocks
+from ..kernels import cross, null_space_blocks
 from ..load import Load
 from ..relative import Expression, Form, Product, Zero
 from ..types import Array, ArrayLike, Floats, IndexArray
@@ -356,7 +356,7 @@ class System:
         if len(wrong):
             return f"{self._guarded[int(wrong[0])].label} by half a turn"
         D = self.kinematics.directors(y)
-        wrong = np.flatnonzero((np.cross(D[:, 0], D[:, 1]) * D[:, 2]).sum(1) < 0)
+        wrong = np.flatnonzero((cross(D[:, 0], D[:, 1]) * D[:, 2]).sum(1) < 0)
         if len(wrong):
             return f"triad of {self.owner[int(self.kinematics.frames[wrong[0]])].label}"
         return None
