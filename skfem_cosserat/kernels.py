@@ -7,12 +7,13 @@ complex step) and know no model: the seam where compiled kernels enter.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from .strain import strain_table
-from .types import Array, Floats
+from .types import Array, Floats, IndexArray
 
 __all__ = [
     "BeamElements",
@@ -307,13 +308,6 @@ def director_force(directors: Array, force: Array) -> Array:
     return (directors.transpose(0, 2, 1) @ force).reshape(-1, 9) @ _AXIAL
 
 
-# entries of -d^ below the identity of P_int: where, which number of d1, d2, d3, sign
-_OFF = np.array([(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)])
-_WHERE = (6 * (3 * np.arange(1, 4)[:, None] + _OFF[:, 0]) + 3 + _OFF[:, 1]).ravel()
-_PART = (3 * np.arange(3)[:, None] + 3 - _OFF.sum(1)).ravel()
-_SIGN = np.tile([1.0, -1.0, -1.0, 1.0, 1.0, -1.0], 3)
-
-
 def spin_gradient(directors: Array, force: Array) -> Array:
     """Derivative (N, 3, 3) of ``sum_i d_i x f_i`` by a spin of the directors, for fixed forces.
 
@@ -327,15 +321,34 @@ _LESS_TRACE = np.eye(9) - np.outer(np.eye(3), np.eye(3))
 
 
 def null_space_blocks(directors: Array) -> Array:
-    """Internal null space matrices ``P_int`` (N, 12, 6) of equation (69).
+    """Internal null space matrices ``P_int`` (69) of blocks of nodes (N, 12 nn, 6 nn).
 
-    ``qdot = P_int (phidot, omega)``: rows ``[[I, 0], [0, -d1^], [0, -d2^], [0, -d3^]]``.
+    ``qdot = P_int (phidot, omega)`` for directors (N, nn, 3, 3), or (N, 3, 3) of single nodes:
+    rows ``[[I, 0], [0, -d1^], [0, -d2^], [0, -d3^]]`` of each node.
     """
-    N = len(directors)
-    out = np.zeros((N, 72), dtype=directors.dtype)
-    out[:, 0:15:7] = 1
-    out[:, _WHERE] = directors.reshape(N, 9).take(_PART, axis=1) * _SIGN
-    return out.reshape(N, 12, 6)
+    nn = 1 if directors.ndim == 3 else directors.shape[1]
+    ones, where, part, sign = _null_space_entries(nn)
+    out = np.zeros((len(directors), 72 * nn * nn), dtype=directors.dtype)
+    out[:, ones] = 1
+    out[:, where] = directors.reshape(-1, 9 * nn).take(part, axis=1) * sign
+    return out.reshape(-1, 12 * nn, 6 * nn)
+
+
+@cache
+def _null_space_entries(nn: int) -> tuple[IndexArray, IndexArray, IndexArray, Floats]:
+    """Places of ones and of ``-d^`` in P_int, flat; which number of d1, d2, d3 there, its sign."""
+    off = np.array([(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)])
+    node = np.arange(nn)[:, None]
+    row = (3 * np.arange(1, 4)[:, None] + off[:, 0]).ravel()
+    col = np.tile(3 + off[:, 1], 3)
+    part = (3 * np.arange(3)[:, None] + 3 - off.sum(1)).ravel()
+    ones = np.arange(3)
+
+    def flat(rows: IndexArray, cols: IndexArray) -> IndexArray:
+        return ((12 * node + rows) * 6 * nn + 6 * node + cols).ravel()
+
+    sign = np.tile([1.0, -1.0, -1.0, 1.0, 1.0, -1.0], 3 * nn)
+    return flat(ones, ones), flat(row, col), (9 * node + part).ravel(), sign
 
 
 # half of a vanishing angle: the sine of it over itself is one, also for complex steps

@@ -326,18 +326,11 @@ class BoundNullSpace(BoundTreatment):
 
     def _null_spaces(self, y: Array) -> list[Array]:
         """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), and none of points."""
-        P = null_space_blocks(self.kin.directors(y))
-        out = []
-        for frames in self._frames:
-            if frames is None:
-                out.append(P[:0])
-                continue
-            ne, nn = frames.shape
-            matrices = np.zeros((ne, nn, 12, nn, 6), dtype=P.dtype)
-            for a in range(nn):
-                matrices[:, a, :, a] = P.take(frames[:, a], axis=0)
-            out.append(matrices.reshape(ne, 12 * nn, 6 * nn))
-        return out
+        D = self.kin.directors(y)
+        return [
+            D[:0] if frames is None else null_space_blocks(D.take(frames, axis=0))
+            for frames in self._frames
+        ]
 
     def _project(self, blocks: Sequence[Blocks], y1: Array) -> list[Array]:
         """Blocks by coordinates -> by twists, ``P_int(y_c)^T K P_int(y_1)``."""
