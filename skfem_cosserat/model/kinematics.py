@@ -15,7 +15,7 @@ from ..kernels import cross, director_force
 from ..relative import normals
 from ..types import Array, Floats, IndexArray
 from .quadratic import sum_at
-from .tree import Coordinate, Spot, Tree
+from .tree import Coordinate, Pair, Spot, Tree
 
 __all__ = ["Kinematics", "Located"]
 
@@ -150,7 +150,11 @@ class Kinematics:
         #: pairs that turn about hinges, and which
         self._on_hinge = np.flatnonzero(np.isin(self.pair_number, self.hinges))
         self._hinge_of = np.array([hinge_of[numbers[k]] for k in self._on_hinge], dtype=np.int64)
-        # pattern of T: identity of free vertices, constant shifts, turning pairs
+        self._T_pattern(shifting, slides)
+
+    def _T_pattern(self, shifting: Sequence[Pair], slides: Sequence[Pair]) -> None:
+        """Identity of free vertices, constant shifts, turning pairs, slides."""
+        tree, cs = self.tree, self.tree.coordinates
         rows, cols, ones = [], [], []
         for v in tree.free:
             own = tree.own[v]
@@ -169,7 +173,7 @@ class Kinematics:
             [
                 np.array(rows, dtype=np.int64),
                 base.ravel(),
-                (base[rotates] + 3).ravel(),
+                (base[self.pair_rotates] + 3).ravel(),
                 self._slide_twist.ravel(),
             ]
         )
@@ -177,7 +181,7 @@ class Kinematics:
             [
                 np.array(cols, dtype=np.int64),
                 number.ravel(),
-                number[rotates].ravel(),
+                number[self.pair_rotates].ravel(),
                 np.repeat(self.slide_number, 3),
             ]
         )
