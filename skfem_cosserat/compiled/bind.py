@@ -52,7 +52,9 @@ def addresses(
     if not system.tree.edges:
         unused |= {name for name in TREE_PARTS if name.startswith("joint")}
     if not weight:
-        unused.add("joint_curvature")
+        unused |= {"joint_curvature", "node_matrix"}
+    if system.frame_group is None and system.point_group is None:
+        unused.add("lump_matrix")
     if not ends:
         unused.add("beam_start")
     if not system.beam_groups:

@@ -44,6 +44,7 @@ __all__ = [
     "cap",
     "clear",
     "finish",
+    "lump_matrix",
     "move",
     "node_matrix",
     "predict_changes",
@@ -189,31 +190,6 @@ def size(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     return out
 
 
-@inlined
-def lumped_masses(s: Any, diag: Any, w: Any, mass: float, left: Floats) -> None:
-    """Blocks of single frames and of mass points."""
-    V, C = np.empty((3, 3)), np.empty((1, 1, 4, 4))
-    L, R = np.empty((1, 4, 3)), np.empty((1, 4, 3))
-    A, y1, first, lumps, framed = w.A, w.y1, s.row, s.lumps, s.framed
-    for k in range(len(s.lump_vertex)):
-        v = s.lump_vertex[k]
-        for a in range(4):
-            for b in range(4):
-                C[0, 0, a, b] = mass * lumps[k, a, b]
-            for c in range(3):
-                L[0, a, c] = left[first[v] + a, c]
-                R[0, a, c] = y1[first[v] + a, c]
-        scalar_block(C, 0, 0, L, R, A, diag[v], V)
-    for v in range(len(first)):
-        if not framed[v]:
-            for c in range(3, 6):
-                A[diag[v], c, c] = 1.0
-    for k in range(len(s.point_vertex)):
-        v = s.point_vertex[k]
-        for c in range(3):
-            A[diag[v], c, c] += mass * s.point_masses[k]
-
-
 @part
 def clear(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """All blocks zero."""
@@ -226,18 +202,41 @@ def clear(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @part
+def lump_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Add masses of single frames and of mass points."""
+    V, C = np.empty((3, 3)), np.empty((1, 1, 4, 4))
+    L, R = np.empty((1, 4, 3)), np.empty((1, 4, 3))
+    A, y0, y1, diag, first, lumps, framed = w.A, w.y0, w.y1, m.diag, s.row, s.lumps, s.framed
+    mass, weight = numbers[MASS], numbers[WEIGHT]
+    for k in range(len(s.lump_vertex)):
+        v = s.lump_vertex[k]
+        for a in range(4):
+            r = first[v] + a
+            for b in range(4):
+                C[0, 0, a, b] = mass * lumps[k, a, b]
+            for c in range(3):
+                L[0, a, c] = y0[r, c] if weight == 0.0 else w.mid[r, c]
+                R[0, a, c] = y1[r, c]
+        scalar_block(C, 0, 0, L, R, A, diag[v], V)
+    for v in range(len(first)):
+        if not framed[v]:
+            for c in range(3, 6):
+                A[diag[v], c, c] = 1.0
+    for k in range(len(s.point_vertex)):
+        v = s.point_vertex[k]
+        for c in range(3):
+            A[diag[v], c, c] += mass * s.point_masses[k]
+    return 0.0
+
+
+@part
 def node_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Add blocks of single nodes: masses, and ``weight d(P_int^T R)``; flag 1: of predicted R."""
+    """Add ``weight d(P_int^T R)`` of single nodes; flag 1: of the R with predicted stresses."""
     weight = numbers[WEIGHT]
     A, y1, diag, first, framed = w.A, w.y1, m.diag, s.row, s.framed
-    left, R = w.y0, w.R
-    if weight != 0.0:
-        left = w.mid
+    R = w.R
     if flag == 1:
         R = w.R_mixed
-    lumped_masses(s, diag, w, numbers[MASS], left)
-    if weight == 0.0:
-        return 0.0
     for v in range(len(first)):
         if not framed[v]:
             continue

@@ -24,11 +24,11 @@ KEPT, RATE, FIRST, GUESS, KNOWN, ITERATIONS, RESIDUAL, FACTORED, WORK = range(le
 #: functions that take ``(s, m, w, numbers, flag)``, and those that take ``(g, w, numbers, flag)``
 TREE_PARTS = (
     *("begin", "move", "balance", "size", "clear", "node_matrix", "cap", "predict_changes"),
-    *("finish", "better", "factor", "sweep"),
+    *("finish", "better", "lump_matrix", "factor", "sweep"),
     *("joint_begin", "joint_add", "joint_move", "joint_maps", "joint_reduce", "joint_curvature"),
 )
 BEAM_PARTS = ("beam_start", "beam_force", "beam_tangent", "beam_predicted")
 BEGIN, MOVE, BALANCE, SIZE, CLEAR, NODE_MATRIX, CAP, PREDICT_CHANGES = range(8)
-FINISH, BETTER, FACTOR, SWEEP = range(8, 12)
-JOINT_BEGIN, JOINT_ADD, JOINT_MOVE, JOINT_MAPS, JOINT_REDUCE, JOINT_CURVATURE = range(12, 18)
-BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED = range(18, 22)
+FINISH, BETTER, LUMP_MATRIX, FACTOR, SWEEP = range(8, 13)
+JOINT_BEGIN, JOINT_ADD, JOINT_MOVE, JOINT_MAPS, JOINT_REDUCE, JOINT_CURVATURE = range(13, 19)
+BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED = range(19, 23)

@@ -75,7 +75,10 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
         call(p[n.BALANCE], s, m, w, numbers, 1)
         if p[n.JOINT_REDUCE]:
             call(p[n.JOINT_REDUCE], s, m, w, numbers, 1)
-    call(p[n.NODE_MATRIX], s, m, w, numbers, mixed)
+    if p[n.LUMP_MATRIX]:
+        call(p[n.LUMP_MATRIX], s, m, w, numbers, 0)
+    if p[n.NODE_MATRIX]:
+        call(p[n.NODE_MATRIX], s, m, w, numbers, mixed)
     if p[n.JOINT_MAPS]:
         call(p[n.JOINT_MAPS], s, m, w, numbers, 1)
     if p[n.JOINT_CURVATURE]:
