@@ -17,7 +17,6 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import fields
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -66,8 +65,7 @@ def tip(system: sc.System, state: Any) -> np.ndarray:
 
 def full_newton() -> NewtonSettings:
     """Settings with which every iteration has a matrix and a factorisation of its own."""
-    known = {field.name for field in fields(NewtonSettings)}
-    return NewtonSettings(**({"reuse": False} if "reuse" in known else {}))
+    return NewtonSettings(reuse=0)
 
 
 class Run(NamedTuple):
