@@ -13,6 +13,23 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import pytest
 
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--kernels",
+        choices=("auto", "numba"),
+        default="auto",
+        help="numba: compiled kernels in all tests wherever there are some",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--kernels") == "numba":
+        from skfem_cosserat.integrators import choice
+
+        choice.WORTHWHILE = 0.0
+
+
 SHOT = """
 import sys, pyvista
 plotter = pyvista.Plotter(off_screen=True, window_size=[64, 64])

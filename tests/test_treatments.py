@@ -85,8 +85,10 @@ def test_few_newton_iterations(scene, integrator, treatment):
     history = run(scene, integrator, treatment)
     assert (history["attempts"] == 1).all()
     count = history["newton_iterations"][1:]
-    assert count.max() <= 6
-    assert count.mean() <= 4
+    assert history.meta["factorisations"] <= 4 * len(history)
+    if history.meta["kernels"] == "numpy":  # compiled ones keep factors
+        assert count.max() <= 6
+        assert count.mean() <= 4
 
 
 @pytest.mark.parametrize("scene", ["everything", "swing", "distance"])

@@ -98,6 +98,7 @@ def bound_beams(system: System, group: BeamGroup | None, plan: Plan) -> tuple[An
         empty = {name: np.zeros((0, *shape)) for name, shape in size.items()}
         S = np.zeros((0, 1, 6))
         fields = {"N": ends, "dN": ((-1.0, 1.0),), "weights": (1.0,), "base": none, **empty}
+        fields |= {"section": np.zeros(0, dtype=np.int64)}
         fields |= {"slot": np.zeros((0, 2, 2), dtype=np.int64), "lengths": np.zeros(0)}
         fields |= {"rotations": np.zeros((0, 2, 3, 3)), "turned": False, "diagonal": True}
         fields |= {"S0": S, "S": S.copy(), "predicted": S.copy()}
@@ -115,6 +116,8 @@ def bound_beams(system: System, group: BeamGroup | None, plan: Plan) -> tuple[An
         Q = np.zeros((ne, nn, 4, 4))
         Q[:, :, 0, 0], Q[:, :, 1:, 1:] = 1, rotations
         mass = np.ascontiguousarray(np.einsum("eaij,eabjk,eblk->eabil", Q, mass, Q))
+    # elements of one section share its stiffness: less memory to go through
+    stiffness, section = np.unique(elements.stiffness, axis=0, return_inverse=True)
     slots = [[[plan.slot[a, b] for b in vs] for a in vs] for vs in group.vertices.tolist()]
     S = np.zeros((ne, ng, 6))
     fields = {
@@ -124,7 +127,8 @@ def bound_beams(system: System, group: BeamGroup | None, plan: Plan) -> tuple[An
         "base": np.ascontiguousarray(system.origin_rows[group.vertices]),
         "slot": np.array(slots, dtype=np.int64),
         "lengths": np.ascontiguousarray(elements.lengths),
-        "stiffness": np.ascontiguousarray(elements.stiffness),
+        "section": section.reshape(ne),
+        "stiffness": np.ascontiguousarray(stiffness),
         "diagonal": not (elements.stiffness * (1 - np.eye(6))).any(),
         "reference": np.ascontiguousarray(elements.reference),
         "mass": mass,
@@ -190,6 +194,7 @@ def _edges(system: System) -> dict[str, Any]:
     fulcrums = [_fulcrum(e, r) for e, r in zip(edges, relative, strict=True)]
     return {
         "swing": np.zeros((len(edges), 4)),
+        "followed": _followed(system),
         "child": _ints([e.child for e in edges]),
         "parent": _ints([e.parent if e.parent < count else -1 for e in edges]),
         "child_row": _ints([row[e.child] for e in edges]),
@@ -206,6 +211,13 @@ def _edges(system: System) -> dict[str, Any]:
         "fulcrum_offset": _vectors([s.offset for s in fulcrums]),
         "fulcrum_vertex": _ints([s.vertex if s.vertex < count else -1 for s in fulcrums]),
     }
+
+
+def _followed(system: System) -> Any:
+    """Vertices whose rotation a joint asks for."""
+    followed = np.zeros(len(system.kinematics.row), dtype=bool)
+    followed[[v for e in system.tree.edges for v in (e.parent, e.guide)]] = True
+    return followed
 
 
 def _fulcrum(edge: Edge, relative: bool) -> Spot:
@@ -294,6 +306,7 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
         "found": (2,),
         "frames": (rows, 3),
         "A": (len(plan.slot), 6, 6),
+        "inverse": (count, 6, 6),
         **dict.fromkeys(
             ("S_left", "X_left", "S_right", "X_right", "S_kept", "X_kept"), (edges, 6, 6)
         ),

@@ -17,6 +17,8 @@ from .small import Rotation, combine, directors, turned
 
 __all__ = ["factor", "sweep"]
 
+Six = tuple[float, float, float, float, float, float]
+
 
 @inlined
 def factor_block(A: Floats, k: int, pivots: IndexArray, v: int) -> bool:
@@ -46,42 +48,70 @@ def factor_block(A: Floats, k: int, pivots: IndexArray, v: int) -> bool:
 
 
 @inlined
-def solve_block(A: Floats, k: int, pivots: IndexArray, v: int, u: int) -> None:
-    """``A_u <- A_k^-1 A_u`` for a factorised block k."""
+def solve_block(A: Floats, k: int, pivots: IndexArray, v: int, B: Floats, u: int) -> None:
+    """``B_u <- A_k^-1 B_u`` for a factorised block k."""
     for n in range(6):
         p = pivots[v, n]
         if p != n:
             for c in range(6):
-                A[u, n, c], A[u, p, c] = A[u, p, c], A[u, n, c]
+                B[u, n, c], B[u, p, c] = B[u, p, c], B[u, n, c]
     for i in range(1, 6):
         for n in range(i):
             f = A[k, i, n]
             for c in range(6):
-                A[u, i, c] -= f * A[u, n, c]
+                B[u, i, c] -= f * B[u, n, c]
     for i in range(5, -1, -1):
         for n in range(i + 1, 6):
             f = A[k, i, n]
             for c in range(6):
-                A[u, i, c] -= f * A[u, n, c]
+                B[u, i, c] -= f * B[u, n, c]
         f = A[k, i, i]
         for c in range(6):
-            A[u, i, c] *= f
+            B[u, i, c] *= f
 
 
 @inlined
-def solve_vector(A: Floats, k: int, pivots: IndexArray, v: int, b: Floats) -> None:
-    """``b_v <- A_k^-1 b_v`` for a factorised block k."""
-    for n in range(6):
-        p = pivots[v, n]
-        if p != n:
-            b[v, n], b[v, p] = b[v, p], b[v, n]
-    for i in range(1, 6):
-        for n in range(i):
-            b[v, i] -= A[k, i, n] * b[v, n]
-    for i in range(5, -1, -1):
-        for n in range(i + 1, 6):
-            b[v, i] -= A[k, i, n] * b[v, n]
-        b[v, i] *= A[k, i, i]
+def premultiply(A: Floats, k: int, B: Floats, u: int, W: Floats) -> None:
+    """``B_u <- A_k B_u``; W is scratch. Sums before stores: they stay in vector registers."""
+    for i in range(6):
+        for c in range(6):
+            W[0, i, c] = B[u, i, c]
+    for i in range(6):
+        s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for n in range(6):
+            a = A[k, i, n]
+            s0 += a * W[0, n, 0]
+            s1 += a * W[0, n, 1]
+            s2 += a * W[0, n, 2]
+            s3 += a * W[0, n, 3]
+            s4 += a * W[0, n, 4]
+            s5 += a * W[0, n, 5]
+        B[u, i, 0] = s0
+        B[u, i, 1] = s1
+        B[u, i, 2] = s2
+        B[u, i, 3] = s3
+        B[u, i, 4] = s4
+        B[u, i, 5] = s5
+
+
+@inlined
+def times_vector(A: Floats, k: int, x: Floats, v: int) -> Six:
+    """``A_k x_v``."""
+    x0, x1, x2, x3, x4, x5 = x[v, 0], x[v, 1], x[v, 2], x[v, 3], x[v, 4], x[v, 5]
+    return (
+        (A[k, 0, 0] * x0 + A[k, 0, 1] * x1 + A[k, 0, 2] * x2)
+        + (A[k, 0, 3] * x3 + A[k, 0, 4] * x4 + A[k, 0, 5] * x5),
+        (A[k, 1, 0] * x0 + A[k, 1, 1] * x1 + A[k, 1, 2] * x2)
+        + (A[k, 1, 3] * x3 + A[k, 1, 4] * x4 + A[k, 1, 5] * x5),
+        (A[k, 2, 0] * x0 + A[k, 2, 1] * x1 + A[k, 2, 2] * x2)
+        + (A[k, 2, 3] * x3 + A[k, 2, 4] * x4 + A[k, 2, 5] * x5),
+        (A[k, 3, 0] * x0 + A[k, 3, 1] * x1 + A[k, 3, 2] * x2)
+        + (A[k, 3, 3] * x3 + A[k, 3, 4] * x4 + A[k, 3, 5] * x5),
+        (A[k, 4, 0] * x0 + A[k, 4, 1] * x1 + A[k, 4, 2] * x2)
+        + (A[k, 4, 3] * x3 + A[k, 4, 4] * x4 + A[k, 4, 5] * x5),
+        (A[k, 5, 0] * x0 + A[k, 5, 1] * x1 + A[k, 5, 2] * x2)
+        + (A[k, 5, 3] * x3 + A[k, 5, 4] * x4 + A[k, 5, 5] * x5),
+    )
 
 
 @inlined
@@ -175,7 +205,8 @@ def factor(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Factorise: 0 if a pivot vanishes, else 1."""
     A, pivots, edge, diag, ptr = w.A, m.pivots, m.edge, m.diag, m.ptr
     order, right, down, start, update = m.order, m.right, m.down, m.update_ptr, m.update
-    S, X, y1, frames = w.S_left, w.X_left, w.y1, w.frames
+    S, X, y1, frames, inverse = w.S_left, w.X_left, w.y1, w.frames, w.inverse
+    scratch = w.scratch
     for r in range(frames.shape[0]):
         for c in range(3):
             frames[r, c] = y1[r, c]
@@ -192,10 +223,14 @@ def factor(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             to_own_coordinates(m, w, t)
         if not factor_block(A, diag[v], pivots, v):
             regular = 0.0
+        for r in range(6):  # sweeps are products: triangular solutions take twice as long
+            for c in range(6):
+                inverse[v, r, c] = 1.0 if r == c else 0.0
+        solve_block(A, diag[v], pivots, v, inverse, v)
         a0 = ptr[t]
         n = ptr[t + 1] - a0
         for j in range(n):
-            solve_block(A, diag[v], pivots, v, right[a0 + j])
+            premultiply(inverse, v, A, right[a0 + j], scratch)
         for i in range(n):
             for j in range(n):
                 subtract(A, update[start[t] + i * n + j], down[a0 + i], right[a0 + j])
@@ -235,8 +270,8 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     frame: so they are out of date by strains only, not by rotations.
     """
     A, b, x, twist, extra = w.A, w.b, w.x, w.twist, w.extra
-    order, edge, diag, ptr, neighbour = m.order, m.edge, m.diag, m.ptr, m.neighbour
-    right, down, parent, pivots = m.right, m.down, m.parent, m.pivots
+    order, edge, ptr, neighbour = m.order, m.edge, m.ptr, m.neighbour
+    right, down, parent, inverse = m.right, m.down, m.parent, w.inverse
     S_left, X_left, S, X = w.S_kept, w.X_kept, w.S_right, w.X_right
     y1, frames, first, triple = w.y1, w.frames, s.row, s.triple
     for v in range(len(order)):
@@ -264,25 +299,20 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             x[v, i] += own
             if p >= 0:
                 extra[p, i] += passed
-        solve_vector(A, diag[v], pivots, v, x)
+        solved = times_vector(inverse, v, x, v)
+        for i in range(6):
+            x[v, i] = solved[i]
         for j in range(ptr[t], ptr[t + 1]):
-            k = down[j]
             u = neighbour[j]
-            for r in range(6):
-                own = 0.0
-                for c in range(6):
-                    own += A[k, r, c] * x[v, c]
-                extra[u, r] -= own
+            change = times_vector(A, down[j], x, v)
+            for i in range(6):
+                extra[u, i] -= change[i]
     for t in range(len(order) - 1, -1, -1):
         v = order[t]
         for j in range(ptr[t], ptr[t + 1]):
-            k = right[j]
-            u = neighbour[j]
-            for r in range(6):
-                own = 0.0
-                for c in range(6):
-                    own += A[k, r, c] * twist[u, c]
-                x[v, r] -= own
+            change = times_vector(A, right[j], twist, neighbour[j])
+            for i in range(6):
+                x[v, i] -= change[i]
         e = edge[v]
         p = parent[v]
         for r in range(6):

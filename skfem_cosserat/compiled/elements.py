@@ -106,8 +106,10 @@ def strain_changes(G: Point, V: Point) -> tuple[Vector, Vector]:
 
 
 @inlined
-def stress(D: Floats, e: int, i: int, eps: tuple[Vector, Vector]) -> float:
+def stress(D: Floats, e: int, i: int, diagonal: bool, eps: tuple[Vector, Vector]) -> float:
     """``(D_e eps)_i``."""
+    if diagonal:
+        return D[e, i, i] * (eps[0][i] if i < 3 else eps[1][i - 3])
     return (
         D[e, i, 0] * eps[0][0]
         + D[e, i, 1] * eps[0][1]
@@ -133,7 +135,13 @@ def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """S0: stresses at the start of the step."""
     lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
     y, S0 = w.y0, g.S0
-    base, turned, rotations = g.base, g.turned, g.rotations
+    base, turned, rotations, section, diagonal = (
+        g.base,
+        g.turned,
+        g.rotations,
+        g.section,
+        g.diagonal,
+    )
     ne, nn = base.shape
     X = np.empty((nn, 4, 3))
     for e in range(ne):
@@ -142,7 +150,7 @@ def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             G = at_point(N[p], dN[p], 1.0 / lengths[e], X)
             eps = strained(reference, e, p, G)
             for i in range(6):
-                S0[e, p, i] = stress(stiffness, e, i, eps)
+                S0[e, p, i] = stress(stiffness, section[e], i, diagonal, eps)
     return 0.0
 
 
@@ -156,7 +164,13 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     if flag == 1:
         S, f = g.predicted, w.R_mixed
     start, end = numbers[START], numbers[END]
-    base, turned, rotations = g.base, g.turned, g.rotations
+    base, turned, rotations, section, diagonal = (
+        g.base,
+        g.turned,
+        g.rotations,
+        g.section,
+        g.diagonal,
+    )
     ne, nn = base.shape
     X, Y, F = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((nn, 4, 3))
     for e in range(ne):
@@ -175,7 +189,7 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
                 eps = strained(reference, e, p, H)
                 for i in range(6):
                     before = start * S0[e, p, i] if start != 0.0 else 0.0
-                    S[e, p, i] = before + end * stress(stiffness, e, i, eps)
+                    S[e, p, i] = before + end * stress(stiffness, section[e], i, diagonal, eps)
             point_force(N[p], dN[p], weights[p] * length, 1.0 / length, G, S, e, p, F)
         give(base, turned, rotations, e, F, f)
     return 0.0
@@ -236,7 +250,13 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     y, change, S, out = w.mid, w.change, g.S, g.predicted
     if numbers[START] != 0.0:
         y = w.y1
-    base, turned, rotations = g.base, g.turned, g.rotations
+    base, turned, rotations, section, diagonal = (
+        g.base,
+        g.turned,
+        g.rotations,
+        g.section,
+        g.diagonal,
+    )
     ne, nn = base.shape
     X, V = np.empty((nn, 4, 3)), np.empty((nn, 4, 3))
     for e in range(ne):
@@ -247,7 +267,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             H = at_point(N[p], dN[p], 1.0 / lengths[e], V)
             eps = strain_changes(G, H)
             for i in range(6):
-                out[e, p, i] = S[e, p, i] + 0.5 * stress(stiffness, e, i, eps)
+                out[e, p, i] = S[e, p, i] + 0.5 * stress(stiffness, section[e], i, diagonal, eps)
     return 0.0
 
 
@@ -385,8 +405,14 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     A = w.A
     mass, half = numbers[MASS], 0.5 * numbers[FORCE]
     lengths, shapes, slopes, weights = g.lengths, g.N, g.dN, g.weights
-    masses, stiffness, slot, diagonal = g.mass, g.stiffness, g.slot, g.diagonal
-    base, turned, rotations = g.base, g.turned, g.rotations
+    masses, stiffness, slot = g.mass, g.stiffness, g.slot
+    base, turned, rotations, section, diagonal = (
+        g.base,
+        g.turned,
+        g.rotations,
+        g.section,
+        g.diagonal,
+    )
     ne, nn = base.shape
     XB, XS, Z = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((3, 3))
     XL, XR, C = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((nn, nn, 4, 4))
@@ -413,7 +439,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             for i in range(3):  # strains by velocities, but for the slope; zero for K
                 put3(D, 0, i, GB[1][i])
                 put3(D, 1, i, GS[1][i])
-            times_stiffness(stiffness, diagonal, e, factor, D, 1, 3, T)
+            times_stiffness(stiffness, diagonal, section[e], factor, D, 1, 3, T)
             for r in range(3):
                 put(H, r, left_rows(D, 0, 3, r, T))
             for a in range(nn):
@@ -422,7 +448,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
                     put3(Q, a, r, left_rows(L, a, 6, r, T))
             for b in range(nn):
                 turned_strain(N[b], dN[b] * inverse, XR, b, GS, B, 0)
-                times_stiffness(stiffness, diagonal, e, factor, B, 0, 6, T)
+                times_stiffness(stiffness, diagonal, section[e], factor, B, 0, 6, T)
                 for r in range(3):
                     put(P, r, left_rows(D, 0, 3, r, T))
                 for a in range(nn):

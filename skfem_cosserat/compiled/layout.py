@@ -14,12 +14,24 @@ __all__ = ["BEAMS", "PLAN", "TREE", "WORK", "beams", "plan", "tree", "work"]
 #: elements of one interpolation: shape functions and slopes at Gauss points as tuples, so that
 #: their numbers are known when compiling; first rows of y of the nodes; slots of the blocks
 BEAMS = (
-    *("N", "dN", "weights", "base", "slot", "lengths", "stiffness", "reference", "mass"),
+    *("N", "dN", "weights", "base", "slot", "lengths", "section", "stiffness", "reference", "mass"),
     *("diagonal", "rotations", "turned", "S0", "S", "predicted"),
 )
 #: vertices, edges (joints from parent to child) and their coordinates
 TREE = (
-    *("row", "framed", "free", "R", "shift", "turn", "swing", "value", "driven", "turning"),
+    *(
+        "row",
+        "framed",
+        "free",
+        "R",
+        "shift",
+        "turn",
+        "swing",
+        "followed",
+        "value",
+        "driven",
+        "turning",
+    ),
     *("child", "parent", "child_row", "parent_row", "parent_frame", "guide_frame", "relative"),
     *("sphere", "open", "child_offset", "parent_offset", "arm0"),
     *("fulcrum_row", "fulcrum_offset", "fulcrum_vertex", "first"),
@@ -38,7 +50,7 @@ PLAN = (
 WORK = (
     *("y0", "p0", "external", "ground1", "y1", "mid", "R", "momentum", "internal"),
     *("R_mixed", "change", "F", "F_mixed", "b", "x", "total", "last", "extra", "twist", "A"),
-    *("before", "found", "carried", "frames", "S_kept", "X_kept"),
+    *("before", "found", "carried", "frames", "inverse", "S_kept", "X_kept"),
     *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
 )
 

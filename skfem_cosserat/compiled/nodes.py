@@ -76,7 +76,7 @@ def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 def move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add up the increments x (nv, 6); the rows of y_1 of free vertices, and the ground's."""
     y0, y1, ground1, x, shift, turn = w.y0, w.y1, w.ground1, w.x, s.shift, s.turn
-    free, framed, first = s.free, s.framed, s.row
+    free, framed, first, followed, rotations = s.free, s.framed, s.row, s.followed, s.R
     rows = len(y0) - len(ground1)
     total = w.total
     for v in range(x.shape[0]):
@@ -93,9 +93,10 @@ def move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         if framed[v]:
             compose((x[v, 3], x[v, 4], x[v, 5]), turn, v)
             R = rotation(turn[v, 0], turn[v, 1], turn[v, 2], turn[v, 3])
-            for a in range(3):
-                for b in range(3):
-                    s.R[v, a, b] = R[a][b]
+            if followed[v]:
+                for a in range(3):
+                    for b in range(3):
+                        rotations[v, a, b] = R[a][b]
             for i in range(1, 4):
                 d = row(y0, r + i)
                 put(y1, r + i, (dot(R[0], d), dot(R[1], d), dot(R[2], d)))

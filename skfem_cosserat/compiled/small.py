@@ -132,7 +132,8 @@ def compose(theta: Vector, q: Floats, v: int) -> None:
     x = a[0] * b1 + b0 * a[1] + a[2] * b3 - a[3] * b2
     y = a[0] * b2 + b0 * a[2] + a[3] * b1 - a[1] * b3
     z = a[0] * b3 + b0 * a[3] + a[1] * b2 - a[2] * b1
-    f = 1 / np.sqrt(w * w + x * x + y * y + z * z)
+    # both have length one to rounding: one step towards the inverse of a square root
+    f = 1.5 - 0.5 * (w * w + x * x + y * y + z * z)
     q[v, 0] = f * w
     q[v, 1] = f * x
     q[v, 2] = f * y

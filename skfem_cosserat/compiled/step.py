@@ -125,7 +125,7 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
         record[n.RATE] = 0.8 * rate
     start(p, s, m, w, g, numbers, int(record[n.GUESS]))
     size = evaluate(p, s, m, w, g, numbers, int(not kept))
-    last, mixed = np.inf, 0
+    last, mixed, swept = np.inf, 0, 0.0
     for count in range(1, int(numbers[n.LIMIT]) + 1):
         fresh = not kept
         if fresh:
@@ -150,7 +150,9 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
                     continue
             further = left_over(length, rate, settled)
             done = done or further <= 0.0
+            swept += 1.0
             kept = further <= reuse or rate == UNKNOWN  # the next iteration will tell
+            kept = kept and swept < reuse + 2.0
         elif not length <= numbers[n.LARGEST]:
             return False
         size = evaluate(p, s, m, w, g, numbers, int(fresh or done or not kept))
@@ -165,7 +167,7 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
                 numbers[n.MIXED],
             )
             kept = reuse > 0.0 and mixed == 0
-            rate = 0.0
+            rate, swept = 0.0, 0.0
         if done and np.isfinite(size):
             record[n.ITERATIONS], record[n.RESIDUAL] = count, size
             record[n.KEPT] = 1.0 if reuse > 0.0 else 0.0
