@@ -31,6 +31,7 @@ from .joint import (
     JointSpherical,
     JointUniversal,
 )
+from .linear import SolverBanded, SolverDense, SolverMetis, SolverPardiso, SolverSuperLU
 from .load import FunctionOfTime, LoadForce, LoadGravity, LoadLine, LoadMoment, Table
 from .mesh import MeshCurve, read_mesh, write_mesh
 from .modal import Buckling, Modes, buckling, modes
@@ -108,6 +109,11 @@ __all__ = [
     "SectionCircle",
     "SectionRectangle",
     "SectionTube",
+    "SolverBanded",
+    "SolverDense",
+    "SolverMetis",
+    "SolverPardiso",
+    "SolverSuperLU",
     "Spin",
     "SpringDamper",
     "State",

@@ -397,3 +397,21 @@ def test_memory_tells_what_is_missed(memory):
     wrong = memory.missed({"exponents": found, "growth": {"steps": 0.5, "streamed": 9.0}})
     assert len(wrong) == 2 and "1.500" in wrong[0] and "streamed" in wrong[1]
     assert not memory.missed({"exponents": {"numpy": 1.0}, "growth": {"steps": 0.1}})
+
+
+def test_lattice(tmp_path):
+    """One row for the own choice and each solver that is installed."""
+    lattice = load("lattice")
+    result = lattice.main(lattices=[(4, 1), (3, 3)], rounds=1, out=tmp_path)
+    rows = result["rows"]
+    assert {tuple(row) for row in rows} == {lattice.COLUMNS}
+    assert [row["asked"] for row in rows[:2]] == ["own choice", "superlu"]
+    assert rows[0]["unknowns"] == 288 and rows[1]["unknowns_left"] == 288
+    assert rows[-1]["unknowns_left"] == 6 * 18 < rows[-1]["unknowns"] == 6 * (18 + 2 * 54)
+    assert all(row["ms_per_iteration"] > 0 and row["ratio_fastest"] > 0 for row in rows)
+    assert "4 x 4 x 4 joints, 1 elements a strut" in result["figures"]
+    assert not lattice.missed(result)  # figures are about larger ones
+    slow = {lattice.title(16, 1): {"ratio_fastest": 1.6}}
+    assert "1.60 (ratio_fastest), above 1.5" in lattice.missed({"figures": slow})[0]
+    assert "ms/iter." in lattice.report(result)
+    assert (tmp_path / "lattice.csv").read_text(encoding="utf-8").startswith("# versions")

@@ -12,13 +12,15 @@ import numpy as np
 import pytest
 import test_drives
 import test_joints
-from helpers_scenes import JOINTS, full_section, random_tree, rotation
+from helpers_scenes import JOINTS, full_section, lattice, lattice_mesh, random_tree, rotation
 
 import skfem_cosserat as sc
+from skfem_cosserat.compiled import plan
 from skfem_cosserat.compiled.plan import Plan
 from skfem_cosserat.integrators import choice
 from skfem_cosserat.integrators.fast import CompiledStep, refusal
 from skfem_cosserat.integrators.stepper import Stepper, _Problem
+from skfem_cosserat.linear import SingularMatrixError
 
 numba = pytest.importorskip("numba")
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
@@ -356,35 +358,148 @@ def test_what_is_not_compiled_is_refused_or_runs_plain():
         sc.simulate(tree(1), sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, kernels="fortran")
 
 
-def lattice(count):
-    """Struts of two elements along the edges of cubes."""
-    number, points, lines = {}, [], []
-
-    def vertex(place):
-        if place not in number:
-            number[place] = len(points)
-            points.append(place)
-        return number[place]
-
-    for i in range(count):
-        for j in range(count):
-            for k in range(count):
-                for axis in range(3):
-                    a = (i, j, k)
-                    b = tuple(x + (axis == d) for d, x in enumerate(a))
-                    if max(b) < count:
-                        middle = tuple((x + y) / 2 for x, y in zip(a, b, strict=True))
-                        lines += [(vertex(a), vertex(middle)), (vertex(middle), vertex(b))]
-    return points, lines
+# -- lattices: what elimination in blocks leaves is solved by a sparse solver ----------------------
 
 
-def test_lattices_run_plain():
-    """An elimination in blocks fills in: it is given up before it takes long."""
-    points, lines = lattice(6)
-    with pytest.raises(OverflowError, match="30 products of blocks"):
-        Plan(len(points), lines, [-1] * len(points))
-    points, lines = lattice(2)
-    assert Plan(len(points), lines, [-1] * len(points)).work < 30 * len(points)
+def links(count, elements):
+    """Vertices and pairs of a lattice."""
+    mesh = lattice_mesh(count, elements)
+    return mesh.p.shape[1], [tuple(pair) for pair in mesh.t.T.tolist()]
+
+
+def test_only_insides_of_struts_are_eliminated_in_lattices():
+    """A full elimination fills in: it is given up before it takes long."""
+    count, pairs = links(8, 3)
+    plan = Plan(count, pairs, [-1] * count)
+    assert set(plan.rest) == set(range(8**3)) and plan.blocks == count - 8**3
+    assert plan.work <= 4 * plan.blocks
+    for v in plan.rest[:5]:  # joints are coupled with joints, through their struts
+        near = [w for w in range(8**3) if (v, w) in plan.slot and w != v]
+        assert 3 <= len(near) <= 6
+    count, pairs = links(4, 3)  # a small one does not
+    assert len(Plan(count, pairs, [-1] * count).rest) == 0
+    assert len(Plan(count, pairs, [-1] * count, thin=True).rest) == 4**3
+
+
+def hung_lattice(order):
+    """Two lattices and a body on hinges, in a row: joints of the tree are left to the solver."""
+    model = sc.Model()
+    section = full_section()
+    previous = sc.ground((0, 0, 0))
+    for k in range(2):
+        mesh = lattice_mesh(2, 2, 0.5).translated((0.5 * k, 0.5 * k, 0.5 * k))
+        beam = model.add(f"l{k}", sc.Beam(mesh, section, order=order, director=(0.36, 0.48, 0.8)))
+        pin = sc.JointRevolute(previous, beam.node(0), axis=(0, 0.6, 0.8))
+        model.add(f"pin{k}", pin)
+        previous = beam.node(7)
+    body = model.add("body", sc.RigidBody.sphere(0.5, 0.1, position=(1.2, 1.0, 1.0)))
+    model.add("ball", sc.JointSpherical(previous, body.at((1.0, 1.0, 1.0))))
+    point = model.add("point", sc.MassPoint(0.4, position=(1.2, 1.5, 1.0)))
+    model.add("rope", sc.JointDistance(body.at((1.2, 1.1, 1.0)), point.place()))
+    model.add("gravity", sc.LoadGravity((0.5, -0.3, -9.81)))
+    return model.freeze()
+
+
+@pytest.fixture
+def filled(monkeypatch):
+    """As if every network filled in too much; with nothing eliminated in blocks for `thin` -1."""
+
+    def change(thin):
+        monkeypatch.setattr(plan, "FILLED", 0)
+        monkeypatch.setattr(plan, "THIN", thin)
+
+    return change
+
+
+@pytest.mark.parametrize("thin", [-1, 0, 2])
+@pytest.mark.parametrize("make", [tree, hung_lattice])
+@integrators
+def test_tangents_with_a_rest(integrator, make, thin, filled):
+    """Increments as in the plain kernels, far from the solution, whatever is left."""
+    filled(thin)
+    test_residual_and_increment_at_random_states(2, integrator, make)
+    fast = CompiledStep(make(2), INTEGRATORS[integrator], 1e-3, sc.NewtonSettings())
+    if thin < 2 or make is hung_lattice:
+        assert fast.method.startswith("blocks, ") and len(fast.plan.rest) > 1
+
+
+@pytest.mark.parametrize("thin", [-1, 1])
+@integrators
+def test_all_kinds_of_joints_with_a_rest(integrator, thin, filled):
+    """Whatever hangs on joints is turned into their coordinates before the solver gets it."""
+    filled(thin)
+    for kind in JOINTS:
+        assert_same(*both(test_joints.scene(kind)[0], integrator, 0.01, 0.02))
+    for kind in test_drives.COORDINATES:
+        assert_same(*both(test_drives.scene(kind)[0], integrator, 0.01, 0.02))
+    for seed in range(100, 103):
+        assert_same(*both(random_tree(seed), integrator, 0.005, 0.02))
+
+
+@pytest.mark.parametrize(("count", "elements", "order"), [(5, 1, 1), (4, 4, 1), (4, 2, 2)])
+@integrators
+def test_lattices(integrator, count, elements, order, filled):
+    filled(2)
+    system = lattice(count, elements, order)
+    plain, compiled = both(system, integrator, 1e-4, 6e-4)
+    assert_same(plain, compiled)
+    assert compiled.meta["solver"].startswith("blocks, ")
+    assert compiled.meta["factorisations"] == plain.meta["factorisations"]
+
+
+def test_solver_of_the_rest_is_forced():
+    """Blocks alone would do here; with a solver that is asked for they leave all joints to it."""
+    run = both(lattice(3), "energy-momentum", 1e-3, 4e-3, solver=sc.SolverDense())
+    assert [history.meta["solver"] for history in run] == ["dense", "blocks, dense"]
+    assert_same(*run)
+
+
+def test_what_goes_wrong_in_the_rest(filled, monkeypatch):
+    """Singular: left to the stepper, as a step that does not converge. Else: raised after it."""
+    filled(-1)
+    system, settings = tree(1), sc.NewtonSettings()
+    state = moving(system)
+
+    def raised(error):
+        def fail(*arguments):
+            raise error
+
+        return fail
+
+    for method in ("factor", "solve_again"):
+        fast = CompiledStep(system, sc.EnergyMomentum(), 1e-3, settings)
+        monkeypatch.setattr(fast.linear, method, raised(SingularMatrixError("singular")))
+        assert fast.solve(state) is None
+        for error in (MemoryError("too large"), KeyboardInterrupt()):
+            monkeypatch.setattr(fast.linear, method, raised(error))
+            with pytest.raises(type(error)):
+                fast.solve(state)
+        monkeypatch.undo()
+        filled(-1)
+        assert fast.solve(state) is not None
+
+
+@integrators
+def test_kept_factors_of_the_rest(integrator):
+    """Kept over steps and given up just as those of an elimination of all in blocks."""
+    system, h = lattice(3, 3), 2e-4
+    start = moving(system)
+
+    def run(reuse, solver):
+        return sc.simulate(
+            system, INTEGRATORS[integrator], sc.NullSpace(), h, 40 * h, start=start, derive=False,
+            kernels="numba", settings=sc.NewtonSettings(reuse=reuse), solver=solver,
+        )  # fmt: skip
+
+    whole, blocks, rest = run(0, None), run(4, None), run(4, sc.SolverSuperLU())
+    assert [each.meta["solver"] for each in (blocks, rest)] == [
+        "blocks",
+        "blocks, superlu-symmetric",
+    ]
+    assert rest["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-11)
+    assert rest.meta["factorisations"] == blocks.meta["factorisations"]
+    assert rest["newton_iterations"].tolist() == blocks["newton_iterations"].tolist()
+    assert rest.meta["factorisations"] < 0.6 * whole.meta["factorisations"]
 
 
 def test_nothing_is_compiled_at_import():

@@ -42,7 +42,10 @@ LAYER = {name: number for number, names in enumerate(LAYERS, start=1) for name i
 REQUIRED = {"numpy", "scipy", "skfem", "meshio"}
 #: What a folder that is itself imported in functions only may import with its modules.
 COMPILED = {("compiled", "numba"), ("compiled", "llvmlite")}
-OPTIONAL = ("pyvista", "matplotlib", "vtk", "vtkmodules", "numba", "llvmlite", "h5py", "tqdm")
+OPTIONAL = (
+    *("pyvista", "matplotlib", "vtk", "vtkmodules", "numba", "llvmlite", "pypardiso", "pymetis"),
+    *("h5py", "tqdm"),
+)
 
 MAX_MODULE_LINES = 500
 MAX_FUNCTION_LINES = 70

@@ -3,16 +3,20 @@
 All blocks are 6x6: vertices with fewer unknowns are filled up with ones on the diagonal. Where a
 vertex hangs on a joint, its rows and columns are those of its twist until its turn comes: then they
 are turned into its joint's own coordinates, and what its parent carries along goes to the parent
-(the articulated-body recursion, inside a factorisation). Parts take ``(s, m, w, numbers, flag)`` as
-those of :mod:`.tree`.
+(the articulated-body recursion, inside a factorisation). In lattices the last vertices, from
+``m.rest[0]`` on, are not eliminated: their blocks and right-hand sides only get into their joints'
+coordinates, and a sparse solver takes them, called back at ``m.rest[1]``. Parts take
+``(s, m, w, numbers, flag)`` as those of :mod:`.tree`.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from ..types import Floats, IndexArray
-from .jit import inlined, part
+from .jit import call_back, inlined, part
 from .small import Rotation, combine, directors, turned
 
 __all__ = ["factor", "sweep"]
@@ -217,10 +221,13 @@ def factor(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                 S_kept[e, r, c] = S[e, r, c]
                 X_kept[e, r, c] = X[e, r, c]
     regular = 1.0
+    blocks, solver = m.rest[0], m.rest[1]
     for t in range(len(order)):
         v = order[t]
         if edge[v] >= 0:
             to_own_coordinates(m, w, t)
+        if t >= blocks:
+            continue
         if not factor_block(A, diag[v], pivots, v):
             regular = 0.0
         for r in range(6):  # sweeps are products: triangular solutions take twice as long
@@ -234,6 +241,8 @@ def factor(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         for i in range(n):
             for j in range(n):
                 subtract(A, update[start[t] + i * n + j], down[a0 + i], right[a0 + j])
+    if solver != 0 and call_back(solver, 0) == 0.0:
+        regular = 0.0
     return regular
 
 
@@ -274,6 +283,7 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     right, down, parent, inverse = m.right, m.down, m.parent, w.inverse
     S_left, X_left, S, X = w.S_kept, w.X_kept, w.S_right, w.X_right
     y1, frames, first, triple = w.y1, w.frames, s.row, s.triple
+    blocks, solver = m.rest[0], m.rest[1]
     for v in range(len(order)):
         for c in range(6):
             x[v, c] = -b[v, c]
@@ -299,6 +309,8 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             x[v, i] += own
             if p >= 0:
                 extra[p, i] += passed
+        if t >= blocks:
+            continue
         solved = times_vector(inverse, v, x, v)
         for i in range(6):
             x[v, i] = solved[i]
@@ -307,9 +319,11 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             change = times_vector(A, down[j], x, v)
             for i in range(6):
                 extra[u, i] -= change[i]
+    if solver != 0 and call_back(solver, 1) == 0.0:
+        x[order[blocks], 0] = np.nan  # no increment
     for t in range(len(order) - 1, -1, -1):
         v = order[t]
-        for j in range(ptr[t], ptr[t + 1]):
+        for j in range(ptr[t], ptr[t + 1] if t < blocks else ptr[t]):
             change = times_vector(A, right[j], twist, neighbour[j])
             for i in range(6):
                 x[v, i] -= change[i]

@@ -135,13 +135,8 @@ def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """S0: stresses at the start of the step."""
     lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
     y, S0 = w.y0, g.S0
-    base, turned, rotations, section, diagonal = (
-        g.base,
-        g.turned,
-        g.rotations,
-        g.section,
-        g.diagonal,
-    )
+    base, turned, rotations = g.base, g.turned, g.rotations
+    section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
     X = np.empty((nn, 4, 3))
     for e in range(ne):
@@ -164,13 +159,8 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     if flag == 1:
         S, f = g.predicted, w.R_mixed
     start, end = numbers[START], numbers[END]
-    base, turned, rotations, section, diagonal = (
-        g.base,
-        g.turned,
-        g.rotations,
-        g.section,
-        g.diagonal,
-    )
+    base, turned, rotations = g.base, g.turned, g.rotations
+    section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
     X, Y, F = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((nn, 4, 3))
     for e in range(ne):
@@ -250,13 +240,8 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     y, change, S, out = w.mid, w.change, g.S, g.predicted
     if numbers[START] != 0.0:
         y = w.y1
-    base, turned, rotations, section, diagonal = (
-        g.base,
-        g.turned,
-        g.rotations,
-        g.section,
-        g.diagonal,
-    )
+    base, turned, rotations = g.base, g.turned, g.rotations
+    section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
     X, V = np.empty((nn, 4, 3)), np.empty((nn, 4, 3))
     for e in range(ne):
@@ -406,13 +391,8 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     mass, half = numbers[MASS], 0.5 * numbers[FORCE]
     lengths, shapes, slopes, weights = g.lengths, g.N, g.dN, g.weights
     masses, stiffness, slot = g.mass, g.stiffness, g.slot
-    base, turned, rotations, section, diagonal = (
-        g.base,
-        g.turned,
-        g.rotations,
-        g.section,
-        g.diagonal,
-    )
+    base, turned, rotations = g.base, g.turned, g.rotations
+    section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
     XB, XS, Z = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((3, 3))
     XL, XR, C = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((nn, nn, 4, 4))

@@ -20,7 +20,7 @@ from numba.core import cgutils
 from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 
-__all__ = ["STAMP", "address", "call", "inlined", "jit", "part"]
+__all__ = ["STAMP", "address", "call", "call_back", "inlined", "jit", "part"]
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
@@ -103,3 +103,14 @@ def call(typing: Any, place: Any, *arguments: Any) -> Any:
         return result
 
     return types.float64(types.int64, types.StarArgTuple(kinds)), generate
+
+
+@intrinsic
+def call_back(typing: Any, place: Any, flag: Any) -> Any:
+    """Call the C function ``double f(int64)`` at an address, such as one that calls Python."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        kind = ir.FunctionType(ir.DoubleType(), [ir.IntType(64)])
+        return builder.call(builder.inttoptr(values[0], ir.PointerType(kind)), [values[1]])
+
+    return types.float64(types.int64, types.int64), generate

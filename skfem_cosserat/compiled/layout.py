@@ -41,10 +41,11 @@ TREE = (
     *("mass_data", "mass_indices", "mass_indptr"),
     *("triple", "lump_vertex", "lumps", "point_vertex", "point_masses"),
 )
-#: the order of elimination, neighbours still to come, and slots of blocks
+#: the order of elimination, neighbours still to come, slots of blocks; how many are eliminated in
+#: blocks, and what is called back to solve for the rest (0: none)
 PLAN = (
     *("order", "edge", "parent", "size", "diag", "ptr", "neighbour", "right", "down"),
-    *("update_ptr", "update", "parent_at", "to_parent", "pivots"),
+    *("update_ptr", "update", "parent_at", "to_parent", "pivots", "rest"),
 )
 #: what changes during a step
 WORK = (

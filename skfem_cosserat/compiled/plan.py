@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 
@@ -12,12 +12,18 @@ from ..types import IndexArray
 
 __all__ = ["Plan", "plan_of"]
 
-#: products of blocks for each vertex above which an elimination in blocks does not pay: lattices
-FILLED = 30
+#: neighbours up to which a vertex is eliminated in blocks in any case: struts and what dangles
+THIN = 2
+#: products of blocks for each of the others above which a sparse solver is faster (measured on
+#: lattices: as fast at 7 x 7 x 7 joints)
+FILLED = 400
 
 
 class Plan:
     """Minimum degree ordering of a graph of vertices, children before their parents.
+
+    Where that fills in (large lattices), only vertices with up to two neighbours are eliminated in
+    blocks: insides of struts, trees. The blocks of the others are left to a sparse solver.
 
     Parameters
     ----------
@@ -27,23 +33,30 @@ class Plan:
         Vertices that share a block.
     parent : sequence of int
         Parent of each vertex in the tree of joints, -1 for none.
-
-    Raises
-    ------
-    OverflowError
-        If it fills in: more than 30 products of blocks for each vertex.
+    grounded : collection of int
+        Vertices that hang on a joint to the ground.
+    held : collection of int
+        Those of them without unknowns: nothing is coupled with them.
+    thin : bool
+        Eliminate vertices with up to two neighbours only, even where all would not fill in.
 
     Attributes
     ----------
     order : (count,) int array
+    blocks : int
+        How many of them, the first ones, are eliminated in blocks.
+    rest : (count - blocks,) int array
+        The others, those that hang on joints first.
     slot : dict
         (row vertex, column vertex) -> number of the block, those that fill in included.
     ptr, neighbour : int arrays
-        Neighbours of the k-th pivot that are eliminated after it.
+        Neighbours of the k-th pivot that are eliminated after it. Of one that is left to the sparse
+        solver: all that are left too, if it hangs on a joint, as its blocks are turned into the
+        joint's coordinates; else none.
     right, down : int arrays
         Slots of (pivot, neighbour) and (neighbour, pivot).
     update_ptr, update : int arrays
-        Slots of all pairs of its neighbours.
+        Slots of all pairs of its neighbours; -1 where nothing is added.
     work : int
         Products of blocks that a factorisation takes.
 
@@ -52,41 +65,49 @@ class Plan:
     A chain takes as many as it has links:
 
     >>> plan = Plan(5, [(0, 1), (1, 2), (2, 3), (3, 4)], [-1] * 5)
-    >>> plan.order.tolist(), plan.work
-    ([0, 1, 2, 3, 4], 4)
+    >>> plan.order.tolist(), plan.work, plan.blocks
+    ([0, 1, 2, 3, 4], 4, 5)
     """
 
-    def __init__(self, count: int, pairs: Iterable[tuple[int, int]], parent: Sequence[int]) -> None:
-        order, later = _ordered(count, pairs, parent)
-        self.order: IndexArray = np.array(order, dtype=np.int64)
-        slot: dict[tuple[int, int], int] = {}
-        for v, around in zip(order, later, strict=True):
-            slot[v, v] = len(slot)
-            for w in around:
-                slot[v, w] = len(slot)
-                slot[w, v] = len(slot)
-        self.slot = slot
-        sizes = np.array([len(around) for around in later], dtype=np.int64)
-        self.ptr = np.concatenate([[0], np.cumsum(sizes)])
-        self.update_ptr = np.concatenate([[0], np.cumsum(sizes**2)])
-        self.work = int((sizes**2).sum())
-        each = list(zip(order, later, strict=True))
-        self.neighbour = _ints(w for _, ws in each for w in ws)
-        self.right = _ints(slot[v, w] for v, ws in each for w in ws)
-        self.down = _ints(slot[w, v] for v, ws in each for w in ws)
-        self.update = _ints(slot[a, b] for _, ws in each for a in ws for b in ws)
+    def __init__(
+        self,
+        count: int,
+        pairs: Iterable[tuple[int, int]],
+        parent: Sequence[int],
+        grounded: Collection[int] = (),
+        held: Collection[int] = (),
+        thin: bool = False,
+    ) -> None:
+        pairs = list(pairs)
+        graph = _Graph(count, pairs, parent, held)
+        graph.eliminate(None)
+        left = count - len(graph.order)
+        if not thin and not graph.eliminate(FILLED * left):
+            graph = _Graph(count, pairs, parent, held)
+            graph.eliminate(None)
+        self.blocks = len(graph.order)
+        updates: list[list[tuple[int, int] | None]] = [
+            [(a, b) for a in ws for b in ws] for ws in graph.sorted_later()
+        ]
+        self.work = sum(map(len, updates))
+        updates += graph.turn(grounded)
+        order, later = graph.order, graph.sorted_later()
+        self.order: IndexArray = _ints(order)
+        self.rest: IndexArray = self.order[self.blocks :]
+        self.slot = slot = _slots(order, later, self.blocks, graph.around, pairs)
+        self.ptr = _starts(later)
+        self.update_ptr = _starts(updates)
+        both = list(zip(order, later, strict=True))
+        self.neighbour = _ints(w for _, ws in both for w in ws)
+        self.right = _ints(slot[v, w] for v, ws in both for w in ws)
+        self.down = _ints(slot[w, v] for v, ws in both for w in ws)
+        self.update = _ints(-1 if ab is None else slot[ab] for each in updates for ab in each)
         self.diag = _ints(slot[v, v] for v in range(count))
-        self.parent_at = _ints(ws.index(parent[v]) if parent[v] >= 0 else -1 for v, ws in each)
+        self.parent_at = _ints(ws.index(parent[v]) if parent[v] >= 0 else -1 for v, ws in both)
 
 
-def plan_of(system: System) -> Plan:
-    """Elimination of the vertices of a system.
-
-    Raises
-    ------
-    OverflowError
-        See :class:`Plan`.
-    """
+def plan_of(system: System, thin: bool = False) -> Plan:
+    """Elimination of the vertices of a system; see :class:`Plan`."""
     count = len(system.origin_rows)
     pairs = [
         (a, b)
@@ -96,56 +117,145 @@ def plan_of(system: System) -> Plan:
         for b in vertices[k + 1 :]
     ]
     parent = [-1] * count
+    grounded = set()
     for e in system.tree.edges:
-        parent[e.child] = e.parent if e.parent < count else -1
-    return Plan(count, pairs, parent)
+        if e.parent < count:
+            parent[e.child] = e.parent
+        else:
+            grounded.add(e.child)
+    held = {v for v in grounded if not len(system.tree.own[v])}
+    return Plan(count, pairs, parent, grounded, held, thin)
 
 
 def _ints(numbers: Iterable[int]) -> IndexArray:
     return np.array(list(numbers), dtype=np.int64)
 
 
-def _ordered(
-    count: int, pairs: Iterable[tuple[int, int]], parent: Sequence[int]
-) -> tuple[list[int], list[list[int]]]:
-    """Vertices in order, and the later neighbours of each in that order."""
-    around: list[set[int]] = [set() for _ in range(count)]
-    waiting = [0] * count
-    links = [*pairs, *((v, p) for v, p in enumerate(parent) if p >= 0)]
-    for a, b in links:
-        if a != b:
-            around[a].add(b)
-            around[b].add(a)
-    for p in parent:
-        if p >= 0:
-            waiting[p] += 1
-    heap = [(len(around[v]), v) for v in range(count) if not waiting[v]]
-    heapq.heapify(heap)
-    order: list[int] = []
-    later: list[set[int]] = []
-    done, work = [False] * count, 0
-    while heap:
-        degree, v = heapq.heappop(heap)
-        if done[v]:
-            continue
-        if degree != len(around[v]):  # it has changed since
-            heapq.heappush(heap, (len(around[v]), v))
-            continue
-        done[v] = True
-        work += len(around[v]) ** 2
-        if work > FILLED * count + FILLED**2:
-            raise OverflowError(f"more than {FILLED} products of blocks for each vertex")
-        order.append(v)
-        later.append(around[v])
-        for w in around[v]:
-            around[w] |= around[v]
-            around[w] -= {v, w}
-            if not waiting[w]:
-                heapq.heappush(heap, (len(around[w]), w))
-        p = parent[v]
-        if p >= 0:
-            waiting[p] -= 1
-            if not waiting[p]:
+def _starts(lists: Sequence[Sequence[object]]) -> IndexArray:
+    return np.concatenate([[0], np.cumsum([len(each) for each in lists])]).astype(np.int64)
+
+
+def _slots(
+    order: list[int],
+    later: list[list[int]],
+    blocks: int,
+    around: list[set[int]],
+    pairs: Iterable[tuple[int, int]],
+) -> dict[tuple[int, int], int]:
+    """Numbers of blocks, in the order of their elimination; then those that are never looked at."""
+    slot: dict[tuple[int, int], int] = {}
+    for k, (v, ws) in enumerate(zip(order, later, strict=True)):
+        slot[v, v] = len(slot)
+        for w in ws if k < blocks else sorted(around[v]):
+            slot.setdefault((v, w), len(slot))
+            slot.setdefault((w, v), len(slot))
+    for a, b in pairs:
+        slot.setdefault((a, b), len(slot))
+        slot.setdefault((b, a), len(slot))
+    return slot
+
+
+class _Graph:
+    """Vertices that are not eliminated yet, and the order of those that are."""
+
+    def __init__(
+        self,
+        count: int,
+        pairs: Iterable[tuple[int, int]],
+        parent: Sequence[int],
+        held: Collection[int],
+    ) -> None:
+        self.parent, self.held = parent, set(held)
+        self.around: list[set[int]] = [set() for _ in range(count)]
+        self.order: list[int] = []
+        self.later: list[set[int]] = []
+        self._waiting = [0] * count  # children that come first
+        links = [*pairs, *((v, p) for v, p in enumerate(parent) if p >= 0)]
+        for a, b in links:
+            if a != b and not ({a, b} & self.held and parent[a] != b and parent[b] != a):
+                self.around[a].add(b)
+                self.around[b].add(a)
+        for p in parent:
+            if p >= 0:
+                self._waiting[p] += 1
+        self._done = [False] * count
+
+    def eliminate(self, most: int | None) -> bool:
+        """Eliminate by degree; False if that takes more than `most` products; None: thin ones."""
+        around, waiting = self.around, self._waiting
+        ready = (v for v, done in enumerate(self._done) if not (done or waiting[v]))
+        heap = [(len(around[v]), v) for v in ready]
+        heapq.heapify(heap)
+        work = 0
+        while heap:
+            degree, v = heapq.heappop(heap)
+            if self._done[v]:
+                continue
+            if degree != len(around[v]):  # it has changed since
+                heapq.heappush(heap, (len(around[v]), v))
+                continue
+            if most is None and degree > THIN:
+                break
+            work += degree**2
+            if most is not None and work > most:
+                return False
+            self._done[v] = True
+            self.order.append(v)
+            self.later.append(around[v])
+            for w in around[v]:
+                around[w] |= around[v]
+                around[w] -= {v, w}
+                if not waiting[w]:
+                    heapq.heappush(heap, (len(around[w]), w))
+            p = self._released(v)
+            if p >= 0:
                 heapq.heappush(heap, (len(around[p]), p))
-    position = {v: k for k, v in enumerate(order)}
-    return order, [sorted(ws, key=position.__getitem__) for ws in later]
+        return True
+
+    def _released(self, v: int) -> int:
+        """Parent of a vertex that is dealt with, if it was the last child; else -1."""
+        p = self.parent[v]
+        if p >= 0:
+            self._waiting[p] -= 1
+            if not self._waiting[p]:
+                return p
+        return -1
+
+    def turn(self, grounded: Collection[int]) -> list[list[tuple[int, int] | None]]:
+        """Put the others in order, those that hang on joints first, children before parents.
+
+        Returns
+        -------
+        For each the pairs of its neighbours that change when its blocks are turned into its
+        joint's coordinates: what its parent carries along goes to the parent.
+        """
+        around, parent = self.around, self.parent
+        updates: list[list[tuple[int, int] | None]] = []
+        left = [v for v, done in enumerate(self._done) if not done]
+        ground = set(grounded)
+        hung = {v for v in left if parent[v] >= 0 or v in ground}
+        ready = [v for v in left if v in hung and not self._waiting[v]]
+        while ready:
+            v = ready.pop()
+            p = parent[v]
+            self.order.append(v)
+            if p >= 0:
+                for w in around[v] - {p}:
+                    around[w].add(p)
+                    around[p].add(w)
+            self.later.append(set(around[v]))
+            near = sorted(around[v]) if p >= 0 else []
+            updates.append([(a, b) if p in (a, b) else None for a in near for b in near])
+            released = self._released(v)
+            if released >= 0 and released in hung:
+                ready.append(released)
+        for v in left:
+            if v not in hung:
+                self.order.append(v)
+                self.later.append(set())
+                updates.append([])
+        return updates
+
+    def sorted_later(self) -> list[list[int]]:
+        """Neighbours of each pivot still to come, always in the same order."""
+        return [sorted(ws) for ws in self.later]

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from ..compiled.plan import Plan, plan_of
 from ..constraints import Treatment
 from ..errors import InputError
+from ..linear import Solver
 from ..log import logger
 from ..model import System
 from .base import Integrator
@@ -23,7 +24,6 @@ ITERATIONS = 3
 #: how much faster a step is with compiled kernels, for the warning where numba is missing: what
 #: was measured for 20 and for 2000 elements lies on both sides
 FACTOR = 15
-FILLS_IN = "there are no compiled kernels for networks whose elimination fills in"
 #: number of steps taken for granted where none is given
 STEPS = 1000
 
@@ -45,9 +45,16 @@ def estimated_seconds(system: System, steps: int) -> float:
 
 
 def choose_kernels(
-    kernels: str, system: System, integrator: Integrator, treatment: Treatment, steps: int | None
+    kernels: str,
+    system: System,
+    integrator: Integrator,
+    treatment: Treatment,
+    steps: int | None,
+    solver: Solver | None = None,
 ) -> Choice:
     """What ``kernels="auto" | "numpy" | "numba"`` means for a run of as many steps.
+
+    With a `solver` that is asked for, elimination in blocks leaves all it can to it.
 
     Raises
     ------
@@ -67,10 +74,7 @@ def choose_kernels(
             raise InputError("argument kernels", f"'numba': {refused}")
         if not installed:
             raise ImportError("kernels='numba' needs numba: pip install 'skfem-cosserat[fast]'")
-        try:
-            return Choice("numba", "asked for", plan_of(system))
-        except OverflowError:
-            raise InputError("argument kernels", f"'numba': {FILLS_IN}") from None
+        return Choice("numba", "asked for", plan_of(system, solver is not None))
     if refused:
         return Choice("numpy", refused)
     seconds = estimated_seconds(system, STEPS if steps is None else steps)
@@ -83,7 +87,5 @@ def choose_kernels(
             *(seconds, FACTOR),
         )
         return Choice("numpy", "numba is not installed")
-    try:
-        return Choice("numba", f"about {seconds:.2g} s of work with numpy", plan_of(system))
-    except OverflowError:
-        return Choice("numpy", FILLS_IN)
+    plan = plan_of(system, solver is not None)
+    return Choice("numba", f"about {seconds:.2g} s of work with numpy", plan)

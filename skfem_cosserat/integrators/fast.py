@@ -9,11 +9,13 @@ import numpy as np
 from ..compiled.numbers import FACTORED, GUESS, ITERATIONS, KNOWN, NUMBERS, RECORD, RESIDUAL, WORK
 from ..compiled.plan import Plan, plan_of
 from ..constraints import NullSpace, Treatment
+from ..linear import LinearSolver, Solver
 from ..model import System
 from ..model.chart import Chart
 from ..newton import NewtonSettings
 from ..types import Array, Floats
 from .base import Integrator, Scheme, State, StepData, StepWork
+from .rest import Rest
 
 __all__ = ["CompiledStep", "refusal"]
 
@@ -51,6 +53,8 @@ class CompiledStep:
     settings : NewtonSettings
     plan : Plan, optional
         Of the elimination, if it is there already.
+    solver : Solver, optional
+        Of what elimination in blocks leaves.
 
     Attributes
     ----------
@@ -65,6 +69,7 @@ class CompiledStep:
         h: float,
         settings: NewtonSettings,
         plan: Plan | None = None,
+        solver: Solver | None = None,
     ) -> None:
         from ..compiled import bind, step
 
@@ -72,15 +77,19 @@ class CompiledStep:
         assert isinstance(scheme, Scheme)
         self.system, self.integrator, self.h, self.settings = system, integrator, h, settings
         self.scheme = scheme
-        self.plan = plan_of(system) if plan is None else plan
+        self.plan = plan_of(system, solver is not None) if plan is None else plan
         self.factorisations = 0
         groups = system.beam_groups
         # structures for the kernels, and their arrays by name
-        m, _ = bind.bound_plan(system, self.plan)
+        m, planned = bind.bound_plan(system, self.plan)
         s, self._tree = bind.bound_tree(system)
         w, self._arrays = bind.bound_work(system, self.plan)
         g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
-        self._a = SimpleNamespace(**self._arrays)
+        self._a = a = SimpleNamespace(**self._arrays)
+        self._rest: Rest | None = None
+        if len(self.plan.rest):
+            self._rest = Rest(self.plan, planned["size"], a.A, a.x, solver)
+            planned["rest"][1] = self._rest.address
         weight = integrator.constraint_weight
         numbers = {
             **vars(settings),
@@ -104,6 +113,16 @@ class CompiledStep:
         for v, places in own.items():
             self._numbering[places] = 6 * v + np.arange(len(places))
         self._dead: Floats | None = None
+
+    @property
+    def linear(self) -> LinearSolver | None:
+        """What solves for the vertices that elimination in blocks leaves, if there are any."""
+        return None if self._rest is None else self._rest.solver
+
+    @property
+    def method(self) -> str:
+        """How linear systems are solved."""
+        return "blocks" if self._rest is None else f"blocks, {self._rest.solver.method}"
 
     @property
     def last(self) -> Floats | None:
@@ -142,6 +161,8 @@ class CompiledStep:
         record = self._record
         solved = self._step.solve(*self._all, record)
         self.factorisations += int(record[FACTORED])
+        if self._rest is not None:
+            self._rest.complain()
         return (int(record[ITERATIONS]), float(record[RESIDUAL])) if solved else None
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..constraints import BoundNullSpace, BoundTreatment, Treatment
 from ..errors import Diverged, InputError
+from ..linear import LinearSolver, Solver, checked_solver
 from ..log import logger
 from ..model import System
 from ..model.bending import bent_elements
@@ -126,13 +127,15 @@ class Stepper:
         See :func:`skfem_cosserat.simulate`.
     steps : int, optional
         How many are intended, to judge whether compiling pays.
+    solver : Solver, optional
+        See :func:`skfem_cosserat.simulate`.
 
     Raises
     ------
     InputError
         If an argument is of another kind, or the step not positive.
     ImportError
-        If numba is asked for and not there.
+        If numba, or the package of a solver, is asked for and not there.
 
     Attributes
     ----------
@@ -159,6 +162,7 @@ class Stepper:
         settings: NewtonSettings | None = None,
         kernels: str = "auto",
         steps: int | None = None,
+        solver: Solver | None = None,
     ) -> None:
         _check_kind("system", system, System)
         _check_kind("integrator", integrator, Integrator)
@@ -168,13 +172,15 @@ class Stepper:
         self.settings = NewtonSettings() if settings is None else settings
         _check_kind("settings", self.settings, NewtonSettings)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
+        if checked_solver(solver) is not None:
+            self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
         self._first = True
-        self.choice = choose_kernels(kernels, system, integrator, treatment, steps)
+        self.choice = choose_kernels(kernels, system, integrator, treatment, steps, solver)
         self._fast: CompiledStep | None = None
         if self.choice.name == "numba":
             logger.info("kernels are compiled or read from the cache")
             plan = self.choice.plan
-            self._fast = CompiledStep(system, integrator, self.h, self.settings, plan)
+            self._fast = CompiledStep(system, integrator, self.h, self.settings, plan, solver)
 
     @property
     def factorisations(self) -> int:
@@ -183,9 +189,14 @@ class Stepper:
         return self.bound.solver.factorisations + compiled
 
     @property
+    def linear(self) -> LinearSolver | None:
+        """The sparse, banded or dense solver at work; None: elimination in blocks is all."""
+        return self.bound.solver if self._fast is None else self._fast.linear
+
+    @property
     def method(self) -> str:
         """How linear systems are solved."""
-        return self.bound.solver.method if self._fast is None else "blocks"
+        return self.bound.solver.method if self._fast is None else self._fast.method
 
     def advance(self, state: State, time: float | None = None) -> StepReport:
         """Solve the step that follows `state`.

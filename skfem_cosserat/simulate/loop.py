@@ -12,6 +12,7 @@ from ..diagnostics import highest_frequency
 from ..errors import CosseratError, Diverged, InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper, StepReport
+from ..linear import Solver
 from ..log import logger
 from ..model import System
 from ..model.bending import bent_elements
@@ -40,6 +41,7 @@ def steps(
     start: State | None = None,
     settings: NewtonSettings | None = None,
     kernels: str = "auto",
+    solver: Solver | None = None,
 ) -> Iterator[StepReport]:
     """Solve step after step, for a loop of your own; stops only when you do.
 
@@ -58,6 +60,8 @@ def steps(
         When Newton's method stops.
     kernels : {"auto", "numpy", "numba"}
         See :func:`simulate`; "auto" takes a thousand steps for granted.
+    solver : Solver, optional
+        See :func:`simulate`.
 
     Yields
     ------
@@ -80,7 +84,7 @@ def steps(
     >>> round(float(report.state.q[0]), 12)
     0.5
     """
-    stepper = Stepper(system, integrator, treatment, step, settings, kernels)
+    stepper = Stepper(system, integrator, treatment, step, settings, kernels, solver=solver)
     state = initial_state(system) if start is None else checked_start(system, start)
     origin, first = state.time, state.index
     while True:
@@ -106,6 +110,7 @@ def simulate(
     derive: bool = True,
     settings: NewtonSettings | None = None,
     kernels: str = "auto",
+    solver: Solver | None = None,
 ) -> History:
     """Integrate a scene and return its history.
 
@@ -130,6 +135,12 @@ def simulate(
         the null space method, without closed loops, springs, following loads, damping and beams
         of several orders. ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken,
         and why.
+    solver : Solver, optional
+        Of linear systems: ``SolverDense()``, ``SolverBanded()``, ``SolverSuperLU()``,
+        ``SolverMetis()`` or ``SolverPardiso()``. By default small and narrow ones are solved by
+        the first two, others by the fastest that is installed (extra ``solvers``). Compiled
+        kernels eliminate chains and trees in blocks, and leave the rest to it.
+        ``history.meta["solver"]`` says what was taken.
     path : path, optional
         Stream the history to this file, block by block. An older file is replaced, but not by a
         run that goes on from a history.
@@ -160,7 +171,7 @@ def simulate(
     ([0.5, 0.0, 0.0], 1.0)
     """
     intended = _intended(step, until, start)
-    stepper = Stepper(system, integrator, treatment, step, settings, kernels, intended)
+    stepper = Stepper(system, integrator, treatment, step, settings, kernels, intended, solver)
     state, count = _plan(system, start, stepper.h, until, every)
     _check_run(callbacks, path, state)
     show = Progress(progress, "t = {:.6g} s of {:.6g} s".format)

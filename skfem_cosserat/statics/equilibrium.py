@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
 from ..constraints import Treatment
-from ..linear import SingularMatrixError
+from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
 from ..model import System
 from ..model.balance import Balance, balance, balance_tangent, predicted
 from ..model.bending import bent_elements
@@ -305,6 +305,7 @@ class Equilibrium:
     treatment : Treatment
     schedule : Schedule
     settings : NewtonSettings
+    solver : Solver, optional
 
     Attributes
     ----------
@@ -315,10 +316,17 @@ class Equilibrium:
     """
 
     def __init__(
-        self, system: System, treatment: Treatment, schedule: Schedule, settings: NewtonSettings
+        self,
+        system: System,
+        treatment: Treatment,
+        schedule: Schedule,
+        settings: NewtonSettings,
+        solver: Solver | None = None,
     ) -> None:
         self.system, self.schedule, self.settings = system, schedule, settings
         self.bound = treatment.bind(system, 1.0)  # forces act where the balance is taken
+        if checked_solver(solver) is not None:
+            self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
         self.iterations = self.attempts = 0
         self.neutral = Neutral()
         self._accepted: object | None = None

@@ -11,6 +11,7 @@ from ..constraints import NullSpace, Treatment
 from ..errors import CosseratError
 from ..history import History
 from ..integrators import State
+from ..linear import Solver
 from ..load import Amplitude
 from ..log import logger
 from ..model import Model, System
@@ -48,6 +49,7 @@ def static(
     progress: bool | Callable[[float, float], object] = False,
     path: str | os.PathLike[str] | None = None,
     derive: bool = True,
+    solver: Solver | None = None,
 ) -> History:
     """Equilibrium path of a scene.
 
@@ -88,6 +90,8 @@ def static(
         Stream the history to this file.
     derive : bool
         Add energies, section forces and reactions at the end.
+    solver : Solver, optional
+        See :func:`skfem_cosserat.simulate`.
 
     Returns
     -------
@@ -132,8 +136,8 @@ def static(
     first, direction = _start(system, start)
     if direction is None:
         first = held_start(system, schedule, first)
-    solver = Equilibrium(system, treatment, schedule, settings)
-    walk = Walk(system, solver, control, watch and system.unknowns > 0)
+    points = Equilibrium(system, treatment, schedule, settings, solver)
+    walk = Walk(system, points, control, watch and system.unknowns > 0)
     show = Progress(progress, "parameter {:.6g}, load factor {:.6g}".format)
     recorder = PathRecorder(
         system,
@@ -141,8 +145,8 @@ def static(
         {
             "treatment": treatment.name,
             "parameter": control.parameter,
-            "solver": solver.bound.solver.method,
-            "unknowns": solver.bound.unknowns,
+            "solver": points.bound.solver.method,
+            "unknowns": points.bound.unknowns,
         },
         path,
     )
@@ -151,9 +155,9 @@ def static(
             status, failure = walk.run(first, direction, recorder, callbacks, show, interrupt)
         history = recorder.close(
             status,
-            factorisations=solver.bound.solver.factorisations,
-            newton_iterations=solver.iterations,
-            attempts=solver.attempts,
+            factorisations=points.bound.solver.factorisations,
+            newton_iterations=points.iterations,
+            attempts=points.attempts,
             rejected=walk.rejected,
             critical=walk.critical,
             **({} if failure is None else {"failure": str(failure)}),
