@@ -13,7 +13,7 @@ from ..model.groups import BeamGroup, Group
 from ..model.tree import Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..types import Floats, IndexArray
-from . import blocks, curvature, elements, layout, nodes, tree
+from . import blocks, curvature, elements, layout, loops, nodes, tree
 from .jit import address
 from .numbers import BEAM_PARTS, TREE_PARTS
 from .plan import Plan
@@ -47,12 +47,16 @@ def addresses(
         Of the integrator: where constraints act, and whether stresses are a mean of both ends.
     """
     numbers = np.zeros(0)
-    parts = {k: v for m in (nodes, tree, curvature, blocks, elements) for k, v in vars(m).items()}
+    parts = {
+        k: v for m in (nodes, tree, curvature, loops, blocks, elements) for k, v in vars(m).items()
+    }
     unused = set()
     if not system.tree.edges:
         unused |= {name for name in TREE_PARTS if name.startswith("joint")}
+    if not len(system.closure.rows):
+        unused |= {name for name in TREE_PARTS if name.startswith("loop")}
     if not weight:
-        unused |= {"joint_curvature", "node_matrix"}
+        unused |= {"joint_curvature", "node_matrix", "loop_curvature"}
     if system.frame_group is None and system.point_group is None:
         unused.add("lump_matrix")
     if not ends:
@@ -164,7 +168,7 @@ def bound_plan(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
     return layout.plan(tuple(fields[name] for name in layout.PLAN)), fields
 
 
-def bound_tree(system: System) -> tuple[Any, dict[str, Any]]:
+def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
     """Vertices, edges and coordinates; the structure, and its arrays by name."""
     kin, tree = system.kinematics, system.tree
     count = len(system.origin_rows)
@@ -181,6 +185,7 @@ def bound_tree(system: System) -> tuple[Any, dict[str, Any]]:
         "mass_indptr": mass.indptr.astype(np.int64),
         **_edges(system),
         **_coordinates(system),
+        **_loops(system, plan),
         **_lumps(system.frame_group, system.point_group),
     }
     return layout.tree(tuple(fields[name] for name in layout.TREE)), fields
@@ -266,6 +271,47 @@ def _coordinates(system: System) -> dict[str, Any]:
     }
 
 
+def _loops(system: System, plan: Plan) -> dict[str, Any]:
+    """Independent rows of joints that close loops, as lists of terms."""
+    chosen = closing_rows(system)
+    number = {k: i for i, k in enumerate(chosen)}
+    terms = system.constraints.terms()
+    where: dict[int, tuple[int, int]] = {}
+    for v, (r, framed) in enumerate(zip(system.origin_rows, system.is_frame, strict=True)):
+        where |= {int(r) + i: (v, i) for i in range(4 if framed else 1)}
+    products, factors, linear, own = [], [], [], []
+    for k, a, b, c in zip(*terms[:4], strict=True):
+        if k in number:
+            (u, i), (v, j) = where.get(a, (-1, 0)), where.get(b, (-1, 0))
+            slots = (plan.slot[u, v], plan.slot[v, u]) if u >= 0 and v >= 0 else (-1, -1)
+            products.append((number[k], a, b, u, i, v, j, *slots))
+            factors.append(c)
+    for k, a, c in zip(terms.linear_row, terms.linear, terms.linear_factor, strict=True):
+        for component in range(3):
+            if k + component in number:
+                linear.append((number[k + component], a, component, where.get(a, (-1, 0))[0]))
+                own.append(c)
+    vertices = {v for row in products for v in (row[3], row[5])} | {row[3] for row in linear}
+    return {
+        "loop_products": np.array(products, dtype=np.int64).reshape(-1, 9),
+        "loop_factors": np.array(factors, dtype=float),
+        "loop_linear": np.array(linear, dtype=np.int64).reshape(-1, 4),
+        "loop_linear_factors": np.array(own, dtype=float),
+        "loop_constant": terms.constant[chosen],
+        "loop_vertices": _ints(sorted(vertices - {-1})),
+    }
+
+
+def closing_rows(system: System) -> IndexArray:
+    """Numbers of the independent constraint rows that close loops, as at the start of the scene."""
+    if not len(system.closure.rows):
+        return _ints([])
+    y0 = system.extend(system.q0, 0.0)
+    kin = system.kinematics
+    T = kin.T_values(kin.locate(y0, kin.fixed_axes(y0)))
+    return np.sort(np.concatenate([s.rows for s in system.closure.select(y0, T)]))
+
+
 def _triples(system: System, each: list[list[Coordinate]]) -> IndexArray:
     """Where the three components of a rotation are among a vertex's own coordinates; -1: not."""
     triple = np.full(len(system.origin_rows), -1)
@@ -296,7 +342,7 @@ def _lumps(frames: Group | None, points: Group | None) -> dict[str, Any]:
 def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
     """What changes during a step; the structure, and its arrays by name."""
     total, rows, count = system.total, system.rows, len(system.origin_rows)
-    edges = len(system.tree.edges)
+    edges, loops = len(system.tree.edges), system.closure.rank
     shapes: dict[str, tuple[int, ...]] = {
         **dict.fromkeys(("y0", "y1", "mid"), (total, 3)),
         **dict.fromkeys(("p0", "external", "R", "momentum", "internal", "carried"), (rows, 3)),
@@ -312,6 +358,10 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
             ("S_left", "X_left", "S_right", "X_right", "S_kept", "X_kept"), (edges, 6, 6)
         ),
         **dict.fromkeys(("C_child", "C_parent"), (edges, 6, 6)),
+        **dict.fromkeys(("mu", "mu_change", "gap", "gap_rate"), (loops,)),
+        **{"closing": (rows, 3), "b_kept": (count if loops else 0, 6)},
+        **dict.fromkeys(("border", "border_twist"), (loops, count, 6)),
+        **dict.fromkeys(("schur", "schur_scratch"), (loops, loops)),
         "scratch": (1, 6, 6),
     }
     arrays = {name: np.zeros(shapes[name]) for name in layout.WORK}

@@ -39,7 +39,8 @@ TREE = (
     *("target_row", "target_offset", "target_vertex"),
     *("centre_row", "centre_offset", "centre_vertex"),
     *("mass_data", "mass_indices", "mass_indptr"),
-    *("triple", "lump_vertex", "lumps", "point_vertex", "point_masses"),
+    *("loop_products", "loop_factors", "loop_linear", "loop_linear_factors", "loop_constant"),
+    *("loop_vertices", "triple", "lump_vertex", "lumps", "point_vertex", "point_masses"),
 )
 #: the order of elimination, neighbours still to come, slots of blocks; how many are eliminated in
 #: blocks, and what is called back to solve for the rest (0: none)
@@ -51,7 +52,18 @@ PLAN = (
 WORK = (
     *("y0", "p0", "external", "ground1", "y1", "mid", "R", "momentum", "internal"),
     *("R_mixed", "change", "F", "F_mixed", "b", "x", "total", "last", "extra", "twist", "A"),
-    *("before", "found", "carried", "frames", "inverse", "S_kept", "X_kept"),
+    *("mu", "mu_change", "gap", "gap_rate", "closing", "b_kept", "border", "border_twist"),
+    *(
+        "schur",
+        "schur_scratch",
+        "before",
+        "found",
+        "carried",
+        "frames",
+        "inverse",
+        "S_kept",
+        "X_kept",
+    ),
     *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
 )
 

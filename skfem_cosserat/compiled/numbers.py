@@ -26,9 +26,11 @@ TREE_PARTS = (
     *("begin", "move", "balance", "size", "clear", "node_matrix", "cap", "predict_changes"),
     *("finish", "better", "lump_matrix", "factor", "sweep"),
     *("joint_begin", "joint_add", "joint_move", "joint_maps", "joint_reduce", "joint_curvature"),
+    *("loop_force", "loop_curvature", "loop_row", "loop_keep", "loop_schur", "loop_correct"),
 )
 BEAM_PARTS = ("beam_start", "beam_force", "beam_tangent", "beam_predicted")
 BEGIN, MOVE, BALANCE, SIZE, CLEAR, NODE_MATRIX, CAP, PREDICT_CHANGES = range(8)
 FINISH, BETTER, LUMP_MATRIX, FACTOR, SWEEP = range(8, 13)
 JOINT_BEGIN, JOINT_ADD, JOINT_MOVE, JOINT_MAPS, JOINT_REDUCE, JOINT_CURVATURE = range(13, 19)
-BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED = range(19, 23)
+LOOP_FORCE, LOOP_CURVATURE, LOOP_ROW, LOOP_KEEP, LOOP_SCHUR, LOOP_CORRECT = range(19, 25)
+BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED = range(25, 29)

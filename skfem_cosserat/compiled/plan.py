@@ -116,6 +116,7 @@ def plan_of(system: System, thin: bool = False) -> Plan:
         for k, a in enumerate(vertices)
         for b in vertices[k + 1 :]
     ]
+    pairs += _looped(system)
     parent = [-1] * count
     grounded = set()
     for e in system.tree.edges:
@@ -125,6 +126,23 @@ def plan_of(system: System, thin: bool = False) -> Plan:
             grounded.add(e.child)
     held = {v for v in grounded if not len(system.tree.own[v])}
     return Plan(count, pairs, parent, grounded, held, thin)
+
+
+def _looped(system: System) -> list[tuple[int, int]]:
+    """Vertices that products in the rows of closed loops couple."""
+    if not len(system.closure.rows):
+        return []
+    terms = system.constraints.terms()
+    mine = np.isin(terms.row, system.closure.rows)
+    mine &= (terms.left < system.rows) & (terms.right < system.rows)
+    first = np.array(system.origin_rows)
+    order = np.argsort(first)
+
+    def vertex(rows: IndexArray) -> list[int]:
+        return order[np.searchsorted(first[order], rows, side="right") - 1].tolist()
+
+    both = zip(vertex(terms.left[mine]), vertex(terms.right[mine]), strict=True)
+    return sorted({(min(a, b), max(a, b)) for a, b in both if a != b})
 
 
 def _ints(numbers: Iterable[int]) -> IndexArray:

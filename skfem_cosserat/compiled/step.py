@@ -50,6 +50,8 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
     if p[n.BEAM_FORCE]:
         call(p[n.BEAM_FORCE], g, w, numbers, 0)
     largest = call(p[n.BALANCE], s, m, w, numbers, 2 * sized)
+    if p[n.LOOP_FORCE]:
+        call(p[n.LOOP_FORCE], s, m, w, numbers, 0)
     if p[n.JOINT_MAPS]:
         if numbers[n.WEIGHT] != 0.0:
             call(p[n.JOINT_MAPS], s, m, w, numbers, 0)
@@ -83,7 +85,20 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
         call(p[n.JOINT_MAPS], s, m, w, numbers, 1)
     if p[n.JOINT_CURVATURE]:
         call(p[n.JOINT_CURVATURE], s, m, w, numbers, mixed)
+    if p[n.LOOP_CURVATURE]:
+        call(p[n.LOOP_CURVATURE], s, m, w, numbers, 0)
     return call(p[n.FACTOR], s, m, w, numbers, 0) != 0.0
+
+
+@inlined
+def border(p: IndexArray, s: Any, m: Any, w: Any, numbers: Floats, kept: int) -> bool:
+    """Motions by the forces of closed loops, for the factors there are; False: singular."""
+    for k in range(len(w.gap)):
+        call(p[n.LOOP_ROW], s, m, w, numbers, k)
+        call(p[n.JOINT_REDUCE], s, m, w, numbers, 0)
+        call(p[n.SWEEP], s, m, w, numbers, kept)
+        call(p[n.LOOP_KEEP], s, m, w, numbers, k)
+    return call(p[n.LOOP_SCHUR], s, m, w, numbers, 0) != 0.0
 
 
 @inlined
@@ -94,7 +109,12 @@ def increment(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, ke
     stresses that it predicts: they are ready then.
     """
     call(p[n.SWEEP], s, m, w, numbers, kept)
+    if p[n.LOOP_CORRECT]:
+        call(p[n.LOOP_CORRECT], s, m, w, numbers, 0)
     size = call(p[n.CAP], s, m, w, numbers, 0)
+    if p[n.LOOP_CORRECT] and w.found[0] > numbers[n.ROTATION]:
+        for k in range(len(w.mu_change)):
+            w.mu_change[k] *= numbers[n.ROTATION] / w.found[0]
     if w.found[1] != 0.0 and p[n.BEAM_PREDICTED]:
         call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
         call(p[n.BEAM_PREDICTED], g, w, numbers, 0)
@@ -126,11 +146,16 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
     start(p, s, m, w, g, numbers, int(record[n.GUESS]))
     size = evaluate(p, s, m, w, g, numbers, int(not kept))
     last, mixed, swept = np.inf, 0, 0.0
+    bordered = p[n.LOOP_ROW] == 0
     for count in range(1, int(numbers[n.LIMIT]) + 1):
         fresh = not kept
         if fresh:
             record[n.FACTORED] += 1.0
             if not (np.isfinite(size) and matrix(p, s, m, w, g, numbers, mixed)):
+                return False
+        if fresh or not bordered:  # once a step with kept factors: rows of loops do not turn
+            bordered = p[n.LOOP_ROW] == 0 or border(p, s, m, w, numbers, int(kept))
+            if not bordered:
                 return False
         length = increment(p, s, m, w, g, numbers, int(kept))
         mixed = int(w.found[1])

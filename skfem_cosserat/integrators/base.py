@@ -224,10 +224,11 @@ class Integrator(ABC):
         """The momentum (rows, 3) carried on to the next step."""
 
     @abstractmethod
-    def node_momentum(self, step: StepData, impulse: Floats, fresh: bool) -> Floats:
+    def node_momentum(self, p0: Floats, impulse: Floats, fresh: bool) -> Floats:
         """p_n (rows, 3) of the discrete Legendre transform at the *start* of a solved step.
 
-        `impulse` is ``h G^T lambda`` of the step, `fresh` as in :class:`State`.
+        `p0` is what was carried to the step, `impulse` its ``h G^T lambda``, `fresh` as in
+        :class:`State`.
         """
 
     def scheme(self, h: float) -> Scheme | None:

@@ -106,6 +106,6 @@ class EnergyMomentum(Integrator):
         """``M v_{n+1} = 2 M dq/h - M v_n``."""
         return np.asarray(evaluation.momentum - step.p0)
 
-    def node_momentum(self, step: StepData, impulse: Floats, fresh: bool) -> Floats:
+    def node_momentum(self, p0: Floats, impulse: Floats, fresh: bool) -> Floats:
         """``M v_n``."""
-        return step.p0
+        return p0

@@ -14,7 +14,7 @@ from ..model import System
 from ..model.chart import Chart
 from ..newton import NewtonSettings
 from ..types import Array, Floats
-from .base import Integrator, Scheme, State, StepData, StepWork
+from .base import Integrator, Scheme, State, StepWork
 from .rest import Rest
 
 __all__ = ["CompiledStep", "refusal"]
@@ -27,7 +27,7 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
     if not isinstance(treatment, NullSpace):
         return f"there are no compiled kernels for {treatment.name}"
     reasons = {
-        "closed loops": len(system.closure.rows) > 0,
+        "closed loops in prescribed motion": len(system.closure.rows) > 0 and bool(system.drives),
         "springs, dampers and actuators": system.couplings.count > 0,
         "loads that follow the motion": not system.loading.dead_only,
         "damping": system.damped,
@@ -82,7 +82,7 @@ class CompiledStep:
         groups = system.beam_groups
         # structures for the kernels, and their arrays by name
         m, planned = bind.bound_plan(system, self.plan)
-        s, self._tree = bind.bound_tree(system)
+        s, self._tree = bind.bound_tree(system, self.plan)
         w, self._arrays = bind.bound_work(system, self.plan)
         g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
         self._a = a = SimpleNamespace(**self._arrays)
@@ -113,6 +113,7 @@ class CompiledStep:
         for v, places in own.items():
             self._numbering[places] = 6 * v + np.arange(len(places))
         self._dead: Floats | None = None
+        a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
 
     @property
     def linear(self) -> LinearSolver | None:
@@ -142,18 +143,17 @@ class CompiledStep:
             amplitudes = system.loading.averages(t, t + self.h)
             self._dead = system.loading.dead_force(amplitudes)
             self._a.external[:] = self._dead
-        y0, ground1 = system.extend(state.q, t), system.ground(t + self.h)
-        kin = system.kinematics
-        if kin.spheres or self._drives:
-            self._chart.begin(y0, ground1)
+        a = self._a
+        a.y0[: system.rows], a.p0[:] = state.q.reshape(-1, 3), state.p.reshape(-1, 3)
+        if system.moving:
+            a.y0[system.rows :] = system.ground(t)
+            a.ground1[:] = system.ground(t + self.h)
+        if system.kinematics.spheres or self._drives:
+            self._chart.begin(a.y0.copy(), a.ground1.copy())
             sphere = [k for k, c in enumerate(self._coordinates) if c.kind == "sphere"]
             numbers = [self._coordinates[k].number for k in sphere]
             self._tree["axis"][sphere] = self._chart.fixed[numbers]
             self._tree["driven"][:] = self._chart.driven(self._coordinates)
-        p0 = state.p.reshape(-1, 3)
-        self.start = StepData(y0, p0, t, self.h, np.zeros(0), self._dead, None)
-        a = self._a
-        a.y0[:], a.p0[:], a.ground1[:] = y0, p0, ground1
 
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
@@ -173,6 +173,8 @@ class CompiledStep:
     @property
     def balance(self) -> Floats:
         """R (rows, 3) of the step."""
+        if len(self._a.mu):  # the iteration has the impulses of closed loops in it
+            return self._a.R - self._a.closing
         return self._a.R
 
     def carried(self) -> Floats:

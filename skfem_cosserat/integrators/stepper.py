@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,12 +32,6 @@ class StepReport:
     ----------
     state : State
         At the end of the step.
-    momentum : (n,) array
-        p_n of the discrete Legendre transform at the *start* of the step.
-    constraint_force : (n,) array
-        ``G^T lambda`` of the step (N; N m on directors).
-    constraint_point : (total, 3) array
-        Where it acts: all rows of y, at the node or midpoint.
     iterations, attempts : int
         Newton iterations (of all attempts) and attempts (1: none was repeated).
     residual : float
@@ -46,13 +41,53 @@ class StepReport:
     """
 
     state: State
-    momentum: Floats
-    constraint_force: Floats
-    constraint_point: Floats
     iterations: int
     attempts: int
     residual: float
     work: StepWork
+    _solved: Solved
+
+    @property
+    def momentum(self) -> Floats:
+        """``p_n`` (n,) of the discrete Legendre transform at the *start* of the step."""
+        _, integrator, _, state, _, impulse = self._solved
+        p0 = state.p.reshape(-1, 3)
+        return np.array(integrator.node_momentum(p0, impulse, state.fresh)).reshape(-1)
+
+    @property
+    def constraint_force(self) -> Floats:
+        """``G^T lambda`` (n,) of the step (N; N m on directors)."""
+        _, integrator, h, state, _, impulse = self._solved
+        share = integrator.start_share if state.fresh else 1.0
+        return (impulse / (share * h)).reshape(-1)
+
+    @property
+    def constraint_point(self) -> Floats:
+        """Where it acts: all rows (total, 3) of y, at the node or midpoint."""
+        system, integrator, _, state, y1, _ = self._solved
+        weight, y0 = integrator.constraint_weight, system.extend(state.q, state.time)
+        return y0 if weight == 0 else (1 - weight) * y0 + weight * y1
+
+
+class Solved(NamedTuple):
+    """What momentum and constraint force of a step are made from, when somebody asks for them.
+
+    Attributes
+    ----------
+    h : float
+    state : State
+        At the start of the step.
+    y1 : (total, 3) array
+    impulse : (rows, 3) array
+        ``h G^T lambda``.
+    """
+
+    system: System
+    integrator: Integrator
+    h: float
+    state: State
+    y1: Floats
+    impulse: Floats
 
 
 def _check_kind(name: str, value: object, kind: type) -> None:
@@ -303,42 +338,20 @@ class Stepper:
             if step.couplings is None
             else self.system.couplings.turns(step.couplings, y1),
         )
-        momentum = self.integrator.node_momentum(step, impulse, state.fresh)
-        share = self.integrator.start_share if state.fresh else 1.0
-        force = impulse / (share * self.h)
-        return StepReport(
-            new,
-            np.array(momentum).reshape(-1),
-            force.reshape(-1),
-            self.bound.constraint_point(y1),
-            iterations,
-            attempts,
-            report.residual,
-            self.integrator.work(self.system, step, evaluation, y1),
-        )
+        work = self.integrator.work(self.system, step, evaluation, y1)
+        solved = Solved(self.system, self.integrator, self.h, state, y1, impulse)
+        return StepReport(new, iterations, attempts, report.residual, work, solved)
 
     def _accept_compiled(
         self, fast: CompiledStep, state: State, time: float, iterations: int, residual: float
     ) -> StepReport:
-        y1, impulse = fast.y1, -fast.balance
-        rows, weight = self.system.rows, self.integrator.constraint_weight
+        y1, rows = fast.y1, self.system.rows
         new = State(
             time, state.index + 1, y1[:rows].ravel(), fast.carried().ravel(), False, state.turns
         )
         self._first = False
-        momentum = self.integrator.node_momentum(fast.start, impulse, state.fresh)
-        share = self.integrator.start_share if state.fresh else 1.0
-        y0 = fast.start.y0
-        return StepReport(
-            new,
-            np.array(momentum).reshape(-1),
-            (impulse / (share * self.h)).reshape(-1),
-            y0 if weight == 0 else (1 - weight) * y0 + weight * y1,
-            iterations,
-            1,
-            residual,
-            fast.work(),
-        )
+        solved = Solved(self.system, self.integrator, self.h, state, y1, -fast.balance)
+        return StepReport(new, iterations, 1, residual, fast.work(), solved)
 
     def _hand_over(self, fast: CompiledStep) -> None:
         """The general way tries again from where the compiled one started."""

@@ -97,6 +97,6 @@ class Variational(Integrator):
         assert isinstance(evaluation, _Evaluation)
         return np.asarray(evaluation.momentum + evaluation.kick)
 
-    def node_momentum(self, step: StepData, impulse: Floats, fresh: bool) -> Floats:
+    def node_momentum(self, p0: Floats, impulse: Floats, fresh: bool) -> Floats:
         """Mean of both discrete Legendre transforms (34), (35), whose parts of lambda cancel."""
-        return step.p0 if fresh else step.p0 - 0.5 * impulse
+        return p0 if fresh else p0 - 0.5 * impulse

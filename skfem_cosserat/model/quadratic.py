@@ -10,6 +10,7 @@ of a ground row (the cosine or sine of the angle) and thus prescribed in time.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -17,7 +18,7 @@ from scipy.sparse import csc_matrix
 from ..assembly import FrozenPattern
 from ..types import Array, Floats, IndexArray
 
-__all__ = ["ConstraintBuilder", "QuadraticConstraints"]
+__all__ = ["ConstraintBuilder", "QuadraticConstraints", "Terms"]
 
 
 def sum_at(index: IndexArray, values: Array, size: int) -> Array:
@@ -75,6 +76,35 @@ class ConstraintBuilder:
         self.end_row()
 
 
+class Terms(NamedTuple):
+    """Terms of quadratic constraints.
+
+    Attributes
+    ----------
+    row, left, right : (p,) int arrays
+        Products ``factor y_left . y_right`` and the constraint rows they are in.
+    factor : (p,) array
+    drive_row, drive_component : (p,) int arrays
+        Where in y there is a number that the factor is multiplied by; -1: none.
+    linear_row, linear : (l,) int arrays
+        Linear terms ``factor y_linear``: in this row and the next two, x, y and z.
+    linear_factor : (l,) array
+    constant : (m,) array
+        What the products add up to.
+    """
+
+    row: IndexArray
+    left: IndexArray
+    right: IndexArray
+    factor: Floats
+    drive_row: IndexArray
+    drive_component: IndexArray
+    linear_row: IndexArray
+    linear: IndexArray
+    linear_factor: Floats
+    constant: Floats
+
+
 class QuadraticConstraints:
     """Constraints ``g(y)`` (m,) and their Jacobian by the n free coordinates.
 
@@ -122,6 +152,15 @@ class QuadraticConstraints:
         self._curved = np.flatnonzero(both)
         self.curvature_rows = (3 * np.concatenate([a, b])[:, None] + xyz).ravel()
         self.curvature_cols = (3 * np.concatenate([b, a])[:, None] + xyz).ravel()
+
+    def terms(self) -> Terms:
+        """All terms, for loops over them."""
+        row, component = np.full((2, len(self._pk)), -1)
+        row[self._driven], component[self._driven] = self._drive_row, self._drive_component
+        factor = self._pc[:, 0].copy()
+        products = self._pk, self._pa, self._pb, factor, row, component
+        linear = self._lk[::3].copy(), self._la, self._lc[:, 0].copy()
+        return Terms._make((*products, *linear, self._constant))
 
     def _factors(self, y: Array) -> Array:
         """Factors (products, 1), some prescribed in time by ground rows of y."""
