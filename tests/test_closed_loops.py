@@ -354,8 +354,10 @@ def test_both_treatments_give_the_same_motion(scene, integrator):
     for history, bound in ((one, 1e-12), (two, 1e-12)):
         assert history["constraint_violation"].max() < bound  # of all rows, redundant ones too
         assert (history["attempts"] == 1).all()
-        assert history["newton_iterations"].max() <= 4
-        assert history["newton_iterations"][1:].mean() < 3.3
+        assert history.meta["factorisations"] < 3.4 * len(history)
+        if history.meta["kernels"] == "numpy":  # compiled ones keep factors
+            assert history["newton_iterations"].max() <= 4
+            assert history["newton_iterations"][1:].mean() < 3.3
     force = [h["constraint_force"][:-1] for h in (one, two)]
     assert abs(force[0] - force[1]).max() < 1e-8 * abs(force[0]).max()
 
@@ -441,7 +443,7 @@ def test_units_of_length_do_not_matter():
         system = model.freeze()
         assert system.counts() == {"n": 36, "m": 38, "rank": 35, "unknowns": 1}
         for pair in ((i, t) for i in INTEGRATORS.values() for t in TREATMENTS.values()):
-            history = sc.simulate(system, *pair, 0.02, 0.6)
+            history = sc.simulate(system, *pair, 0.02, 0.6, kernels="numpy")
             found.append((history["joint/pin 0/angle"], history["newton_iterations"]))
             angle, count = found[(len(found) - 1) % 4]
             assert abs(history["joint/pin 0/angle"] - angle).max() < 1e-11
@@ -536,7 +538,7 @@ def test_tangent_at_the_solution(scene, integrator):
     At the solution, where the directions left free may turn without changing a residual of zero.
     """
     system = frozen(scene)
-    stepper = sc.Stepper(system, INTEGRATORS[integrator], sc.NullSpace(), 0.02)
+    stepper = sc.Stepper(system, INTEGRATORS[integrator], sc.NullSpace(), 0.02, kernels="numpy")
     state = started(system)
     for _ in range(3):
         state = stepper.advance(state).state
@@ -574,7 +576,7 @@ def test_newton_converges_quadratically(scene, integrator, treatment, monkeypatc
 
     monkeypatch.setattr("skfem_cosserat.integrators.stepper.newton", watched)
     pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    sc.Stepper(system, *pair, 0.05).advance(started(system))
+    sc.Stepper(system, *pair, 0.05, kernels="numpy").advance(started(system))
     (report,) = reports
     assert report.converged
     sizes = np.array(report.increments)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import test_closed_loops
 import test_drives
 import test_joints
 from helpers_scenes import JOINTS, full_section, lattice, lattice_mesh, random_tree, rotation
@@ -201,6 +202,28 @@ def chain(count):
         previous = link.at((0.3 * (k + 1), 0, 0))
     model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
     return model.freeze()
+
+
+@pytest.mark.parametrize("scene", test_closed_loops.SCENES)
+@integrators
+def test_closed_loops_by_a_border(scene, integrator):
+    """The same motion and forces, with the iterations of one Newton method for all equations."""
+    system = test_closed_loops.frozen(scene)
+    start = test_closed_loops.started(system)
+    plain, *compiled = [
+        sc.simulate(
+            system, INTEGRATORS[integrator], sc.NullSpace(), 0.01, 0.1, start=start,
+            derive=False, kernels=kernels, settings=sc.NewtonSettings(reuse=reuse),
+        )
+        for kernels, reuse in (("numpy", 0), ("numba", 0), ("numba", 4))
+    ]  # fmt: skip
+    for run in compiled:
+        assert run.meta["kernels"] == "numba" and run["attempts"].max() == 1
+        assert abs(run["q"] - plain["q"]).max() < 1e-12
+        assert abs(run["p"] - plain["p"]).max() < 1e-11 * abs(plain["p"]).max()
+        force = plain["constraint_force"][:-1]
+        difference = run["constraint_force"][:-1] - force
+        assert abs(difference).max() < 1e-8 * abs(force).max()
 
 
 @integrators

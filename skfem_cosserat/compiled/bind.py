@@ -19,7 +19,15 @@ from .numbers import BEAM_PARTS, TREE_PARTS
 from .plan import Plan
 from .tree import AXIS, ROTATION, SLIDE, SPHERE
 
-__all__ = ["addresses", "bound_beams", "bound_plan", "bound_tree", "bound_work", "coordinates_of"]
+__all__ = [
+    "addresses",
+    "bound_beams",
+    "bound_plan",
+    "bound_tree",
+    "bound_work",
+    "choose_rows",
+    "coordinates_of",
+]
 
 _PLANNED = (
     "order",
@@ -53,7 +61,7 @@ def addresses(
     unused = set()
     if not system.tree.edges:
         unused |= {name for name in TREE_PARTS if name.startswith("joint")}
-    if not len(system.closure.rows):
+    if not system.closure.rank:
         unused |= {name for name in TREE_PARTS if name.startswith("loop")}
     if not weight:
         unused |= {"joint_curvature", "node_matrix", "loop_curvature"}
@@ -272,44 +280,47 @@ def _coordinates(system: System) -> dict[str, Any]:
 
 
 def _loops(system: System, plan: Plan) -> dict[str, Any]:
-    """Independent rows of joints that close loops, as lists of terms."""
-    chosen = closing_rows(system)
-    number = {k: i for i, k in enumerate(chosen)}
+    """Rows of joints that close loops, as lists of terms; none is chosen yet."""
+    rows = set(system.closure.rows.tolist())
     terms = system.constraints.terms()
     where: dict[int, tuple[int, int]] = {}
     for v, (r, framed) in enumerate(zip(system.origin_rows, system.is_frame, strict=True)):
         where |= {int(r) + i: (v, i) for i in range(4 if framed else 1)}
-    products, factors, linear, own = [], [], [], []
+    products, factors, linear, own, number = [], [], [], [], []
     for k, a, b, c in zip(*terms[:4], strict=True):
-        if k in number:
+        if k in rows:
             (u, i), (v, j) = where.get(a, (-1, 0)), where.get(b, (-1, 0))
             slots = (plan.slot[u, v], plan.slot[v, u]) if u >= 0 and v >= 0 else (-1, -1)
-            products.append((number[k], a, b, u, i, v, j, *slots))
+            products.append((-1, a, b, u, i, v, j, *slots))
             factors.append(c)
+            number.append(k)
+    linear_number = []
     for k, a, c in zip(terms.linear_row, terms.linear, terms.linear_factor, strict=True):
         for component in range(3):
-            if k + component in number:
-                linear.append((number[k + component], a, component, where.get(a, (-1, 0))[0]))
+            if k + component in rows:
+                linear.append((-1, a, component, where.get(a, (-1, 0))[0]))
                 own.append(c)
+                linear_number.append(k + component)
     vertices = {v for row in products for v in (row[3], row[5])} | {row[3] for row in linear}
     return {
         "loop_products": np.array(products, dtype=np.int64).reshape(-1, 9),
         "loop_factors": np.array(factors, dtype=float),
         "loop_linear": np.array(linear, dtype=np.int64).reshape(-1, 4),
         "loop_linear_factors": np.array(own, dtype=float),
-        "loop_constant": terms.constant[chosen],
+        "loop_constant": np.zeros(system.closure.rank),
         "loop_vertices": _ints(sorted(vertices - {-1})),
+        "loop_numbers": (_ints(number), _ints(linear_number)),
     }
 
 
-def closing_rows(system: System) -> IndexArray:
-    """Numbers of the independent constraint rows that close loops, as at the start of the scene."""
-    if not len(system.closure.rows):
-        return _ints([])
-    y0 = system.extend(system.q0, 0.0)
-    kin = system.kinematics
-    T = kin.T_values(kin.locate(y0, kin.fixed_axes(y0)))
-    return np.sort(np.concatenate([s.rows for s in system.closure.select(y0, T)]))
+def choose_rows(system: System, fields: dict[str, Any], rows: IndexArray) -> None:
+    """Take these constraint rows (rank,) as the border, in the arrays of :func:`bound_tree`."""
+    place = np.full(system.m, -1)
+    place[rows] = np.arange(len(rows))
+    products, linear = fields["loop_numbers"]
+    fields["loop_products"][:, 0] = place[products]
+    fields["loop_linear"][:, 0] = place[linear]
+    fields["loop_constant"][:] = system.constraints.terms().constant[rows]
 
 
 def _triples(system: System, each: list[list[Coordinate]]) -> IndexArray:

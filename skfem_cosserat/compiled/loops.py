@@ -20,9 +20,10 @@ from .small import cross, dot, put, row
 
 __all__ = ["loop_correct", "loop_curvature", "loop_force", "loop_keep", "loop_row", "loop_schur"]
 
-#: linear terms are in a table of row of the border, row of y, component, vertex (-1: ground);
-#: columns of the table of products ``c y_left . y_right``: row of the border, rows of y, their
-#: vertices (-1: ground) and places in them, blocks of both pairs of vertices
+#: columns of the table of products ``c y_left . y_right``: row of the border (-1: of none, it
+#: depends on others where the step starts), rows of y, their vertices (-1: ground) and places in
+#: them, blocks of both pairs of vertices. Linear terms: row of the border, row of y, component,
+#: vertex
 ROW, LEFT, RIGHT, LEFT_VERTEX, LEFT_PLACE, RIGHT_VERTEX, RIGHT_PLACE, SLOT, SLOT_BACK = range(9)
 #: pivot, relative to the largest entry, below which a position counts as singular
 SINGULAR = 1e-9
@@ -41,13 +42,13 @@ def add_forces(s: Any, y: Floats, mu: Floats, f: Floats) -> None:
     """``f += G(y)^T mu``."""
     table, factors, linear = s.loop_products, s.loop_factors, s.loop_linear
     for t in range(table.shape[0]):
-        a, b = table[t, LEFT], table[t, RIGHT]
-        c = mu[table[t, ROW]] * factors[t]
+        a, b, k = table[t, LEFT], table[t, RIGHT], table[t, ROW]
+        c = mu[k] * factors[t] if k >= 0 else 0.0
         if c != 0.0:
             pull(f, a, c, row(y, b))
             pull(f, b, c, row(y, a))
     for t in range(linear.shape[0]):
-        if linear[t, 1] < f.shape[0]:
+        if linear[t, 0] >= 0 and linear[t, 1] < f.shape[0]:
             f[linear[t, 1], linear[t, 2]] += s.loop_linear_factors[t] * mu[linear[t, 0]]
 
 
@@ -101,9 +102,13 @@ def loop_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     twist_forces(s, y, closing, w.F, w.b)
     table, linear = s.loop_products, s.loop_linear
     for t in range(table.shape[0]):
+        if table[t, ROW] < 0:
+            continue
         product = dot(row(y1, table[t, LEFT]), row(y1, table[t, RIGHT]))
         gap[table[t, ROW]] += s.loop_factors[t] * product
     for t in range(linear.shape[0]):
+        if linear[t, 0] < 0:
+            continue
         gap[linear[t, 0]] += s.loop_linear_factors[t] * y1[linear[t, 1], linear[t, 2]]
     return 0.0
 
@@ -116,7 +121,7 @@ def loop_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     table, factors, mid, y1, A, first = s.loop_products, s.loop_factors, w.mid, w.y1, w.A, s.row
     weight = numbers[WEIGHT]
     for t in range(table.shape[0]):
-        if table[t, SLOT] < 0:
+        if table[t, SLOT] < 0 or table[t, ROW] < 0:
             continue
         for side in range(2):
             i, j, k = table[t, LEFT_PLACE], table[t, RIGHT_PLACE], table[t, SLOT]
@@ -167,7 +172,7 @@ def rates_of(s: Any, y1: Floats, twist: Floats, out: Floats) -> None:
             a, b, v = table[t, LEFT], table[t, RIGHT], table[t, LEFT_VERTEX]
             if side == 1:
                 a, b, v = b, a, table[t, RIGHT_VERTEX]
-            if v < 0:
+            if v < 0 or table[t, ROW] < 0:
                 continue
             rate = twist[v, 0], twist[v, 1], twist[v, 2]
             if a > first[v]:
@@ -175,7 +180,7 @@ def rates_of(s: Any, y1: Floats, twist: Floats, out: Floats) -> None:
             out[table[t, ROW]] += s.loop_factors[t] * dot(rate, row(y1, b))
     for t in range(linear.shape[0]):
         a, v = linear[t, 1], linear[t, 3]
-        if v < 0:
+        if v < 0 or linear[t, 0] < 0:
             continue
         rate = twist[v, 0], twist[v, 1], twist[v, 2]
         if a > first[v]:

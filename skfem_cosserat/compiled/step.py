@@ -13,6 +13,8 @@ from .jit import call, inlined, jit
 
 __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
 
+#: residual, relative, with which no step is solved whatever its increments are
+WRONG = 1e-3
 #: contraction assumed for factors of an earlier step before any is measured
 UNKNOWN = 0.1
 
@@ -193,7 +195,7 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
             )
             kept = reuse > 0.0 and mixed == 0
             rate, swept = 0.0, 0.0
-        if done and np.isfinite(size):
+        if done and size <= WRONG:
             record[n.ITERATIONS], record[n.RESIDUAL] = count, size
             record[n.KEPT] = 1.0 if reuse > 0.0 else 0.0
             record[n.WORK] = call(p[n.FINISH], s, m, w, numbers, 0)

@@ -46,6 +46,10 @@ class BoundTreatment(ABC):
     trouble: str | None = None
     #: what the start of the step is worth a warning for, such as a singular position
     notice: str | None = None
+    #: whether all constraints that count as independent are so, by far, where the step starts
+    regular: bool = True
+    #: constraint rows that close loops in this step, independent of each other
+    closing: IndexArray = np.zeros(0, dtype=np.int64)
     #: momentum (n,) if a run starts with this step, or goes on after a break
     momentum: Floats | None = None
 

@@ -28,6 +28,8 @@ CLOSED = 4e-16
 QUADRATIC = 3e-8
 #: the same for the first guess of a step
 GUESSED = 1e-2
+#: smallest pivot of closing rows, relative, above which a position is regular for all purposes
+REGULAR = 1e-3
 #: a correction this large means that the loop does not close near here
 FAR = 3.0
 
@@ -219,6 +221,8 @@ class BoundNullSpace(BoundTreatment):
         """Independent closure rows at the start of the step."""
         T = self.kin.T_values(self.kin.locate(y0, self.chart.fixed))
         chosen = self.closure.select(y0, T)
+        self.regular = all((s.pivots > REGULAR).all() for s in chosen)
+        self.closing = np.concatenate([s.rows for s in chosen])
         if self.momentum is not None:
             self._passages, self._direction = Passages(self.system), None
         self.notice = self._passages.look(y0, T, chosen)

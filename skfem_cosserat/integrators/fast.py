@@ -6,14 +6,24 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ..compiled.numbers import FACTORED, GUESS, ITERATIONS, KNOWN, NUMBERS, RECORD, RESIDUAL, WORK
+from ..compiled.numbers import (
+    FACTORED,
+    GUESS,
+    ITERATIONS,
+    KEPT,
+    KNOWN,
+    NUMBERS,
+    RECORD,
+    RESIDUAL,
+    WORK,
+)
 from ..compiled.plan import Plan, plan_of
 from ..constraints import NullSpace, Treatment
 from ..linear import LinearSolver, Solver
 from ..model import System
 from ..model.chart import Chart
 from ..newton import NewtonSettings
-from ..types import Array, Floats
+from ..types import Array, Floats, IndexArray
 from .base import Integrator, Scheme, State, StepWork
 from .rest import Rest
 
@@ -113,7 +123,24 @@ class CompiledStep:
         for v, places in own.items():
             self._numbering[places] = 6 * v + np.arange(len(places))
         self._dead: Floats | None = None
+        self._rows = np.zeros(0, dtype=np.int64)
         a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
+
+    @property
+    def looped(self) -> bool:
+        """Whether there are closed loops."""
+        return len(self._a.mu) > 0
+
+    def close(self, rows: IndexArray) -> None:
+        """Take these constraint rows, independent at the start of the step, to close the loops."""
+        rows = np.sort(rows)
+        if not np.array_equal(rows, self._rows):
+            from ..compiled import bind
+
+            self._rows = rows
+            bind.choose_rows(self.system, self._tree, rows)
+            self._a.mu[:] = 0.0
+            self._record[KEPT] = 0.0
 
     @property
     def linear(self) -> LinearSolver | None:

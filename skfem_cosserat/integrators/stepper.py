@@ -251,17 +251,18 @@ class Stepper:
             contradicts another one around it, the reason says so.
         """
         new_time = state.time + self.h if time is None else time
+        step: StepData | None = None
         if self._fast is not None:
-            solved = self._fast.solve(state)
-            if solved is not None:
-                return self._accept_compiled(self._fast, state, new_time, *solved)
+            if self._fast.looped:  # only the treatment knows about singular positions
+                step = self._begin(state)
+                self._fast.close(self.bound.closing)
+            if self.bound.regular:
+                solved = self._fast.solve(state)
+                if solved is not None:
+                    return self._accept_compiled(self._fast, state, new_time, *solved)
             self._hand_over(self._fast)
-        step = self.integrator.begin(self.system, state, self.h)
-        self.bound.momentum = state.p if state.fresh or self._first else None
-        self._first = False
-        self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h)
-        if self.bound.notice:
-            logger.warning("t = %.6g s: %s", state.time, self.bound.notice)
+        if step is None:
+            step = self._begin(state)
         total = 0
         best: NewtonReport | None = None
         residuals = []
@@ -288,6 +289,16 @@ class Stepper:
         reason, advice = self._explained(step, best.reason, problem.y1)
         where = state.time, state.index + 1, best.residual
         raise Diverged(*where, f"{reason}, {effort}", advice, residuals)
+
+    def _begin(self, state: State) -> StepData:
+        """Data of a step for the general way, and its treatment at its start."""
+        step = self.integrator.begin(self.system, state, self.h)
+        self.bound.momentum = state.p if state.fresh or self._first else None
+        self._first = False
+        self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h)
+        if self.bound.notice:
+            logger.warning("t = %.6g s: %s", state.time, self.bound.notice)
+        return step
 
     def _explained(self, step: StepData, reason: str, y1: Array) -> tuple[str, str]:
         """Why a step failed and what to try: a dead point, a loop that does not close, Newton.
