@@ -50,6 +50,31 @@ def memory():
     return load("memory")
 
 
+@pytest.fixture(scope="module")
+def static_cost():
+    return load("static_cost")
+
+
+def test_static_cost(static_cost, tmp_path):
+    """One row for each load and kind of kernels; the figure goes with the yardstick."""
+    pytest.importorskip("numba")
+    result = static_cost.main(quick=True, out=tmp_path, elements=(8,), repeats=1)
+    rows = result["rows"]
+    assert [(row["scene"], row["kernels"]) for row in rows] == [
+        (scene, kernels) for scene in ("moment", "force") for kernels in ("numpy", "numba")
+    ]
+    assert {tuple(sorted(row)) for row in rows} == {tuple(sorted(static_cost.COLUMNS))}
+    for plain, compiled in (rows[:2], rows[2:]):
+        assert plain["iterations"] == compiled["iterations"] > plain["points"] == 8
+    assert "0.360 ms" in static_cost.report({**result, "dgemm_gflops": 50.0})
+    text = (tmp_path / "static_cost.csv").read_text()
+    assert text.startswith("# ") and "dgemm" in text
+    slow = [{**rows[1], "elements": 100, "ms_per_iteration": 0.301}]
+    at_peer = {"rows": slow, "dgemm_gflops": 60.0}
+    assert len(static_cost.missed(at_peer)) == 1
+    assert not static_cost.missed({**at_peer, "dgemm_gflops": 50.0})
+
+
 def test_step_cost(step_cost, tmp_path):
     """One row for each integrator, treatment and kind of kernels."""
     result = step_cost.main(

@@ -30,10 +30,12 @@ from skfem_cosserat.model.balance import (
     balance_tangent,
 )
 from skfem_cosserat.statics import equilibrium
-from skfem_cosserat.statics.critical import inspect
-from skfem_cosserat.statics.equilibrium import Equilibrium, Functional, Point, _Problem
 from skfem_cosserat.statics.path import STATIC
+from skfem_cosserat.statics.point import Functional, Point
+from skfem_cosserat.statics.problem import PlainProblem
 from skfem_cosserat.statics.schedule import Schedule
+from skfem_cosserat.statics.solver import Equilibrium
+from skfem_cosserat.statics.stability import inspect
 
 EPS = 1e-40
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
@@ -576,7 +578,8 @@ def test_derivative_by_the_load_factor(scene, treatment):
     point = Point(y, t)
     solver.begin(point)
     gradient = np.random.default_rng(4).standard_normal((system.rows, 3))
-    problem = _Problem(solver, point, Functional(gradient, 0.3, 0.1), None)
+    target = Functional(gradient, 0.3, 0.1)
+    problem = PlainProblem(solver.bound, schedule, STATIC, point, target)
     problem.residual()
     problem.direction()
     found, by_t = problem._factor_derivative()

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numba import typeof, types
+from numpy.typing import NDArray
 
 from ..model import System
 from ..model.groups import BeamGroup, Group
@@ -44,7 +45,12 @@ KINDS = {"rotation": ROTATION, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE}
 
 
 def addresses(
-    system: System, structures: Sequence[Any], beams: Any, weight: float, ends: bool
+    system: System,
+    structures: Sequence[Any],
+    beams: Any,
+    weight: float,
+    ends: bool,
+    static: bool = False,
 ) -> IndexArray:
     """Addresses of all parts that a step takes, compiled if need be; 0 for the others.
 
@@ -53,6 +59,8 @@ def addresses(
     structures : (tree, plan, work)
     weight, ends
         Of the integrator: where constraints act, and whether stresses are a mean of both ends.
+    static : bool
+        For a balance at rest: loads are evaluated in each iteration.
     """
     numbers = np.zeros(0)
     parts = {
@@ -70,7 +78,9 @@ def addresses(
     if not ends:
         unused.add("beam_start")
     if not system.beam_groups:
-        unused |= {*BEAM_PARTS, "predict_changes"}
+        unused |= {*BEAM_PARTS, *(() if static else ("predict_changes",))}
+    if not static:
+        unused.add("load")
     tree_kinds = [*map(typeof, (*structures, numbers)), types.int64]
     beam_kinds = [*map(typeof, (beams, structures[2], numbers)), types.int64]
     return np.array(
@@ -195,6 +205,8 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         **_coordinates(system),
         **_loops(system, plan),
         **_lumps(system.frame_group, system.point_group),
+        "moment_vertex": _ints(system.loading.moments.vertices),
+        "moment_follows": _flags(system.loading.moments.follows),
     }
     return layout.tree(tuple(fields[name] for name in layout.TREE)), fields
 
@@ -374,6 +386,8 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
         **dict.fromkeys(("border", "border_twist"), (loops, count, 6)),
         **dict.fromkeys(("schur", "schur_scratch"), (loops, loops)),
         "scratch": (1, 6, 6),
+        "dead": (rows, 3),
+        "moments": (len(system.loading.moments.vertices), 3),
     }
     arrays = {name: np.zeros(shapes[name]) for name in layout.WORK}
     return layout.work(tuple(arrays.values())), arrays
@@ -383,7 +397,7 @@ def _ints(numbers: Sequence[Any] | IndexArray) -> IndexArray:
     return np.array(numbers, dtype=np.int64).reshape(len(numbers))
 
 
-def _flags(values: Sequence[bool]) -> Any:
+def _flags(values: Sequence[bool] | NDArray[np.bool_]) -> Any:
     return np.array(values, dtype=bool).reshape(len(values))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..types import Floats, IndexArray
 from .jit import inlined, part
-from .numbers import END, FORCE, MASS, START, WEIGHT
+from .numbers import END, FORCE, MASS, SHARE, START, WEIGHT
 from .small import Rotation, Vector, combine, cross, dot, minus, plus, put, row, times
 
 __all__ = ["beam_force", "beam_predicted", "beam_start", "beam_tangent", "scalar_block"]
@@ -235,9 +235,10 @@ def give(base: IndexArray, turned: bool, rotations: Floats, e: int, F: Floats, f
 
 @part
 def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """``S + D B(y) change/2``, y being where the stresses come from."""
+    """``S + share D B(y) change``, y being where the stresses come from."""
     lengths, N, dN, stiffness = g.lengths, g.N, g.dN, g.stiffness
     y, change, S, out = w.mid, w.change, g.S, g.predicted
+    share = numbers[SHARE]
     if numbers[START] != 0.0:
         y = w.y1
     base, turned, rotations = g.base, g.turned, g.rotations
@@ -252,7 +253,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             H = at_point(N[p], dN[p], 1.0 / lengths[e], V)
             eps = strain_changes(G, H)
             for i in range(6):
-                out[e, p, i] = S[e, p, i] + 0.5 * stress(stiffness, section[e], i, diagonal, eps)
+                out[e, p, i] = S[e, p, i] + share * stress(stiffness, section[e], i, diagonal, eps)
     return 0.0
 
 
@@ -375,7 +376,7 @@ def left_rows(L: Floats, n: int, rows: int, r: int, T: Floats) -> Vector:
 def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add the blocks of all elements, in reduced coordinates, to their slots.
 
-    ``P(y_L)^T (mass M + (force/2) (int B(q_mid)^T D B(y_S) ds + int S . C/l ds)) P(y_1)``: y_L is
+    ``P(y_L)^T (mass M + share force (int B(q_mid)^T D B(y_S) ds + int S . C/l ds)) P(y_1)``: y_L is
     where constraint forces act, y_S where the stresses come from; S are those, or with flag 1
     predicted ones.
     """
@@ -388,7 +389,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     if flag == 1:
         S = g.predicted
     A = w.A
-    mass, half = numbers[MASS], 0.5 * numbers[FORCE]
+    mass, half = numbers[MASS], numbers[SHARE] * numbers[FORCE]
     lengths, shapes, slopes, weights = g.lengths, g.N, g.dN, g.weights
     masses, stiffness, slot = g.mass, g.stiffness, g.slot
     base, turned, rotations = g.base, g.turned, g.rotations

@@ -41,6 +41,7 @@ TREE = (
     *("mass_data", "mass_indices", "mass_indptr"),
     *("loop_products", "loop_factors", "loop_linear", "loop_linear_factors", "loop_constant"),
     *("loop_vertices", "triple", "lump_vertex", "lumps", "point_vertex", "point_masses"),
+    *("moment_vertex", "moment_follows"),
 )
 #: the order of elimination, neighbours still to come, slots of blocks; how many are eliminated in
 #: blocks, and what is called back to solve for the rest (0: none)
@@ -65,6 +66,7 @@ WORK = (
         "X_kept",
     ),
     *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
+    *("dead", "moments"),
 )
 
 

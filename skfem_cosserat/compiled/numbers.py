@@ -9,10 +9,12 @@ NUMBERS = (
     *("mass", "momentum", "force", "start", "end", "weight", "length"),
     *("rotation", "mixed", "reuse", "iterations", "largest", "increment", "negligible"),
     *("stagnation", "settled", "carry_mass", "carry_momentum", "carry_force"),
+    "share",
 )
 MASS, MOMENTUM, FORCE, START, END, WEIGHT, LENGTH = range(7)
 ROTATION, MIXED, REUSE, LIMIT, LARGEST, INCREMENT, NEGLIGIBLE = range(7, 14)
 STAGNATION, SETTLED, CARRY_MASS, CARRY_MOMENTUM, CARRY_FORCE = range(14, 19)
+SHARE = 19
 
 #: what the loop over the iterations leaves behind for the next step: whether factors are kept, the
 #: contraction they gave last and the first increment of that step; how to start: from no
@@ -27,10 +29,12 @@ TREE_PARTS = (
     *("finish", "better", "lump_matrix", "factor", "sweep"),
     *("joint_begin", "joint_add", "joint_move", "joint_maps", "joint_reduce", "joint_curvature"),
     *("loop_force", "loop_curvature", "loop_row", "loop_keep", "loop_schur", "loop_correct"),
+    "load",
 )
 BEAM_PARTS = ("beam_start", "beam_force", "beam_tangent", "beam_predicted")
 BEGIN, MOVE, BALANCE, SIZE, CLEAR, NODE_MATRIX, CAP, PREDICT_CHANGES = range(8)
 FINISH, BETTER, LUMP_MATRIX, FACTOR, SWEEP = range(8, 13)
 JOINT_BEGIN, JOINT_ADD, JOINT_MOVE, JOINT_MAPS, JOINT_REDUCE, JOINT_CURVATURE = range(13, 19)
 LOOP_FORCE, LOOP_CURVATURE, LOOP_ROW, LOOP_KEEP, LOOP_SCHUR, LOOP_CORRECT = range(19, 25)
-BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED = range(25, 29)
+LOAD = 25
+BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED = range(26, 30)

@@ -43,14 +43,17 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
     if p[n.JOINT_MOVE]:
         call(p[n.JOINT_MOVE], s, m, w, numbers, 0)
     y0, y1, mid, internal = w.y0, w.y1, w.mid, w.internal
+    share = numbers[n.SHARE]
     for r in range(len(y1)):
         for c in range(3):
-            mid[r, c] = 0.5 * (y0[r, c] + y1[r, c])
+            mid[r, c] = (1.0 - share) * y0[r, c] + share * y1[r, c]
     for r in range(len(internal)):
         for c in range(3):
             internal[r, c] = 0.0
     if p[n.BEAM_FORCE]:
         call(p[n.BEAM_FORCE], g, w, numbers, 0)
+    if p[n.LOAD]:
+        call(p[n.LOAD], s, m, w, numbers, 0)
     largest = call(p[n.BALANCE], s, m, w, numbers, 2 * sized)
     if p[n.LOOP_FORCE]:
         call(p[n.LOOP_FORCE], s, m, w, numbers, 0)
@@ -79,6 +82,8 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
         call(p[n.BALANCE], s, m, w, numbers, 1)
         if p[n.JOINT_REDUCE]:
             call(p[n.JOINT_REDUCE], s, m, w, numbers, 1)
+    if p[n.LOAD]:
+        call(p[n.LOAD], s, m, w, numbers, 1)
     if p[n.LUMP_MATRIX]:
         call(p[n.LUMP_MATRIX], s, m, w, numbers, 0)
     if p[n.NODE_MATRIX]:

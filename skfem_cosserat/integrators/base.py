@@ -98,6 +98,8 @@ class Scheme:
     ends : bool
         Stresses: the mean of both ends.
     carry : (float, float, float)
+    share : float
+        The balance is taken at ``y_0 + share (y_1 - y_0)``.
     """
 
     mass: float
@@ -105,6 +107,7 @@ class Scheme:
     force: float
     ends: bool
     carry: tuple[float, float, float]
+    share: float = 0.5
 
 
 @dataclass(eq=False)

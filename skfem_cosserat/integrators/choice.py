@@ -14,7 +14,7 @@ from ..model import System
 from .base import Integrator
 from .fast import refusal
 
-__all__ = ["Choice", "choose_kernels", "estimated_seconds"]
+__all__ = ["Choice", "choose", "choose_kernels", "estimated_seconds"]
 
 #: estimated time with the plain kernels (s) above which compiled ones are taken: compiling them on
 #: an empty cache takes about half of it
@@ -36,12 +36,12 @@ class Choice(NamedTuple):
     plan: Plan | None = None
 
 
-def estimated_seconds(system: System, steps: int) -> float:
-    """Time of as many steps with the plain kernels, to a factor of two or so (s)."""
+def estimated_seconds(system: System, steps: int, iterations: int = ITERATIONS) -> float:
+    """Time of as many steps or points with the plain kernels, to a factor of two or so (s)."""
     nodes = sum(g.vertices.size for g in system.beam_groups)
     entries = sum(g.vertices.size * g.vertices.shape[1] for g in system.beam_groups)
     vertices = len(system.origin_rows)
-    return steps * (3e-4 + ITERATIONS * (3e-4 + 2e-6 * (nodes + entries) + 4e-6 * vertices))
+    return steps * (3e-4 + iterations * (3e-4 + 2e-6 * (nodes + entries) + 4e-6 * vertices))
 
 
 def choose_kernels(
@@ -52,9 +52,31 @@ def choose_kernels(
     steps: int | None,
     solver: Solver | None = None,
 ) -> Choice:
-    """What ``kernels="auto" | "numpy" | "numba"`` means for a run of as many steps.
+    """See :func:`choose`; for a run of as many steps."""
+    seconds = estimated_seconds(system, STEPS if steps is None else steps)
+    refused = refusal(system, integrator, treatment)
+    return choose(kernels, system, refused, seconds, solver)
 
-    With a `solver` that is asked for, elimination in blocks leaves all it can to it.
+
+def choose(
+    kernels: str,
+    system: System,
+    refused: str | None,
+    seconds: float,
+    solver: Solver | None = None,
+) -> Choice:
+    """What ``kernels="auto" | "numpy" | "numba"`` means for a scene.
+
+    Parameters
+    ----------
+    kernels : str
+    system : System
+    refused : str or None
+        Why compiled kernels cannot be taken.
+    seconds : float
+        Estimated time with the plain ones (s).
+    solver : Solver, optional
+        That is asked for: elimination in blocks leaves all it can to it.
 
     Raises
     ------
@@ -67,7 +89,6 @@ def choose_kernels(
         raise InputError("argument kernels", f"{kernels!r}, expected 'auto', 'numpy' or 'numba'")
     if kernels == "numpy":
         return Choice("numpy", "asked for")
-    refused = refusal(system, integrator, treatment)
     installed = find_spec("numba") is not None
     if kernels == "numba":
         if refused:
@@ -77,7 +98,6 @@ def choose_kernels(
         return Choice("numba", "asked for", plan_of(system, solver is not None))
     if refused:
         return Choice("numpy", refused)
-    seconds = estimated_seconds(system, STEPS if steps is None else steps)
     if seconds < WORTHWHILE:
         return Choice("numpy", f"about {seconds:.2g} s of work, compiling would take longer")
     if not installed:

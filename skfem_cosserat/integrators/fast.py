@@ -27,32 +27,150 @@ from ..types import Array, Floats, IndexArray
 from .base import Integrator, Scheme, State, StepWork
 from .rest import Rest
 
-__all__ = ["CompiledStep", "refusal"]
+__all__ = ["CompiledScene", "CompiledStep", "refusal", "static_refusal"]
 
 
 def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str | None:
     """Why a scene cannot be stepped by compiled kernels; None: it can."""
     if integrator.scheme(1.0) is None:
         return f"the {integrator.name} integrator gives no scheme for compiled kernels"
-    if not isinstance(treatment, NullSpace):
-        return f"there are no compiled kernels for {treatment.name}"
-    reasons = {
-        "closed loops in prescribed motion": len(system.closure.rows) > 0 and bool(system.drives),
+    return _missing(
+        treatment,
+        {
+            "closed loops in prescribed motion": len(system.closure.rows) > 0
+            and bool(system.drives),
+            **_everywhere(system),
+            "loads that follow the motion": not system.loading.dead_only,
+            "damping": system.damped,
+        },
+    )
+
+
+def static_refusal(system: System, treatment: Treatment, spin: object) -> str | None:
+    """Why equilibria of a scene cannot be found by compiled kernels; None: they can."""
+    return _missing(
+        treatment,
+        {
+            "closed loops": len(system.closure.rows) > 0,
+            **_everywhere(system),
+            "forces that follow the motion": system.loading.follower_forces,
+            "a turning frame": spin is not None,
+        },
+    )
+
+
+def _everywhere(system: System) -> dict[str, bool]:
+    return {
         "springs, dampers and actuators": system.couplings.count > 0,
-        "loads that follow the motion": not system.loading.dead_only,
-        "damping": system.damped,
         "beams of several orders": len(system.beam_groups) > 1,
     }
+
+
+def _missing(treatment: Treatment, reasons: dict[str, bool]) -> str | None:
+    """What there are no compiled kernels for, of a treatment and of what a scene may have."""
+    if not isinstance(treatment, NullSpace):
+        return f"there are no compiled kernels for {treatment.name}"
     found = [what for what, there in reasons.items() if there]
-    if found:
-        return f"there are no compiled kernels for {', '.join(found)}"
-    return None
+    return f"there are no compiled kernels for {', '.join(found)}" if found else None
 
 
-class CompiledStep:
-    """Steps of one system, integrator and step size with the null space method, compiled.
+class CompiledScene:
+    """Arrays and parts of one system for compiled kernels, with the null space method.
 
     Needs numba; :func:`refusal` says for what there is none.
+
+    Parameters
+    ----------
+    system : System
+    scheme : Scheme
+    weight : float
+        Constraint forces act at ``(1 - w) y_0 + w y_1``.
+    settings : NewtonSettings
+    plan : Plan, optional
+        Of the elimination, if it is there already.
+    solver : Solver, optional
+        Of what elimination in blocks leaves.
+    static : bool
+        For a balance at rest, with loads that are evaluated in each iteration.
+
+    Attributes
+    ----------
+    factorisations : int
+        So far.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        scheme: Scheme,
+        weight: float,
+        settings: NewtonSettings,
+        plan: Plan | None = None,
+        solver: Solver | None = None,
+        static: bool = False,
+    ) -> None:
+        from ..compiled import bind
+
+        self.system, self.settings, self.scheme = system, settings, scheme
+        self.plan = plan_of(system, solver is not None) if plan is None else plan
+        self.factorisations = 0
+        groups = system.beam_groups
+        # structures for the kernels, and their arrays by name
+        m, planned = bind.bound_plan(system, self.plan)
+        s, self._tree = bind.bound_tree(system, self.plan)
+        w, self._arrays = bind.bound_work(system, self.plan)
+        g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
+        self._a = a = SimpleNamespace(**self._arrays)
+        self._rest: Rest | None = None
+        if len(self.plan.rest):
+            self._rest = Rest(self.plan, planned["size"], a.A, a.x, solver)
+            planned["rest"][1] = self._rest.address
+        numbers = {
+            **vars(settings),
+            **{name: getattr(scheme, name) for name in ("mass", "momentum", "force", "share")},
+            **dict(zip(("start", "end"), (0.5, 0.5) if scheme.ends else (0.0, 1.0), strict=True)),
+            **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
+            **{"weight": weight, "length": system.length},
+        }
+        self._all = (
+            bind.addresses(system, (s, m, w), g, weight, scheme.ends, static),
+            *(s, m, w, g),
+            np.array([numbers[name] for name in NUMBERS], dtype=float),
+        )
+        self._coordinates = [c for cs in bind.coordinates_of(system) for c in cs]
+        self._drives = any(c.drive is not None for c in self._coordinates)
+        self._chart = Chart(system.kinematics)
+        self._numbering = np.full(system.kinematics.unknowns, -1)
+        for v, places in system.tree.own.items():
+            self._numbering[places] = 6 * v + np.arange(len(places))
+        a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
+
+    @property
+    def linear(self) -> LinearSolver | None:
+        """What solves for the vertices that elimination in blocks leaves, if there are any."""
+        return None if self._rest is None else self._rest.solver
+
+    @property
+    def method(self) -> str:
+        """How linear systems are solved."""
+        return "blocks" if self._rest is None else f"blocks, {self._rest.solver.method}"
+
+    def _place(self, q: Floats, ground: tuple[Floats, Floats] | None) -> None:
+        """Where a step starts, q (n,), and the ground's rows at both its ends if they move."""
+        system, a = self.system, self._a
+        a.y0[: system.rows] = q.reshape(-1, 3)
+        if ground is not None:
+            a.y0[system.rows :], a.ground1[:] = ground
+        if system.kinematics.spheres or self._drives:
+            self._chart.begin(a.y0.copy(), a.ground1.copy())
+            sphere = [k for k, c in enumerate(self._coordinates) if c.kind == "sphere"]
+            numbers = [self._coordinates[k].number for k in sphere]
+            self._tree["axis"][sphere] = self._chart.fixed[numbers]
+            self._tree["driven"][:] = self._chart.driven(self._coordinates)
+
+
+class CompiledStep(CompiledScene):
+    """Steps of one system, integrator and step size with the null space method, compiled.
 
     Parameters
     ----------
@@ -81,50 +199,16 @@ class CompiledStep:
         plan: Plan | None = None,
         solver: Solver | None = None,
     ) -> None:
-        from ..compiled import bind, step
+        from ..compiled import step
 
         scheme = integrator.scheme(h)
         assert isinstance(scheme, Scheme)
-        self.system, self.integrator, self.h, self.settings = system, integrator, h, settings
-        self.scheme = scheme
-        self.plan = plan_of(system, solver is not None) if plan is None else plan
-        self.factorisations = 0
-        groups = system.beam_groups
-        # structures for the kernels, and their arrays by name
-        m, planned = bind.bound_plan(system, self.plan)
-        s, self._tree = bind.bound_tree(system, self.plan)
-        w, self._arrays = bind.bound_work(system, self.plan)
-        g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
-        self._a = a = SimpleNamespace(**self._arrays)
-        self._rest: Rest | None = None
-        if len(self.plan.rest):
-            self._rest = Rest(self.plan, planned["size"], a.A, a.x, solver)
-            planned["rest"][1] = self._rest.address
-        weight = integrator.constraint_weight
-        numbers = {
-            **vars(settings),
-            **{name: getattr(scheme, name) for name in ("mass", "momentum", "force")},
-            **dict(zip(("start", "end"), (0.5, 0.5) if scheme.ends else (0.0, 1.0), strict=True)),
-            **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
-            **{"weight": weight, "length": system.length},
-        }
+        super().__init__(system, scheme, integrator.constraint_weight, settings, plan, solver)
+        self.integrator, self.h = integrator, h
         self._step = step
         self._record = np.zeros(len(RECORD))
-        self._all = (
-            bind.addresses(system, (s, m, w), g, weight, scheme.ends),
-            *(s, m, w, g),
-            np.array([numbers[name] for name in NUMBERS], dtype=float),
-        )
-        self._coordinates = [c for cs in bind.coordinates_of(system) for c in cs]
-        self._drives = any(c.drive is not None for c in self._coordinates)
-        self._chart = Chart(system.kinematics)
-        own = system.tree.own
-        self._numbering = np.full(system.kinematics.unknowns, -1)
-        for v, places in own.items():
-            self._numbering[places] = 6 * v + np.arange(len(places))
         self._dead: Floats | None = None
         self._rows = np.zeros(0, dtype=np.int64)
-        a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
 
     @property
     def looped(self) -> bool:
@@ -141,16 +225,6 @@ class CompiledStep:
             bind.choose_rows(self.system, self._tree, rows)
             self._a.mu[:] = 0.0
             self._record[KEPT] = 0.0
-
-    @property
-    def linear(self) -> LinearSolver | None:
-        """What solves for the vertices that elimination in blocks leaves, if there are any."""
-        return None if self._rest is None else self._rest.solver
-
-    @property
-    def method(self) -> str:
-        """How linear systems are solved."""
-        return "blocks" if self._rest is None else f"blocks, {self._rest.solver.method}"
 
     @property
     def last(self) -> Floats | None:
@@ -170,17 +244,9 @@ class CompiledStep:
             amplitudes = system.loading.averages(t, t + self.h)
             self._dead = system.loading.dead_force(amplitudes)
             self._a.external[:] = self._dead
-        a = self._a
-        a.y0[: system.rows], a.p0[:] = state.q.reshape(-1, 3), state.p.reshape(-1, 3)
-        if system.moving:
-            a.y0[system.rows :] = system.ground(t)
-            a.ground1[:] = system.ground(t + self.h)
-        if system.kinematics.spheres or self._drives:
-            self._chart.begin(a.y0.copy(), a.ground1.copy())
-            sphere = [k for k, c in enumerate(self._coordinates) if c.kind == "sphere"]
-            numbers = [self._coordinates[k].number for k in sphere]
-            self._tree["axis"][sphere] = self._chart.fixed[numbers]
-            self._tree["driven"][:] = self._chart.driven(self._coordinates)
+        moving = bool(system.moving)
+        self._place(state.q, (system.ground(t), system.ground(t + self.h)) if moving else None)
+        self._a.p0[:] = state.p.reshape(-1, 3)
 
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""

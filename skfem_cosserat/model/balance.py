@@ -25,6 +25,7 @@ __all__ = [
     "amplitudes_at",
     "balance",
     "balance_tangent",
+    "external_force",
     "predicted",
 ]
 
@@ -164,13 +165,19 @@ def balance(
         start = system.couplings.starting(origin, turns, amplitudes.actuators, 1.0)
         coupled = system.couplings.static(start, y)
         internal = internal + coupled.force[: system.rows]
+    external = external_force(system, y, amplitudes)
+    size = max(float(abs(term).max(initial=0.0)) for term in (internal, external))
+    return Balance(internal - external, size, y, strains, Bs, stresses, coupled, external)
+
+
+def external_force(system: System, y: Array, amplitudes: Amplitudes) -> Array:
+    """Loads (rows, 3) at configuration y (all rows)."""
     external = system.loading.dead_force(amplitudes.loads)
     if not system.loading.dead_only:
         external = external + system.loading.force(y[: system.rows], amplitudes.loads)
     if amplitudes.spin is not None:
         external = external + amplitudes.spin.centrifugal(system, y)
-    size = max(float(abs(term).max(initial=0.0)) for term in (internal, external))
-    return Balance(internal - external, size, y, strains, Bs, stresses, coupled, external)
+    return external
 
 
 def balance_tangent(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from ..errors import InputError
@@ -13,7 +15,25 @@ from ..load import Constant, Load, LoadForce, LoadGravity, LoadLine, LoadMoment,
 from ..types import Array, Floats, IndexArray
 from .groups import BeamGroup, Group
 
-__all__ = ["Loading"]
+__all__ = ["Loading", "Moments"]
+
+
+class Moments(NamedTuple):
+    """Moments on single frames.
+
+    Attributes
+    ----------
+    vertices, channels : (k,) int arrays
+    follows : (k,) bool array
+        Whether the values are components in the triad.
+    values : (k, 3) array
+        For amplitudes of one.
+    """
+
+    vertices: IndexArray
+    channels: IndexArray
+    follows: NDArray[np.bool_]
+    values: Floats
 
 
 class Loading:
@@ -135,6 +155,20 @@ class Loading:
             return self._beam_groups[number]
         assert self._frame_group is not None
         return self._frame_group
+
+    @property
+    def moments(self) -> Moments:
+        """Moments on single frames."""
+        vertices = np.zeros(0, dtype=np.int64)
+        if self._frame_group is not None:
+            vertices = self._frame_group.vertices[self._moment_block, 0]
+        values = self._moment_channel, self._moment_follows, self._moment_value
+        return Moments(vertices, *values)
+
+    @property
+    def follower_forces(self) -> bool:
+        """Whether there are forces that follow the motion."""
+        return bool(self._followers)
 
     # -- evaluation ------------------------------------------------------------------------------
 

@@ -2,8 +2,8 @@
 
 from .branch import Branch, branch, equilibrium
 from .control import ArcLength, Control, DisplacementControl, LoadControl
-from .equilibrium import Point
 from .path import static
+from .point import Point
 
 __all__ = [
     "ArcLength",

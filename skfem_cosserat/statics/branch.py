@@ -16,10 +16,10 @@ from ..model.balance import Spin
 from ..simulate.describe import other_model
 from ..types import Floats, numbers
 from .control import ArcLength, Control, Stage
-from .critical import inspect
-from .equilibrium import Point
+from .point import Point
 from .record import CODES
 from .schedule import Schedule
+from .stability import inspect
 
 __all__ = ["Branch", "branch", "branch_stage", "equilibrium"]
 

@@ -24,9 +24,9 @@ from ..newton import NewtonSettings
 from ..simulate.start import broken_constraint, checked_start
 from ..types import Floats, IndexArray
 from .control import Control
-from .critical import LOOSE, inspect
-from .equilibrium import Point, weights
+from .point import Point, weights
 from .schedule import Schedule
+from .stability import LOOSE, inspect
 
 __all__ = ["check_run", "held_start", "prescribed_turn", "rotation"]
 

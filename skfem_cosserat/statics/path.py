@@ -11,6 +11,8 @@ from ..constraints import NullSpace, Treatment
 from ..errors import CosseratError
 from ..history import History
 from ..integrators import State
+from ..integrators.choice import choose, estimated_seconds
+from ..integrators.fast import static_refusal
 from ..linear import Solver
 from ..load import Amplitude
 from ..log import logger
@@ -24,15 +26,18 @@ from ..types import Floats
 from .branch import Branch
 from .checks import check_run, held_start
 from .control import Control, LoadControl
-from .equilibrium import Equilibrium, Point
+from .point import Point
 from .record import PathRecorder, derive_path
 from .schedule import Schedule
+from .solver import Equilibrium
 from .walk import Callback, Walk
 
 __all__ = ["STATIC", "static"]
 
 #: Newton's method far from the solution: increments are not shortened, predicted stresses carry it
 STATIC = NewtonSettings(iterations=25, rotation=1e3, mixed=1e-9, largest=100.0)
+#: iterations assumed for a point, to estimate the work
+ITERATIONS = 5
 
 
 def static(
@@ -44,6 +49,7 @@ def static(
     factors: Mapping[str, Amplitude] | None = None,
     spin: Spin | None = None,
     settings: NewtonSettings | None = None,
+    kernels: str = "auto",
     watch: bool = True,
     callbacks: Sequence[Callback] = (),
     progress: bool | Callable[[float, float], object] = False,
@@ -78,6 +84,12 @@ def static(
         the factor ``"spin"``), the ground in it.
     settings : NewtonSettings, optional
         When Newton's method stops.
+    kernels : {"auto", "numpy", "numba"}
+        Plain numpy kernels, or those compiled by numba (extra ``fast``), an order of magnitude
+        faster; "auto" takes these where the work ahead is worth their compilation. The points are
+        the same to rounding. There are none for multipliers, closed loops, springs, forces that
+        follow the motion, a turning frame and beams of several orders. ``history.meta["kernels"]``
+        and ``["kernels_why"]`` say what was taken, and why.
     watch : bool
         Look for limit and bifurcation points on the way; they are recorded as points.
     callbacks : sequence of callable
@@ -136,7 +148,14 @@ def static(
     first, direction = _start(system, start)
     if direction is None:
         first = held_start(system, schedule, first)
-    points = Equilibrium(system, treatment, schedule, settings, solver)
+    choice = choose(
+        kernels,
+        system,
+        static_refusal(system, treatment, spin),
+        estimated_seconds(system, control.expected, ITERATIONS),
+        solver,
+    )
+    points = Equilibrium(system, treatment, schedule, settings, choice, solver)
     walk = Walk(system, points, control, watch and system.unknowns > 0)
     show = Progress(progress, "parameter {:.6g}, load factor {:.6g}".format)
     recorder = PathRecorder(
@@ -145,7 +164,9 @@ def static(
         {
             "treatment": treatment.name,
             "parameter": control.parameter,
-            "solver": points.bound.solver.method,
+            "solver": points.method,
+            "kernels": choice.name,
+            "kernels_why": choice.why,
             "unknowns": points.bound.unknowns,
         },
         path,
@@ -155,7 +176,7 @@ def static(
             status, failure = walk.run(first, direction, recorder, callbacks, show, interrupt)
         history = recorder.close(
             status,
-            factorisations=points.bound.solver.factorisations,
+            factorisations=points.factorisations,
             newton_iterations=points.iterations,
             attempts=points.attempts,
             rejected=walk.rejected,

@@ -15,7 +15,7 @@ from ..model.balance import Amplitudes, Spin
 from ..simulate.describe import derive_configuration, describe
 from ..simulate.recorder import take_along
 from ..types import Floats
-from .equilibrium import Point
+from .point import Point
 from .schedule import Schedule
 
 __all__ = ["CODES", "PathRecorder", "derive_path", "recorded_amplitudes"]
@@ -38,7 +38,7 @@ class PathRecorder:
             raise InputError("argument path", f"{path!r}, expected the name of a file")
         self.system, self.schedule = system, schedule
         described, static = describe(system)
-        described |= {"integrator": "static", "step": 0.0, "kernels": "numpy", **meta}
+        described |= {"integrator": "static", "step": 0.0, **meta}
         self.writer = HistoryWriter(described, static, path)
         self.count = 0
         self._closed = False

@@ -22,9 +22,12 @@ from ..types import Floats
 from .branch import branch_stage
 from .checks import prescribed_turn, rotation
 from .control import ArcLength, Control, DisplacementControl, LoadControl, Stage
-from .critical import Critical, Look, inspect, locate_all
-from .equilibrium import UNMOVED, Equilibrium, Functional, Neutral, Point, Solution, weights
+from .critical import Critical, locate_all
+from .point import Functional, Neutral, Point, Solution, weights
+from .problem import UNMOVED
 from .record import PathRecorder
+from .solver import Equilibrium
+from .stability import Look, inspect
 
 __all__ = ["Callback", "Walk"]
 
@@ -210,7 +213,7 @@ class Walk:
         if not self.watch:
             return _Sight(None, [])
         before = self._look
-        look = inspect(self.system, solution.point, self.solver.schedule.at(solution.point.t))
+        look = self.solver.inspect(solution.point)
         look.unstable = look.firmly_unstable
         if before is None or look.unstable == before.unstable:
             return _Sight(look, [])
@@ -294,9 +297,10 @@ class Walk:
         loose = replace(solver.settings, stagnation=CRITICAL)
 
         def solve(start: Point, target: Functional) -> tuple[Point, Floats] | None:
-            solution, _ = solver.solve(start, target)
+            # next to singular matrices solutions by inverse blocks are not as exact
+            solution, _ = solver.solve(start, target, plain=True)
             if solution is None:
-                solution, _ = solver.solve(start, target, settings=loose)
+                solution, _ = solver.solve(start, target, settings=loose, plain=True)
             return None if solution is None else (solution.point, solution.constraint_force)
 
         ends = before, after
