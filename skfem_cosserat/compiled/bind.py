@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from .jit import address
 from .numbers import BEAM_PARTS, TREE_PARTS
 from .plan import Plan
 from .tree import AXIS, ROTATION, SLIDE, SPHERE
+from .warm import cold, helped
 
 __all__ = [
     "addresses",
@@ -27,7 +29,11 @@ __all__ = [
     "bound_tree",
     "bound_work",
     "choose_rows",
+    "compiling",
     "coordinates_of",
+    "part_named",
+    "parts_of",
+    "signature",
 ]
 
 _PLANNED = (
@@ -44,28 +50,16 @@ _PLANNED = (
 KINDS = {"rotation": ROTATION, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE}
 
 
-def addresses(
-    system: System,
-    structures: Sequence[Any],
-    beams: Any,
-    weight: float,
-    ends: bool,
-    static: bool = False,
-) -> IndexArray:
-    """Addresses of all parts that a step takes, compiled if need be; 0 for the others.
+def parts_of(system: System, weight: float, ends: bool, static: bool = False) -> list[str]:
+    """Names of all parts that a step takes.
 
     Parameters
     ----------
-    structures : (tree, plan, work)
     weight, ends
         Of the integrator: where constraints act, and whether stresses are a mean of both ends.
     static : bool
         For a balance at rest: loads are evaluated in each iteration.
     """
-    numbers = np.zeros(0)
-    parts = {
-        k: v for m in (nodes, tree, curvature, loops, blocks, elements) for k, v in vars(m).items()
-    }
     unused = set()
     if not system.tree.edges:
         unused |= {name for name in TREE_PARTS if name.startswith("joint")}
@@ -81,12 +75,38 @@ def addresses(
         unused |= {*BEAM_PARTS, *(() if static else ("predict_changes",))}
     if not static:
         unused.add("load")
-    tree_kinds = [*map(typeof, (*structures, numbers)), types.int64]
-    beam_kinds = [*map(typeof, (beams, structures[2], numbers)), types.int64]
-    return np.array(
-        [0 if name in unused else address(parts[name], *tree_kinds) for name in TREE_PARTS]
-        + [0 if name in unused else address(parts[name], *beam_kinds) for name in BEAM_PARTS]
-    )
+    return [name for name in (*TREE_PARTS, *BEAM_PARTS) if name not in unused]
+
+
+def compiling(system: System, names: Sequence[str]) -> AbstractContextManager[None]:
+    """While these parts and the structures they take are compiled, with help on an empty cache."""
+    order = system.beam_groups[0].vertices.shape[1] - 1 if system.beam_groups else 1
+    return helped(order, names) if cold([part_named(names[0])]) else nullcontext()
+
+
+def addresses(names: Sequence[str], structures: Sequence[Any]) -> IndexArray:
+    """Addresses of these parts, compiled if need be, at their places; 0 for all others.
+
+    Parameters
+    ----------
+    structures : (tree, plan, work, beams)
+    """
+    kinds = [*map(typeof, structures)]
+    found = {name: address(part_named(name), *signature(name, kinds)) for name in names}
+    return np.array([found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)])
+
+
+def part_named(name: str) -> Any:
+    """The function of this name."""
+    modules = nodes, tree, curvature, loops, blocks, elements
+    return next(vars(m)[name] for m in modules if name in m.__all__)
+
+
+def signature(name: str, kinds: Sequence[Any]) -> list[Any]:
+    """Types of the arguments of a part, for the types of tree, plan, work and beams."""
+    s, m, w, g = kinds
+    own = [g, w] if name in BEAM_PARTS else [s, m, w]
+    return [*own, typeof(np.zeros(0)), types.int64]
 
 
 def _parents(system: System) -> tuple[list[int], list[int]]:

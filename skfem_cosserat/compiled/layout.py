@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import types
+from numba import typeof, types
 from numba.experimental import structref
 
 from .jit import jit
 
-__all__ = ["BEAMS", "PLAN", "TREE", "WORK", "beams", "plan", "tree", "work"]
+__all__ = ["BEAMS", "PLAN", "TREE", "WORK", "beams", "kind", "plan", "tree", "work"]
 
 #: elements of one interpolation: shape functions and slopes at Gauss points as tuples, so that
 #: their numbers are known when compiling; first rows of y of the nodes; slots of the blocks
@@ -118,6 +118,18 @@ for _proxy, _kind, _fields in (
     (_Work, _WorkType, WORK),
 ):
     structref.define_proxy(_proxy, _kind, list(_fields))
+
+
+def kind(name: str, values: Any) -> Any:
+    """Type of a structure ("beams", "tree", "plan", "work") of these fields."""
+    made = {
+        "beams": (_BeamsType, BEAMS),
+        "tree": (_TreeType, TREE),
+        "plan": (_PlanType, PLAN),
+        "work": (_WorkType, WORK),
+    }
+    family, fields = made[name]
+    return family([(f, typeof(value)) for f, value in zip(fields, values, strict=True)])
 
 
 # compiled, since only so the constructors are kept on disk

@@ -115,11 +115,14 @@ class CompiledScene:
         self.plan = plan_of(system, solver is not None) if plan is None else plan
         self.factorisations = 0
         groups = system.beam_groups
-        # structures for the kernels, and their arrays by name
-        m, planned = bind.bound_plan(system, self.plan)
-        s, self._tree = bind.bound_tree(system, self.plan)
-        w, self._arrays = bind.bound_work(system, self.plan)
-        g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
+        parts = bind.parts_of(system, weight, scheme.ends, static)
+        with bind.compiling(system, parts):
+            # structures for the kernels, and their arrays by name
+            s, self._tree = bind.bound_tree(system, self.plan)
+            m, planned = bind.bound_plan(system, self.plan)
+            w, self._arrays = bind.bound_work(system, self.plan)
+            g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
+            table = bind.addresses(parts, (s, m, w, g))
         self._a = a = SimpleNamespace(**self._arrays)
         self._rest: Rest | None = None
         if len(self.plan.rest):
@@ -133,8 +136,7 @@ class CompiledScene:
             **{"weight": weight, "length": system.length},
         }
         self._all = (
-            bind.addresses(system, (s, m, w), g, weight, scheme.ends, static),
-            *(s, m, w, g),
+            *(table, s, m, w, g),
             np.array([numbers[name] for name in NUMBERS], dtype=float),
         )
         self._coordinates = [c for cs in bind.coordinates_of(system) for c in cs]
