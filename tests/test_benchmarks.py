@@ -82,7 +82,7 @@ def test_step_cost(step_cost, tmp_path):
     )
     rows = result["rows"]
     assert {tuple(row) for row in rows} == {step_cost.COLUMNS}
-    assert len(rows) == 2 * 2 * 3  # no compiled kernels for multipliers so far
+    assert len(rows) == 2 * 2 * 2 * 2
     assert all(row["ms_per_step"] > 0 and row["iterations_per_step"] >= 1 for row in rows)
     assert result["dgemm_gflops"] > 0
     assert "versions" in result["provenance"]
@@ -107,7 +107,7 @@ def test_step_cost_command(tmp_path):
     target = tmp_path / "rows.json"
     command = [sys.executable, FOLDER / "step_cost.py", "--quick", "--json", target]
     subprocess.run(command, check=True, capture_output=True)
-    assert len(json.loads(target.read_text())) == 48
+    assert len(json.loads(target.read_text())) == 64
 
 
 # what benchmarks share

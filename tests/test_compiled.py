@@ -375,8 +375,6 @@ def test_what_is_not_compiled_is_refused_or_runs_plain():
         sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, kernels="numba")
     run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-6, 2e-6)
     assert "springs" in run.meta["kernels_why"]
-    with pytest.raises(sc.InputError, match="compiled kernels for multipliers"):
-        sc.simulate(tree(1), sc.EnergyMomentum(), sc.Multipliers(), 0.1, 1.0, kernels="numba")
     with pytest.raises(sc.InputError, match="'fortran', expected"):
         sc.simulate(tree(1), sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, kernels="fortran")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from .warm import cold, helped
 __all__ = [
     "addresses",
     "bound_beams",
+    "bound_lumps",
     "bound_plan",
     "bound_tree",
     "bound_work",
@@ -84,7 +86,13 @@ def compiling(system: System, names: Sequence[str]) -> AbstractContextManager[No
     return helped(order, names) if cold([part_named(names[0])]) else nullcontext()
 
 
-def addresses(names: Sequence[str], structures: Sequence[Any]) -> IndexArray:
+#: where the parts of a step with the null space are
+MODULES = nodes, tree, curvature, loops, blocks, elements
+
+
+def addresses(
+    names: Sequence[str], modules: Sequence[ModuleType], structures: Sequence[Any]
+) -> IndexArray:
     """Addresses of these parts, compiled if need be, at their places; 0 for all others.
 
     Parameters
@@ -92,13 +100,12 @@ def addresses(names: Sequence[str], structures: Sequence[Any]) -> IndexArray:
     structures : (tree, plan, work, beams)
     """
     kinds = [*map(typeof, structures)]
-    found = {name: address(part_named(name), *signature(name, kinds)) for name in names}
+    found = {name: address(part_named(name, modules), *signature(name, kinds)) for name in names}
     return np.array([found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)])
 
 
-def part_named(name: str) -> Any:
+def part_named(name: str, modules: Sequence[ModuleType] = MODULES) -> Any:
     """The function of this name."""
-    modules = nodes, tree, curvature, loops, blocks, elements
     return next(vars(m)[name] for m in modules if name in m.__all__)
 
 
@@ -224,7 +231,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         **_edges(system),
         **_coordinates(system),
         **_loops(system, plan),
-        **_lumps(system.frame_group, system.point_group),
+        **bound_lumps(system.frame_group, system.point_group),
         "moment_vertex": _ints(system.loading.moments.vertices),
         "moment_follows": _flags(system.loading.moments.follows),
     }
@@ -368,7 +375,9 @@ def _triples(system: System, each: list[list[Coordinate]]) -> IndexArray:
     return triple
 
 
-def _lumps(frames: Group | None, points: Group | None) -> dict[str, Any]:
+def bound_lumps(frames: Group | None, points: Group | None) -> dict[str, Any]:
+    """Masses of single frames and of mass points."""
+
     def scalar(group: Group, size: int) -> Floats:
         blocks = group.mass.reshape(len(group.mass), size, 3, size, 3)
         return np.ascontiguousarray(blocks[:, :, 0, :, 0])

@@ -9,7 +9,8 @@ from numba.experimental import structref
 
 from .jit import jit
 
-__all__ = ["BEAMS", "PLAN", "TREE", "WORK", "beams", "kind", "plan", "tree", "work"]
+__all__ = ["BEAMS", "CONSTRAINTS", "ELIMINATION", "PLAN", "TREE", "WORK"]
+__all__ += ["beams", "constraints", "elimination", "kind", "plan", "tree", "work"]
 
 #: elements of one interpolation: shape functions and slopes at Gauss points as tuples, so that
 #: their numbers are known when compiling; first rows of y of the nodes; slots of the blocks
@@ -48,6 +49,23 @@ TREE = (
 PLAN = (
     *("order", "edge", "parent", "size", "diag", "ptr", "neighbour", "right", "down"),
     *("update_ptr", "update", "parent_at", "to_parent", "pivots", "rest"),
+)
+#: constraints of joints as products and linear terms of rows of y, behind them those that only tell
+#: how things lie; multipliers (impulses) and what is kept of steps
+CONSTRAINTS = (
+    *("row", "framed", "director", "mass_data", "mass_indices", "mass_indptr"),
+    *("lump_vertex", "lumps", "point_vertex", "point_masses"),
+    *("products", "product_row", "left", "right", "factor", "drive_row", "drive_component"),
+    *("product_place", "product_column", "curved", "linear_row", "linear", "linear_factor"),
+    *("linear_place", "linear_column", "constant", "magnitude", "scaled", "step"),
+    *("multiplier", "added", "last_one", "one_before", "start", "last", "before"),
+    *("impulse", "g", "G_left", "G_right"),
+)
+#: as PLAN, with the multipliers of each vertex, and factors
+ELIMINATION = (
+    *("order", "diag", "ptr", "neighbour", "right", "down", "update_ptr", "update", "parent_at"),
+    *("coordinates", "multiplier_ptr", "multipliers", "internal", "triple", "scale"),
+    *("T", "X", "D", "inverse", "pivots", "panel", "x", "scratch"),
 )
 #: what changes during a step
 WORK = (
@@ -91,6 +109,16 @@ class _PlanType(_Type):
 
 
 @structref.register
+class _ConstraintsType(_Type):
+    pass
+
+
+@structref.register
+class _EliminationType(_Type):
+    pass
+
+
+@structref.register
 class _WorkType(_Type):
     pass
 
@@ -107,6 +135,14 @@ class _Plan(structref.StructRefProxy):
     pass
 
 
+class _Constraints(structref.StructRefProxy):
+    pass
+
+
+class _Elimination(structref.StructRefProxy):
+    pass
+
+
 class _Work(structref.StructRefProxy):
     pass
 
@@ -115,6 +151,8 @@ for _proxy, _kind, _fields in (
     (_Beams, _BeamsType, BEAMS),
     (_Tree, _TreeType, TREE),
     (_Plan, _PlanType, PLAN),
+    (_Constraints, _ConstraintsType, CONSTRAINTS),
+    (_Elimination, _EliminationType, ELIMINATION),
     (_Work, _WorkType, WORK),
 ):
     structref.define_proxy(_proxy, _kind, list(_fields))
@@ -151,6 +189,18 @@ def tree(values: Any) -> Any:
 def plan(values: Any) -> Any:
     """Structure of the fields :data:`PLAN`."""
     return _Plan(*values)
+
+
+@jit
+def constraints(values: Any) -> Any:
+    """Structure of the fields :data:`CONSTRAINTS`."""
+    return _Constraints(*values)
+
+
+@jit
+def elimination(values: Any) -> Any:
+    """Structure of the fields :data:`ELIMINATION`."""
+    return _Elimination(*values)
 
 
 @jit

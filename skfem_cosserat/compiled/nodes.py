@@ -143,31 +143,18 @@ def twist_force(s: Any, y: Floats, R: Floats, F: Floats, b: Floats) -> None:
             b[v, 3 + c] = u[c]
 
 
-@part
-def balance(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """R of the step and the forces on vertices; flag 2: gives the largest of its terms.
-
-    Flag 1: R with the predicted stresses, whose internal force stands in its place.
-    """
+@inlined
+def step_balance(s: Any, w: Any, numbers: Floats, sized: bool) -> float:
+    """R of the step without constraint forces; if asked, the largest of its terms."""
     momentum, force = numbers[MOMENTUM], numbers[FORCE]
     R, inertia, p0, internal, external = w.R, w.momentum, w.p0, w.internal, w.external
-    left = w.y0
-    if numbers[WEIGHT] != 0.0:
-        left = w.mid
-    largest = 0.0
-    if flag == 1:
-        predicted = w.R_mixed
-        for r in range(R.shape[0]):
-            for c in range(3):
-                predicted[r, c] = R[r, c] + force * (predicted[r, c] - internal[r, c])
-        twist_force(s, left, predicted, w.F_mixed, w.x)
-        return 0.0
     mass_times(s, w.y1, w.y0, numbers[MASS], inertia)
     for r in range(R.shape[0]):
         for c in range(3):
             f = force * internal[r, c] - force * external[r, c]
             R[r, c] = inertia[r, c] - momentum * p0[r, c] + f
-    if flag == 2:
+    largest = 0.0
+    if sized:
         # one term, as in the variational scheme's evaluation
         single = numbers[START] == 0.0 and numbers[SHARE] < 1.0
         for r in range(R.shape[0]):
@@ -179,6 +166,28 @@ def balance(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                 most = max(abs(inertia[r, c]), abs(p0[r, c]), abs(f), abs(x))
                 if not most <= largest:
                     largest = most
+    return largest
+
+
+@part
+def balance(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """R of the step and the forces on vertices; flag 2: gives the largest of its terms.
+
+    Flag 1: R with the predicted stresses, whose internal force stands in its place.
+    """
+    force = numbers[FORCE]
+    R, internal = w.R, w.internal
+    left = w.y0
+    if numbers[WEIGHT] != 0.0:
+        left = w.mid
+    if flag == 1:
+        predicted = w.R_mixed
+        for r in range(R.shape[0]):
+            for c in range(3):
+                predicted[r, c] = R[r, c] + force * (predicted[r, c] - internal[r, c])
+        twist_force(s, left, predicted, w.F_mixed, w.x)
+        return 0.0
+    largest = step_balance(s, w, numbers, flag == 2)
     twist_force(s, left, R, w.F, w.b)
     return largest
 
@@ -301,8 +310,8 @@ def predict_changes(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
     return 0.0
 
 
-@part
-def finish(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+@inlined
+def carried_on(w: Any, numbers: Floats) -> float:
     """Momentum carried on; gives the work of the loads along the step."""
     y0, y1, p0, carried, inertia = w.y0, w.y1, w.p0, w.carried, w.momentum
     internal, external = w.internal, w.external
@@ -316,6 +325,12 @@ def finish(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             carried[r, c] += force * (internal[r, c] - f)
             work += f * (y1[r, c] - y0[r, c])
     return work
+
+
+@part
+def finish(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Momentum carried on; gives the work of the loads along the step."""
+    return carried_on(w, numbers)
 
 
 @part

@@ -106,8 +106,11 @@ class Plan:
         self.parent_at = _ints(ws.index(parent[v]) if parent[v] >= 0 else -1 for v, ws in both)
 
 
-def plan_of(system: System, thin: bool = False) -> Plan:
-    """Elimination of the vertices of a system; see :class:`Plan`."""
+def plan_of(system: System, thin: bool = False, whole: bool = False) -> Plan:
+    """Elimination of the vertices of a system; see :class:`Plan`.
+
+    With multipliers (`whole`) vertices that are held have their unknowns like all others.
+    """
     count = len(system.origin_rows)
     pairs = [
         (a, b)
@@ -124,7 +127,7 @@ def plan_of(system: System, thin: bool = False) -> Plan:
             parent[e.child] = e.parent
         else:
             grounded.add(e.child)
-    held = {v for v in grounded if not len(system.tree.own[v])}
+    held = set() if whole else {v for v in grounded if not len(system.tree.own[v])}
     return Plan(count, pairs, parent, grounded, held, thin)
 
 

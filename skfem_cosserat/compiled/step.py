@@ -73,7 +73,8 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
     call(p[n.CLEAR], s, m, w, numbers, 0)
     if p[n.BEAM_TANGENT]:
         call(p[n.BEAM_TANGENT], g, w, numbers, mixed)
-    if mixed:  # R and the forces of subtrees with the predicted stresses
+    if mixed and p[n.PREDICT_CHANGES]:
+        # R and the forces of subtrees with the predicted stresses: multipliers take none
         force = w.R_mixed
         for r in range(len(force)):
             for c in range(3):
@@ -123,11 +124,26 @@ def increment(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, ke
         for k in range(len(w.mu_change)):
             w.mu_change[k] *= numbers[n.ROTATION] / w.found[0]
     if w.found[1] != 0.0 and p[n.BEAM_PREDICTED]:
-        call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
+        if p[n.PREDICT_CHANGES]:
+            call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
         call(p[n.BEAM_PREDICTED], g, w, numbers, 0)
     else:
         w.found[1] = 0.0
     return size
+
+
+@inlined
+def accepted(p: IndexArray, s: Any, m: Any, w: Any, numbers: Floats, record: Floats) -> bool:
+    """Finish a step, and keep what the next one starts with; False: something has turned over."""
+    record[n.WORK] = call(p[n.FINISH], s, m, w, numbers, 0)
+    if np.isnan(record[n.WORK]):
+        return False
+    keep = numbers[n.REUSE] > 0.0
+    record[n.KEPT] = 1.0 if keep else 0.0
+    better = call(p[n.BETTER], s, m, w, numbers, int(record[n.KNOWN]))
+    record[n.GUESS] = better if keep else 1.0
+    record[n.KNOWN] = min(record[n.KNOWN] + 1.0, 2.0)
+    return True
 
 
 @jit
@@ -202,10 +218,5 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
             rate, swept = 0.0, 0.0
         if done and size <= WRONG:
             record[n.ITERATIONS], record[n.RESIDUAL] = count, size
-            record[n.KEPT] = 1.0 if reuse > 0.0 else 0.0
-            record[n.WORK] = call(p[n.FINISH], s, m, w, numbers, 0)
-            better = call(p[n.BETTER], s, m, w, numbers, int(record[n.KNOWN]))
-            record[n.GUESS] = better if reuse > 0.0 else 1.0
-            record[n.KNOWN] = min(record[n.KNOWN] + 1.0, 2.0)
-            return True
+            return accepted(p, s, m, w, numbers, record)
     return False

@@ -75,7 +75,12 @@ def main(order: int, names: Sequence[str]) -> None:
     """Compile the loop over a step, then parts from the last to the first."""
     from numba import typeof
 
-    from .. import Beam, JointRevolute, Material, MeshCurve, Model, SectionCircle, ground
+    from ..beam import Beam
+    from ..frames import ground
+    from ..joint import JointRevolute
+    from ..mesh import MeshCurve
+    from ..model.scene import Model
+    from ..section import Material, SectionCircle
     from . import bind, layout, step
     from .plan import plan_of
 

@@ -50,6 +50,8 @@ class BoundTreatment(ABC):
     regular: bool = True
     #: constraint rows that close loops in this step, independent of each other
     closing: IndexArray = np.zeros(0, dtype=np.int64)
+    #: increments of the last step (each treatment its own), to start the next one with, or None
+    last: Any = None
     #: momentum (n,) if a run starts with this step, or goes on after a break
     momentum: Floats | None = None
 

@@ -84,7 +84,7 @@ class BoundMultipliers(BoundTreatment):
         self._magnitude = np.where(size > 0, size, 1.0)
         self._q: Array = np.zeros(n)
         self._multiplier: Array = np.zeros(m)
-        self._last: tuple[Array, Array] | None = None
+        self.last: tuple[Array, Array] | None = None
         self._keep = np.ones(m)
         self._passages = Passages(system)
         self._away: Floats | None = None
@@ -116,8 +116,8 @@ class BoundMultipliers(BoundTreatment):
 
     def _way(self, y0: Array, s: Selected) -> Floats:
         """Increment (n,) that leads away from a singular position."""
-        if self.momentum is None and self._last is not None:
-            return self._last[0]
+        if self.momentum is None and self.last is not None:
+            return self.last[0]
         return way_off(self.system, y0, self._ground1, s, self.momentum, self.h)
 
     def _regular(self, y0: Array) -> Array:
@@ -130,13 +130,13 @@ class BoundMultipliers(BoundTreatment):
 
     def guess(self, extrapolate: bool) -> None:
         """See the base class."""
-        use = extrapolate and self._last is not None
-        dq, multiplier = self._last if use and self._last else (0.0, np.zeros(self.system.m))
+        use = extrapolate and self.last is not None
+        dq, multiplier = self.last if use and self.last else (0.0, np.zeros(self.system.m))
         if not use:
             dq = self._following() if self._away is None else self._away
         self._q = self._q0 + dq
-        if use and self._last is not None:
-            self._turn_directors(self._last[0])
+        if use and self.last is not None:
+            self._turn_directors(self.last[0])
         self._multiplier = multiplier * self._keep
 
     def stay(self) -> None:
@@ -306,7 +306,7 @@ class BoundMultipliers(BoundTreatment):
 
     def finish(self) -> None:
         """See the base class."""
-        self._last = (self._q - self._q0, self._multiplier)
+        self.last = (self._q - self._q0, self._multiplier)
 
     @property
     def multipliers(self) -> Array:

@@ -160,7 +160,7 @@ class BoundNullSpace(BoundTreatment):
         self._turning = np.flatnonzero(turning)
         self._shifting = np.flatnonzero(~turning)
         self._total: Array = np.zeros(kin.unknowns)
-        self._last: Array | None = None
+        self.last: Array | None = None
         self._enough = QUADRATIC
         self._direction: list[Floats] | None = None
         self._passages = Passages(system)
@@ -253,8 +253,8 @@ class BoundNullSpace(BoundTreatment):
         self.chart.reset()
         self._total = np.zeros(self.kin.unknowns)
         self._enough = GUESSED
-        if extrapolate and self._last is not None:
-            self._add(self._last)
+        if extrapolate and self.last is not None:
+            self._add(self.last)
 
     def move_ground(self, ground1: Array) -> None:
         """See the base class."""
@@ -445,13 +445,4 @@ class BoundNullSpace(BoundTreatment):
 
     def finish(self) -> None:
         """See the base class."""
-        self._last = self._total
-
-    @property
-    def last(self) -> Array | None:
-        """Increments (K,) of the tree's coordinates in the last step, None before the first."""
-        return self._last
-
-    @last.setter
-    def last(self, value: Array | None) -> None:
-        self._last = value
+        self.last = self._total

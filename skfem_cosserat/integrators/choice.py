@@ -6,7 +6,7 @@ from importlib.util import find_spec
 from typing import NamedTuple
 
 from ..compiled.plan import Plan, plan_of
-from ..constraints import Treatment
+from ..constraints import Multipliers, Treatment
 from ..errors import InputError
 from ..linear import Solver
 from ..log import logger
@@ -24,6 +24,10 @@ ITERATIONS = 3
 #: how much faster a step is with compiled kernels, for the warning where numba is missing: what
 #: was measured for 20 and for 2000 elements lies on both sides
 FACTOR = 15
+LEAVES = (
+    "there are no compiled kernels for multipliers where elimination fills in or leaves something"
+    " to a solver that is asked for"
+)
 #: number of steps taken for granted where none is given
 STEPS = 1000
 
@@ -55,7 +59,8 @@ def choose_kernels(
     """See :func:`choose`; for a run of as many steps."""
     seconds = estimated_seconds(system, STEPS if steps is None else steps)
     refused = refusal(system, integrator, treatment)
-    return choose(kernels, system, refused, seconds, solver)
+    whole = isinstance(treatment, Multipliers)
+    return choose(kernels, system, refused, seconds, solver, whole)
 
 
 def choose(
@@ -64,6 +69,7 @@ def choose(
     refused: str | None,
     seconds: float,
     solver: Solver | None = None,
+    whole: bool = False,
 ) -> Choice:
     """What ``kernels="auto" | "numpy" | "numba"`` means for a scene.
 
@@ -77,6 +83,8 @@ def choose(
         Estimated time with the plain ones (s).
     solver : Solver, optional
         That is asked for: elimination in blocks leaves all it can to it.
+    whole : bool
+        Compiled kernels must eliminate everything in blocks: those for multipliers.
 
     Raises
     ------
@@ -95,7 +103,10 @@ def choose(
             raise InputError("argument kernels", f"'numba': {refused}")
         if not installed:
             raise ImportError("kernels='numba' needs numba: pip install 'skfem-cosserat[fast]'")
-        return Choice("numba", "asked for", plan_of(system, solver is not None))
+        plan = _plan(system, solver, whole)
+        if plan is None:
+            raise InputError("argument kernels", f"'numba': {LEAVES}")
+        return Choice("numba", "asked for", plan)
     if refused:
         return Choice("numpy", refused)
     if seconds < WORTHWHILE:
@@ -107,5 +118,13 @@ def choose(
             *(seconds, FACTOR),
         )
         return Choice("numpy", "numba is not installed")
-    plan = plan_of(system, solver is not None)
+    plan = _plan(system, solver, whole)
+    if plan is None:
+        return Choice("numpy", LEAVES)
     return Choice("numba", f"about {seconds:.2g} s of work with numpy", plan)
+
+
+def _plan(system: System, solver: Solver | None, whole: bool) -> Plan | None:
+    """Elimination; None if it leaves to a sparse solver what compiled kernels do not give it."""
+    plan = plan_of(system, solver is not None, whole)
+    return None if whole and len(plan.rest) else plan

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -18,44 +19,54 @@ from ..compiled.numbers import (
     WORK,
 )
 from ..compiled.plan import Plan, plan_of
-from ..constraints import NullSpace, Treatment
+from ..constraints import Multipliers, NullSpace, Treatment
 from ..linear import LinearSolver, Solver
 from ..model import System
 from ..model.chart import Chart
 from ..newton import NewtonSettings
-from ..types import Array, Floats, IndexArray
+from ..types import Floats, IndexArray
 from .base import Integrator, Scheme, State, StepWork
 from .rest import Rest
 
-__all__ = ["CompiledScene", "CompiledStep", "refusal", "static_refusal"]
+__all__ = [
+    "CompiledMultipliers",
+    "CompiledScene",
+    "CompiledStep",
+    "compiled_step",
+    "refusal",
+    "static_refusal",
+]
 
 
 def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str | None:
     """Why a scene cannot be stepped by compiled kernels; None: it can."""
     if integrator.scheme(1.0) is None:
         return f"the {integrator.name} integrator gives no scheme for compiled kernels"
+    if not isinstance(treatment, NullSpace | Multipliers):
+        return f"there are no compiled kernels for {treatment.name}"
+    looped = len(system.closure.rows) > 0
     return _missing(
-        treatment,
         {
-            "closed loops in prescribed motion": len(system.closure.rows) > 0
-            and bool(system.drives),
+            "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
+            "closed loops in prescribed motion": looped and bool(system.drives),
             **_everywhere(system),
             "loads that follow the motion": not system.loading.dead_only,
             "damping": system.damped,
-        },
+        }
     )
 
 
 def static_refusal(system: System, treatment: Treatment, spin: object) -> str | None:
     """Why equilibria of a scene cannot be found by compiled kernels; None: they can."""
+    if not isinstance(treatment, NullSpace):
+        return f"there are no compiled kernels for equilibria with {treatment.name}"
     return _missing(
-        treatment,
         {
             "closed loops": len(system.closure.rows) > 0,
             **_everywhere(system),
             "forces that follow the motion": system.loading.follower_forces,
             "a turning frame": spin is not None,
-        },
+        }
     )
 
 
@@ -66,12 +77,25 @@ def _everywhere(system: System) -> dict[str, bool]:
     }
 
 
-def _missing(treatment: Treatment, reasons: dict[str, bool]) -> str | None:
-    """What there are no compiled kernels for, of a treatment and of what a scene may have."""
-    if not isinstance(treatment, NullSpace):
-        return f"there are no compiled kernels for {treatment.name}"
+def _missing(reasons: dict[str, bool]) -> str | None:
+    """What there are no compiled kernels for, of what a scene may have."""
     found = [what for what, there in reasons.items() if there]
     return f"there are no compiled kernels for {', '.join(found)}" if found else None
+
+
+def compiled_step(
+    system: System,
+    integrator: Integrator,
+    treatment: Treatment,
+    h: float,
+    settings: NewtonSettings,
+    plan: Plan | None = None,
+    solver: Solver | None = None,
+) -> CompiledStep:
+    """Steps with one of the treatments; see :class:`CompiledStep`."""
+    if isinstance(treatment, Multipliers):
+        return CompiledMultipliers(system, integrator, h, settings, plan, treatment.scaled)
+    return CompiledStep(system, integrator, h, settings, plan, solver)
 
 
 class CompiledScene:
@@ -109,25 +133,12 @@ class CompiledScene:
         solver: Solver | None = None,
         static: bool = False,
     ) -> None:
-        from ..compiled import bind
 
         self.system, self.settings, self.scheme = system, settings, scheme
         self.plan = plan_of(system, solver is not None) if plan is None else plan
         self.factorisations = 0
-        groups = system.beam_groups
-        parts = bind.parts_of(system, weight, scheme.ends, static)
-        with bind.compiling(system, parts):
-            # structures for the kernels, and their arrays by name
-            s, self._tree = bind.bound_tree(system, self.plan)
-            m, planned = bind.bound_plan(system, self.plan)
-            w, self._arrays = bind.bound_work(system, self.plan)
-            g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
-            table = bind.addresses(parts, (s, m, w, g))
-        self._a = a = SimpleNamespace(**self._arrays)
+        self._solver = solver
         self._rest: Rest | None = None
-        if len(self.plan.rest):
-            self._rest = Rest(self.plan, planned["size"], a.A, a.x, solver)
-            planned["rest"][1] = self._rest.address
         numbers = {
             **vars(settings),
             **{name: getattr(scheme, name) for name in ("mass", "momentum", "force", "share")},
@@ -135,17 +146,36 @@ class CompiledScene:
             **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
             **{"weight": weight, "length": system.length},
         }
-        self._all = (
-            *(table, s, m, w, g),
+        self._all: Any = (
+            *self._bind(weight, scheme.ends, static),
             np.array([numbers[name] for name in NUMBERS], dtype=float),
         )
+        self._a = a = SimpleNamespace(**self._arrays)
+        a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
+
+    def _bind(self, weight: float, ends: bool, static: bool) -> tuple[Any, ...]:
+        """Addresses of the parts and structures for the kernels, and arrays by name."""
+        from ..compiled import bind
+
+        system, groups = self.system, self.system.beam_groups
+        parts = bind.parts_of(system, weight, ends, static)
+        with bind.compiling(system, parts):
+            s, self._tree = bind.bound_tree(system, self.plan)
+            m, planned = bind.bound_plan(system, self.plan)
+            w, self._arrays = bind.bound_work(system, self.plan)
+            g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
+            table = bind.addresses(parts, bind.MODULES, (s, m, w, g))
+        if len(self.plan.rest):
+            A, x = self._arrays["A"], self._arrays["x"]
+            self._rest = Rest(self.plan, planned["size"], A, x, self._solver)
+            planned["rest"][1] = self._rest.address
         self._coordinates = [c for cs in bind.coordinates_of(system) for c in cs]
         self._drives = any(c.drive is not None for c in self._coordinates)
         self._chart = Chart(system.kinematics)
         self._numbering = np.full(system.kinematics.unknowns, -1)
         for v, places in system.tree.own.items():
             self._numbering[places] = 6 * v + np.arange(len(places))
-        a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
+        return table, s, m, w, g
 
     @property
     def linear(self) -> LinearSolver | None:
@@ -163,6 +193,11 @@ class CompiledScene:
         a.y0[: system.rows] = q.reshape(-1, 3)
         if ground is not None:
             a.y0[system.rows :], a.ground1[:] = ground
+        self._prescribe()
+
+    def _prescribe(self) -> None:
+        """Prescribed motion during the step."""
+        system, a = self.system, self._a
         if system.kinematics.spheres or self._drives:
             self._chart.begin(a.y0.copy(), a.ground1.copy())
             sphere = [k for k, c in enumerate(self._coordinates) if c.kind == "sphere"]
@@ -205,9 +240,9 @@ class CompiledStep(CompiledScene):
 
         scheme = integrator.scheme(h)
         assert isinstance(scheme, Scheme)
-        super().__init__(system, scheme, integrator.constraint_weight, settings, plan, solver)
         self.integrator, self.h = integrator, h
-        self._step = step
+        super().__init__(system, scheme, integrator.constraint_weight, settings, plan, solver)
+        self._step: Any = step
         self._record = np.zeros(len(RECORD))
         self._dead: Floats | None = None
         self._rows = np.zeros(0, dtype=np.int64)
@@ -229,12 +264,12 @@ class CompiledStep(CompiledScene):
             self._record[KEPT] = 0.0
 
     @property
-    def last(self) -> Floats | None:
-        """Increments (K,) of the tree's coordinates in the last step, None before the first."""
+    def last(self) -> Any:
+        """What the treatment keeps of the last step, see there; None before the first."""
         return self._a.last.ravel()[self._numbering] if self._record[KNOWN] else None
 
     @last.setter
-    def last(self, value: Array | None) -> None:
+    def last(self, value: Any) -> None:
         self._record[KNOWN] = self._record[GUESS] = float(value is not None)
         if value is not None:
             self._a.last.ravel()[self._numbering] = np.real(value)
@@ -272,6 +307,16 @@ class CompiledStep(CompiledScene):
             return self._a.R - self._a.closing
         return self._a.R
 
+    @property
+    def impulse(self) -> Floats:
+        """``h G^T lambda`` (rows, 3) of the step: what balances it."""
+        return -self.balance
+
+    @property
+    def increment(self) -> Floats:
+        """The unknowns' last increment: coordinates of the tree."""
+        return self._a.x.ravel()[self._numbering]
+
     def carried(self) -> Floats:
         """Momentum (rows, 3) carried on."""
         return self._a.carried.copy()
@@ -279,3 +324,77 @@ class CompiledStep(CompiledScene):
     def work(self) -> StepWork:
         """Work of the loads along the step."""
         return StepWork(float(self._record[WORK]))
+
+
+class CompiledMultipliers(CompiledStep):
+    """The same with multipliers: n + m unknowns, eliminated vertex by vertex.
+
+    Parameters
+    ----------
+    system, integrator, h, settings, plan
+        See :class:`CompiledStep`.
+    scaled : bool
+        See :class:`skfem_cosserat.Multipliers`.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        integrator: Integrator,
+        h: float,
+        settings: NewtonSettings,
+        plan: Plan | None = None,
+        scaled: bool = True,
+    ) -> None:
+        self._scaled = scaled
+        if plan is None:
+            plan = plan_of(system, whole=True)
+        super().__init__(system, integrator, h, settings, plan)
+
+    def _bind(self, weight: float, ends: bool, static: bool) -> tuple[Any, ...]:
+        """See the base class."""
+        from ..compiled import bind, bind_kkt
+
+        system, groups = self.system, self.system.beam_groups
+        m, _ = bind_kkt.bound_elimination(system, self.plan)
+        s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self.h)
+        w, self._arrays = bind_kkt.bound_steps(system, self.plan)
+        g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
+        self._own, self._chart = SimpleNamespace(**own), Chart(system.kinematics)
+        table = bind.addresses(*bind_kkt.parts_of(system, ends), (s, m, w, g))
+        return table, s, m, w, g
+
+    @property
+    def last(self) -> Any:
+        """See the base class."""
+        if not self._record[KNOWN]:
+            return None
+        return self._own.last.ravel().copy(), self._own.last_one.copy()
+
+    @last.setter
+    def last(self, value: Any) -> None:
+        self._record[KNOWN] = self._record[GUESS] = float(value is not None)
+        if value is not None:
+            self._own.last.ravel()[:], self._own.last_one[:] = value
+
+    @property
+    def method(self) -> str:
+        """See the base class."""
+        return "blocks with multipliers"
+
+    def _prescribe(self) -> None:
+        """See the base class; the first step starts where the tree follows the ground."""
+        if self.system.moving and not self._record[KNOWN]:
+            y0 = self._a.y0.copy()
+            self._chart.begin(y0, self._a.ground1.copy())
+            self._own.start[:] = (self._chart.configuration() - y0)[: self.system.rows]
+
+    @property
+    def impulse(self) -> Floats:
+        """See the base class: of the multipliers found."""
+        return self._own.impulse.copy()
+
+    @property
+    def increment(self) -> Floats:
+        """See the base class: coordinates, and the multipliers' impulses, not scaled."""
+        return np.concatenate([self._a.change.ravel(), self._own.added])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..constraints import BoundNullSpace, BoundTreatment, Treatment
+from ..constraints import BoundTreatment, Treatment
 from ..errors import Diverged, InputError
 from ..linear import LinearSolver, Solver, checked_solver
 from ..log import logger
@@ -19,7 +19,7 @@ from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, positive
 from .base import Evaluation, Integrator, State, StepData, StepWork
 from .choice import choose_kernels
-from .fast import CompiledStep
+from .fast import CompiledStep, compiled_step
 
 __all__ = ["StepReport", "Stepper"]
 
@@ -215,7 +215,8 @@ class Stepper:
         if self.choice.name == "numba":
             logger.info("kernels are compiled or read from the cache")
             plan = self.choice.plan
-            self._fast = CompiledStep(system, integrator, self.h, self.settings, plan, solver)
+            chosen = integrator, treatment, self.h, self.settings, plan, solver
+            self._fast = compiled_step(system, *chosen)
 
     @property
     def factorisations(self) -> int:
@@ -260,7 +261,7 @@ class Stepper:
                 solved = self._fast.solve(state)
                 if solved is not None:
                     return self._accept_compiled(self._fast, state, new_time, *solved)
-            self._hand_over(self._fast)
+            self.bound.last = self._fast.last  # the general way tries again from there
         if step is None:
             step = self._begin(state)
         total = 0
@@ -336,7 +337,7 @@ class Stepper:
         step, evaluation, y1 = problem.step, problem.evaluation, problem.y1
         assert evaluation is not None
         self.bound.finish()
-        if self._fast is not None and isinstance(self.bound, BoundNullSpace):
+        if self._fast is not None:
             self._fast.last = self.bound.last
         impulse: Array = self.bound.constraint_impulse(evaluation.R)
         new = State(
@@ -361,13 +362,8 @@ class Stepper:
             time, state.index + 1, y1[:rows].ravel(), fast.carried().ravel(), False, state.turns
         )
         self._first = False
-        solved = Solved(self.system, self.integrator, self.h, state, y1, -fast.balance)
+        solved = Solved(self.system, self.integrator, self.h, state, y1, fast.impulse)
         return StepReport(new, iterations, 1, residual, fast.work(), solved)
-
-    def _hand_over(self, fast: CompiledStep) -> None:
-        """The general way tries again from where the compiled one started."""
-        assert isinstance(self.bound, BoundNullSpace)
-        self.bound.last = fast.last
 
     def iteration_matrix(self, state: State, scaled: bool = True) -> tuple[Floats, StepReport]:
         """Dense iteration matrix at the converged state of the step after `state`.

@@ -228,7 +228,7 @@ class System:
             for sheet in jr.joint.sheets():
                 self._add_row(guard, sheet)
                 self._guarded.append(jr.joint)
-        self._guards = QuadraticConstraints(guard, reference, self.rows)
+        self.guards = QuadraticConstraints(guard, reference, self.rows)
 
     def terms(self, expression: Expression) -> list[tuple[int, float]]:
         """Rows of y and factors whose sum is the expression."""
@@ -352,7 +352,7 @@ class System:
 
         Quadratic rows cannot tell these, which Newton's method may run into in large steps.
         """
-        wrong = np.flatnonzero(self._guards.values(y) < -1)  # cosines, less 1
+        wrong = np.flatnonzero(self.guards.values(y) < -1)  # cosines, less 1
         if len(wrong):
             return f"{self._guarded[int(wrong[0])].label} by half a turn"
         D = self.kinematics.directors(y)

@@ -132,7 +132,7 @@ def simulate(
         Plain numpy kernels, or those compiled by numba (extra ``fast``), an order of magnitude
         faster after half a minute of compilation, which is kept on disk. "auto" takes them if
         numba is installed, the estimated time with numpy is above 40 s and there are some: for
-        the null space method, without closed loops, springs, following loads, damping and beams
+        both treatments, without closed loops, springs, following loads, damping and beams
         of several orders. ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken,
         and why.
     solver : Solver, optional
