@@ -12,15 +12,10 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from .jit import address
-
-__all__ = ["cold", "helped", "main"]
+__all__ = ["cold", "helped"]
 
 
 def processors() -> int:
@@ -47,7 +42,7 @@ def helped(order: int, names: Sequence[str]) -> Iterator[None]:
     names : sequence of str
         Of the parts.
     """
-    code = f"from skfem_cosserat.compiled.warm import main; main({order}, {[*names]})"
+    code = f"from skfem_cosserat.compiled.helper import main; main({order}, {[*names]})"
     helper = None
     # embedded in another program, the executable may be anything
     if processors() > 1 and Path(sys.executable).stem.lower().startswith(("python", "pypy")):
@@ -69,38 +64,3 @@ def helped(order: int, names: Sequence[str]) -> Iterator[None]:
         if helper is not None:
             helper.kill()  # files get into the cache whole or not at all
             helper.wait()
-
-
-def main(order: int, names: Sequence[str]) -> None:
-    """Compile the loop over a step, then parts from the last to the first."""
-    from numba import typeof
-
-    from ..beam import Beam
-    from ..frames import ground
-    from ..joint import JointRevolute
-    from ..mesh import MeshCurve
-    from ..model.scene import Model
-    from ..section import Material, SectionCircle
-    from . import bind, layout, step
-    from .plan import plan_of
-
-    # only types are needed: the constructors take seconds to compile
-    for name in ("beams", "plan", "tree", "work"):
-        setattr(layout, name, partial(layout.kind, name))
-    model = Model()
-    mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 1, name="rod")
-    rod = model.add("rod", Beam(mesh, SectionCircle(0.01, Material(1e6, 0.3, 1e3)), order=order))
-    model.add("hinge", JointRevolute(ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1)))
-    system = model.freeze()
-    plan = plan_of(system)
-    kinds = (
-        bind.bound_tree(system, plan)[0],
-        bind.bound_plan(system, plan)[0],
-        bind.bound_work(system, plan)[0],
-        bind.bound_beams(system, system.beam_groups[0], plan)[0],
-    )
-    numbers, places = typeof(np.zeros(0)), typeof(np.zeros(0, dtype=np.int64))
-    compiled: Any = step.solve
-    compiled.compile((places, *kinds, numbers, numbers))
-    for name in reversed(names):
-        address(bind.part_named(name), *bind.signature(name, kinds))
