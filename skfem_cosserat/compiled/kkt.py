@@ -20,7 +20,7 @@ from .blocks import carry
 from .constraints import PAIRS, border
 from .elements import Point, add_geometric, at_point, take
 from .jit import inlined, part
-from .numbers import FORCE, MASS, START, WEIGHT
+from .numbers import FORCE, MASS, SHARE, START, WEIGHT
 from .rows import GRAIN, subtract_rows
 from .small import directors
 
@@ -86,15 +86,15 @@ def scalars_to_nodes(rotations: Floats, e: int, C: Floats, V: Floats) -> None:
 def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add the blocks of all elements to their slots, not projected.
 
-    ``mass M + (force/2) (int B(q_mid)^T D B(y_S) ds + int S . C/l ds)``: y_S is where the stresses
-    come from; S are those, or with flag 1 predicted ones.
+    ``mass M + share force (int B(q_mid)^T D B(y_S) ds + int S . C/l ds)``: y_S is where the
+    stresses come from; S are those, or with flag 1 predicted ones.
     """
     yB, yS, S, A = w.mid, w.mid, g.S, w.A
     if numbers[START] != 0.0:
         yS = w.y1
     if flag == 1:
         S = g.predicted
-    mass, half = numbers[MASS], 0.5 * numbers[FORCE]
+    mass, half = numbers[MASS], numbers[SHARE] * numbers[FORCE]
     lengths, shapes, slopes, weights = g.lengths, g.N, g.dN, g.weights
     masses, slot, stiffness, section = g.mass, g.slot, g.stiffness, g.section
     diagonal = g.diagonal
