@@ -5,7 +5,7 @@ As test_static_references.py, whose means they share.
 
 import numpy as np
 import pytest
-from scipy.special import ellipk
+from scipy.special import ellipe, ellipk
 from test_static_references import (
     DATA,
     angle,
@@ -224,7 +224,7 @@ def test_postbuckling_branch(treatment):
     P = np.pi**2 / 4 * 109375
     path = follow(scene, treatment, sc.LoadControl(until=1.1 * P), derive=False)
     assert criticals(path, "bifurcation")[0]["load_factor"] == pytest.approx(P, rel=1e-6)
-    tips = []
+    sides = []
     for sign in (1.0, -1.0):
         start = sc.branch(scene.system, path, 0, sign)
         control = sc.ArcLength(30, longest=0.1)
@@ -237,8 +237,13 @@ def test_postbuckling_branch(treatment):
         tip = scene.displacement(history, slice(None))
         moment = history["joint/clamp/moment"][2:, 2]
         assert abs(moment) == pytest.approx(abs(history["load_factor"] * tip[:, 1])[2:], rel=1e-8)
-        tips.append(tip[-1])
-    assert tips[0] == pytest.approx(tips[1] * [1, -1, 1], rel=1e-9, abs=1e-12)
+        sides.append(np.sign(tip[2:, 1]))
+        k2 = np.sin(theta / 2) ** 2
+        K, E = ellipk(k2), ellipe(k2)
+        assert abs(tip[2:, 1]) == pytest.approx(2 * np.sqrt(k2) / K, rel=1e-5)
+        assert tip[2:, 0] == pytest.approx(2 * E / K - 2, rel=1e-5, abs=1e-7)  # compliance
+        assert abs(tip[:, 2]).max() < 1e-12
+    assert (sides[0] == sides[0][0]).all() and (sides[1] == -sides[0][0]).all()
 
 
 # -- S12: twisted ring -----------------------------------------------------------------------------
