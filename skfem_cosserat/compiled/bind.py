@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from ..model.groups import BeamGroup, Group
 from ..model.tree import Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..types import Floats, IndexArray
-from . import blocks, curvature, elements, layout, loops, nodes, tree
+from . import blocks, constraints, curvature, elements, kkt, layout, loops, nodes, tree
 from .jit import address
 from .numbers import BEAM_PARTS, TREE_PARTS
 from .plan import Plan
@@ -80,32 +79,40 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
     return [name for name in (*TREE_PARTS, *BEAM_PARTS) if name not in unused]
 
 
-def compiling(system: System, names: Sequence[str]) -> AbstractContextManager[None]:
+def compiling(
+    system: System, names: Sequence[str], multipliers: bool = False
+) -> AbstractContextManager[None]:
     """While these parts and the structures they take are compiled, with help on an empty cache."""
     order = system.beam_groups[0].vertices.shape[1] - 1 if system.beam_groups else 1
-    return helped(order, names) if cold([part_named(names[0])]) else nullcontext()
-
-
-#: where the parts of a step with the null space are
-MODULES = nodes, tree, curvature, loops, blocks, elements
+    if cold([part_named(names[0], multipliers)]):
+        return helped(order, names, multipliers)
+    return nullcontext()
 
 
 def addresses(
-    names: Sequence[str], modules: Sequence[ModuleType], structures: Sequence[Any]
+    names: Sequence[str], structures: Sequence[Any], multipliers: bool = False
 ) -> IndexArray:
     """Addresses of these parts, compiled if need be, at their places; 0 for all others.
 
     Parameters
     ----------
     structures : (tree, plan, work, beams)
+    multipliers : bool
+        Those for steps with multipliers, whose structures are (constraints, elimination, work,
+        beams).
     """
     kinds = [*map(typeof, structures)]
-    found = {name: address(part_named(name, modules), *signature(name, kinds)) for name in names}
+    found = {
+        name: address(part_named(name, multipliers), *signature(name, kinds)) for name in names
+    }
     return np.array([found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)])
 
 
-def part_named(name: str, modules: Sequence[ModuleType] = MODULES) -> Any:
+def part_named(name: str, multipliers: bool = False) -> Any:
     """The function of this name."""
+    modules = [nodes, tree, curvature, loops, blocks, elements]
+    if multipliers:
+        modules = [kkt, constraints, elements]
     return next(vars(m)[name] for m in modules if name in m.__all__)
 
 

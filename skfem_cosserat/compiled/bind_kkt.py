@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -11,24 +10,24 @@ from ..joint import Joint
 from ..model import System
 from ..model.quadratic import Terms
 from ..types import Floats, IndexArray
-from . import constraints, elements, kkt, layout
+from . import layout
 from .bind import bound_lumps, bound_work
 from .kkt import PIVOT, WIDE
-from .numbers import BEAM_PARTS, TREE_PARTS
+from .numbers import BEAM_PARTS
 from .plan import Plan
 
 __all__ = ["bound_constraints", "bound_elimination", "bound_steps", "parts_of"]
 
 
-def parts_of(system: System, ends: bool) -> tuple[list[str], tuple[ModuleType, ...]]:
-    """Names of all parts that a step takes, and the modules that they are in."""
-    modules = kkt, constraints, elements  # the first one that has a part
-    there = {name for m in modules for name in m.__all__}
-    if not ends:
-        there.discard("beam_start")
-    if not system.beam_groups:
-        there -= {*BEAM_PARTS}
-    return [name for name in (*TREE_PARTS, *BEAM_PARTS) if name in there], modules
+def parts_of(system: System, ends: bool) -> list[str]:
+    """Names of all parts that a step takes; `ends`: stresses are a mean of both."""
+    names = ["begin", "move", "balance", "size", "clear", "cap", "finish", "better"]
+    if system.frame_group is not None or system.point_group is not None:
+        names.append("lump_matrix")
+    names += ["factor", "sweep"]
+    if system.beam_groups:
+        names += BEAM_PARTS if ends else BEAM_PARTS[1:]
+    return names
 
 
 class _Rows:

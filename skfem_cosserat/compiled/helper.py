@@ -15,32 +15,39 @@ from ..joint import JointRevolute
 from ..mesh import MeshCurve
 from ..model import Model
 from ..section import Material, SectionCircle
-from . import bind, layout, step
+from . import bind, bind_kkt, layout, step
 from .jit import address
 from .plan import plan_of
 
 __all__ = ["main"]
 
 
-def main(order: int, names: Sequence[str]) -> None:
+def main(order: int, names: Sequence[str], multipliers: bool = False) -> None:
     """Compile the loop over a step, then parts from the last to the first."""
     # only types are needed: the constructors take seconds to compile
-    for name in ("beams", "plan", "tree", "work"):
+    for name in ("beams", "constraints", "elimination", "plan", "tree", "work"):
         setattr(layout, name, partial(layout.kind, name))
     model = Model()
     mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 1, name="rod")
     rod = model.add("rod", Beam(mesh, SectionCircle(0.01, Material(1e6, 0.3, 1e3)), order=order))
     model.add("hinge", JointRevolute(ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1)))
     system = model.freeze()
-    plan = plan_of(system)
-    kinds = (
-        bind.bound_tree(system, plan)[0],
-        bind.bound_plan(system, plan)[0],
-        bind.bound_work(system, plan)[0],
-        bind.bound_beams(system, system.beam_groups[0], plan)[0],
-    )
+    plan = plan_of(system, whole=multipliers)
+    if multipliers:
+        own = (
+            bind_kkt.bound_constraints(system, plan, True, 1.0)[0],
+            bind_kkt.bound_elimination(system, plan)[0],
+            bind_kkt.bound_steps(system, plan)[0],
+        )
+    else:
+        own = (
+            bind.bound_tree(system, plan)[0],
+            bind.bound_plan(system, plan)[0],
+            bind.bound_work(system, plan)[0],
+        )
+    kinds = *own, bind.bound_beams(system, system.beam_groups[0], plan)[0]
     numbers, places = typeof(np.zeros(0)), typeof(np.zeros(0, dtype=np.int64))
     compiled: Any = step.solve
     compiled.compile((places, *kinds, numbers, numbers))
     for name in reversed(names):
-        address(bind.part_named(name), *bind.signature(name, kinds))
+        address(bind.part_named(name, multipliers), *bind.signature(name, kinds))

@@ -159,11 +159,13 @@ for _proxy, _kind, _fields in (
 
 
 def kind(name: str, values: Any) -> Any:
-    """Type of a structure ("beams", "tree", "plan", "work") of these fields."""
+    """Type of a structure, such as "beams" or "work", of these fields."""
     made = {
         "beams": (_BeamsType, BEAMS),
         "tree": (_TreeType, TREE),
         "plan": (_PlanType, PLAN),
+        "constraints": (_ConstraintsType, CONSTRAINTS),
+        "elimination": (_EliminationType, ELIMINATION),
         "work": (_WorkType, WORK),
     }
     family, fields = made[name]

@@ -32,7 +32,7 @@ def cold(functions: Sequence[Any]) -> bool:
 
 
 @contextmanager
-def helped(order: int, names: Sequence[str]) -> Iterator[None]:
+def helped(order: int, names: Sequence[str], multipliers: bool = False) -> Iterator[None]:
     """While parts are compiled, in this order, a helper compiles them in reverse.
 
     Parameters
@@ -41,8 +41,11 @@ def helped(order: int, names: Sequence[str]) -> Iterator[None]:
         Of the beam elements.
     names : sequence of str
         Of the parts.
+    multipliers : bool
+        Those for steps with multipliers.
     """
-    code = f"from skfem_cosserat.compiled.helper import main; main({order}, {[*names]})"
+    arguments = f"{order}, {[*names]}, {multipliers}"
+    code = f"from skfem_cosserat.compiled.helper import main; main({arguments})"
     helper = None
     # embedded in another program, the executable may be anything
     if processors() > 1 and Path(sys.executable).stem.lower().startswith(("python", "pypy")):

@@ -59,8 +59,7 @@ def choose_kernels(
     """See :func:`choose`; for a run of as many steps."""
     seconds = estimated_seconds(system, STEPS if steps is None else steps)
     refused = refusal(system, integrator, treatment)
-    whole = isinstance(treatment, Multipliers)
-    return choose(kernels, system, refused, seconds, solver, whole)
+    return choose(kernels, system, refused, seconds, solver, isinstance(treatment, Multipliers))
 
 
 def choose(
@@ -69,7 +68,7 @@ def choose(
     refused: str | None,
     seconds: float,
     solver: Solver | None = None,
-    whole: bool = False,
+    multipliers: bool = False,
 ) -> Choice:
     """What ``kernels="auto" | "numpy" | "numba"`` means for a scene.
 
@@ -83,8 +82,8 @@ def choose(
         Estimated time with the plain ones (s).
     solver : Solver, optional
         That is asked for: elimination in blocks leaves all it can to it.
-    whole : bool
-        Compiled kernels must eliminate everything in blocks: those for multipliers.
+    multipliers : bool
+        They are among the unknowns: compiled kernels eliminate all in blocks then.
 
     Raises
     ------
@@ -103,7 +102,7 @@ def choose(
             raise InputError("argument kernels", f"'numba': {refused}")
         if not installed:
             raise ImportError("kernels='numba' needs numba: pip install 'skfem-cosserat[fast]'")
-        plan = _plan(system, solver, whole)
+        plan = _plan(system, solver, multipliers)
         if plan is None:
             raise InputError("argument kernels", f"'numba': {LEAVES}")
         return Choice("numba", "asked for", plan)
@@ -118,13 +117,13 @@ def choose(
             *(seconds, FACTOR),
         )
         return Choice("numpy", "numba is not installed")
-    plan = _plan(system, solver, whole)
+    plan = _plan(system, solver, multipliers)
     if plan is None:
         return Choice("numpy", LEAVES)
     return Choice("numba", f"about {seconds:.2g} s of work with numpy", plan)
 
 
-def _plan(system: System, solver: Solver | None, whole: bool) -> Plan | None:
+def _plan(system: System, solver: Solver | None, multipliers: bool) -> Plan | None:
     """Elimination; None if it leaves to a sparse solver what compiled kernels do not give it."""
-    plan = plan_of(system, solver is not None, whole)
-    return None if whole and len(plan.rest) else plan
+    plan = plan_of(system, solver is not None, multipliers)
+    return None if multipliers and len(plan.rest) else plan

@@ -38,35 +38,39 @@ __all__ = [
 ]
 
 
+#: addresses of the parts; what is constant, the elimination, what changes, and beams
+Bound = tuple[IndexArray, Any, Any, Any, Any]
+
+
 def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str | None:
     """Why a scene cannot be stepped by compiled kernels; None: it can."""
     if integrator.scheme(1.0) is None:
         return f"the {integrator.name} integrator gives no scheme for compiled kernels"
-    if not isinstance(treatment, NullSpace | Multipliers):
-        return f"there are no compiled kernels for {treatment.name}"
     looped = len(system.closure.rows) > 0
     return _missing(
+        treatment,
+        (NullSpace, Multipliers),
         {
             "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
             "closed loops in prescribed motion": looped and bool(system.drives),
             **_everywhere(system),
             "loads that follow the motion": not system.loading.dead_only,
             "damping": system.damped,
-        }
+        },
     )
 
 
 def static_refusal(system: System, treatment: Treatment, spin: object) -> str | None:
     """Why equilibria of a scene cannot be found by compiled kernels; None: they can."""
-    if not isinstance(treatment, NullSpace):
-        return f"there are no compiled kernels for equilibria with {treatment.name}"
     return _missing(
+        treatment,
+        (NullSpace,),
         {
             "closed loops": len(system.closure.rows) > 0,
             **_everywhere(system),
             "forces that follow the motion": system.loading.follower_forces,
             "a turning frame": spin is not None,
-        }
+        },
     )
 
 
@@ -77,8 +81,12 @@ def _everywhere(system: System) -> dict[str, bool]:
     }
 
 
-def _missing(reasons: dict[str, bool]) -> str | None:
-    """What there are no compiled kernels for, of what a scene may have."""
+def _missing(
+    treatment: Treatment, kinds: tuple[type[Treatment], ...], reasons: dict[str, bool]
+) -> str | None:
+    """What there are no compiled kernels for, of treatments and of what a scene may have."""
+    if not isinstance(treatment, kinds):
+        return f"there are no compiled kernels for {treatment.name}"
     found = [what for what, there in reasons.items() if there]
     return f"there are no compiled kernels for {', '.join(found)}" if found else None
 
@@ -133,7 +141,6 @@ class CompiledScene:
         solver: Solver | None = None,
         static: bool = False,
     ) -> None:
-
         self.system, self.settings, self.scheme = system, settings, scheme
         self.plan = plan_of(system, solver is not None) if plan is None else plan
         self.factorisations = 0
@@ -146,15 +153,15 @@ class CompiledScene:
             **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
             **{"weight": weight, "length": system.length},
         }
-        self._all: Any = (
+        self._all = (
             *self._bind(weight, scheme.ends, static),
             np.array([numbers[name] for name in NUMBERS], dtype=float),
         )
         self._a = a = SimpleNamespace(**self._arrays)
         a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
 
-    def _bind(self, weight: float, ends: bool, static: bool) -> tuple[Any, ...]:
-        """Addresses of the parts and structures for the kernels, and arrays by name."""
+    def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
+        """Addresses of the parts and structures for the kernels; arrays by name."""
         from ..compiled import bind
 
         system, groups = self.system, self.system.beam_groups
@@ -164,7 +171,7 @@ class CompiledScene:
             m, planned = bind.bound_plan(system, self.plan)
             w, self._arrays = bind.bound_work(system, self.plan)
             g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
-            table = bind.addresses(parts, bind.MODULES, (s, m, w, g))
+            table = bind.addresses(parts, (s, m, w, g))
         if len(self.plan.rest):
             A, x = self._arrays["A"], self._arrays["x"]
             self._rest = Rest(self.plan, planned["size"], A, x, self._solver)
@@ -196,9 +203,9 @@ class CompiledScene:
         self._prescribe()
 
     def _prescribe(self) -> None:
-        """Prescribed motion during the step."""
-        system, a = self.system, self._a
-        if system.kinematics.spheres or self._drives:
+        """Prescribed motion during a step, and what is fixed in it."""
+        a = self._a
+        if self.system.kinematics.spheres or self._drives:
             self._chart.begin(a.y0.copy(), a.ground1.copy())
             sphere = [k for k, c in enumerate(self._coordinates) if c.kind == "sphere"]
             numbers = [self._coordinates[k].number for k in sphere]
@@ -240,9 +247,9 @@ class CompiledStep(CompiledScene):
 
         scheme = integrator.scheme(h)
         assert isinstance(scheme, Scheme)
-        self.integrator, self.h = integrator, h
         super().__init__(system, scheme, integrator.constraint_weight, settings, plan, solver)
-        self._step: Any = step
+        self.integrator, self.h = integrator, h
+        self._step = step
         self._record = np.zeros(len(RECORD))
         self._dead: Floats | None = None
         self._rows = np.zeros(0, dtype=np.int64)
@@ -346,22 +353,25 @@ class CompiledMultipliers(CompiledStep):
         plan: Plan | None = None,
         scaled: bool = True,
     ) -> None:
-        self._scaled = scaled
+        self._scaled, self._h = scaled, h
         if plan is None:
             plan = plan_of(system, whole=True)
         super().__init__(system, integrator, h, settings, plan)
 
-    def _bind(self, weight: float, ends: bool, static: bool) -> tuple[Any, ...]:
+    def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
         """See the base class."""
         from ..compiled import bind, bind_kkt
 
         system, groups = self.system, self.system.beam_groups
-        m, _ = bind_kkt.bound_elimination(system, self.plan)
-        s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self.h)
-        w, self._arrays = bind_kkt.bound_steps(system, self.plan)
-        g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
-        self._own, self._chart = SimpleNamespace(**own), Chart(system.kinematics)
-        table = bind.addresses(*bind_kkt.parts_of(system, ends), (s, m, w, g))
+        parts = bind_kkt.parts_of(system, ends)
+        with bind.compiling(system, parts, multipliers=True):
+            s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self._h)
+            m, _ = bind_kkt.bound_elimination(system, self.plan)
+            w, self._arrays = bind_kkt.bound_steps(system, self.plan)
+            g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
+            table = bind.addresses(parts, (s, m, w, g), multipliers=True)
+        self._own = SimpleNamespace(**own)
+        self._chart = Chart(system.kinematics)
         return table, s, m, w, g
 
     @property

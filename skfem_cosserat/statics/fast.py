@@ -54,7 +54,7 @@ class CompiledBalance(CompiledScene):
         from ..compiled import static
 
         super().__init__(system, REST, 1.0, settings, plan, solver, static=True)
-        self._static: Any = static
+        self._static = static
         self._moments = system.loading.moments
         count = len(system.origin_rows)
         self._width = 12 * count
