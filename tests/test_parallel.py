@@ -552,7 +552,7 @@ def interrupted_run(system):
 
 def test_ctrl_c_ends_the_run_and_starts_no_other(caplog):
     """The simulation under way ends after its step, as it does alone."""
-    system = pendulum(1.0)
+    system, before = pendulum(1.0), signal.getsignal(signal.SIGINT)
     jobs = [
         sc.Job("done", math.sqrt, 4.0),
         sc.Job("under way", interrupted_run, system),
@@ -564,7 +564,7 @@ def test_ctrl_c_ends_the_run_and_starts_no_other(caplog):
     assert under_way.value.status == "interrupted" and len(under_way.value) == 2
     assert type(left.error) is sc.JobError and "cancelled" in str(left.error)
     assert "interrupted" in caplog.text
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def twice():
