@@ -102,12 +102,26 @@ def test_a_missed_figure_is_told(step_cost):
     assert not step_cost.missed({"exponents": step_cost.exponents(rows[:1])})
 
 
+def test_figures_of_the_swing(step_cost):
+    costs = {"null-space": 0.2, "multipliers": 0.7}
+    rows = [
+        {"scene": "swing", "kernels": "numba", "integrator": "variational"}
+        | {"treatment": treatment, "ms_per_step": ms}
+        for treatment, ms in costs.items()
+    ]
+    result = {"exponents": {}, "rows": rows, "dgemm_gflops": 60.0}
+    found = step_cost.missed(result)
+    assert len(found) == 1 and "multipliers: 0.700 ms a step, above 0.600" in found[0]
+    assert len(step_cost.missed({**result, "dgemm_gflops": 80.0})) == 2
+
+
 @pytest.mark.slow
 def test_step_cost_command(tmp_path):
     target = tmp_path / "rows.json"
     command = [sys.executable, FOLDER / "step_cost.py", "--quick", "--json", target]
     subprocess.run(command, check=True, capture_output=True)
-    assert len(json.loads(target.read_text())) == 64
+    rows = json.loads(target.read_text())
+    assert {row["scene"] for row in rows} == {"chain", "tree", "lattice", "swing"}
 
 
 # what benchmarks share

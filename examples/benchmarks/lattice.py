@@ -74,11 +74,11 @@ def mesh(count: int, elements: int, size: float = 0.1) -> sc.MeshCurve:
     return sc.MeshCurve(np.vstack([joints, inner.reshape(-1, 3)]).T, t)
 
 
-def scene(count: int, elements: int) -> sc.System:
+def scene(count: int, elements: int, order: int = 1) -> sc.System:
     """The lattice, clamped at one face."""
     lattice = mesh(count, elements)
     model = sc.Model()
-    beam = model.add("lattice", sc.Beam(lattice, rubber(), director=(0.36, 0.48, 0.8)))
+    beam = model.add("lattice", sc.Beam(lattice, rubber(), order=order, director=(0.36, 0.48, 0.8)))
     for k in np.flatnonzero(lattice.p[0, : count**3] == 0):
         clamp = sc.JointFixed(sc.ground(lattice.p[:, k]), beam.node(int(k)))
         model.add(f"clamp {k}", clamp)
