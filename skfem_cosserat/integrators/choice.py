@@ -17,8 +17,8 @@ from .fast import refusal
 __all__ = ["Choice", "choose", "choose_kernels", "estimated_seconds"]
 
 #: estimated time with the plain kernels (s) above which compiled ones are taken: compiling them on
-#: an empty cache takes about half of it
-WORTHWHILE = 40.0
+#: an empty cache takes 10 to 20 s
+WORTHWHILE = 25.0
 #: Newton iterations assumed for a step
 ITERATIONS = 3
 #: how much faster a step is with compiled kernels, for the warning where numba is missing: what
@@ -45,7 +45,8 @@ def estimated_seconds(system: System, steps: int, iterations: int = ITERATIONS) 
     nodes = sum(g.vertices.size for g in system.beam_groups)
     entries = sum(g.vertices.size * g.vertices.shape[1] for g in system.beam_groups)
     vertices = len(system.origin_rows)
-    return steps * (3e-4 + iterations * (3e-4 + 2e-6 * (nodes + entries) + 4e-6 * vertices))
+    each = 2e-4 + 7e-7 * (nodes + entries) + 1.5e-6 * vertices
+    return steps * (1.5e-4 + iterations * each)
 
 
 def choose_kernels(
