@@ -140,25 +140,31 @@ def subtract(A: Floats, k: int, left: int, right: int) -> None:
 
 
 @inlined
-def passed_on(A: Floats, k: int, X: Floats, e: int, left: bool, to: int, W: Floats) -> None:
-    """``A_to += A_k X_e``, or from the left ``A_to += X_e^T A_k``, by W if `to` is -1.
+def passed_on(
+    A: Floats, k: int, X: Floats, e: int, count: int, left: bool, to: int, W: Floats
+) -> None:
+    """``A_to += A_k X_e``, or from the left ``A_to += X_e^T A_k``; into A_k itself if `to` is -1.
 
-    For joints: they are few, and unrolled loops take long to compile.
+    X_e has `count` columns that are not zero. W is scratch.
     """
-    n = A.shape[1]
-    for r in range(n):
-        for c in range(n):
+    rows, columns = (count, 6) if left else (6, count)
+    for r in range(rows):
+        for c in range(columns):
             s = 0.0
-            for t in range(n):
-                s += X[e, t, r] * A[k, t, c] if left else A[k, r, t] * X[e, t, c]
+            if left:
+                for t in range(6):
+                    s += X[e, t, r] * A[k, t, c]
+            else:
+                for t in range(6):
+                    s += A[k, r, t] * X[e, t, c]
             if to >= 0:
                 A[to, r, c] += s
             else:
                 W[0, r, c] = s
     if to < 0:
-        for r in range(n):
-            for c in range(n):
-                A[k, r, c] = W[0, r, c]
+        for r in range(6):
+            for c in range(6):
+                A[k, r, c] = W[0, r, c] if r < rows and c < columns else 0.0
 
 
 @inlined
@@ -188,10 +194,10 @@ def to_own_coordinates(m: Any, w: Any, t: int) -> None:
             elif p >= 0:
                 parents = m.down[first + p] if left else m.right[first + p]
             if parents >= 0:
-                passed_on(A, own, X, e, left, parents, W)
-            passed_on(A, own, S, e, left, -1, W)
+                passed_on(A, own, X, e, 6, left, parents, W)
+            passed_on(A, own, S, e, m.size[v], left, -1, W)
     C_child, C_parent, S, X = w.C_child, w.C_parent, w.S_right, w.X_right
-    for r in range(6):
+    for r in range(m.size[v]):
         for c in range(6):
             own, parents = 0.0, C_parent[e, r, c]
             for i in range(6):
