@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import subprocess
 import sys
 from functools import cache
@@ -351,6 +352,14 @@ def test_long_runs_take_numba():
     assert choice.estimated_seconds(system, 10**6) > choice.WORTHWHILE
 
 
+def test_compiling_is_said_when_progress_is_on(capsys):
+    system = tree(1)
+    pair = sc.EnergyMomentum(), sc.NullSpace()
+    for on in (True, False):
+        sc.simulate(*(system, *pair, 1e-2, 0.02), kernels="numba", derive=False, progress=on)
+        assert ("kernels are compiled" in capsys.readouterr().err) == on
+
+
 def test_without_numba(monkeypatch, caplog):
     monkeypatch.setattr(choice, "find_spec", lambda name: None)
     system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
@@ -540,6 +549,30 @@ def test_sizes_do_not_compile_again():
     both(test_joints.scene(sc.JointRevolute)[0], "variational", 2e-3, 4e-3)
     both(chain(3), "variational", 2e-3, 4e-3)
     assert (len(step.solve.signatures), len(elements.beam_force.signatures)) == before
+
+
+@pytest.mark.slow
+def test_cold_and_warm_caches_give_the_same_numbers(tmp_path):
+    """To the last bit; the second process compiles nothing."""
+    code = (
+        "import sys, hashlib; sys.path.insert(0, sys.argv[1])\n"
+        "import test_compiled as t, skfem_cosserat as sc\n"
+        "s = t.tree(2); start = t.moving(s)\n"
+        "h = sc.simulate(s, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.1, start=start,"
+        " kernels='numba', derive=False)\n"
+        "print(hashlib.sha256(h['q'].tobytes() + h['p'].tobytes()).hexdigest())"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    found, files = [], []
+    for _ in range(2):
+        run = subprocess.run(
+            [sys.executable, "-c", code, str(Path(__file__).parent)],
+            env=environment, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        found.append(run.stdout)
+        files.append(sorted(path.name for path in tmp_path.rglob("*.nbc")))
+    assert found[0] == found[1] and len(found[0]) > 60
+    assert files[0] == files[1]
 
 
 def test_the_cache_knows_all_sources():

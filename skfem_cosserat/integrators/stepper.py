@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -165,6 +166,9 @@ class Stepper:
     solver : Solver, optional
         See :func:`skfem_cosserat.simulate`.
 
+    announce : callable, optional
+        Called with a text before compiling.
+
     Raises
     ------
     InputError
@@ -198,6 +202,7 @@ class Stepper:
         kernels: str = "auto",
         steps: int | None = None,
         solver: Solver | None = None,
+        announce: Callable[[str], object] | None = None,
     ) -> None:
         _check_kind("system", system, System)
         _check_kind("integrator", integrator, Integrator)
@@ -213,7 +218,10 @@ class Stepper:
         self.choice = choose_kernels(kernels, system, integrator, treatment, steps, solver)
         self._fast: CompiledStep | None = None
         if self.choice.name == "numba":
-            logger.info("kernels are compiled or read from the cache")
+            text = "kernels are compiled, 10 to 20 s at the first time, or read from the cache"
+            logger.info(text)
+            if announce is not None:
+                announce(text)
             plan = self.choice.plan
             chosen = integrator, treatment, self.h, self.settings, plan, solver
             self._fast = compiled_step(system, *chosen)

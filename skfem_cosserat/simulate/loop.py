@@ -172,10 +172,12 @@ def simulate(
     ([0.5, 0.0, 0.0], 1.0)
     """
     intended = _intended(step, until, start)
-    stepper = Stepper(system, integrator, treatment, step, settings, kernels, intended, solver)
+    show = Progress(progress, "t = {:.6g} s of {:.6g} s".format)
+    stepper = Stepper(
+        system, integrator, treatment, step, settings, kernels, intended, solver, show.say
+    )
     state, count = _plan(system, start, stepper.h, until, every)
     _check_run(callbacks, path, state)
-    show = Progress(progress, "t = {:.6g} s of {:.6g} s".format)
     recorder = Recorder(system, stepper, state, count, every, at, path)
     _warn_if_unresolved(stepper)
     with recorder, Interrupt() as interrupt:

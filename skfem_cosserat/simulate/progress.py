@@ -52,6 +52,12 @@ class Progress:
             if time.monotonic() - self._last >= INTERVAL:
                 self._write()
 
+    def say(self, text: str) -> None:
+        """Show a text on the line until there are numbers."""
+        if self._on:
+            sys.stderr.write("\r\x1b[K" + text)
+            sys.stderr.flush()
+
     def __enter__(self) -> Progress:
         return self
 
