@@ -15,6 +15,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -37,6 +38,8 @@ LARGE = 2000
 GROWTH = 2.0
 #: steps after which everything has been allocated once
 SETTLED = 1000
+#: steps that take an hour with plain kernels
+MANY = 100_000
 COLUMNS = ("measure", "kernels", "elements", "steps", "megabytes", "kilobytes_per_element")
 
 
@@ -91,6 +94,11 @@ def alone(*arguments: Any) -> list[Any]:
     return json.loads(done.stdout.splitlines()[-1])
 
 
+def kernels_for(steps: int) -> str:
+    """Compiled ones where plain ones would take an hour."""
+    return "numba" if steps >= MANY and find_spec("numba") else "auto"
+
+
 def instants(steps: int) -> list[int]:
     """Numbers of steps at which memory is looked at: powers of ten, and ten times in between."""
     even = np.linspace(0, steps, 11)[1:].astype(int)
@@ -102,7 +110,7 @@ def after_steps(steps: int) -> list[tuple[int, float]]:
     """Memory of the swing at some numbers of steps."""
     when, found = set(instants(steps)), []
     own = sc.EnergyMomentum(), sc.NullSpace(), STEP
-    for k, _ in enumerate(sc.steps(three_bar_swing.build(), *own), 1):
+    for k, _ in enumerate(sc.steps(three_bar_swing.build(), *own, kernels=kernels_for(steps)), 1):
         if k in when:
             found.append((k, resident()))
         if k == steps:
@@ -166,7 +174,7 @@ def main(
     for measure in ("after_steps", "streamed") if count else ():
         found = alone(measure, count)
         name = measure.removeprefix("after_")
-        row = {"measure": name, "kernels": "auto", "elements": 20}
+        row = {"measure": name, "kernels": kernels_for(count), "elements": 20}
         rows += [{**row, "steps": k, "megabytes": megabytes} for k, megabytes in found]
         growth[name] = max(m for _, m in found) - found[0][1]
     result = {"rows": rows, "exponents": exponents(rows), "growth": growth}
