@@ -52,7 +52,8 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
         (NullSpace, Multipliers),
         {
             "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
-            "closed loops in prescribed motion": looped and bool(system.drives),
+            # whether motions agree around a loop is looked at in the general way only
+            "closed loops in prescribed motion": looped and bool(system.moving),
             **_everywhere(system),
             "loads that follow the motion": not system.loading.dead_only,
             "damping": system.damped,
