@@ -1,0 +1,59 @@
+"""Every benchmark problem with trusted numbers, one file a family, and one table of all.
+
+``python -m collection`` in the folder above, or ``python examples/benchmarks/collection``, prints
+the table; :mod:`.common` says what a family's file has.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+_HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(_HERE.parent))
+
+__all__ = ["families", "run"]
+
+COLUMNS = (
+    *("id", "case", "quantity", "computed", "reference", "error", "trusted", "order", "elements"),
+    *("step", "cost_s", "unknowns", "newton_iterations", "converged"),
+)
+
+
+def families() -> dict[str, Any]:
+    """The families' modules by their ids, "S03" and so on."""
+    names = sorted(path.stem for path in _HERE.glob("[smdr][0-9][0-9]_*.py"))
+    return {name[:3].upper(): import_module(f"collection.{name}") for name in names}
+
+
+def run(ids: Iterable[str] | None = None, quick: bool = True) -> list[dict[str, Any]]:
+    """Compute cases and put them beside their references.
+
+    Parameters
+    ----------
+    ids : iterable of str, optional
+        Families ("S03", also "S3" or the name of an entry); default: all.
+    quick : bool
+        Only the cases that take a second or two.
+
+    Returns
+    -------
+    list of dict
+        A row for each number: ``id``, ``case``, ``quantity``, ``computed``, ``reference``,
+        ``error``, ``trusted``; ``order``, ``elements``, ``step``; ``cost_s``, ``unknowns``,
+        ``newton_iterations``, ``converged``.
+    """
+    known = families()
+    wanted = list(known) if ids is None else [_family(name, known) for name in ids]
+    return [row for name in dict.fromkeys(wanted) for row in known[name].rows(quick)]
+
+
+def _family(name: str, known: dict[str, Any]) -> str:
+    letter, digits = name[:1].upper(), "".join(c for c in name[1:3] if c.isdigit())
+    short = f"{letter}{digits.zfill(2)}"
+    if short not in known:
+        raise ValueError(f"{name!r} is no family, expected among {list(known)}")
+    return short

@@ -1,0 +1,31 @@
+"""Print the table: ``python examples/benchmarks/collection [--full] [--json FILE] [ID ...]``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import measuring
+
+import collection
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("ids", nargs="*", help="families, such as S03; default: all")
+    parser.add_argument("--full", action="store_true", help="all cases, the long ones as well")
+    parser.add_argument("--json", type=Path, help="file for the rows, a list")
+    arguments = parser.parse_args()
+    rows = collection.run(arguments.ids or None, quick=not arguments.full)
+    if arguments.json:
+        arguments.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    print(measuring.table(rows, collection.COLUMNS))
+
+
+if __name__ == "__main__":
+    main()
