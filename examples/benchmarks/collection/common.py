@@ -18,9 +18,10 @@ treatment="null-space", times=None) -> dict``
 
 The answer of ``main`` has the names, frames and quaternions (scalar first, body to space; e1 along
 the beam) of the entry's ``values``, and ``cost_s``, ``unknowns``, ``newton_iterations``,
-``converged``; also ``order``, ``elements`` (of all beams together), ``step`` as they were taken. Where the cases are instants: with `case` the numbers of that instant, otherwise
-``t`` and each number as a list over `times` (default: the entry's), and under each instant's key a
-dict of its numbers.
+``converged``; also ``order``, ``elements`` (of all beams together) and ``step`` as they were taken.
+Where the cases are instants: with `case` the numbers of that instant, otherwise ``t`` and each
+number as a list over `times` (default: the entry's), and under each instant's key a dict of its
+numbers.
 """
 
 from __future__ import annotations
@@ -106,7 +107,7 @@ def _entries() -> dict[str, Any]:
 
 
 def entry(name: str) -> dict[str, Any]:
-    """Entry of the reference file: ``cls``, ``origin``, ``trusted_digits``, ``data``, ``values``."""
+    """Entry of the file: ``cls``, ``origin``, ``trusted_digits``, ``data``, ``values``."""
     return dict(_entries()[name])
 
 
