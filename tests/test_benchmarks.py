@@ -460,3 +460,18 @@ def test_lattice(tmp_path):
     assert "1.60 (ratio_fastest), above 1.5" in lattice.missed({"figures": slow})[0]
     assert "ms/iter." in lattice.report(result)
     assert (tmp_path / "lattice.csv").read_text(encoding="utf-8").startswith("# versions")
+
+
+def test_step_profile(tmp_path):
+    """Parts, the rest and the floor; the parts and the rest make the step."""
+    pytest.importorskip("numba")
+    profile = load("step_profile")
+    result = profile.main(elements=[5], out=tmp_path)
+    for integrator in ("energy-momentum", "variational"):
+        rows = {r["part"]: r for r in result["rows"] if r["integrator"] == integrator}
+        whole, floor = rows.pop("whole step"), rows.pop("floor of the iterations")
+        assert sum(r["us_per_step"] for r in rows.values()) == pytest.approx(whole["us_per_step"])
+        assert rows["sweep"]["calls_per_step"] == floor["calls_per_step"] >= 1
+        assert 0 < floor["share"] < 1 and set(rows) > {"beam_force", "factor", "balance"}
+    assert "sweep" in profile.report(result)
+    assert (tmp_path / "step_profile.csv").read_text(encoding="utf-8").startswith("# versions")
