@@ -18,7 +18,7 @@ from .errors import (
     MeshError,
 )
 from .frames import Motion, Place, ground, triad
-from .history import History
+from .history import History, spectrum
 from .integrators import EnergyMomentum, State, Stepper, Variational
 from .joint import (
     JointCylindrical,
@@ -40,7 +40,20 @@ from .model.balance import Spin
 from .newton import NewtonSettings
 from .parallel import Job, Outcome, Processes, run_all
 from .section import Material, Section, SectionCircle, SectionRectangle, SectionTube
-from .simulate import initial_state, project, restart, simulate, steps
+from .simulate import (
+    SensorAcceleration,
+    SensorForce,
+    SensorPosition,
+    SensorQuantity,
+    SensorReaction,
+    SensorStrain,
+    SensorVelocity,
+    initial_state,
+    project,
+    restart,
+    simulate,
+    steps,
+)
 from .statics import (
     ArcLength,
     Branch,
@@ -109,6 +122,13 @@ __all__ = [
     "SectionCircle",
     "SectionRectangle",
     "SectionTube",
+    "SensorAcceleration",
+    "SensorForce",
+    "SensorPosition",
+    "SensorQuantity",
+    "SensorReaction",
+    "SensorStrain",
+    "SensorVelocity",
     "SolverBanded",
     "SolverDense",
     "SolverMetis",
@@ -132,6 +152,7 @@ __all__ = [
     "restart",
     "run_all",
     "simulate",
+    "spectrum",
     "static",
     "steps",
     "triad",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from .container import History
 from .file import read_meta
+from .sensor import SensorRecord, Spectrum, spectrum
 from .writer import HistoryWriter
 
-__all__ = ["History", "HistoryWriter", "read_meta"]
+__all__ = ["History", "HistoryWriter", "SensorRecord", "Spectrum", "read_meta", "spectrum"]

@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..types import Array, Floats
 from .data import BASIC, check_basic, numbers, plain
 from .file import load_file, save_file
+from .sensor import SensorRecord
 
 
 class History:
@@ -28,6 +29,9 @@ class History:
     series : mapping of str to array
         Arrays of shape ``(N, ...)``; the first axis is the recorded state. Always there: ``t (N,)``
         times in s, ``step (N,)`` integers, ``q (N, n)`` coordinates, ``p (N, n)`` momenta.
+    sensors : mapping of str to array, optional
+        Of each sensor its instants ``NAME/t (K,)`` and what it has seen, ``NAME/x (K, ...)``;
+        ``meta["sensors"][NAME]`` has its unit and how often it is differentiated.
 
     Raises
     ------
@@ -48,7 +52,11 @@ class History:
     """
 
     def __init__(
-        self, meta: Mapping[str, Any], static: Mapping[str, Any], series: Mapping[str, Any]
+        self,
+        meta: Mapping[str, Any],
+        static: Mapping[str, Any],
+        series: Mapping[str, Any],
+        sensors: Mapping[str, Any] | None = None,
     ) -> None:
         self.meta: dict[str, Any] = plain(meta, "meta")
         self.static: dict[str, Array] = {
@@ -59,6 +67,10 @@ class History:
         self._series: dict[str, Array] = {}
         for name, value in series.items():
             self._put(name, value)
+        self._sensors: dict[str, Array] = {
+            name: numbers(value, f"sensor array {name!r}")
+            for name, value in ({} if sensors is None else sensors).items()
+        }
 
     def _put(self, name: str, value: Any) -> None:
         array = numbers(value, f"series {name!r}")
@@ -73,6 +85,19 @@ class History:
     def series(self) -> Mapping[str, Array]:
         """All series by name; `add_series` adds one."""
         return self._series
+
+    @property
+    def sensors(self) -> dict[str, SensorRecord]:
+        """What ``simulate(..., sensors=...)`` recorded at every step, by name."""
+        out = {}
+        for name, about in self.meta.get("sensors", {}).items():
+            if f"{name}/t" in self._sensors:
+                arrays = self._sensors[f"{name}/t"], self._sensors[f"{name}/x"]
+                record = SensorRecord(*arrays, about["unit"])
+                out[name] = (
+                    record.derivative(about["derivative"]) if about["derivative"] else record
+                )
+        return out
 
     @property
     def times(self) -> Floats:
@@ -152,7 +177,7 @@ class History:
         return self.row(-1)
 
     def truncated(self, n: int) -> History:
-        """Return a history of the first ``n`` states.
+        """Return a history of the first ``n`` states, and what sensors saw up to the last of them.
 
         Parameters
         ----------
@@ -167,7 +192,12 @@ class History:
         if not 0 <= n <= self._length:
             raise InputError("argument n", f"got {n}, expected 0 to {self._length} states")
         cut = {name: values[:n].copy() for name, values in self._series.items()}
-        return History(self.meta, self.static, cut)
+        end = self.times[n - 1] if n else -np.inf
+        seen = {
+            name: values[self._sensors[f"{name[:-2]}/t"] <= end].copy()
+            for name, values in self._sensors.items()
+        }
+        return History(self.meta, self.static, cut, seen)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write everything to one file; an older file is replaced only when the new is complete.
@@ -183,7 +213,7 @@ class History:
             If the folder does not exist or cannot be written, or ``meta`` holds no JSON data.
         """
         meta = plain(self.meta, "meta")
-        save_file(path, meta, self.static, self._series)
+        save_file(path, meta, self.static, self._series, self._sensors)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], recover: bool = False) -> History:
@@ -213,5 +243,4 @@ class History:
         ...     len(History.load(path))
         2
         """
-        meta, static, series = load_file(path, recover)
-        return cls(meta, static, series)
+        return cls(*load_file(path, recover))

@@ -10,10 +10,10 @@ Layout (all text is ASCII or UTF-8, numbers in arrays little-endian, C order)::
     BLOCK ...
 
 Kinds of blocks: ``head`` (``meta`` and the static arrays, once, first), ``rows`` (some states of
-all series), ``tail`` (``status`` and changes of ``meta``; missing if the writer was killed). A
-block counts once the committed length includes it; that number is changed after the bytes of the
-block were handed to the operating system. CRC-32 sums guard the committed length, the headers and
-the payloads.
+all series), ``sensors`` (instants and values of sensors, NAME/t and NAME/x), ``tail`` (``status``
+and changes of ``meta``; missing if the writer was killed). A block counts once the committed length
+includes it; that number is changed after the bytes of the block were handed to the operating
+system. CRC-32 sums guard the committed length, the headers and the payloads.
 """
 
 from __future__ import annotations
@@ -277,6 +277,19 @@ def _series(handle: BinaryIO, scan: Scan) -> tuple[dict[str, Array], int]:
     return {name: array[:done] for name, array in series.items()}, done
 
 
+def _sensors(handle: BinaryIO, scan: Scan) -> dict[str, Array]:
+    """Instants and values of the sensors from all sound blocks."""
+    parts: dict[str, list[Array]] = {}
+    for block in [block for block in scan.blocks if block.header["kind"] == "sensors"]:
+        arrays = _arrays(handle, block)
+        if arrays is None:
+            scan.problem = scan.problem or "damaged: wrong checksum in values of sensors"
+            break
+        for name, array in arrays.items():
+            parts.setdefault(name, []).append(array)
+    return {name: np.concatenate(each) for name, each in parts.items()}
+
+
 def _finish(scan: Scan) -> dict[str, Any]:
     """Meta data with the changes of the tail and the status."""
     meta = dict(scan.blocks[0].header["meta"])
@@ -290,8 +303,8 @@ def _finish(scan: Scan) -> dict[str, Any]:
 
 def load_file(
     path: str | os.PathLike[str], recover: bool = False
-) -> tuple[dict[str, Any], dict[str, Array], dict[str, Array]]:
-    """Read ``meta``, static arrays and series of a file.
+) -> tuple[dict[str, Any], dict[str, Array], dict[str, Array], dict[str, Array]]:
+    """Read ``meta``, static arrays, series, and arrays of sensors of a file.
 
     Parameters
     ----------
@@ -316,6 +329,7 @@ def load_file(
                 f"history file {str(path)!r}", f"{problem}; nothing can be recovered"
             )
         series, done = _series(handle, scan)
+        sensors = _sensors(handle, scan)
     if scan.problem:
         if not recover:
             raise HistoryError(
@@ -326,7 +340,7 @@ def load_file(
     empty = {"t": (0,), "step": (0,), "q": (0, 0), "p": (0, 0)}
     for name in BASIC if not series else ():
         series[name] = np.zeros(empty[name], np.int64 if name == "step" else np.float64)
-    return _finish(scan), {name: array.copy() for name, array in head.items()}, series
+    return _finish(scan), {name: array.copy() for name, array in head.items()}, series, sensors
 
 
 def read_meta(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -372,6 +386,7 @@ def save_file(
     meta: dict[str, Any],
     static: Mapping[str, Array],
     series: Mapping[str, Array],
+    sensors: Mapping[str, Array],
 ) -> None:
     """Write a complete file under a temporary name, then give it its name.
 
@@ -383,6 +398,8 @@ def save_file(
         JSON data.
     static, series : mapping of str to array
         Arrays; series have a common first axis.
+    sensors : mapping of str to array
+        NAME/t and NAME/x of each sensor.
 
     Raises
     ------
@@ -404,6 +421,8 @@ def save_file(
         for first in range(0, max(rows, 1), stride):
             part = {name: array[first : first + stride] for name, array in series.items()}
             writer.append({"kind": "rows", "rows": len(part["t"])}, part)
+        if sensors:
+            writer.append({"kind": "sensors"}, sensors)
         status = meta.get("status", "completed")
         writer.append({"kind": "tail", "status": status, "meta": {}}, {})
         writer.sync()

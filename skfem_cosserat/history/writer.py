@@ -68,6 +68,7 @@ class HistoryWriter:
         self._fill = 0
         self._rows = 0
         self._done: list[dict[str, Array]] = []
+        self._sensed: list[dict[str, Array]] = []
         self._closed = False
         self._file: FileWriter | None = None
         if path is not None:
@@ -146,6 +147,28 @@ class HistoryWriter:
         for name, value in values.items():
             self._buffer[name][self._fill - 1] = value
 
+    def sense(self, arrays: Mapping[str, Any]) -> None:
+        """Record what sensors saw at the steps since the last call (copied).
+
+        Parameters
+        ----------
+        arrays : mapping of str to array
+            Of each sensor its instants ``NAME/t (k,)`` and values ``NAME/x (k, ...)``.
+
+        Raises
+        ------
+        InputError
+            If something is no array of numbers, or the writer is closed.
+        """
+        self._check_open()
+        values = {
+            name: numbers(value, f"sensor array {name!r}").copy() for name, value in arrays.items()
+        }
+        if self._file is not None:
+            self._file.append({"kind": "sensors"}, values)
+        else:
+            self._sensed.append(values)
+
     def history(self) -> History:
         """History of all rows so far (read back from the file if streamed).
 
@@ -155,8 +178,12 @@ class HistoryWriter:
             If the file was changed by someone else.
         """
         parts = self._done
+        sensors = {
+            name: np.concatenate([part[name] for part in self._sensed])
+            for name in (self._sensed[0] if self._sensed else {})
+        }
         if self._file is not None:
-            done = load_file(self._file.path)[2]
+            done, sensors = load_file(self._file.path)[2:]
             parts = [done] if len(done["t"]) else []
         if self._fill or not parts:
             parts = [*parts, {name: array[: self._fill] for name, array in self._buffer.items()}]
@@ -164,7 +191,7 @@ class HistoryWriter:
             zero = {"t": np.zeros(0), "step": np.zeros(0, np.int64)}
             parts = [{**zero, "q": np.zeros((0, 0)), "p": np.zeros((0, 0))}]
         series = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        return History(self._meta, self._static, series)
+        return History(self._meta, self._static, series, sensors)
 
     def close(self, status: str = "completed", **meta_updates: Any) -> None:
         """Write what is left and the status; a second call is an error.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from .describe import derive_series
 from .interrupt import Interrupt
 from .progress import Progress
 from .recorder import Recorder
+from .sensors import Sensor
 from .start import checked_start, initial_state
 
 __all__ = ["simulate", "steps"]
@@ -111,6 +112,7 @@ def simulate(
     settings: NewtonSettings | None = None,
     kernels: str = "auto",
     solver: Solver | None = None,
+    sensors: Mapping[str, Sensor] | None = None,
 ) -> History:
     """Integrate a scene and return its history.
 
@@ -142,6 +144,9 @@ def simulate(
         the first two, others by the fastest that is installed (extra ``solvers``). Compiled
         kernels eliminate chains and trees in blocks, and leave the rest to it.
         ``history.meta["solver"]`` says what was taken.
+    sensors : mapping of str to Sensor, optional
+        Recorded at every step, whatever `every` and `at` say: ``history.sensors[name]`` has
+        ``times``, ``values`` and ``spectrum()``.
     path : path, optional
         Stream the history to this file, block by block. An older file is replaced, but not by a
         run that goes on from a history.
@@ -178,7 +183,7 @@ def simulate(
     )
     state, count = _plan(system, start, stepper.h, until, every)
     _check_run(callbacks, path, state)
-    recorder = Recorder(system, stepper, state, count, every, at, path)
+    recorder = Recorder(system, stepper, state, count, every, at, path, sensors)
     _warn_if_unresolved(stepper)
     with recorder, Interrupt() as interrupt:
         with show:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..log import logger
 from ..model import System
 from ..types import numbers
 from .describe import describe
+from .sensors import Sensor, SensorBank, checked_sensors
 from .works import Works
 
 __all__ = ["Recorder", "take_along"]
@@ -42,6 +43,7 @@ class Recorder:
         every: int,
         at: Sequence[float] | None,
         path: str | os.PathLike[str] | None,
+        sensors: Mapping[str, Sensor] | None = None,
     ) -> None:
         self.system, self.stepper = system, stepper
         self.wanted = _wanted(state, stepper.h, count, every, at)
@@ -57,10 +59,19 @@ class Recorder:
             "kernels": stepper.choice.name,
             "kernels_why": stepper.choice.why,
         }
+        bank = checked_sensors(sensors, system)
+        if bank:
+            meta["sensors"] = {
+                name: {"unit": sensor.unit, "derivative": sensor.derivative}
+                for name, sensor in bank.items()
+            }
         self.works = Works(system, stepper.integrator, state.q)
         self.writer = HistoryWriter(meta, static, path)
         self.last: dict[str, Any] | None = None
         self.closed: History | None = None
+        self.bank = SensorBank(bank, system, stepper, self.writer)
+        self.bank.begin(state)
+        self._before = state
         self._append(self._row(state, 0, 1, 0.0))
 
     def __enter__(self) -> Recorder:
@@ -117,7 +128,8 @@ class Recorder:
         """A step is done: complete the row of its start, record its end if wanted."""
         self._amend(report)
         self.works.add(report)
-        state = report.state
+        self.bank.take(self._before, report)
+        state = self._before = report.state
         row = self._row(state, report.iterations, report.attempts, report.residual)
         if state.index - self.first in self.wanted:
             self._append(row)
@@ -143,6 +155,10 @@ class Recorder:
 
     def close(self, status: str, failure: Diverged | None) -> History:
         """Close the file and give the history."""
+        try:
+            self.bank.flush()
+        except (CosseratError, *_NO_STEP) as error:  # a user's function: the history is kept
+            logger.warning("the last values of the sensors are missing: %s", error)
         if self.last is not None:
             self._append(self.last)
         if self.open:

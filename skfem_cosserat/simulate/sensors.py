@@ -1,0 +1,414 @@
+"""Sensors: what is recorded at every step while whole states are recorded now and then."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ..beam import Beam
+from ..diagnostics import SectionValues, evaluate, multipliers, reactions
+from ..diagnostics.stacks import all_rows
+from ..errors import InputError
+from ..frames import Item, Place
+from ..history import HistoryWriter
+from ..integrators import State, Stepper, StepReport
+from ..joint import Joint
+from ..model import System
+from ..types import ArrayLike, Floats, numbers
+
+__all__ = [
+    "Sensor",
+    "SensorAcceleration",
+    "SensorBank",
+    "SensorForce",
+    "SensorPosition",
+    "SensorQuantity",
+    "SensorReaction",
+    "SensorStrain",
+    "SensorVelocity",
+    "checked_sensors",
+]
+
+#: states that are looked at together
+BLOCK = 128
+
+
+class Window(NamedTuple):
+    """Some states after each other, and the steps that led from one to the next.
+
+    Attributes
+    ----------
+    t : (k,) array
+    q : (k, n) array
+    step_t : (j,) array
+        Instants at which the constraint forces of steps act.
+    points : (j, total, 3) array
+        Where they act; only for sensors that ask for it.
+    force : (j, n) array
+    """
+
+    t: Floats
+    q: Floats
+    step_t: Floats
+    points: Floats
+    force: Floats
+
+
+class Sensor(ABC):
+    """Base of the sensors.
+
+    Attributes
+    ----------
+    unit : str
+    derivative : int
+        How often the record is differentiated in time, by differences of second order.
+    forces : bool
+        Whether it needs the constraint forces of steps.
+    """
+
+    unit = ""
+    derivative = 0
+    forces = False
+
+    @abstractmethod
+    def items(self) -> list[Item]:
+        """Those that have to be in the model."""
+
+    @abstractmethod
+    def values(self, system: System, window: Window) -> Floats:
+        """Values (k, ...) at the window's states; with `forces`, (j, ...) of its steps."""
+
+
+class SensorPosition(Sensor):
+    """Position (m) of a place, or of a point of a beam's axis, at every step.
+
+    Parameters
+    ----------
+    where : Place or Beam
+    s : float, optional
+        On a beam: arc length in the reference from the start of the part (m).
+    part : str, optional
+        On a beam: name of a part of the mesh; default: the whole beam.
+    frame : Place, optional
+        Seen from the frame of this place (of a beam node, a body, or the ground in motion): its
+        components in the moving triad, from the moving place. Default: in space.
+
+    Raises
+    ------
+    InputError
+        If `where` is neither, or `s` is missing or beyond the ends.
+
+    Examples
+    --------
+    Where the end of a falling rod is at every step, while three states are recorded:
+
+    >>> from skfem_cosserat import EnergyMomentum, LoadGravity, Model, NullSpace, RigidBody
+    >>> from skfem_cosserat import simulate
+    >>> model = Model()
+    >>> rod = model.add("rod", RigidBody.rod(1.0, length=2.0))
+    >>> fall = model.add("fall", LoadGravity((0, 0, -10.0)))
+    >>> sensors = {"end": SensorPosition(rod.local((0, 0, 1.0)))}
+    >>> history = simulate(
+    ...     model.freeze(), EnergyMomentum(), NullSpace(), 0.01, 0.2, every=10, sensors=sensors
+    ... )
+    >>> len(history), history.sensors["end"].values[::10, 2].round(9).tolist()
+    (3, [1.0, 0.95, 0.8])
+    """
+
+    unit = "m"
+
+    def __init__(
+        self,
+        where: Place | Beam,
+        s: float | None = None,
+        part: str | None = None,
+        frame: Place | None = None,
+    ) -> None:
+        self._point = _Point(where, s, part)
+        if frame is not None and (not isinstance(frame, Place) or frame.triad is None):
+            raise InputError("sensor", f"frame = {frame!r}, expected the place of a frame")
+        self.frame = frame
+
+    def items(self) -> list[Item]:
+        """See the base class."""
+        frame = [] if self.frame is None or self.frame.item is None else [self.frame.item]
+        return [*self._point.items(), *frame]
+
+    def values(self, system: System, window: Window) -> Floats:
+        """See the base class."""
+        x = self._point.positions(system, window)
+        if self.frame is None:
+            return x
+        rows = all_rows(system, window.q, window.t)
+        first = system.row_of(self.frame)
+        origin = _place_positions(system, self.frame, rows)
+        return np.einsum("kic,kc->ki", rows[:, first + 1 : first + 4], x - origin)
+
+
+class SensorVelocity(SensorPosition):
+    """Velocity (m/s) of a place or point of a beam, by differences of its positions.
+
+    Central differences, one-sided at the ends, of second order in the step as the integrators;
+    for the arguments see :class:`SensorPosition`.
+    """
+
+    derivative = 1
+
+
+class SensorAcceleration(SensorPosition):
+    """Acceleration (m/s^2) of a place or point of a beam, by second differences of its positions.
+
+    Of second order in the step where it resolves the motion; for the arguments see
+    :class:`SensorPosition`.
+    """
+
+    derivative = 2
+
+
+class SensorStrain(Sensor):
+    """Strains ``(Gamma, K)`` (-, 1/m) at a point of a beam.
+
+    Parameters
+    ----------
+    beam : Beam
+    s : float
+        Arc length in the reference from the start of the part (m).
+    part : str, optional
+        Name of a part of the mesh; default: the whole beam.
+
+    Raises
+    ------
+    InputError
+        If it is no beam, or `s` is beyond the ends.
+
+    Notes
+    -----
+    Those of the interpolated frames (:func:`diagnostics.evaluate`): of order p + 1 at the Gauss
+    points of the element, p elsewhere.
+    """
+
+    unit = "-, 1/m"
+
+    def __init__(self, beam: Beam, s: float, part: str | None = None) -> None:
+        self._point = _Point(beam, s, part)
+        self.beam = beam
+
+    def items(self) -> list[Item]:
+        """See the base class."""
+        return self._point.items()
+
+    def values(self, system: System, window: Window) -> Floats:
+        """See the base class."""
+        return self._point.section(system, window).strain[:, 0]
+
+
+class SensorForce(SensorStrain):
+    """Section forces ``(N, M)`` (N, N m) at a point of a beam, in the section's triad.
+
+    On the face with outward normal +d3; the elastic part, as in ``diagnostics.evaluate``. For the
+    arguments see :class:`SensorStrain`.
+    """
+
+    unit = "N, N m"
+
+    def values(self, system: System, window: Window) -> Floats:
+        """See the base class."""
+        return self._point.section(system, window).resultant[:, 0]
+
+
+class SensorReaction(Sensor):
+    """Force and moment (N, N m) that a joint exerts on its side b, about its point there.
+
+    Parameters
+    ----------
+    joint : Joint
+
+    Notes
+    -----
+    ``(N, 6)``, in space. At the nodes t_n with the variational integrator, at the midpoints of
+    steps with energy-momentum: ``record.times`` says which.
+    """
+
+    unit = "N, N m"
+    forces = True
+
+    def __init__(self, joint: Joint) -> None:
+        if not isinstance(joint, Joint):
+            raise InputError("sensor", f"joint = {joint!r}, expected a joint")
+        self.joint = joint
+
+    def items(self) -> list[Item]:
+        """See the base class."""
+        return [self.joint]
+
+    def values(self, system: System, window: Window) -> Floats:
+        """See the base class."""
+        lam = multipliers(system, window.points, window.force)
+        force, moment = reactions(system, window.points, lam)[self.joint.name or ""]
+        return np.concatenate([force, moment], axis=1)
+
+
+class SensorQuantity(Sensor):
+    """Anything that follows from configurations.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(system, q, t) -> (k, ...)`` array for configurations q (k, n) at times t (k,).
+    unit : str
+
+    Raises
+    ------
+    InputError
+        If it cannot be called, or (during the run) gives no finite numbers of this shape.
+    """
+
+    def __init__(
+        self, function: Callable[[System, Floats, Floats], ArrayLike], unit: str = ""
+    ) -> None:
+        if not callable(function):
+            raise InputError("sensor", f"function = {function!r} is not callable")
+        self.function, self.unit = function, unit
+
+    def items(self) -> list[Item]:
+        """See the base class."""
+        return []
+
+    def values(self, system: System, window: Window) -> Floats:
+        """See the base class."""
+        out = numbers("sensor", "values", self.function(system, window.q, window.t))
+        if out.shape[:1] != window.t.shape or not np.isfinite(out).all():
+            raise InputError(
+                "sensor",
+                f"its function gave shape {out.shape} with finite = {bool(np.isfinite(out).all())},"
+                f" expected finite ({len(window.t)}, ...)",
+            )
+        return out
+
+
+class _Point:
+    """A place, or a point of a beam's axis."""
+
+    def __init__(self, where: Place | Beam, s: float | None, part: str | None) -> None:
+        self.beam: Beam | None = None
+        self.place: Place | None = None
+        if isinstance(where, Beam):
+            if s is None:
+                raise InputError("sensor", f"s is missing: the arc length on the {where.label}")
+            length = numbers("sensor", "s", s)
+            if length.shape != ():
+                raise InputError("sensor", f"s has shape {length.shape}, expected a number")
+            self.beam = where
+            self._elements, self._xi = where.along(length[None], part)
+        elif isinstance(where, Place):
+            if s is not None or part is not None:
+                raise InputError("sensor", f"s = {s!r} is for beams, not for the {where.label}")
+            self.place = where
+        else:
+            raise InputError("sensor", f"where = {where!r}, expected a Place or a Beam")
+
+    def items(self) -> list[Item]:
+        if self.beam is not None:
+            return [self.beam]
+        assert self.place is not None
+        return [] if self.place.item is None else [self.place.item]
+
+    def positions(self, system: System, window: Window) -> Floats:
+        if self.beam is not None:
+            return self.section(system, window).position[:, 0]
+        assert self.place is not None
+        return _place_positions(system, self.place, all_rows(system, window.q, window.t))
+
+    def section(self, system: System, window: Window) -> SectionValues:
+        assert self.beam is not None
+        return evaluate(system, self.beam, window.q, self._elements, self._xi)
+
+
+def _place_positions(system: System, place: Place, rows: Floats) -> Floats:
+    """Where a place is (k, 3), for all rows (k, total, 3)."""
+    terms = system.kinematics.spot_terms(system.spot(place))
+    return np.asarray(sum(c * rows[:, a] for a, c in terms))
+
+
+class SensorBank:
+    """All sensors of a run: collects states and writes what the sensors see, window by window.
+
+    Parameters
+    ----------
+    sensors : mapping of str to Sensor
+    system : System
+    stepper : Stepper
+    writer : HistoryWriter
+
+    Raises
+    ------
+    InputError
+        If a name is empty or has a slash, something is no sensor, or its item is not in the system.
+    """
+
+    def __init__(
+        self, sensors: Mapping[str, Sensor], system: System, stepper: Stepper, writer: HistoryWriter
+    ) -> None:
+        self.sensors, self.system, self.writer = sensors, system, writer
+        self._weight, self._h = stepper.integrator.constraint_weight, stepper.h
+        self._forces = any(sensor.forces for sensor in sensors.values())
+        self._states: list[State] = []
+        self._steps: list[tuple[float, Floats, Floats]] = []
+
+    def begin(self, state: State) -> None:
+        """The state a run starts from."""
+        if self.sensors:
+            self._states.append(state)
+
+    def take(self, start: State, report: StepReport) -> None:
+        """A step is done."""
+        if not self.sensors:
+            return
+        self._states.append(report.state)
+        if self._forces:
+            point = start.time + self._weight * self._h
+            self._steps.append((point, report.constraint_point, report.constraint_force))
+        if len(self._states) >= BLOCK:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what has been collected."""
+        if not self._states and not self._steps:
+            return
+        system = self.system
+        window = Window(
+            np.array([state.time for state in self._states]),
+            np.array([state.q for state in self._states]).reshape(-1, system.n),
+            np.array([t for t, _, _ in self._steps]),
+            np.array([y for _, y, _ in self._steps]).reshape(-1, system.total, 3),
+            np.array([f for _, _, f in self._steps]).reshape(-1, system.n),
+        )
+        arrays = {}
+        for name, sensor in self.sensors.items():
+            arrays[f"{name}/t"] = window.step_t if sensor.forces else window.t
+            arrays[f"{name}/x"] = sensor.values(system, window)
+        self._states.clear()
+        self._steps.clear()
+        self.writer.sense(arrays)
+
+
+def checked_sensors(sensors: Mapping[str, Sensor] | None, system: System) -> dict[str, Sensor]:
+    """Sensors by name, of items of this system."""
+    item = "argument sensors"
+    if sensors is None:
+        return {}
+    if not isinstance(sensors, Mapping):
+        raise InputError(item, f"{sensors!r}, expected a dict of names and sensors")
+    known = {id(each) for each in (*system.structures, *system.joints)}
+    for name, sensor in sensors.items():
+        if not isinstance(name, str) or not name or "/" in name:
+            raise InputError(item, f"{name!r}, expected a name without slashes")
+        if not isinstance(sensor, Sensor):
+            raise InputError(item, f"{name!r} is {sensor!r}, expected a sensor")
+        for each in sensor.items():
+            if id(each) not in known:
+                raise InputError(item, f"the {each.label} of {name!r} is not in this system")
+    return dict(sensors)
