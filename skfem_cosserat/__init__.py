@@ -17,6 +17,7 @@ from .errors import (
     JobError,
     MeshError,
 )
+from .foundation import Foundation
 from .frames import Motion, Place, ground, triad
 from .history import History, spectrum
 from .integrators import EnergyMomentum, State, Stepper, Variational
@@ -37,8 +38,10 @@ from .mesh import MeshCurve, read_mesh, write_mesh
 from .modal import Buckling, Modes, buckling, modes
 from .model import Model, System
 from .model.balance import Spin
+from .motion import MotionShake, MotionTurn
 from .newton import NewtonSettings
 from .parallel import Job, Outcome, Processes, run_all
+from .ramp import Harmonic, RampLinear, RampSmooth
 from .section import Material, Section, SectionCircle, SectionRectangle, SectionTube
 from .simulate import (
     SensorAcceleration,
@@ -76,7 +79,9 @@ __all__ = [
     "DisplacementControl",
     "Diverged",
     "EnergyMomentum",
+    "Foundation",
     "FunctionOfTime",
+    "Harmonic",
     "History",
     "HistoryError",
     "IncompatibleError",
@@ -109,6 +114,8 @@ __all__ = [
     "Model",
     "Modes",
     "Motion",
+    "MotionShake",
+    "MotionTurn",
     "Multipliers",
     "NewtonSettings",
     "NullSpace",
@@ -116,6 +123,8 @@ __all__ = [
     "Place",
     "Processes",
     "Projection",
+    "RampLinear",
+    "RampSmooth",
     "RayleighDamping",
     "RigidBody",
     "Section",

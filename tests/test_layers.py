@@ -25,7 +25,10 @@ LAYERS = (
     ("errors", "types", "log", "version"),
     ("mesh", "element", "basis", "assembly"),
     ("section", "strain", "kernels"),
-    ("frames", "relative", "beam", "body", "joint", "load", "coupling", "damping", "drive"),
+    (
+        *("frames", "relative", "beam", "body", "joint", "load", "coupling", "damping", "drive"),
+        *("foundation", "motion", "ramp"),
+    ),
     ("model",),
     ("compiled", "linear", "newton"),
     ("constraints",),

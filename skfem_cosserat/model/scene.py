@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
 from ..beam import Beam
@@ -11,6 +11,7 @@ from ..coupling import Coupling
 from ..damping import RayleighDamping
 from ..drive import JointDrive
 from ..errors import InputError
+from ..foundation import Foundation
 from ..frames import Item
 from ..joint import Joint
 from ..load import Load
@@ -22,7 +23,7 @@ ItemT = TypeVar("ItemT", bound=Item)
 
 
 class Model:
-    """A scene of beams, bodies, mass points, joints, drives, loads, force elements and damping.
+    """A scene: beams, bodies, mass points; joints, drives; loads, force elements, damping.
 
     Add items with names, then :meth:`freeze` to arrays. Numbering follows the order of adding.
 
@@ -69,12 +70,20 @@ class Model:
             )
         if not isinstance(
             item,
-            Beam | RigidBody | MassPoint | Joint | JointDrive | Load | Coupling | RayleighDamping,
+            Beam
+            | RigidBody
+            | MassPoint
+            | Joint
+            | JointDrive
+            | Load
+            | Coupling
+            | Foundation
+            | RayleighDamping,
         ):
             raise InputError(
                 f"model, item {name!r}",
                 f"is {type(item).__name__}, expected a beam, body, mass point, joint, drive,"
-                " load, force element or damping",
+                " load, force element, foundation or damping",
             )
         if item.name is not None:
             raise InputError(f"model, item {name!r}", f"is already in a model as {item.name!r}")
@@ -134,6 +143,17 @@ class Model:
             [i for i in items if isinstance(i, Joint)],
             [i for i in items if isinstance(i, Load)],
             drives,
-            [i for i in items if isinstance(i, Coupling)],
+            _couplings(items),
             [i for i in items if isinstance(i, RayleighDamping)],
         )
+
+
+def _couplings(items: Sequence[Item]) -> list[Coupling]:
+    """Force elements, those of foundations included."""
+    out: list[Coupling] = []
+    for item in items:
+        if isinstance(item, Coupling):
+            out.append(item)
+        elif isinstance(item, Foundation):
+            out += item.supports()
+    return out
