@@ -1,4 +1,4 @@
-"""Print the table: ``python examples/benchmarks/collection [--full] [--json FILE] [ID ...]``."""
+"""Print the table: ``python examples/benchmarks/collection [--full] [--out FOLDER] [ID ...]``."""
 
 from __future__ import annotations
 
@@ -20,10 +20,14 @@ def main() -> None:
     parser.add_argument("ids", nargs="*", help="families, such as S03; default: all")
     parser.add_argument("--full", action="store_true", help="all cases, the long ones as well")
     parser.add_argument("--json", type=Path, help="file for the rows, a list")
+    parser.add_argument("--out", type=Path, help="folder for the table, collection.csv")
     arguments = parser.parse_args()
     rows = collection.run(arguments.ids or None, quick=not arguments.full)
     if arguments.json:
         arguments.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    if arguments.out:
+        result = {"rows": rows, **measuring.environment()}
+        measuring.write(arguments.out / "collection.csv", result, collection.COLUMNS)
     print(measuring.table(rows, collection.COLUMNS))
 
 
