@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import copy
 import logging
 import math
@@ -81,6 +82,20 @@ class TwoArgumentsError(Exception):
 
 class NotedError(Exception):
     """Keeps what it was given."""
+
+
+class SilentError(Exception):
+    """Its text cannot be had."""
+
+    def __str__(self):
+        raise RuntimeError("no text")
+
+
+class ReducedError(Exception):
+    """Pickles to something else."""
+
+    def __reduce__(self):
+        return dict, ()
 
 
 def raising(kind, *args):
@@ -348,6 +363,24 @@ def test_what_cannot_travel_back_is_an_outcome(name, request):
     assert good.value == 2.0
 
 
+def test_errors_that_are_no_exceptions_are_outcomes(executor):
+    """They broke threads, with all other outcomes, and ended workers for want of a main guard."""
+    jobs = [
+        sc.Job("cancelled", raising, asyncio.CancelledError, "by hand"),
+        sc.Job("silent", raising, SilentError),
+        sc.Job("other kind", raising, ReducedError),
+        sc.Job("good", math.sqrt, 4.0),
+    ]
+    cancelled, silent, other, good = sc.run_all(jobs, executor)
+    assert "job 'cancelled': it raised CancelledError: by hand" in str(cancelled.error)
+    assert "in raising" in cancelled.traceback
+    assert type(silent.error) is SilentError
+    assert "SilentError: (it has no text)" in repr(silent)
+    if executor is not None:
+        assert "which cannot be read back: its pickled form gives {}" in str(other.error)
+    assert good.value == 2.0
+
+
 # -- workers that end ------------------------------------------------------------------------------
 
 
@@ -526,6 +559,7 @@ def test_ready_objects_and_module_functions_travel(processes):
         (lambda: sc.run_all([math.sqrt]), "expected a Job"),
         (lambda: sc.run_all([sc.Job("a", id), sc.Job("a", id)]), "two jobs are called 'a'"),
         (lambda: sc.run_all([], executor=2), "argument executor: 2"),
+        (lambda: sc.run_all([], executor=sc.Processes), "argument executor: <class"),
         (lambda: sc.run_all([], progress=2), "argument progress: 2"),
         (lambda: sc.Processes(0), "argument workers: 0"),
         (lambda: sc.Processes(1, threads=-1), "argument threads: -1"),
@@ -652,6 +686,32 @@ class Losing:
 def test_an_executor_that_fails_is_an_outcome():
     (outcome,) = sc.run_all([sc.Job("a", math.sqrt, 4.0)], Losing())
     assert "job 'a': the executor gave no answer: ConnectionError: gone" in str(outcome.error)
+
+
+class Closing:
+    """An executor that is closed after the first job."""
+
+    def __init__(self):
+        self.taken = 0
+
+    def submit(self, function, *args):
+        self.taken += 1
+        if self.taken > 1:
+            raise RuntimeError("cannot schedule new futures after shutdown")
+        future = Future()
+        future.set_result(function(*args))
+        return future
+
+
+def test_an_executor_that_is_closed_loses_no_outcome():
+    """Its error went through, and what had been done was lost."""
+    jobs = [sc.Job(f"{x}", math.sqrt, x) for x in (4.0, 9.0, 16.0)]
+    done, *left = sc.run_all(jobs, Closing())
+    assert done.value == 2.0
+    assert all(type(each.error) is sc.JobError for each in left)
+    assert "job '9.0': the executor gave no answer: RuntimeError: cannot schedule" in str(
+        left[0].error
+    )
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 from ..errors import InputError, JobError
 
-__all__ = ["Answer", "Caught", "Job", "Outcome", "call", "done_here", "pack", "read", "run_packed"]
+__all__ = ["Answer", "Caught", "Job", "Outcome", "call", "done_here", "in_words", "pack", "read"]
+__all__ += ["run_packed"]
 
 
 class Job:
@@ -68,8 +69,8 @@ class Outcome:
         What its function gave; None if it failed.
     error : Exception or None
         What it raised, with its attributes (``Diverged`` with ``history``, ``residuals``, ...), or
-        a :class:`JobError` if its worker ended, it called ``sys.exit``, it was cancelled, or
-        something could not travel.
+        a :class:`JobError` if its worker ended, it called ``sys.exit`` or raised what is no
+        ``Exception``, it was cancelled, or something could not travel.
     seconds : float
         How long its function ran (s); NaN if that is not known.
     traceback : str
@@ -104,17 +105,18 @@ class Outcome:
     def __repr__(self) -> str:
         if self.error is None:
             return f"<Outcome {self.name!r}: {type(self.value).__name__} in {self.seconds:.3g} s>"
-        return f"<Outcome {self.name!r}: {type(self.error).__name__}: {self.error}>"
+        return f"<Outcome {self.name!r}: {in_words(self.error)}>"
 
 
 class Caught:
     """A context that keeps what a job raises: its error is its outcome, and not ours.
 
-    Ctrl-C goes through; a job that calls ``sys.exit`` has failed, but ends nobody else.
+    Ctrl-C goes through; a job that calls ``sys.exit`` has failed, but ends nobody else, and so has
+    one with an error that is no ``Exception``, as asyncio's for what was cancelled.
     """
 
     def __init__(self) -> None:
-        self.error: Exception | SystemExit | None = None
+        self.error: BaseException | None = None
 
     def __enter__(self) -> Caught:
         return self
@@ -125,7 +127,7 @@ class Caught:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> bool:
-        if not isinstance(error, Exception | SystemExit):
+        if error is None or isinstance(error, KeyboardInterrupt):
             return False
         self.error = error
         return True
@@ -151,6 +153,8 @@ def call(
     text = "" if error is None else _text(error)
     if isinstance(error, SystemExit):
         error = JobError(name, f"it called sys.exit({error.code!r})")
+    elif error is not None and not isinstance(error, Exception):
+        error = JobError(name, f"it raised {in_words(error)}")
     return _Call(value, error, seconds, text)
 
 
@@ -189,7 +193,7 @@ def run_packed(packed: bytes) -> Answer:
         name, function, args, kwargs = pickle.loads(packed)
     if reading.error is not None:
         what = (
-            f"it cannot be read in the worker process ({_in_words(reading.error)}): what it refers"
+            f"it cannot be read in the worker process ({in_words(reading.error)}): what it refers"
             " to must be importable there"
         )
         return Answer(True, b"", what, float("nan"), _text(reading.error))
@@ -198,10 +202,10 @@ def run_packed(packed: bytes) -> Answer:
     with sending:
         data = pickle.dumps(value if error is None else error, pickle.HIGHEST_PROTOCOL)
     if error is not None:
-        return Answer(True, data, f"it raised {_in_words(error)}", seconds, text)
+        return Answer(True, data, f"it raised {in_words(error)}", seconds, text)
     what = f"its value, of type {type(value).__name__}"
     if sending.error is not None:
-        what += f", cannot travel between processes: {_in_words(sending.error)}"
+        what += f", cannot travel between processes: {in_words(sending.error)}"
         return Answer(True, b"", what, seconds, _text(sending.error))
     return Answer(False, data, what, seconds, "")
 
@@ -214,18 +218,25 @@ def read(name: str, answer: Answer) -> Outcome:
     content, reading = None, Caught()
     with reading:
         content = pickle.loads(answer.data)
-    if reading.error is not None or (answer.failed and not isinstance(content, Exception)):
-        error = JobError(
-            name, f"{answer.what}, which cannot be read back: {_in_words(reading.error)}"
-        )
+    wrong = None
+    if reading.error is not None:
+        wrong = in_words(reading.error)
+    elif answer.failed and not isinstance(content, Exception):
+        wrong = f"its pickled form gives {content!r}"
+    if wrong is not None:
+        error = JobError(name, f"{answer.what}, which cannot be read back: {wrong}")
         return Outcome(name, None, error, answer.seconds, answer.traceback)
     if answer.failed:
         return Outcome(name, None, content, answer.seconds, answer.traceback)
     return Outcome(name, content, None, answer.seconds)
 
 
-def _in_words(error: BaseException | None) -> str:
-    return f"{type(error).__name__}: {error}"
+def in_words(error: BaseException) -> str:
+    """Kind and text of an error, whatever its text does."""
+    text, asking = "(it has no text)", Caught()
+    with asking:
+        text = str(error)
+    return f"{type(error).__name__}: {text}".rstrip(": ")
 
 
 def _text(error: BaseException) -> str:

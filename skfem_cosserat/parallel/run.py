@@ -11,7 +11,7 @@ from ..log import logger
 from ..simulate.interrupt import Interrupt
 from ..simulate.progress import Progress
 from .checks import refusal
-from .jobs import Caught, Job, Outcome, done_here, pack, read, run_packed
+from .jobs import Caught, Job, Outcome, done_here, in_words, pack, read, run_packed
 from .processes import WorkerEndedError
 
 __all__ = ["Executor", "run_all"]
@@ -104,7 +104,7 @@ def run_all(
     [11, 11, 11]
     """
     jobs = _checked(jobs)
-    if executor is not None and not isinstance(executor, Executor):
+    if isinstance(executor, type) or not isinstance(executor, Executor | None):
         raise InputError(
             "argument executor",
             f"{executor!r}, expected None or an object with submit(), such as Processes(2)",
@@ -186,7 +186,7 @@ def _run_there(
             for number, data in enumerate(packed):
                 try:
                     futures[number] = executor.submit(run_packed, data)
-                except BrokenExecutor as error:  # by a job before this one
+                except (RuntimeError, OSError) as error:  # broken by a job before, or closed
                     keep(number, _lost(jobs[number], error))
             _collect(jobs, futures, keep)
         except KeyboardInterrupt:
@@ -233,7 +233,7 @@ def _lost(job: Job, error: BaseException | None) -> Outcome:
     elif isinstance(error, CancelledError):
         what = CANCELLED
     else:
-        what = f"the executor gave no answer: {type(error).__name__}: {error}".rstrip(": ")
+        what = "the executor gave no answer" + (f": {in_words(error)}" if error else "")
     lost = JobError(job.name, what)
     lost.__cause__ = error
     return Outcome(job.name, error=lost)
