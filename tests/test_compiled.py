@@ -335,6 +335,21 @@ def test_restart(integrator, tmp_path):
     assert rest["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-11)
 
 
+@pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=lambda t: t.name)
+@integrators
+def test_the_iteration_matrix_is_that_of_the_plain_kernels(integrator, treatment):
+    """It was asked of a treatment that compiled steps had left behind: an AttributeError."""
+    system = tree(1)
+    state, found = moving(system), []
+    for kernels in ("numpy", "numba"):
+        stepper = Stepper(system, INTEGRATORS[integrator], treatment, 1e-3, kernels=kernels)
+        later = stepper.advance(stepper.advance(state).state).state
+        matrix, report = stepper.iteration_matrix(later)
+        found.append((matrix, report.state.q, stepper.advance(report.state).state.q))
+    for plain, compiled in zip(*found, strict=True):
+        assert compiled == pytest.approx(plain, rel=1e-9, abs=1e-10 * abs(plain).max())
+
+
 # -- which kernels ---------------------------------------------------------------------------------
 
 

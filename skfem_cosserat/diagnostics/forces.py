@@ -256,5 +256,6 @@ def condition_number(
     >>> f"{condition_number(*case):.1f}", f"{condition_number(*case, scaled=False):.1e}"
     ('2.6', '4.0e+09')
     """
-    matrix, _ = Stepper(system, integrator, treatment, step).iteration_matrix(state, scaled)
+    stepper = Stepper(system, integrator, treatment, step, kernels="numpy")  # for one step
+    matrix, _ = stepper.iteration_matrix(state, scaled)
     return float(np.linalg.cond(matrix))

@@ -165,7 +165,6 @@ class Stepper:
         How many are intended, to judge whether compiling pays.
     solver : Solver, optional
         See :func:`skfem_cosserat.simulate`.
-
     announce : callable, optional
         Called with a text before compiling.
 
@@ -381,7 +380,11 @@ class Stepper:
         scaled : bool
             The matrix actually factorised; False: without the scaling of multipliers.
         """
-        report = self.advance(state)
+        fast, self._fast = self._fast, None  # the treatment has to be at the solution
+        try:
+            report = self.advance(state)
+        finally:
+            self._fast = fast
         step = self.integrator.begin(self.system, state, self.h)
         bound = self.bound
         problem = _Problem(self, step)
