@@ -389,6 +389,40 @@ def test_without_numba(monkeypatch, caplog):
     assert not caplog.records
 
 
+@pytest.mark.parametrize(
+    ("code", "variables", "why"),
+    [
+        ("raise ImportError('numba needs an older numpy')", {}, "numba cannot be imported: numba "),
+        (None, {"NUMBA_DISABLE_JIT": "1"}, "numba does not compile: NUMBA_DISABLE_JIT is set"),
+    ],
+    ids=["broken", "switched off"],
+)
+def test_a_numba_that_does_not_work(code, variables, why, tmp_path):
+    """Long runs, which did not ask for it, ended with its ImportError or a RecursionError."""
+    if code is not None:
+        (tmp_path / "numba.py").write_text(code)
+    script = (
+        "import sys; sys.path.insert(0, sys.argv[1]); sys.path.insert(1, sys.argv[2])\n"
+        "import logging; logging.basicConfig(format='%(levelname)s %(message)s')\n"
+        "import skfem_cosserat as sc\n"
+        "from skfem_cosserat.integrators import choice\n"
+        "model = sc.Model(); model.add('a', sc.MassPoint(1.0)); system = model.freeze()\n"
+        "run = sc.EnergyMomentum(), sc.NullSpace(), 1e-3\n"
+        "stepper = sc.Stepper(system, *run, steps=10**9)\n"
+        "print(stepper.choice.name, stepper.choice.why)\n"
+        "try: sc.Stepper(system, *run, kernels='numba')\n"
+        "except (ImportError, sc.InputError) as error: print(type(error).__name__, error)\n"
+    )
+    command = [sys.executable, "-c", script, str(tmp_path), str(Path(__file__).parents[1])]
+    environment = {**os.environ, **variables}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    chosen, error = done.stdout.splitlines()
+    assert chosen.startswith(f"numpy {why}")
+    assert error.startswith("ImportError" if code else "InputError") and why in error
+    assert ("skfem-cosserat[fast]" in error) == (code is not None)
+    assert done.stderr.count("WARNING") == 1 and why in done.stderr
+
+
 def test_what_is_not_compiled_is_refused_or_runs_plain():
     model = sc.Model()
     a = model.add("a", sc.MassPoint(1.0))

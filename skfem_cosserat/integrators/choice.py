@@ -28,6 +28,7 @@ LEAVES = (
     "there are no compiled kernels for multipliers where elimination fills in or leaves something"
     " to a solver that is asked for"
 )
+SWITCHED_OFF = "numba does not compile: NUMBA_DISABLE_JIT is set"
 #: number of steps taken for granted where none is given
 STEPS = 1000
 
@@ -91,18 +92,21 @@ def choose(
     InputError
         If it is none of these, or compiled kernels are asked for where there are none.
     ImportError
-        If they are asked for and numba is not installed.
+        If they are asked for and numba is not installed or cannot be imported.
     """
     if kernels not in ("auto", "numpy", "numba"):
         raise InputError("argument kernels", f"{kernels!r}, expected 'auto', 'numpy' or 'numba'")
     if kernels == "numpy":
         return Choice("numpy", "asked for")
-    installed = find_spec("numba") is not None
     if kernels == "numba":
         if refused:
             raise InputError("argument kernels", f"'numba': {refused}")
-        if not installed:
-            raise ImportError("kernels='numba' needs numba: pip install 'skfem-cosserat[fast]'")
+        hindrance = _hindrance()
+        if hindrance == SWITCHED_OFF:
+            raise InputError("argument kernels", f"'numba': {hindrance}")
+        if hindrance:
+            needs = "kernels='numba' needs numba: pip install 'skfem-cosserat[fast]'"
+            raise ImportError(f"{needs} ({hindrance})")
         plan = _plan(system, solver, multipliers)
         if plan is None:
             raise InputError("argument kernels", f"'numba': {LEAVES}")
@@ -111,17 +115,29 @@ def choose(
         return Choice("numpy", refused)
     if seconds < WORTHWHILE:
         return Choice("numpy", f"about {seconds:.2g} s of work, compiling would take longer")
-    if not installed:
+    hindrance = _hindrance()
+    if hindrance:
         logger.warning(
             "about %.0f s of work with numpy: with numba (pip install 'skfem-cosserat[fast]') some"
-            " %d times faster",
-            *(seconds, FACTOR),
+            " %d times faster; %s",
+            *(seconds, FACTOR, hindrance),
         )
-        return Choice("numpy", "numba is not installed")
+        return Choice("numpy", hindrance)
     plan = _plan(system, solver, multipliers)
     if plan is None:
         return Choice("numpy", LEAVES)
     return Choice("numba", f"about {seconds:.2g} s of work with numpy", plan)
+
+
+def _hindrance() -> str | None:
+    """Why nothing can be compiled here, whatever the scene; None: numba is there and works."""
+    if find_spec("numba") is None:
+        return "numba is not installed"
+    try:
+        from numba import config
+    except (ImportError, OSError) as error:  # one that does not go with this numpy, say
+        return f"numba cannot be imported: {error}"
+    return SWITCHED_OFF if config.DISABLE_JIT else None
 
 
 def _plan(system: System, solver: Solver | None, multipliers: bool) -> Plan | None:
