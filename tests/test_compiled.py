@@ -6,6 +6,9 @@ import logging
 import os
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -373,6 +376,30 @@ def test_compiling_is_said_when_progress_is_on(capsys):
     for on in (True, False):
         sc.simulate(*(system, *pair, 1e-2, 0.02), kernels="numba", derive=False, progress=on)
         assert ("kernels are compiled" in capsys.readouterr().err) == on
+
+
+def test_threads_compile_one_after_the_other(monkeypatch):
+    """Each started a helper process on an empty cache, and all compiled the same."""
+    from skfem_cosserat.compiled import bind
+
+    inside, most = [], []
+
+    @contextmanager
+    def compiling(*arguments, **options):
+        inside.append(None)
+        most.append(len(inside))
+        time.sleep(0.05)
+        yield
+        inside.pop()
+
+    monkeypatch.setattr(bind, "compiling", compiling)
+    system, settings = tree(1), sc.NewtonSettings()
+    with ThreadPoolExecutor(3) as threads:
+        made = [
+            threads.submit(CompiledStep, system, sc.EnergyMomentum(), 1e-3, settings)
+            for _ in range(3)
+        ]
+    assert [each.result().method for each in made] == ["blocks"] * 3 and most == [1, 1, 1]
 
 
 def test_without_numba(monkeypatch, caplog):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from types import SimpleNamespace
 from typing import Any
 
@@ -38,6 +39,8 @@ __all__ = [
 ]
 
 
+#: threads compile one after the other: the second finds all there, and starts no helper of its own
+_COMPILING = threading.Lock()
 #: addresses of the parts; what is constant, the elimination, what changes, and beams
 Bound = tuple[IndexArray, Any, Any, Any, Any]
 
@@ -167,7 +170,7 @@ class CompiledScene:
 
         system, groups = self.system, self.system.beam_groups
         parts = bind.parts_of(system, weight, ends, static)
-        with bind.compiling(system, parts):
+        with _COMPILING, bind.compiling(system, parts):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
             w, self._arrays = bind.bound_work(system, self.plan)
@@ -365,7 +368,7 @@ class CompiledMultipliers(CompiledStep):
 
         system, groups = self.system, self.system.beam_groups
         parts = bind_kkt.parts_of(system, ends)
-        with bind.compiling(system, parts, multipliers=True):
+        with _COMPILING, bind.compiling(system, parts, multipliers=True):
             s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self._h)
             m, _ = bind_kkt.bound_elimination(system, self.plan)
             w, self._arrays = bind_kkt.bound_steps(system, self.plan)
