@@ -88,6 +88,7 @@ def test_step_cost(step_cost, tmp_path):
     assert "versions" in result["provenance"]
     text = (tmp_path / "step_cost.csv").read_text(encoding="utf-8").splitlines()
     assert text[0].startswith("# versions") and len(text) > len(rows)
+    assert "numba" in text[0] and "kernels" not in result["provenance"]  # the rows say which
     assert "ms/step" in step_cost.report(result)
 
 
@@ -100,6 +101,13 @@ def test_a_missed_figure_is_told(step_cost):
     found = step_cost.missed({"exponents": step_cost.exponents(rows)})
     assert len(found) == 1 and "exponent 1.200" in found[0]
     assert not step_cost.missed({"exponents": step_cost.exponents(rows[:1])})
+
+
+def test_figures_that_nothing_was_measured_for_are_missed(step_cost):
+    """Without numba all was well."""
+    rows = [dict.fromkeys(step_cost.COLUMNS, 0) | {"scene": "chain", "kernels": "numpy"}]
+    (found,) = step_cost.missed({"exponents": {}, "rows": rows})
+    assert "not measured" in found
 
 
 def test_figures_of_the_swing(step_cost):
@@ -129,7 +137,7 @@ def test_step_cost_command(tmp_path):
 
 def test_command_writes_rows_and_tells_what_is_missed(versus_peers, tmp_path, capsys):
     measuring = versus_peers.measuring
-    rows = [{"n": 1, "ms": 2.0}, {"n": 2, "ms": None}]
+    rows = [{"n": 1, "ms": 2.0}, {"n": 2, "ms": None}, {"n": 3, "ms": float("nan")}]
 
     def main(quick, out=None, environments=None):
         assert quick and out is None and environments == "somewhere"
@@ -142,7 +150,8 @@ def test_command_writes_rows_and_tells_what_is_missed(versus_peers, tmp_path, ca
 
     target = tmp_path / "rows.json"
     assert run("--check", "--json", str(target), wrong=[]) == 0
-    assert json.loads(target.read_text()) == rows
+    written = [*rows[:2], {"n": 3, "ms": None}]  # there is no NaN in JSON
+    assert json.loads(target.read_text()) == written
     assert "no figure is missed" in capsys.readouterr().out
     assert run("--check", wrong=["too slow"]) == 1
     assert run(wrong=["too slow"]) == 0
@@ -358,7 +367,8 @@ def test_cold_start(cold_start, tmp_path):
     (row,) = result["rows"]
     assert row["measure"] == "import" and row["limit"] == 1.0
     assert 0.01 < row["seconds"] < 10
-    assert row["compiled"] == row["new_files"] == 0 and not row["numba_imported"]
+    assert row["compiled"] is None  # nobody looked
+    assert row["new_files"] == 0 and not row["numba_imported"]
     assert (tmp_path / "cold_start.csv").exists()
     assert "import" in cold_start.report(result)
 
@@ -404,6 +414,7 @@ def test_memory(memory, tmp_path):
     rows = result["rows"]
     assert [row["measure"] for row in rows if row["steps"] == 2] == ["mesh"]
     assert {row["measure"] for row in rows} == {"mesh", "steps", "streamed"}
+    assert {row["kernels"] for row in rows} == {"numpy"}  # what ran, not what was asked for
     assert all(row["steps"] == 20 for row in rows[1:])
     assert all(row["megabytes"] > 20 for row in rows[1:])
     assert set(result["growth"]) == {"steps", "streamed"}

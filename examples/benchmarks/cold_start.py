@@ -104,7 +104,7 @@ def imports(repeats: int) -> list[dict[str, Any]]:
         row = {"measure": "import", **medians(runs)}
         files = len(contents(cache))
     imported = full["numba_imported"]
-    return [row | {"compiled": 0, "new_files": files, "numba_imported": imported}]
+    return [row | {"compiled": None, "new_files": files, "numba_imported": imported}]
 
 
 def medians(runs: Sequence[dict[str, Any]]) -> dict[str, float]:

@@ -229,8 +229,10 @@ def report(result: dict[str, Any]) -> str:
             f" {r['ms_fastest']:8.2f} {r['ms_uncondensed']:8.2f} {r['ratio_fastest']:6.2f}"
             f" {r['ratio_uncondensed']:5.2f}"
         )
+    wanted = [title(*each) for each in FULL]
     for name, ratios in result["figures"].items():
-        lines += [f"{name}: {kind} {value:.3f}" for kind, value in ratios.items()]
+        note = "" if name in wanted else " (no figure is about this lattice)"
+        lines += [f"{name}: {kind} {value:.3f}{note}" for kind, value in ratios.items()]
     return "\n".join(lines)
 
 

@@ -17,6 +17,8 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
+from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -100,8 +102,15 @@ def yardstick() -> float:
 
 
 def environment() -> dict[str, Any]:
-    """Where the numbers of this run come from, and how fast it is there."""
-    return {"dgemm_gflops": yardstick(), "provenance": paper_record.main()}
+    """Where the numbers of this run come from, and how fast it is there.
+
+    Which kernels ran is in the rows.
+    """
+    found = paper_record.main()
+    del found["kernels"]
+    if find_spec("numba") is not None:
+        found["versions"] |= {name: version(name) for name in ("numba", "llvmlite")}
+    return {"dgemm_gflops": yardstick(), "provenance": found}
 
 
 def write(path: Path, result: dict[str, Any], columns: Sequence[str]) -> None:
@@ -131,6 +140,11 @@ def _text(value: Any) -> str:
     if value is None:
         return "-"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _plain(value: Any) -> Any:
+    """As JSON has it: there is no NaN."""
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def command(
@@ -172,7 +186,8 @@ def command(
     print(report(result))
     print(f"dgemm {result['dgemm_gflops']:.1f} GF/s")
     if chosen.json:
-        Path(chosen.json).write_text(json.dumps(result["rows"]), encoding="utf-8")
+        rows = [{k: _plain(value) for k, value in row.items()} for row in result["rows"]]
+        Path(chosen.json).write_text(json.dumps(rows, allow_nan=False), encoding="utf-8")
     wrong = missed(result)
     print("\n".join(wrong) if wrong else "no figure is missed")
     return 1 if chosen.check and wrong else 0

@@ -2,8 +2,8 @@
 
 *mesh*: how much more memory a fresh process needs at its peak (resident set) for model, stepper and
 two steps of the rod on a hinge, the code being loaded. *steps*: resident set of the three-bar swing
-(energy-momentum, null space, h = 1e-2 s) after more and more steps of ``steps()``; *streamed*: the
-same of ``simulate(path=..., every=1000)``, whose history goes to a file.
+(energy-momentum, null space, h = 1e-2 s) after more and more steps of a ``Stepper``; *streamed*:
+the same of ``simulate(path=..., every=1000)``, whose history goes to a file.
 
 Run ``python examples/benchmarks/memory.py --help`` for the choices.
 """
@@ -87,7 +87,7 @@ def _two_steps(elements: int, kernels: str) -> None:
     measuring.advance(Stepper(system, *own, kernels=kernels), sc.initial_state(system), 2)
 
 
-def alone(*arguments: Any) -> list[Any]:
+def alone(*arguments: Any) -> Any:
     """What this file answers in a fresh process."""
     command = [sys.executable, str(Path(__file__).resolve()), "--alone", json.dumps(arguments)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -106,19 +106,20 @@ def instants(steps: int) -> list[int]:
     return sorted({int(k) for k in (*even, *powers) if k >= min(SETTLED, steps)})
 
 
-def after_steps(steps: int) -> list[tuple[int, float]]:
-    """Memory of the swing at some numbers of steps."""
+def after_steps(steps: int) -> tuple[str, list[tuple[int, float]]]:
+    """Kernels that ran, and memory of the swing at some numbers of steps."""
     when, found = set(instants(steps)), []
-    own = sc.EnergyMomentum(), sc.NullSpace(), STEP
-    for k, _ in enumerate(sc.steps(three_bar_swing.build(), *own, kernels=kernels_for(steps)), 1):
+    system, own = three_bar_swing.build(), (sc.EnergyMomentum(), sc.NullSpace(), STEP)
+    stepper = Stepper(system, *own, kernels=kernels_for(steps), steps=steps)
+    state = sc.initial_state(system)
+    for k in range(1, steps + 1):
+        state = stepper.advance(state).state
         if k in when:
             found.append((k, resident()))
-        if k == steps:
-            break
-    return found
+    return stepper.choice.name, found
 
 
-def streamed(steps: int) -> list[tuple[int, float]]:
+def streamed(steps: int) -> tuple[str, list[tuple[int, float]]]:
     """The same, with a history that is written to a file."""
     when, found = set(instants(steps)), []
 
@@ -129,10 +130,9 @@ def streamed(steps: int) -> list[tuple[int, float]]:
     own = sc.EnergyMomentum(), sc.NullSpace(), STEP, steps * STEP
     with TemporaryDirectory() as folder:
         path = Path(folder) / "swing.history"
-        sc.simulate(
-            three_bar_swing.build(), *own, path=path, every=1000, derive=False, callbacks=[look]
-        )
-    return found
+        options = {"every": 1000, "derive": False, "kernels": kernels_for(steps)}
+        history = sc.simulate(three_bar_swing.build(), *own, path=path, callbacks=[look], **options)
+    return history.meta["kernels"], found
 
 
 def main(
@@ -172,9 +172,9 @@ def main(
             rows.append({**row, "megabytes": megabytes, "kilobytes_per_element": per_element})
     growth = {}
     for measure in ("after_steps", "streamed") if count else ():
-        found = alone(measure, count)
+        ran, found = alone(measure, count)
         name = measure.removeprefix("after_")
-        row = {"measure": name, "kernels": kernels_for(count), "elements": 20}
+        row = {"measure": name, "kernels": ran, "elements": 20}
         rows += [{**row, "steps": k, "megabytes": megabytes} for k, megabytes in found]
         growth[name] = max(m for _, m in found) - found[0][1]
     result = {"rows": rows, "exponents": exponents(rows), "growth": growth}
