@@ -10,7 +10,7 @@ import numpy as np
 from .errors import InputError
 from .linear import SingularMatrixError
 from .log import logger
-from .types import Floats
+from .types import Floats, positive
 
 __all__ = ["NewtonProblem", "NewtonReport", "NewtonSettings", "converged", "newton"]
 
@@ -74,7 +74,7 @@ class NewtonSettings:
     Raises
     ------
     InputError
-        If a number is not positive and finite.
+        If a number is not positive and finite, or a number of iterations not whole.
 
     Examples
     --------
@@ -98,10 +98,14 @@ class NewtonSettings:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            endless = name in ("mixed", "largest")
-            least = value >= 0 if name == "reuse" else value > 0
-            if not ((np.isfinite(value) or endless) and least):
-                raise InputError("Newton settings", f"{name} = {value!r}, expected it positive")
+            if name in ("iterations", "damped_iterations", "reuse"):
+                least = 0 if name == "reuse" else 1
+                whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+                if not whole or value < least:
+                    text = f"{name} = {value!r}, expected an integer from {least} on"
+                    raise InputError("Newton settings", text)
+            elif name not in ("mixed", "largest") or not np.array_equal(value, np.inf):
+                positive("Newton settings", name, value)
 
 
 @dataclass

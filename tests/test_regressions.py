@@ -265,3 +265,20 @@ def test_swing_shorter_than_a_step():
     """It raised; the start is a state as well."""
     result = swing().main(until=1e-3)
     assert result["times"].tolist() == [0.0] and result["diverged_at"] is None
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"reuse": "four"}, {"reuse": None}, {"reuse": 2.5}, {"reuse": -1}, {"iterations": 2.5},
+        {"iterations": True}, {"iterations": 0}, {"settled": "small"}, {"settled": np.nan},
+        {"mixed": np.array([1.0, 2.0])}, {"rotation": np.inf},
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_newton_settings_of_a_wrong_kind(wrong):
+    """They gave a TypeError, or were taken."""
+    (name,) = wrong
+    with pytest.raises(sc.InputError, match=rf"Newton settings: {name} = "):
+        sc.NewtonSettings(**wrong)
+    assert sc.NewtonSettings(mixed=np.inf, largest=np.inf, reuse=np.int64(0)).reuse == 0
