@@ -460,6 +460,11 @@ def test_what_is_not_compiled_is_refused_or_runs_plain():
         sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, kernels="numba")
     run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-6, 2e-6)
     assert "springs" in run.meta["kernels_why"]
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.sphere(1.0, 0.1))
+    model.add("moment", sc.LoadMoment(body.at((0, 0, 0)), (1.0, 0, 0)))
+    why = "there are no compiled kernels for moments"  # this one does not follow the motion
+    assert refusal(model.freeze(), sc.EnergyMomentum(), sc.NullSpace()) == why
     with pytest.raises(sc.InputError, match="'fortran', expected"):
         sc.simulate(tree(1), sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, kernels="fortran")
 

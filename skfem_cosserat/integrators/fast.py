@@ -58,7 +58,8 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
             # whether motions agree around a loop is looked at in the general way only
             "closed loops in prescribed motion": looped and bool(system.moving),
             **_everywhere(system),
-            "loads that follow the motion": not system.loading.dead_only,
+            "forces that follow the motion": system.loading.follower_forces,
+            "moments": len(system.loading.moments.vertices) > 0,
             "damping": system.damped,
         },
     )
