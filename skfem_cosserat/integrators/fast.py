@@ -39,6 +39,8 @@ __all__ = [
 ]
 
 
+#: rotation in a step (rad) beyond which a step with closed loops is solved the general way
+FLIPPED = 3.0
 #: threads compile one after the other: the second finds all there, and starts no helper of its own
 _COMPILING = threading.Lock()
 #: addresses of the parts; what is constant, the elimination, what changes, and beams
@@ -300,12 +302,25 @@ class CompiledStep(CompiledScene):
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
         self._begin(state)
-        record = self._record
+        record, before = self._record, self.last if self.looped else None
         solved = self._step.solve(*self._all, record)
         self.factorisations += int(record[FACTORED])
         if self._rest is not None:
             self._rest.complain()
+        if solved and self.looped and self._flipped():
+            self.last, record[KEPT], self._a.mu[:] = before, 0.0, 0.0
+            return None
         return (int(record[ITERATIONS]), float(record[RESIDUAL])) if solved else None
+
+    def _flipped(self) -> bool:
+        """Whether a frame has turned by half a turn.
+
+        Its directors vanish halfway then, and with them what its joints ask for there: forces of
+        closed loops without bound solve such a step, which is none.
+        """
+        directors = self.system.kinematics.directors
+        traces = (directors(self._a.y0) * directors(self._a.y1)).sum(axis=(1, 2))
+        return bool((traces < 1 + 2 * np.cos(FLIPPED)).any())
 
     @property
     def y1(self) -> Floats:
