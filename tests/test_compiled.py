@@ -695,3 +695,29 @@ def test_the_cache_knows_all_sources():
         codegen = function.targetctx.codegen()
         assert jit.STAMP in cache._index_key(function.signatures[0], codegen)
         assert list(Path(cache.cache_path).glob("*.nbi"))
+
+
+@pytest.mark.slow
+def test_damaged_cache_is_made_anew(tmp_path):
+    """Cut files of the compile cache, as of a full disk or a killed process, cost time only."""
+    pytest.importorskip("numba")
+    code = """
+import skfem_cosserat as sc
+model = sc.Model()
+model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
+run = sc.Variational(), sc.NullSpace(), 0.1, 0.3
+print(sc.simulate(model.freeze(), *run, kernels="numba")["q"][-1])
+"""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", code]
+
+    def run():
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+
+    first = run().stdout
+    files = [path for path in tmp_path.rglob("*") if path.suffix in (".nbi", ".nbc")]
+    assert files
+    for path in files:
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    assert run().stdout == first
+    assert run().stdout == first

@@ -12,6 +12,7 @@ import hashlib
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, TypeVar, cast
 
 from llvmlite import ir
@@ -43,6 +44,14 @@ class _Cache(FunctionCache):
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         return (*super()._index_key(sig, codegen), STAMP)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Code from the disk; files that were cut short or damaged are made anew."""
+        try:
+            return super().load_overload(sig, target_context)
+        except (UnpicklingError, EOFError, ValueError, LookupError, AttributeError, TypeError):
+            self.flush()
+            return None
 
 
 def _compiled(function: Kernel, keep: bool, **options: bool) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -118,6 +118,9 @@ class History:
 
     def __contains__(self, name: object) -> bool:
         return name in self._series
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._series)
 
     def __getitem__(self, name: str) -> Array:
         """Series ``name`` of shape ``(N, ...)``.

@@ -94,7 +94,7 @@ def choose(
     ImportError
         If they are asked for and numba is not installed or cannot be imported.
     """
-    if kernels not in ("auto", "numpy", "numba"):
+    if not isinstance(kernels, str) or kernels not in ("auto", "numpy", "numba"):
         raise InputError("argument kernels", f"{kernels!r}, expected 'auto', 'numpy' or 'numba'")
     if kernels == "numpy":
         return Choice("numpy", "asked for")
