@@ -66,6 +66,7 @@ from .statics import (
     equilibrium,
     static,
 )
+from .study import Refinement, refine
 from .version import VERSION
 
 __all__ = [
@@ -126,6 +127,7 @@ __all__ = [
     "RampLinear",
     "RampSmooth",
     "RayleighDamping",
+    "Refinement",
     "RigidBody",
     "Section",
     "SectionCircle",
@@ -158,6 +160,7 @@ __all__ = [
     "modes",
     "project",
     "read_mesh",
+    "refine",
     "restart",
     "run_all",
     "simulate",
