@@ -78,10 +78,11 @@ def _draw(axis: Any, line: Line, color: str) -> None:
     sure = np.isfinite(found.uncertainties[line.solved]).any()
     what = f"order {found.order:.2f} +- {max(found.spread, 0.005):.2f}"
     if not found.asymptotic:
-        what = found.verdict.partition(":")[0]
+        what = found.verdict.partition(":")[0].partition(";")[0]
     label = f"{line.label}: {what}" if line.label else what
-    style = {} if sure else {"markerfacecolor": "none", "linestyle": "--"}
-    axis.plot(found.sizes[shown], found.errors[shown], "o-", color=color, label=label, **style)
+    style = {"linestyle": "-"} if sure else {"linestyle": "--", "markerfacecolor": "none"}
+    x, y = found.sizes[shown], found.errors[shown]
+    axis.plot(x, y, marker="o", color=color, label=label, **style)
     lost = found.sizes[~line.solved]
     foot = axis.get_xaxis_transform()  # x in numbers, y from 0 to 1
     if len(lost):

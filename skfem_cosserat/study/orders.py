@@ -23,6 +23,9 @@ LEVELS, FINEST = 4, 3
 CHANGE = 0.1
 #: largest change before that, in units of CHANGE: the order may still have been settling
 SETTLING = 4.0
+#: the order may be off by so many times its last change: changes that halve from pair to pair add
+#: up to one more, and a fit to three levels lies half of one behind
+DOUBT = 2.0
 #: cosine between errors (or differences) of neighbouring levels that point the same way
 ALIGNED = 0.9
 #: what falls less than this from level to level, below STALLED_SIZE of the quantity, is rounding
@@ -34,7 +37,7 @@ LOWEST, HIGHEST = -6.0, 30.0
 Norm = Callable[[Array], float]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Convergence:
     """How a quantity converges over the levels of a series; failed levels have NaN.
 
@@ -56,8 +59,8 @@ class Convergence:
     observed : (n,)
         The same by level, each at the finest level that it rests on; NaN for levels without.
     order, spread : float
-        Order of the three finest levels above rounding, and how far to trust it: the change of
-        the order from the pair before, and what rounding may do to it. NaN if not asymptotic.
+        Order of the three finest levels above rounding, and how far to trust it: twice the change
+        of the order from the pair before, and what rounding may do to it. NaN if not asymptotic.
     asymptotic : bool
         Whether errors fall as a power of the size, as far as the levels tell.
     verdict : str
@@ -92,6 +95,9 @@ class Convergence:
     extrapolated: Array | None
     uncertainty: float
     rounding: float
+
+    def __repr__(self) -> str:
+        return f"<Convergence: {self.verdict}>"
 
 
 def convergence(
@@ -130,7 +136,6 @@ def convergence(
     chosen = [np.asarray(values[k]) for k in good]
     scale = max([norm(value) for value in chosen], default=0.0)
     relative = ROUNDING if rounding is None else rounding
-    by_differences = _differences(h[good], chosen, norm, relative * scale)
     if finest and len(good) > 1:
         judged = good[:-1]
         exact: Array | None = chosen[-1]
@@ -139,11 +144,13 @@ def convergence(
         judged, exact = good, reference
         smallest = np.zeros(len(good))
     if exact is None:
-        return _result(h, good, chosen, norm, by_differences, by_differences, None)
+        alone = _differences(h[good], chosen, norm, relative * scale)
+        return _result(h, good, chosen, norm, alone, alone, None)
     size = max(scale, norm(exact))
     offsets = [value - exact for value in chosen[: len(judged)]]
     trend = _Trend(h[judged], smallest, offsets, norm, relative * size, scale=size)
-    return _result(h, good, chosen, norm, by_differences, trend, exact)
+    among = _differences(h[good], chosen, norm, trend.floor)
+    return _result(h, good, chosen, norm, among, trend, exact)
 
 
 def euclidean(difference: Array) -> float:
@@ -273,7 +280,7 @@ def _judged(trend: _Trend) -> tuple[float, float, str]:
     changes = abs(np.diff(pairs[-FINEST:]))
     allowed = CHANGE * max(1.0, order / 2)
     noise = trend.floor / trend.sizes[trend.used - 1]
-    spread = float(changes[-1] + noise / np.log(trend.h[-2] / trend.h[-1]))
+    spread = float(DOUBT * changes[-1] + noise / np.log(trend.h[-2] / trend.h[-1]))
     if order < 3 * allowed or changes[-1] > allowed or changes.max() > SETTLING * allowed:
         return np.nan, np.nan, wandering
     cosines = trend.cosines()
@@ -310,12 +317,15 @@ def _extrapolated(
     h: Floats, values: list[Array], trend: _Trend, norm: Norm
 ) -> tuple[Array, float] | None:
     """Value for size zero with its uncertainty, if the differences between levels bear one."""
-    if _judged(trend)[2] or trend.cosines().min() < ALIGNED:
+    _, spread, reason = _judged(trend)
+    if reason or trend.cosines().min() < ALIGNED:
         return None
     n = trend.levels - 1
     p, before = _pair(trend, n - 2), _pair(trend, n - 3)
     value = _at_zero(h, values, n, p)
     uncertainty = norm(value - _at_zero(h, values, n - 1, before))
+    lower = _at_zero(h, values, n, max(p - spread, p / 2))
+    uncertainty = max(uncertainty, norm(value - lower))
     if n < len(values) - 1:  # finer levels differ by rounding only
         value = values[-1]
         uncertainty = max(norm(value - each) for each in values[n:])

@@ -66,6 +66,11 @@ class Quantities:
             raise InputError("argument quantities", f"{given!r}, expected at least one")
         self._given = named
 
+    @property
+    def names(self) -> list[str]:
+        """Names, as far as known without a result."""
+        return list(self._given or ())
+
     def sample(self, result: Any, level: str) -> Sample:
         """The quantities of a result.
 
@@ -150,6 +155,9 @@ def aligned(
     InputError
         If shapes differ from level to level, or there are no common instants.
     """
+    lacking = [level for level, sample in samples.items() if name not in sample.values]
+    if lacking:
+        raise InputError(f"quantity {name!r}", f"missing at {lacking[0]}")
     values = {level: sample.values[name] for level, sample in samples.items()}
     instants = None
     if over is not None:

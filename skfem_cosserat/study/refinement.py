@@ -70,7 +70,7 @@ class Refinement:
     @property
     def asymptotic(self) -> bool:
         """Whether the errors of all quantities fall as a power of the size."""
-        return all(each.asymptotic for each in self.orders.values())
+        return bool(self.orders) and all(each.asymptotic for each in self.orders.values())
 
     @property
     def extrapolated(self) -> dict[str, Array | None]:
@@ -226,7 +226,8 @@ class Refinement:
         return written
 
     def __str__(self) -> str:
-        lines = [f"refinement of {self.title}"]
+        failed = f", {len(self.failed)} failed" if self.failed else ""
+        lines = [f"refinement of {self.title}: {len(self.outcomes)} levels{failed}"]
         width = max(len(level.name) for series in self.series for level in series.levels)
         for series in self.series:
             for key in self._names(series).values():
@@ -257,10 +258,9 @@ def _columns(name: str, value: Array) -> Mapping[str, float]:
 def _report(key: str, series: Series, found: Convergence, state: Any, width: int) -> list[str]:
     """Lines about one quantity."""
     lines = [f"{key}: {found.verdict}"]
-    if found.extrapolated is not None:
-        numbers = ", ".join(f"{each:.9g}" for each in found.extrapolated.ravel()[:WIDE])
-        more = ", ..." if found.extrapolated.size > WIDE else ""
-        lines.append(f"  extrapolated: {numbers}{more} +- {found.uncertainty:.1e}")
+    if found.extrapolated is not None and found.extrapolated.size <= WIDE:
+        numbers = ", ".join(f"{each:.9g}" for each in found.extrapolated.ravel())
+        lines.append(f"  extrapolated: {numbers} +- {found.uncertainty:.1e}")
     hints = not np.isfinite(found.uncertainties).any()
     for k, level in enumerate(series.levels):
         status, reason = state(level)

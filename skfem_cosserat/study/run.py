@@ -108,8 +108,8 @@ def refine(
     without, above 100 times rounding), by the three finest of them, and if the observed order has
     settled: changed by at most 0.1 (5 % for orders above 2) between the last pairs of levels and by
     four times as much before, without a change of sign. It is then
-    ``order 2.00 +- 0.02 (three finest of five levels)``, where the number after +- is that last
-    change; otherwise the verdict says what was seen. Levels that failed are left out.
+    ``order 2.00 +- 0.02 (three finest of five levels)``, where the number after +- is twice that
+    last change; otherwise the verdict says what was seen. Levels that failed are left out.
 
     Steps over which loads jump, and singular points, spoil orders: the verdict shows it.
 
@@ -128,7 +128,7 @@ def refine(
     ...     return sc.static(model, watch=False)["q"][-1, 12 * elements :][:3]
     >>> study = refine(bent, elements=(8, 16, 32, 64), order=1)
     >>> print(study)  # doctest: +ELLIPSIS
-    refinement of bent
+    refinement of bent: 4 levels
     value: order 2.02 +- 0.07 (three finest of four levels)
       extrapolated: 0.745578655, 0.603555909, 0 +- 4.2e-05
       elements = 8, order = 1   error 1.164e-02 +- 4.2e-05
@@ -136,7 +136,6 @@ def refine(
       elements = 64, order = 1  error 1.675e-04 +- 4.2e-05  order 2.02
     """
     series = series_of(elements, mesh, order, step, together)
-    check_call(problem, series[0].levels[0].arguments)
     if norm is not None and not isinstance(norm, MaximumOverTime | RootMeanSquare | AtInstants):
         raise InputError(
             "argument norm", f"{norm!r}, expected MaximumOverTime(), RootMeanSquare() or"
@@ -144,6 +143,8 @@ def refine(
         )  # fmt: skip
     wanted = Quantities(quantities, norm)
     plan = _Plan(series, wanted, reference, rounding)
+    for arguments in plan.calls.values():
+        check_call(problem, arguments)
     jobs = [Job(name, problem, **arguments) for name, arguments in plan.calls.items()]
     shared = {} if folder is None else identity(problem=problem)
     outcomes = run_cases(
@@ -181,23 +182,29 @@ class _Plan:
             self.exact = case_name(arguments)
             self.calls.setdefault(self.exact, arguments)
         self._names: list[str] = []
+        if wanted.names:
+            self._check_names(wanted.names)
 
     def check(self, outcome: Outcome) -> None:
         """Look at the first result: what is wrong with the quantities ends the study early."""
         if status(outcome) != "ok" or self._names:
             return
         self._names = list(self.wanted.sample(outcome.value, outcome.name).values)
-        if None in self.known and len(self._names) > 1:
+        self._check_names(self._names)
+
+    def _check_names(self, names: list[str]) -> None:
+        """Refuse references and roundings that do not fit the quantities."""
+        if None in self.known and len(names) > 1:
             raise InputError(
                 "argument reference",
-                f"one value for {len(self._names)} quantities, expected a mapping with"
-                f" {', '.join(self._names)}",
+                f"one value for {len(names)} quantities, expected a mapping with"
+                f" {', '.join(names)}",
             )
         for given in (self.known, self.rounding):
-            strange = [name for name in given if name is not None and name not in self._names]
+            strange = [name for name in given if name is not None and name not in names]
             if strange:
                 raise InputError(
-                    f"quantity {strange[0]!r}", f"unknown; there are {', '.join(self._names)}"
+                    f"quantity {strange[0]!r}", f"unknown; there are {', '.join(names)}"
                 )
 
     def result(self, title: str, outcomes: dict[str, Outcome]) -> Refinement:
@@ -270,7 +277,10 @@ def _rounding(given: Any) -> dict[str | None, float]:
     if given is None:
         return {}
     named = given if isinstance(given, Mapping) else {None: given}
-    return {name: positive("argument rounding", str(name), value) for name, value in named.items()}
+    return {
+        name: positive("argument rounding", "value" if name is None else str(name), value)
+        for name, value in named.items()
+    }
 
 
 def _reference_text(reference: Any) -> str:
