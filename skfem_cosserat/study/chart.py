@@ -76,7 +76,8 @@ def _draw(axis: Any, line: Line, color: str) -> None:
     found = line.found
     shown = line.solved & (found.errors > 0)
     sure = np.isfinite(found.uncertainties[line.solved]).any()
-    what = f"order {found.order:.2f} +- {max(found.spread, 0.005):.2f}"
+    what = "observed" if line.label else "order"
+    what += f" {found.order:.2f} +- {max(found.spread, 0.005):.2f}"
     if not found.asymptotic:
         what = found.verdict.partition(":")[0].partition(";")[0]
     label = f"{line.label}: {what}" if line.label else what

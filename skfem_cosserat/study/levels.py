@@ -99,36 +99,57 @@ def series_of(
     """
     if elements is not None and mesh is not None:
         raise InputError("arguments elements, mesh", "got both, expected one of them")
-    meshes = _refined("elements", elements, _whole, np.less)
-    meshes = meshes or _refined("mesh", mesh, _mesh, None)
+    space, given = ("elements", elements) if mesh is None else ("mesh", mesh)
+    if isinstance(given, Mapping):
+        if order is not None:
+            raise InputError("argument order", f"{order!r}, but {space} says the orders already")
+        orders, by_order = _refined("order", tuple(given), _whole, np.less), dict(given)
+    else:
+        orders = _refined("order", order, _whole, np.less)
+        by_order = dict.fromkeys(orders or [None], given)
     steps = _refined("step", step, _positive, np.greater)
-    orders = _refined("order", order, _whole, np.less)
-    space = "elements" if mesh is None else "mesh"
-    counts = [len(each) for each in (meshes, steps) if len(each) > 1]
-    if not counts:
+    found = []
+    for p, sequence in by_order.items():
+        if space == "elements":
+            meshes = _refined(space, sequence, _whole, np.less)
+        else:
+            meshes = _refined(space, sequence, _mesh, None)
+        fixed = {} if p is None else {"order": p}
+        found += _of_order(space, meshes, steps, fixed, together, len(orders) > 1)
+    return found
+
+
+def _of_order(
+    space: str,
+    meshes: list[Any],
+    steps: list[float],
+    fixed: dict[str, Any],
+    together: bool,
+    named: bool,
+) -> list[Series]:
+    """The series of one order, or two: one for the mesh, one for the step."""
+    varied = [name for name, each in ((space, meshes), ("step", steps)) if len(each) > 1]
+    if not varied:
         raise InputError(
             "arguments elements, mesh, step",
             "got no sequence, expected at least two levels of one of them, such as"
             " elements=(4, 8, 16, 32)",
         )
-    if together and len(set(counts)) > 1:
+    if together and len(varied) == 2 and len(meshes) != len(steps):
         raise InputError(
             f"arguments {space}, step",
-            f"got {counts[0]} and {counts[1]} levels, expected equally many (or together=False)",
+            f"got {len(meshes)} and {len(steps)} levels, expected equally many (or together=False)",
         )
-    varied = [name for name, each in ((space, meshes), ("step", steps)) if len(each) > 1]
     found = []
-    for p in orders or [None]:
-        fixed = {} if p is None else {"order": p}
-        for names in [varied] if together else [[name] for name in varied]:
-            count = len(meshes if names[0] == space else steps)
-            levels = [
-                _level({space: _pick(meshes, k, space in names)}, fixed, steps, k, names)
-                for k in range(count)
-            ]
-            parts = [case_name(fixed)] if len(orders) > 1 else []
-            parts += [f"{names[0]} varied"] if len(varied) > 1 and not together else []
-            found.append(Series(", ".join(parts), _kind(names), levels))
+    for names in [varied] if together else [[name] for name in varied]:
+        count = len(meshes if names[0] == space else steps)
+        levels = [
+            _level({space: _pick(meshes, k, space in names)}, fixed, steps, k, names)
+            for k in range(count)
+        ]
+        parts = [case_name(fixed)] if named else []
+        parts += [f"{names[0]} varied"] if len(varied) > 1 and not together else []
+        found.append(Series(", ".join(parts), _kind(names), levels))
     return found
 
 

@@ -19,7 +19,8 @@ ROUNDING = 64 * float(np.finfo(float).eps)
 ABOVE = 100.0
 #: levels that it takes to trust an order, and those that give it
 LEVELS, FINEST = 4, 3
-#: largest change of the order between the last pairs of levels; relative to order 2 for higher ones
+#: largest change of the order between the last pairs of levels, as if each level halved the size;
+#: relative to order 2 for higher ones
 CHANGE = 0.1
 #: largest change before that, in units of CHANGE: the order may still have been settling
 SETTLING = 4.0
@@ -77,7 +78,7 @@ class Convergence:
     >>> h = 0.5 ** np.arange(5)
     >>> found = convergence(h, [np.array(1 + 0.3 * x**2 + 0.1 * x**4) for x in h])
     >>> print(found.verdict)
-    order 2.03 +- 0.08 (three finest of five levels)
+    order 2.03 +- 0.16 (three finest of five levels)
     >>> abs(float(found.extrapolated) - 1) < found.uncertainty < 1e-3
     True
     """
@@ -277,7 +278,7 @@ def _judged(trend: _Trend) -> tuple[float, float, str]:
     if not np.isfinite(pairs).all() or pairs[-1] <= 0:
         return np.nan, np.nan, wandering
     order = trend.order()
-    changes = abs(np.diff(pairs[-FINEST:]))
+    changes = _changes(trend, pairs[-FINEST:])
     allowed = CHANGE * max(1.0, order / 2)
     noise = trend.floor / trend.sizes[trend.used - 1]
     spread = float(DOUBT * changes[-1] + noise / np.log(trend.h[-2] / trend.h[-1]))
@@ -290,6 +291,13 @@ def _judged(trend: _Trend) -> tuple[float, float, str]:
         reason = "; differences between levels do not point the same way, which takes five levels"
         return np.nan, np.nan, wandering + reason
     return order, spread, ""
+
+
+def _changes(trend: _Trend, pairs: Floats) -> Floats:
+    """How the order changes from pair to pair; where sizes are not halved, as if they were."""
+    logs = np.log2(trend.h[: trend.used])[-len(pairs) - 1 :]
+    halvings = (logs[:-2] - logs[2:]) / 2
+    return np.asarray(abs(np.diff(pairs)) / np.minimum(halvings, 1.0))
 
 
 def _with_pairs(text: str, pairs: Floats) -> str:

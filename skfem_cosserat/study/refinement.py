@@ -178,10 +178,13 @@ class Refinement:
         Raises
         ------
         InputError
-            If the folder does not exist.
+            If the folder does not exist, or no level was solved.
         ImportError
             Without matplotlib.
         """
+        if not self.orders:
+            name, why = next(iter(self.failed.items()))
+            raise InputError(self.title, f"no level was solved; {name}: {why}")
         panels: dict[str, list[Line]] = {}
         for series in self.series:
             solved = [self._state(level)[0] == "ok" for level in series.levels]
@@ -232,6 +235,8 @@ class Refinement:
         for series in self.series:
             for key in self._names(series).values():
                 lines += _report(key, series, self.orders[key], self._state, width)
+        if not self.orders:  # no level came to its quantities
+            lines += [f"  {name}: {why}" for name, why in self.failed.items()]
         return "\n".join(lines)
 
     def __repr__(self) -> str:

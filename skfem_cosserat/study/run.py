@@ -27,7 +27,7 @@ __all__ = ["refine"]
 def refine(
     problem: Callable[..., Any],
     *,
-    elements: int | Sequence[int] | None = None,
+    elements: int | Sequence[int] | Mapping[int, Sequence[int]] | None = None,
     mesh: Any = None,
     order: int | Sequence[int] | None = None,
     step: float | Sequence[float] | None = None,
@@ -49,10 +49,11 @@ def refine(
         Called as ``problem(elements=8, order=3, step=1e-3)``, with those arguments by keyword that
         are given here (other ones by ``functools.partial``). Gives a number, an array, a mapping
         of named numbers and arrays, or a History. What it raises makes that level a failed one.
-    elements : int or sequence of int
+    elements : int, sequence of int, or mapping
         A sequence is varied, a single value is held; so for the others. Number of elements, as the
-        problem understands it; growing. The size is its inverse.
-    mesh : mesh or sequence of meshes
+        problem understands it; growing. The size is its inverse. A mapping has a sequence for each
+        order: high orders are at rounding where low ones begin.
+    mesh : mesh, sequence of meshes, or mapping
         Instead: meshes, finer and finer. The size is the longest element.
     order : int or sequence of int
         Of the elements; several make several series, one an order.
@@ -107,7 +108,7 @@ def refine(
     An order is given if there are four levels (with errors, against a reference, or differences,
     without, above 100 times rounding), by the three finest of them, and if the observed order has
     settled: changed by at most 0.1 (5 % for orders above 2) between the last pairs of levels and by
-    four times as much before, without a change of sign. It is then
+    four times as much before (as if sizes were halved), without a change of sign. It is then
     ``order 2.00 +- 0.02 (three finest of five levels)``, where the number after +- is twice that
     last change; otherwise the verdict says what was seen. Levels that failed are left out.
 
@@ -129,7 +130,7 @@ def refine(
     >>> study = refine(bent, elements=(8, 16, 32, 64), order=1)
     >>> print(study)  # doctest: +ELLIPSIS
     refinement of bent: 4 levels
-    value: order 2.02 +- 0.07 (three finest of four levels)
+    value: order 2.02 +- 0.14 (three finest of four levels)
       extrapolated: 0.745578655, 0.603555909, 0 +- 4.2e-05
       elements = 8, order = 1   error 1.164e-02 +- 4.2e-05
       ...
@@ -160,9 +161,14 @@ def refine(
 
 
 def _title(problem: Any) -> str:
+    """Name of the problem, with what is bound to it as far as it is short."""
+    bound: dict[str, Any] = {}
     while isinstance(problem, partial):
+        bound = {**problem.keywords, **bound}
         problem = problem.func
-    return str(getattr(problem, "__name__", type(problem).__name__))
+    name = str(getattr(problem, "__name__", type(problem).__name__))
+    short = {key: each for key, each in bound.items() if isinstance(each, int | float | str)}
+    return f"{name} ({case_name(short)})" if short else name
 
 
 class _Plan:
