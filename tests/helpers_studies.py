@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 from functools import cache
 from pathlib import Path
@@ -167,6 +169,22 @@ def noted(elements, log, fatal=()):
     if elements in fatal and not (log / "on").exists():
         raise KeyboardInterrupt
     return trapezoid(elements)
+
+
+def killed(elements, log):
+    """As `noted`; the first call with 16 elements kills its process."""
+    with (log / "calls").open("a") as handle:
+        handle.write(f"{elements}\n")
+    if elements == 16 and not (log / "on").exists():
+        os.kill(os.getpid(), signal.SIGKILL)
+    return trapezoid(elements)
+
+
+def stopped(elements, log):
+    """As `noted`; Ctrl-C arrives at 8 elements, once."""
+    if elements == 8 and not (log / "on").exists():
+        os.kill(os.getpid(), signal.SIGINT)
+    return noted(elements, log)
 
 
 def other(elements, log, fatal=()):

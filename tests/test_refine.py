@@ -5,8 +5,12 @@ from __future__ import annotations
 import csv
 import json
 import math
+import signal
+import subprocess
+import sys
 from functools import partial
 from itertools import pairwise
+from pathlib import Path
 
 import helpers_studies as problems
 import numpy as np
@@ -258,6 +262,9 @@ def test_rounding_is_seen_or_declared():
     assert "three finest of eight levels, 5 of 8 errors above" in found.verdict
     assert abs(found.order - 2) < 1e-9
     assert "at rounding" in judged(1e-2 * HALVED**2, rounding=1e-5).verdict
+    noisy = np.array([1e-2, 1e-4, 1e-6, 1e-8, 1.2e-11])
+    expected = "(down to 1.2e-11 of the value: if that is rounding, declare it)"
+    assert expected in judged(noisy, reference=np.array(1.0)).verdict
 
 
 def test_a_wrong_reference_is_told():
@@ -373,6 +380,37 @@ def test_killed_and_resumed(tmp_path):
     assert more.verdicts["value"].endswith("(three finest of five levels)")
     direct = refine(problems.trapezoid, elements=(4, 8, 16, 32, 64))
     np.testing.assert_array_equal(more.errors["value"], direct.errors["value"])
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_leaves_its_levels(tmp_path):
+    code = (
+        "import sys, pathlib, functools\n"
+        f"sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "import helpers_studies as problems, skfem_cosserat as sc\n"
+        f"folder = pathlib.Path({str(tmp_path)!r})\n"
+        "problem = functools.partial(problems.killed, log=folder)\n"
+        "sc.refine(problem, elements=(4, 8, 16, 32), folder=folder / 'study')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=False)
+    assert done.returncode == -signal.SIGKILL
+    (tmp_path / "on").touch()
+    problem = partial(problems.killed, log=tmp_path)
+    study = refine(problem, elements=(4, 8, 16, 32), folder=tmp_path / "study")
+    assert calls(tmp_path) == [4, 8, 16, 16, 32]
+    assert abs(study.orders["value"].order - 2) < 0.02
+
+
+def test_ctrl_c_ends_a_study_in_good_order(tmp_path):
+    """The level at work is finished, the others are rows without a result, and run later."""
+    problem = partial(problems.stopped, log=tmp_path)
+    options = {"elements": (4, 8, 16, 32), "folder": tmp_path / "study"}
+    study = refine(problem, **options)
+    assert [row["status"] for row in study.rows] == ["ok", "ok", "not run", "not run"]
+    assert "fewer than four levels" in study.verdicts["value"]
+    (tmp_path / "on").touch()
+    assert refine(problem, **options).asymptotic
+    assert calls(tmp_path) == [4, 8, 16, 32]
 
 
 def test_a_changed_problem_is_refused(tmp_path):

@@ -6,7 +6,7 @@ executor, resumed from a folder), `write_table` with `provenance`, `convergence`
 
 from .cases import run_cases, status
 from .fingerprint import identity
-from .norms import AtInstants, MaximumOverTime, RootMeanSquare
+from .norms import AtInstants, MaximumOverTime, OverTime, RootMeanSquare
 from .orders import Convergence, convergence
 from .provenance import provenance
 from .reference import ReferenceFinest, ReferenceRun
@@ -18,6 +18,7 @@ __all__ = [
     "AtInstants",
     "Convergence",
     "MaximumOverTime",
+    "OverTime",
     "ReferenceFinest",
     "ReferenceRun",
     "Refinement",

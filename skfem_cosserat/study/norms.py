@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -17,17 +17,28 @@ __all__ += ["common_instants", "rows_at"]
 SAME = 1e-9
 
 
-class OverTime(Protocol):
-    """A norm of differences over time."""
+class OverTime(ABC):
+    """A norm of differences over time; derive from it for one of your own.
+
+    Examples
+    --------
+    >>> class MeanOverTime(OverTime):
+    ...     def size(self, instants, difference):
+    ...         return float(abs(difference).mean())
+    >>> MeanOverTime().size(np.array([0.0, 1.0]), np.array([1.0, -3.0]))
+    2.0
+    """
 
     def select(self, instants: Floats) -> Floats:
-        """Those of the common instants that count."""
+        """Those of the common instants ``(k,)`` that count: all of them."""
+        return instants
 
+    @abstractmethod
     def size(self, instants: Floats, difference: Array) -> float:
         """Norm of a difference ``(k, ...)`` at these instants ``(k,)``."""
 
 
-class MaximumOverTime:
+class MaximumOverTime(OverTime):
     """Largest Euclidean norm at any of the instants that all levels have in common.
 
     Examples
@@ -36,16 +47,12 @@ class MaximumOverTime:
     5.0
     """
 
-    def select(self, instants: Floats) -> Floats:
-        """All of them."""
-        return instants
-
     def size(self, instants: Floats, difference: Array) -> float:
         """Largest norm of a row."""
         return float(_rows(difference).max())
 
 
-class RootMeanSquare(MaximumOverTime):
+class RootMeanSquare(OverTime):
     """L2 norm over time, divided by the root of the duration: in the unit of the quantity.
 
     Examples

@@ -272,7 +272,7 @@ def _judged(trend: _Trend) -> tuple[float, float, str]:
         return np.nan, np.nan, _with_pairs("fewer than four levels", pairs)
     if trend.levels < LEVELS and not trend.again:
         return np.nan, np.nan, f"at rounding: no order ({_above(trend)})"
-    wandering = _with_pairs("not in the asymptotic range", pairs)
+    wandering = _with_pairs("not in the asymptotic range", pairs) + _small(trend)
     if trend.again:
         return np.nan, np.nan, f"{wandering}; below rounding and above it again"
     if not np.isfinite(pairs).all() or pairs[-1] <= 0:
@@ -298,6 +298,14 @@ def _changes(trend: _Trend, pairs: Floats) -> Floats:
     logs = np.log2(trend.h[: trend.used])[-len(pairs) - 1 :]
     halvings = (logs[:-2] - logs[2:]) / 2
     return np.asarray(abs(np.diff(pairs)) / np.minimum(halvings, 1.0))
+
+
+def _small(trend: _Trend) -> str:
+    """A hint, where what wanders may be rounding above what it was taken for."""
+    relative = trend.sizes[trend.used - 1] / trend.scale if trend.used else 1.0
+    if relative > STALLED_SIZE:
+        return ""
+    return f" (down to {relative:.1e} of the value: if that is rounding, declare it)"
 
 
 def _with_pairs(text: str, pairs: Floats) -> str:

@@ -165,9 +165,9 @@ def aligned(
         instants = over.select(common_instants(list(times.values())))
         if not len(instants):
             raise InputError(
-                f"quantity {name!r}", "no instant that all levels have recorded: choose steps that"
-                " divide each other"
-            )  # fmt: skip
+                f"quantity {name!r}",
+                "no instant that all levels have recorded: choose steps that divide each other",
+            )
         values = {level: each[rows_at(times[level], instants)] for level, each in values.items()}
     shapes = {level: each.shape for level, each in values.items()}
     first = next(iter(shapes), "")

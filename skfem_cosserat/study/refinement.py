@@ -53,6 +53,20 @@ class Refinement:
         Values of each quantity by the name of the level, as they were compared.
     notes : dict
         What went into the study, for the head of the table.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import refine
+    >>> def area(elements):  # of a polygon in a circle
+    ...     return elements / 2 * np.sin(2 * np.pi / elements)
+    >>> study = refine(area, elements=(8, 16, 32, 64))
+    >>> study.asymptotic, round(study.orders["value"].order, 2)
+    (True, 1.99)
+    >>> error, uncertainty = study.estimate["value"]
+    >>> abs(study.errors["value"][-1] - (np.pi - area(64))) < uncertainty < 0.2 * error
+    True
+    >>> study.rows[1]["elements"], study.rows[1]["status"]
+    (16, 'ok')
     """
 
     title: str

@@ -15,7 +15,7 @@ from ..types import Array, Floats, positive
 from .cases import OnOutcome, run_cases, status
 from .fingerprint import identity
 from .levels import Level, Series, case_name, check_call, series_of
-from .norms import AtInstants, MaximumOverTime, OverTime, RootMeanSquare
+from .norms import OverTime
 from .orders import Convergence, Norm, convergence, euclidean
 from .quantities import Quantities, aligned
 from .reference import Known, ReferenceFinest, ReferenceRun, known_values, value_of
@@ -64,7 +64,8 @@ def refine(
         process. Names instead of functions: entries of a mapping, series of a History (without
         `norm` their last state). Default: all entries of a mapping (but ``"t"``), or the number or
         array itself under the name ``"value"``.
-    norm : MaximumOverTime, RootMeanSquare or AtInstants, optional
+    norm : OverTime, optional
+        :class:`MaximumOverTime`, :class:`RootMeanSquare` or :class:`AtInstants`.
         Compare over time, at instants that all levels have recorded: quantities must then have one
         entry for each state of the History (or entry of ``"t"`` of a mapping). Default: values are
         compared as they are, by the Euclidean norm.
@@ -137,11 +138,11 @@ def refine(
       elements = 64, order = 1  error 1.675e-04 +- 4.2e-05  order 2.02
     """
     series = series_of(elements, mesh, order, step, together)
-    if norm is not None and not isinstance(norm, MaximumOverTime | RootMeanSquare | AtInstants):
+    if norm is not None and not isinstance(norm, OverTime):
         raise InputError(
-            "argument norm", f"{norm!r}, expected MaximumOverTime(), RootMeanSquare() or"
-            " AtInstants(times)"
-        )  # fmt: skip
+            "argument norm",
+            f"{norm!r}, expected MaximumOverTime(), RootMeanSquare() or AtInstants(times)",
+        )
     wanted = Quantities(quantities, norm)
     plan = _Plan(series, wanted, reference, rounding)
     for arguments in plan.calls.values():
