@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Line", "convergence_chart"]
 
+#: so many sizes are written below the axis, if there are more only powers of ten
+TICKS = 6
+
 
 @dataclass(frozen=True, eq=False)
 class Line:
@@ -63,8 +66,14 @@ def convergence_chart(
     for axis in axes[count:]:
         axis.set_visible(False)
     for axis, (name, lines) in zip(axes, panels.items(), strict=False):
-        axis.set(xscale="log", yscale="log", title=name, ylabel="error")
+        sure = all(_sure(line) for line in lines)
+        ylabel = "error" if sure else "error (open: differences between levels)"
+        axis.set(xscale="log", yscale="log", title=name, ylabel=ylabel)
         axis.set_xlabel(", ".join(dict.fromkeys(line.kind for line in lines)))
+        sizes = np.unique(np.concatenate([line.found.sizes for line in lines]))
+        if len(sizes) <= TICKS:
+            axis.set_xticks(sizes, [f"{size:.3g}" for size in sizes])
+        axis.set_xticks([], minor=True)
         for k, line in enumerate(lines):
             _draw(axis, line, f"C{k}")
         axis.grid(which="both", alpha=0.3)
@@ -72,16 +81,20 @@ def convergence_chart(
     return write_figure(figure, path)
 
 
+def _sure(line: Line) -> bool:
+    """Whether its errors are more than hints."""
+    return bool(np.isfinite(line.found.uncertainties[line.solved]).any())
+
+
 def _draw(axis: Any, line: Line, color: str) -> None:
     found = line.found
     shown = line.solved & (found.errors > 0)
-    sure = np.isfinite(found.uncertainties[line.solved]).any()
     what = "observed" if line.label else "order"
     what += f" {found.order:.2f} +- {max(found.spread, 0.005):.2f}"
     if not found.asymptotic:
         what = found.verdict.partition(":")[0].partition(";")[0]
     label = f"{line.label}: {what}" if line.label else what
-    style = {"linestyle": "-"} if sure else {"linestyle": "--", "markerfacecolor": "none"}
+    style = {"linestyle": "-"} if _sure(line) else {"linestyle": "--", "markerfacecolor": "none"}
     x, y = found.sizes[shown], found.errors[shown]
     axis.plot(x, y, marker="o", color=color, label=label, **style)
     lost = found.sizes[~line.solved]
