@@ -2,12 +2,12 @@
 
 Closed form, whatever the axial and shear stiffness: the moment is the same everywhere, nothing else
 acts. All elements bend alike, and the error depends on the angle of one only; the default number of
-elements grows with lam, so that with order 3 it is 1e-11 of the length (16 digits are trusted: there
-rounding would be).
+elements grows with lam, so that with order 3 it is 1e-11 of the length (16 digits are trusted:
+there rounding would be).
 
-``case``: number of circles, "1" or "2" (or any other by ``data={"lam": ...}``). ``data``: L, EI, lam,
-EA, GA (default: of slenderness 100). Gives the tip's place x, y, its section's angle theta with full
-turns counted, and the largest section force n.
+``case``: number of circles, "1" or "2" (or any other by ``data={"lam": ...}``). ``data``: L, EI,
+lam, EA, GA (default: of slenderness 100). Gives the tip's place x, y, its section's angle theta
+with full turns counted, and the largest section force n.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import static_scenes
+
 from collection import statics
 
 ENTRIES = ("S1_rollup",)

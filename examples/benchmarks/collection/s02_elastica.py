@@ -1,8 +1,8 @@
 """S2: a cantilever bent by a dead transverse tip force alpha EI/L^2.
 
 Two entries. Inextensible and without shear (elliptic integrals, 17 digits): tips of rods of four
-stiffnesses, extrapolated to no compliance; this leaves 1e-12 or less, where rounding begins.
-With shear and extension (shooting, 11 digits): as it is. The root moment is force times x.
+stiffnesses, extrapolated to no compliance; this leaves 1e-12 or less, where rounding begins. With
+shear and extension (shooting, 11 digits): as it is. The root moment is force times x.
 
 ``case``: "1", "2", "5", "10" (alpha; inextensible) or "h=0.1,alpha=5" and so on. ``data``: L, EI,
 alpha, h (thickness, default None: inextensible; EA = 12 EI/h^2), EA, GA (None: none of its
@@ -14,6 +14,7 @@ from __future__ import annotations
 from typing import Any
 
 import static_scenes
+
 from collection import common, statics
 
 ENTRIES = ("S2_elastica_inextensible", "S2_elastica_reissner")

@@ -15,6 +15,7 @@ from __future__ import annotations
 from typing import Any
 
 import static_scenes
+
 from collection import common, statics
 
 ENTRIES = ("S3_bend45",)

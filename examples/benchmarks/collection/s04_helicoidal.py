@@ -1,11 +1,12 @@
 """S4: a rod rolled up to ten turns by a moment about a fixed axis, drawn sideways by a force.
 
 Moment lam 200 pi e3 (fixed in space: it has no potential) and dead force lam 50 e3 at the tip,
-followed from lam = 0. The default number of elements grows with the turns; quick cases end at three.
+followed from lam = 0. The default number of elements grows with the turns; quick cases end at
+three.
 
-``case``: lam, "0.0500" to "1.0000", also as a number; default: "0.0500". ``data``: L, EA, GA, EI, GJ,
-lam, M and F (moment and force at lam = 1). Gives tip, u_out (along e3), quat_tip (its sign followed
-along the rod).
+``case``: lam, "0.0500" to "1.0000", also as a number; default: "0.0500". ``data``: L, EA, GA, EI,
+GJ, lam, M and F (moment and force at lam = 1). Gives tip, u_out (along e3), quat_tip (its sign
+followed along the rod).
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ import math
 from typing import Any
 
 import static_scenes
-from collection import common, statics
 
 import skfem_cosserat as sc
+from collection import common, statics
 
 ENTRIES = ("S4_helicoidal",)
 FIELDS = ("tip", "u_out", "quat_tip")

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 import static_scenes
-from collection import common, statics
 from scipy.spatial.transform import Rotation
+
+from collection import common, statics
 
 ENTRIES = ("S5_princeton",)
 ENTRY = common.entry(ENTRIES[0])

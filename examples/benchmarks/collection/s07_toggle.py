@@ -3,8 +3,8 @@
 One half of it, the apex on a slide. Followed by the sinking of the apex.
 
 ``case``: "limit_points" or "curve"; default: both. ``data``: EI, EA, GA (default: that of nu = 0.3
-and a shear factor of 5/6), rise, half_span, w (list: sinking at which the load is asked for, default:
-that of the reference). Gives limit_points and curve, lists of (w, P), P in all.
+and a shear factor of 5/6), rise, half_span, w (list: sinking at which the load is asked for,
+default: that of the reference). Gives limit_points and curve, lists of (w, P), P in all.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import static_scenes
-from collection import common, statics
 
 import skfem_cosserat as sc
+from collection import common, statics
 
 ENTRIES = ("S7_toggle_GA=EA/2.6*5/6",)
 FIELDS = ("limit_points", "curve")

@@ -1,4 +1,4 @@
-"""S8: a deep arch, clamped at the left and hinged at the right, that snaps under a load on its crown.
+"""S8: a deep arch, clamped at one end and hinged at the other, that snaps under its crown load.
 
 The reference is inextensible and without shear: the limit points of three stiff rods are
 extrapolated to no compliance.
@@ -13,15 +13,15 @@ from __future__ import annotations
 from typing import Any
 
 import static_scenes
-from collection import common, statics
 
 import skfem_cosserat as sc
+from collection import common, statics
 
 ENTRIES = ("S8_arch_inextensible",)
 FIELDS = ("Pcr", "Pcr_R2_EI", "crown_disp", "crown_rot")
 ENTRY = common.entry(ENTRIES[0])
 CASES = tuple(ENTRY["values"])
-QUICK = ("Pcr",)
+QUICK: tuple[str, ...] = ()
 DATA = {"R": 100.0, "EI": 1e6, "angle_deg": 215.0, "EA": None, "GA": None}
 ELEMENTS = {1: 300, 2: 200, 3: 128, 4: 48}
 

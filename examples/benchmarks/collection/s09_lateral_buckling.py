@@ -9,10 +9,10 @@ The references of the strip and of S9b are themselves off by 2.2e-7 and 5e-9: th
 that they come from, repeated with steps of 1/60 of the length, give 3.31327752061047 and
 1.0875178408408, with which these agree to some 1e-10.
 
-``case``: an entry's name, "Pcr" (the strip, default), "c" (Prandtl), "load +e1", "load -e1" (S9b) or
-"Mcr" (S9c). ``data``: L, b, t, E, nu, kappa; EI_stiff, EI_weak, GJ, EA, GA; in Prandtl's entry EI_min
-and in S9c EI2 for EI_weak. Gives Pcr and Prandtl; c and Pcr; Pcr (and the same by the case's name);
-Mcr.
+``case``: an entry's name, "Pcr" (the strip, default), "c" (Prandtl), "load +e1", "load -e1" (S9b)
+or "Mcr" (S9c). ``data``: L, b, t, E, nu, kappa; EI_stiff, EI_weak, GJ, EA, GA; in Prandtl's entry
+EI_min and in S9c EI2 for EI_weak. Gives Pcr and Prandtl; c and Pcr; Pcr (and the same by the case's
+name); Mcr.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ import math
 from typing import Any
 
 import static_scenes
-from collection import common, statics
 
 import skfem_cosserat as sc
+from collection import common, statics
 
 PRANDTL, STRIP, ANGLE, HINGED = ENTRIES = (
     "S9_Prandtl",

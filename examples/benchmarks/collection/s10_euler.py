@@ -2,8 +2,9 @@
 
 The path is followed until it bifurcates.
 
-``case``: "h=1/20 square,pinned-pinned" (default) or "h=1/20 square,clamped-free". ``data``: L, h (of
-the square section), E, nu, kappa; EI, EA, GA. Gives EI, EA, GA, Pcr and Pcr_over_PE (of Euler's load).
+``case``: "h=1/20 square,pinned-pinned" (default) or "h=1/20 square,clamped-free". ``data``: L, h
+(of the square section), E, nu, kappa; EI, EA, GA. Gives EI, EA, GA, Pcr and Pcr_over_PE (of Euler's
+load).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import math
 from typing import Any
 
 import static_scenes
+
 from collection import common, statics
 
 ENTRIES = ("S10_buckling",)

@@ -1,12 +1,12 @@
-"""S11: a ring, clamped at A and turned at the opposite point B about AB, folds to a third of itself.
+"""S11: a ring, clamped at A, turned at the opposite point B about AB, folds to a third of itself.
 
 After a full turn it is a ring of a third of the radius, three times round, without torque: closed
 form. On the way torque and shift are those of shooting solutions.
 
-``case``: the angle phi in degrees, "5" to "360", also as a number; default: "360". ``data``: R, h (of
-the section, along the axis of the ring), w (radial), E, nu, kappa, phi; EI_inplane, EI_out, J, GJ, EA,
-GA. J is 9.753e-3 for the entry's h and w; for others the series of a rectangle is taken. Gives Mx (of
-the drive) and ux_B.
+``case``: the angle phi in degrees, "5" to "360", also as a number; default: "360". ``data``: R, h
+(of the section, along the axis of the ring), w (radial), E, nu, kappa, phi; EI_inplane, EI_out, J,
+GJ, EA, GA. J is 9.753e-3 for the entry's h and w; for others the series of a rectangle is taken.
+Gives Mx (of the drive) and ux_B.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import Any
 
 import static_scenes
-from collection import common, statics
 
 import skfem_cosserat as sc
+from collection import common, statics
 
 ENTRIES = ("S11_deployable_ring",)
 FIELDS = ("Mx", "ux_B")
@@ -77,11 +77,7 @@ def main(
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:
     """All angles of the entry; quick: five up to half a turn."""
-    values = ENTRY["values"]
-    torques = {key: {"Mx": v["Mx"]} for key, v in values.items()}
-    shifts = {key: {"ux_B": v["ux_B"]} for key, v in values.items()}
     cases, digits = QUICK if quick else None, ENTRY["trusted_digits"]
-    largest = max(v["Mx"] for v in values.values())
-    return statics.table("S11", main, torques, digits, cases, least=largest) + statics.table(
-        "S11", main, shifts, digits, cases, least=1.0
-    )
+    largest = max(v["Mx"] for v in ENTRY["values"].values())
+    least = {"Mx": largest, "ux_B": 1.0}
+    return statics.table("S11", main, ENTRY["values"], digits, cases, least=least)

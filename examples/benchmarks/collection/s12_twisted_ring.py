@@ -1,11 +1,11 @@
 """S12: a rod bent to a closed ring and twisted buckles out of its plane (Michell, Zajac).
 
-Closed form of the inextensible ring of equal bending stiffnesses: a total twist of
-2 pi sqrt(3) EI/GJ. Computed from the squares of the two lowest frequencies of the twisted ring,
-which both vanish there, for rods of three slendernesses, extrapolated.
+Closed form of the inextensible ring of equal bending stiffnesses: a total twist of 2 pi sqrt(3)
+EI/GJ. Computed from the squares of the two lowest frequencies of the twisted ring, which both
+vanish there, for rods of three slendernesses, extrapolated.
 
-``case``: any of "total_twist", "tau" (there is one case). ``data``: R, EI, GJ. Gives total_twist and
-the twist by length tau at which the ring buckles.
+``case``: any of "total_twist", "tau" (there is one case). ``data``: R, EI, GJ. Gives total_twist
+and the twist by length tau at which the ring buckles.
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ from typing import Any
 
 import numpy as np
 import static_scenes
+
 from collection import statics
 
 ENTRIES = ("S12_twisted_ring",)
 FIELDS = ("total_twist", "tau")
 CASES = FIELDS
-QUICK = ()
+QUICK: tuple[str, ...] = ()
 DATA = {"R": 1.0, "EI": 1.0, "GJ": 1.0}
-ELEMENTS = {1: 120, 2: 48, 3: 24, 4: 12}
+ELEMENTS = {1: 200, 2: 96, 3: 80, 4: 40}
 
 
 def closed_form(R: float = 1.0, EI: float = 1.0, GJ: float = 1.0) -> dict[str, float]:
@@ -53,7 +54,7 @@ def main(
                 asked.elements,
                 order,
                 GJ=d["GJ"],
-                slenderness=20 * 2 ** (k / 2),
+                slenderness=40 * 2 ** (k / 2),
                 radius=d["R"],
                 EI=d["EI"],
             )

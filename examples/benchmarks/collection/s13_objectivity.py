@@ -2,11 +2,12 @@
 
 The 45-degree bend of S3. There is no entry: the targets are zero, to 1e-12.
 
-``case``: "objectivity" or "path"; default: both. ``data``: P, turns, axis (of the rotations, default:
-a random one of a fixed seed). Gives
+``case``: "objectivity" or "path"; default: both. ``data``: P, turns, axis (of the rotations,
+default: a random one of a fixed seed). Gives
 
 - strain_change: of a bend under follower loads while its clamp turns, found anew after each turn,
-- strain_change_superposed: of a deformed state turned as a whole, a seventh of a turn after the other,
+- strain_change_superposed: of a deformed state turned as a whole, a seventh of a turn after the
+  other,
 - left_position, left_strain: after loading and unloading (relative to R; strain),
 - ways_apart: ends of three ways to the same two forces, one first, the other first, both at once
   (relative to R).
@@ -18,9 +19,9 @@ from typing import Any
 
 import numpy as np
 import static_scenes
-from collection import statics
 
 import skfem_cosserat as sc
+from collection import statics
 from skfem_cosserat import diagnostics
 from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
 

@@ -13,6 +13,7 @@ import math
 from typing import Any
 
 import static_scenes
+
 from collection import common, statics
 
 ENTRIES = ("S14_slenderness",)

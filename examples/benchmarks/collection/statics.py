@@ -9,11 +9,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from collection.common import Cost, choice, compare, overridden, tabled, timed
 import static_scenes
 from static_scenes import Scene
 
 import skfem_cosserat as sc
+from collection.common import Cost, choice, compare, overridden, tabled, timed
 
 __all__ = ["Asked", "answer", "bifurcation", "chosen", "extrapolated", "inputs", "limit"]
 __all__ += ["limit_points", "parts", "regular", "table"]
@@ -322,7 +322,7 @@ def table(
     digits: float,
     quick: Sequence[str] | None = None,
     *,
-    least: float = 0.0,
+    least: Mapping[str, float] | float = 0.0,
 ) -> list[dict[str, Any]]:
     """Rows of a family: each case computed once, each of its numbers beside the reference.
 
@@ -336,8 +336,8 @@ def table(
         That are trusted, of the largest component.
     quick : sequence of str, optional
         Only these cases.
-    least : float
-        Size that digits are counted from at least: for numbers that are zero.
+    least : float or mapping of str to float
+        Size that digits are counted from at least, for all numbers or by name: some are zero.
     """
     out = []
     for case, reference in references.items():
@@ -345,7 +345,8 @@ def table(
             continue
         result = main(case)
         for name, value in reference.items():
-            size = max(least, float(abs(np.asarray(value, dtype=float)).max()))
+            floor = least[name] if isinstance(least, Mapping) else least
+            size = max(floor, float(abs(np.asarray(value, dtype=float)).max()))
             compared = compare(case, result, {name: value}, size * 10.0**-digits)
             out += tabled(family, result, compared)
     return out
