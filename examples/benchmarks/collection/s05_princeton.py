@@ -10,11 +10,16 @@ rotvec, twist_atan2_R32_R33, twist_atan2_R32_R22, tip_swappedGA; axes: axial, fl
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import static_scenes
 from scipy.spatial.transform import Rotation
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[k]) for k in (1, 2)]
+
+import static_scenes
 
 from collection import common, statics
 
@@ -22,7 +27,7 @@ ENTRIES = ("S5_princeton",)
 ENTRY = common.entry(ENTRIES[0])
 CASES = tuple(ENTRY["values"])
 FIELDS = tuple(name for name in ENTRY["values"][CASES[0]] if name != "resid")
-QUICK = CASES
+QUICK = ("P=4.448,theta=30", "P=13.345,theta=45", "P=13.345,theta=90")
 DATA = {**static_scenes.PRINCETON, "P": 13.345, "theta": 45.0}
 ELEMENTS = {1: 200, 2: 100, 3: 32, 4: 12}
 

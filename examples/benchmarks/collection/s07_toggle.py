@@ -9,9 +9,14 @@ default: that of the reference). Gives limit_points and curve, lists of (w, P), 
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[k]) for k in (1, 2)]
+
 import static_scenes
 
 import skfem_cosserat as sc
@@ -68,7 +73,7 @@ def main(
 
 
 def _limit_points(asked: statics.Asked, scene: Any, until: float) -> list[list[float]]:
-    path = asked.path(scene, sc.DisplacementControl(scene.point, DOWN, until), watch=True)
+    path = asked.search(scene, sc.DisplacementControl(scene.point, DOWN, until))
     found = statics.limit_points(asked, scene, path, 2, DOWN)
     return [[-float(point.displacement[1]), point.load] for point in found]
 

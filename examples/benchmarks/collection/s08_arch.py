@@ -10,7 +10,11 @@ R, EI, EA, GA, angle_deg.
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[k]) for k in (1, 2)]
 
 import static_scenes
 
@@ -52,7 +56,7 @@ def main(
             )
             for share in (1.15, 1.5, 2.0):
                 control = sc.DisplacementControl(scene.point, (0, -1, 0), share * d["R"])
-                path = asked.path(scene, control, watch=True)
+                path = asked.search(scene, control)
                 found = [p for p in path.meta["critical"] if p["kind"] == "limit"]
                 if found:
                     break

@@ -10,7 +10,11 @@ load).
 from __future__ import annotations
 
 import math
+import sys
+from pathlib import Path
 from typing import Any
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[k]) for k in (1, 2)]
 
 import static_scenes
 

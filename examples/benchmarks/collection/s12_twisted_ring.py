@@ -11,9 +11,14 @@ and the twist by length tau at which the ring buckles.
 from __future__ import annotations
 
 import math
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[k]) for k in (1, 2)]
+
 import static_scenes
 
 from collection import statics

@@ -15,9 +15,14 @@ default: a random one of a fixed seed). Gives
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[k]) for k in (1, 2)]
+
 import static_scenes
 
 import skfem_cosserat as sc

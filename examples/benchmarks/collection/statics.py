@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[k]) for k in (1, 2)]
+
 import static_scenes
 from static_scenes import Scene
 
@@ -16,7 +21,7 @@ import skfem_cosserat as sc
 from collection.common import Cost, choice, compare, overridden, tabled, timed
 
 __all__ = ["Asked", "answer", "bifurcation", "chosen", "extrapolated", "inputs", "limit"]
-__all__ += ["limit_points", "parts", "regular", "table"]
+__all__ += ["limit_points", "numbered", "parts", "regular", "table"]
 
 #: inputs that may be negative, or zero
 SIGNED = {"P", "alpha", "lam", "M", "F", "theta", "phi", "axis", "w"}
@@ -61,6 +66,16 @@ class Asked:
         )
         self.cost.add(history)
         return history
+
+    def search(self, scene: Scene, control: Any) -> sc.History:
+        """Follow a path for its critical points, as far as it goes."""
+        try:
+            return self.path(scene, control, watch=True)
+        except sc.Diverged as failure:
+            if failure.history is None:
+                raise
+            self.cost.newton_iterations += int(failure.history["newton_iterations"].sum())
+            return failure.history
 
     def note(self, scene: Scene) -> None:
         """Count a scene's elements and unknowns."""
@@ -138,7 +153,7 @@ def inputs(defaults: Mapping[str, Any], *given: Mapping[str, Any] | None) -> dic
         out = overridden(out, each)
     for name, value in out.items():
         out[name] = value = value(out) if callable(value) else value
-        if (value is None and name in STIFF) or isinstance(defaults[name], str):
+        if value is None and name in STIFF:
             continue
         try:
             numbers = np.asarray(value, dtype=float)
@@ -164,6 +179,20 @@ def chosen(case: Any, keys: Sequence[str], default: str) -> str:
         if case == key or (_number(case) is not None and _number(case) == _number(key)):
             return key
     raise sc.InputError("case", f"{case!r} is unknown, expected one of {list(keys)}")
+
+
+def numbered(case: Any) -> float:
+    """A case that is any number.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    number = _number(case)
+    if number is None:
+        raise sc.InputError("case", f"{case!r}, expected a number")
+    return number
 
 
 def parts(case: str) -> dict[str, float]:
@@ -195,9 +224,9 @@ def bifurcation(asked: Asked, scene: Scene) -> float:
     square of the lowest one vanishes there, and six loads around it give the zero.
     """
     asked.note(scene)
-    estimate = sc.buckling(scene.system, 1).factors[0]
-    for share in (1.25, 2.5, 5.0):
-        history = asked.path(scene, sc.LoadControl(until=share * estimate), watch=True)
+    estimates = sc.buckling(scene.system, 1).factors
+    for share in (1.25, 2.5, 5.0) if len(estimates) else ():
+        history = asked.search(scene, sc.LoadControl(until=share * estimates[0]))
         found = [p for p in history.meta["critical"] if p["kind"] == "bifurcation"]
         if found:
             return _refined(asked, scene, float(found[0]["load_factor"]))
