@@ -100,9 +100,9 @@ def test_roll_up_counts_turns():
 @pytest.mark.parametrize("case", ["2", "h=0.1,alpha=2"])
 def test_elastica_of_any_size(case):
     """With alpha fixed all lengths are proportional; the moment at the root is force times x."""
-    unit = s02.main(case, order=4)
+    unit = s02.main(case, order=4, elements=8)
     h = {} if case == "2" else {"h": 0.2}
-    found = s02.main(case, {"L": 2.0, "EI": 5.0, **h}, order=4)
+    found = s02.main(case, {"L": 2.0, "EI": 5.0, **h}, order=4, elements=8)
     assert [found["x"], found["y"]] == pytest.approx([2 * unit["x"], 2 * unit["y"]], rel=1e-11)
     assert found["theta"] == pytest.approx(unit["theta"], rel=1e-11)
     assert found["root_moment"] == pytest.approx(2 * 5 / 4 * found["x"], rel=1e-9)
@@ -122,13 +122,14 @@ def test_bend_under_another_load(section):
     reference = s03.ENTRY["values"]["cases"][f"{section};P=300"]["tip"]
     found = s03.main(f"{section};P=600", {"P": 300}, order=4)["tip"]
     assert found == pytest.approx(reference, abs=1e-9)
-    mirrored = s03.main(f"{section};P=600", {"P": -300}, order=4)["tip"]
-    assert mirrored == pytest.approx([*reference[:2], -reference[2]], abs=1e-9)
+    mirrored = s03.main(f"{section};P=600", {"P": -300}, order=4, elements=8)["tip"]
+    assert mirrored == pytest.approx([*reference[:2], -reference[2]], abs=2e-9)
 
 
 def test_bend_of_another_modulus():
     """Twice the moduli under twice the load: the same shape, twice the moment and the energy."""
-    one, two = s03.main(order=4), s03.main(data={"E": 2e7, "G": 1e7, "P": 1200.0}, order=4)
+    data = {"E": 2e7, "G": 1e7, "P": 1200.0}
+    one, two = (s03.main(data=each, order=4, elements=8) for each in (None, data))
     assert two["tip"] == pytest.approx(one["tip"], abs=1e-9)
     assert two["root_moment"] == pytest.approx(
         2 * np.array(one["root_moment"]), rel=1e-10, abs=1e-6
@@ -145,9 +146,9 @@ def test_helix_by_number_or_by_load():
 
 def test_princeton_with_shear_stiffnesses_exchanged():
     """What is computed beside it is the same beam with other data."""
-    one = s05.main(order=4)
+    one = s05.main(order=4, elements=4)
     data = {"GA_flap": s05.DATA["GA_chord"], "GA_chord": s05.DATA["GA_flap"]}
-    other = s05.main(data=data, order=4)
+    other = s05.main(data=data, order=4, elements=4)
     assert [other[f"tip_{name}"] for name in ("axial", "flap", "chord")] == one["tip_swappedGA"]
 
 
@@ -175,7 +176,7 @@ def test_toggle_at_other_displacements():
 
 def test_prandtl_of_another_strip():
     """c is a number: it does not depend on the strip."""
-    j = s09.main("c", {"L": 100.0, "t": 1.0, "GJ": 3e5}, order=4)["c"] / 2
+    j = s09.main("c", {"L": 100.0, "t": 1.0, "GJ": 3e5}, order=4, elements=10)["c"] / 2
     assert jv(-0.25, j) == pytest.approx(0.0, abs=1e-9)
 
 
@@ -184,11 +185,11 @@ def test_prandtl_of_another_strip():
 )
 def test_lateral_buckling_against_repeated_references(case, repeated):
     """The same shooting solutions as the entries', with steps of 1/60 of the length."""
-    assert s09.main(case, order=4)["Pcr"] == pytest.approx(repeated, rel=1e-9)
+    assert s09.main(case, order=4, elements=8)["Pcr"] == pytest.approx(repeated, rel=1e-9)
 
 
 def test_hinged_frame_of_another_size():
-    found = s09.main("Mcr", {"L": 100.0, "EI2": 1e4, "GJ": 2e4}, order=4)["Mcr"]
+    found = s09.main("Mcr", {"L": 100.0, "EI2": 1e4, "GJ": 2e4}, order=4, elements=10)["Mcr"]
     assert found == pytest.approx(math.pi * math.sqrt(2e8) / 100, rel=1e-9)
 
 
@@ -205,9 +206,11 @@ def test_column_of_another_section(supports):
 
 def test_deployable_ring_of_another_size():
     """Closes to a third of any radius; the torque goes with EI/R."""
-    assert s11.main(data={"R": 10.0, "E": 1e6})["ux_B"] == pytest.approx(-40 / 3, abs=1e-8)
+    assert s11.main(data={"R": 10.0, "E": 1e6}, order=4, elements=48)["ux_B"] == pytest.approx(
+        -40 / 3, abs=1e-8
+    )
     thin = {"R": 2000.0, "h": 100.0, "w": 100 / 3, "J": 9.753e-3 * 1e8}
-    found = s11.main(45, thin, order=4)
+    found = s11.main(45, thin, order=4, elements=32)
     reference = s11.ENTRY["values"]["45"]
     assert found["Mx"] == pytest.approx(1e6 * reference["Mx"], rel=1e-8)
     assert found["ux_B"] == pytest.approx(100 * reference["ux_B"], rel=1e-8)
@@ -223,8 +226,8 @@ def test_twisted_ring_of_another_size():
 
 def test_slender_arc_of_any_size():
     """Lengths are proportional under P L^2/EI fixed; slenderness as a number."""
-    one = s14.main(1000)
-    two = s14.main(1000, {"L": 2.0, "EI": 3.0, "P": 5 * 3 / 4})
+    one = s14.main(1000, order=4)
+    two = s14.main(1000, {"L": 2.0, "EI": 3.0, "P": 5 * 3 / 4}, order=4)
     assert two["tip"] == pytest.approx(2 * np.array(one["tip"]), rel=1e-11)
     assert two["quat"] == pytest.approx(one["quat"], abs=1e-11)
 
@@ -239,7 +242,7 @@ SMALL = {
     "s05": 4,
     "s06": 10,
     "s07": 4,
-    "s09": 8,
+    "s09": 4,
     "s10": 6,
     "s11": 16,
     "s13": 4,

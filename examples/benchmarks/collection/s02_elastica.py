@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[k]) for k in (1, 2)]
+sys.path.extend(str(Path(__file__).resolve().parents[k]) for k in (1, 2))
 
 import static_scenes
 
@@ -25,7 +25,7 @@ ENTRIES = ("S2_elastica_inextensible", "S2_elastica_reissner")
 FIELDS = ("x", "y", "theta", "root_moment")
 VALUES = {name: common.entry(name)["values"] for name in ENTRIES}
 CASES = tuple(key for values in VALUES.values() for key in values)
-QUICK = ("10", "h=0.3,alpha=2", "h=0.1,alpha=10")
+QUICK = ("10", "h=0.1,alpha=10")
 DATA = {
     "L": 1.0,
     "EI": 1.0,

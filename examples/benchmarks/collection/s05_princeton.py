@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[k]) for k in (1, 2)]
+sys.path.extend(str(Path(__file__).resolve().parents[k]) for k in (1, 2))
 
 import static_scenes
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[k]) for k in (1, 2)]
+sys.path.extend(str(Path(__file__).resolve().parents[k]) for k in (1, 2))
 
 import static_scenes
 

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[k]) for k in (1, 2)]
+sys.path.extend(str(Path(__file__).resolve().parents[k]) for k in (1, 2))
 
 import static_scenes
 
