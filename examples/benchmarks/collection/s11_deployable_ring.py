@@ -52,7 +52,7 @@ DATA = {
     "EA": lambda d: d["E"] * d["h"] * d["w"],
     "GA": lambda d: d["kappa"] * d["EA"] / (2 * (1 + d["nu"])),
 }
-ELEMENTS = {1: 400, 2: 240, 3: 160, 4: 64}
+ELEMENTS = {1: 400, 2: 300, 3: 240, 4: 96}
 
 
 def main(
