@@ -6,8 +6,7 @@ is right to 5e-11, half a unit of the reference's 11th digit, in a single load s
 
 ``case``: "GA=5e6,GJ=8.3333e5(J=1/6);P=600" and so on, the keys of the entry's ``cases``; default:
 this one. ``data``: R, E, G, J, kappa (of shear), arc_deg, P; EA, GA (None: none of its compliance),
-EI, GJ. Gives tip, disp, quat (of the tip's section), root_moment (on the rod), strain_energy (NaN
-for Kirchhoff's rod).
+EI, GJ. Gives tip, disp, quat (of the tip's section), root_moment (on the rod), strain_energy.
 """
 
 from __future__ import annotations

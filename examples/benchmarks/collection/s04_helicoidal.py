@@ -76,7 +76,7 @@ def main(
 
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:
-    """The load factors of the entry, quick ones up to three turns."""
+    """The load factors of the entry, quick ones up to one and a half turns."""
     references = {key: {f: v[f] for f in FIELDS} for key, v in ENTRY["values"].items()}
     digits = ENTRY["trusted_digits"]
     return statics.table("S04", main, references, digits, QUICK if quick else None)

@@ -7,7 +7,7 @@ buckling: linear buckling of rods whose other stiffnesses are large, extrapolate
 
 The references of the strip and of S9b are themselves off by 2.2e-7 and 5e-9: the shooting solutions
 that they come from, repeated with steps of 1/60 of the length, give 3.31327752061047 and
-1.0875178408408, with which these agree to some 1e-10.
+1.0875178408408, with which these agree to 1e-9.
 
 ``case``: an entry's name, "Pcr" (the strip, default), "c" (Prandtl), "load +e1", "load -e1" (S9b)
 or "Mcr" (S9c). ``data``: L, b, t, E, nu, kappa; EI_stiff, EI_weak, GJ, EA, GA; in Prandtl's entry
