@@ -22,7 +22,7 @@ import skfem_cosserat as sc
 from collection import common
 from collection.inputs import Method
 
-__all__ = ["Problem", "Track", "angles", "answer", "table"]
+__all__ = ["Problem", "Track", "angles", "answer", "neville", "table"]
 
 Floats = NDArray[np.float64]
 
@@ -192,7 +192,7 @@ def _ladder(
     """Extrapolated fields, the finest step, estimated errors at the instants."""
     coarsest = common.step_for(problem.coarsest, times)
     squares: list[float] = []
-    columns: list[list[Floats]] = []
+    runs: list[Floats] = []
     errors, shapes, best, step = np.full(len(times), np.inf), {}, None, coarsest
     for divisor in DIVISORS[:LEVELS]:
         fields = run(problem, method, coarsest / divisor, times, cost)
@@ -202,15 +202,15 @@ def _ladder(
         shapes = {name: x.shape for name, x in fields.items()}
         flat = np.concatenate([x.reshape(len(times), -1) for x in fields.values()], axis=1)
         squares.append(step**2)
-        columns.append(_neville(flat, columns, squares))
-        if len(columns) < 2:
+        runs.append(flat)
+        if len(runs) < 2:
             continue
-        new, size = columns[-1], np.maximum(abs(flat).max(1), 1.0)
+        new, size = neville(runs, squares)[-1], np.maximum(abs(flat).max(1), 1.0)
         miss = abs(new[-1] - new[-2]).max(1)
         better = miss < errors
         best = new[-1] if best is None else np.where(better[:, None], new[-1], best)
         errors = np.minimum(miss, errors)
-        if (errors < TOLERANCE * size).all() or (len(columns) > ENOUGH and not better.any()):
+        if (errors < TOLERANCE * size).all() or (len(runs) > ENOUGH and not better.any()):
             break
     if best is None:
         return None, step, np.full(len(times), np.nan)
@@ -219,13 +219,18 @@ def _ladder(
     return {n: x.reshape(s) for (n, s), x in zip(shapes.items(), parts, strict=True)}, step, errors
 
 
-def _neville(flat: Floats, columns: list[list[Floats]], squares: list[float]) -> list[Floats]:
-    """The scheme's next row, polynomials in the square of the step at zero."""
-    row = [flat]
-    for k, above in enumerate(columns[-1] if columns else []):
-        ratio = squares[-2 - k] / squares[-1]
-        row.append(row[-1] + (row[-1] - above) / (ratio - 1))
-    return row
+def neville(values: Sequence[Floats], squares: Sequence[float]) -> list[list[Floats]]:
+    """Rows of the scheme: polynomials through values over squares of a step, at zero.
+
+    The last of the last row takes them all in; the one before it all but the first.
+    """
+    rows: list[list[Floats]] = []
+    for k, value in enumerate(values):
+        rows.append([value])
+        for j in range(1, k + 1):
+            ratio = squares[k - j] / squares[k]
+            rows[k].append(rows[k][-1] + (rows[k][-1] - rows[k - 1][j - 1]) / (ratio - 1))
+    return rows
 
 
 def table(

@@ -20,9 +20,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import six_body_linkage
+
 import skfem_cosserat as sc
 from collection import common, inputs, motion
-import six_body_linkage
 
 ENTRIES = ("R4_bricard",)
 QUICK = ("0.5",)

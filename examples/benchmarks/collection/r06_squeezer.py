@@ -22,9 +22,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from scipy.optimize import fsolve
+
 import skfem_cosserat as sc
 from collection import common, inputs, motion
-from scipy.optimize import fsolve
 
 ENTRIES = ("R6_andrews",)
 QUICK = ("0.005",)

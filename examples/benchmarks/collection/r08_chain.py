@@ -96,7 +96,7 @@ def main(
     coarsest = 1 / (50 + 50 * len(system.structures))
     problem = motion.Problem(system, read, coarsest)
     result = motion.answer(problem, method, values["t"], instant)
-    return {**result, **{name: result["state"] for name in NAMES}}
+    return {**result, **dict.fromkeys(NAMES, result["state"])}
 
 
 def digits(number: int, t: float) -> float:
