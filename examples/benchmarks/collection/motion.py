@@ -1,10 +1,11 @@
 """Motions at given instants: with one step as it is, or extrapolated from a ladder of steps.
 
 Both integrators are symmetric, so that the error of a value at an instant is a series in even
-powers of the step. Without a step of the caller, a family's coarsest one is divided by 1, 2, 3, 4,
+powers of the step, one for even and one for odd numbers of steps (as with Gragg's midpoint rule):
+the ladder takes even numbers up to each instant. Without a step of the caller, a family's coarsest one is divided by 1, 2, 3, 4,
 6, 8 ...; Aitken's and Neville's scheme extrapolates to step zero (as Bulirsch & Stoer do), instant
-by instant, and the difference of the last two columns estimates the error. The ladder ends when
-all estimates are below ``TOLERANCE`` (relative to the larger of a value's size and 1), when they
+by instant, and the larger of the distances to the best of the run before and to the last column but
+one estimates the error. The ladder ends when all estimates are below ``TOLERANCE`` (relative to the larger of a value's size and 1), when they
 get no better, or after ``LEVELS`` runs: what is not reached then is in ``estimated_error``.
 """
 
@@ -22,7 +23,7 @@ import skfem_cosserat as sc
 from collection import common
 from collection.inputs import Method
 
-__all__ = ["Problem", "Track", "angles", "answer", "neville", "table"]
+__all__ = ["Problem", "Track", "angles", "answer", "coarsest", "neville", "table"]
 
 Floats = NDArray[np.float64]
 
@@ -88,6 +89,14 @@ class Problem:
     system: sc.System
     read: Callable[[Track], dict[str, Floats]]
     coarsest: float
+
+
+def coarsest(length: float, g: Any, speed: float = 0.0) -> float:
+    """A tenth of the time (s) in which a length is fallen through or passed at this speed."""
+    strength = float(np.linalg.norm(g))
+    own = [np.sqrt(length / strength)] if strength else []
+    own += [length / abs(speed)] if speed else []
+    return 0.1 * float(min(own, default=1.0))
 
 
 def angles(x: Floats, y: Floats) -> Floats:
@@ -190,7 +199,7 @@ def _ladder(
     problem: Problem, method: Method, times: Sequence[float], cost: common.Cost
 ) -> tuple[dict[str, Floats] | None, float, Floats]:
     """Extrapolated fields, the finest step, estimated errors at the instants."""
-    coarsest = common.step_for(problem.coarsest, times)
+    coarsest = common.step_for(2 * problem.coarsest, times) / 2
     squares: list[float] = []
     runs: list[Floats] = []
     errors, shapes, best, step = np.full(len(times), np.inf), {}, None, coarsest
@@ -205,8 +214,9 @@ def _ladder(
         runs.append(flat)
         if len(runs) < 2:
             continue
-        new, size = neville(runs, squares)[-1], np.maximum(abs(flat).max(1), 1.0)
-        miss = abs(new[-1] - new[-2]).max(1)
+        (*_, old), new = neville(runs, squares)[-2:]
+        size = np.maximum(abs(flat).max(1), 1.0)
+        miss = np.maximum(abs(new[-1] - new[-2]), abs(new[-1] - old)).max(1)
         better = miss < errors
         best = new[-1] if best is None else np.where(better[:, None], new[-1], best)
         errors = np.minimum(miss, errors)

@@ -64,7 +64,11 @@ def main(
     method = inputs.method(order, elements, step, integrator, treatment, times)
     values = common.entry(ENTRIES[0])["values"]
     _, instant = inputs.chosen(case, ENTRIES, values)
-    problem = motion.Problem(scene(data), read, coarsest=1 / 30)
+    system = scene(data)
+    rod: Any = system.joints[0]
+    gravity = common.overridden(DATA, data)["g"]
+    speed = np.linalg.norm(system.structures[0].velocity)
+    problem = motion.Problem(system, read, motion.coarsest(rod.length, gravity, speed))
     return motion.answer(problem, method, values["t"], instant)
 
 

@@ -140,7 +140,9 @@ def main(
         return _precessing(str(case), data, method)
     values = common.entry(ENTRIES[0])["values"]
     _, instant = inputs.chosen(case, ENTRIES, {**values, "slow": 0, "fast": 0})
-    problem = motion.Problem(scene(data), read, coarsest=1 / 600)
+    system, omega = scene(data), common.overridden(DATA, data)["Omega0"]
+    coarsest = min(0.05, 0.25 / max(np.linalg.norm(inputs.vector("Omega0", omega)), 1e-9))
+    problem = motion.Problem(system, read, coarsest)
     return motion.answer(problem, method, values["t"], instant)
 
 

@@ -81,7 +81,8 @@ def main(
     if case == "jacobi":
         none = common.Cost(unknowns=0).fields()
         return {**closed, **none, "order": None, "elements": None, "step": None}
-    problem = motion.Problem(system, read, coarsest=1 / 20)
+    omega = np.linalg.norm(common.overridden(DATA, data)["Omega0"])
+    problem = motion.Problem(system, read, coarsest=0.1 / omega if omega else 1.0)
     result = motion.answer(problem, method, values["t"], instant)
     return {**result, "jacobi": closed}
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path[:0] = [str(Path(__file__).resolve().parents[k]) for k in (1, 2)]
 
 import six_body_linkage
 
@@ -81,7 +81,10 @@ def main(
     method = inputs.method(order, elements, step, integrator, treatment, times)
     values = common.entry(ENTRIES[0])["values"]
     _, instant = inputs.chosen(case, ENTRIES, values)
-    problem = motion.Problem(scene(data), read, coarsest=1 / 20)
+    d, system = common.overridden(DATA, data), scene(data)
+    rods = np.diff([system.joints[k + 1].a.position for k in range(6)], axis=0)
+    longest = np.linalg.norm(rods, axis=1).max()
+    problem = motion.Problem(system, read, motion.coarsest(longest, d["g"]) / 1.6)
     return motion.answer(problem, method, values["t"], instant)
 
 

@@ -90,7 +90,9 @@ def main(
     method = inputs.method(order, elements, step, integrator, treatment, times)
     values = common.entry(ENTRIES[0])["values"]
     _, instant = inputs.chosen(case, ENTRIES, values)
-    problem = motion.Problem(scene(data), read, coarsest=1 / 50)
+    system, d = scene(data), common.overridden(DATA, data)
+    length, *rest = (inputs.number(name, d[name]) for name in ("l", "g", "vx"))
+    problem = motion.Problem(system, read, motion.coarsest(length, *rest) / 1.6)
     return motion.answer(problem, method, values["t"], instant)
 
 

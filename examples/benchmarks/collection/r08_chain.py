@@ -30,7 +30,7 @@ from collection import common, inputs, motion
 
 COUNTS = (2, 1, 5)
 ENTRIES = tuple(f"R8_chain_N{n}" for n in COUNTS)
-QUICK = {1: ("0.5", "1"), 2: ("0.5", "1"), 5: ("0.5",)}
+QUICK = {1: ("0.5", "1"), 2: ("0.5",), 5: ("0.5",)}
 DATA = {"N": 2, "l": 1.0, "m": 1.0, "g": 9.81, "theta0": 0.0}
 NAMES = ("state", "taylor_longdouble", "DOP853_rtol2e-14")
 #: until when an entry is trusted (s), and digits from an instant on
@@ -93,8 +93,9 @@ def main(
     instant = None if named else inputs.chosen(case, ENTRIES, {**values, "state": 0})[1]
     given = {**({"N": int(named[1])} if named else {}), **(data or {})}
     system = scene(given)
-    coarsest = 1 / (50 + 50 * len(system.structures))
-    problem = motion.Problem(system, read, coarsest)
+    d = common.overridden(DATA, given)
+    own = motion.coarsest(inputs.number("l", d["l"]), inputs.number("g", d["g"]))
+    problem = motion.Problem(system, read, coarsest=own / (1 + len(system.structures)))
     result = motion.answer(problem, method, values["t"], instant)
     return {**result, **dict.fromkeys(NAMES, result["state"])}
 
