@@ -6,6 +6,7 @@ step, and what it has grown to. Tolerances are a few times what was measured.
 
 import importlib
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +28,10 @@ FAMILIES = {"R1": R1, "R2": R2, "R3": R3, "R4": R4, "R5": R5, "R6": R6, "R8": R8
 PAIRS = [(i, t) for i in ("energy-momentum", "variational") for t in ("null-space", "multipliers")]
 pairs = pytest.mark.parametrize(("integrator", "treatment"), PAIRS)
 #: errors of the quick rows relative to 1 or the size of a field, a few times those measured
-QUICK = {"R1": 4e-12, "R2": 3e-12, "R3": 5e-12, "R4": 5e-12, "R5": 5e-12, "R6": 5e-13, "R8": 5e-11}
+QUICK = {"R1": 5e-12, "R2": 2e-11, "R3": 5e-12, "R4": 5e-12, "R5": 5e-12, "R6": 5e-13, "R8": 5e-11}
+LONG = [pytest.param(family, marks=pytest.mark.slow) for family in ("R2", "R4", "R5", "R6", "R8")]
 #: instants of a short run of each family
-SHORT = {"R1": 0.5, "R2": 0.05, "R3": 1.0, "R4": 0.5, "R5": 0.5, "R6": 0.005, "R8": 0.5}
+SHORT = {"R1": 0.5, "R2": 0.05, "R3": 1.0, "R4": 0.5, "R5": 0.5, "R6": 0.002, "R8": 0.5}
 TAKEN = {"cost_s", "unknowns", "newton_iterations", "converged", "order", "elements", "step"}
 
 
@@ -37,6 +39,12 @@ def field(family, result):
     """The main field at the last instant."""
     name = {"R4": "P3", "R5": "phi_omega", "R6": "q"}.get(family, "state")
     return np.array(result[name][-1])
+
+
+@cache
+def limit(family):
+    """The main field after a short run, extrapolated."""
+    return field(family, FAMILIES[family].main(times=[SHORT[family]]))
 
 
 def size(reference):
@@ -83,11 +91,11 @@ def test_chains_as_long_as_they_are_trusted(case):
 
 
 @pairs
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", ["R1", "R3", *LONG])
 def test_all_methods_agree(family, integrator, treatment):
     """Whatever integrator and treatment, extrapolated: the same numbers."""
     main, times = FAMILIES[family].main, [SHORT[family]]
-    usual = field(family, main(times=times))
+    usual = limit(family)
     other = main(times=times, integrator=integrator, treatment=treatment)
     assert other["converged"]
     assert abs(field(family, other) - usual).max() < 10 * QUICK[family] * size(usual)
@@ -97,13 +105,12 @@ STEPS = {"R1": 0.05, "R2": 1e-3, "R3": 0.05, "R4": 0.05, "R5": 0.025, "R6": 2.5e
 
 
 @pytest.mark.parametrize("integrator", ["energy-momentum", "variational"])
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", ["R1", "R3", *LONG])
 def test_second_order_at_given_steps(family, integrator):
     main, times, h = FAMILIES[family].main, [SHORT[family]], STEPS[family]
-    limit = field(family, main(times=times))
     runs = [main(times=times, step=h / 2**k, integrator=integrator) for k in range(3)]
     assert [run["step"] for run in runs] == pytest.approx([h, h / 2, h / 4], rel=1e-12)
-    errors = [np.linalg.norm(field(family, run) - limit) for run in runs]
+    errors = [np.linalg.norm(field(family, run) - limit(family)) for run in runs]
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2, abs=0.1)
 
 
@@ -133,11 +140,12 @@ def test_names_and_shapes(family):
 def test_an_instant_of_the_reference_is_a_case():
     """As text, as a number; alone it is that instant's numbers, else all are lists."""
     wanted = common.entry("R1_spherical_pendulum")["values"]["state"][0]
+    found = R1.main("1")
+    assert np.array(found["state"]) == pytest.approx(np.array(wanted, dtype=float), abs=5e-12)
     for case in ("1", 1, 1.0):
-        found = R1.main(case)
+        found = R1.main(case, step=0.1)
         assert found["t"] == 1.0
-        assert np.array(found["state"]) == pytest.approx(np.array(wanted, dtype=float), abs=4e-12)
-    several = R1.main("state", times=[1.0])
+    several = R1.main("state", times=[1.0], step=0.1)
     assert several["state"][0] == several["1"]["state"] == found["state"]
 
 
@@ -145,7 +153,7 @@ def test_entries_and_counts_are_cases():
     assert len(R8.main("R8_chain_N3", times=[0.1], step=0.05)["state"][0]) == 6
     assert len(R8.main("R8_chain_N3", {"N": 4}, times=[0.1], step=0.05)["state"][0]) == 8
     assert len(R8.main(data={"N": 3}, times=[0.1], step=0.05)["tip"][0]) == 2
-    assert set(R2.main("R2_steady_precession")) >= {"slow", "fast", *TAKEN}
+    assert set(R2.main("R2_steady_precession", step=0.01)) >= {"slow", "fast", *TAKEN}
 
 
 # -- other inputs ----------------------------------------------------------------------------------
@@ -209,15 +217,17 @@ def test_bricard_of_another_size():
     wanted = common.entry("R4_bricard")["values"]["P3"][0]
     assert np.array(found) / 2 == pytest.approx(np.array(wanted), abs=1e-8)
     axes = [(0, 2, 0), (0, 0, 1), (1, 0, 0)] * 2
-    same = R4.main(data={**data, "axes": axes}, times=[0.25])["P3"][0]
-    assert same == pytest.approx(found, abs=1e-12)
+    same = [
+        R4.main(data=d, times=[0.1], step=0.05)["P3"][0] for d in (data, {**data, "axes": axes})
+    ]
+    assert same[0] == pytest.approx(same[1], abs=1e-12)
 
 
-@pytest.mark.parametrize("windows", [1, 4])
+@pytest.mark.parametrize("windows", [1, pytest.param(4, marks=pytest.mark.slow)])
 def test_windows_of_other_numbers(windows):
     """Energy: columns (N + 1)/6 and beams N/2 of m l^2 phi'^2, weight (N + 1)/2 + N of m g l."""
     data = {"N": windows, "l": 0.5, "m": 2.0, "g": 4.0, "vx": 0.7}
-    result = R5.main(data=data, times=[0.3, 0.6])
+    result = R5.main(data=data, times=[0.4])
     inertia = 2.0 * 0.25 * ((windows + 1) / 6 + windows / 2)
     weight = 2.0 * 4.0 * 0.5 * ((windows + 1) / 2 + windows)
     for phi, rate in [(0.0, 0.7 / 0.5), *result["phi_omega"]]:
@@ -230,12 +240,12 @@ def test_windows_of_other_numbers(windows):
 def test_squeezer_with_another_link():
     """Its loops are closed anew; the crank starts with the torque over the reduced inertia."""
     data = {"ss": 0.0352, "mom": 0.05}
-    result = R6.main(data=data, times=[0.002])
+    result = R6.main(data=data, times=[0.002], step=2e-4)
     d = common.overridden(R6.defaults(), data)
     for q in (result["q0"], result["q"][0]):
         assert abs(R6.gaps(q, d)).max() < 1e-13
     assert abs(np.array(result["q0"]) - R6.defaults()["q0"]).max() > 1e-3
-    unlike = R6.main(data={"mom": 0.05}, times=[0.002])
+    unlike = R6.main(data={"mom": 0.05}, times=[0.002], step=2e-4)
     assert abs(np.array(unlike["q"][0]) - result["q"][0]).max() > 1e-3
 
 
@@ -256,7 +266,7 @@ def chain_energy(state, d):
 def test_chain_of_three():
     """Energy of closed form; the tip from the angles; the same in other units."""
     data = {"N": 3, "l": 0.6, "m": 2.0, "g": 5.0, "theta0": (0.3, -0.4, 1.0)}
-    result = R8.main(data=data, times=[0.4, 0.8])
+    result = R8.main(data=data, times=[0.4])
     start = chain_energy([*data["theta0"], 0, 0, 0], data)
     for state, tip in zip(result["state"], result["tip"], strict=True):
         assert chain_energy(state, data) == pytest.approx(start, abs=1e-9)
@@ -301,7 +311,7 @@ def test_bad_data_is_named():
     bad(lambda: R2.main(data={"J_com": (1, 1, 3)}), "inertia")
     bad(lambda: R2.main("slow", {"Omega3": 1.0}), "Omega3 = 1", "no steady precession")
     bad(lambda: R2.main("fast", {"theta": np.pi / 2}), "horizontal")
-    bad(lambda: R3.main(data={"I": "heavy"}), "I")
+    bad(lambda: R3.main(data={"I": "heavy"}), "inertia = 'heavy'")
     bad(lambda: R4.main(data={"axes": "yzx"}), "axes")
     bad(lambda: R5.main(data={"N": 1.5}), "N = 1.5")
     bad(lambda: R6.main(data={"ss": 0.5}), "loops open")
@@ -310,9 +320,27 @@ def test_bad_data_is_named():
     bad(lambda: R8.main(data={"N": 3, "theta0": (0, 0)}), "theta0")
 
 
-def test_a_run_that_cannot_be_solved_gives_no_number():
-    """A step of 20 s: NaN, and no error."""
-    result = R8.main("R8_chain_N5", times=[20.0], step=20.0)
-    assert not result["converged"]
+def test_a_run_that_cannot_be_solved_gives_no_number(monkeypatch):
+    """NaN and no error; a ladder goes on without its longest steps."""
+    longest = 0.03
+
+    def limited(system, integrator, treatment, step, until, **options):
+        history = simulate(system, integrator, treatment, step, until, **options)
+        if step > longest:
+            error = sc.Diverged(0.0, 1, 1.0, "not this step", "a shorter one")
+            error.history = history
+            raise error
+        return history
+
+    simulate = sc.simulate
+    monkeypatch.setattr(sc, "simulate", limited)
+    result = R3.main(times=[0.5, 1.0], step=0.05)
+    assert result["converged"] is False
     assert np.isnan(result["state"]).all()
-    assert np.shape(result["state"]) == (1, 10)
+    assert np.shape(result["state"]) == (2, 7)
+    assert result["newton_iterations"] > 0
+    found = R3.main(times=[1.0])
+    assert found["converged"]
+    assert np.array(found["state"][0]) == pytest.approx(limit("R3"), abs=1e-11)
+    longest = 0.0
+    assert np.isnan(R3.main(times=[1.0])["state"]).all()

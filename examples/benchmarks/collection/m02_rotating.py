@@ -35,6 +35,8 @@ LADDER = (50.0, 100.0, 200.0, 400.0)
 #: from order 3 on enough for 2e-9, which rounding at the slenderness 400 does not let it better
 ELEMENTS = {1: 400, 2: 200, 3: 120, 4: 40}
 MODES = 4
+#: share of a shift in flap or lag; torsion that the rotation couples to flap is below
+SIDEWAYS = 2e-3
 
 
 def given(case: str | None, data: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -87,9 +89,9 @@ def frequencies(system: sc.System, eta: float, treatment: Any, cost: common.Cost
         found = sc.modes(system, count=3 * MODES + 8)
     share = vibration.moving(found)[:, 1:]
     if not eta:  # every one is double
-        both = found.omega[share.sum(1) > vibration.SIDEWAYS][: 2 * MODES : 2]
+        both = found.omega[share.sum(1) > SIDEWAYS][: 2 * MODES : 2]
         return np.array([both, both])
-    own = share > np.maximum(share[:, ::-1], vibration.SIDEWAYS)
+    own = share > np.maximum(share[:, ::-1], SIDEWAYS)
     return np.array([found.omega[own[:, k]][:MODES] for k in (1, 0)])
 
 

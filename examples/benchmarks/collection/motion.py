@@ -2,11 +2,12 @@
 
 Both integrators are symmetric, so that the error of a value at an instant is a series in even
 powers of the step, one for even and one for odd numbers of steps (as with Gragg's midpoint rule):
-the ladder takes even numbers up to each instant. Without a step of the caller, a family's coarsest one is divided by 1, 2, 3, 4,
-6, 8 ...; Aitken's and Neville's scheme extrapolates to step zero (as Bulirsch & Stoer do), instant
-by instant, and the larger of the distances to the best of the run before and to the last column but
-one estimates the error. The ladder ends when all estimates are below ``TOLERANCE`` (relative to the larger of a value's size and 1), when they
-get no better, or after ``LEVELS`` runs: what is not reached then is in ``estimated_error``.
+the ladder takes even numbers up to each instant. Without a step of the caller, a family's coarsest
+one is divided by 1, 2, 3, 4, 6, 8 ...; Aitken's and Neville's scheme extrapolates to step zero (as
+Bulirsch & Stoer do), instant by instant, and the larger of the distances to the best of the run
+before and to the last column but one estimates the error. The ladder ends when all estimates are
+below ``TOLERANCE`` (relative to the larger of a value's size and 1), when they get no better, or
+after ``LEVELS`` runs: what is not reached then is in ``estimated_error``.
 """
 
 from __future__ import annotations
