@@ -10,7 +10,7 @@ same under the names of the reference's columns, ``taylor_longdouble`` and ``DOP
 ("R8_chain_N3"), a key of the values, or an instant (s); without an entry N is 2.
 
 The motion is chaotic from two rods on: an error of rounding has grown to 1e-4 after 10 s with five
-rods. ``estimated_error`` says at which instants the numbers mean something: with two rods until 6 s.
+rods. ``estimated_error`` says at which instants the numbers mean something: of two rods to 6 s.
 """
 
 from __future__ import annotations
