@@ -42,6 +42,21 @@ from .model.balance import Spin
 from .motion import MotionShake, MotionTurn
 from .newton import NewtonSettings
 from .parallel import Job, Outcome, Processes, run_all
+from .profile import (
+    MaterialAnisotropic,
+    Profile,
+    ProfileBox,
+    ProfileChannel,
+    ProfileCircle,
+    ProfileComposite,
+    ProfileI,
+    ProfilePolygon,
+    ProfileRectangle,
+    ProfileRectangles,
+    ProfileRings,
+    ProfileTube,
+    Region,
+)
 from .ramp import Harmonic, RampLinear, RampSmooth
 from .section import Material, Section, SectionCircle, SectionRectangle, SectionTube
 from .simulate import (
@@ -111,6 +126,7 @@ __all__ = [
     "LoadMoment",
     "MassPoint",
     "Material",
+    "MaterialAnisotropic",
     "MeshCurve",
     "MeshError",
     "Model",
@@ -124,11 +140,23 @@ __all__ = [
     "Outcome",
     "Place",
     "Processes",
+    "Profile",
+    "ProfileBox",
+    "ProfileChannel",
+    "ProfileCircle",
+    "ProfileComposite",
+    "ProfileI",
+    "ProfilePolygon",
+    "ProfileRectangle",
+    "ProfileRectangles",
+    "ProfileRings",
+    "ProfileTube",
     "Projection",
     "RampLinear",
     "RampSmooth",
     "RayleighDamping",
     "Refinement",
+    "Region",
     "RigidBody",
     "Section",
     "SectionCircle",
