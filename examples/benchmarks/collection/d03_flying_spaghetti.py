@@ -66,7 +66,7 @@ def main(
     treatment: str = "null-space",
     times: list[float] | None = None,
 ) -> dict[str, Any]:
-    """See :mod:`.common`; of each instant ``pos`` and ``quat`` (loaded, free, mid) and ``energy``."""
+    """See :mod:`.common`; ``pos`` and ``quat`` (loaded, free, mid) and ``energy``."""
     return PROBLEM.answer(case, data, order, elements, step, integrator, treatment, times)
 
 

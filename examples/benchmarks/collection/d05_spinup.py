@@ -85,7 +85,7 @@ def main(
     treatment: str = "null-space",
     times: list[float] | None = None,
 ) -> dict[str, Any]:
-    """See :mod:`.common`; of each instant ``pos``, ``quat`` (root, tip), ``energy``, ``psi``, ``u_rel``, ``theta_rel``."""
+    """See :mod:`.common`; also the tip as the root sees it: ``psi``, ``u_rel``, ``theta_rel``."""
     return PROBLEM.answer(case, data, order, elements, step, integrator, treatment, times)
 
 

@@ -87,7 +87,7 @@ def main(
     treatment: str = "null-space",
     times: list[float] | None = None,
 ) -> dict[str, Any]:
-    """See :mod:`.common`; of each instant ``pos`` and ``quat`` (mid, tip, B: the crank at its pin) and ``energy``."""
+    """See :mod:`.common`; ``pos``, ``quat`` (mid, tip, B: the crank at its pin), ``energy``."""
     return PROBLEM.answer(case, data, order, elements, step, integrator, treatment, times)
 
 

@@ -30,8 +30,8 @@ from . import common
 __all__ = ["Instant", "Problem", "Scene", "SolidBeam", "beam", "bump", "limit", "rise", "run"]
 
 Floats = NDArray[np.float64]
-E1, E2, E3 = np.eye(3)
-MEMBERS = ("EA", "GA", "EI", "GJ", "A_rho", "J_rho")
+#: two digits, what the runs of others are good for that nobody has verified
+COARSE = 1e-2
 
 
 # -- beams and loads by the names of the reference file --------------------------------------------
@@ -58,8 +58,14 @@ class SolidBeam(sc.Beam):
         return mass
 
 
-def beam(mesh: sc.MeshCurve, data: Mapping[str, Any], order: int, e2: Sequence[float]) -> sc.Beam:
-    """A beam with the constants ``EA, GA, EI, GJ, A_rho, J_rho`` of `data`.
+def beam(
+    mesh: sc.MeshCurve,
+    data: Mapping[str, Any],
+    order: int,
+    e2: Sequence[float],
+    **options: Any,
+) -> sc.Beam:
+    """A beam with the constants ``EA, GA, EI, GJ, A_rho, J_rho`` of `data`, and other options.
 
     There e1 is along the beam, here d3 is: (d1, d2, d3) = (e2, e3, e1). ``GA`` and ``EI`` are one
     number or those of e2 and e3; ``J_rho`` holds the moments of inertia about e1, e2, e3, or about
@@ -77,10 +83,10 @@ def beam(mesh: sc.MeshCurve, data: Mapping[str, Any], order: int, e2: Sequence[f
         inertia=along,
     )
     if abs(third) <= 1e-9 * max(J1, J2, J3):
-        return sc.Beam(mesh, section, order=order, director=tuple(e2))
+        return sc.Beam(mesh, section, order=order, director=tuple(e2), **options)
     if third < 0:
         raise sc.InputError("data", f"J_rho = {data['J_rho']!r}: no section has it, J2 + J3 < J1")
-    return SolidBeam(mesh, section, order=order, director=tuple(e2), third=third)
+    return SolidBeam(mesh, section, order=order, director=tuple(e2), third=third, **options)
 
 
 def _pair(value: Any) -> tuple[float, float]:
@@ -141,9 +147,9 @@ def triangle_or_bump(data: Mapping[str, Any]) -> Any:
 class Scene(NamedTuple):
     """A frozen scene, the places that are looked at, and instants (s) that must be ends of steps.
 
-    ``start`` is a state to begin with (default: at rest as it was drawn), ``frames`` (k, 3, 3) the
-    section triads (e1, e2, e3 as rows) of the places at the start, from which quaternions are
-    counted if they are not the identity there.
+    ``start`` is a state to begin with (default: at rest as it was drawn); ``frames`` the sections'
+    axes e1, e2, e3 (as rows) at the start where quaternions are not to be the identity there;
+    ``part`` a system with the same coordinates, whose kinetic energy is meant (default: all).
     """
 
     system: sc.System
@@ -151,6 +157,7 @@ class Scene(NamedTuple):
     kinks: tuple[float, ...] = ()
     start: Any = None
     frames: dict[str, Floats] | None = None
+    part: Any = None
 
     @property
     def rows(self) -> NDArray[np.int64]:
@@ -314,7 +321,10 @@ def _motion(scene: Scene, q: Floats, p: Floats, times: Floats, integrator: Any) 
     q, p = q[good], p[good]
     v, projected = sc.Projection(system).stack(q, p, times[good])
     keeps = isinstance(integrator, sc.EnergyMomentum) and not system.moving
-    energy = diagnostics.kinetic_energy(system, p if keeps else projected)
+    if scene.part is None:
+        energy = diagnostics.kinetic_energy(system, p if keeps else projected)
+    else:
+        energy = diagnostics.kinetic_energy_of_velocity(scene.part, v)
     energy = energy + diagnostics.strain_energy(system, q)
     found = (scene.positions(q), scene.rotations(q), scene.positions(v), energy)
     for array, value in zip(out, found, strict=True):
@@ -415,8 +425,12 @@ class Problem:
         return out
 
     def keys(self) -> dict[str, float]:
-        """Cases that are instants, by name."""
-        return {key: float(key) for key in common.entry(self.entry)["values"]}
+        """All instants of the entry (s), by name."""
+        values = common.entry(self.entry)["values"]
+        nested = [inner for inner in values.values() if isinstance(inner, Mapping)]
+        tracks = nested if _by_place(values) else [values]
+        found = {key: float(key) for track in tracks for key in track}
+        return dict(sorted(found.items(), key=lambda pair: pair[1]))
 
     def instant(self, case: Any) -> str:
         """The key of a case, given as text or number.
@@ -453,6 +467,33 @@ class Problem:
             return {**common.instants(rows, key, cost), **taken}
         extra = {} if key is None else rows[key]
         return {**common.instants(rows, None, cost), **extra, **taken}
+
+    def tracks(self, case: Any = None, *arguments: Any) -> dict[str, Any]:
+        """``main`` of a family with lists of position and quaternion, by places and instants."""
+        *most, times = arguments
+        values = common.entry(self.entry)["values"]
+        places = list(values) if _by_place(values) else []
+        key = None
+        if case is not None and not places:
+            key = self.instant(case)
+        elif case is not None and case not in places:
+            raise sc.InputError("case", f"{case!r} is unknown, expected one of {places}")
+        wanted = list(self.keys().values()) if key is None else [float(key)]
+        if times is not None:
+            wanted = _instants(times)
+        moments, _, cost, taken = self.moments(wanted, *most)
+        names = [f"{t:.4f}" for t in wanted]
+        found = {
+            place: {
+                name: [*now.pos[place], *now.quat[place]]
+                for name, now in zip(names, moments, strict=True)
+            }
+            for place in moments[0].pos
+        }
+        answer: dict[str, Any] = {"t": wanted, **found}
+        if not places or case is not None:
+            answer.update(found[case if places else next(iter(found))])
+        return {**answer, **cost.fields(), **taken}
 
     def moments(
         self,
@@ -509,15 +550,21 @@ class Problem:
         names = ("data", "order", "elements", "step", "integrator", "treatment")
         defaults = {"order": 3, "integrator": "energy-momentum", "treatment": "null-space"}
         most = [arguments.get(name, defaults.get(name)) for name in names]
-        result = self.answer(None, *most, times)
         values = common.entry(self.entry)["values"]
+        listed = _by_place(values) or isinstance(next(iter(values.values())), list)
+        result = (self.tracks if listed else self.answer)(None, *most, times)
         compared = [
             comparison
             for key in values
             if key in result
-            for comparison in _compared(key, result[key], values[key])
+            for comparison in (_tracked if listed else _compared)(key, result[key], values[key])
         ]
         return common.tabled(family, result, compared)
+
+
+def _by_place(values: Mapping[str, Any]) -> bool:
+    """Whether an entry's values are dicts of instants, by places."""
+    return not next(iter(values))[0].isdigit()
 
 
 def _is_number(value: Any) -> bool:
@@ -545,7 +592,7 @@ def _checked(name: str, default: Any, value: Any, signed: Sequence[str]) -> Any:
         numbers = np.array(np.nan)
     if not np.isfinite(numbers).all():
         raise sc.InputError("data", f"{name} = {value!r}, expected finite numbers")
-    free = name.split(": ")[-1] in signed
+    free = name.rsplit(": ", maxsplit=1)[-1] in signed
     if not free and not ((numbers > 0) | (np.ndim(default) > 0)).all():
         raise sc.InputError("data", f"{name} = {value!r}, expected a positive number")
     return value
@@ -613,6 +660,22 @@ def _compared(
         if name.startswith("quat") and name in mine and np.dot(mine[name], value) < 0:
             mine[name] = [-x for x in mine[name]]
     return common.compare(key, mine, theirs, float(reference["unc"]))
+
+
+def _tracked(key: str, computed: Any, reference: Any) -> list[common.Comparison]:
+    """Positions and quaternions (up to sign) of one place, at one instant or by instants."""
+    rows = {key: reference} if isinstance(reference, list) else reference
+    mine = {key: computed} if isinstance(reference, list) else computed
+    out = []
+    for name, row in rows.items():
+        if name not in mine:
+            continue
+        ours, case = list(mine[name]), key if name == key else f"{key}, {name}"
+        sign = -1.0 if np.dot(ours[3:], row[3:]) < 0 else 1.0
+        pair = ({"pos": ours[:3], "quat": [sign * x for x in ours[3:]]}, row)
+        theirs = {"pos": pair[1][:3], "quat": pair[1][3:]}
+        out += common.compare(case, pair[0], theirs, COARSE)
+    return out
 
 
 def _flat(fields: Mapping[str, Any]) -> dict[str, Any]:
