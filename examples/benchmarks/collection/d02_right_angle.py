@@ -33,9 +33,10 @@ def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
     frame = model.add("frame", dynamics.beam(mesh, data, order, e2=(0, 0, 1)))
     elbow, tip = frame.node("elbow"), frame.node("frame.end")
     model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), frame.node("frame.start")))
-    model.add("force", sc.LoadForce(elbow, (0, 0, 1), dynamics.triangle_or_bump(data)))
+    pulse, kinks = dynamics.pulse(data)
+    model.add("force", sc.LoadForce(elbow, (0, 0, 1), pulse))
     places = {"elbow": elbow, "tip": tip}
-    return dynamics.Scene(model.freeze(), places, kinks=(data["t_peak"], data["t_end"]))
+    return dynamics.Scene(model.freeze(), places, kinks)
 
 
 PROBLEM = dynamics.Problem(

@@ -36,11 +36,12 @@ def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
     middle = (np.array(data["start"]) + data["end"]) / 2
     model = sc.Model()
     rod = model.add("rod", dynamics.beam(mesh, data, order, e2=(0, 0, 1)))
-    loaded, pulse = rod.node("rod.start"), dynamics.triangle_or_bump(data)
+    loaded = rod.node("rod.start")
+    pulse, kinks = dynamics.pulse(data)
     model.add("force", sc.LoadForce(loaded, data["force"], pulse))
     model.add("moment", sc.LoadMoment(loaded, data["moment"], pulse))
     places = {"loaded": loaded, "free": rod.node("rod.end"), "mid": rod.node(middle)}
-    return dynamics.Scene(model.freeze(), places, kinks=(data["t_peak"], data["t_end"]))
+    return dynamics.Scene(model.freeze(), places, kinks)
 
 
 PROBLEM = dynamics.Problem(

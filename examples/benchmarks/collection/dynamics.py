@@ -130,15 +130,16 @@ def rise(until: float) -> sc.FunctionOfTime:
     )
 
 
-def triangle_or_bump(data: Mapping[str, Any]) -> Any:
-    """``pulse``: a triangle with ``peak`` at ``t_peak``, zero from ``t_end``, or a bump."""
-    if data["pulse"] == "triangle":
-        if not 0 < data["t_peak"] < data["t_end"]:
-            raise sc.InputError("data", f"t_peak = {data['t_peak']}, t_end = {data['t_end']}")
-        return sc.Table([0, data["t_peak"], data["t_end"]], [0, data["peak"], 0])
+def pulse(data: Mapping[str, Any]) -> tuple[Any, tuple[float, ...]]:
+    """``pulse``: a triangle with ``peak`` at ``t_peak`` up to ``t_end``, or a bump; its kinks."""
+    peak, middle, end = data["peak"], data["t_peak"], data["t_end"]
     if data["pulse"] == "bump":
-        return bump(data["peak"], data["t_end"])
-    raise sc.InputError("data", f"pulse = {data['pulse']!r}, expected 'triangle' or 'bump'")
+        return bump(peak, end), (end,)
+    if data["pulse"] != "triangle":
+        raise sc.InputError("data", f"pulse = {data['pulse']!r}, expected 'triangle' or 'bump'")
+    if not 0 < middle < end:
+        raise sc.InputError("data", f"t_peak = {middle} is not before t_end = {end}")
+    return sc.Table([0, middle, end], [0, peak, 0]), (middle, end)
 
 
 # -- scenes and runs -------------------------------------------------------------------------------
@@ -423,6 +424,10 @@ class Problem:
             default = rule(out)
             out[name] = _checked(name, default, given.get(name, default), self.signed)
         return out
+
+    def build(self, data: Mapping[str, Any] | None, elements: int, order: int) -> Scene:
+        """The scene alone, for a run of one's own."""
+        return self.scene(self.data(data), elements, order)
 
     def keys(self) -> dict[str, float]:
         """All instants of the entry (s), by name."""
