@@ -70,7 +70,7 @@ PROBLEM = dynamics.Problem(
     INPUTS,
     scene,
     elements=(64, 24, 12, 8),
-    step=1 / 4000,
+    step=1 / 16000,
     levels=4,
     tolerance=1e-9,
     signed=("d", "amplitude"),
@@ -92,6 +92,8 @@ def main(
 
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:
-    """All instants; quick: the first ones."""
-    times = [float(t) for t in QUICK] if quick else None
-    return PROBLEM.rows("D07", times=times)
+    """All instants; quick: the first ones, on a coarser mesh with larger steps."""
+    if quick:
+        times = [float(t) for t in QUICK]
+        return PROBLEM.rows("D07", times, elements=6, ladder=(1 / 8000, 2))
+    return PROBLEM.rows("D07")

@@ -13,7 +13,7 @@ it is the result of that one run.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -24,6 +24,7 @@ from scipy.special import betainc
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
+from skfem_cosserat.integrators.choice import choose_kernels
 
 from . import common
 
@@ -275,24 +276,26 @@ def run(
     step: float,
     times: Sequence[float],
     refine: int = 1,
+    kernels: str = "auto",
 ) -> Run:
     """A run seen at some instants (s), with steps of at most ``step / refine``.
 
     The energy is kinetic plus stored energy at (q, p), which energy-momentum conserves; with the
     variational integrator, and where motions are prescribed, at (q, Qp): what the constraints take
     out of its nodal p, of second order in the step, grows with the number of elements.
+    `kernels` are as in :func:`skfem_cosserat.simulate`.
     """
     system, wanted = scene.system, np.asarray(times, dtype=float)
     until = wanted.max()
-    marks = {float(f"{t:.12g}") for t in (*wanted, *scene.kinks) if 0 < t <= until}
     state = sc.initial_state(system) if scene.start is None else scene.start
     watch, converged, largest = _Watch(scene, state), True, 0.0
     q, p = (np.full((len(wanted), system.n), np.nan) for _ in range(2))
     at_start = abs(wanted) <= 1e-12 * until
     q[at_start], p[at_start] = state.q, state.p
-    for end, h in schedule(step, sorted(marks), refine):
+    for end, h in schedule(step, _marks(scene, wanted), refine):
         largest = max(largest, h)
-        options: dict[str, Any] = {"start": watch.state, "callbacks": [watch], "derive": False}
+        options: dict[str, Any] = {"start": watch.state, "callbacks": [watch]}
+        options.update(derive=False, kernels=kernels)
         inside = wanted[(wanted > watch.state.time) & (wanted < end + h / 2)].tolist()
         try:
             history = sc.simulate(
@@ -309,6 +312,12 @@ def run(
     nearest = np.searchsorted(watch.times, wanted - 1e-9 * until).clip(max=len(watch.times) - 1)
     turned = watch.quaternions()[nearest]
     return Run(motion, turned, largest, watch.iterations, converged)
+
+
+def _marks(scene: Scene, times: Floats) -> list[float]:
+    """Instants and kinks that must be ends of steps."""
+    until = max(times)
+    return sorted({float(f"{t:.12g}") for t in (*times, *scene.kinks) if 0 < t <= until})
 
 
 def _motion(scene: Scene, q: Floats, p: Floats, times: Floats, integrator: Any) -> Motion:
@@ -542,19 +551,28 @@ class Problem:
         if step is not None:
             return [run(scene, *methods, step, times)]
         runs: list[Run] = []
+        coarse = max(times) / self.step
+        total = int(coarse * (2**self.levels - 1))
+        kernels = choose_kernels("auto", scene.system, *methods, total).name
         for level in range(self.levels):
-            runs.append(run(scene, *methods, self.step, times, 2**level))
+            runs.append(run(scene, *methods, self.step, times, 2**level, kernels))
             good = [one for one in runs if one.converged]
             if len(good) > 1 and _extrapolated(good)[1] < self.tolerance:
                 break
         return runs
 
-    def rows(self, family: str, **arguments: Any) -> list[dict[str, Any]]:
-        """Rows of the table for all instants of one call of :meth:`answer`."""
-        times = arguments.pop("times", None)
-        names = ("data", "order", "elements", "step", "integrator", "treatment")
-        defaults = {"order": 3, "integrator": "energy-momentum", "treatment": "null-space"}
-        most = [arguments.get(name, defaults.get(name)) for name in names]
+    def rows(
+        self,
+        family: str,
+        times: Sequence[float] | None = None,
+        elements: int | None = None,
+        ladder: tuple[float, int] | None = None,
+    ) -> list[dict[str, Any]]:
+        """Rows of the table for all instants of one answer; `ladder`: other first step, levels."""
+        if ladder is not None:
+            step, levels = ladder
+            return replace(self, step=step, levels=levels).rows(family, times, elements)
+        most = (None, 3, elements, None, "energy-momentum", "null-space")
         values = common.entry(self.entry)["values"]
         listed = _by_place(values) or isinstance(next(iter(values.values())), list)
         result = (self.tracks if listed else self.answer)(None, *most, times)
