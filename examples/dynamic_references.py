@@ -43,7 +43,7 @@ import dynamic_report
 import paper_record
 from collection import d01_flexible_pendulum, d02_right_angle, d03_flying_spaghetti
 from collection.common import entry
-from collection.dynamics import Motion, Scene, limit, run
+from collection.runs import Motion, Scene, limit, run
 
 import skfem_cosserat as sc
 from skfem_cosserat.export import prepare_folder

@@ -12,7 +12,7 @@ import numpy as np
 
 import skfem_cosserat as sc
 
-from . import dynamics
+from . import dynamics, members, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 
@@ -32,16 +32,16 @@ DERIVED = {
 }
 
 
-def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
+def scene(data: dict[str, Any], elements: int, order: int) -> runs.Scene:
     """The hinge turns about e3."""
     mesh = sc.MeshCurve.init_line((0, 0, 0), (data["L"], 0, 0), elements, name="rod")
     model = sc.Model()
-    rod = model.add("rod", dynamics.beam(mesh, data, order, e2=(0, 1, 0)))
+    rod = model.add("rod", members.beam(mesh, data, order, e2=(0, 1, 0)))
     hinge = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1))
     model.add("hinge", hinge)
-    amplitude = dynamics.rise(data["rise"]) if data["rise"] > 0 else None
+    amplitude = members.rise(data["rise"]) if data["rise"] > 0 else None
     model.add("gravity", sc.LoadGravity((0, -data["g"], 0), amplitude))
-    return dynamics.Scene(model.freeze(), {"tip": rod.node("rod.end")}, kinks=(data["rise"],))
+    return runs.Scene(model.freeze(), {"tip": rod.node("rod.end")}, kinks=(data["rise"],))
 
 
 def read(now: dynamics.Instant, data: dict[str, Any]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import skfem_cosserat as sc
 
-from . import dynamics
+from . import dynamics, members, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 
@@ -24,19 +24,19 @@ INPUTS = {
 }
 
 
-def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
+def scene(data: dict[str, Any], elements: int, order: int) -> runs.Scene:
     """`elements` in each leg."""
     L = data["L"]
     corners = [(0, 0, 0), (L, 0, 0), (L, L, 0)]
     mesh = sc.MeshCurve.init_polyline(corners, elements, name="frame", nodes={"elbow": 0.5})
     model = sc.Model()
-    frame = model.add("frame", dynamics.beam(mesh, data, order, e2=(0, 0, 1)))
+    frame = model.add("frame", members.beam(mesh, data, order, e2=(0, 0, 1)))
     elbow, tip = frame.node("elbow"), frame.node("frame.end")
     model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), frame.node("frame.start")))
-    pulse, kinks = dynamics.pulse(data)
+    pulse, kinks = members.pulse(data)
     model.add("force", sc.LoadForce(elbow, (0, 0, 1), pulse))
     places = {"elbow": elbow, "tip": tip}
-    return dynamics.Scene(model.freeze(), places, kinks)
+    return runs.Scene(model.freeze(), places, kinks)
 
 
 PROBLEM = dynamics.Problem(
@@ -69,5 +69,5 @@ def rows(quick: bool = True) -> list[dict[str, Any]]:
     """All instants; quick: the first ones, on a coarser mesh with larger steps."""
     if quick:
         times = [float(t) for t in QUICK]
-        return PROBLEM.rows("D02", times, elements=6, ladder=(1 / 40, 3))
+        return PROBLEM.rows("D02", times, elements=5, ladder=(1 / 40, 3))
     return PROBLEM.rows("D02")

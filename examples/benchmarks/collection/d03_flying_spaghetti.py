@@ -1,7 +1,7 @@
 """D3: a free rod in space is thrown and spun by a force and a moment at one end, and let go.
 
 The moment is about axes fixed in space. A plane section has the sum of the other two moments of
-inertia about its normal, this one 10 about all three axes: :class:`.dynamics.SolidBeam`. After
+inertia about its normal, this one 10 about all three axes: :class:`.members.SolidBeam`. After
 t = 5 the energy is 908.7347, the linear momentum 50 e1, the centre of mass at 3 + 5 (t - 2.5).
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 import skfem_cosserat as sc
 
-from . import dynamics
+from . import dynamics, members, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 
@@ -30,18 +30,18 @@ DERIVED = {
 }
 
 
-def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
+def scene(data: dict[str, Any], elements: int, order: int) -> runs.Scene:
     """``force`` and ``moment`` are factors of the pulse at the end that is loaded."""
-    mesh = dynamics.halves(data["start"], data["end"], elements, order)
+    mesh = members.halves(data["start"], data["end"], elements, order)
     middle = (np.array(data["start"]) + data["end"]) / 2
     model = sc.Model()
-    rod = model.add("rod", dynamics.beam(mesh, data, order, e2=(0, 0, 1)))
+    rod = model.add("rod", members.beam(mesh, data, order, e2=(0, 0, 1)))
     loaded = rod.node("rod.start")
-    pulse, kinks = dynamics.pulse(data)
+    pulse, kinks = members.pulse(data)
     model.add("force", sc.LoadForce(loaded, data["force"], pulse))
     model.add("moment", sc.LoadMoment(loaded, data["moment"], pulse))
     places = {"loaded": loaded, "free": rod.node("rod.end"), "mid": rod.node(middle)}
-    return dynamics.Scene(model.freeze(), places, kinks)
+    return runs.Scene(model.freeze(), places, kinks)
 
 
 PROBLEM = dynamics.Problem(

@@ -12,7 +12,7 @@ import numpy as np
 
 import skfem_cosserat as sc
 
-from . import dynamics
+from . import dynamics, members, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 
@@ -29,12 +29,12 @@ DERIVED = {
 }
 
 
-def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
+def scene(data: dict[str, Any], elements: int, order: int) -> runs.Scene:
     """Force (or its part along e1) and moment (or its part about e3) last until ``t_end``."""
-    mesh = dynamics.halves(data["start"], data["end"], elements, order)
+    mesh = members.halves(data["start"], data["end"], elements, order)
     middle = (np.array(data["start"]) + data["end"]) / 2
     model = sc.Model()
-    rod = model.add("rod", dynamics.beam(mesh, data, order, e2=(0, 0, 1)))
+    rod = model.add("rod", members.beam(mesh, data, order, e2=(0, 0, 1)))
     loaded = rod.node("rod.start")
     on = sc.FunctionOfTime(lambda t: float(t < data["t_end"]), kinks=(data["t_end"],))
     moment = data["moment"] if np.ndim(data["moment"]) else (0.0, 0.0, data["moment"])
@@ -42,7 +42,7 @@ def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
     model.add("force", sc.LoadForce(loaded, force, on))
     model.add("moment", sc.LoadMoment(loaded, moment, on))
     places = {"loaded": loaded, "free": rod.node("rod.end"), "mid": rod.node(middle)}
-    return dynamics.Scene(model.freeze(), places, kinks=(data["t_end"],))
+    return runs.Scene(model.freeze(), places, kinks=(data["t_end"],))
 
 
 PROBLEM = dynamics.Problem(
@@ -75,5 +75,5 @@ def rows(quick: bool = True) -> list[dict[str, Any]]:
     """All instants; quick: the first ones, on a coarser mesh with larger steps."""
     if quick:
         times = [float(t) for t in QUICK]
-        return PROBLEM.rows("D04", times, elements=24, ladder=(1 / 80, 2))
+        return PROBLEM.rows("D04", times, elements=16, ladder=(1 / 40, 2))
     return PROBLEM.rows("D04")

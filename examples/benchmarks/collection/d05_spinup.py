@@ -11,7 +11,7 @@ import numpy as np
 
 import skfem_cosserat as sc
 
-from . import dynamics
+from . import dynamics, members, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 
@@ -33,15 +33,15 @@ def angle(t: float, data: dict[str, Any]) -> float:
     return float(Omega / T * (t**2 / 2 + (np.cos(turn * t) - 1) / turn**2))
 
 
-def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
+def scene(data: dict[str, Any], elements: int, order: int) -> runs.Scene:
     """The root is built into ground that turns."""
     mesh = sc.MeshCurve.init_line((0, 0, 0), (data["L"], 0, 0), elements, name="beam")
     model = sc.Model()
-    blade = model.add("blade", dynamics.beam(mesh, data, order, e2=(0, 1, 0)))
+    blade = model.add("blade", members.beam(mesh, data, order, e2=(0, 1, 0)))
     root, tip = blade.node("beam.start"), blade.node("beam.end")
     turning = sc.Motion(rotation=lambda t: (0.0, 0.0, angle(t, data)))
     model.add("shaft", sc.JointFixed(sc.ground((0, 0, 0), turning), root))
-    return dynamics.Scene(model.freeze(), {"root": root, "tip": tip}, kinks=(data["T"],))
+    return runs.Scene(model.freeze(), {"root": root, "tip": tip}, kinks=(data["T"],))
 
 
 def read(now: dynamics.Instant, data: dict[str, Any]) -> dict[str, Any]:

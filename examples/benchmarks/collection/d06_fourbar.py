@@ -16,7 +16,7 @@ import numpy as np
 
 import skfem_cosserat as sc
 
-from . import dynamics
+from . import dynamics, members, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 
@@ -37,7 +37,7 @@ INPUTS = {
 }
 
 
-def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
+def scene(data: dict[str, Any], elements: int, order: int) -> runs.Scene:
     """`elements` in every bar."""
     bars, Omega, tilt = [data[f"bar {k}"] for k in (1, 2, 3)], data["Omega"], data["tilt"]
     A, B = np.zeros(3), np.array([0.0, bars[0]["L"], 0.0])
@@ -54,7 +54,7 @@ def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
         starts.items(), ((A, B), (B, C), (C, D)), bars, strict=True
     ):
         mesh = sc.MeshCurve.init_line(*ends, elements, name="bar")
-        member = dynamics.beam(mesh, bar, order, e2=(0, 0, 1), **start)
+        member = members.beam(mesh, bar, order, e2=(0, 0, 1), **start)
         beams.append(model.add(name, member))
     turning = sc.Motion(rotation=lambda t: (0.0, 0.0, -Omega * t))
     model.add("A", sc.JointFixed(sc.ground(A, turning), beams[0].node("bar.start")))
@@ -69,7 +69,7 @@ def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
         "node C (bar 2 end)": np.eye(3),
         "node C (bar 3 end)": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
     }
-    return dynamics.Scene(system, places, start=start, frames=frames)
+    return runs.Scene(system, places, start=start, frames=frames)
 
 
 PROBLEM = dynamics.Problem(

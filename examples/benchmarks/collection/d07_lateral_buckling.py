@@ -12,7 +12,7 @@ import numpy as np
 
 import skfem_cosserat as sc
 
-from . import dynamics
+from . import dynamics, members, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 
@@ -38,17 +38,17 @@ def angle(t: float, data: dict[str, Any]) -> float:
     return float(data["amplitude"] * (1 - np.cos(np.pi * t / data["T"])))
 
 
-def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
+def scene(data: dict[str, Any], elements: int, order: int) -> runs.Scene:
     """`elements` in the beam; link and crank are stiff and short, one each will do."""
     d, L, down, back = data["d"], data["L"], data["link"]["L"], data["crank"]["L"]
     top, bottom, axle = (L, d, 0.0), (L, d, -down), (L - back, d, -down)
     model = sc.Model()
 
     def member(name: str, mesh: sc.MeshCurve, constants: dict[str, Any]) -> sc.Beam:
-        return model.add(name, dynamics.beam(mesh, constants, order, e2=(0, 1, 0)))
+        return model.add(name, members.beam(mesh, constants, order, e2=(0, 1, 0)))
 
     strip = {**data, "GA": (data["GA_2"], data["GA_3"]), "EI": (data["EI_2"], data["EI_3"])}
-    beam = member("beam", dynamics.halves((0, 0, 0), (L, 0, 0), elements, order), strip)
+    beam = member("beam", members.halves((0, 0, 0), (L, 0, 0), elements, order), strip)
     link = member("link", sc.MeshCurve.init_line(top, bottom, 1, name="rod"), data["link"])
     crank = member("crank", sc.MeshCurve.init_line(bottom, axle, 1, name="rod"), data["crank"])
     model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("rod.start")))
@@ -62,7 +62,7 @@ def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
         **{"mid": beam.node((L / 2, 0, 0)), "tip": beam.node("rod.end")},
         "B": crank.node("rod.start"),
     }
-    return dynamics.Scene(model.freeze(), places)
+    return runs.Scene(model.freeze(), places)
 
 
 PROBLEM = dynamics.Problem(
@@ -95,5 +95,5 @@ def rows(quick: bool = True) -> list[dict[str, Any]]:
     """All instants; quick: the first ones, on a coarser mesh with larger steps."""
     if quick:
         times = [float(t) for t in QUICK]
-        return PROBLEM.rows("D07", times, elements=6, ladder=(1 / 8000, 2))
+        return PROBLEM.rows("D07", times, elements=6, ladder=(1 / 4000, 2))
     return PROBLEM.rows("D07")

@@ -12,7 +12,7 @@ import numpy as np
 
 import skfem_cosserat as sc
 
-from . import dynamics
+from . import dynamics, members, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 
@@ -40,7 +40,7 @@ def angle(t: float, data: dict[str, Any]) -> float:
     return float(low * ramp(t, T1) + (high - low) * ramp(max(t - T2, 0.0), T3 - T2))
 
 
-def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
+def scene(data: dict[str, Any], elements: int, order: int) -> runs.Scene:
     """The disk sits on the shaft's middle, its centre ``offset`` along e3."""
     bare, _ = _model(data, elements, order)
     model, mid = _model(data, elements, order)
@@ -49,7 +49,7 @@ def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
     centre = (0.0, disk["offset"], 0.0)  # in (d1, d2, d3) = (e2, e3, e1)
     model.add("disk", sc.RigidBody(disk["mass"], (J2, J3, J1), center=centre, on=mid))
     kinks = (data["T1"], data["T2"], data["T3"])
-    return dynamics.Scene(model.freeze(), {"mid": mid}, kinks, part=bare.freeze())
+    return runs.Scene(model.freeze(), {"mid": mid}, kinks, part=bare.freeze())
 
 
 def _model(data: dict[str, Any], elements: int, order: int) -> tuple[sc.Model, sc.Place]:
@@ -57,9 +57,9 @@ def _model(data: dict[str, Any], elements: int, order: int) -> tuple[sc.Model, s
     if not 0 < data["T1"] <= data["T2"] < data["T3"]:
         raise sc.InputError("data", "expected 0 < T1 <= T2 < T3")
     L = data["L"]
-    mesh = dynamics.halves((0, 0, 0), (L, 0, 0), elements, order)
+    mesh = members.halves((0, 0, 0), (L, 0, 0), elements, order)
     model = sc.Model()
-    shaft = model.add("shaft", dynamics.beam(mesh, data, order, e2=(0, 1, 0)))
+    shaft = model.add("shaft", members.beam(mesh, data, order, e2=(0, 1, 0)))
     turning = sc.Motion(rotation=lambda t: (angle(t, data), 0.0, 0.0))
     model.add("drive", sc.JointFixed(sc.ground((0, 0, 0), turning), shaft.node("rod.start")))
     bearing = sc.JointCylindrical(sc.ground((L, 0, 0)), shaft.node("rod.end"), axis=(1, 0, 0))
@@ -98,5 +98,5 @@ def rows(quick: bool = True) -> list[dict[str, Any]]:
     """All instants; quick: the first ones, on a coarser mesh with larger steps."""
     if quick:
         times = [float(t) for t in QUICK]
-        return PROBLEM.rows("D08", times, elements=6, ladder=(1 / 4000, 2))
+        return PROBLEM.rows("D08", times, elements=6, ladder=(1 / 2000, 2))
     return PROBLEM.rows("D08")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import d05_spinup, dynamics
+from . import d05_spinup, dynamics, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 
@@ -19,7 +19,7 @@ INPUTS = {
 }
 
 
-def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
+def scene(data: dict[str, Any], elements: int, order: int) -> runs.Scene:
     """That of D5; its tip is looked at."""
     whole = d05_spinup.scene(data, elements, order)
     return whole._replace(places={"tip": whole.places["tip"]})

@@ -12,7 +12,7 @@ import numpy as np
 
 import skfem_cosserat as sc
 
-from . import dynamics
+from . import dynamics, members, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 
@@ -30,14 +30,14 @@ def angle(t: float, data: dict[str, Any]) -> float:
     return float(data["rate"] * min(t, data["T"]) ** 2 / 2)
 
 
-def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
+def scene(data: dict[str, Any], elements: int, order: int) -> runs.Scene:
     """`elements` in each of both."""
     crank_end, rod_end = (data["crank"], 0, 0), (data["crank"] + data["rod"], 0, 0)
     model = sc.Model()
     crank, rod = (
         model.add(
             name,
-            dynamics.beam(dynamics.halves(a, b, elements, order), data, order, e2=(0, 1, 0)),
+            members.beam(members.halves(a, b, elements, order), data, order, e2=(0, 1, 0)),
         )
         for name, a, b in (("crank", (0, 0, 0), crank_end), ("rod", crank_end, rod_end))
     )
@@ -51,7 +51,7 @@ def scene(data: dict[str, Any], elements: int, order: int) -> dynamics.Scene:
         "M crank middle": crank.node((data["crank"] / 2, 0, 0)),
         "N rod middle": rod.node((data["crank"] + data["rod"] / 2, 0, 0)),
     }
-    return dynamics.Scene(model.freeze(), places, kinks=(data["T"],))
+    return runs.Scene(model.freeze(), places, kinks=(data["T"],))
 
 
 PROBLEM = dynamics.Problem(

@@ -1,360 +1,35 @@
-"""What the families in time share: scenes, runs that hit all instants, limits, answers.
+"""Problems in time: inputs by name, and the answers of the families' ``main``.
 
-A family has a :class:`Problem`: its inputs by name, a builder of its :class:`Scene`, what is read
+A family has a :class:`Problem`: its inputs, a builder of its :class:`.runs.Scene`, what is read
 off an instant, and how fine it is computed unless told. Every stretch between two instants, of
 output or where a load has a kink, is divided into equal steps, at most `step` long.
 
 Without a `step` the answer is the limit of runs with steps halved (the error of both integrators
 has even powers of the step only), until it changes by less than the problem's tolerance or the
-levels that are affordable are through; ``estimated_error`` is the last change (m). With a `step`
-it is the result of that one run.
+levels that are affordable are through; ``estimated_error`` is the last change (m), of the step
+alone. With a `step` it is the result of that one run.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
-from scipy.special import betainc
 
 import skfem_cosserat as sc
-from skfem_cosserat import diagnostics
 from skfem_cosserat.integrators.choice import choose_kernels
 
 from . import common
+from .runs import Motion, Run, Scene, framed, limit, quaternions, run
 
-__all__ = ["Instant", "Problem", "Scene", "SolidBeam", "beam", "bump", "limit", "rise", "run"]
+__all__ = ["COARSE", "Instant", "Problem", "all_of"]
 
 Floats = NDArray[np.float64]
 #: two digits, what the runs of others are good for that nobody has verified
 COARSE = 1e-2
-
-
-# -- beams and loads by the names of the reference file --------------------------------------------
-
-
-class SolidBeam(sc.Beam):
-    """A beam with inertia along d3 too, which no plane section has.
-
-    Parameters
-    ----------
-    third : float
-        ``M_rho^3`` (kg m); the rest as for :class:`skfem_cosserat.Beam`.
-    """
-
-    def __init__(self, *args: Any, third: float, **options: Any) -> None:
-        super().__init__(*args, **options)
-        self.third = third
-
-    def scalar_mass(self) -> Floats:
-        """With the blocks of d3."""
-        mass = super().scalar_mass()
-        rows = 4 * np.arange(self.basis.order + 1) + 3
-        mass[:, rows[:, None], rows] += self.third * self.basis.elemental_mass()
-        return mass
-
-
-def beam(
-    mesh: sc.MeshCurve,
-    data: Mapping[str, Any],
-    order: int,
-    e2: Sequence[float],
-    **options: Any,
-) -> sc.Beam:
-    """A beam with the constants ``EA, GA, EI, GJ, A_rho, J_rho`` of `data`, and other options.
-
-    There e1 is along the beam, here d3 is: (d1, d2, d3) = (e2, e3, e1). ``GA`` and ``EI`` are one
-    number or those of e2 and e3; ``J_rho`` holds the moments of inertia about e1, e2, e3, or about
-    e1 and both others, or all equal.
-    """
-    J1, J2, J3 = _inertia(data["J_rho"])
-    along = ((J1 + J3 - J2) / 2, (J1 + J2 - J3) / 2)
-    third = (J2 + J3 - J1) / 2
-    section = sc.Section.from_constants(
-        EA=data["EA"],
-        GA=_pair(data["GA"]),
-        EI=_pair(data["EI"]),
-        GJ=data["GJ"],
-        mass=data["A_rho"],
-        inertia=along,
-    )
-    if abs(third) <= 1e-9 * max(J1, J2, J3):
-        return sc.Beam(mesh, section, order=order, director=tuple(e2), **options)
-    if third < 0:
-        raise sc.InputError("data", f"J_rho = {data['J_rho']!r}: no section has it, J2 + J3 < J1")
-    return SolidBeam(mesh, section, order=order, director=tuple(e2), third=third, **options)
-
-
-def _pair(value: Any) -> tuple[float, float]:
-    first, second = np.broadcast_to(np.asarray(value, dtype=float), 2)
-    return float(first), float(second)
-
-
-def _inertia(value: Any) -> tuple[float, float, float]:
-    J = np.atleast_1d(np.asarray(value, dtype=float))
-    if J.shape not in ((1,), (2,), (3,)):
-        raise sc.InputError("data", f"J_rho = {value!r}, expected one, two or three numbers")
-    J1, J2, J3 = (J[0], J[-1], J[-1]) if len(J) < 3 else J
-    return float(J1), float(J2), float(J3)
-
-
-def halves(start: Sequence[float], end: Sequence[float], elements: int, order: int) -> sc.MeshCurve:
-    """A line of any number of elements with a node ``mid`` in its middle."""
-    whole = isinstance(elements, int | np.integer) and elements > 1 and elements % 2 == 1
-    if whole:
-        mid = (np.array(start, dtype=float) + np.array(end, dtype=float)) / 2
-        counts = ((elements + 1) // 2, elements // 2)
-        corners = np.array([start, mid, end], dtype=float)
-        return sc.MeshCurve.init_polyline(corners, counts, name="rod")
-    if elements == 1 and order % 2:
-        raise sc.InputError("elements", f"1 of order {order} has no node in its middle, take two")
-    return sc.MeshCurve.init_line(start, end, elements, name="rod")
-
-
-def bump(peak: float, until: float) -> sc.FunctionOfTime:
-    """``peak (4 x (1 - x))^6``, x = t/until: five derivatives vanish at both ends."""
-    return sc.FunctionOfTime(
-        lambda t: peak * (4 * t / until * (1 - t / until)) ** 6 if 0 < t < until else 0.0,
-        kinks=(0.0, until),
-    )
-
-
-def rise(until: float) -> sc.FunctionOfTime:
-    """From 0 to 1, five derivatives vanish at both ends."""
-    return sc.FunctionOfTime(
-        lambda t: float(betainc(6, 6, min(max(t / until, 0.0), 1.0))), kinks=(0.0, until)
-    )
-
-
-def pulse(data: Mapping[str, Any]) -> tuple[Any, tuple[float, ...]]:
-    """``pulse``: a triangle with ``peak`` at ``t_peak`` up to ``t_end``, or a bump; its kinks."""
-    peak, middle, end = data["peak"], data["t_peak"], data["t_end"]
-    if data["pulse"] == "bump":
-        return bump(peak, end), (end,)
-    if data["pulse"] != "triangle":
-        raise sc.InputError("data", f"pulse = {data['pulse']!r}, expected 'triangle' or 'bump'")
-    if not 0 < middle < end:
-        raise sc.InputError("data", f"t_peak = {middle} is not before t_end = {end}")
-    return sc.Table([0, middle, end], [0, peak, 0]), (middle, end)
-
-
-# -- scenes and runs -------------------------------------------------------------------------------
-
-
-class Scene(NamedTuple):
-    """A frozen scene, the places that are looked at, and instants (s) that must be ends of steps.
-
-    ``start`` is a state to begin with (default: at rest as it was drawn); ``frames`` the sections'
-    axes e1, e2, e3 (as rows) at the start where quaternions are not to be the identity there;
-    ``part`` a system with the same coordinates, whose kinetic energy is meant (default: all).
-    """
-
-    system: sc.System
-    places: dict[str, Any]
-    kinks: tuple[float, ...] = ()
-    start: Any = None
-    frames: dict[str, Floats] | None = None
-    part: Any = None
-
-    @property
-    def rows(self) -> NDArray[np.int64]:
-        """Where the places' frames begin in q."""
-        return np.array([self.system.offset(place) for place in self.places.values()])
-
-    def positions(self, q: Floats) -> Floats:
-        """(N, k, 3) of configurations (N, n), in m."""
-        return q[:, self.rows[:, None] + np.arange(3)]
-
-    def rotations(self, q: Floats) -> Floats:
-        """(N, k, 3, 3): matrices that turn the reference triads into those of configurations."""
-        now, start = (
-            np.reshape(x, (-1, x.shape[-1]))[:, self.rows[:, None] + np.arange(3, 12)]
-            for x in (q, self.system.q0)
-        )
-        shape = (-1, len(self.places), 3, 3)
-        return np.einsum("nkij,kil->nkjl", now.reshape(shape), start.reshape(shape)[0])
-
-
-class Motion(NamedTuple):
-    """Positions, rotations and velocities of a scene's places, and the energy, at some times."""
-
-    positions: Floats
-    rotations: Floats
-    velocities: Floats
-    energy: Floats
-
-    @property
-    def placement(self) -> Floats:
-        """Positions and rotations at the last time, in one row."""
-        return np.concatenate([self.positions[-1].ravel(), self.rotations[-1].ravel()])
-
-
-@dataclass
-class Run:
-    """What a run gave: motion at the instants asked for (nan where it did not get to).
-
-    ``turned`` (N, k, 4) are quaternions followed from step to step, of which only the sign is
-    used; ``step`` the largest step (s).
-    """
-
-    motion: Motion
-    turned: Floats
-    step: float
-    iterations: int = 0
-    converged: bool = True
-
-
-def schedule(step: float, marks: Sequence[float], refine: int = 1) -> list[tuple[float, float]]:
-    """Stretches (end, step): equal steps of at most `step`, divided by `refine`, up to each mark.
-
-    >>> schedule(0.25, [0.5, 1.0, 1.125])
-    [(1.0, 0.25), (1.125, 0.125)]
-    """
-    out: list[tuple[float, float]] = []
-    begin = 0.0
-    for end in marks:
-        count = max(1, int(np.ceil((end - begin) / step * (1 - 1e-9))))
-        h = (end - begin) / count / refine
-        for known in (step / refine, *(one for _, one in out[-1:])):
-            h = known if np.isclose(h, known, rtol=1e-9, atol=0) else h
-        if out and h == out[-1][1]:
-            out.pop()
-        out.append((end, h))
-        begin = end
-    return out
-
-
-class _Watch:
-    """Follows the places' triads through a run, and counts iterations."""
-
-    def __init__(self, scene: Scene, state: sc.State) -> None:
-        self.columns = (scene.rows[:, None] + np.arange(3, 12)).ravel()
-        self.times, self.triads = [state.time], [state.q[self.columns]]
-        self.state, self.iterations = state, 0
-
-    def __call__(self, report: Any) -> bool:
-        self.state = report.state
-        self.iterations += report.iterations
-        self.times.append(self.state.time)
-        self.triads.append(self.state.q[self.columns])
-        return False
-
-    def quaternions(self) -> Floats:
-        """(N, k, 4), scalar first, the identity at the start, without jumps of sign."""
-        triads = np.array(self.triads).reshape(len(self.times), -1, 3, 3)
-        matrices = np.einsum("nkij,kil->nkjl", triads, triads[0])
-        return _continuous(_quaternions(matrices))
-
-
-def _quaternions(matrices: Floats) -> Floats:
-    """Scalar first, (..., 4) of the rotations nearest to (..., 3, 3)."""
-    flat = matrices.reshape(-1, 3, 3)
-    out = np.full((len(flat), 4), np.nan)
-    good = np.isfinite(flat).all(axis=(1, 2))
-    if good.any():
-        out[good] = np.roll(Rotation.from_matrix(flat[good]).as_quat(), 1, axis=1)
-    return out.reshape(*matrices.shape[:-2], 4)
-
-
-def _continuous(quaternions: Floats) -> Floats:
-    """With the signs that leave no jump along the first axis, the first scalar positive."""
-    steps = np.sign((quaternions[1:] * quaternions[:-1]).sum(-1))
-    first = np.where(quaternions[:1, ..., 0] < 0, -1.0, 1.0)
-    signs = np.concatenate([first, first * np.cumprod(np.where(steps < 0, -1.0, 1.0), axis=0)])
-    return quaternions * signs[..., None]
-
-
-def run(
-    scene: Scene,
-    integrator: Any,
-    treatment: Any,
-    step: float,
-    times: Sequence[float],
-    refine: int = 1,
-    kernels: str = "auto",
-) -> Run:
-    """A run seen at some instants (s), with steps of at most ``step / refine``.
-
-    The energy is kinetic plus stored energy at (q, p), which energy-momentum conserves; with the
-    variational integrator, and where motions are prescribed, at (q, Qp): what the constraints take
-    out of its nodal p, of second order in the step, grows with the number of elements.
-    `kernels` are as in :func:`skfem_cosserat.simulate`.
-    """
-    system, wanted = scene.system, np.asarray(times, dtype=float)
-    until = wanted.max()
-    state = sc.initial_state(system) if scene.start is None else scene.start
-    watch, converged, largest = _Watch(scene, state), True, 0.0
-    q, p = (np.full((len(wanted), system.n), np.nan) for _ in range(2))
-    at_start = abs(wanted) <= 1e-12 * until
-    q[at_start], p[at_start] = state.q, state.p
-    for end, h in schedule(step, _marks(scene, wanted), refine):
-        largest = max(largest, h)
-        options: dict[str, Any] = {"start": watch.state, "callbacks": [watch]}
-        options.update(derive=False, kernels=kernels)
-        inside = wanted[(wanted > watch.state.time) & (wanted < end + h / 2)].tolist()
-        try:
-            history = sc.simulate(
-                system, integrator, treatment, h, end + 1e-6 * h, at=[*inside, end], **options
-            )
-        except sc.Diverged as failure:
-            history, converged = failure.history, False
-        miss = abs(history.times - wanted[:, None])
-        found = miss.min(axis=1) < 1e-6 * h
-        q[found], p[found] = (history[x][miss.argmin(axis=1)[found]] for x in ("q", "p"))
-        if not converged:
-            break
-    motion = _motion(scene, q, p, wanted, integrator)
-    nearest = np.searchsorted(watch.times, wanted - 1e-9 * until).clip(max=len(watch.times) - 1)
-    turned = watch.quaternions()[nearest]
-    return Run(motion, turned, largest, watch.iterations, converged)
-
-
-def _marks(scene: Scene, times: Floats) -> list[float]:
-    """Instants and kinks that must be ends of steps."""
-    until = max(times)
-    return sorted({float(f"{t:.12g}") for t in (*times, *scene.kinks) if 0 < t <= until})
-
-
-def _motion(scene: Scene, q: Floats, p: Floats, times: Floats, integrator: Any) -> Motion:
-    """Where q and p are known; nan elsewhere."""
-    system, good = scene.system, np.isfinite(q).all(axis=1)
-    k = len(scene.places)
-    shapes = ((k, 3), (k, 3, 3), (k, 3), ())
-    out = Motion(*(np.full((len(q), *shape), np.nan) for shape in shapes))
-    if not good.any():
-        return out
-    q, p = q[good], p[good]
-    v, projected = sc.Projection(system).stack(q, p, times[good])
-    keeps = isinstance(integrator, sc.EnergyMomentum) and not system.moving
-    if scene.part is None:
-        energy = diagnostics.kinetic_energy(system, p if keeps else projected)
-    else:
-        energy = diagnostics.kinetic_energy_of_velocity(scene.part, v)
-    energy = energy + diagnostics.strain_energy(system, q)
-    found = (scene.positions(q), scene.rotations(q), scene.positions(v), energy)
-    for array, value in zip(out, found, strict=True):
-        array[good] = value
-    return out
-
-
-def limit(steps: Sequence[float], motions: Sequence[Motion]) -> Motion:
-    """Limit of vanishing step of runs whose error has even powers of the step (Neville)."""
-    values: list[tuple[Floats, ...]] = list(motions)
-    for k in range(1, len(values)):
-        ratios = [(steps[i] / steps[i + k]) ** 2 for i in range(len(values) - 1)]
-        values = [
-            tuple(y + (y - x) / (r - 1) for x, y in zip(a, b, strict=True))
-            for (a, b), r in zip(pairwise(values), ratios, strict=False)
-        ]
-    return Motion(*values[0])
-
-
-# -- problems and answers --------------------------------------------------------------------------
 
 
 class Instant(NamedTuple):
@@ -534,7 +209,7 @@ class Problem:
         with common.timed() as cost:
             cost.unknowns = system.unknowns
             if treatment == "multipliers":
-                cost.unknowns = system.n + system.m
+                cost.unknowns = system.n + system.rank
             runs = self._ladder(scene, methods, step, times)
             good = [one for one in runs if one.converged] or runs[-1:]
             best, error = _extrapolated(good)
@@ -647,11 +322,10 @@ def _extrapolated(runs: Sequence[Run]) -> tuple[Motion, float]:
 
 def _moments(scene: Scene, motion: Motion, turned: Floats, times: Sequence[float]) -> list[Instant]:
     """By instants and places; the signs of quaternions are those of the run's."""
-    quaternions = _quaternions(motion.rotations)
-    flipped = (quaternions * turned).sum(-1) < 0
-    quaternions[flipped] *= -1
+    turns = quaternions(motion.rotations)
+    turns[(turns * turned).sum(-1) < 0] *= -1
     if scene.frames:
-        quaternions = _framed(quaternions, [scene.frames[name] for name in scene.places])
+        turns = framed(turns, [scene.frames[name] for name in scene.places])
     names = list(scene.places)
 
     def places(values: Floats) -> dict[str, list[float]]:
@@ -660,18 +334,9 @@ def _moments(scene: Scene, motion: Motion, turned: Floats, times: Sequence[float
     return [
         Instant(float(t), places(x), places(r), places(v), float(energy))
         for t, x, r, v, energy in zip(
-            times, motion.positions, quaternions, motion.velocities, motion.energy, strict=True
+            times, motion.positions, turns, motion.velocities, motion.energy, strict=True
         )
     ]
-
-
-def _framed(quaternions: Floats, frames: Sequence[Floats]) -> Floats:
-    """Body to space for bodies whose axes at the start are the rows of `frames`."""
-    start = _continuous(_quaternions(np.array([np.transpose(f) for f in frames]))[None])[0]
-    w, x = quaternions[..., :1], quaternions[..., 1:]
-    w0, x0 = start[:, :1], start[:, 1:]
-    scalar = w * w0 - (x * x0).sum(-1, keepdims=True)
-    return np.concatenate([scalar, w * x0 + w0 * x + np.cross(x, x0)], axis=-1)
 
 
 def _compared(
