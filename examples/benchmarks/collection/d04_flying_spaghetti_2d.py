@@ -49,9 +49,9 @@ PROBLEM = dynamics.Problem(
     ENTRIES[0],
     INPUTS,
     scene,
-    elements=(200, 100, 64, 48),
-    step=1 / 160,
-    levels=3,
+    elements=(128, 64, 40, 32),
+    step=1 / 80,
+    levels=2,
     tolerance=1e-5,
     derived=DERIVED,
 )

@@ -226,9 +226,10 @@ class Problem:
         if step is not None:
             return [run(scene, *methods, step, times)]
         runs: list[Run] = []
-        coarse = max(times) / self.step
-        total = int(coarse * (2**self.levels - 1))
-        kernels = choose_kernels("auto", scene.system, *methods, total).name
+        total = int(max(times) / self.step * (2**self.levels - 1))
+        # seen as one piece of work, and compiled at a third of what a single run would be: other
+        # families and cases take the same kernels
+        kernels = choose_kernels("auto", scene.system, *methods, 3 * total).name
         for level in range(self.levels):
             runs.append(run(scene, *methods, self.step, times, 2**level, kernels))
             good = [one for one in runs if one.converged]
