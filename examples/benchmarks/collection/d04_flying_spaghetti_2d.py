@@ -1,7 +1,8 @@
 """D4: as D3 in a plane and five times as flexible, the loads on at once and off at once.
 
-Waves with kinks run to and fro for ever: whatever the elements, the error falls only with the
-first power of their size. It shows robustness, not orders.
+Waves with kinks run to and fro for ever and limit the order, whatever the elements: positions at
+t = 2 gain 3.2 and 2.4 powers of two from 8 to 16 to 32 cubic elements, where smooth loads would
+give six (steps of 1/1280 s). It shows robustness, not orders.
 """
 
 from __future__ import annotations

@@ -75,6 +75,7 @@ def _pair(value: Any) -> tuple[float, float]:
 
 def _inertia(value: Any) -> tuple[float, float, float]:
     J = np.atleast_1d(np.asarray(value, dtype=float))
+    J = np.diag(J) if J.shape == (3, 3) else J
     if J.shape not in ((1,), (2,), (3,)):
         raise sc.InputError("data", f"J_rho = {value!r}, expected one, two or three numbers")
     J1, J2, J3 = (J[0], J[-1], J[-1]) if len(J) < 3 else J
