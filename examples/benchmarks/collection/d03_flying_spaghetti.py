@@ -7,13 +7,16 @@ t = 5 the energy is 908.7347, the linear momentum 50 e1, the centre of mass at 3
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import skfem_cosserat as sc
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from . import dynamics, members, runs
+import skfem_cosserat as sc
+from collection import dynamics, members, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 

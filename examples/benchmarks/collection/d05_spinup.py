@@ -5,13 +5,16 @@ Turning steadily, it is stretched by ``L (tan(k L)/(k L) - 1)``, ``k = Omega sqr
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import skfem_cosserat as sc
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from . import dynamics, members, runs
+import skfem_cosserat as sc
+from collection import dynamics, members, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 

@@ -6,13 +6,16 @@ the straight shaft at rest. The reference's energy is that of the shaft, without
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import skfem_cosserat as sc
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from . import dynamics, members, runs
+import skfem_cosserat as sc
+from collection import dynamics, members, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 

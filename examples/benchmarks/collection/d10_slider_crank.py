@@ -6,13 +6,17 @@ stored run of others is good for two digits: compare, no pass or fail.
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import skfem_cosserat as sc
 
-from . import dynamics, members, runs
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from collection import dynamics, members, runs
 
 __all__ = ["ENTRIES", "PROBLEM", "QUICK", "main", "rows", "scene"]
 

@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import skfem_cosserat as sc
+from collection import common
+from collection.runs import Motion, Run, Scene, framed, limit, quaternions, run
 from skfem_cosserat.integrators.choice import choose_kernels
-
-from . import common
-from .runs import Motion, Run, Scene, framed, limit, quaternions, run
 
 __all__ = ["COARSE", "Instant", "Problem", "all_of"]
 
