@@ -200,7 +200,7 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
                     continue
             further = left_over(length, rate, settled)
             # a rate of steps before says nothing of factors that have grown old since
-            done = done or further <= 0.0 and (count > 1 or length <= settled)
+            done = done or (further <= 0.0 and (count > 1 or length <= settled))
             swept += 1.0
             kept = further <= reuse or rate == UNKNOWN  # the next iteration will tell
             kept = kept and swept < reuse + 2.0
