@@ -59,7 +59,7 @@ class Recorder:
             "kernels": stepper.choice.name,
             "kernels_why": stepper.choice.why,
         }
-        bank = checked_sensors(sensors, system)
+        bank = checked_sensors(sensors, system, state)
         if bank:
             meta["sensors"] = {
                 name: {"unit": sensor.unit, "derivative": sensor.derivative}

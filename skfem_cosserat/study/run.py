@@ -87,7 +87,8 @@ def refine(
     folder : path-like, optional
         Keep the result of each level here as soon as it is there. The same call finds them again,
         after an interruption too, also with more levels or other quantities; with another problem
-        (its code and bound arguments, not what it calls) or version of the package it is refused.
+        (its code, bound arguments and the numbers it takes from its module, not what it calls) or
+        version of the package it is refused.
     retry : bool
         Solve levels again that are kept as failed.
     progress : bool or callable
