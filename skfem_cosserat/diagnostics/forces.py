@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from ..constraints import Treatment
+from ..constraints.rowspace import RowSpace
 from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper
@@ -14,7 +15,6 @@ from ..linear import SingularMatrixError
 from ..model import System
 from ..model.system import JointRows
 from ..types import Floats
-from .rowspace import RowSpace
 from .stacks import as_stack, check_consecutive
 
 __all__ = ["condition_number", "constraint_points", "multipliers", "multipliers_at", "reactions"]
