@@ -20,7 +20,7 @@ from .errors import (
 from .foundation import Foundation
 from .frames import Motion, Place, ground, triad
 from .history import History, spectrum
-from .integrators import EnergyMomentum, State, Stepper, Variational
+from .integrators import Composition, EnergyMomentum, State, Stepper, Variational
 from .joint import (
     JointCylindrical,
     JointDistance,
@@ -75,6 +75,7 @@ __all__ = [
     "Buckling",
     "Bushing",
     "Cable",
+    "Composition",
     "CosseratError",
     "DisplacementControl",
     "Diverged",

@@ -198,10 +198,18 @@ class Integrator(ABC):
         In words.
     reference : str
         Where it comes from.
+    symmetric : bool
+        Whether a step back undoes a step, and nothing is dissipated.
+    part, shares : Integrator and tuple of float
+        The scheme whose steps one step is made of, and their sizes as shares of it; none: the step
+        is one of its own.
     """
 
     name: str
     order: int
+    symmetric: bool = False
+    part: Integrator | None = None
+    shares: tuple[float, ...] = ()
     constraint_weight: float
     force_share: float
     start_share: float = 1.0

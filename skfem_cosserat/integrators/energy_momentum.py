@@ -47,6 +47,7 @@ class EnergyMomentum(Integrator):
 
     name = "energy-momentum"
     order = 2
+    symmetric = True
     constraint_weight = 0.5
     force_share = 1.0
     conserves = "energy, linear and angular momentum"

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ..constraints import BoundTreatment, Treatment
+from ..constraints.saddle import SaddlePoint, accelerations
 from ..errors import Diverged, InputError
 from ..linear import LinearSolver, Solver, checked_solver
 from ..log import logger
@@ -39,6 +40,8 @@ class StepReport:
         Scaled residual at the solution.
     work : StepWork
         Of loads, actuators and dampers in the step.
+    stages : list of StepReport
+        The steps that a composed one is made of, itself otherwise.
     """
 
     state: State
@@ -47,6 +50,11 @@ class StepReport:
     residual: float
     work: StepWork
     _solved: Solved
+
+    @property
+    def stages(self) -> list[StepReport]:
+        """See the class."""
+        return [self]
 
     @property
     def momentum(self) -> Floats:
@@ -68,6 +76,36 @@ class StepReport:
         system, integrator, _, state, y1, _ = self._solved
         weight, y0 = integrator.constraint_weight, system.extend(state.q, state.time)
         return y0 if weight == 0 else (1 - weight) * y0 + weight * y1
+
+
+@dataclass(eq=False)
+class ComposedReport(StepReport):
+    """Report of a step that is composed of others.
+
+    Its constraint force is that of the continuous equations at the start: the steps give theirs to
+    second order only.
+    """
+
+    _stages: list[StepReport]
+    _saddle: Callable[[], SaddlePoint]
+
+    @property
+    def stages(self) -> list[StepReport]:
+        """See the base class."""
+        return self._stages
+
+    @property
+    def constraint_force(self) -> Floats:
+        """See the base class."""
+        system, _, _, state, _, _ = self._solved
+        y = system.extend(state.q, state.time)
+        rate = np.zeros_like(y)
+        rate[system.rows :] = system.ground_rate(state.time)
+        hidden = -system.constraints.ground_rate(y, rate) if system.moving else np.zeros(system.m)
+        saddle = self._saddle()
+        v = saddle(y, self.momentum, hidden)[0]
+        lam = accelerations(system, state.q, v, state.time, state.turns, saddle)[1]
+        return np.asarray(system.constraints.jacobian(y).T @ lam)
 
 
 class Solved(NamedTuple):
@@ -167,6 +205,8 @@ class Stepper:
         See :func:`skfem_cosserat.simulate`.
     announce : callable, optional
         Called with a text before compiling.
+    backwards : bool
+        Of a negative step, as compositions have them.
 
     Raises
     ------
@@ -202,20 +242,36 @@ class Stepper:
         steps: int | None = None,
         solver: Solver | None = None,
         announce: Callable[[str], object] | None = None,
+        *,
+        backwards: bool = False,
     ) -> None:
         _check_kind("system", system, System)
         _check_kind("integrator", integrator, Integrator)
         _check_kind("treatment", treatment, Treatment)
         self.system, self.integrator, self.treatment = system, integrator, treatment
-        self.h = positive("argument step", "step", h, " of seconds")
+        self.h = (-1 if backwards else 1) * positive(
+            "argument step", "step", -h if backwards else h, " of seconds"
+        )
         self.settings = NewtonSettings() if settings is None else settings
         _check_kind("settings", self.settings, NewtonSettings)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
         if checked_solver(solver) is not None:
             self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
         self._first = True
-        self.choice = choose_kernels(kernels, system, integrator, treatment, steps, solver)
+        one = integrator if integrator.part is None else integrator.part
+        count = None if steps is None else steps * max(1, len(integrator.shares))
+        self.choice = choose_kernels(kernels, system, one, treatment, count, solver)
         self._fast: CompiledStep | None = None
+        self._saddle: SaddlePoint | None = None
+        #: steppers by share of the step
+        self._stages: dict[float, Stepper] = {}
+        if integrator.part is not None:
+            common = self.settings, self.choice.name, count, solver, announce
+            self._stages = {
+                share: Stepper(system, one, treatment, share * self.h, *common, backwards=share < 0)
+                for share in integrator.shares
+            }
+            return
         if self.choice.name == "numba":
             text = "kernels are compiled, 10 to 20 s at the first time, or read from the cache"
             logger.info(text)
@@ -228,17 +284,23 @@ class Stepper:
     @property
     def factorisations(self) -> int:
         """So far."""
+        if self._stages:
+            return sum(stage.factorisations for stage in self._stages.values())
         compiled = 0 if self._fast is None else self._fast.factorisations
         return self.bound.solver.factorisations + compiled
 
     @property
     def linear(self) -> LinearSolver | None:
         """The sparse, banded or dense solver at work; None: elimination in blocks is all."""
+        if self._stages:
+            return next(iter(self._stages.values())).linear
         return self.bound.solver if self._fast is None else self._fast.linear
 
     @property
     def method(self) -> str:
         """How linear systems are solved."""
+        if self._stages:
+            return next(iter(self._stages.values())).method
         return self.bound.solver.method if self._fast is None else self._fast.method
 
     def advance(self, state: State, time: float | None = None) -> StepReport:
@@ -259,6 +321,8 @@ class Stepper:
             contradicts another one around it, the reason says so.
         """
         new_time = state.time + self.h if time is None else time
+        if self._stages:
+            return self._compose(state, new_time)
         step: StepData | None = None
         if self._fast is not None:
             if self._fast.looped:  # only the treatment knows about singular positions
@@ -297,6 +361,39 @@ class Stepper:
         reason, advice = self._explained(step, best.reason, problem.y1)
         where = state.time, state.index + 1, best.residual
         raise Diverged(*where, f"{reason}, {effort}", advice, residuals)
+
+    def _compose(self, state: State, time: float) -> StepReport:
+        """One step after the other, and what they give together."""
+        reports: list[StepReport] = []
+        now, done, shares = state, 0.0, self.integrator.shares
+        for k, share in enumerate(shares, 1):
+            done += share
+            stage = self._stages[share]
+            stage._first = True  # what it knows of the motion is of another place
+            end = time if k == len(shares) else state.time + done * self.h
+            reports.append(stage.advance(now, end))
+            now = replace(reports[-1].state, index=state.index)
+        works = [report.work for report in reports]
+        return ComposedReport(
+            replace(now, index=state.index + 1),
+            sum(report.iterations for report in reports),
+            max(report.attempts for report in reports),
+            max(report.residual for report in reports),
+            StepWork(
+                sum(work.loads for work in works),
+                sum(work.actuators for work in works),
+                sum(work.dissipated for work in works),
+                sum(work.ground for work in works),
+            ),
+            reports[0]._solved,
+            reports,
+            self._shared_saddle,
+        )
+
+    def _shared_saddle(self) -> SaddlePoint:
+        if self._saddle is None:
+            self._saddle = SaddlePoint(self.system)
+        return self._saddle
 
     def _begin(self, state: State) -> StepData:
         """Data of a step for the general way, and its treatment at its start."""

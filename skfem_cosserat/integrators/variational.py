@@ -46,6 +46,7 @@ class Variational(Integrator):
 
     name = "variational"
     order = 2
+    symmetric = True
     constraint_weight = 0.0
     force_share = 0.5
     start_share = 0.5

@@ -112,7 +112,7 @@ class Recorder:
         self.open = True
 
     def _amend(self, report: StepReport) -> None:
-        self.works.finish(report.constraint_force)
+        self.works.finish(report)
         if self.open:
             fields: dict[str, Any] = {
                 "p": report.momentum,

@@ -21,13 +21,20 @@ class Works:
 
     def __init__(self, system: System, integrator: Integrator, q: Floats) -> None:
         self._driven = bool(system.moving)
-        self._share = 0.5 + integrator.constraint_weight
+        one = integrator if integrator.part is None else integrator.part
+        self._share = 0.5 + one.constraint_weight
         self._q = q
         self._waiting: Floats | None = None
         self.loads = self.actuators = self.dissipated = self.drives = 0.0
 
     def add(self, report: StepReport) -> None:
-        """A step is done; its constraint force has been given to :meth:`finish` before."""
+        """A step is done; :meth:`finish` has had its report before."""
+        for k, stage in enumerate(report.stages):
+            if k:
+                self.finish(stage)
+            self._add(stage)
+
+    def _add(self, report: StepReport) -> None:
         work, q = report.work, report.state.q
         self.loads += work.loads
         self.actuators += work.actuators
@@ -38,9 +45,10 @@ class Works:
             self._waiting = change if self._share < 1 else None
         self._q = q
 
-    def finish(self, force: Floats) -> None:
-        """The constraint force (n,) of the step that follows the last one."""
+    def finish(self, report: StepReport) -> None:
+        """The step that follows the last one: its constraint force ends that one's work."""
         if self._waiting is not None:
+            force = report.stages[0].constraint_force
             self.drives -= (1 - self._share) * float(force @ self._waiting)
             self._waiting = None
 
