@@ -20,7 +20,7 @@ from .errors import (
 from .foundation import Foundation
 from .frames import Motion, Place, ground, triad
 from .history import History, spectrum
-from .integrators import Composition, EnergyMomentum, State, Stepper, Variational
+from .integrators import Composition, EnergyMomentum, GeneralizedAlpha, State, Stepper, Variational
 from .joint import (
     JointCylindrical,
     JointDistance,
@@ -82,6 +82,7 @@ __all__ = [
     "EnergyMomentum",
     "Foundation",
     "FunctionOfTime",
+    "GeneralizedAlpha",
     "Harmonic",
     "History",
     "HistoryError",

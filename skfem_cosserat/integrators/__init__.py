@@ -3,12 +3,14 @@
 from .base import Integrator, State, StepWork
 from .composition import Composition
 from .energy_momentum import EnergyMomentum
+from .generalized_alpha import GeneralizedAlpha
 from .stepper import Stepper, StepReport
 from .variational import Variational
 
 __all__ = [
     "Composition",
     "EnergyMomentum",
+    "GeneralizedAlpha",
     "Integrator",
     "State",
     "StepReport",

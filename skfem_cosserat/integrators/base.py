@@ -36,6 +36,9 @@ class State:
     turns : (k,) int array or None
         Full turns of the angles that springs, dampers and actuators act on, in the order of
         ``system.couplings.angles``; None: none.
+    memory : (k, n) array or None
+        What the integrator carries on beside (q, p), such as accelerations; None: nothing, or a
+        start from (q, p).
 
     Examples
     --------
@@ -57,6 +60,7 @@ class State:
     p: Floats
     fresh: bool = True
     turns: IndexArray | None = None
+    memory: Floats | None = None
 
     def __repr__(self) -> str:
         """Without the arrays."""
@@ -198,6 +202,8 @@ class Integrator(ABC):
         In words.
     reference : str
         Where it comes from.
+    remembered : int
+        Rows of n numbers that a state carries on in its ``memory``.
     symmetric : bool
         Whether a step back undoes a step, and nothing is dissipated.
     part, shares : Integrator and tuple of float
@@ -207,6 +213,7 @@ class Integrator(ABC):
 
     name: str
     order: int
+    remembered: int = 0
     symmetric: bool = False
     part: Integrator | None = None
     shares: tuple[float, ...] = ()
@@ -233,6 +240,10 @@ class Integrator(ABC):
     @abstractmethod
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """The momentum (rows, 3) carried on to the next step."""
+
+    def memory(self, evaluation: Evaluation) -> Floats | None:
+        """What is carried on beside positions and momentum (k, n)."""
+        return None
 
     @abstractmethod
     def node_momentum(self, p0: Floats, impulse: Floats, fresh: bool) -> Floats:

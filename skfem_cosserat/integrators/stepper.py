@@ -453,6 +453,7 @@ class Stepper:
             turns=None
             if step.couplings is None
             else self.system.couplings.turns(step.couplings, y1),
+            memory=self.integrator.memory(evaluation),
         )
         work = self.integrator.work(self.system, step, evaluation, y1)
         solved = Solved(self.system, self.integrator, self.h, state, y1, impulse)

@@ -103,6 +103,9 @@ class Recorder:
         if self.system.couplings.angles:
             none = np.zeros(len(self.system.couplings.angles), dtype=np.int64)
             row["turns"] = none if state.turns is None else state.turns
+        if count := self.stepper.integrator.remembered:
+            none = np.full((count, self.system.n), np.nan)
+            row["memory"] = none if state.memory is None else state.memory
         if self.stepper.integrator.constraint_weight:
             row["constraint_point"] = np.full(3 * self.system.total, np.nan)
         return row
