@@ -214,14 +214,12 @@ class Beam(StructuralItem):
         """Element mass without the factor I_3: (ne, 4 nn, 4 nn), rows (phi, d1, d2, d3) a node."""
         shape = self.basis.elemental_mass()
         ne, nn = shape.shape[:2]
-        density = np.array([(s.mass, *s.inertia) for s in self.sections.values()])[self.section_id]
-        out = np.zeros((ne, nn, 4, nn, 4))
-        out[:, :, 0, :, 0] = density[:, 0, None, None] * shape
-        # section directors d_k = Lambda_kj d_j of the node: inertia in nodal directors
-        first = self.rotations[:, :, :2]
-        out[:, :, 1:, :, 1:] = np.einsum(
-            "ek,eab,eaki,ebkj->eaibj", density[:, 1:], shape, first, first
-        )
+        density = np.array([s.density for s in self.sections.values()])[self.section_id]
+        # (phi, d1, d2) of the section by those of the node: d_k = Lambda_kj d_j
+        own = np.zeros((ne, nn, 3, 4))
+        own[:, :, 0, 0], own[:, :, 1:, 1:] = 1, self.rotations[:, :, :2]
+        weighted = np.einsum("ekl,ebli->ebki", density, own)
+        out = np.einsum("eab,eaki,ebkj->eaibj", shape, own, weighted)
         return out.reshape(ne, 4 * nn, 4 * nn)
 
     def line_weights(self, elements: IndexArray) -> Floats:
