@@ -20,6 +20,7 @@ from .errors import (
 from .foundation import Foundation
 from .frames import Motion, Place, ground, triad
 from .history import History, spectrum
+from .hyperelastic import SectionHyperelastic
 from .integrators import EnergyMomentum, State, Stepper, Variational
 from .joint import (
     JointCylindrical,
@@ -131,6 +132,7 @@ __all__ = [
     "RigidBody",
     "Section",
     "SectionCircle",
+    "SectionHyperelastic",
     "SectionRectangle",
     "SectionTube",
     "SensorAcceleration",

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, field
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from .errors import InputError
+from .law import Law, LawQuadratic
 from .types import ArrayLike, Floats, numbers, positive
 
 __all__ = [
@@ -82,8 +83,8 @@ def _symmetric(item: str, name: str, value: Floats) -> Floats:
     return np.asarray((value + value.T) / 2)
 
 
-def _stiffness(item: str, value: ArrayLike) -> Floats:
-    """Symmetric positive definite."""
+def check_stiffness(item: str, value: ArrayLike) -> Floats:
+    """Symmetric positive definite (6, 6)."""
     D = _matrix(item, "stiffness", value)
     diagonal = np.diag(D)
     if (diagonal <= 0).any():
@@ -205,7 +206,7 @@ class Section:
         centre: ArrayLike = (0.0, 0.0),
     ) -> None:
         item = "section"
-        D = _stiffness(item, stiffness)
+        D = check_stiffness(item, stiffness)
         _positive(item, mass=mass)
         offset = numbers(item, "centre", centre)
         if offset.shape != (2,) or not np.isfinite(offset).all():
@@ -234,6 +235,14 @@ class Section:
         out[0, 1:] = out[1:, 0] = self.mass * self.centre
         out[1:, 1:] = np.diag(self.inertia) if self.inertia.ndim == 1 else self.inertia
         return out
+
+    #: whether the stored energy is that of the stiffness
+    quadratic: ClassVar[bool] = True
+
+    @property
+    def law(self) -> Law:
+        """Energy per length, resultants and their derivative as functions of strains."""
+        return LawQuadratic(self.stiffness)
 
     def damped(self, time: float | None = None, viscosity: ArrayLike | None = None) -> Self:
         """A copy with Kelvin-Voigt damping, in place of any it had.

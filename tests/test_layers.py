@@ -24,7 +24,7 @@ PACKAGE = Path(__file__).resolve().parent.parent / NAME
 LAYERS = (
     ("errors", "types", "log", "version"),
     ("mesh", "element", "basis", "assembly"),
-    ("section", "strain", "kernels"),
+    ("law", "section", "hyperelastic", "strain", "kernels"),
     (
         *("frames", "relative", "beam", "body", "joint", "load", "coupling", "damping", "drive"),
         *("foundation", "motion", "ramp"),
