@@ -13,6 +13,7 @@ import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.integrators.fast import refusal, static_refusal
 from skfem_cosserat.law import LawQuadratic, difference
+from skfem_cosserat.model.tension import overstretched
 
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
@@ -464,6 +465,30 @@ def test_linear_buckling_and_highest_frequency_take_the_stiffness_where_they_are
     system = model.freeze()
     at_rest = diagnostics.highest_frequency(system, system.q0)
     assert diagnostics.highest_frequency(system, path["q"][-1]) > 1.1 * at_rest
+
+
+def test_tension_is_held_by_the_present_bending_stiffness():
+    """Beyond 4 EI/h^2 of zero strain nothing is said of a rod that has stiffened tenfold."""
+    D = np.diag([4e4, 5e4, 900.0, 3.0, 3.0, 2.0])
+
+    def stiffening(eps):
+        kappa = eps[..., 3] ** 2 + eps[..., 4] ** 2
+        return Quadratic(D)(eps) + 0.5 * 3e3 * eps[..., 2] ** 2 * kappa
+
+    found = {}
+    for name, energy in (("plain", Quadratic(D)), ("stiffening", stiffening)):
+        force = 900 * 0.1
+        model, _ = rod(
+            section(energy), 1, 4, lambda b: sc.LoadForce(b.node("rod.end"), (0, 0, 90.0))
+        )
+        system = model.freeze()
+        y = system.q0.reshape(-1, 3)
+        y[system.origin_rows] *= 1.1
+        found[name] = overstretched(system, y)
+    limit = 4 * 3.0 / (0.5 * 0.55)
+    assert f"tension {force:.3g} N" in found["plain"]
+    assert f"4 EI/h^2 = {limit:.3g} N" in found["plain"]
+    assert found["stiffening"] is None  # 10 times as much: 3 + 3e3 * 0.1^2 = 33 N m^2
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
