@@ -156,8 +156,7 @@ class LawStored(Law):
 
     Without a gradient the complex step takes its place: exact to rounding. Without a second
     derivative the complex step through the gradient does, or, where the gradient is made itself
-    or does not take complex numbers (`complex_step` False), differences of fourth order, whose
-    error is some 1e-11 of the stiffness where W changes its shape over strains of 0.1.
+    or does not take complex numbers (`complex_step` False), differences of fourth order.
 
     Parameters
     ----------

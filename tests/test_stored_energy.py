@@ -113,6 +113,23 @@ def test_derivatives_given_and_made():
         assert abs(getattr(found, name)(eps) - wanted).max() < 1e-11 * abs(wanted).max()
 
 
+@pytest.mark.parametrize(("b", "tolerance"), [(100.0, 5e-12), (1e4, 5e-8)])
+def test_second_derivatives_by_differences(b, tolerance):
+    """Of exp(b eps^2), eps in units of the axial strain: errors as the documentation has them."""
+    D = np.array([120.0, 120.0, 390.0, 2.4e-3, 2.4e-3, 1.6e-3])
+    fung = Fung(np.diag(D), c=390 / b)
+    scale = np.sqrt(390 / D)
+    rng = np.random.default_rng(0)
+    law = section(fung, strains=0.01 * scale * rng.uniform(-1, 1, (5, 6))).law
+    eps = 0.5 / np.sqrt(b) * scale * rng.uniform(-1, 1, (50, 6))
+    stress = eps @ fung.A
+    exact = (fung.c * np.exp((eps * stress).sum(-1)))[:, None, None] * (
+        fung.A + 2 * stress[:, :, None] * stress[:, None, :]
+    )
+    unit = np.outer(scale, scale)
+    assert abs((law.tangent(eps) - exact) * unit).max() < tolerance * abs(exact * unit).max()
+
+
 @energies
 def test_discrete_derivative_has_exactly_the_change_of_energy(energy):
     """To the rounding of both energies, at increments from 1e-15 to 1."""
