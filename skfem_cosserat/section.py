@@ -147,6 +147,8 @@ def _inertia(item: str, value: ArrayLike, mass: float, centre: Floats) -> Floats
 class Section:
     """Section given by its constants, up to a full 6x6 stiffness.
 
+    Its stored energy is quadratic; :class:`SectionHyperelastic` takes any other.
+
     Parameters
     ----------
     stiffness : (6, 6) or (6,) array

@@ -7,6 +7,7 @@ import pickle
 import numpy as np
 import pytest
 from helpers_scenes import FULL, TENSOR
+from scipy.integrate import solve_ivp
 from test_tangents import Step, worst
 
 import skfem_cosserat as sc
@@ -376,6 +377,31 @@ def test_viscous_energy_balance(treatment):
     assert history["energy"][-1] < 0.9 * history["energy"][0]
 
 
+def test_oscillator_with_a_hardening_spring():
+    """A mass on a light rod: ``(m + rho L/3) x'' = -W'(x/L)``, by an ODE solver; second order."""
+    L, m, rho = 2.0, 3.0, 0.1
+    energy = Quartic(np.diag([400.0, 500.0, 90.0, 3.0, 4.0, 2.0]), axial=2000.0)
+
+    def rate(t, state):
+        stretch = state[0] / L
+        return state[1], -(90 * stretch + 8000 * stretch**3) / (m + rho * L / 3)
+
+    exact = solve_ivp(rate, (0, 1.5), (0.0, 2.0), rtol=1e-12, atol=1e-13).y[0, -1]
+    errors = []
+    for h in (0.01, 0.005):
+        made = sc.SectionHyperelastic(energy, rho, (1e-3, 1e-3))
+        model = sc.Model()
+        mesh = sc.MeshCurve.init_line((0, 0, 0), (0, 0, L), 1, "rod")
+        beam = sc.Beam(mesh, made, director=(1, 0, 0), velocity=lambda x: x * (0, 0, 1.0))
+        model.add("rod", beam)
+        model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("rod.start")))
+        model.add("mass", sc.MassPoint(m, on=beam.node("rod.end")))
+        history = simulated(model.freeze(), "energy-momentum", "null space", h, 1.5, derive=False)
+        errors.append(history["q"][-1].reshape(-1, 4, 3)[1, 0, 2] - L - exact)
+    assert 3.9 < errors[0] / errors[1] < 4.1
+    assert abs(errors[1] - (errors[0] - errors[1]) / 3) < 1e-6
+
+
 # -- equilibria ------------------------------------------------------------------------------------
 
 LENGTH = 2.0
@@ -541,6 +567,8 @@ def test_no_compiled_kernels_and_why():
     words = "no compiled kernels for sections of a stored energy function"
     assert words in refusal(system, sc.EnergyMomentum(), sc.NullSpace())
     assert words in static_refusal(system, sc.NullSpace(), None)
+    with pytest.raises(sc.InputError, match=words):
+        simulated(system, "energy-momentum", "null space", kernels="numba")
     assert not section(QUARTIC).quadratic
     assert sc.Section(FULL, 1.0, (1, 1)).quadratic
 
