@@ -165,22 +165,27 @@ def _finite(name: str, function: StrainFunction, eps: Floats) -> Floats:
     """Values of a function that a user gave; what it cannot do is named."""
     try:
         out = function(eps)
+    except InputError:
+        raise
     except (TypeError, ValueError, IndexError, AttributeError) as error:
         raise InputError(
             ITEM,
-            f"{name} fails for strains of shape {eps.shape} (read-only"
-            f"{'; complex where derivatives are made from it' if name == 'energy' else ''}):"
-            f" {error}",
+            f"{name} fails for strains of shape {eps.shape} (which it must not change; complex"
+            f" ones where derivatives are made from it): {error}",
         ) from error
     if not np.isfinite(out).all():
         rows = eps.reshape(-1, 6)
         bad = rows[np.flatnonzero(~np.isfinite(out.reshape(len(rows), -1)).all(1))[0]]
         raise InputError(
             ITEM,
-            f"{name} is not finite at strains {bad.tolist()}; give `strains` within the range"
+            f"{name} is not finite at strains {_text(bad)}; give `strains` within the range"
             " where it is defined",
         )
     return np.asarray(out)
+
+
+def _text(strains: Floats) -> str:
+    return f"[{', '.join(f'{x:.6g}' for x in strains)}]"
 
 
 def _scale(law: LawStored) -> Floats:
@@ -238,7 +243,7 @@ def _check_calls(law: LawStored, given: dict[str, Any], points: Floats) -> None:
                 at = tuple(int(k) for k in np.argwhere(wrong)[0])
                 raise InputError(
                     ITEM,
-                    f"{name} at strains {points[at[0]].tolist()} is {first[at]:.9g}, and"
+                    f"{name} at strains {_text(points[at[0]])} is {first[at]:.9g}, and"
                     f" {found[at]:.9g} when it is {how}: it may depend on these strains only",
                 )
 
@@ -290,7 +295,7 @@ def _compare(law: LawStored, name: str, points: Floats, made: bool = False) -> N
     raise InputError(
         ITEM,
         f"{hint} entry {entry if len(entry) == 2 else entry[0]} ({what}) at strains"
-        f" {points[k].tolist()}: {found[at]:.9g}, by differences of the {of} {wanted[at]:.9g}",
+        f" {_text(points[k])}: {found[at]:.9g}, by differences of the {of} {wanted[at]:.9g}",
     )
 
 

@@ -231,7 +231,7 @@ class LawStored(Law):
             out = np.array(function(given))
         kind, hint = "f", "real numbers"
         if np.iscomplexobj(eps):
-            kind, hint = "c", "complex numbers (or its derivative, if it takes real ones only)"
+            kind, hint = "c", "complex numbers; give its derivative if it takes real ones only"
         if out.shape != shape or out.dtype.kind != kind:
             raise InputError(
                 ITEM,
