@@ -293,7 +293,7 @@ def test_a_quadratic_energy_as_function_is_the_plain_section(integrator):
             section(Quadratic()), sc.Section(FULL, MASS, INERTIA, centre=CENTRE),
         )
     ]  # fmt: skip
-    assert abs(found[0] - found[1]).max() < 1e-13 * 10
+    assert abs(found[0] - found[1]).max() < 1e-13
 
 
 @pytest.mark.parametrize("order", [1, 3, 4])
