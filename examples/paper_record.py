@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
-import platform
-import subprocess
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,54 +11,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import scipy
-import skfem
-
-import skfem_cosserat as sc
-from skfem_cosserat import kernels
+from skfem_cosserat import study
 
 HERE = Path(__file__).resolve().parent
 
 
 def main() -> dict[str, Any]:
     """Provenance of numbers made now: versions, machine, commit, threads of the linear algebra."""
-    return {
-        "versions": {
-            "skfem-cosserat": sc.__version__,
-            "scikit-fem": skfem.__version__,
-            "numpy": np.__version__,
-            "scipy": scipy.__version__,
-            "python": platform.python_version(),
-        },
-        "kernels": kernels.NAME,
-        "commit": _commit(),
-        "machine": f"{platform.system()} {platform.machine()}, {_processor()},"
-        f" {os.cpu_count()} processors",
-        "blas_threads": os.environ.get("OPENBLAS_NUM_THREADS", "not set"),
-    }
-
-
-def _commit() -> str:
-    """Commit of the tree this file is in, ``-dirty`` with changes; unknown outside of one."""
-    command = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--abbrev=10"]
-    try:
-        done = subprocess.run(
-            command, cwd=HERE, capture_output=True, text=True, timeout=20, check=True
-        )
-    except (OSError, subprocess.SubprocessError):
-        return "unknown"
-    return done.stdout.strip()
-
-
-def _processor() -> str:
-    """Name of the processor, where the system tells it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor() or "unknown processor"
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else "unknown processor"
+    return study.provenance(HERE)
 
 
 class Record:
@@ -95,13 +52,8 @@ class Record:
         self, path: Path, run: int, header: Sequence[str], rows: Iterable[Sequence[Any]]
     ) -> Path:
         """Table with comma separated values; lines in front of it that start with # say whence."""
-        with path.open("w", newline="", encoding="utf-8") as handle:
-            for key, value in (self.provenance | {"run": self.runs[run - 1]}).items():
-                handle.write(f"# {key}: {json.dumps(value)}\n")
-            writer = csv.writer(handle, lineterminator="\n")
-            writer.writerow(header)
-            writer.writerows(rows)
-        return path
+        notes = self.provenance | {"run": self.runs[run - 1]}
+        return study.write_rows(path, notes, header, rows)
 
 
 def read_csv(path: Path) -> tuple[dict[str, Any], list[str], list[list[str]]]:

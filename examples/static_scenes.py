@@ -15,13 +15,14 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 import skfem_cosserat as sc
 
@@ -63,6 +64,29 @@ class Scene:
         place = 3 * self.system.row_of(self.point) + 3
         d = history["q"][index][place : place + 9].reshape(3, 3)
         return np.column_stack([d[2], -d[1], d[0]])
+
+    def rotations(self, history: sc.History, index: Any = -1) -> Floats:
+        """Of all nodes from the beam's start up to the point, one after the other (N, 3, 3)."""
+        connectivity = self.beam.basis.connectivity
+        nodes = np.append(connectivity[:, :-1].ravel(), connectivity[-1, -1])
+        nodes = nodes[: 1 + int(np.flatnonzero(nodes == self.point.vertex)[0])]
+        first = self.system.offset(self.beam.node(0)) // 12
+        d = history["q"][index].reshape(-1, 3)[: 4 * (first + nodes.max() + 1)].reshape(-1, 4, 3)
+        d = d[first + nodes]
+        return np.stack([d[:, 3], -d[:, 2], d[:, 1]], axis=2)
+
+    def angle(self, history: sc.History, index: Any = -1) -> float:
+        """Rotation of the point's section about z, turns counted from the beam's start (rad)."""
+        R = self.rotations(history, index)
+        x, y = R[:, 0, 0], R[:, 1, 0]
+        steps = np.arctan2(x[:-1] * y[1:] - y[:-1] * x[1:], x[:-1] * x[1:] + y[:-1] * y[1:])
+        return float(np.arctan2(y[0], x[0]) + steps.sum())
+
+    def quaternion(self, history: sc.History, index: Any = -1) -> Floats:
+        """Of the point's section (w, x, y, z); its sign is that from the beam's start on (4,)."""
+        q = Rotation.from_matrix(self.rotations(history, index)).as_quat()[:, [3, 0, 1, 2]]
+        turned_over = np.count_nonzero((q[1:] * q[:-1]).sum(axis=1) < 0) + (q[0, 0] < 0)
+        return np.asarray(-q[-1] if turned_over % 2 else q[-1])
 
 
 def flat_section(
@@ -116,11 +140,12 @@ def roll_up(
     length: float = 10.0,
     EI: float = 100.0,
     slenderness: float = 100.0,
+    section: sc.Section | None = None,
 ) -> Scene:
     """S1: a cantilever bent to full circles by an end moment ``2 pi turns EI/length``."""
     EA = EI * (slenderness / length) ** 2
     moment = (0.0, 0.0, 2 * np.pi * turns * EI / length)
-    section = flat_section(EI, EA, EA / 2)
+    section = section or flat_section(EI, EA, EA / 2)
     return _cantilever(_line(length, elements), section, order, {"moment": (sc.LoadMoment, moment)})
 
 
@@ -131,11 +156,29 @@ def elastica(
     *,
     EA: float = 1e5,
     GA: float = 1e5,
+    length: float = 1.0,
+    EI: float = 1.0,
 ) -> Scene:
-    """S2: a cantilever with a dead transverse tip force; L = EI = 1."""
-    section = flat_section(1.0, EA, GA)
+    """S2: a cantilever with a dead transverse tip force."""
+    section = flat_section(EI, EA, GA)
     force = (0.0, load, 0.0)
-    return _cantilever(_line(1.0, elements), section, order, {"force": (sc.LoadForce, force)})
+    return _cantilever(_line(length, elements), section, order, {"force": (sc.LoadForce, force)})
+
+
+def arc(
+    elements: int,
+    order: Any,
+    section: sc.Section,
+    forces: Mapping[str, Sequence[float]],
+    *,
+    radius: float = 100.0,
+    degrees: float = 45.0,
+) -> Scene:
+    """A clamped arc in the plane, centre (0, radius, 0), with dead forces at its tip, by name."""
+    angle = np.radians(degrees)
+    mesh = sc.MeshCurve.init_arc(ORIGIN, E1, E2, radius, angle, elements, name="rod")
+    loads = {name: (sc.LoadForce, tuple(force)) for name, force in forces.items()}
+    return _cantilever(mesh, section, order, loads)
 
 
 def bend(
@@ -155,20 +198,39 @@ def bend(
     stiffening : float
         Factor of axial and shear stiffness: large for an inextensible rod.
     """
-    mesh = sc.MeshCurve.init_arc(ORIGIN, E1, E2, 100.0, np.pi / 4, elements, name="rod")
     E, G = 1e7, 5e6
     section = flat_section(E / 12, stiffening * E, stiffening * shear_factor * G, E / 12, G / 6)
-    return _cantilever(mesh, section, order, {"force": (sc.LoadForce, (0.0, 0.0, P))})
+    return arc(elements, order, section, {"force": (0.0, 0.0, P)})
 
 
-def helix_roll_up(elements: int = 40, order: int = 4) -> Scene:
+def helix_roll_up(
+    elements: int = 40,
+    order: int = 4,
+    *,
+    length: float = 10.0,
+    section: sc.Section | None = None,
+    moment: float = 200 * np.pi,
+    force: float = 50.0,
+) -> Scene:
     """S4: ten turns by a spatially fixed end moment, drawn out sideways by a small force."""
-    section = flat_section(1e2, 1e4, 1e4)
+    section = section or flat_section(1e2, 1e4, 1e4)
     loads = {
-        "moment": (sc.LoadMoment, (0.0, 0.0, 200 * np.pi)),
-        "force": (sc.LoadForce, (0.0, 0.0, 50.0)),
+        "moment": (sc.LoadMoment, (0.0, 0.0, moment)),
+        "force": (sc.LoadForce, (0.0, 0.0, force)),
     }
-    return _cantilever(_line(10.0, elements), section, order, loads)
+    return _cantilever(_line(length, elements), section, order, loads)
+
+
+#: of the Princeton beam
+PRINCETON = {
+    "L": 0.508,
+    "EA": 2841910.0,
+    "GA_flap": 640131.0,
+    "GA_chord": 903881.0,
+    "GJ": 3.10338,
+    "EI_chordwise": 36.2794,
+    "EI_flapwise": 2.42873,
+}
 
 
 def princeton(
@@ -178,6 +240,7 @@ def princeton(
     degrees: float = 45.0,
     *,
     exchanged: bool = False,
+    constants: Mapping[str, float] | None = None,
 ) -> Scene:
     """S5: Princeton beam, flap along y, chord along z; tip force at an angle from the chord.
 
@@ -185,53 +248,72 @@ def princeton(
     ----------
     exchanged : bool
         With both shear stiffnesses exchanged.
+    constants : mapping, optional
+        Others instead of those of :data:`PRINCETON`.
     """
-    flap, chord = (903881.0, 640131.0) if exchanged else (640131.0, 903881.0)
+    c = {**PRINCETON, **(constants or {})}
+    shear = (c["GA_chord"], c["GA_flap"])  # along d1 = z and d2
     section = sc.Section.from_constants(
-        EA=2841910.0,
-        GA=(chord, flap),  # along d1 = z and d2
-        EI=(2.42873, 36.2794),  # about z: flapwise; about y: chordwise
-        GJ=3.10338,
+        EA=c["EA"],
+        GA=shear[::-1] if exchanged else shear,
+        EI=(c["EI_flapwise"], c["EI_chordwise"]),  # about z, about y
+        GJ=c["GJ"],
         mass=1.0,
         inertia=(1.0, 1.0),
     )
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    force = (0.0, P * s, P * c)
-    return _cantilever(_line(0.508, elements), section, order, {"force": (sc.LoadForce, force)})
+    direction = np.radians(degrees)
+    force = (0.0, P * np.sin(direction), P * np.cos(direction))
+    return _cantilever(_line(c["L"], elements), section, order, {"force": (sc.LoadForce, force)})
 
 
 def slender_arc(elements: int = 8, order: Any = 3, slenderness: float = 100.0) -> Scene:
     """S14: an arc of 45 degrees, length 1, circular section of any slenderness, tip force 5 e3."""
-    mesh = sc.MeshCurve.init_arc(ORIGIN, E1, E2, 4 / np.pi, np.pi / 4, elements, name="rod")
     EA = 4 * slenderness**2
     section = flat_section(1.0, EA, 0.9 * EA / 2.6, 1.0, 1 / 1.3)
-    return _cantilever(mesh, section, order, {"force": (sc.LoadForce, (0.0, 0.0, 5.0))})
+    return arc(elements, order, section, {"force": (0.0, 0.0, 5.0)}, radius=4 / np.pi)
 
 
 # -- S6 to S8: limit points ------------------------------------------------------------------------
 
 
-def lee_frame(elements: int = 10, order: int = 3) -> Scene:
-    """S6: Lee's frame, two hinged legs of 120, unit load down at 24 from the corner.
+def plane_section(EI: float, EA: float, GA: float) -> sc.Section:
+    """Section of a beam that is to stay in its plane: a hundred times as stiff out of it."""
+    return flat_section(EI, EA, GA, 100 * EI, 100 * EI)
 
-    Out of its plane it is a hundred times as stiff: only the plane problem is meant.
-    """
-    corners = [ORIGIN, (0, 120, 0), (24, 120, 0), (120, 120, 0)]
-    per_leg = [max(1, round(share * elements)) for share in (0.5, 0.1, 0.4)]
+
+def lee_frame(
+    elements: int = 10,
+    order: int = 3,
+    *,
+    leg: float = 120.0,
+    at: float = 24.0,
+    section: sc.Section | None = None,
+) -> Scene:
+    """S6: Lee's frame, two hinged legs, unit load down at a distance from the corner."""
+    corners = [ORIGIN, (0, leg, 0), (at, leg, 0), (leg, leg, 0)]
+    shares = (0.5, 0.5 * at / leg, 0.5 * (1 - at / leg))
+    per_leg = [max(1, round(share * elements)) for share in shares]
     mesh = sc.MeshCurve.init_polyline(corners, per_leg, name="rod")
-    EI = 7.2e6 * 2
-    section = flat_section(EI, 7.2e6 * 6, 7.2e6 / 2.6 * 6, 100 * EI, 100 * EI)
+    section = section or plane_section(7.2e6 * 2, 7.2e6 * 6, 7.2e6 / 2.6 * 6)
     model = sc.Model()
     rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
     for end in ("start", "end"):
         node = rod.node(f"rod.{end}")
         model.add(f"hinge at {end}", sc.JointRevolute(sc.ground(node.position), node, E3))
-    loaded = rod.node((24, 120, 0))
+    loaded = rod.node((at, leg, 0))
     model.add("load", sc.LoadForce(loaded, (0.0, -1.0, 0.0)))
     return Scene(model.freeze(), rod, loaded)
 
 
-def toggle(elements: int = 4, order: int = 3, *, half: bool = True) -> Scene:
+def toggle(
+    elements: int = 4,
+    order: int = 3,
+    *,
+    half: bool = True,
+    rise: float = 0.386,
+    half_span: float = 12.943,
+    section: sc.Section | None = None,
+) -> Scene:
     """S7: two flat clamped members that snap through; unit load (in all) down at the apex.
 
     Parameters
@@ -239,11 +321,10 @@ def toggle(elements: int = 4, order: int = 3, *, half: bool = True) -> Scene:
     half : bool
         One member and a slide at the apex, by symmetry; else both, which may sway.
     """
-    rise, span, EI, EA = 0.386, 12.943, 9270.0, 1885000.0
-    corners = [(-span, 0, 0), (0, rise, 0), (span, 0, 0)][: 2 if half else 3]
+    corners = [(-half_span, 0, 0), (0, rise, 0), (half_span, 0, 0)][: 2 if half else 3]
     mesh = sc.MeshCurve.init_polyline(corners, elements, name="rod")
     model = sc.Model()
-    section = flat_section(EI, EA, EA / 2.6 * 5 / 6, 100 * EI, 100 * EI)
+    section = section or plane_section(9270.0, 1885000.0, 1885000.0 / 2.6 * 5 / 6)
     rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
     apex = rod.node((0, rise, 0))
     for end in ("start",) if half else ("start", "end"):
@@ -255,19 +336,28 @@ def toggle(elements: int = 4, order: int = 3, *, half: bool = True) -> Scene:
     return Scene(model.freeze(), rod, apex)
 
 
-def arch(elements: int = 16, order: int = 4, *, slenderness: float = 1e3) -> Scene:
-    """S8: clamped-hinged arch of 215 degrees, R = 100, EI = 1e6, unit load down at the crown.
+def arch(
+    elements: int = 16,
+    order: int = 4,
+    *,
+    slenderness: float = 1e3,
+    radius: float = 100.0,
+    degrees: float = 215.0,
+    section: sc.Section | None = None,
+) -> Scene:
+    """S8: clamped-hinged arch, EI = 1e6, unit load down at the crown.
 
-    The clamp is at the left. Axial and shear stiffness are ``EI (slenderness/R)^2``.
+    The clamp is at the left. Axial and shear stiffness are ``EI (slenderness/radius)^2``. The
+    number of elements must be even: the crown is a node.
     """
-    R, half, EI = 100.0, np.radians(107.5), 1e6
+    R, half = radius, np.radians(degrees / 2)
     start = R * np.array([-np.sin(half), np.cos(half), 0.0])
     tangent = np.array([np.cos(half), np.sin(half), 0.0])
     inward = -start / R
     mesh = sc.MeshCurve.init_arc(start, tangent, inward, R, 2 * half, elements, name="rod")
-    EA = EI * (slenderness / R) ** 2
+    EA = 1e6 * (slenderness / R) ** 2
     model = sc.Model()
-    section = flat_section(EI, EA, EA, 100 * EI, 100 * EI)
+    section = section or plane_section(1e6, EA, EA)
     rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
     left, right, crown = rod.node("rod.start"), rod.node("rod.end"), rod.node((0, R, 0))
     model.add("clamp", sc.JointFixed(sc.ground(left.position), left))
@@ -288,8 +378,15 @@ STRIP = {
 }
 
 
-def strip(elements: int = 8, order: int = 3, *, stiffening: float = 1.0) -> Scene:
-    """S9: a cantilever strip, length 240, unit tip force in its stiff plane.
+def strip(
+    elements: int = 8,
+    order: int = 3,
+    *,
+    stiffening: float = 1.0,
+    length: float = 240.0,
+    constants: Mapping[str, float] = STRIP,
+) -> Scene:
+    """S9: a cantilever strip, unit tip force in its stiff plane.
 
     Parameters
     ----------
@@ -297,34 +394,48 @@ def strip(elements: int = 8, order: int = 3, *, stiffening: float = 1.0) -> Scen
         Factor of all stiffnesses but the bending across and the torsion of it: large for no
         displacements before it buckles, as in Prandtl's solution.
     """
-    section = flat_section(**_stiffened(stiffening))
+    section = flat_section(**_stiffened(constants, stiffening))
     force = (0.0, -1.0, 0.0)
-    return _cantilever(_line(240.0, elements), section, order, {"force": (sc.LoadForce, force)})
+    return _cantilever(_line(length, elements), section, order, {"force": (sc.LoadForce, force)})
 
 
-def _stiffened(factor: float) -> dict[str, float]:
-    return {k: v if k in ("across", "GJ") else factor * v for k, v in STRIP.items()}
+def _stiffened(constants: Mapping[str, float], factor: float) -> dict[str, float]:
+    return {k: v if k in ("across", "GJ") else factor * v for k, v in constants.items()}
 
 
-def right_angle(elements: int = 6, order: int = 3) -> Scene:
-    """S9b: two legs of 240 at a right angle, clamped, unit force along x at the free end."""
-    corners = [ORIGIN, (240, 0, 0), (240, -240, 0)]
+def right_angle(
+    elements: int = 6,
+    order: int = 3,
+    *,
+    length: float = 240.0,
+    constants: Mapping[str, float] = STRIP,
+    load: float = 1.0,
+) -> Scene:
+    """S9b: two legs at a right angle, clamped, a force along x at the free end."""
+    corners = [ORIGIN, (length, 0, 0), (length, -length, 0)]
     mesh = sc.MeshCurve.init_polyline(corners, elements, name="rod")
-    force = (1.0, 0.0, 0.0)
-    return _cantilever(mesh, flat_section(**STRIP), order, {"force": (sc.LoadForce, force)})
+    force = (load, 0.0, 0.0)
+    return _cantilever(mesh, flat_section(**constants), order, {"force": (sc.LoadForce, force)})
 
 
-def hinged_frame(elements: int = 6, order: int = 3, *, stiffening: float = 1.0) -> Scene:
-    """S9c: two legs of 240 at a right angle under opposite unit end moments about z.
+def hinged_frame(
+    elements: int = 6,
+    order: int = 3,
+    *,
+    stiffening: float = 1.0,
+    length: float = 240.0,
+    constants: Mapping[str, float] = STRIP,
+) -> Scene:
+    """S9c: two legs at a right angle under opposite unit end moments about z.
 
     Both ends are hinges about z, one of them on a slide along x; `stiffening` as for
     :func:`strip`.
     """
-    a = 240 / np.sqrt(2)
+    a = length / np.sqrt(2)
     corners = [(-a, 0, 0), (0, a, 0), (a, 0, 0)]
     mesh = sc.MeshCurve.init_polyline(corners, elements, name="rod")
     model = sc.Model()
-    section = flat_section(**_stiffened(stiffening))
+    section = flat_section(**_stiffened(constants, stiffening))
     rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
     left, right = rod.node("rod.start"), rod.node("rod.end")
     model.add("hinge", sc.JointRevolute(sc.ground(left.position), left, E3))
@@ -338,18 +449,24 @@ def hinged_frame(elements: int = 6, order: int = 3, *, stiffening: float = 1.0) 
 
 
 def column(
-    elements: int = 4, order: int = 3, *, pinned: bool = True, stiffening: float = 1.0
+    elements: int = 4,
+    order: int = 3,
+    *,
+    pinned: bool = True,
+    stiffening: float = 1.0,
+    length: float = 1.0,
+    EI: float = 109375.0,
+    EA: float = 525e6,
+    GA: float = 525e6 / 2.6 * 5 / 6,
 ) -> Scene:
-    """S10: a column of length 1 along x under unit load: pinned at both ends, or a cantilever.
+    """S10: a column along x under unit load: pinned at both ends, or a cantilever.
 
     Across its plane it is four times as stiff, so that it buckles in one plane only. `stiffening`
     is a factor of axial and shear stiffness.
     """
-    EI, EA = 109375.0, 525e6 * stiffening
-    GA = EA / 2.6 * 5 / 6
     model = sc.Model()
-    section = flat_section(EI, EA, GA, 4 * EI, EI)
-    rod = model.add("rod", sc.Beam(_line(1.0, elements), section, order=order, director=E3))
+    section = flat_section(EI, stiffening * EA, stiffening * GA, 4 * EI, EI)
+    rod = model.add("rod", sc.Beam(_line(length, elements), section, order=order, director=E3))
     start, end = rod.node("rod.start"), rod.node("rod.end")
     if pinned:
         model.add("hinge", sc.JointRevolute(sc.ground(start.position), start, E3))
@@ -363,16 +480,22 @@ def column(
 # -- S11, S12: rings -------------------------------------------------------------------------------
 
 
-def deployable_ring(elements: int = 16, order: int = 4) -> Scene:
-    """S11: a ring of radius 20, clamped at A, turned at the opposite point B about AB.
+def deployable_ring(
+    elements: int = 16,
+    order: int = 4,
+    *,
+    radius: float = 20.0,
+    section: sc.Section | None = None,
+) -> Scene:
+    """S11: a ring, clamped at A, turned at the opposite point B about AB.
 
     The angle is 2 pi times the load factor; B slides along AB. After a full turn the ring is one
-    of a third of the radius, three times round.
+    of a third of the radius, three times round. The number of elements must be even.
     """
-    R = 20.0
+    R = radius
     mesh = sc.MeshCurve.init_arc((-R, 0, 0), -E2, E1, R, 2 * np.pi, elements, name="ring")
     EI, across = 64814.8148148148, 583333.3333333334
-    section = flat_section(EI, 7e6, 2243589.7435897435, across, 78774.23076923077)
+    section = section or flat_section(EI, 7e6, 2243589.7435897435, across, 78774.23076923077)
     model = sc.Model()
     ring = model.add("ring", sc.Beam(mesh, section, order=order, director=E3))
     A, B = ring.node((-R, 0, 0)), ring.node((R, 0, 0))
@@ -387,9 +510,15 @@ RING_LIMIT = 2 * np.pi * np.sqrt(3) / 1.5
 
 
 def twisted_ring(
-    elements: int = 12, order: int = 4, *, GJ: float = 1.5, slenderness: float = 100.0
+    elements: int = 12,
+    order: int = 4,
+    *,
+    GJ: float = 1.5,
+    slenderness: float = 100.0,
+    radius: float = 1.0,
+    EI: float = 1.0,
 ) -> Scene:
-    """S12: a straight rod, EI = 1, bent to a ring of radius 1 and then twisted.
+    """S12: a straight rod bent to a ring and then twisted.
 
     Up to load factor 1 its end is led along circular arcs; then it is turned about its tangent by
     an angle of ``t - 1``, held in a hinge at the place of the clamped start. A straight rod of
@@ -397,9 +526,10 @@ def twisted_ring(
     point from leaving the plane. It has no influence on when the ring buckles, for there, too, all
     turns about the tangent are equal.
     """
-    length = 2 * np.pi
+    length = 2 * np.pi * radius
     model = sc.Model()
-    section = flat_section(1.0, slenderness**2, slenderness**2, 1.0, GJ)
+    EA = EI * (slenderness / radius) ** 2
+    section = flat_section(EI, EA, EA, EI, GJ)
     mesh = _line(length, elements)
     rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
     start, end = rod.node("rod.start"), rod.node("rod.end")
@@ -418,9 +548,31 @@ def twisted_ring(
     hinge = model.add("hinge", sc.JointRevolute(led, end, E1))
     model.add("twist", sc.JointDrive(hinge, lambda t: max(0.0, t - 1.0)))
     quarter = rod.node((length / 4, 0, 0))
-    spring = np.diag([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    spring = np.diag([0.0, 0.0, EI / radius**3, 0.0, 0.0, 0.0])
     model.add("spring", sc.Bushing(sc.ground(quarter.position), quarter, spring))
-    return Scene(model.freeze(), rod, rod.node((np.pi, 0, 0)))
+    return Scene(model.freeze(), rod, rod.node((length / 2, 0, 0)))
+
+
+def ring_limits(scene: Scene, expected: float, treatment: Any = None) -> tuple[sc.History, Floats]:
+    """Path of a :func:`twisted_ring` and its two critical twists, as shares of `expected`.
+
+    The squares of the two lowest frequencies vanish there: found from six twists nearby.
+    """
+    shares = np.array([0.991, 0.993, 0.996, 0.998, 1.001, 1.003])
+    control = sc.LoadControl(at=[1.0, *(1 + expected * shares)])
+    history = sc.static(scene.system, treatment, control, watch=False, derive=False)
+    squares = np.array(
+        [sc.modes(scene.system, (history, k), 2).squares for k in range(2, len(history))]
+    )
+    beyond = squares[:, 0] < 0
+    squares[beyond] = squares[beyond, ::-1]  # each goes on smoothly: nearer to zero, or farther
+    return history, np.array([zero(column, shares) for column in squares.T])
+
+
+def zero(values: Any, at: Any) -> float:
+    """Where a function of these values at these places vanishes: its inverse, a polynomial."""
+    scaled = np.asarray(values) / np.max(np.abs(values))
+    return float(np.linalg.solve(np.vander(scaled, increasing=True), at)[0])
 
 
 # -- all of them -----------------------------------------------------------------------------------
@@ -535,19 +687,10 @@ def _rings(table: Table, data: dict[str, Any]) -> None:
         moment = history["joint/drive/moment"][k, 0]
         table.add("S11 deployable ring", f"torque {at}", moment, torque)
         table.add("S11 deployable ring", f"shift {at}", scene.displacement(history, k)[0], shift)
-    twists = [_ring_limit(k * 60.0) for k in (1.0, np.sqrt(2))]
-    limit = 2 * twists[1] - twists[0]
+    scenes = [twisted_ring(16, 4, slenderness=k * 60.0) for k in (1.0, np.sqrt(2))]
+    once, twice = (ring_limits(scene, RING_LIMIT)[1].mean() for scene in scenes)
+    limit = (2 * twice - once) * RING_LIMIT
     table.add("S12 twisted ring", "critical twist, inextensible", limit, RING_LIMIT)
-
-
-def _ring_limit(slenderness: float) -> float:
-    """Twist at which the squares of the two lowest frequencies vanish, extrapolated."""
-    scene = twisted_ring(16, 4, slenderness=slenderness)
-    twists = RING_LIMIT * np.array([0.994, 0.996, 0.998])
-    control = sc.LoadControl(at=[1.0, *(1 + twists)])
-    history = sc.static(scene.system, control=control, watch=False, derive=False)
-    squares = [sc.modes(scene.system, (history, k), 2).squares[1] for k in (2, 3, 4)]
-    return float(np.polyval(np.polyfit(squares, twists, 2), 0.0))
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:

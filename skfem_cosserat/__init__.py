@@ -21,6 +21,8 @@ from .foundation import Foundation
 from .frames import Motion, Place, ground, triad
 from .history import History, spectrum
 from .integrators import Composition, EnergyMomentum, GeneralizedAlpha, State, Stepper, Variational
+from .hyperelastic import SectionHyperelastic
+from .integrators import EnergyMomentum, State, Stepper, Variational
 from .joint import (
     JointCylindrical,
     JointDistance,
@@ -66,6 +68,7 @@ from .statics import (
     equilibrium,
     static,
 )
+from .study import Refinement, refine
 from .version import VERSION
 
 __all__ = [
@@ -128,9 +131,11 @@ __all__ = [
     "RampLinear",
     "RampSmooth",
     "RayleighDamping",
+    "Refinement",
     "RigidBody",
     "Section",
     "SectionCircle",
+    "SectionHyperelastic",
     "SectionRectangle",
     "SectionTube",
     "SensorAcceleration",
@@ -160,6 +165,7 @@ __all__ = [
     "modes",
     "project",
     "read_mesh",
+    "refine",
     "restart",
     "run_all",
     "simulate",

@@ -12,7 +12,14 @@ from .basis import DirectorBasis
 from .element import Interpolation
 from .errors import InputError
 from .frames import Place, StructuralItem, Vertices, vector
-from .kernels import BeamElements, beam_force, beam_strain, beam_stress, beam_tangent
+from .kernels import (
+    BeamElements,
+    beam_force,
+    beam_moduli,
+    beam_strain,
+    beam_stress,
+    beam_tangent,
+)
 from .mesh import MeshCurve
 from .mesh.bends import check_bends
 from .mesh.lookup import places_along
@@ -145,6 +152,10 @@ class Beam(StructuralItem):
         basis = self.basis
         stiffness = np.array([s.stiffness for s in self.sections.values()])[self.section_id]
         viscosity = np.array([s.viscosity for s in self.sections.values()])[self.section_id]
+        general = [k for k, s in enumerate(self.sections.values()) if not s.quadratic]
+        law_of = np.full(len(self.sections), -1)
+        law_of[general] = np.arange(len(general))
+        laws = tuple(list(self.sections.values())[k].law for k in general)
         rotations = self.rotations
         same = bool((rotations == np.eye(3)).all())
         return BeamElements.create(
@@ -157,6 +168,8 @@ class Beam(StructuralItem):
             stiffness,
             None if same else rotations,
             viscosity if viscosity.any() else None,
+            laws,
+            law_of[self.section_id] if laws else None,
         )
 
     # -- scikit-fem side -----------------------------------------------------------------------
@@ -189,8 +202,8 @@ class Beam(StructuralItem):
 
         def tangent(basis: DirectorBasis, q: Array) -> Array:
             eps, B = beam_strain(self.elements, self.gather(q))
-            stress = beam_stress(self.elements, eps)
-            return beam_tangent(self.elements, B, B, stress, 1.0, 1.0)
+            stress, moduli = beam_stress(self.elements, eps), beam_moduli(self.elements, eps)
+            return beam_tangent(self.elements, B, B, stress, 1.0, 1.0, moduli)
 
         return ElementMatrix(tangent)
 
@@ -214,14 +227,12 @@ class Beam(StructuralItem):
         """Element mass without the factor I_3: (ne, 4 nn, 4 nn), rows (phi, d1, d2, d3) a node."""
         shape = self.basis.elemental_mass()
         ne, nn = shape.shape[:2]
-        density = np.array([(s.mass, *s.inertia) for s in self.sections.values()])[self.section_id]
-        out = np.zeros((ne, nn, 4, nn, 4))
-        out[:, :, 0, :, 0] = density[:, 0, None, None] * shape
-        # section directors d_k = Lambda_kj d_j of the node: inertia in nodal directors
-        first = self.rotations[:, :, :2]
-        out[:, :, 1:, :, 1:] = np.einsum(
-            "ek,eab,eaki,ebkj->eaibj", density[:, 1:], shape, first, first
-        )
+        density = np.array([s.density for s in self.sections.values()])[self.section_id]
+        # (phi, d1, d2) of the section by those of the node: d_k = Lambda_kj d_j
+        own = np.zeros((ne, nn, 3, 4))
+        own[:, :, 0, 0], own[:, :, 1:, 1:] = 1, self.rotations[:, :, :2]
+        weighted = np.einsum("ekl,ebli->ebki", density, own)
+        out = np.einsum("eab,eaki,ebkj->eaibj", shape, own, weighted)
         return out.reshape(ne, 4 * nn, 4 * nn)
 
     def line_weights(self, elements: IndexArray) -> Floats:

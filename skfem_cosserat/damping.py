@@ -25,8 +25,9 @@ class RayleighDamping(Item):
     ``alpha/(2 omega) + beta omega/2`` of critical damping. The two parts are not alike:
 
     - *Stiffness part*: Kelvin-Voigt damping of the beams with the retardation time beta, as
-      ``section.damped(time=beta)`` gives it. It acts on strain rates of the section: it takes
-      nothing from rigid motions and momenta. Springs and bushings have damping of their own.
+      ``section.damped(time=beta)`` gives it (D: the stiffness at zero strain). It acts on strain
+      rates of the section: it takes nothing from rigid motions and momenta. Springs and bushings
+      have damping of their own.
     - *Mass part*: a drag against space on everything that has mass. It damps rigid motions, too:
       linear and angular momentum of a free body decay as ``exp(-alpha t)``.
 

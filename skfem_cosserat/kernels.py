@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from .law import Law
 from .strain import strain_table
 from .types import Array, Floats, IndexArray
 
@@ -19,9 +20,13 @@ __all__ = [
     "BeamElements",
     "add_scalar",
     "beam_damping",
+    "beam_discrete_moduli",
+    "beam_discrete_stress",
     "beam_dissipation",
+    "beam_energy",
     "beam_force",
     "beam_geometric",
+    "beam_moduli",
     "beam_strain",
     "beam_strain_rate",
     "beam_stress",
@@ -62,6 +67,10 @@ class BeamElements:
         rigidly connected at an angle); None if all coincide.
     viscosity : (ne, 6, 6) array or None
         Kelvin-Voigt damping of each element's section (N s, N m^2 s); None: none is damped.
+    laws : tuple of Law
+        Stored energies that are not quadratic.
+    law_of : (ne,) int array or None
+        Which of them each element has, -1: the quadratic one of its stiffness. None: all have.
     """
 
     lengths: Floats
@@ -72,6 +81,8 @@ class BeamElements:
     reference: Floats
     rotations: Floats | None = None
     viscosity: Floats | None = None
+    laws: tuple[Law, ...] = ()
+    law_of: IndexArray | None = None
 
     # what the kernels multiply with, computed once
     B_table: Floats = field(init=False, repr=False)
@@ -81,6 +92,8 @@ class BeamElements:
     measure: Floats = field(init=False, repr=False)
     weighted_viscosity: Floats | None = field(init=False, repr=False, default=None)
     viscosity_root: Floats | None = field(init=False, repr=False, default=None)
+    #: elements of each of the laws
+    stored: list[tuple[IndexArray, Law]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         ng, _, k, _ = self.table.shape
@@ -92,6 +105,11 @@ class BeamElements:
         self.measure = (self.weights * self.lengths[:, None])[:, :, None]
         self.weighted_stiffness = self.measure[..., None] * self.stiffness[:, None]
         self.inverse_length = (1 / self.lengths)[:, None]
+        self.stored = (
+            []
+            if self.law_of is None
+            else [(np.flatnonzero(self.law_of == k), law) for k, law in enumerate(self.laws)]
+        )
         if self.viscosity is not None:
             self.weighted_viscosity = self.measure[..., None] * self.viscosity[:, None]
             # eta = root root^T: what is dissipated is a sum of squares
@@ -104,16 +122,22 @@ class BeamElements:
 
     def repeated(self, count: int) -> BeamElements:
         """The same elements `count` times, to evaluate many states at once."""
-        turned, eta = self.rotations, self.viscosity
+        return self.taken(np.tile(np.arange(len(self.lengths)), count))
+
+    def taken(self, ids: IndexArray) -> BeamElements:
+        """The elements of these numbers, each as often as it is there."""
+        turned, eta, law_of = self.rotations, self.viscosity, self.law_of
         return BeamElements(
-            np.tile(self.lengths, count),
+            self.lengths[ids],
             self.points,
             self.weights,
             self.table,
-            np.tile(self.stiffness, (count, 1, 1)),
-            np.tile(self.reference, (count, 1, 1)),
-            None if turned is None else np.tile(turned, (count, 1, 1, 1)),
-            None if eta is None else np.tile(eta, (count, 1, 1)),
+            self.stiffness[ids],
+            self.reference[ids],
+            None if turned is None else turned[ids],
+            None if eta is None else eta[ids],
+            self.laws,
+            None if law_of is None else law_of[ids],
         )
 
     @classmethod
@@ -128,6 +152,8 @@ class BeamElements:
         stiffness: Floats,
         rotations: Floats | None = None,
         viscosity: Floats | None = None,
+        laws: tuple[Law, ...] = (),
+        law_of: IndexArray | None = None,
     ) -> BeamElements:
         """Elements whose reference is the configuration ``q`` (ne, 12 nn)."""
         ne, ng = len(lengths), len(points)
@@ -135,7 +161,8 @@ class BeamElements:
         zero = np.zeros((ne, ng, 6))
         bare = cls(lengths, points, weights, table, stiffness, zero, rotations)
         reference, _ = beam_strain(bare, q)
-        return cls(lengths, points, weights, table, stiffness, reference, rotations, viscosity)
+        arrays = lengths, points, weights, table, stiffness, reference, rotations, viscosity
+        return cls(*arrays, laws, law_of)
 
 
 def beam_strain(elements: BeamElements, q: Array) -> tuple[Array, Array]:
@@ -166,8 +193,55 @@ def beam_strain(elements: BeamElements, q: Array) -> tuple[Array, Array]:
 
 
 def beam_stress(elements: BeamElements, eps: Array) -> Array:
-    """Stress resultants ``(N, M)`` (ne, ng, 6) in the section's frame: forces in N, moments N m."""
-    return eps @ elements.stiffness  # symmetric
+    """Stress resultants ``(N, M)`` (ne, ng, 6) in the section's frame: forces in N, moments N m.
+
+    Strains may be a stack (..., ne, ng, 6).
+    """
+    S = eps @ elements.stiffness  # symmetric
+    for ids, law in elements.stored:
+        S[..., ids, :, :] = law.stress(eps[..., ids, :, :])
+    return S
+
+
+def beam_energy(elements: BeamElements, eps: Array) -> Array:
+    """Stored energy per length (..., ne, ng) in J/m of strains (..., ne, ng, 6)."""
+    W = 0.5 * (eps * (eps @ elements.stiffness)).sum(-1)
+    for ids, law in elements.stored:
+        W[..., ids, :] = law.energy(eps[..., ids, :, :])
+    return W
+
+
+def beam_moduli(elements: BeamElements, eps: Array) -> Array:
+    """Derivative (ne, ng, 6, 6) of the resultants by the strains, times the weight of the point."""
+    if not elements.stored:
+        return elements.weighted_stiffness
+    D = elements.weighted_stiffness.copy()
+    for ids, law in elements.stored:
+        D[ids] = elements.measure[ids][..., None] * law.tangent(eps[ids].real)
+    return D
+
+
+def beam_discrete_stress(elements: BeamElements, eps0: Array, S0: Array, eps1: Array) -> Array:
+    """Stresses (ne, ng, 6) whose work on ``eps1 - eps0`` is the change of the stored energy.
+
+    The mean of both ends for quadratic energies, S0 at the first one; else
+    :meth:`skfem_cosserat.law.Law.discrete`.
+    """
+    S = 0.5 * (S0 + eps1 @ elements.stiffness)
+    for ids, law in elements.stored:
+        S[ids] = law.discrete(eps0[ids], eps1[ids])
+    return S
+
+
+def beam_discrete_moduli(elements: BeamElements, eps0: Array, eps1: Array) -> Array:
+    """Twice the derivative (ne, ng, 6, 6) of these stresses by eps1, times weights."""
+    if not elements.stored:
+        return elements.weighted_stiffness
+    D = elements.weighted_stiffness.copy()
+    for ids, law in elements.stored:
+        moduli = law.discrete_tangent(eps0[ids], eps1[ids].real)
+        D[ids] = 2 * elements.measure[ids][..., None] * moduli
+    return D
 
 
 def beam_force(elements: BeamElements, B: Array, stress: Array) -> Array:
@@ -184,13 +258,16 @@ def beam_tangent(
     stress: Array,
     material: float,
     geometric: float,
+    moduli: Array | None = None,
 ) -> Array:
     """``material * int B_left^T D B_right ds + geometric * int S . C/l ds``, (ne, 12nn, 12nn).
 
     The derivative of ``int B(q_a)^T S* ds`` where ``S*`` depends on the new state through
-    ``material * D B_right`` and ``q_a`` through the factor ``geometric``.
+    ``material * D B_right`` and ``q_a`` through the factor ``geometric``. D with weights as of
+    :func:`beam_moduli`; default: the stiffness at zero strain.
     """
-    K = bilinear(material * elements.weighted_stiffness, B_left, B_right)
+    D = elements.weighted_stiffness if moduli is None else moduli
+    K = bilinear(material * D, B_left, B_right)
     return add_scalar(K, beam_geometric(elements, geometric * stress))
 
 

@@ -362,6 +362,8 @@ class LoadMoment(_NodalLoad):
 class LoadLine(Load):
     """Force per reference length (N/m) along a beam, dead or following the section triad.
 
+    It acts at the reference line, wherever the sections' centre of mass is.
+
     Parameters
     ----------
     beam : Beam
@@ -407,7 +409,7 @@ class LoadLine(Load):
 
 
 class LoadGravity(Load):
-    """Gravity on everything that has mass.
+    """Gravity on everything that has mass, of sections at their centre of mass.
 
     Parameters
     ----------

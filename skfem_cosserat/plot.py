@@ -11,6 +11,7 @@ import numpy as np
 
 from .errors import InputError
 from .export.geometry import BeamShape, beam_shapes, body_shapes
+from .figures import MISSING, check_folder, new_figure, write_figure
 from .history import History
 from .types import Array, ArrayLike, Floats
 
@@ -29,32 +30,6 @@ _ENERGIES = {
 }
 _CAMERAS = ("xy", "xz", "yz", "iso")
 _STEEL, _BODY, _BALL = (0.27, 0.51, 0.71), (0.6, 0.66, 0.75), (0.7, 0.13, 0.13)
-_MISSING = "is needed here: pip install skfem-cosserat[view]"
-
-
-def _figure(width: float, height: float) -> Figure:
-    """A figure that belongs to nobody else (no global state of pyplot)."""
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError(f"matplotlib {_MISSING}") from error
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _write(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
-    if path is not None:
-        _check_folder(path)
-        figure.savefig(path, dpi=150)
-    return figure
-
-
-def _check_folder(path: str | os.PathLike[str]) -> None:
-    folder = Path(path).parent
-    if not folder.is_dir() or not os.access(folder, os.W_OK):
-        raise InputError(f"folder {str(folder)!r}", "does not exist or cannot be written")
 
 
 def plot_energy(
@@ -104,7 +79,7 @@ def plot_energy(
     if not present:
         raise InputError("history", f"has no energy series; expected some of {list(names)}")
     totals = [name for name in present if _ENERGIES[name].startswith("total")]
-    figure = _figure(7.0, 5.0 if totals else 3.2)
+    figure = new_figure(7.0, 5.0 if totals else 3.2)
     ratios = [2, 1][: 1 + bool(totals)]
     axes = figure.subplots(len(ratios), sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
     for name in present:
@@ -123,7 +98,7 @@ def plot_energy(
         axes[1].set_ylabel("change of total\n/ largest energy")
         axes[1].axhline(0.0, color="grey", linewidth=0.5)
     axes[-1].set_xlabel("time in s")
-    return _write(figure, path)
+    return write_figure(figure, path)
 
 
 def plot_series(
@@ -164,7 +139,7 @@ def plot_series(
     for name in names:
         if history[name].ndim > 2:
             raise InputError(f"series {name!r}", f"has shape {history[name].shape}")
-    figure = _figure(7.0, 1.0 + 2.0 * len(names))
+    figure = new_figure(7.0, 1.0 + 2.0 * len(names))
     axes = figure.subplots(len(names), sharex=True, squeeze=False)[:, 0]
     for axis, name in zip(axes, names, strict=True):
         lines = axis.plot(history.times, history[name], linewidth=1.0)
@@ -172,7 +147,7 @@ def plot_series(
         if 1 < len(lines) <= 6:
             axis.legend(lines, "xyz" if len(lines) == 3 else range(len(lines)), fontsize="small")
     axes[-1].set_xlabel("time in s")
-    return _write(figure, path)
+    return write_figure(figure, path)
 
 
 def _path_of(history: History, what: str) -> Floats:
@@ -242,7 +217,7 @@ def plot_orbit(
     names = [what] if isinstance(what, str) else list(what)
     columns = ["xyz".index(letter) for letter in axes]
     ways = [_path_of(history, name)[:, columns] for name in names]
-    figure = _figure(5.0, 5.0)
+    figure = new_figure(5.0, 5.0)
     axis = figure.subplots()
     for name, way in zip(names, ways, strict=True):
         line = axis.plot(way[:, 0], way[:, 1], linewidth=1.0, label=name)[0]
@@ -251,7 +226,7 @@ def plot_orbit(
     axis.set_xlabel(f"{axes[0]} in m")
     axis.set_ylabel(f"{axes[1]} in m")
     axis.legend(fontsize="small")
-    return _write(figure, path)
+    return write_figure(figure, path)
 
 
 def _instants(history: History, frames: int | Sequence[int]) -> list[int]:
@@ -456,13 +431,13 @@ def render(
     if isinstance(camera, str) and camera not in _CAMERAS:
         raise InputError("argument camera", f"got {camera!r}, expected one of {_CAMERAS} or points")
     instants = _instants(history, frames)
-    _check_folder(path)
+    check_folder(path)
     points = _places(history, instants)
     size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
     try:
         import pyvista
     except ImportError as error:
-        raise ImportError(f"pyvista {_MISSING}") from error
+        raise ImportError(f"pyvista {MISSING}") from error
     limits = _limits(history, instants, color)
     style = {"size": size, "radius": radius, "color": color, "limits": limits}
     plotter = pyvista.Plotter(off_screen=True, window_size=list(window))

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, field
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from .errors import InputError
+from .law import Law, LawQuadratic
 from .types import ArrayLike, Floats, numbers, positive
 
 __all__ = [
@@ -82,8 +83,8 @@ def _symmetric(item: str, name: str, value: Floats) -> Floats:
     return np.asarray((value + value.T) / 2)
 
 
-def _stiffness(item: str, value: ArrayLike) -> Floats:
-    """Symmetric positive definite."""
+def check_stiffness(item: str, value: ArrayLike) -> Floats:
+    """Symmetric positive definite (6, 6)."""
     D = _matrix(item, "stiffness", value)
     diagonal = np.diag(D)
     if (diagonal <= 0).any():
@@ -119,9 +120,34 @@ def _viscosity(value: ArrayLike, D: Floats) -> Floats:
     return eta
 
 
+def _inertia(item: str, value: ArrayLike, mass: float, centre: Floats) -> Floats:
+    """(2,) or symmetric (2, 2), positive semidefinite about the centre of mass."""
+    out = numbers(item, "inertia", value)
+    if out.shape not in ((2,), (2, 2)):
+        raise InputError(item, f"inertia has shape {out.shape}, expected (2,) or (2, 2)")
+    if not np.isfinite(out).all() or (np.diag(out) if out.ndim == 2 else out).min() < 0:
+        raise InputError(item, f"inertia = {out.tolist()}: negative or not finite")
+    if out.ndim == 2:
+        out = _symmetric(item, "inertia", out)
+    moments = np.diag(out) if out.ndim == 1 else out
+    steiner = mass * np.outer(centre, centre)
+    own, scale = moments - steiner, max(abs(moments).max(), abs(steiner).max())
+    lowest = float(np.linalg.eigvalsh(own)[0])
+    if lowest < -1e-12 * scale:
+        raise InputError(
+            item,
+            f"inertia = {out.tolist()} is impossible: about the centre of mass at"
+            f" {centre.tolist()} it is {own.tolist()}, with the eigenvalue {lowest:.3g}; inertia"
+            " is taken about the reference line, where mass times centre squared belongs to it",
+        )
+    return out
+
+
 @dataclass(frozen=True, eq=False)
 class Section:
     """Section given by its constants, up to a full 6x6 stiffness.
+
+    Its stored energy is quadratic; :class:`SectionHyperelastic` takes any other.
 
     Parameters
     ----------
@@ -130,27 +156,39 @@ class Section:
         for its diagonal ``(GA_1, GA_2, EA, EI_1, EI_2, GJ)`` (N and N m^2).
     mass : float
         Mass per length ``A_rho`` (kg/m).
-    inertia : (2,) array
+    inertia : (2,) or (2, 2) array
         ``(M_rho^1, M_rho^2)``, the inertia *along* d1 and d2: ``int rho X_k^2 dA`` (kg m). They
         multiply the rates of d1 and d2, equation (114) of Leyendecker, Marsden & Ortiz (2008).
+        Or symmetric with the product of inertia, ``int rho X_i X_j dA``. About the reference
+        line, wherever the centre of mass is.
     outline : (k, 2) array, optional
         Closed polygon ``(X_1, X_2)`` (m) used to draw the beam; it has no influence on results.
     viscosity : (6, 6) or (6,) array, optional
         Kelvin-Voigt damping: symmetric positive semidefinite ``eta`` (N s and N m^2 s) in
         ``(N, M) = D eps + eta deps/dt``, ``eps = (Gamma, K)``; six numbers are taken for its
         diagonal, default zero. See also :meth:`damped`.
+    centre : (2,) array, optional
+        Centre of mass ``(X_1, X_2)`` relative to the reference line (m), default on it. Gravity
+        acts there; line loads act at the reference line.
 
     Raises
     ------
     InputError
-        If a number is not finite, the stiffness is not symmetric positive definite, an inertia is
-        negative, or the viscosity not symmetric positive semidefinite.
+        If a number is not finite, the stiffness is not symmetric positive definite, the inertia
+        about the centre of mass not positive semidefinite, or the viscosity not symmetric
+        positive semidefinite.
 
     Examples
     --------
     >>> s = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
     >>> s.stiffness.shape
     (6, 6)
+
+    2 kg/m of which all is 0.1 m above the reference line:
+
+    >>> s = Section(np.ones(6), 2.0, [[0.01, 0], [0, 0.03]], centre=(0, 0.1))
+    >>> s.density.tolist()
+    [[2.0, 0.0, 0.2], [0.0, 0.01, 0.0], [0.2, 0.0, 0.03]]
     """
 
     stiffness: Floats
@@ -158,6 +196,7 @@ class Section:
     inertia: Floats
     outline: Floats | None = field(default=None, repr=False)
     viscosity: Floats = field(default_factory=lambda: np.zeros((6, 6)), repr=False)
+    centre: Floats = field(default_factory=lambda: np.zeros(2), repr=False)
 
     def __init__(
         self,
@@ -166,15 +205,15 @@ class Section:
         inertia: ArrayLike,
         outline: ArrayLike | None = None,
         viscosity: ArrayLike | None = None,
+        centre: ArrayLike = (0.0, 0.0),
     ) -> None:
         item = "section"
-        D = _stiffness(item, stiffness)
-        moments = numbers(item, "inertia", inertia)
-        if moments.shape != (2,):
-            raise InputError(item, f"inertia has shape {moments.shape}, expected (2,)")
-        if not np.isfinite(moments).all() or (moments < 0).any():
-            raise InputError(item, f"inertia = {moments.tolist()}: negative or not finite")
+        D = check_stiffness(item, stiffness)
         _positive(item, mass=mass)
+        offset = numbers(item, "centre", centre)
+        if offset.shape != (2,) or not np.isfinite(offset).all():
+            raise InputError(item, f"centre = {centre!r}, expected two finite numbers")
+        moments = _inertia(item, inertia, float(mass), offset)
         shape = None if outline is None else numbers(item, "outline", outline)
         if shape is not None and (shape.ndim != 2 or shape.shape[1] != 2):
             raise InputError(item, f"outline has shape {shape.shape}, expected (k, 2)")
@@ -186,8 +225,26 @@ class Section:
             ("inertia", moments),
             ("outline", shape),
             ("viscosity", np.zeros((6, 6)) if viscosity is None else _viscosity(viscosity, D)),
+            ("centre", offset),
         ):
             object.__setattr__(self, name, value)
+
+    @property
+    def density(self) -> Floats:
+        """Mass (3, 3) per length of ``(phi, d1, d2)``, without the factor I_3 (kg/m, kg, kg m)."""
+        out = np.empty((3, 3))
+        out[0, 0] = self.mass
+        out[0, 1:] = out[1:, 0] = self.mass * self.centre
+        out[1:, 1:] = np.diag(self.inertia) if self.inertia.ndim == 1 else self.inertia
+        return out
+
+    #: whether the stored energy is that of the stiffness
+    quadratic: ClassVar[bool] = True
+
+    @property
+    def law(self) -> Law:
+        """Energy per length, resultants and their derivative as functions of strains."""
+        return LawQuadratic(self.stiffness)
 
     def damped(self, time: float | None = None, viscosity: ArrayLike | None = None) -> Self:
         """A copy with Kelvin-Voigt damping, in place of any it had.
@@ -245,6 +302,7 @@ class Section:
         inertia: ArrayLike,
         outline: ArrayLike | None = None,
         viscosity: ArrayLike | None = None,
+        centre: ArrayLike = (0.0, 0.0),
     ) -> Section:
         """Section from engineering constants.
 
@@ -256,7 +314,7 @@ class Section:
             Shear stiffness along d1 and d2 (N).
         EI : (EI_1, EI_2)
             Bending stiffness about d1 and d2 (N m^2).
-        mass, inertia, outline, viscosity
+        mass, inertia, outline, viscosity, centre
             As for :class:`Section`.
 
         Examples
@@ -270,7 +328,7 @@ class Section:
             if np.shape(pair) != (2,):
                 raise InputError("section", f"{name} = {pair!r}, expected two numbers")
         (GA_1, GA_2), (EI_1, EI_2) = numbers("section", "GA and EI", list(pairs.values()))
-        return cls([GA_1, GA_2, EA, EI_1, EI_2, GJ], mass, inertia, outline, viscosity)
+        return cls([GA_1, GA_2, EA, EI_1, EI_2, GJ], mass, inertia, outline, viscosity, centre)
 
 
 def _solid(

@@ -50,3 +50,20 @@ def test_speed_accuracy_quick():
         for treatment in ("null-space", "multipliers"):
             assert errors[integrator, treatment, 0.0125] < errors[integrator, treatment, 0.025]
     assert all(row[4] > 0 for row in result["rows"])
+
+
+def test_refinement_study(tmp_path):
+    """Orders 2p in statics; a load that is there at once leaves none, one that grows does."""
+    study = load("refinement_study")
+    study.STEPS = (4e-3, 2e-3, 1e-3, 5e-4)
+    result = study.main(out=tmp_path)
+    for order in (1, 2, 3, 4):
+        for name in ("tip", "energy"):
+            assert abs(result["bend"]["orders"][f"{name}, order = {order}"] - 2 * order) < 0.1
+    for name in ("ball", "strain energy"):
+        assert "not in the asymptotic range" in result["swing_sudden"]["verdicts"][name]
+        assert abs(result["swing_growing"]["orders"][name] - 2) < 0.1
+        error, doubt = result["swing_growing"]["estimate"][name]
+        assert 0 < doubt < 0.1 * error
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {"bend.csv", "swing_sudden.csv", "swing_growing.csv"} <= names

@@ -24,7 +24,7 @@ PACKAGE = Path(__file__).resolve().parent.parent / NAME
 LAYERS = (
     ("errors", "types", "log", "version"),
     ("mesh", "element", "basis", "assembly"),
-    ("section", "strain", "kernels"),
+    ("law", "section", "hyperelastic", "strain", "kernels"),
     (
         *("frames", "relative", "beam", "body", "joint", "load", "coupling", "damping", "drive"),
         *("foundation", "motion", "ramp"),
@@ -36,7 +36,7 @@ LAYERS = (
     ("history",),
     ("diagnostics",),
     ("statics", "modal", "simulate", "parallel"),
-    ("export", "plot", "study", "cli"),
+    ("figures", "export", "plot", "study", "cli"),
     ("__init__", "__main__"),
 )
 LAYER = {name: number for number, names in enumerate(LAYERS, start=1) for name in names}

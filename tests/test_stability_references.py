@@ -8,10 +8,10 @@ import pytest
 from scipy.special import ellipe, ellipk
 from test_static_references import (
     DATA,
-    angle,
-    extrapolate,
+    extrapolated,
     follow,
     regular,
+    s08,
     scenes,
     treatments,
 )
@@ -119,31 +119,21 @@ def test_load_steps_end_at_a_limit_point():
 # -- S8: arch --------------------------------------------------------------------------------------
 
 
-def arch_limit(elements, order, slenderness, treatment=sc.NullSpace):
-    """Load, displacement (2) and rotation of the crown at the limit point."""
-    scene = scenes.arch(elements, order, slenderness=slenderness)
-    control = sc.DisplacementControl(scene.point, (0, -1, 0), until=115.0)
-    history = follow(scene, treatment, control, derive=False)
-    (entry,) = criticals(history, "limit")
-    k = entry["state"]
-    return np.array(
-        [entry["load_factor"], *scene.displacement(history, k)[:2], angle(scene, history, k)]
-    )
-
-
 def test_arch():
     """Compliance extrapolated to zero; the mesh leaves 7e-9."""
     data = DATA["S8"]
-    found = [arch_limit(32, 4, 200 * 2 ** (k / 2)) for k in range(3)]
+    found = s08.main(order=4, elements=32)
     expected = [data["P"], *data["displacement"], data["rotation"]]
-    assert extrapolate(found, 2) == pytest.approx(expected, rel=1e-7)
-    assert extrapolate(found, 2)[0] == pytest.approx(data["P"], rel=1e-8)
+    assert [found["Pcr"], *found["crown_disp"], found["crown_rot"]] == pytest.approx(
+        expected, rel=1e-7
+    )
+    assert found["Pcr"] == pytest.approx(data["P"], rel=1e-8)
 
 
-@treatments
+@pytest.mark.parametrize("treatment", ["null-space", "multipliers"])
 def test_arch_with_either_treatment(treatment):
-    found = arch_limit(16, 4, 200.0, treatment)
-    assert found[0] == pytest.approx(896.811, abs=2e-3)
+    found = s08.main(data={"EA": 4e6, "GA": 4e6}, order=4, elements=16, treatment=treatment)
+    assert found["Pcr"] == pytest.approx(896.811, abs=2e-3)
 
 
 # -- S9: lateral buckling --------------------------------------------------------------------------
@@ -182,7 +172,7 @@ def test_without_deflections_before_buckling(build, until, expected):
     Not with stiffer rods: rounding of the largest stiffness hides the smallest.
     """
     found = [bifurcation(build(6, 4, stiffening=2.0**k), until) for k in (-1, 0, 1)]
-    assert extrapolate(found, 2) == pytest.approx(expected, rel=5e-8)
+    assert extrapolated(found, 2) == pytest.approx(expected, rel=5e-8)
     linear = sc.buckling(build(8, 4, stiffening=1e4).system, 1).factors[0]
     assert linear == pytest.approx(expected, rel=1e-9)
 
@@ -230,7 +220,7 @@ def test_postbuckling_branch(treatment):
         control = sc.ArcLength(30, longest=0.1)
         history = follow(scene, treatment, control, start=start)
         assert (history["unstable"][1:] == 0).all()
-        theta = np.array([angle(scene, history, k) for k in range(2, len(history))])
+        theta = np.array([scene.angle(history, k) for k in range(2, len(history))])
         ratio = history["load_factor"][2:] / P
         assert abs(theta[-1]) > 1.5
         assert ratio == pytest.approx((2 * ellipk(np.sin(theta / 2) ** 2) / np.pi) ** 2, rel=1e-6)
@@ -253,18 +243,7 @@ def ring_limits(elements, slenderness, treatment=sc.NullSpace, GJ=1.5):
     """Total twists, as shares of the closed form, where squares of two frequencies vanish."""
     scene = scenes.twisted_ring(elements, 4, GJ=GJ, slenderness=slenderness)
     expected = 2 * np.pi * np.sqrt(3) / GJ
-    shares = np.array([0.991, 0.993, 0.996, 0.998, 1.001, 1.003])
-    control = sc.LoadControl(at=[1.0, *(1 + expected * shares)])
-    history = sc.static(scene.system, treatment(), control, watch=False, derive=False)
-    squares = np.array(
-        [sc.modes(scene.system, (history, k), 2).squares for k in range(2, len(history))]
-    )
-    beyond = squares[:, 0] < 0
-    assert (squares[beyond] < 0).all()
-    assert beyond[-1] and not beyond[0]
-    squares[beyond] = squares[beyond, ::-1]  # each goes on smoothly: nearer to zero, or farther
-    powers = [np.vander(column / abs(column).max(), increasing=True) for column in squares.T]
-    return np.array([np.linalg.solve(matrix, shares)[0] for matrix in powers])
+    return scenes.ring_limits(scene, expected, treatment())[1]
 
 
 @pytest.mark.parametrize(
@@ -279,4 +258,4 @@ def test_twisted_ring(elements, treatment, GJ, tolerance):
     """Twice, at 2 pi sqrt(3) EI/GJ, compliance extrapolated to zero."""
     found = [ring_limits(elements, 20 * 2 ** (k / 2), treatment, GJ) for k in range(3)]
     assert (found[0] < 1 - 1e-3).all()
-    assert extrapolate(found, 2) == pytest.approx([1.0, 1.0], abs=tolerance)
+    assert extrapolated(found, 2) == pytest.approx([1.0, 1.0], abs=tolerance)

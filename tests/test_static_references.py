@@ -8,15 +8,14 @@ test_stability_references.py.
 import importlib.util
 import json
 import sys
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import skfem_cosserat as sc
-from skfem_cosserat import diagnostics
-from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
+from skfem_cosserat.kernels import rotation_matrix
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = json.loads((ROOT / "tests" / "data" / "static_references.json").read_text())
@@ -32,15 +31,16 @@ def load_scenes():
     return sys.modules["static_scenes"]
 
 
+__all__ = ["s08"]
+
 scenes = load_scenes()
+sys.path.insert(0, str(ROOT / "examples" / "benchmarks"))
+
+from collection import s08_arch as s08  # noqa: E402
+from collection import s13_objectivity as s13  # noqa: E402
+from collection.statics import extrapolated, regular  # noqa: E402
+
 treatments = pytest.mark.parametrize("treatment", [sc.NullSpace, sc.Multipliers])
-
-
-def regular(history):
-    """Rows of accepted steps: without the start and the critical points."""
-    rows = history["critical"] == 0
-    rows[0] = False
-    return rows
 
 
 def follow(scene, treatment=sc.NullSpace, control=None, *, average=8.0, **options):
@@ -53,29 +53,8 @@ def follow(scene, treatment=sc.NullSpace, control=None, *, average=8.0, **option
     return history
 
 
-def extrapolate(values, ratio):
-    """Limit of values at k, ratio k, ratio^2 k ..., whose error is a series in 1/k."""
-    values = [np.asarray(v, dtype=float) for v in values]
-    for j in range(1, len(values)):
-        values = [b + (b - a) / (ratio**j - 1) for a, b in pairwise(values)]
-    return values[0]
-
-
-def angle(scene, history, index=-1):
-    """Rotation of the looked-at section about z."""
-    R = scene.rotation(history, index)
-    return np.arctan2(R[1, 0], R[0, 0])
-
-
 def matrix(quaternion):
     return rotation_matrix(np.array(quaternion)[None])[0]
-
-
-def rotation_vector(R):
-    """Of a rotation by less than pi / 2."""
-    w = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    size = np.linalg.norm(w)
-    return w if size < 1e-12 else w * np.arcsin(size) / size
 
 
 @pytest.mark.parametrize(
@@ -121,7 +100,8 @@ def test_roll_up(treatment, turns, slenderness):
     scene = scenes.roll_up(8 * turns, 4, turns, slenderness=slenderness)
     history = follow(scene, treatment, derive=False, watch=False)
     assert abs(scene.position(history)).max() == pytest.approx(7.04e-7, rel=1e-2)
-    assert abs(angle(scene, history)) == pytest.approx(4.42e-7 * turns, rel=1e-2)
+    left = abs(scene.angle(history) - 2 * np.pi * turns)
+    assert left == pytest.approx(4.42e-7 * turns, rel=1e-2)
 
 
 def test_roll_up_converges_with_order_two_p():
@@ -154,7 +134,7 @@ def test_elastica(row):
     scene = scenes.elastica(16, 4, load, EA=EA, GA=5 / 6 * EA / 2.6)
     history = follow(scene, derive=True)
     assert scene.position(history) == pytest.approx([x, y, 0], abs=3e-11)
-    assert angle(scene, history) == pytest.approx(theta, abs=1e-11)
+    assert scene.angle(history) == pytest.approx(theta, abs=1e-11)
     root = -history["joint/clamp/moment"][-1, 2]  # on the rod
     assert abs(root) == pytest.approx(moment, rel=4e-11)
     assert abs(root) == pytest.approx(load * scene.position(history)[0], rel=1e-12)
@@ -169,8 +149,8 @@ def test_elastica_inextensible(row):
         stiff = 1e3 * 4**k
         scene = scenes.elastica(16, 4, load, EA=stiff, GA=stiff)
         history = follow(scene, derive=False)
-        found.append([*scene.position(history)[:2], angle(scene, history)])
-    limit = extrapolate(found, 4)
+        found.append([*scene.position(history)[:2], scene.angle(history)])
+    limit = extrapolated(found, 4)
     assert abs(limit - expected).max() < {1: 1e-14, 2: 1e-13, 5: 4e-12, 10: 5e-11}[load]
 
 
@@ -239,7 +219,7 @@ def test_bend_inextensible(P):
         scene = scenes.bend(16, 4, P, stiffening=2.0**k)
         found.append(scene.position(follow(scene, derive=False, watch=False)))
     expected = BEND["inextensible", P]["tip"]
-    assert extrapolate(found, 2) == pytest.approx(expected, abs=2e-10)
+    assert extrapolated(found, 2) == pytest.approx(expected, abs=2e-10)
 
 
 def test_bend_ends_in_one_state_however_it_is_loaded():
@@ -319,7 +299,9 @@ def test_princeton_beam(row):
     scene = scenes.princeton(4, 4, P, degrees)
     history = follow(scene, derive=False, watch=False)
     assert scene.displacement(history) == pytest.approx(row[2:5], abs=1e-9)
-    assert rotation_vector(scene.rotation(history)) == pytest.approx(row[5:8], abs=1e-9)
+    assert Rotation.from_matrix(scene.rotation(history)).as_rotvec() == pytest.approx(
+        row[5:8], abs=1e-9
+    )
     scene = scenes.princeton(8, 4, P, degrees, exchanged=True)
     history = follow(scene, derive=False, watch=False)
     assert scene.displacement(history) == pytest.approx(row[8:], abs=1e-11)
@@ -369,23 +351,6 @@ def test_deployable_ring_to_nine_digits():
 # -- S13: objectivity and path independence --------------------------------------------------------
 
 
-def turning_bend():
-    """The bend under follower loads up to load factor 1; then its clamp turns, ten turns a unit."""
-    axis = np.random.default_rng(13).standard_normal(3)
-    axis *= 20 * np.pi / np.linalg.norm(axis)
-    mesh = sc.MeshCurve.init_arc((0, 0, 0), scenes.E1, scenes.E2, 100.0, np.pi / 4, 4, name="rod")
-    model = sc.Model()
-    section = scenes.flat_section(1e7 / 12, 1e7, 5e6, 1e7 / 12, 5e6 / 6)
-    rod = model.add("rod", sc.Beam(mesh, section, order=3))
-    start, end = rod.node("rod.start"), rod.node("rod.end")
-    turning = sc.Motion(rotation=lambda t: max(0.0, t - 1.0) * axis)
-    model.add("clamp", sc.JointFixed(sc.ground(start.position, turning), start))
-    ramp = sc.Table([0, 1], [0, 1])
-    model.add("force", sc.LoadForce(end, (0, 0, 600.0), ramp, follower=True))
-    model.add("moment", sc.LoadMoment(end, (3e3, -2e3, 1e4), ramp, follower=True))
-    return model.freeze()
-
-
 @pytest.mark.parametrize(
     ("treatment", "turns"),
     [
@@ -397,7 +362,7 @@ def turning_bend():
 def test_strains_do_not_see_turns_on_the_way(treatment, turns):
     """Found anew at every point of the path, while the clamp turns."""
     control = sc.LoadControl(at=[1.0, *(1 + np.arange(1, turns + 1) / 10)])
-    history = sc.static(turning_bend(), treatment(), control, watch=False)
+    history = sc.static(s13.turning_bend().system, treatment(), control, watch=False)
     strain = history["beam/rod/strain"]
     assert abs(strain[1]).max() > 0.02
     assert abs(strain[2:] - strain[1]).max() < 1e-12
@@ -406,17 +371,9 @@ def test_strains_do_not_see_turns_on_the_way(treatment, turns):
 def test_strains_do_not_see_superposed_turns():
     """A deformed state, turned by 0 to 10 turns about a random axis, step by step."""
     scene = scenes.bend(8, 3)
-    system, beam = scene.system, scene.beam
     q = follow(scene, derive=False, watch=False)["q"][-1]
-    before = diagnostics.section_strains(system, beam, q)
-    axis = np.random.default_rng(5).standard_normal((1, 3))
-    axis /= np.linalg.norm(axis)
-    step = rotation_matrix(exp_quaternion(2 * np.pi / 7 * axis))[0]
-    y = q.reshape(-1, 3)
-    for _ in range(70):
-        y = y @ step.T
-        change = diagnostics.section_strains(system, beam, y.ravel()) - before
-        assert abs(change).max() < 1e-12
+    axis = np.random.default_rng(5).standard_normal(3)
+    assert s13.superposed(scene, q, 10, axis) < 1e-12
 
 
 @treatments
@@ -436,15 +393,7 @@ def test_load_and_unload(treatment):
 
 def test_the_end_does_not_depend_on_the_way():
     """Two forces one after the other, in either order, and both at once."""
-    mesh = sc.MeshCurve.init_arc((0, 0, 0), scenes.E1, scenes.E2, 100.0, np.pi / 4, 8, name="rod")
-    model = sc.Model()
-    section = scenes.flat_section(1e7 / 12, 1e7, 5e6, 1e7 / 12, 5e6 / 6)
-    rod = model.add("rod", sc.Beam(mesh, section, order=3))
-    start, end = rod.node("rod.start"), rod.node("rod.end")
-    model.add("clamp", sc.JointFixed(sc.ground(start.position), start))
-    model.add("up", sc.LoadForce(end, (0, 0, 600.0)))
-    model.add("in", sc.LoadForce(end, (-300.0, 200.0, 0)))
-    system = model.freeze()
+    system = s13.two_forces(8, 3).system
     first, last = sc.Table([0, 0.5], [0, 1]), sc.Table([0.5, 1], [0, 1])
     ways = [{}, {"up": first, "in": last}, {"up": last, "in": first}]
     ends = [sc.static(system, factors=way, derive=False)["q"][-1] for way in ways]

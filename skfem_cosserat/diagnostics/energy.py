@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 from ..beam import Beam
 from ..errors import InputError
-from ..kernels import beam_strain, beam_strain_rate
+from ..kernels import beam_energy, beam_strain, beam_strain_rate, beam_stress
 from ..model import System
 from ..model.groups import BeamGroup
 from ..types import ArrayLike, Floats
@@ -156,7 +156,7 @@ def kinetic_energy_of_velocity(system: System, v: ArrayLike) -> Floats:
 
 
 def strain_energy(system: System, q: ArrayLike) -> Floats:
-    """Stored energy ``int (Gamma, K) . D (Gamma, K) / 2 ds`` of all beams.
+    """Stored energy ``int W(Gamma, K) ds`` of all beams, W = ``eps . D eps/2`` by default.
 
     Parameters
     ----------
@@ -191,8 +191,7 @@ def strain_energy(system: System, q: ArrayLike) -> Floats:
     for beam in (s for s in system.structures if isinstance(s, Beam)):
         e = beam.elements
         eps = section_strains(system, beam, Q)
-        density = 0.5 * np.einsum("negi,eij,negj->neg", eps, e.stiffness, eps, optimize=True)
-        out += np.einsum("neg,g,e->n", density, e.weights, e.lengths)
+        out += np.einsum("neg,g,e->n", beam_energy(e, eps), e.weights, e.lengths)
     return out[0] if single else out
 
 
@@ -430,8 +429,7 @@ def section_forces(system: System, beam: Beam, q: ArrayLike, v: ArrayLike | None
     >>> (section_forces(system, beam, q)[0, 0].round(9) + 0.0).tolist()
     [0.0, 0.0, 100.0, 0.0, 0.0, 0.0]
     """
-    strains = section_strains(system, beam, q)
-    out = np.einsum("...egj,ejk->...egk", strains, beam.elements.stiffness)
+    out = beam_stress(beam.elements, section_strains(system, beam, q))
     group = group_of(system, beam)
     if v is not None and group.elements.viscosity is not None:
         rates = section_strain_rates(system, beam, q, v)

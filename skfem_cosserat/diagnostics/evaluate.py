@@ -8,6 +8,7 @@ import numpy as np
 
 from ..beam import Beam
 from ..errors import InputError
+from ..kernels import beam_stress
 from ..mesh.lookup import element_numbers
 from ..model import System
 from ..types import ArrayLike, Floats, IndexArray, numbers
@@ -107,7 +108,7 @@ def evaluate(
     if orthonormal:
         u, _, vt = np.linalg.svd(triad)
         triad = u @ vt
-    resultant = np.einsum("kmi,mij->kmj", strain, beam.elements.stiffness[e])
+    resultant = beam_stress(beam.elements.taken(e), strain[:, :, None])[:, :, 0]
     out = SectionValues(value[:, :, 0], triad, strain, resultant)
     return SectionValues(*(array[0] for array in out)) if single else out
 

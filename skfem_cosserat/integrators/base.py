@@ -155,8 +155,8 @@ class Evaluation:
         Midpoint configuration, where the internal force ``int B^T S ds`` acts.
     stresses, Bs : list of arrays
         S (with its viscous part) and B of that force, one for each beam group.
-    B1s : list of arrays
-        B at the configuration through which the elastic S changes.
+    B1s, strains : list of arrays
+        B and strains at the configuration through which the elastic S changes.
     external : (rows, 3) array
         Loads.
     coupled : CoupledForce or None
@@ -172,6 +172,7 @@ class Evaluation:
     stresses: list[Array]
     Bs: list[Array]
     B1s: list[Array]
+    strains: list[Array]
     external: Array
     coupled: CoupledForce | None
     damping: Damping | None
@@ -237,6 +238,14 @@ class Integrator(ABC):
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
         """``dR/dq_1`` as blocks of the system's groups, then of its couplings if it has any."""
 
+    def moduli(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:
+        """Twice the derivative of S by the strains that it changes through, with weights.
+
+        (ne, ng, 6, 6) for each beam group; here for stresses ``S(eps)`` at the midpoint.
+        """
+        groups = zip(system.beam_groups, evaluation.strains, strict=True)
+        return [g.moduli(eps) for g, eps in groups]
+
     @abstractmethod
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """The momentum (rows, 3) carried on to the next step."""
@@ -280,8 +289,9 @@ class Integrator(ABC):
         """Stresses that a change (rows, 3) of q_1 predicts, to first order."""
         out = []
         groups, y1 = system.beam_groups, 2 * evaluation.mid - step.y0
-        for g, S, B in zip(groups, evaluation.stresses, evaluation.B1s, strict=True):
-            predicted = S + 0.5 * g.stress(g.strain_rate(B, change))
+        moduli = self.moduli(system, step, evaluation)
+        for g, S, B, D in zip(groups, evaluation.stresses, evaluation.B1s, moduli, strict=True):
+            predicted = S + 0.5 * g.linear_stress(D, g.strain_rate(B, change))
             if g.viscous:
                 rate = g.strain_rate(g.strain(y1)[1], change) / step.h
                 predicted = predicted + g.viscous_stress(rate)
@@ -357,7 +367,12 @@ def dissipated_power(system: System, damping: Damping) -> float:
 
 
 def midpoint_tangent(
-    system: System, step: StepData, evaluation: Evaluation, mass: float, force: float
+    system: System,
+    step: StepData,
+    evaluation: Evaluation,
+    moduli: list[Array],
+    mass: float,
+    force: float,
 ) -> list[Blocks]:
     """``mass * M + force * d(f_int - f)/dq_1`` as blocks of the groups, then of the couplings.
 
@@ -368,7 +383,7 @@ def midpoint_tangent(
     half = 0.5 * force
     parts = [Parts(mass * g.scalar_mass) for g in system.groups]
     for k, g in enumerate(system.beam_groups):
-        beam = g.parts(e.Bs[k], e.B1s[k], e.stresses[k], half, half)
+        beam = g.parts(e.Bs[k], e.B1s[k], e.stresses[k], half, half, moduli[k])
         beam.scalar += parts[k].scalar
         parts[k] = beam
     blocks: list[Blocks] = [*parts]

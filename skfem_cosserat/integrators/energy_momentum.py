@@ -26,6 +26,7 @@ __all__ = ["EnergyMomentum"]
 
 @dataclass(eq=False)
 class _StepData(StepData):
+    strains0: list[Array]
     stresses0: list[Array]
     B0s: list[Array]
 
@@ -34,10 +35,10 @@ class EnergyMomentum(Integrator):
     """Midpoint scheme with the discrete derivative of the stored energy.
 
     ``q_{n+1} - q_n = h v_mid``, ``M (v_{n+1} - v_n) = -h DV - h G(q_mid)^T lambda + h f``, where
-    ``DV = int B(q_mid)^T (S_n + S_{n+1})/2 ds`` for the quadratic stored energy; springs and other
-    force elements by discrete derivatives of their coordinates. Conserves energy,
-    linear and angular momentum exactly, up to the Newton tolerance. Stays bounded for stiff beams,
-    but a solution of a step is not guaranteed.
+    ``DV = int B(q_mid)^T (S_n + S_{n+1})/2 ds`` for the quadratic stored energy, with its discrete
+    derivative by the strains for any other; springs and other force elements by discrete
+    derivatives of their coordinates. Conserves energy, linear and angular momentum exactly, up to
+    the Newton tolerance. Stays bounded for stiff beams, but a solution of a step is not guaranteed.
 
     Examples
     --------
@@ -64,7 +65,12 @@ class EnergyMomentum(Integrator):
         step = super().begin(system, state, h)
         strains = system.strain(step.y0)
         stresses = [g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)]
-        return _StepData(**vars(step), stresses0=stresses, B0s=[B for _, B in strains])
+        return _StepData(
+            **vars(step),
+            strains0=[eps for eps, _ in strains],
+            stresses0=stresses,
+            B0s=[B for _, B in strains],
+        )
 
     def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:
         """See the base class."""
@@ -75,10 +81,8 @@ class EnergyMomentum(Integrator):
         strains1 = system.strain(y1)
         # B is linear in q
         Bs = [0.5 * (B0 + B1) for B0, (_, B1) in zip(step.B0s, strains1, strict=True)]
-        stresses = [
-            0.5 * (S0 + g.stress(eps))
-            for g, S0, (eps, _) in zip(groups, step.stresses0, strains1, strict=True)
-        ]
+        before = zip(groups, step.strains0, step.stresses0, strains1, strict=True)
+        stresses = [g.discrete_stress(eps0, S0, eps) for g, eps0, S0, (eps, _) in before]
         momentum = (2 / h) * (system.mass @ (y1[:rows] - step.y0[:rows]))
         internal, stresses, damping = damped_force(system, step, Bs, stresses, y1)
         coupled = None
@@ -94,6 +98,7 @@ class EnergyMomentum(Integrator):
             stresses,
             Bs,
             [B for _, B in strains1],
+            [eps for eps, _ in strains1],
             external,
             coupled,
             damping,
@@ -101,7 +106,14 @@ class EnergyMomentum(Integrator):
 
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
         """See the base class: ``2M/h + h d(DV)/dq_{n+1}``."""
-        return midpoint_tangent(system, step, evaluation, 2 / step.h, step.h)
+        moduli = self.moduli(system, step, evaluation)
+        return midpoint_tangent(system, step, evaluation, moduli, 2 / step.h, step.h)
+
+    def moduli(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:
+        """See the base class; of the discrete derivative."""
+        assert isinstance(step, _StepData)
+        both = zip(system.beam_groups, step.strains0, evaluation.strains, strict=True)
+        return [g.discrete_moduli(eps0, eps1) for g, eps0, eps1 in both]
 
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """``M v_{n+1} = 2 M dq/h - M v_n``."""

@@ -85,6 +85,7 @@ def _everywhere(system: System) -> dict[str, bool]:
     return {
         "springs, dampers and actuators": system.couplings.count > 0,
         "beams of several orders": len(system.beam_groups) > 1,
+        "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),
     }
 
 

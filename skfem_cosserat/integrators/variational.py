@@ -83,6 +83,7 @@ class Variational(Integrator):
             stresses,
             Bs,
             Bs,
+            [eps for eps, _ in strains],
             external,
             coupled,
             damping,
@@ -91,7 +92,8 @@ class Variational(Integrator):
 
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
         """See the base class: ``M/h + (h/4) K(q_mid)``."""
-        return midpoint_tangent(system, step, evaluation, 1 / step.h, self.force_share * step.h)
+        moduli, force = self.moduli(system, step, evaluation), self.force_share * step.h
+        return midpoint_tangent(system, step, evaluation, moduli, 1 / step.h, force)
 
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """``p_{n+1}`` before its constraint force: ``D_2 L_d + f^+`` (35)."""

@@ -202,9 +202,9 @@ def _geometric(at: Equilibrium, loads: Amplitudes, dq: Floats) -> csr_matrix:
     system, y, P = at.system, at.y, at.tangent.P
     blocks = system.mass_tangent(0.0)
     Bs, stresses = at.tangent.balance.Bs, []
-    for k, (group, B) in enumerate(zip(system.beam_groups, Bs, strict=True)):
+    for k, (group, B, D) in enumerate(zip(system.beam_groups, Bs, at.moduli, strict=True)):
         local = dq[group.rows].reshape(len(group.rows), -1, 1)
-        stresses.append(group.stress((B @ local).reshape(len(B), -1, 6)))
+        stresses.append(group.linear_stress(D, (B @ local).reshape(len(B), -1, 6)))
         none = np.zeros_like(B)
         blocks[k] += group.tangent(none, none, stresses[k], 0.0, 1.0)
     R = system.internal_force(Bs, stresses) - system.loading.dead_force(loads.loads)

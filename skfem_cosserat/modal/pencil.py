@@ -83,9 +83,10 @@ class Pencil:
         system, tangent = self.at.system, self.at.tangent
         dq = tangent.P @ x
         nodal = np.zeros(system.n)
-        for group, B in zip(system.beam_groups, tangent.balance.Bs, strict=True):
-            strain = B @ dq[group.dofs][:, :, None]
-            local = group.force(B, group.stress(strain.reshape(len(B), -1, 6)))
+        beams = zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True)
+        for group, B, D in beams:
+            strain = (B @ dq[group.dofs][:, :, None]).reshape(len(B), -1, 6)
+            local = group.force(B, group.linear_stress(D, strain))
             np.add.at(nodal, group.dofs, local)
         return np.asarray(tangent.P.T @ nodal + self.rest @ x)
 
@@ -103,10 +104,10 @@ class Pencil:
         noise += self.at.error * metric
         noise += FAINT * EPS * np.einsum("ik,ik->k", abs(X), self._size @ abs(X))
         dq = tangent.P @ X
-        for group, B in zip(system.beam_groups, tangent.balance.Bs, strict=True):
+        beams = zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True)
+        for group, B, D in beams:
             local = dq[group.dofs]
             ne, ng = len(B), len(group.elements.points)
-            D = group.elements.weighted_stiffness
             strain = (B @ local).reshape(ne, ng, 6, -1)
             out = out + np.einsum("egik,egil->kl", strain.conj(), D @ strain, optimize=True)
             lost = NOISE * EPS * (abs(B) @ abs(local)).reshape(ne, ng, 6, -1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -64,6 +65,12 @@ class Equilibrium:
     amplitudes: Amplitudes
     tangent: ReducedTangent
     error: float
+
+    @cached_property
+    def moduli(self) -> list[Array]:
+        """Derivatives of stresses by strains with weights (ne, ng, 6, 6), of each beam group."""
+        groups = zip(self.system.beam_groups, self.tangent.balance.strains, strict=True)
+        return [g.moduli(eps) for g, eps in groups]
 
 
 def as_system(model: Model | System) -> System:
@@ -280,10 +287,10 @@ def _sizes(system: System, tangent: ReducedTangent) -> tuple[Array, Array]:
     """Forces on the rows (rows, 3) that balance each other, and what rounding makes of them."""
     at = tangent.balance
     forces, rounding = abs(at.external), np.zeros_like(at.external)
-    for group, B, stress in zip(system.beam_groups, at.Bs, at.stresses, strict=True):
-        elements = group.elements
-        weights = np.broadcast_to(elements.measure, stress.shape)
-        size = abs(elements.stiffness).sum(2)[:, None, :] * weights
+    beams = zip(system.beam_groups, at.Bs, at.strains, at.stresses, strict=True)
+    for group, B, eps, stress in beams:
+        weights = np.broadcast_to(group.elements.measure, stress.shape)
+        size = abs(group.moduli(eps)).sum(3)
         for out, value in ((forces, abs(stress) * weights), (rounding, ROUNDING * size)):
             nodal = value.reshape(len(B), 1, -1) @ abs(B)
             np.add.at(out, group.rows, nodal.reshape(*group.rows.shape, 3))

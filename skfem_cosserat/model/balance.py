@@ -195,7 +195,8 @@ def balance_tangent(
     blocks = system.mass_tangent(0.0)
     used = at.stresses if stresses is None else stresses
     for k, g in enumerate(system.beam_groups):
-        blocks[k] += g.tangent(at.Bs[k], at.Bs[k], used[k], 1.0, 1.0)
+        B = at.Bs[k]
+        blocks[k] += g.tangent(B, B, used[k], 1.0, 1.0, g.moduli(at.strains[k]))
     if not system.loading.dead_only:
         system.loading.add_tangent(blocks, at.y[: system.rows], amplitudes.loads, -1.0)
     if amplitudes.spin is not None:
@@ -208,14 +209,14 @@ def balance_tangent(
 
 
 def predicted(system: System, at: Balance, change: Array) -> list[Array]:
-    """Stresses ``D (eps + B dq)`` after a change (rows, 3) of the coordinates, to first order.
+    """Stresses ``S + D B dq`` after a change (rows, 3) of the coordinates, to first order.
 
     As geometric part of the next tangent they make Newton's method converge from far away: the
     mixed (MIP) iteration of Magisano, Leonetti & Garcea, Comput. Methods Appl. Mech. Engrg 313
     (2017) 986, where stresses are unknowns of their own.
     """
     out = []
-    for g, eps, B in zip(system.beam_groups, at.strains, at.Bs, strict=True):
+    for g, eps, S, B in zip(system.beam_groups, at.strains, at.stresses, at.Bs, strict=True):
         local = change[g.rows].reshape(len(g.rows), -1, 1)
-        out.append(g.stress(eps + (B @ local).reshape(eps.shape)))
+        out.append(S + g.linear_stress(g.moduli(eps), (B @ local).reshape(eps.shape)))
     return out

@@ -16,9 +16,12 @@ from ..kernels import (
     BeamElements,
     add_scalar,
     beam_damping,
+    beam_discrete_moduli,
+    beam_discrete_stress,
     beam_dissipation,
     beam_force,
     beam_geometric,
+    beam_moduli,
     beam_strain,
     beam_strain_rate,
     beam_stress,
@@ -26,6 +29,7 @@ from ..kernels import (
     beam_viscous_stress,
     bilinear,
 )
+from ..law import Law
 from ..types import Array, Floats, IndexArray
 from .inertia import Lump
 
@@ -196,6 +200,7 @@ class BeamGroup(Group):
             np.concatenate([e.reference for e in es]),
             np.concatenate([beam.rotations for beam, _, _ in beams]) if turned else None,
             _viscosity(es, [0.0 if beta is None else beta.get(id(b), 0.0) for b, _, _ in beams]),
+            *_laws(es),
         )
 
     def gather(self, y: Array) -> Array:
@@ -210,23 +215,54 @@ class BeamGroup(Group):
         """Stress resultants (ne, ng, 6)."""
         return beam_stress(self.elements, eps)
 
+    def moduli(self, eps: Array) -> Array:
+        """Derivatives of stresses by strains with weights, :func:`kernels.beam_moduli`."""
+        return beam_moduli(self.elements, eps)
+
+    def discrete_stress(self, eps0: Array, S0: Array, eps1: Array) -> Array:
+        """See :func:`skfem_cosserat.kernels.beam_discrete_stress`."""
+        return beam_discrete_stress(self.elements, eps0, S0, eps1)
+
+    def discrete_moduli(self, eps0: Array, eps1: Array) -> Array:
+        """See :func:`skfem_cosserat.kernels.beam_discrete_moduli`."""
+        return beam_discrete_moduli(self.elements, eps0, eps1)
+
+    def linear_stress(self, moduli: Array, change: Array) -> Array:
+        """What a small change (ne, ng, 6) of strains adds to the stresses, moduli with weights."""
+        e = self.elements
+        if not e.stored:
+            return change @ e.stiffness
+        return (moduli @ change[..., None])[..., 0] / e.measure
+
     def force(self, B: Array, stress: Array) -> Array:
         """Nodal forces of each element (ne, 12 nn)."""
         return beam_force(self.elements, B, stress)
 
     def tangent(
-        self, left: Array, right: Array, stress: Array, material: float, geometric: float
+        self,
+        left: Array,
+        right: Array,
+        stress: Array,
+        material: float,
+        geometric: float,
+        moduli: Array | None = None,
     ) -> Array:
         """See :func:`skfem_cosserat.kernels.beam_tangent`."""
-        return beam_tangent(self.elements, left, right, stress, material, geometric)
+        return beam_tangent(self.elements, left, right, stress, material, geometric, moduli)
 
     def parts(
-        self, left: Array, right: Array, stress: Array, material: float, geometric: float
+        self,
+        left: Array,
+        right: Array,
+        stress: Array,
+        material: float,
+        geometric: float,
+        moduli: Array | None = None,
     ) -> Parts:
         """The same as :meth:`tangent`, not multiplied out."""
-        e = self.elements
-        scalar = beam_geometric(e, geometric * stress)
-        return Parts(scalar, left, right, material * e.weighted_stiffness)
+        scalar = beam_geometric(self.elements, geometric * stress)
+        D = self.elements.weighted_stiffness if moduli is None else moduli
+        return Parts(scalar, left, right, material * D)
 
     @property
     def viscous(self) -> bool:
@@ -265,3 +301,15 @@ def _viscosity(elements: Sequence[BeamElements], betas: Sequence[float]) -> Floa
             for e, beta in zip(elements, betas, strict=True)
         ]
     )
+
+
+def _laws(elements: Sequence[BeamElements]) -> tuple[tuple[Law, ...], IndexArray | None]:
+    """Laws of all elements that are not quadratic, and whose they are; None without any."""
+    laws: list[Law] = []
+    numbers = []
+    for e in elements:
+        none = np.full(len(e.lengths), -1)
+        own = none if e.law_of is None else np.where(e.law_of < 0, -1, e.law_of + len(laws))
+        numbers.append(own)
+        laws += e.laws
+    return tuple(laws), np.concatenate(numbers) if laws else None

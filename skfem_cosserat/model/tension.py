@@ -66,18 +66,19 @@ def overstretched(system: System, y: Floats) -> str | None:
     """
     worst, text = 1.0 + 1e-9, None
     drawn = {
-        beam: (force[which], stretch[which])
+        beam: tuple(values[which] for values in found)
         for group in system.beam_groups
-        for force, stretch in [_tension(group, y)]
+        for found in [_tension(group, y)]
         for beam, which in group.slices.items()
     }
     for beam in (s for s in system.structures if isinstance(s, Beam)):
         kind = beam.basis.interpolation
         if kind.points > kind.order:
             continue
-        force, stretch = drawn[id(beam)]
+        force, stretch, present = drawn[id(beam)]
         factor = tension_factor(kind)
         soft = np.array([_bending(s.stiffness) for s in beam.sections.values()])[beam.section_id]
+        soft = np.where(np.isnan(present), soft, present)
         limit = factor * soft / (beam.basis.lengths**2 * stretch.clip(1e-300))
         ratio = (force / limit).round(9)  # of equal ones the first is named
         if ratio.max() > worst:
@@ -132,11 +133,18 @@ def tension_factor(kind: Interpolation) -> float:
     return float(real[real > 1e-9].min())  # zero belongs to a constant theta
 
 
-def _tension(group: BeamGroup, y: Floats) -> tuple[Floats, Floats]:
-    """Mean axial force (ne,) in N and stretch ``d3 . phi'`` (ne,) of elements."""
+def _tension(group: BeamGroup, y: Floats) -> tuple[Floats, Floats, Floats]:
+    """Mean axial force (ne,) in N and stretch ``d3 . phi'`` (ne,) of elements.
+
+    And the bending stiffness that sections of a stored energy have there, NaN for others.
+    """
     strain, weights = group.strain(y)[0], group.elements.weights
     stretch = strain + group.elements.reference
-    return group.stress(strain)[:, :, 2] @ weights, stretch[:, :, 2] @ weights
+    present = np.full(len(strain), np.nan)
+    for ids, _ in group.elements.stored:
+        mean = group.moduli(strain)[ids].sum(1) / group.elements.lengths[ids, None, None]
+        present[ids] = [_bending(D) for D in mean]
+    return group.stress(strain)[:, :, 2] @ weights, stretch[:, :, 2] @ weights, present
 
 
 def _bending(stiffness: Floats) -> float:

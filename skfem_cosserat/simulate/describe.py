@@ -31,6 +31,10 @@ __all__ = [
 ]
 
 
+#: strains at which stored energies that are not quadratic are compared
+PROBE = 1e-2 * np.array([np.cos(k * np.arange(6)) for k in range(1, 5)])
+
+
 def fingerprint(system: System) -> dict[str, Any]:
     """What makes a history belong to a system: names, and sums that any change of numbers moves."""
     y = system.extend(system.q0, 0.0)
@@ -42,6 +46,11 @@ def fingerprint(system: System) -> dict[str, Any]:
         "gauss": np.concatenate([*(g.elements.points for g in system.beam_groups), np.zeros(0)]),
         "constraints": system.constraints.jacobian_values(y),
     }
+    stored = [
+        law.energy(PROBE * law.scale) for g in system.beam_groups for _, law in g.elements.stored
+    ]
+    if stored:
+        numbers["stored energy"] = np.concatenate(stored)
     # weights without a pattern, so that nothing cancels or trades places
     sums = {k: float(v @ np.cos(1 + np.arange(len(v)) ** 1.5)) for k, v in numbers.items()}
     return {

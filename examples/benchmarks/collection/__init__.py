@@ -35,7 +35,7 @@ def run(ids: Iterable[str] | None = None, quick: bool = True) -> list[dict[str, 
     Parameters
     ----------
     ids : iterable of str, optional
-        Families ("S03", also "S3" or the name of an entry); default: all.
+        Families ("S03", also "S3" or the name of an entry; "S": all of statics); default: all.
     quick : bool
         Only the cases that take a second or two.
 
@@ -47,13 +47,13 @@ def run(ids: Iterable[str] | None = None, quick: bool = True) -> list[dict[str, 
         ``newton_iterations``, ``converged``.
     """
     known = families()
-    wanted = list(known) if ids is None else [_family(name, known) for name in ids]
+    wanted = list(known) if ids is None else [f for name in ids for f in _families(name, known)]
     return [row for name in dict.fromkeys(wanted) for row in known[name].rows(quick)]
 
 
-def _family(name: str, known: dict[str, Any]) -> str:
+def _families(name: str, known: dict[str, Any]) -> list[str]:
     letter, digits = name[:1].upper(), "".join(c for c in name[1:3] if c.isdigit())
-    short = f"{letter}{digits.zfill(2)}"
-    if short not in known:
+    found = [f for f in known if f.startswith(f"{letter}{digits.zfill(2) if digits else ''}")]
+    if not found or (len(name) > 1 and not digits):
         raise ValueError(f"{name!r} is no family, expected among {list(known)}")
-    return short
+    return found

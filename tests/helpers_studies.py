@@ -1,0 +1,192 @@
+"""Problems for refinement studies; at the top level of a module, so that they reach processes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
+
+import element_orders
+import static_scenes
+import test_convergence as ramped
+
+import skfem_cosserat as sc
+
+INTEGRATORS = {"variational": sc.Variational, "energy-momentum": sc.EnergyMomentum}
+
+
+# -- closed forms ----------------------------------------------------------------------------------
+
+
+def trapezoid(elements):
+    """Integral of exp from 0 to 1: order 2, with all even powers behind it."""
+    return float(np.trapezoid(np.exp(np.linspace(0, 1, elements + 1)), dx=1 / elements))
+
+
+def first_and_second(elements):
+    """A vector with errors of first order, and those of second order in another direction."""
+    h = 1 / elements
+    return np.array([1.0, 2.0, -1.0]) + h * np.array([0.3, 0.1, 0.2]) + h**2 * np.array([0, 0.1, 0])
+
+
+def fourth(step):
+    """Runge-Kutta of fourth order for an oscillator, by name and over time."""
+    count = round(2 / step)
+    state, states = np.array([1.0, 0.0]), []
+
+    def rate(x):
+        return np.array([x[1], -x[0]])
+
+    for _ in range(count + 1):
+        states.append(state)
+        a = rate(state)
+        b = rate(state + step / 2 * a)
+        c = rate(state + step / 2 * b)
+        d = rate(state + step * c)
+        state = state + step / 6 * (a + 2 * b + 2 * c + d)
+    return {"t": step * np.arange(count + 1), "x": np.array(states)}
+
+
+def kinked(elements):
+    """Midpoint rule for a jump between the points: errors of first order at best, up and down."""
+    x = (np.arange(elements) + 0.5) / elements
+    return float((x > 1 / np.pi).mean())
+
+
+# -- scenes ----------------------------------------------------------------------------------------
+
+
+def bend(elements, order):
+    """Tip of the 45-degree bend (m)."""
+    scene = static_scenes.bend(elements, order)
+    path = sc.static(scene.system, control=sc.LoadControl(steps=2), watch=False, derive=False)
+    return scene.position(path)
+
+
+@cache
+def _fine():
+    return element_orders._Reference()
+
+
+def bend_moments(elements, order):
+    """Largest error of the moment at the Gauss points of the bend, relative."""
+    return element_orders.bend_errors(elements, order, _fine())["resultants at Gauss points"]
+
+
+def frequencies(elements, order):
+    """First three frequencies of the bend without loads (rad/s)."""
+    return element_orders.frequencies(elements, order)
+
+
+def in_time(step, integrator="energy-momentum"):
+    """A curved cantilever under smooth loads: the last state, reactions where they belong."""
+    until = ramped.UNTIL
+    system = ramped.cantilever()
+    at = [until - step, until]
+    history = sc.simulate(system, INTEGRATORS[integrator](), sc.NullSpace(), step, until, at=at)
+    reactions = history["joint/clamp/force"]
+    middle = integrator == "energy-momentum"
+    return {
+        "q": history["q"][-1],
+        "v": history["v"][-1][ramped.massive(system)],
+        "reaction": (reactions[-2] + reactions[-1]) / 2 if middle else reactions[-1],
+        "reaction of the step": reactions[-1],
+    }
+
+
+def swing_up(elements, step):
+    """History of a soft cantilever of linear elements under a smooth load."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), elements, name="rod")
+    section = sc.Section([400, 400, 400, 1, 1, 1], mass=1.0, inertia=(0.01, 0.01))
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, order=1, director=(0, 1, 0)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    load = sc.FunctionOfTime(ramped.ramp, kinks=(0.5,))
+    model.add("force", sc.LoadForce(rod.node("rod.end"), (0, 1.5, -1.0), load))
+    scheme = sc.EnergyMomentum(), sc.NullSpace()
+    at = np.arange(0.1, 0.61, 0.1).tolist()
+    return sc.simulate(model.freeze(), *scheme, step, 0.6, at=at, kernels="numpy")
+
+
+def tip(history):
+    """Position of the last node over time, (N, 3)."""
+    last = history.static["beam/rod/offsets"][-1]
+    return history["q"][:, last : last + 3]
+
+
+def last_tip(history):
+    """The same at the end."""
+    return tip(history)[-1]
+
+
+def spaghetti(elements, order, step, until=1.0):
+    """D4, a flying beam in a plane: force and moment are there at once. Ends at the end (m)."""
+    mesh = sc.MeshCurve.init_line((6, 0, 0), (0, 8, 0), elements, name="rod")
+    section = sc.Section.from_constants(
+        EA=1e4, GA=1e4, EI=(100, 100), GJ=100, mass=1.0, inertia=(10, 10)
+    )
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=(0, 0, 1)))
+    on = sc.FunctionOfTime(lambda t: float(t < 2.5), kinks=(2.5,))
+    model.add("force", sc.LoadForce(rod.node("rod.start"), (8, 0, 0), on))
+    model.add("moment", sc.LoadMoment(rod.node("rod.start"), (0, 0, -80), on))
+    system, scheme = model.freeze(), (sc.EnergyMomentum(), sc.NullSpace())
+    run = {"every": 10**6, "derive": False, "kernels": "numpy"}
+    q = sc.simulate(system, *scheme, step, until, **run)["q"][-1]
+    return q[[0, 1, 12 * elements, 12 * elements + 1]]
+
+
+def double_pendulum(step):
+    """Two bobs let go high up, after 6 s: chaos."""
+    model = sc.Model()
+    one = model.add("one", sc.MassPoint(1.0, position=(0.0, 0, 1.0)))
+    two = model.add("two", sc.MassPoint(1.0, position=(0.3, 0, 1.9)))
+    model.add("upper", sc.JointDistance(sc.ground((0, 0, 0)), one.place()))
+    model.add("lower", sc.JointDistance(one.place(), two.place()))
+    model.add("gravity", sc.LoadGravity((0.1, 0, -9.81)))
+    system, scheme = model.freeze(), (sc.EnergyMomentum(), sc.NullSpace())
+    run = {"every": 10**6, "derive": False, "kernels": "numpy"}
+    return sc.simulate(system, *scheme, step, 6.0, **run)["q"][-1]
+
+
+def fails_at_16(elements):
+    """As `trapezoid`, but one level cannot be solved."""
+    if elements == 16:
+        raise sc.Diverged(0.5, 7, 1.0, "no solution", "take a smaller step")
+    return trapezoid(elements)
+
+
+def noted(elements, log, fatal=()):
+    """As `trapezoid`; writes its call down, and dies at some levels while there is no file "on"."""
+    with (log / "calls").open("a") as handle:
+        handle.write(f"{elements}\n")
+    if elements in fatal and not (log / "on").exists():
+        raise KeyboardInterrupt
+    return trapezoid(elements)
+
+
+def killed(elements, log):
+    """As `noted`; the first call with 16 elements kills its process."""
+    with (log / "calls").open("a") as handle:
+        handle.write(f"{elements}\n")
+    if elements == 16 and not (log / "on").exists():
+        os.kill(os.getpid(), signal.SIGKILL)
+    return trapezoid(elements)
+
+
+def stopped(elements, log):
+    """As `noted`; Ctrl-C arrives at 8 elements, once."""
+    if elements == 8 and not (log / "on").exists():
+        os.kill(os.getpid(), signal.SIGINT)
+    return noted(elements, log)
+
+
+def other(elements, log, fatal=()):
+    """Another problem than `noted`."""
+    return noted(elements, log, fatal)

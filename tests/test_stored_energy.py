@@ -1,0 +1,706 @@
+"""Sections of any stored energy: laws, integrators, equilibria, modes, and what is refused."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from helpers_scenes import FULL, TENSOR
+from scipy.integrate import solve_ivp
+from test_tangents import Step, worst
+
+import skfem_cosserat as sc
+from skfem_cosserat import diagnostics
+from skfem_cosserat.integrators.fast import refusal, static_refusal
+from skfem_cosserat.law import LawQuadratic, difference
+from skfem_cosserat.model.tension import overstretched
+
+INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
+TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
+integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
+treatments = pytest.mark.parametrize("treatment", TREATMENTS)
+MASS, INERTIA, CENTRE = 1.3, np.array([[0.13, 0.01], [0.01, 0.09]]), np.array([0.1, -0.05])
+
+
+class Quartic:
+    """``eps.D eps/2`` and fourth powers in bending, torsion and extension."""
+
+    def __init__(self, D=FULL, bend=30.0, axial=2000.0, twist=5.0):
+        self.D, self.bend, self.axial, self.twist = D, bend, axial, twist
+
+    def __call__(self, eps):
+        kappa = eps[..., 3] ** 2 + eps[..., 4] ** 2
+        more = self.bend * kappa**2 + self.axial * eps[..., 2] ** 4 + self.twist * eps[..., 5] ** 4
+        return 0.5 * (eps * (eps @ self.D)).sum(-1) + more
+
+    def gradient(self, eps):
+        out = eps @ self.D
+        kappa = eps[..., 3] ** 2 + eps[..., 4] ** 2
+        out[..., 2] += 4 * self.axial * eps[..., 2] ** 3
+        out[..., 3] += 4 * self.bend * kappa * eps[..., 3]
+        out[..., 4] += 4 * self.bend * kappa * eps[..., 4]
+        out[..., 5] += 4 * self.twist * eps[..., 5] ** 3
+        return out
+
+    def hessian(self, eps):
+        out = np.zeros((*eps.shape, 6)) + self.D
+        kappa = eps[..., 3] ** 2 + eps[..., 4] ** 2
+        for i in (3, 4):
+            out[..., i, i] += 4 * self.bend * kappa
+            for j in (3, 4):
+                out[..., i, j] += 8 * self.bend * eps[..., i] * eps[..., j]
+        out[..., 2, 2] += 12 * self.axial * eps[..., 2] ** 2
+        out[..., 5, 5] += 12 * self.twist * eps[..., 5] ** 2
+        return out
+
+
+class Fung:
+    """``(c/2) (exp(eps.A eps) - 1)``, of Fung's type; c A = D."""
+
+    def __init__(self, D=FULL, c=30.0, one=False):
+        self.A, self.c, self.one = D / c, c, one
+
+    def __call__(self, eps):
+        Q = (eps * (eps @ self.A)).sum(-1)
+        return 0.5 * self.c * (np.exp(Q) - 1 if self.one else np.expm1(Q))
+
+
+class Quadratic:
+    def __init__(self, D=FULL):
+        self.D = D
+
+    def __call__(self, eps):
+        return 0.5 * (eps * (eps @ self.D)).sum(-1)
+
+
+QUARTIC, FUNG = Quartic(), Fung()
+ENERGIES = {"quartic": QUARTIC, "fung": FUNG}
+energies = pytest.mark.parametrize("energy", ENERGIES)
+
+
+def section(energy, **options):
+    return sc.SectionHyperelastic(energy, MASS, INERTIA, centre=CENTRE, **options)
+
+
+def pairs(count=200, seed=0):
+    """Strains, and increments of all sizes."""
+    rng = np.random.default_rng(seed)
+    eps = 0.4 * rng.uniform(-1, 1, (count, 6))
+    size = 10.0 ** rng.uniform(-15, -0.3, count)
+    return eps, eps + size[:, None] * rng.standard_normal((count, 6)), size
+
+
+# -- laws ------------------------------------------------------------------------------------------
+
+
+def test_derivatives_given_and_made():
+    """By hand, by complex steps, by differences; the quadratic law as a function."""
+    eps = 0.4 * np.random.default_rng(3).uniform(-1, 1, (5, 3, 6))
+    S, C = QUARTIC.gradient(eps), QUARTIC.hessian(eps)
+    given = section(QUARTIC, gradient=QUARTIC.gradient, hessian=QUARTIC.hessian).law
+    half = section(QUARTIC, gradient=QUARTIC.gradient).law
+    none = section(QUARTIC).law
+    real = section(QUARTIC, gradient=lambda eps: QUARTIC.gradient(eps.astype(float))).law
+    assert (half.complex_step, none.complex_step, real.complex_step) == (True, False, False)
+    for law, tight in ((given, 1e-15), (half, 1e-14), (none, 1e-9), (real, 1e-9)):
+        assert abs(law.stress(eps) - S).max() < 1e-14 * abs(S).max()
+        assert abs(law.tangent(eps) - C).max() < tight * abs(C).max()
+        assert abs(law.stiffness - FULL).max() < 1e-11 * FULL.max()
+    quadratic = LawQuadratic(FULL)
+    found = section(Quadratic()).law
+    for name in ("energy", "stress", "tangent"):
+        wanted = getattr(quadratic, name)(eps)
+        assert abs(getattr(found, name)(eps) - wanted).max() < 1e-11 * abs(wanted).max()
+
+
+@pytest.mark.parametrize(("b", "tolerance"), [(100.0, 5e-12), (1e4, 5e-8)])
+def test_second_derivatives_by_differences(b, tolerance):
+    """Of exp(b eps^2), eps in units of the axial strain: errors as the documentation has them."""
+    D = np.array([120.0, 120.0, 390.0, 2.4e-3, 2.4e-3, 1.6e-3])
+    fung = Fung(np.diag(D), c=390 / b)
+    scale = np.sqrt(390 / D)
+    rng = np.random.default_rng(0)
+    law = section(fung, strains=0.01 * scale * rng.uniform(-1, 1, (5, 6))).law
+    eps = 0.5 / np.sqrt(b) * scale * rng.uniform(-1, 1, (50, 6))
+    stress = eps @ fung.A
+    exact = (fung.c * np.exp((eps * stress).sum(-1)))[:, None, None] * (
+        fung.A + 2 * stress[:, :, None] * stress[:, None, :]
+    )
+    unit = np.outer(scale, scale)
+    assert abs((law.tangent(eps) - exact) * unit).max() < tolerance * abs(exact * unit).max()
+
+
+@energies
+def test_discrete_derivative_has_exactly_the_change_of_energy(energy):
+    """To the rounding of both energies, at increments from 1e-15 to 1."""
+    law = section(ENERGIES[energy]).law
+    eps0, eps1, _ = pairs()
+    S = law.discrete(eps0, eps1)
+    W0, W1 = law.energy(eps0), law.energy(eps1)
+    work = (S * (eps1 - eps0)).sum(-1)
+    size = W0 + W1 + abs(S * (eps1 - eps0)).sum(-1)
+    assert (abs(work - (W1 - W0)) / size).max() < 12 * np.finfo(float).eps
+    assert abs(S - law.discrete(eps1, eps0)).max() < 1e-12 * abs(S).max()  # symmetric
+
+
+@energies
+def test_discrete_derivative_has_no_noise_at_small_increments(energy):
+    """It is the stress of the mean strain to second order of the increment, and rounding."""
+    law = section(ENERGIES[energy]).law
+    eps0, eps1, size = pairs()
+    difference_ = abs(law.discrete(eps0, eps1) - law.stress(0.5 * (eps0 + eps1))).max(1)
+    stress = abs(law.stress(eps0)).max(1)
+    small = size < 1e-3
+    assert (difference_[small] < (20 * size[small] ** 2 + 5e-14) * stress.max()).all()
+    same = law.discrete(eps0, eps0)
+    assert abs(same - law.stress(eps0)).max() == 0
+
+
+def test_discrete_derivative_of_an_energy_with_noise():
+    """exp(Q) - 1 is right to 1e-16 of one, not of itself: increments below that are smooth, too."""
+    law, exact = section(Fung(one=True)).law, section(FUNG).law
+    assert law.noise > 1e-16
+    assert exact.noise < 1e-24
+    rng = np.random.default_rng(1)
+    eps0 = 1e-4 * rng.standard_normal((50, 6))
+    eps1 = eps0 + 1e-7 * rng.standard_normal((50, 6))
+    error = law.discrete(eps0, eps1) - exact.discrete(eps0, eps1)
+    assert abs(error).max() < 1e-12 * abs(exact.stress(eps0)).max()
+
+
+def test_of_a_quadratic_energy_it_is_the_mean_stress():
+    law, plain = section(Quadratic()).law, LawQuadratic(FULL)
+    eps0, eps1, _ = pairs()
+    wanted = plain.discrete(eps0, eps1)
+    assert abs(law.discrete(eps0, eps1) - wanted).max() < 1e-14 * abs(wanted).max()
+    T = law.discrete_tangent(eps0, eps1)
+    assert abs(T - plain.discrete_tangent(eps0, eps1)).max() < 1e-8 * FULL.max()
+
+
+@energies
+def test_tangent_of_the_discrete_derivative(energy):
+    """By differences of fourth order and by the complex step; it is not symmetric."""
+    law = section(ENERGIES[energy]).law
+    rng = np.random.default_rng(5)
+    eps0, eps1 = 0.3 * rng.uniform(-1, 1, (2, 20, 6))
+    T = law.discrete_tangent(eps0, eps1)
+    wanted = difference(
+        lambda eps: law.discrete(np.broadcast_to(eps0[:, None], eps.shape), eps),
+        eps1, np.full(6, 1e-4),
+    )  # fmt: skip
+    assert abs(T - np.swapaxes(wanted, -1, -2)).max() < 1e-8 * abs(T).max()
+    column = law.discrete(eps0, eps1 + 1e-30j * np.eye(6)[2]).imag / 1e-30
+    assert abs(T[..., 2] - column).max() < 1e-11 * abs(T).max()
+    assert abs(T - np.swapaxes(T, -1, -2)).max() > 0.01 * abs(T).max()
+
+
+def moving_section(energy):
+    """Of the quartic one with derivatives by hand, of the other one with made ones."""
+    if isinstance(energy, Quartic):
+        return section(energy, gradient=energy.gradient, hessian=energy.hessian)
+    return section(energy)
+
+
+# -- motions ---------------------------------------------------------------------------------------
+
+
+def free_beam(made, order=2, elements=3, scale=4.0):
+    """Curved beam in fast motion."""
+    mesh = sc.MeshCurve.init_arc((0.3, 0, 0), (1, 0, 0), (0, 1, 0.3), 1.5, 1.5, elements, "arc")
+
+    def field(seed):
+        a = np.random.default_rng(seed).standard_normal((3, 3, 3))
+        return lambda x: scale * (a[0, 0] + np.sin(x @ a[1]) @ a[2])
+
+    beam = sc.Beam(mesh, made, order=order, twist=0.4, velocity=field(1), angular_velocity=field(2))
+    model = sc.Model()
+    model.add("beam", beam)
+    return model, beam
+
+
+def with_joints(made):
+    """A chain of two such beams and a body, hung at the origin by nothing."""
+    model, beam = free_beam(made)
+    body = sc.RigidBody(0.8, TENSOR, position=beam.node("arc.end").position + (0.3, 0, 0.1))
+    model.add("body", body)
+    model.add(
+        "hinge",
+        sc.JointRevolute(beam.node("arc.end"), body.at(beam.node("arc.end").position), (0, 1, 0)),
+    )
+    start = beam.node("arc.start").position
+    mesh = sc.MeshCurve.init_line(start, start - (0.9, 0.1, 0), 2, "tail")
+    tail = model.add("tail", sc.Beam(mesh, sc.Section(FULL, 1.0, (0.1, 0.1)), order=2))
+    model.add("ball", sc.JointSpherical(beam.node("arc.start"), tail.node("tail.start")))
+    system = model.freeze()
+    v = sc.project(system, system.q0, system.v0)
+    return system, sc.initial_state(system, v=v)
+
+
+def simulated(system, integrator, treatment, step=0.01, until=0.2, **options):
+    return sc.simulate(
+        system, INTEGRATORS[integrator], TREATMENTS[treatment], step, until, **options
+    )
+
+
+def assert_conserved(system, history, integrator):
+    L = diagnostics.angular_momentum(system, history["q"], history["p"])
+    P = diagnostics.linear_momentum(system, history["p"])
+    assert abs(L - L[0]).max() < 1e-12 * np.linalg.norm(L[0])
+    assert abs(P - P[0]).max() < 1e-12 * np.linalg.norm(P[0])
+    energy = history["energy"]
+    if integrator == "energy-momentum":
+        assert abs(energy - energy[0]).max() < 1e-12 * energy[0]
+    else:  # negative
+        assert abs(energy - energy[0]).max() > 1e-6 * energy[0]
+
+
+@energies
+@integrators
+@treatments
+def test_free_flight_keeps_momenta_and_energy(energy, integrator, treatment):
+    model, beam = free_beam(moving_section(ENERGIES[energy]))
+    system = model.freeze()
+    history = simulated(system, integrator, treatment, until=0.3)
+    assert_conserved(system, history, integrator)
+    eps = diagnostics.section_strains(system, beam, history["q"][-1])
+    nonlinear = beam.sections["section"].law.energy(eps) - LawQuadratic(FULL).energy(eps)
+    assert nonlinear.max() > 0.05 * LawQuadratic(FULL).energy(eps).max()
+
+
+@integrators
+@treatments
+def test_joints_and_quadratic_sections_beside(integrator, treatment):
+    system, start = with_joints(moving_section(QUARTIC))
+    history = simulated(system, integrator, treatment, start=start)
+    assert_conserved(system, history, integrator)
+
+
+def test_mean_stress_does_not_keep_the_energy():
+    """Negative: of an energy that is not quadratic it is no discrete derivative."""
+    law = moving_section(QUARTIC).law
+    eps0, eps1, _ = pairs()
+    mean = 0.5 * (law.stress(eps0) + law.stress(eps1))
+    lost = (mean * (eps1 - eps0)).sum(-1) - (law.energy(eps1) - law.energy(eps0))
+    assert abs(lost).max() > 1e-3
+
+
+@integrators
+def test_a_quadratic_energy_as_function_is_the_plain_section(integrator):
+    found = [
+        simulated(free_beam(made)[0].freeze(), integrator, "null space", derive=False)["q"]
+        for made in (
+            section(Quadratic()), sc.Section(FULL, MASS, INERTIA, centre=CENTRE),
+        )
+    ]  # fmt: skip
+    assert abs(found[0] - found[1]).max() < 1e-13
+
+
+@pytest.mark.parametrize("order", [1, 3, 4])
+def test_all_orders_keep_the_energy(order):
+    model, _ = free_beam(moving_section(QUARTIC), order, elements=5 - order)
+    history = simulated(model.freeze(), "energy-momentum", "null space", until=0.1)
+    assert_conserved(model.freeze(), history, "energy-momentum")
+
+
+class Units:
+    """An energy in units of (m, kg, s) that are L, m and t of the plain ones."""
+
+    def __init__(self, energy, L, m, t):
+        self.energy, self.force = energy, m * L / t**2
+        self.length = np.array([1, 1, 1, L, L, L])
+
+    def __call__(self, eps):
+        return self.force * self.energy(eps * self.length)
+
+
+@energies
+def test_units_do_not_matter(energy):
+    L, m, t = 1e3, 1e-2, 1e3
+    found = []
+    for length, mass, time in ((1, 1, 1), (L, m, t)):
+        made = sc.SectionHyperelastic(
+            Units(ENERGIES[energy], length, mass, time),
+            MASS * mass / length,
+            INERTIA * mass * length,
+            centre=CENTRE * length,
+        )
+        mesh = sc.MeshCurve.init_arc(
+            (0.3 * length, 0, 0), (1, 0, 0), (0, 1, 0.3), 1.5 * length, 1.5, 3, "arc"
+        )
+        rng = np.random.default_rng(3)
+        v, omega = rng.standard_normal((2, 7, 3)) / time
+        model = sc.Model()
+        options = {"velocity": v * length, "angular_velocity": omega, "order": 2}
+        model.add("beam", sc.Beam(mesh, made, **options))
+        history = simulated(
+            model.freeze(), "energy-momentum", "null space", 0.01 * time, 0.2 * time, derive=False
+        )
+        q = history["q"].reshape(21, -1, 4, 3).copy()
+        q[:, :, 0] /= length
+        found.append(q)
+    assert abs(found[0] - found[1]).max() < 1e-11
+
+
+@energies
+@integrators
+def test_second_order_in_time(energy, integrator):
+    made = moving_section(ENERGIES[energy])
+    ends = []
+    for h in (0.004, 0.002, 0.001):
+        model, _ = free_beam(made, order=1, elements=2, scale=0.5)
+        ends.append(simulated(model.freeze(), integrator, "null space", h, 0.08, derive=False))
+    q = [history["q"][-1] for history in ends]
+    ratio = abs(q[0] - q[1]).max() / abs(q[1] - q[2]).max()
+    assert 3.8 < ratio < 4.2
+
+
+@energies
+@integrators
+@pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=lambda t: t.name)
+def test_tangent_of_a_step(energy, integrator, treatment):
+    """By the complex step; strains of order 0.3 at both ends."""
+    made = moving_section(ENERGIES[energy]).damped(viscosity=0.1 * np.ones(6))
+    system = free_beam(made)[0].freeze()
+    step = Step(system, INTEGRATORS[integrator], treatment, size=0.1)
+    assert worst(step.matrix(), step.derivative()) < 1e-9
+
+
+@treatments
+def test_viscous_energy_balance(treatment):
+    """Kelvin-Voigt, its own and Rayleigh's: what is lost is what is dissipated, to rounding."""
+    made = moving_section(QUARTIC).damped(time=0.02)
+    model, beam = free_beam(made)
+    model.add("damping", sc.RayleighDamping(mass=0.1, stiffness=0.01, items=[beam]))
+    history = simulated(model.freeze(), "energy-momentum", treatment)
+    assert abs(history["energy_balance"]).max() < 1e-12 * history["energy"][0]
+    assert history["energy"][-1] < 0.9 * history["energy"][0]
+
+
+def test_oscillator_with_a_hardening_spring():
+    """A mass on a light rod: ``(m + rho L/3) x'' = -W'(x/L)``, by an ODE solver; second order."""
+    L, m, rho = 2.0, 3.0, 0.1
+    energy = Quartic(np.diag([400.0, 500.0, 90.0, 3.0, 4.0, 2.0]), axial=2000.0)
+
+    def rate(t, state):
+        stretch = state[0] / L
+        return state[1], -(90 * stretch + 8000 * stretch**3) / (m + rho * L / 3)
+
+    exact = solve_ivp(rate, (0, 1.5), (0.0, 2.0), rtol=1e-12, atol=1e-13).y[0, -1]
+    errors = []
+    for h in (0.01, 0.005):
+        made = sc.SectionHyperelastic(energy, rho, (1e-3, 1e-3))
+        model = sc.Model()
+        mesh = sc.MeshCurve.init_line((0, 0, 0), (0, 0, L), 1, "rod")
+        beam = sc.Beam(mesh, made, director=(1, 0, 0), velocity=lambda x: x * (0, 0, 1.0))
+        model.add("rod", beam)
+        model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("rod.start")))
+        model.add("mass", sc.MassPoint(m, on=beam.node("rod.end")))
+        history = simulated(model.freeze(), "energy-momentum", "null space", h, 1.5, derive=False)
+        errors.append(history["q"][-1].reshape(-1, 4, 3)[1, 0, 2] - L - exact)
+    assert 3.9 < errors[0] / errors[1] < 4.1
+    assert abs(errors[1] - (errors[0] - errors[1]) / 3) < 1e-6
+
+
+# -- equilibria ------------------------------------------------------------------------------------
+
+LENGTH = 2.0
+DIAGONAL = np.diag([400.0, 500.0, 900.0, 3.0, 4.0, 2.0])
+
+
+def rod(made, order=2, elements=4, load=None):
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (0, 0, LENGTH), elements, "rod")
+    model = sc.Model()
+    beam = model.add("rod", sc.Beam(mesh, made, order=order, director=(1, 0, 0)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("rod.start")))
+    if load is not None:
+        model.add("load", load(beam))
+    return model, beam
+
+
+@treatments
+def test_uniform_bending(treatment):
+    """M = dW/dK: a clamped rod under an end moment is an arc; axial and shear strains vanish."""
+    energy = Quartic(DIAGONAL, bend=1.5)
+    kappa = 0.9
+    moment = 3.0 * kappa + 4 * 1.5 * kappa**3
+    model, beam = rod(
+        section(energy), 4, 4, lambda b: sc.LoadMoment(b.node("rod.end"), (moment, 0, 0))
+    )
+    path = sc.static(model, control=sc.LoadControl(until=1.0), treatment=TREATMENTS[treatment])
+    system, q = model.freeze(), path["q"][-1]
+    tip = q.reshape(-1, 4, 3)[beam.node("rod.end").vertex]
+    R = 1 / kappa
+    assert tip[0] == pytest.approx(
+        [0, -R * (1 - np.cos(LENGTH / R)), R * np.sin(LENGTH / R)], abs=2e-8
+    )
+    assert diagnostics.section_strains(system, beam, q)[..., 3] == pytest.approx(kappa, rel=1e-6)
+    assert diagnostics.section_forces(system, beam, q)[..., 3] == pytest.approx(moment, rel=1e-6)
+    found = diagnostics.nodal_resultants(system, beam, q)[..., 3]
+    assert found == pytest.approx(np.full_like(found, moment), rel=1e-9)
+    W = 0.5 * 3.0 * kappa**2 + 1.5 * kappa**4
+    assert diagnostics.strain_energy(system, q) == pytest.approx(W * LENGTH, rel=1e-7)
+
+
+def axial(force, energy=None):
+    energy = Quartic(DIAGONAL) if energy is None else energy
+    return rod(section(energy), 2, 3, lambda b: sc.LoadForce(b.node("rod.end"), (0, 0, force)))
+
+
+def test_axial_bar():
+    """N = W'(Gamma_3), to rounding: the field is linear."""
+    stretch = 0.3
+    force = 900 * stretch + 4 * 2000 * stretch**3
+    model, beam = axial(force)
+    path = sc.static(model, control=sc.LoadControl(until=1.0))
+    system, q = model.freeze(), path["q"][-1]
+    assert diagnostics.section_strains(system, beam, q)[..., 2] == pytest.approx(stretch, rel=1e-11)
+    at = diagnostics.evaluate(system, beam, q, *beam.along([0.1, 1.9]))
+    assert at.resultant[:, 2] == pytest.approx(force, rel=1e-11)
+    W = 450 * stretch**2 + 2000 * stretch**4
+    assert diagnostics.strain_energy(system, q) == pytest.approx(W * LENGTH, rel=1e-11)
+
+
+@pytest.mark.parametrize(("order", "meshes"), [(1, (16, 32, 64)), (2, (4, 8, 16)), (3, (3, 6, 12))])
+def test_convergence_order_of_tips(order, meshes):
+    """2 p, as for quadratic energies; the reference: order 4 with 16 elements."""
+    energy = Quartic(DIAGONAL, bend=2.0)
+
+    def tip(order, elements):
+        made = section(energy, gradient=energy.gradient, hessian=energy.hessian)
+        load = lambda b: sc.LoadForce(b.node("rod.end"), (0.7, 1.0, 0))  # noqa: E731
+        model, beam = rod(made, order, elements, load)
+        path = sc.static(model, control=sc.LoadControl(until=1.0, steps=2))
+        return path["q"][-1].reshape(-1, 4, 3)[beam.node("rod.end").vertex, 0]
+
+    exact = tip(4, 16)
+    errors = [np.linalg.norm(tip(order, n) - exact) for n in meshes]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert orders[-1] == pytest.approx(2 * order, abs=0.15)
+
+
+def test_frequencies_of_a_stretched_bar_follow_the_present_stiffness():
+    """Longitudinal vibrations: (2 k - 1) pi/(2 L) sqrt(W''(Gamma_3)/mass)."""
+    stretch = 0.3
+    energy = Quartic(np.diag([4e4, 5e4, 900.0, 3e3, 4e3, 2e3]))
+    made = sc.SectionHyperelastic(energy, MASS, (0.13, 0.09))
+    force = 900 * stretch + 4 * 2000 * stretch**3
+    load = lambda b: sc.LoadForce(b.node("rod.end"), (0, 0, force))  # noqa: E731
+    model, _ = rod(made, 4, 6, load)
+    path = sc.static(model, control=sc.LoadControl(until=1.0))
+    found = sc.modes(model, path, count=12).frequencies * 2 * np.pi
+    D = 900 + 12 * 2000 * stretch**2
+    for k in (1, 2):
+        wanted = (2 * k - 1) * np.pi / (2 * LENGTH) * np.sqrt(D / MASS)
+        assert abs(found - wanted).min() < 1e-8 * wanted
+
+
+def test_linear_buckling_and_highest_frequency_take_the_stiffness_where_they_are():
+    plain = sc.Section(DIAGONAL, MASS, INERTIA)
+    made = sc.SectionHyperelastic(Quartic(DIAGONAL), MASS, INERTIA)
+    load = lambda b: sc.LoadForce(b.node("rod.end"), (0, 0, -1.0))  # noqa: E731
+    critical = [
+        sc.buckling(rod(s, 2, 6, load)[0], count=2).factors for s in (plain, made)
+    ]  # fmt: skip
+    assert critical[0] == pytest.approx(critical[1], rel=1e-9)
+    model, _ = axial(900 * 0.3 + 8000 * 0.3**3)
+    path = sc.static(model, control=sc.LoadControl(until=1.0))
+    system = model.freeze()
+    at_rest = diagnostics.highest_frequency(system, system.q0)
+    assert diagnostics.highest_frequency(system, path["q"][-1]) > 1.1 * at_rest
+
+
+def test_tension_is_held_by_the_present_bending_stiffness():
+    """Beyond 4 EI/h^2 of zero strain nothing is said of a rod that has stiffened tenfold."""
+    D = np.diag([4e4, 5e4, 900.0, 3.0, 3.0, 2.0])
+
+    def stiffening(eps):
+        kappa = eps[..., 3] ** 2 + eps[..., 4] ** 2
+        return Quadratic(D)(eps) + 0.5 * 3e3 * eps[..., 2] ** 2 * kappa
+
+    found = {}
+    for name, energy in (("plain", Quadratic(D)), ("stiffening", stiffening)):
+        force = 900 * 0.1
+        model, _ = rod(
+            section(energy), 1, 4, lambda b: sc.LoadForce(b.node("rod.end"), (0, 0, 90.0))
+        )
+        system = model.freeze()
+        y = system.q0.reshape(-1, 3)
+        y[system.origin_rows] *= 1.1
+        found[name] = overstretched(system, y)
+    limit = 4 * 3.0 / (0.5 * 0.55)
+    assert f"tension {force:.3g} N" in found["plain"]
+    assert f"4 EI/h^2 = {limit:.3g} N" in found["plain"]
+    assert found["stiffening"] is None  # 10 times as much: 3 + 3e3 * 0.1^2 = 33 N m^2
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_curved_reference_is_free_of_stress(order):
+    model, beam = free_beam(section(FUNG), order)
+    system = model.freeze()
+    assert float(diagnostics.strain_energy(system, system.q0)) < 1e-25
+    f = beam.internal_force_form().assemble(beam.basis, q=beam.reference)
+    assert abs(f).max() < 1e-13
+    rng = np.random.default_rng(0)
+    q = beam.reference + 0.02 * rng.standard_normal(len(beam.reference))
+    K = beam.tangent_form().assemble(beam.basis, q=q).toarray()
+    dq = rng.standard_normal(len(q))
+    f = beam.internal_force_form().assemble
+    h = 1e-4
+    near, far = (f(beam.basis, q=q + k * h * dq) - f(beam.basis, q=q - k * h * dq) for k in (1, 2))
+    assert abs(K @ dq - (8 * near - far) / (12 * h)).max() < 1e-8 * abs(K @ dq).max()
+
+
+def test_a_history_belongs_to_its_energy():
+    """A run is not gone on with under another energy of the same stiffness."""
+    model, _ = free_beam(section(QUARTIC))
+    history = simulated(model.freeze(), "energy-momentum", "null space", until=0.02)
+    restarted = sc.restart(model.freeze(), history, sc.EnergyMomentum(), 0.01)
+    assert restarted.index == 2
+    other, _ = free_beam(section(Quartic(axial=2100.0)))
+    with pytest.raises(sc.InputError, match="stored energy differs"):
+        sc.restart(other.freeze(), history, sc.EnergyMomentum(), 0.01)
+
+
+def test_no_compiled_kernels_and_why():
+    system = free_beam(section(QUARTIC))[0].freeze()
+    words = "no compiled kernels for sections of a stored energy function"
+    assert words in refusal(system, sc.EnergyMomentum(), sc.NullSpace())
+    assert words in static_refusal(system, sc.NullSpace(), None)
+    with pytest.raises(sc.InputError, match=words):
+        simulated(system, "energy-momentum", "null space", kernels="numba")
+    assert not section(QUARTIC).quadratic
+    assert sc.Section(FULL, 1.0, (1, 1)).quadratic
+
+
+def test_sections_travel():
+    """Pickled with a function that can be imported, copied with damping."""
+    made = pickle.loads(pickle.dumps(section(QUARTIC)))
+    eps = np.full((2, 6), 0.1)
+    assert (made.law.stress(eps) == section(QUARTIC).law.stress(eps)).all()
+    damped = made.damped(time=0.1)
+    assert (damped.law.stress(eps) == made.law.stress(eps)).all()
+    assert damped.viscosity == pytest.approx(0.1 * made.stiffness)
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+
+def refused(words, energy=QUARTIC, **options):
+    with pytest.raises(sc.InputError, match=words):
+        section(energy, **options)
+
+
+def changed(function, entry, factor):
+    def other(eps):
+        out = function(eps)
+        out[(..., *entry)] *= factor
+        return out
+
+    return other
+
+
+def test_derivatives_that_do_not_match_name_the_worst_entry():
+    wrong = changed(QUARTIC.gradient, (4,), 1.01)
+    refused(
+        r"gradient is not the derivative of the energy; worst entry 4 \(M_2\) at", gradient=wrong
+    )
+    twice = changed(QUARTIC.gradient, (2,), 2.0)
+    refused(
+        r"worst entry 2 \(N_3\) at strains \[.*\]: -?\d.*, by differences of the energy -?\d",
+        gradient=twice,
+    )
+    wrong = changed(QUARTIC.hessian, (5, 5), 1.001)
+    refused(
+        r"hessian is not the derivative of the gradient; worst entry \[5, 5\] \(M_3 by strain 5\)",
+        gradient=QUARTIC.gradient, hessian=wrong,
+    )  # fmt: skip
+
+
+class Counter:
+    """Depends on how often it was called."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, eps):
+        self.calls += 1
+        return QUARTIC(eps) * (1 + 1e-6 * self.calls)
+
+
+def neighbours(eps):
+    """Depends on all strains it is called with."""
+    return QUARTIC(eps) * (1 + abs(eps).max())
+
+
+def mutating(eps):
+    eps *= 2
+    return QUARTIC(eps)
+
+
+def kinked(eps):
+    return QUARTIC(eps) + 50 * abs(eps[..., 2]) ** 3
+
+
+def test_functions_of_anything_else_are_named():
+    refused("may depend on these strains only", Counter())
+    refused("may depend on these strains only", neighbours)
+    refused(r"energy fails for strains .*must not change.*read-only", mutating)
+    refused(r"energy fails for strains", lambda eps, directors: 0.0)
+    refused(r"energy fails for strains", lambda eps: QUARTIC(eps[..., :5]))
+    refused("expected a function of strains", 3.0)
+
+
+@pytest.mark.parametrize(
+    ("energy", "words"),
+    [
+        (lambda eps: eps @ FULL, r"is float64 of shape \(1, 6\), expected shape \(1,\)"),
+        (lambda eps: QUARTIC(eps) + 0j, "is complex128 of shape"),
+        (lambda eps: QUARTIC(eps) * np.nan, "energy is not finite at strains"),
+        (lambda eps: QUARTIC(eps) + 3.0, "energy at zero strain is 3, expected 0"),
+        (lambda eps: QUARTIC(eps) + 0.1 * eps[..., 3], r"M_1 = 0.1 at zero strain"),
+        (lambda eps: QUARTIC(eps) - 60 * eps[..., 5] ** 2, "GJ = -"),
+        (lambda eps: QUARTIC(eps) + 80 * eps[..., 3] * eps[..., 4], "not positive definite"),
+        (lambda eps: QUARTIC(eps.real), "expected .* complex numbers; give its derivative"),
+        (kinked, "not analytic.*give its gradient; worst entry 2"),
+        (lambda eps: QUARTIC(eps) + 1e3 * np.log1p(-300 * eps[..., 2] ** 2), "GA|EA"),
+        (
+            lambda eps: QUARTIC(eps) - np.log1p(-6e3 * eps[..., 2] ** 2),
+            "energy is not finite at strains .* give `strains`",
+        ),
+    ],
+)  # fmt: skip
+def test_impossible_energies_are_named(energy, words):
+    refused(words, energy)
+
+
+def test_strains_of_the_checks():
+    """An energy that is defined on a small range only is accepted with strains within it."""
+
+    def barrier(eps):
+        return QUARTIC(eps) - np.log1p(-6e3 * eps[..., 2] ** 2)
+
+    few = 1e-3 * np.random.default_rng(0).standard_normal((4, 6))
+    law = section(barrier, strains=few).law
+    assert law.stiffness[2, 2] == pytest.approx(
+        FULL[2, 2] + 12e3, rel=1e-7
+    )  # differences, as stated
+    refused(r"strains has shape \(6,\), expected \(k, 6\)", strains=np.zeros(6))
+    refused("is not finite", strains=np.full((1, 6), np.nan))
+
+
+def test_an_energy_without_complex_numbers_works_with_its_gradient():
+    """W = eps.D eps/2 + 50 |Gamma_3|^3."""
+
+    def gradient(eps):
+        out = QUARTIC.gradient(eps)
+        out[..., 2] += 150 * abs(eps[..., 2]) * eps[..., 2]
+        return out
+
+    law = section(kinked, gradient=gradient).law
+    assert not law.complex_step
+    eps0, eps1, _ = pairs()
+    S = law.discrete(eps0, eps1)
+    change = law.energy(eps1) - law.energy(eps0)
+    size = law.energy(eps1) + law.energy(eps0)
+    assert abs((S * (eps1 - eps0)).sum(-1) - change).max() < 1e-14 * size.max()
