@@ -20,9 +20,8 @@ from .errors import (
 from .foundation import Foundation
 from .frames import Motion, Place, ground, triad
 from .history import History, spectrum
-from .integrators import Composition, EnergyMomentum, GeneralizedAlpha, State, Stepper, Variational
 from .hyperelastic import SectionHyperelastic
-from .integrators import EnergyMomentum, State, Stepper, Variational
+from .integrators import Composition, EnergyMomentum, GeneralizedAlpha, State, Stepper, Variational
 from .joint import (
     JointCylindrical,
     JointDistance,

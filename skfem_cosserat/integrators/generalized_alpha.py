@@ -175,6 +175,7 @@ class GeneralizedAlpha(Integrator):
             stresses,
             at.Bs,
             at.Bs,
+            at.strains,
             at.external,
             at.coupled,
             None,
