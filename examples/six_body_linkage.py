@@ -143,23 +143,45 @@ def build(twist: float | None = None, angle: float | None = None) -> sc.System:
     twist, angle : float, optional
         (rad) See :func:`main`.
     """
-    points, axes = _geometry(twist, angle)
+    return linkage(*_geometry(twist, angle))
+
+
+def linkage(
+    points: ArrayLike,
+    axes: ArrayLike,
+    mass: float = MASS,
+    width: float = WIDTH,
+    gravity: ArrayLike = GRAVITY,
+) -> sc.System:
+    """A ring of square rods with revolute joints between them, the first rod fixed.
+
+    Parameters
+    ----------
+    points, axes : (6, 3) array
+        Joints P0 to P5 (m) and their axes, unit vectors; link 0 reaches from P5 to P0.
+    mass, width : float
+        Of each rod (kg, m).
+    gravity : (3,) array
+        (m/s^2)
+    """
+    points, axes = np.asarray(points, dtype=float), np.asarray(axes, dtype=float)
     model = sc.Model()
     links = []
     for k in range(6):
         a, b = points[k - 1], points[k]
+        length = float(np.linalg.norm(b - a))
         rod = sc.RigidBody.box(
-            MASS,
-            (WIDTH, WIDTH, LENGTH),
+            mass,
+            (width, width, length),
             position=(a + b) / 2,
-            triad=sc.triad((b - a) / LENGTH, axes[k]),
+            triad=sc.triad((b - a) / length, axes[k]),
         )
         links.append(model.add(f"link {k}", rod))
     model.add("base", sc.JointFixed(sc.ground(points[0]), links[0].at(points[0])))
     for k in range(6):
         sides = links[k].at(points[k]), links[(k + 1) % 6].at(points[k])
         model.add(f"P{k}", sc.JointRevolute(*sides, axes[k]))
-    model.add("gravity", sc.LoadGravity(GRAVITY))
+    model.add("gravity", sc.LoadGravity(gravity))
     return model.freeze()
 
 

@@ -22,6 +22,7 @@ from .frames import Motion, Place, ground, triad
 from .history import History, spectrum
 from .hyperelastic import SectionHyperelastic
 from .integrators import Composition, EnergyMomentum, GeneralizedAlpha, State, Stepper, Variational
+from .integrators import EnergyMomentum, State, Stepper, Variational
 from .joint import (
     JointCylindrical,
     JointDistance,
@@ -42,6 +43,21 @@ from .model.balance import Spin
 from .motion import MotionShake, MotionTurn
 from .newton import NewtonSettings
 from .parallel import Job, Outcome, Processes, run_all
+from .profile import (
+    MaterialAnisotropic,
+    Profile,
+    ProfileBox,
+    ProfileChannel,
+    ProfileCircle,
+    ProfileComposite,
+    ProfileI,
+    ProfilePolygon,
+    ProfileRectangle,
+    ProfileRectangles,
+    ProfileRings,
+    ProfileTube,
+    Region,
+)
 from .ramp import Harmonic, RampLinear, RampSmooth
 from .section import Material, Section, SectionCircle, SectionRectangle, SectionTube
 from .simulate import (
@@ -113,6 +129,7 @@ __all__ = [
     "LoadMoment",
     "MassPoint",
     "Material",
+    "MaterialAnisotropic",
     "MeshCurve",
     "MeshError",
     "Model",
@@ -126,11 +143,23 @@ __all__ = [
     "Outcome",
     "Place",
     "Processes",
+    "Profile",
+    "ProfileBox",
+    "ProfileChannel",
+    "ProfileCircle",
+    "ProfileComposite",
+    "ProfileI",
+    "ProfilePolygon",
+    "ProfileRectangle",
+    "ProfileRectangles",
+    "ProfileRings",
+    "ProfileTube",
     "Projection",
     "RampLinear",
     "RampSmooth",
     "RayleighDamping",
     "Refinement",
+    "Region",
     "RigidBody",
     "Section",
     "SectionCircle",

@@ -25,6 +25,7 @@ LAYERS = (
     ("errors", "types", "log", "version"),
     ("mesh", "element", "basis", "assembly"),
     ("law", "section", "hyperelastic", "strain", "kernels"),
+    ("law", "section", "hyperelastic", "profile", "strain", "kernels"),
     (
         *("frames", "relative", "beam", "body", "joint", "load", "coupling", "damping", "drive"),
         *("foundation", "motion", "ramp"),
@@ -47,7 +48,7 @@ REQUIRED = {"numpy", "scipy", "skfem", "meshio"}
 COMPILED = {("compiled", "numba"), ("compiled", "llvmlite")}
 OPTIONAL = (
     *("pyvista", "matplotlib", "vtk", "vtkmodules", "numba", "llvmlite", "pypardiso", "pymetis"),
-    *("h5py", "tqdm"),
+    *("h5py", "tqdm", "shapely"),
 )
 
 MAX_MODULE_LINES = 500

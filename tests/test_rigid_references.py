@@ -6,7 +6,9 @@ reached by Richardson extrapolation over levels of halved steps, on which the er
 R4, the six-body linkage, is in test_six_body_linkage.py; there is no R7.
 """
 
+import importlib
 import json
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,6 +19,16 @@ import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples" / "benchmarks"))
+
+pendulum, top, free, four_bars, andrews, rods = (
+    importlib.import_module(f"collection.{name}")
+    for name in (
+        *("r01_pendulum", "r02_top", "r03_free_body", "r05_four_bars", "r06_squeezer"),
+        "r08_chain",
+    )
+)
+motion = importlib.import_module("collection.motion")
 DATA = json.loads((Path(__file__).parent / "data" / "rigid_references.json").read_text())
 INTEGRATORS = (sc.Variational, sc.EnergyMomentum)
 PAIRS = [(i, t) for i in INTEGRATORS for t in (sc.NullSpace, sc.Multipliers)]
@@ -68,16 +80,7 @@ def seen_directors_and_rates(history):
 # -- R1: spherical pendulum ------------------------------------------------------------------------
 
 R1 = np.array(DATA["R1"]["state"])
-START = np.array([np.sqrt(3) / 2, 0.0, -0.5])
-SPEED = np.array([0.0, 2.0, 0.0])
-
-
-def spherical_pendulum():
-    model = sc.Model()
-    bob = model.add("bob", sc.MassPoint(1.0, START, velocity=SPEED))
-    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place(), length=1.0))
-    model.add("gravity", sc.LoadGravity(GRAVITY))
-    return model.freeze()
+START, SPEED = (np.array(pendulum.DATA[name]) for name in ("x0", "v0"))
 
 
 def seen_bob(history):
@@ -86,14 +89,14 @@ def seen_bob(history):
 
 @pairs
 def test_spherical_pendulum(integrator, treatment):
-    system, pair = spherical_pendulum(), (integrator, treatment)
+    system, pair = pendulum.scene(), (integrator, treatment)
     converge(system, pair, 1 / 40, [1.0, 2.0], seen_bob, R1[:2])
 
 
 @pytest.mark.slow
 @pairs
 def test_spherical_pendulum_for_ten_seconds(integrator, treatment):
-    system, pair = spherical_pendulum(), (integrator, treatment)
+    system, pair = pendulum.scene(), (integrator, treatment)
     converge(system, pair, 1 / 80, DATA["R1"]["t"], seen_bob, R1)
 
 
@@ -127,16 +130,6 @@ R2 = np.array([directors_and_rates(row) for row in DATA["R2"]["state"]])
 AXIS = [3, 4, 5, 9, 10, 11]
 
 
-def heavy_top():
-    model = sc.Model()
-    spin = (0, 150, -4.61538)
-    inertia = (0.234375, 0.46875, 0.234375)
-    top = model.add("top", sc.RigidBody(15.0, inertia, center=(0, 1, 0), angular_velocity=spin))
-    model.add("pin", sc.JointSpherical(sc.ground((0, 0, 0)), top.at((0, 0, 0))))
-    model.add("gravity", sc.LoadGravity(GRAVITY))
-    return model.freeze()
-
-
 def seen_axis(history):
     return seen_directors_and_rates(history)[:, AXIS]
 
@@ -145,7 +138,7 @@ def seen_axis(history):
 def test_heavy_top_at_the_first_time(integrator, treatment):
     """With the whole triad, which turns by 15 rad about the axis of the top until then."""
     pair = (integrator, treatment)
-    converge(heavy_top(), pair, 1e-3, [0.1], seen_directors_and_rates, R2[:1])
+    converge(top.scene(), pair, 1e-3, [0.1], seen_directors_and_rates, R2[:1])
 
 
 @pytest.mark.slow
@@ -153,34 +146,16 @@ def test_heavy_top_at_the_first_time(integrator, treatment):
 def test_heavy_top(integrator, treatment):
     """Without the spin's phase, which needs finer steps."""
     times = DATA["R2"]["t"]
-    converge(heavy_top(), (integrator, treatment), 1 / 600, times, seen_axis, R2[:, AXIS])
-
-
-def steady_top(rate):
-    """m = 1, l = 0.5, A = B = 0.4 and C = 0.1 about the fixed point, tilt 0.5, Omega_3 = 40."""
-    tilt = 0.5
-    axis = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
-    omega = np.array([0, 0, rate]) + (40.0 - rate * np.cos(tilt)) * axis
-    model = sc.Model()
-    top = sc.RigidBody(
-        1.0,
-        (0.15, 0.15, 0.1),
-        position=0.5 * axis,
-        triad=sc.triad(axis, (0, 1, 0)),
-        velocity=np.cross(omega, 0.5 * axis),
-        angular_velocity=omega,
-    )
-    model.add("top", top)
-    model.add("pin", sc.JointSpherical(sc.ground((0, 0, 0)), top.at((0, 0, 0))))
-    model.add("gravity", sc.LoadGravity(GRAVITY))
-    return model.freeze(), axis
+    converge(top.scene(), (integrator, treatment), 1 / 600, times, seen_axis, R2[:, AXIS])
 
 
 @pairs
 @pytest.mark.parametrize(("name", "times"), [("slow", [0.2, 0.4]), ("fast", [0.1, 0.2])])
 def test_steady_precession(integrator, treatment, name, times):
-    rate = DATA["R2 steady precession"][name]
-    system, axis = steady_top(rate)
+    rate = float(DATA["R2 steady precession"][name])
+    system = top.steady(rate)
+    axis = np.array([np.sin(0.5), 0.0, np.cos(0.5)])
+    assert top.precession()[name] == pytest.approx(rate, rel=1e-14)
     turns = rotation_matrix(exp_quaternion(np.outer(times, (0, 0, rate))))
     pair, h = (integrator, treatment), times[0] / 25
     converge(system, pair, h, times, lambda history: history["q"][:, 9:12], turns @ axis)
@@ -191,28 +166,22 @@ def test_steady_precession(integrator, treatment, name, times):
 R3 = np.array([directors_and_rates(row) for row in DATA["R3"]["state"]])
 
 
-def free_body():
-    model = sc.Model()
-    model.add("body", sc.RigidBody(1.0, (1, 2, 3), angular_velocity=(1, 1, 1)))
-    return model.freeze()
-
-
 @pairs
 def test_free_body(integrator, treatment):
     pair = (integrator, treatment)
-    converge(free_body(), pair, 1 / 25, [1.0, 2.0], seen_directors_and_rates, R3[:2])
+    converge(free.scene(), pair, 1 / 25, [1.0, 2.0], seen_directors_and_rates, R3[:2])
 
 
 @pytest.mark.slow
 @pairs
 def test_free_body_for_a_hundred_seconds(integrator, treatment):
     pair = (integrator, treatment)
-    converge(free_body(), pair, 1 / 25, DATA["R3"]["t"], seen_directors_and_rates, R3, levels=4)
+    converge(free.scene(), pair, 1 / 25, DATA["R3"]["t"], seen_directors_and_rates, R3, levels=4)
 
 
 def test_first_order_start_would_be_seen():
     """Negative: a momentum that is off by O(h) at the start spoils the ratio of 4."""
-    system = free_body()
+    system = free.scene()
     errors = []
     for n in (50, 100):
         p = sc.initial_state(system).p
@@ -230,39 +199,9 @@ R5 = np.array(DATA["R5"]["phi_omega"])
 WINDOWS = 2
 
 
-def windows(angle=0.0, rate=1.0, gravity=9.81):
-    """Rods A0B0, B0B1, A1B1, B1B2, A2B2 of 1 m and 1 kg; `angle` from the vertical, clockwise.
-
-    Energy of the reference solution, 3/2 rate^2 + 7/2 g cos(angle), is that of these thin rods
-    with gravity 9.81 m/s^2 downwards. Of the spatial hinges' rows three are redundant in each loop.
-    """
-    model = sc.Model()
-    up = np.array([np.sin(angle), np.cos(angle), 0.0])
-    spin = np.array([0.0, 0.0, -rate])
-    feet = [np.array([k, 0.0, 0.0]) for k in range(WINDOWS + 1)]
-    columns, beams = [], []
-    for k, foot in enumerate(feet):
-        column = sc.RigidBody.rod(
-            1.0,
-            1.0,
-            position=foot + up / 2,
-            triad=sc.triad(up, E3),
-            velocity=np.cross(spin, up / 2),
-            angular_velocity=spin,
-        )
-        columns.append(model.add(f"column {k}", column))
-        model.add(f"A{k}", sc.JointRevolute(sc.ground(foot), column.at(foot), E3))
-    for k, foot in enumerate(feet[:-1]):
-        middle = foot + up + (0.5, 0, 0)
-        place = {"position": middle, "triad": sc.triad((1, 0, 0), E3)}
-        beams.append(sc.RigidBody.rod(1.0, 1.0, **place, velocity=np.cross(spin, up)))
-        model.add(f"beam {k}", beams[k])
-        for i in (0, 1):
-            sides = columns[k + i].at(feet[k + i] + up), beams[k].at(feet[k + i] + up)
-            model.add(f"B{k + i} {k}", sc.JointRevolute(*sides, E3))
-    if gravity:
-        model.add("gravity", sc.LoadGravity((0, -gravity, 0)))
-    return model.freeze()
+def windows(angle=0.0, gravity=9.81):
+    """Energy of the reference, 3/2 rate^2 + 7/2 g cos(angle), is that of these thin rods."""
+    return four_bars.scene({"N": WINDOWS, "phi": angle, "g": gravity})
 
 
 def column_angles(system, q):
@@ -373,88 +312,20 @@ def test_four_bar_windows_start_in_a_singular_position(integrator, treatment, ca
 R6 = np.array(DATA["R6"]["q"])
 
 
-def _along(angle):
-    return np.array([np.cos(angle), np.sin(angle), 0.0])
-
-
-def _across(angle):
-    return np.array([np.sin(angle), -np.cos(angle), 0.0])
-
-
-def squeezer(motor):
-    """Seven bodies, ten hinges of which four are redundant loops in the plane, a spring, a motor.
-
-    Each body has its reference point at a hinge and the angle of its d1 is one of R6's.
-    """
-    d = {k: float(v) for k, v in DATA["R6"]["params"].items()}
-    beta, theta, gamma, phi, delta, omega, epsilon = DATA["R6"]["q0"]
-    O, A, B, C = (  # noqa: E741
-        np.array([x, y, 0.0])
-        for x, y in ((0, 0), (d["xa"], d["ya"]), (d["xb"], d["yb"]), (d["xc"], d["yc"]))
-    )
-    F = d["rr"] * _along(beta)
-    H, G = A + d["zt"] * _along(delta), A + d["u"] * _across(epsilon)
-    E = F - d["d"] * _along(beta + theta)
-    tip = B + d["sc"] * _across(gamma) + d["sd"] * _along(gamma)
-    model = sc.Model()
-    b, t4, t6 = {}, phi + delta, omega + epsilon
-    table = {  # angle of d1, reference point, centre of mass relative to it
-        1: (beta, O, d["ra"] * _along(beta)),
-        2: (beta + theta, F, -d["da"] * _along(beta + theta)),
-        3: (gamma, B, d["sa"] * _across(gamma) + d["sb"] * _along(gamma)),
-        4: (t4, H, (d["e"] - d["ea"]) * _across(t4)),
-        5: (delta, A, d["ta"] * _along(delta) + d["tb"] * _across(delta)),
-        6: (t6, G, (d["zf"] - d["fa"]) * _along(t6)),
-        7: (epsilon, A, d["ua"] * _across(epsilon) + d["ub"] * _along(epsilon)),
-    }
-    for k, (angle, place, arm) in table.items():
-        triad = np.array([_along(angle), -_across(angle), E3])
-        J = d[f"I{k}"]
-        b[k] = model.add(
-            f"K{k}",
-            sc.RigidBody(
-                d[f"m{k}"], euler=(J / 2, J / 2, 0), position=place, triad=triad, center=triad @ arm
-            ),
-        )
-    ground = {k: sc.ground(x) for k, x in (("O", O), ("A", A), ("B", B))}
-    hinges = [("O", 1, O), (1, 2, F), (2, 3, E), ("B", 3, B), (2, 4, E), (4, 5, H), ("A", 5, A)]
-    hinges += [(2, 6, E), (6, 7, G), ("A", 7, A)]
-    for i, j, x in hinges:
-        a = ground[i] if isinstance(i, str) else b[i].at(x)
-        hinge = model.add(f"{i}-{j}", sc.JointRevolute(a, b[j].at(x), E3))
-        if i == "O" and motor == "actuator":
-            model.add("motor", sc.JointActuator(hinge, d["mom"]))
-    if motor == "moment":
-        model.add("motor", sc.LoadMoment(b[1].at(O), (0, 0, d["mom"])))
-    model.add("spring", sc.SpringDamper(b[3].at(tip), sc.ground(C), d["c0"], length=d["l0"]))
-    return model.freeze()
-
-
-def seen_squeezer(system):
-    """(beta, Theta, gamma, Phi, delta, Omega, epsilon), continued from state to state."""
-
-    def seen(history):
-        a = [np.zeros(len(history))]
-        for k in range(1, 8):
-            place = system.frame_place(f"K{k}") + 3
-            d = history["q"][:, place : place + 2]
-            a.append(np.unwrap(np.arctan2(d[:, 1], d[:, 0])))
-        out = [a[1], a[2] - a[1], a[3], a[4] - a[5], a[5], a[6] - a[7], a[7]]
-        return np.column_stack(out)
-
-    return seen
+def squeezed(system, history):
+    """(beta, Theta, gamma, Phi, delta, Omega, epsilon) of all states."""
+    return andrews.read(motion.Track(system, history, np.arange(len(history))))["q"]
 
 
 def converge_squeezer(pair, h, times, motor, levels=3):
     """As `converge`, with all states, for angles go on over turns."""
-    system = squeezer(motor)
+    system = andrews.scene(motor=motor)
     assert system.counts() == {"n": 84, "m": 92, "rank": 83, "unknowns": 1}
-    seen = seen_squeezer(system)
     results = []
     for level in range(levels):
         step = h / 2**level
         history = sc.simulate(system, pair[0](), pair[1](), step, times[-1], derive=False)
-        results.append(seen(history)[np.rint(np.array(times) / step).astype(int)])
+        results.append(squeezed(system, history)[np.rint(np.array(times) / step).astype(int)])
     reference = R6[: len(times)]
     errors = np.linalg.norm(np.array(results) - reference, axis=2)
     assert (abs(np.log2(errors[:-1] / errors[1:]) - 2) < 0.1).all()
@@ -485,9 +356,9 @@ def test_squeezer_to_the_end(integrator, treatment):
 @pytest.mark.parametrize("treatment", [sc.NullSpace, sc.Multipliers])
 def test_squeezer_energy_balance(treatment):
     """Energy-momentum: kinetic and spring energy grow by torque times angle."""
-    system = squeezer("actuator")
+    system = andrews.scene()
     history = sc.simulate(system, sc.EnergyMomentum(), treatment(), 1e-4, 0.01)
-    turned = seen_squeezer(system)(history)[:, 0]
+    turned = squeezed(system, history)[:, 0]
     work = DATA["R6"]["params"]["mom"] * (turned - turned[0])
     energy = history["kinetic"] + history["coupling_energy"]
     assert abs(energy - energy[0] - work).max() < 1e-10 * abs(energy).max()
@@ -496,22 +367,8 @@ def test_squeezer_energy_balance(treatment):
 # -- R8: chain of rods -----------------------------------------------------------------------------
 
 
-def chain(count):
-    """Thin rods of 1 m and 1 kg, hinged in the plane, released from the horizontal."""
-    model = sc.Model()
-    before = None
-    for k in range(count):
-        place = {"position": (k + 0.5, 0, 0), "triad": sc.triad((1, 0, 0), E3)}
-        rod = model.add(f"rod {k}", sc.RigidBody.rod(1.0, 1.0, **place))
-        end = sc.ground((0, 0, 0)) if before is None else before.at((k, 0, 0))
-        model.add(f"hinge {k}", sc.JointRevolute(end, rod.at((k, 0, 0)), E3))
-        before = rod
-    model.add("gravity", sc.LoadGravity((0, -9.81, 0)))
-    return model.freeze()
-
-
 def converge_chain(pair, count, until, h, **options):
-    system = chain(count)
+    system = rods.scene({"N": count})
     data = DATA[f"R8 N={count}"]
     times = [t for t in data["t"] if t <= until]
     reference = np.array(data["state"])[: len(times)]

@@ -1,0 +1,225 @@
+"""Profiles bounded by polygons, with holes and of several materials (needs shapely)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from skfem import MeshTri1
+
+from ..errors import InputError
+from ..types import ArrayLike, Floats, IndexArray, numbers
+from .outline import signed_area
+from .profile import AnyMaterial, Profile
+from .triangulate import triangulate
+
+__all__ = ["ProfileComposite", "ProfilePolygon", "Region"]
+
+#: Longest edge of the first mesh in mean thicknesses of the wall, which are twice the area by the
+#: length of all boundaries.
+EDGE = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Part of a section of one material.
+
+    Parameters
+    ----------
+    outline : (k, 2) array
+        Corners (m), in either sense; the last one is joined to the first.
+    material : Material or MaterialAnisotropic
+    holes : sequence of (k, 2) arrays
+        Polygons inside the outline that the material leaves out.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Material
+    >>> Region([(0, 0), (1, 0), (0, 1)], Material(1.0, 0.3, 1.0)).outline.shape
+    (3, 2)
+    """
+
+    outline: Floats
+    material: AnyMaterial
+    holes: tuple[Floats, ...] = field(default=())
+
+    def __init__(
+        self, outline: ArrayLike, material: AnyMaterial, holes: Sequence[ArrayLike] = ()
+    ) -> None:
+        object.__setattr__(self, "outline", _corners("outline", outline))
+        object.__setattr__(self, "material", material)
+        object.__setattr__(
+            self,
+            "holes",
+            tuple(_corners(f"hole {k}", hole) for k, hole in enumerate(holes)),
+        )
+
+
+def _corners(name: str, value: ArrayLike) -> Floats:
+    """Corners of a simple polygon (k, 2)."""
+    item = "polygon"
+    out = numbers(item, name, value)
+    if out.ndim != 2 or out.shape[1] != 2 or len(out) < 3:
+        raise InputError(item, f"{name} has shape {out.shape}, expected (k, 2) with k >= 3")
+    if not np.isfinite(out).all():
+        raise InputError(item, f"{name} is not finite at corner {_first(~np.isfinite(out))}")
+    if np.array_equal(out[0], out[-1]):
+        out = out[:-1]  # closed by the user
+    extent = np.ptp(out, axis=0).max()
+    gaps = np.linalg.norm(out - np.roll(out, -1, axis=0), axis=1)
+    if len(out) < 3 or (gaps <= 1e-12 * extent).any():
+        k = int(np.argmin(gaps))
+        raise InputError(
+            item, f"{name}: corner {k} at {out[k].tolist()} is repeated; expected distinct corners"
+        )
+    if abs(signed_area(out)) <= 1e-12 * extent**2:
+        raise InputError(item, f"{name} = {out.tolist()} has no area")
+    reason = _shapely().is_valid_reason(_shapely().Polygon(out))
+    if reason != "Valid Geometry":
+        raise InputError(item, f"{name} crosses or touches itself: {reason}")
+    return out
+
+
+def _first(bad: Any) -> int:
+    return int(np.flatnonzero(bad.any(axis=1))[0])
+
+
+def _shapely() -> Any:
+    try:
+        import shapely
+    except ImportError as error:
+        raise InputError(
+            "polygon", "shapely is not installed; install skfem-cosserat[polygons]"
+        ) from error
+    return shapely
+
+
+def _shapes(regions: Sequence[Region]) -> list[Any]:
+    """The regions as polygons of shapely that do not overlap."""
+    shapely, item = _shapely(), "polygon"
+    shapes = []
+    for k, region in enumerate(regions):
+        outline = shapely.Polygon(region.outline)
+        holes = [shapely.Polygon(hole) for hole in region.holes]
+        for i, hole in enumerate(holes):
+            if not outline.contains_properly(hole):
+                raise InputError(
+                    item, f"region {k}: hole {i} is not inside the outline, or touches it"
+                )
+            for j in range(i):
+                if hole.intersects(holes[j]):
+                    raise InputError(item, f"region {k}: holes {j} and {i} overlap or touch")
+        shapes.append(shapely.Polygon(region.outline, region.holes))
+    total = sum(shape.area for shape in shapes)
+    for i in range(len(shapes)):
+        for j in range(i):
+            common = shapes[i].intersection(shapes[j]).area
+            if common > 1e-9 * total:
+                raise InputError(
+                    item,
+                    f"regions {j} and {i} overlap by an area of {common:.3g}; give the outer one"
+                    " the inner as a hole",
+                )
+    return shapes
+
+
+def _triangulated(shapes: list[Any]) -> MeshTri1:
+    """Triangles whose edges follow all boundaries, with a subdomain for each region."""
+    shapely = _shapely()
+    boundaries = [shape.boundary for shape in shapes]
+    lines = boundaries[0]
+    if len(shapes) > 1:  # corners on an edge of another region become points of that edge
+        extent = np.ptp(np.reshape(shapely.total_bounds(boundaries), (2, 2)), axis=0).max()
+        lines = shapely.unary_union(boundaries, grid_size=1e-10 * extent)
+    wall = 2 * sum(shape.area for shape in shapes) / lines.length  # its thickness, if it is thin
+    pieces = shapely.get_parts(shapely.segmentize(lines, EDGE * wall))
+    ends = np.concatenate(
+        [np.stack([x[:-1], x[1:]], axis=1) for x in map(shapely.get_coordinates, pieces)]
+    )
+    points, segments = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
+
+    def owner(x: Floats) -> IndexArray:
+        within = [shapely.contains_xy(shape, *x.T) for shape in shapes]
+        return np.where(np.any(within, axis=0), np.argmax(within, axis=0), -1)
+
+    for shape in shapes:
+        shapely.prepare(shape)
+    points, t = triangulate(points, segments.reshape(-1, 2), owner)
+    owners = owner(points[t].mean(axis=1))
+    return MeshTri1(points.T.copy(), t.T.copy()).with_subdomains(
+        {f"region {k}": np.flatnonzero(owners == k) for k in range(len(shapes))}
+    )
+
+
+class ProfileComposite(Profile):
+    """Regions bounded by polygons, each of its own material, bonded where they touch.
+
+    Needs shapely: ``pip install skfem-cosserat[polygons]``.
+
+    Parameters
+    ----------
+    regions : sequence of Region
+        They may touch along edges and must not overlap; a region inside another one fills a hole.
+
+    Raises
+    ------
+    InputError
+        If a polygon has fewer than three corners, repeats one, crosses itself or has no area; if
+        a hole is not inside or overlaps another; if regions overlap or fall apart.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Material
+    >>> steel, timber = Material(210e9, 0.3, 7850), Material(11e9, 0.3, 500)
+    >>> plate = Region([(-0.05, -0.005), (0.05, -0.005), (0.05, 0), (-0.05, 0)], steel)
+    >>> joist = Region([(-0.02, 0), (0.02, 0), (0.02, 0.15), (-0.02, 0.15)], timber)
+    >>> composite = ProfileComposite([plate, joist]).constants(1e-2)
+    >>> round(composite.mass, 3)
+    6.925
+    """
+
+    item = "polygon"
+
+    def __init__(self, regions: Sequence[Region]) -> None:
+        if len(regions) == 0:
+            raise InputError(self.item, "no regions are given")
+        for k, region in enumerate(regions):
+            if not isinstance(region, Region):
+                raise InputError(self.item, f"region {k} = {region!r}, expected a Region")
+        mesh = _triangulated(_shapes(regions))
+        super().__init__(mesh, {f"region {k}": region.material for k, region in enumerate(regions)})
+
+
+class ProfilePolygon(ProfileComposite):
+    """Polygon with holes.
+
+    Needs shapely: ``pip install skfem-cosserat[polygons]``.
+
+    Parameters
+    ----------
+    outline : (k, 2) array
+        Corners ``(X_1, X_2)`` (m), in either sense; the last one is joined to the first.
+    material : Material or MaterialAnisotropic
+    holes : sequence of (k, 2) arrays
+        Polygons inside that do not touch each other or the outline.
+
+    Raises
+    ------
+    InputError
+        See :class:`ProfileComposite`.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Material
+    >>> steel = Material(210e9, 0.3, 7850)
+    >>> angle = [(0, 0), (0.1, 0), (0.1, 0.01), (0.01, 0.01), (0.01, 0.08), (0, 0.08)]
+    >>> round(ProfilePolygon(angle, steel).constants(1e-2).area, 6)
+    0.0017
+    """
+
+    def __init__(
+        self, outline: ArrayLike, material: AnyMaterial, holes: Sequence[ArrayLike] = ()
+    ) -> None:
+        super().__init__([Region(outline, material, holes)])
