@@ -22,7 +22,6 @@ from .frames import Motion, Place, ground, triad
 from .history import History, spectrum
 from .hyperelastic import SectionHyperelastic
 from .integrators import Composition, EnergyMomentum, GeneralizedAlpha, State, Stepper, Variational
-from .integrators import EnergyMomentum, State, Stepper, Variational
 from .joint import (
     JointCylindrical,
     JointDistance,
