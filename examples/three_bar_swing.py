@@ -76,6 +76,8 @@ def build(
     elements: int = 20,
     rotation: NDArray[np.float64] | None = None,
     side_load: float = 0.0,
+    mesh: sc.MeshCurve | None = None,
+    order: int = 1,
 ) -> sc.System:
     """The scene.
 
@@ -88,14 +90,19 @@ def build(
         Turns the whole scene about the origin.
     side_load : float
         Fraction of the pulse that acts out of the plane, along e1.
+    mesh : MeshCurve, optional
+        Of the beam, with the nodes left, mid and right; instead of `elements`.
+    order : int
+        Of the elements.
     """
     mass, end, peak = choose("section", section, PULSE)
     Q = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
-    mesh = _mesh(elements)
+    mesh = _mesh(elements) if mesh is None else mesh
     if rotation is not None:
         mesh = mesh.moved(rotation=Q)
     model = sc.Model()
-    beam = model.add("beam", sc.Beam(mesh, _section(section), director=Q @ (0.0, 0.0, 1.0)))
+    director = Q @ (0.0, 0.0, 1.0)
+    beam = model.add("beam", sc.Beam(mesh, _section(section), order=order, director=director))
     axis = Q @ E1
     ends = {
         "left": ((0.0, 0.0, 0.0), (0.0, 0.0, HEIGHT)),

@@ -1,5 +1,6 @@
 """Geometrically exact (Cosserat) beams and flexible multibody dynamics for scikit-fem."""
 
+from .adaptive import Adapted, adapt
 from .beam import Beam
 from .body import MassPoint, RigidBody
 from .constraints import Multipliers, NullSpace
@@ -86,6 +87,7 @@ from .study import Refinement, refine
 from .version import VERSION
 
 __all__ = [
+    "Adapted",
     "ArcLength",
     "Beam",
     "Branch",
@@ -184,6 +186,7 @@ __all__ = [
     "System",
     "Table",
     "Variational",
+    "adapt",
     "branch",
     "buckling",
     "equilibrium",

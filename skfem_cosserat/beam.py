@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from copy import copy
+from typing import Any, Self
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from .kernels import (
 from .mesh import MeshCurve
 from .mesh.bends import check_bends
 from .mesh.lookup import places_along
+from .mesh.relate import places_in
 from .section import Section
 from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, numbers
 
@@ -92,6 +94,7 @@ class Beam(StructuralItem):
                 self.label, f"mesh is {type(mesh).__name__}, expected MeshCurve (lines in space)"
             )
         self.mesh = mesh
+        self._orientation: tuple[Any, Any] | None = (director, twist)
         self.basis = DirectorBasis(mesh, order=order)
         self.sections, self.section_id = self._assign(section)
         triads = self.basis.triads(directors=director, twist=twist)
@@ -171,6 +174,71 @@ class Beam(StructuralItem):
             laws,
             law_of[self.section_id] if laws else None,
         )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the twist, which may be a function that does not reach other processes."""
+        return self.__dict__ | {"_orientation": None}
+
+    def refined(self, marked: Any = (), order: int | Interpolation | None = None) -> Self:
+        """The same beam with some elements halved, or of another order.
+
+        Parameters
+        ----------
+        marked : int, array or str
+            Elements to halve: numbers, a mask or the name of a part; an integer is the number of
+            times that all are halved. See :meth:`MeshCurve.refined`.
+        order : int or Interpolation, optional
+            Of all its elements: a beam has one order; parts of different orders are beams of
+            their own, joined by :class:`skfem_cosserat.JointFixed`.
+
+        Returns
+        -------
+        Beam
+            In no model yet. New nodes lie on the curves of the mesh; parts, named nodes, sections,
+            directors and twist are the same, and so are initial velocities, which are interpolated
+            in between. :func:`skfem_cosserat.adaptive.carry_state` takes states along.
+
+        Raises
+        ------
+        MeshError
+            If there is no such element or part.
+        InputError
+            For an impossible order, or if the beam came from another process, where its twist is
+            not known any more.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import Beam, MeshCurve, Section
+        >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+        >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4, name="rod"), section)
+        >>> finer = beam.refined([0, 3], order=3)
+        >>> finer.mesh.nelements, finer.node("rod.end").position.tolist()
+        (6, [0.0, 2.0, 0.0])
+        """
+        if self._orientation is None:
+            raise InputError(self.label, "came from another process: refine it where it was made")
+        mesh = self.mesh.refined(marked)
+        director, twist = self._orientation
+        sections = self.sections
+        named = len(sections) > 1 or "section" not in sections
+        beam = copy(self)  # with what a class of its own adds
+        beam.name = None
+        Beam.__init__(
+            beam,
+            mesh,
+            sections if named else sections["section"],
+            order=self.basis.interpolation if order is None else order,
+            director=director,
+            twist=twist,
+        )
+        e, xi = places_in(self.mesh, mesh, beam.basis.interpolation.nodes)
+        shape, nodes = self.basis.shape(xi), self.basis.connectivity[e]
+        for new, old in (
+            (beam.velocity, self.velocity),
+            (beam.angular_velocity, self.angular_velocity),
+        ):
+            new[beam.basis.connectivity] = np.einsum("aef,efai->efi", shape, old[nodes])
+        return beam
 
     # -- scikit-fem side -----------------------------------------------------------------------
 

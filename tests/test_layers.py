@@ -37,7 +37,7 @@ LAYERS = (
     ("history",),
     ("diagnostics",),
     ("statics", "modal", "simulate", "parallel"),
-    ("figures", "export", "plot", "study", "cli"),
+    ("figures", "export", "plot", "study", "adaptive", "cli"),
     ("__init__", "__main__"),
 )
 LAYER = {name: number for number, names in enumerate(LAYERS, start=1) for name in names}

@@ -16,6 +16,7 @@ from .energy import (
     section_strains,
     strain_energy,
 )
+from .error import goal_shares, missing_strains
 from .evaluate import SectionValues, evaluate
 from .forces import condition_number, constraint_points, multipliers, multipliers_at, reactions
 from .frequency import highest_frequency
@@ -38,6 +39,7 @@ from .projection import (
 from .relative import coupling_energy, coupling_forces, joint_coordinates
 from .resultants import nodal_resultants
 from .tangent import ReducedTangent, reduced_tangent
+from .transfer import transfer
 
 __all__ = [
     "Projection",
@@ -51,6 +53,7 @@ __all__ = [
     "coupling_forces",
     "evaluate",
     "external_energy",
+    "goal_shares",
     "ground_part",
     "hidden_violation",
     "highest_frequency",
@@ -61,6 +64,7 @@ __all__ = [
     "linear_momentum",
     "midpoint_angular_momentum",
     "midpoint_energy",
+    "missing_strains",
     "momentum",
     "momentum_violation",
     "multipliers",
@@ -74,5 +78,6 @@ __all__ = [
     "section_strain_rates",
     "section_strains",
     "strain_energy",
+    "transfer",
     "velocity_from_reduced",
 ]

@@ -14,7 +14,7 @@ from ..types import ArrayLike, Floats
 from .energy import group_of
 from .stacks import as_stack, as_times
 
-__all__ = ["nodal_resultants"]
+__all__ = ["element_forces", "nodal_resultants"]
 
 
 def nodal_resultants(
@@ -83,17 +83,41 @@ def nodal_resultants(
     group = group_of(system, beam)
     rates = [_like("v", v, Q, system), _like("a", a, Q, system)]
     factors = _factors(system, t, amplitudes, len(Q))
-    loads = [(load, value) for load in system.loads for value, _ in load.channels]
-    own = group.slices[id(beam)]
     out = np.empty((len(Q), len(beam.basis.connectivity), 2, 6))
     for k, q_k in enumerate(Q):
-        y = q_k.reshape(-1, 3)
         velocity, acceleration = (None if r is None else r[k].reshape(-1, 3) for r in rates)
-        F = _element_forces(group, own, y, velocity, acceleration)
-        for (load, value), factor in zip(loads, factors[k], strict=True):
-            _subtract(F, load, factor * value, beam, group, own, y)
-        out[k] = _at_ends(F, y[group.rows[own]].reshape(F.shape), beam)
+        F = element_forces(system, beam, q_k.reshape(-1, 3), factors[k], velocity, acceleration)
+        nodal = q_k.reshape(-1, 3)[group.rows[group.slices[id(beam)]]].reshape(F.shape)
+        out[k] = _at_ends(F, nodal, beam)
     return out[0] if single else out
+
+
+def element_forces(
+    system: System,
+    beam: Beam,
+    y: Floats,
+    factors: Floats,
+    velocity: Floats | None = None,
+    acceleration: Floats | None = None,
+) -> Floats:
+    """Nodal forces (ne, p + 1, 4, 3) of a beam's elements, less those of distributed loads.
+
+    Parameters
+    ----------
+    y : (rows, 3) array
+        Configuration.
+    factors : (k,) array
+        Of the channels of ``system.loading``.
+    velocity, acceleration : (rows, 3) array, optional
+        Adds the forces of damping and of inertia.
+    """
+    group = group_of(system, beam)
+    own = group.slices[id(beam)]
+    loads = [(load, value) for load in system.loads for value, _ in load.channels]
+    F = _forces(group, own, y, velocity, acceleration)
+    for (load, value), factor in zip(loads, factors, strict=True):
+        _subtract(F, load, factor * value, beam, group, own, y)
+    return F
 
 
 def _at_ends(F: Floats, nodal: Floats, beam: Beam) -> Floats:
@@ -130,7 +154,7 @@ def _factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, count: 
     return np.broadcast_to(given, (count, channels))
 
 
-def _element_forces(
+def _forces(
     group: BeamGroup, own: slice, y: Floats, velocity: Floats | None, acceleration: Floats | None
 ) -> Floats:
     """Internal, damping and inertia forces (ne, p + 1, 4, 3) of a beam's elements."""
