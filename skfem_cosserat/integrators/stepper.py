@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..constraints import BoundTreatment, Treatment
-from ..constraints.saddle import SaddlePoint, accelerations
+from ..constraints.saddle import accelerations, hidden_rate, saddle_point
 from ..errors import Diverged, InputError
 from ..linear import LinearSolver, Solver, checked_solver
 from ..log import logger
@@ -87,7 +87,6 @@ class ComposedReport(StepReport):
     """
 
     _stages: list[StepReport]
-    _saddle: Callable[[], SaddlePoint]
 
     @property
     def stages(self) -> list[StepReport]:
@@ -98,14 +97,16 @@ class ComposedReport(StepReport):
     def constraint_force(self) -> Floats:
         """See the base class."""
         system, _, _, state, _, _ = self._solved
-        y = system.extend(state.q, state.time)
-        rate = np.zeros_like(y)
-        rate[system.rows :] = system.ground_rate(state.time)
-        hidden = -system.constraints.ground_rate(y, rate) if system.moving else np.zeros(system.m)
-        saddle = self._saddle()
-        v = saddle(y, self.momentum, hidden)[0]
-        lam = accelerations(system, state.q, v, state.time, state.turns, saddle)[1]
+        y = self.constraint_point
+        v = saddle_point(system)(y, self.momentum, hidden_rate(system, y, state.time))[0]
+        lam = accelerations(system, state.q, v, state.time, state.turns)[1]
         return np.asarray(system.constraints.jacobian(y).T @ lam)
+
+    @property
+    def constraint_point(self) -> Floats:
+        """See the base class: at the node."""
+        system, _, _, state, _, _ = self._solved
+        return system.extend(state.q, state.time)
 
 
 class Solved(NamedTuple):
@@ -163,7 +164,20 @@ class _Problem:
             self.treatment.residual(e.R, self.y1)
         blocks = self.integrator.tangent(self.system, self.step, e)
         data = self.treatment.data(blocks, e.R, self.y1)
-        return -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
+        direction = -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
+        more = self.integrator.update(self.system, self.step, e)
+        return direction if more is None else self._updated(direction, *more)
+
+    def _updated(self, direction: Floats, U: Array, V: Array) -> Floats:
+        """Direction of the matrix with ``sum_k U_k V_k^T`` added (Sherman, Morrison, Woodbury)."""
+        treatment, y = self.treatment, self.y1
+        columns = [
+            treatment.solver.solve_again(treatment.scale_rows(treatment.pull(u))) for u in U
+        ]
+        moved = [treatment.push(x, y) for x in (*columns, direction)]
+        products = np.tensordot(V, np.array(moved), axes=([1, 2], [1, 2]))
+        factors = np.linalg.solve(np.eye(len(U)) + products[:, :-1], products[:, -1])
+        return np.asarray(direction - np.array(columns).T @ factors)
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
         return self.treatment.sizes(increment)
@@ -255,6 +269,7 @@ class Stepper:
         self.settings = NewtonSettings() if settings is None else settings
         _check_kind("settings", self.settings, NewtonSettings)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
+        self.bound.large = False
         if checked_solver(solver) is not None:
             self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
         self._first = True
@@ -262,7 +277,6 @@ class Stepper:
         count = None if steps is None else steps * max(1, len(integrator.shares))
         self.choice = choose_kernels(kernels, system, one, treatment, count, solver)
         self._fast: CompiledStep | None = None
-        self._saddle: SaddlePoint | None = None
         #: steppers by share of the step
         self._stages: dict[float, Stepper] = {}
         if integrator.part is not None:
@@ -387,13 +401,7 @@ class Stepper:
             ),
             reports[0]._solved,
             reports,
-            self._shared_saddle,
         )
-
-    def _shared_saddle(self) -> SaddlePoint:
-        if self._saddle is None:
-            self._saddle = SaddlePoint(self.system)
-        return self._saddle
 
     def _begin(self, state: State) -> StepData:
         """Data of a step for the general way, and its treatment at its start."""
@@ -443,7 +451,9 @@ class Stepper:
         self.bound.finish()
         if self._fast is not None:
             self._fast.last = self.bound.last
-        impulse: Array = self.bound.constraint_impulse(evaluation.R)
+        impulse: Array = self.bound.constraint_impulse(evaluation.R) + evaluation.R
+        evaluation = self.integrator.finished(self.system, step, evaluation)
+        impulse = impulse - evaluation.R
         new = State(
             time,
             state.index + 1,

@@ -48,6 +48,10 @@ class Law(ABC):
         """
 
     @abstractmethod
+    def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
+        """:meth:`force` with its derivatives (c, m, m) by e and by `rate`."""
+
+    @abstractmethod
     def midpoint(
         self, e: Array, rate: Array, e0: Array, e1: Array, h: float
     ) -> tuple[Array, Array, Array, Array, Array]:
@@ -81,6 +85,10 @@ class LinearLaw(Law):
         sigma = apply(self.K, 0.5 * (e0 + e1)) + apply(self.C, change) / h
         dissipated = (apply(self._root, change) ** 2).sum(-1) / h
         return sigma, 0.5 * self.K + self.C / h, dissipated
+
+    def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
+        """See the base class."""
+        return self.force(e, rate), self.K, self.C
 
     def midpoint(
         self, e: Array, rate: Array, e0: Array, e1: Array, h: float
@@ -128,6 +136,12 @@ class SlackLaw(Law):
         by_e1 = np.where(pulls, self.k * slope + self.c * taut1 / h, 0.0)
         dissipated = ((sigma - spring) * (e1 - e0)).sum(-1)
         return sigma, by_e1[..., None], dissipated
+
+    def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
+        """See the base class."""
+        force = self.force(e, rate)
+        pulls = force.real > 0
+        return force, (self.k * pulls)[..., None], (self.c * pulls)[..., None]
 
     def midpoint(
         self, e: Array, rate: Array, e0: Array, e1: Array, h: float
