@@ -22,7 +22,15 @@ from .foundation import Foundation
 from .frames import Motion, Place, ground, triad
 from .history import History, spectrum
 from .hyperelastic import SectionHyperelastic
-from .integrators import Composition, EnergyMomentum, GeneralizedAlpha, State, Stepper, Variational
+from .integrators import (
+    Composition,
+    EnergyDecaying,
+    EnergyMomentum,
+    GeneralizedAlpha,
+    State,
+    Stepper,
+    Variational,
+)
 from .joint import (
     JointCylindrical,
     JointDistance,
@@ -98,6 +106,7 @@ __all__ = [
     "CosseratError",
     "DisplacementControl",
     "Diverged",
+    "EnergyDecaying",
     "EnergyMomentum",
     "Foundation",
     "FunctionOfTime",

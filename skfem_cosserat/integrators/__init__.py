@@ -2,6 +2,7 @@
 
 from .base import Integrator, State, StepWork
 from .composition import Composition
+from .energy_decaying import EnergyDecaying
 from .energy_momentum import EnergyMomentum
 from .generalized_alpha import GeneralizedAlpha
 from .stepper import Stepper, StepReport
@@ -9,6 +10,7 @@ from .variational import Variational
 
 __all__ = [
     "Composition",
+    "EnergyDecaying",
     "EnergyMomentum",
     "GeneralizedAlpha",
     "Integrator",

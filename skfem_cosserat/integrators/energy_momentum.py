@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model import System
-from ..model.groups import Blocks
+from ..model.groups import BeamGroup, Blocks
 from ..types import Array, Floats
 from .base import (
     Evaluation,
@@ -25,7 +25,9 @@ __all__ = ["EnergyMomentum"]
 
 
 @dataclass(eq=False)
-class _StepData(StepData):
+class EnergyMomentumStep(StepData):
+    """Strains, stresses and B at the start of a step, which do not change in it."""
+
     strains0: list[Array]
     stresses0: list[Array]
     B0s: list[Array]
@@ -65,7 +67,7 @@ class EnergyMomentum(Integrator):
         step = super().begin(system, state, h)
         strains = system.strain(step.y0)
         stresses = [g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)]
-        return _StepData(
+        return EnergyMomentumStep(
             **vars(step),
             strains0=[eps for eps, _ in strains],
             stresses0=stresses,
@@ -74,20 +76,20 @@ class EnergyMomentum(Integrator):
 
     def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:
         """See the base class."""
-        assert isinstance(step, _StepData)
+        assert isinstance(step, EnergyMomentumStep)
         h, rows = step.h, system.rows
         mid = 0.5 * (step.y0 + y1)
         groups = system.beam_groups
         strains1 = system.strain(y1)
         # B is linear in q
         Bs = [0.5 * (B0 + B1) for B0, (_, B1) in zip(step.B0s, strains1, strict=True)]
-        before = zip(groups, step.strains0, step.stresses0, strains1, strict=True)
-        stresses = [g.discrete_stress(eps0, S0, eps) for g, eps0, S0, (eps, _) in before]
+        both = enumerate(zip(groups, strains1, strict=True))
+        stresses = [self.stress(g, step, k, eps) for k, (g, (eps, _)) in both]
         momentum = (2 / h) * (system.mass @ (y1[:rows] - step.y0[:rows]))
         internal, stresses, damping = damped_force(system, step, Bs, stresses, y1)
         coupled = None
         if step.couplings is not None:
-            coupled = system.couplings.discrete(step.couplings, mid, y1)
+            coupled = system.couplings.discrete(step.couplings, mid, y1, self.decay(step))
             internal = internal + coupled.force[:rows]
         external = load_force(system, step, mid)
         return Evaluation(
@@ -104,6 +106,15 @@ class EnergyMomentum(Integrator):
             damping,
         )
 
+    def stress(self, group: BeamGroup, step: StepData, k: int, strains: Array) -> Array:
+        """Stresses of a step in beam group k: the discrete derivative of its stored energy."""
+        assert isinstance(step, EnergyMomentumStep)
+        return group.discrete_stress(step.strains0[k], step.stresses0[k], strains)
+
+    def decay(self, step: StepData) -> float:
+        """Share of the stiffness of springs by which changes of length are damped."""
+        return 0.0
+
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
         """See the base class: ``2M/h + h d(DV)/dq_{n+1}``."""
         moduli = self.moduli(system, step, evaluation)
@@ -111,7 +122,7 @@ class EnergyMomentum(Integrator):
 
     def moduli(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:
         """See the base class; of the discrete derivative."""
-        assert isinstance(step, _StepData)
+        assert isinstance(step, EnergyMomentumStep)
         both = zip(system.beam_groups, step.strains0, evaluation.strains, strict=True)
         return [g.discrete_moduli(eps0, eps1) for g, eps0, eps1 in both]
 

@@ -451,9 +451,10 @@ class Stepper:
         self.bound.finish()
         if self._fast is not None:
             self._fast.last = self.bound.last
-        impulse: Array = self.bound.constraint_impulse(evaluation.R) + evaluation.R
-        evaluation = self.integrator.finished(self.system, step, evaluation)
-        impulse = impulse - evaluation.R
+        impulse: Array = self.bound.constraint_impulse(evaluation.R)
+        R, evaluation = evaluation.R, self.integrator.finished(self.system, step, evaluation)
+        if evaluation.R is not R:
+            impulse = impulse - (evaluation.R - R)
         new = State(
             time,
             state.index + 1,

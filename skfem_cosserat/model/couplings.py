@@ -161,13 +161,14 @@ class _Group:
     def rate(self, y: Array, ydot: Array, pi: Array) -> Array:
         return apply(self.kind.slope(pi), self.invariants.rates(y, ydot))
 
-    def discrete(self, start: _Start, h: float, mid: Array, y1: Array) -> _Response:
+    def discrete(self, start: _Start, h: float, mid: Array, y1: Array, decay: float) -> _Response:
         """``s = Psi^T sigma`` with the discrete derivatives of coordinates and energy."""
         kind, pi0, xi0 = self.kind, start.pi, start.xi
         pi1 = self.invariants.values(y1)
         xi1 = kind.continued(pi1, xi0)
         Psi = kind.discrete(pi0, xi0, pi1, xi1)
-        law, by_e1, dissipated = self.law.discrete(self.stretch(xi0), self.stretch(xi1), h)
+        e0, e1 = self.stretch(xi0), self.stretch(xi1)
+        law, by_e1, dissipated = self.law.discrete(e0, e1, h, decay)
         sigma = law - start.amplitude
 
         def slopes() -> tuple[Array | None, Array]:
@@ -365,13 +366,12 @@ class Couplings:
         ]
         return CoupledStart(h, y0, starts)
 
-    def discrete(self, start: CoupledStart, mid: Array, y1: Array) -> CoupledForce:
-        """Forces that do the work ``V_1 - V_0``: springs conserve energy.
-
-        Dampers and actuators work on the change of their coordinates.
-        """
+    def discrete(
+        self, start: CoupledStart, mid: Array, y1: Array, decay: float = 0.0
+    ) -> CoupledForce:
+        """Forces that do the work ``V_1 - V_0``, but for dampers, actuators and `decay`."""
         pairs = zip(self._groups, start.groups, strict=True)
-        return self._assemble([g.discrete(s, start.h, mid, y1) for g, s in pairs])
+        return self._assemble([g.discrete(s, start.h, mid, y1, decay) for g, s in pairs])
 
     def midpoint(self, start: CoupledStart, mid: Array, y1: Array) -> CoupledForce:
         """Forces of the midpoint configuration: springs have the potential ``V(y_mid)``."""
