@@ -4,9 +4,9 @@ In ``dq = h (v_m + f)``, ``v_m = (v_0 + v_1)/2``, the extra velocity is
 ``f = (chi/2) (v_1 - v_0 - c)`` with the field ``c = w + tau x v_m`` nearest to ``v_1 - v_0`` in the
 kinetic energy (w moves all positions alike, tau turns all velocities, directors' included). Since
 ``f`` is orthogonal to all ``e x v_m``, ``sum f x M v_m = 0``: angular momentum is kept. Since it is
-the rest of a projection, ``f . M (v_1 - v_0) = (chi/2) |v_1 - v_0 - c|^2_M`` is not negative. Steady
-rigid motion is not damped, whatever frame it is seen from. Parts of a scene that nothing connects
-have fields of their own; w is left out where something ties a part to the ground.
+the rest of a projection, ``f . M (v_1 - v_0) = (chi/2) |v_1 - v_0 - c|^2_M`` is not negative.
+Steady rigid motion is not damped, whatever frame it is seen from. Parts of a scene that nothing
+connects have fields of their own; w is left out where something ties a part to the ground.
 """
 
 from __future__ import annotations

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..constraints.saddle import hidden_rate, saddle_point
 from ..errors import InputError
 from ..model import System
 from ..model.groups import BeamGroup, Blocks, Parts
-from ..types import Array, Floats, positive
+from ..types import Array, Floats, numbers, positive
 from .base import Evaluation, State, StepData, StepWork
 from .common import Flow, separate_parts
 from .energy_momentum import EnergyMomentum, EnergyMomentumStep
@@ -20,17 +19,16 @@ __all__ = ["EnergyDecaying"]
 
 @dataclass(eq=False)
 class _StepData(EnergyMomentumStep):
-    """Velocity (rows, 3) at the start, and the shares of both terms in this step."""
+    """The share of both terms in this step."""
 
-    v0: Floats
-    chi: float
+    chi: float = 0.0
 
 
 @dataclass(eq=False)
 class _Evaluation(Evaluation):
     flow: Flow | None
     extra: list[Array]
-    v0: Floats
+    v0: Floats | None
 
 
 class EnergyDecaying(EnergyMomentum):
@@ -93,11 +91,12 @@ class EnergyDecaying(EnergyMomentum):
             self.rate: float | None = positive("argument rate", "rate", rate, " of 1/s")
             self.chi, self.order, text = 0.0, 2, f"rate = {self.rate:g}/s"
         else:
-            value = 0.05 if chi is None else chi
-            if isinstance(value, bool | str) or not np.isscalar(value) or not 0 <= value <= 1:
+            value = numbers("argument chi", "chi", 0.05 if chi is None else chi)
+            if value.shape != () or not 0 <= value <= 1:
                 raise InputError("argument chi", f"{chi!r}, expected a number in [0, 1]")
             self.rate, self.chi, self.order = None, float(value), 1
             text = f"chi = {self.chi:g}"
+        super().__init__()
         self.velocity = bool(velocity)
         self.remembered = int(self.velocity)
         self._text = text.replace("/s", "")
@@ -107,7 +106,7 @@ class EnergyDecaying(EnergyMomentum):
         more = "" if self.velocity else ", velocity=False"
         return f"EnergyDecaying({self._text}{more})"
 
-    def scheme(self, h: float) -> None:  # type: ignore[override]
+    def scheme(self, h: float) -> None:
         """See the base class: there are no compiled kernels."""
         return None
 
@@ -115,12 +114,7 @@ class EnergyDecaying(EnergyMomentum):
         """See the base class."""
         step = super().begin(system, state, h)
         chi = self.chi if self.rate is None else min(1.0, self.rate * h)
-        if state.memory is not None:
-            v0 = state.memory[0]
-        else:
-            rate = hidden_rate(system, step.y0, state.time)
-            v0 = saddle_point(system)(step.y0, state.p, rate)[0]
-        return _StepData(**vars(step), v0=v0.reshape(-1, 3), chi=chi)
+        return _StepData(**vars(step), chi=chi)
 
     def stress(self, group: BeamGroup, step: StepData, k: int, strains: Array) -> Array:
         """See the base class."""
@@ -187,11 +181,14 @@ class EnergyDecaying(EnergyMomentum):
         """See the base class: v."""
         assert isinstance(evaluation, _Evaluation)
         e = evaluation
-        return None if e.flow is None else (2 * self._mean(e) - e.v0).reshape(1, -1)
+        if e.v0 is None:
+            return None
+        return (2 * self._mean(e) - e.v0).reshape(1, -1)
 
     def _mean(self, e: _Evaluation) -> Floats:
         """Mean velocity (rows, 3)."""
         assert e.flow is not None
+        assert e.v0 is not None
         return e.flow.velocity(e.v0)
 
     def work(self, system: System, step: StepData, evaluation: Evaluation, y1: Floats) -> StepWork:

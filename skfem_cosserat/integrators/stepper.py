@@ -171,9 +171,7 @@ class _Problem:
     def _updated(self, direction: Floats, U: Array, V: Array) -> Floats:
         """Direction of the matrix with ``sum_k U_k V_k^T`` added (Sherman, Morrison, Woodbury)."""
         treatment, y = self.treatment, self.y1
-        columns = [
-            treatment.solver.solve_again(treatment.scale_rows(treatment.pull(u))) for u in U
-        ]
+        columns = [treatment.solver.solve_again(treatment.scale_rows(treatment.pull(u))) for u in U]
         moved = [treatment.push(x, y) for x in (*columns, direction)]
         products = np.tensordot(V, np.array(moved), axes=([1, 2], [1, 2]))
         factors = np.linalg.solve(np.eye(len(U)) + products[:, :-1], products[:, -1])
