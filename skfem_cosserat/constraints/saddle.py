@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from weakref import WeakKeyDictionary
+from functools import lru_cache
+from threading import get_ident
 
 import numpy as np
 from scipy.linalg import qr
@@ -85,14 +86,14 @@ class SaddlePoint:
         return np.union1d(np.flatnonzero(touching), rows[order[rank:]])
 
 
-_KNOWN: WeakKeyDictionary[System, SaddlePoint] = WeakKeyDictionary()
-
-
 def saddle_point(system: System) -> SaddlePoint:
-    """That of a system, made once."""
-    if system not in _KNOWN:
-        _KNOWN[system] = SaddlePoint(system)
-    return _KNOWN[system]
+    """That of a system, made once as long as no others are asked for; each thread has its own."""
+    return _made(system, get_ident())
+
+
+@lru_cache(maxsize=4)
+def _made(system: System, thread: int) -> SaddlePoint:
+    return SaddlePoint(system)
 
 
 def hidden_rate(system: System, y: Floats, t: float) -> Floats:

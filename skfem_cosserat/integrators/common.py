@@ -12,7 +12,7 @@ connects have fields of their own; w is left out where something ties a part to 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
+from functools import lru_cache
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -40,6 +40,8 @@ class Separate:
         Number of the part that a row of y belongs to.
     free : (parts,) bool array
         Whether nothing ties it to the ground.
+    ones : (rows,) array
+        1 for rows of positions, 0 for directors.
     mu : (rows,) array
         Momentum by a common velocity of all positions: ``M 1``.
     """
@@ -47,26 +49,22 @@ class Separate:
     system: System
     part: IndexArray
     free: Floats
+    ones: Floats
     mu: Floats
+
+    def __post_init__(self) -> None:
+        rows = len(self.part)
+        self._gather = csr_matrix((np.ones(rows), (self.part, np.arange(rows))))
 
     def sum(self, values: Array) -> Array:
         """Sums (parts, ...) over the rows of each part."""
-        out = np.zeros((len(self.free), *values.shape[1:]), dtype=values.dtype)
-        np.add.at(out, self.part, values)
-        return out
+        flat = self._gather @ values.reshape(len(values), -1)
+        return np.asarray(flat).reshape(-1, *values.shape[1:])
 
 
-_KNOWN: WeakKeyDictionary[System, Separate] = WeakKeyDictionary()
-
-
+@lru_cache(maxsize=4)
 def separate_parts(system: System) -> Separate:
-    """Those of a system, found once."""
-    if system not in _KNOWN:
-        _KNOWN[system] = _separate(system)
-    return _KNOWN[system]
-
-
-def _separate(system: System) -> Separate:
+    """Those of a system, kept as long as no others are asked for."""
     rows, g = system.rows, system.constraints
     links = [group.rows[:, [0, k]] for group in system.groups for k in range(group.rows.shape[1])]
     own = g.inside
@@ -84,7 +82,7 @@ def _separate(system: System) -> Separate:
     ones = np.zeros(rows)
     ones[system.origin_rows] = 1.0
     free = ~np.isin(names, np.concatenate(tied))
-    return Separate(system, part, free.astype(float), system.mass @ ones)
+    return Separate(system, part, free.astype(float), ones, system.mass @ ones)
 
 
 class Flow:
@@ -110,7 +108,7 @@ class Flow:
         self.parts, self.dq, self.h, self.chi = parts, dq, h, chi
         self.mdq = parts.system.mass @ dq
         b = chi * p0 + self.mdq / h
-        self._total = np.maximum(parts.sum(parts.mu * _ones(parts)), 1e-300)
+        self._total = np.maximum(parts.sum(parts.mu * parts.ones), 1e-300)
         self._lift = (parts.mu / self._total[parts.part])[:, None]
         self._free = parts.free[:, None]
         self._drift = self._free * self._origins(self.mdq) / h
@@ -122,7 +120,7 @@ class Flow:
 
     def _origins(self, rows: Array) -> Array:
         """Sums (parts, 3) over positions."""
-        return self.parts.sum(_ones(self.parts)[:, None] * rows)
+        return self.parts.sum(self.parts.ones[:, None] * rows)
 
     def _turn(self) -> None:
         """Solve ``k + N s + (K s) x s = 0`` for ``s = (chi/2) tau/(1 + chi)`` of each part."""
@@ -174,7 +172,7 @@ class Flow:
         out = self._rotated(self.chi * v0 + self.dq / self.h)
         rest = self._drift - (self.A @ self._mean[:, :, None])[:, :, 0]
         rest = rest / self._total[:, None]
-        return np.asarray(out + _ones(parts)[:, None] * rest[parts.part])
+        return np.asarray(out + parts.ones[:, None] * rest[parts.part])
 
     def update(self) -> tuple[Array, Array]:
         """``d(2 M v_m)/d(dq)`` less ``(2/h) M A``: by common motion and by the turn, U and V."""
@@ -210,10 +208,3 @@ class Flow:
             scaled = change - (2 * s[:, i] / self._square)[:, None, None] * self._plain
             out[:, i] = scaled / ((1 + self.chi) * self._square)[:, None, None]
         return out
-
-
-def _ones(parts: Separate) -> Floats:
-    """1 for rows of positions."""
-    out = np.zeros(parts.system.rows)
-    out[parts.system.origin_rows] = 1.0
-    return out

@@ -39,8 +39,8 @@ class Composition(Integrator):
     order 4.0, at nearly twice the cost). A stabilized one is not symmetric.
 
     Dampers give energy back in the backward steps, and take more in the others. Where one is so
-    strong that ``c |h_k|/m`` reaches 2 in a backward step h_k (0.66 h and 0.71 h), that step has no
-    solution any more: take a smaller one, or no composition.
+    strong that ``c |h_k|/m`` gets to 2 in a backward step h_k (0.66 h and 0.71 h), that step is
+    singular, and close to there energy grows: take a smaller step, or no composition.
 
     Pays below an error, see the README's chart; where high frequencies are not resolved no order
     is seen, and what makes its steps fail makes it fail: its longest one has 0.66 (order 4) or 0.8

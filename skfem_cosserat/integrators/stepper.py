@@ -57,6 +57,11 @@ class StepReport:
         return [self]
 
     @property
+    def step(self) -> float:
+        """Its size (s)."""
+        return self._solved.h
+
+    @property
     def momentum(self) -> Floats:
         """``p_n`` (n,) of the discrete Legendre transform at the *start* of the step."""
         _, integrator, _, state, _, impulse = self._solved

@@ -33,19 +33,28 @@ class Works:
 
     def add(self, report: StepReport) -> None:
         """A step is done; :meth:`finish` has had its report before."""
-        for k, stage in enumerate(report.stages):
-            if k:
-                self.finish(stage)
-            self._add(stage)
+        before = None
+        for stage in report.stages:
+            force = self._force(stage, before) if self._driven else None
+            if before is not None:
+                self._end(force)
+            self._add(stage, force)
+            before = stage
 
-    def _add(self, report: StepReport) -> None:
+    def _force(self, report: StepReport, before: StepReport | None) -> Floats:
+        """Constraint force of a step; at a node it is over half of the step before it, too."""
+        force = report.constraint_force
+        if before is None or not self._next:
+            return force
+        return force * (2 * report.step / (report.step + before.step))
+
+    def _add(self, report: StepReport, force: Floats | None) -> None:
         work, q = report.work, report.state.q
         self.loads += work.loads
         self.actuators += work.actuators
         self.dissipated += work.dissipated
-        if self._driven:
+        if force is not None:
             change = q - self._q
-            force = report.constraint_force
             self.drives += work.ground - self._own * float(force @ change)
             if self._last is not None:
                 self.drives -= self._before * float(self._last @ change)
@@ -56,7 +65,10 @@ class Works:
     def finish(self, report: StepReport) -> None:
         """The step that follows the last one: its constraint force ends that one's work."""
         if self._waiting is not None:
-            force = report.stages[0].constraint_force
+            self._end(report.stages[0].constraint_force)
+
+    def _end(self, force: Floats | None) -> None:
+        if self._waiting is not None and force is not None:
             self.drives -= self._next * float(force @ self._waiting)
             self._waiting = None
 
