@@ -45,6 +45,8 @@ class _Evaluation(Evaluation):
     v1: Array
     a1: Array
     alpha1: Array
+    #: v1 before it was moved onto the hidden constraints
+    before: Array
 
 
 class GeneralizedAlpha(Integrator):
@@ -89,7 +91,6 @@ class GeneralizedAlpha(Integrator):
     """
 
     order = 2
-    remembered = 3
     constraint_weight = 1.0
     force_share = 1.0
     advice = "a smaller rho_inf, a finer mesh, a softer section"
@@ -104,6 +105,8 @@ class GeneralizedAlpha(Integrator):
         self.alpha_m, self.alpha_f = (2 * r - 1) / (r + 1), r / (r + 1)
         self.gamma = 0.5 + self.alpha_f - self.alpha_m
         self.beta = 0.25 * (self.gamma + 0.5) ** 2
+        # stabilized: and the velocities that forces were found with
+        self.remembered = 4 if stabilized else 3
         kind = "stabilized generalized-alpha" if stabilized else "generalized-alpha"
         self.name = f"{kind}, rho_inf = {r:g}"
         self.reference = (
@@ -118,7 +121,7 @@ class GeneralizedAlpha(Integrator):
     def begin(self, system: System, state: State, h: float) -> StepData:
         """See the base class; the first step starts with consistent accelerations."""
         t1 = state.time + h
-        v0, a0, alpha0 = (row.reshape(-1, 3) for row in self._rates(system, state, h))
+        v0, a0, alpha0 = (row.reshape(-1, 3) for row in self._rates(system, state, h)[:3])
         y0 = system.extend(state.q, state.time)
         at_end = amplitudes_at(system, t1)
         coupled = None
@@ -143,7 +146,8 @@ class GeneralizedAlpha(Integrator):
 
     def start_force(self, system: System, state: State, h: float) -> Floats:
         """See the base class: what the accelerations leave of the balance."""
-        v, a, _ = (row.reshape(-1, 3) for row in self._rates(system, state, h))
+        rates = [row.reshape(-1, 3) for row in self._rates(system, state, h)]
+        v, a = rates[3] if len(rates) > 3 else rates[0], rates[1]
         y, amplitudes = system.extend(state.q, state.time), amplitudes_at(system, state.time)
         ydot = np.concatenate([v, system.ground_rate(state.time)])
         R = balance(system, y, amplitudes, turns=state.turns, ydot=ydot).R
@@ -178,6 +182,7 @@ class GeneralizedAlpha(Integrator):
             v1,
             a1,
             alpha1,
+            v1,
         )
 
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
@@ -228,7 +233,8 @@ class GeneralizedAlpha(Integrator):
     def memory(self, evaluation: Evaluation) -> Floats | None:
         """See the base class: v, a and alpha."""
         assert isinstance(evaluation, _Evaluation)
-        rates = evaluation.v1, evaluation.a1, evaluation.alpha1
+        rates = [evaluation.v1, evaluation.a1, evaluation.alpha1, evaluation.before]
+        rates = rates[: self.remembered]
         return np.array([rate.reshape(-1) for rate in rates])
 
     def node_momentum(self, p0: Floats, impulse: Floats, fresh: bool) -> Floats:
