@@ -108,7 +108,7 @@ class SensorPosition(Sensor):
     >>> from skfem_cosserat import EnergyMomentum, LoadGravity, Model, NullSpace, RigidBody
     >>> from skfem_cosserat import simulate
     >>> model = Model()
-    >>> rod = model.add("rod", RigidBody.rod(1.0, length=2.0))
+    >>> rod = model.add("rod", RigidBody.box(1.0, (0.1, 0.1, 2.0)))
     >>> fall = model.add("fall", LoadGravity((0, 0, -10.0)))
     >>> sensors = {"end": SensorPosition(rod.local((0, 0, 1.0)))}
     >>> history = simulate(
