@@ -5,9 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import test_stored_energy as stored
 from helpers_scenes import TENSOR, everything, four_bar
 from test_conservation import free_beam, free_tree
 from test_convergence import SCENES, TREATMENTS, UNTIL, massive, order
+from test_six_body_linkage import six as six_body_linkage
 from test_tangents import TOLERANCE, Step, worst
 
 import skfem_cosserat as sc
@@ -536,6 +538,40 @@ def test_constraint_forces_are_at_the_nodes(scheme, tolerance, every):
     assert record.values[:, 2] == pytest.approx(force(record.times), abs=tolerance * 20)
     work = 2.0 * 10 * (history["q"][:, 2] - history["q"][0, 2]) + history["energy"]
     assert history["work_drives"][:-1] == pytest.approx((work - work[0])[:-1], abs=2e-2)
+
+
+@pytest.mark.parametrize("scheme", [sc.GeneralizedAlpha(0.7), sc.EnergyDecaying(0.1)], ids=repr)
+def test_other_stored_energies(scheme):
+    """Beams of a quartic energy: an exact tangent; energy falls, its balance is exact."""
+    model, _ = stored.free_beam(stored.moving_section(stored.QUARTIC))
+    system = model.freeze()
+    step = Step(system, scheme, NULL, size=0.1)
+    assert worst(blocks_and_update(step), step.derivative()) < 1e-8
+    history = sc.simulate(system, scheme, NULL, 0.01, 0.1)
+    assert abs(np.diff(history["energy"])).max() > 1e-6
+    if not at_nodes(scheme):
+        assert np.diff(history["energy"]).max() < 0
+        assert abs(history["energy_balance"]).max() < 1e-11 * history["energy"][0]
+
+
+@pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
+@pytest.mark.parametrize(
+    "scheme",
+    [
+        sc.GeneralizedAlpha(0.8, stabilized=True),
+        sc.EnergyDecaying(0.05),
+        sc.Composition(sc.EnergyMomentum()),
+        sc.Composition(sc.Variational()),
+    ],
+    ids=repr,
+)
+def test_a_closed_loop_of_mobility_one(scheme, treatment):
+    """Bricard's linkage: 72 rows, one redundant; all schemes near a fine energy-momentum run."""
+    system = six_body_linkage.build()
+    fine = sc.simulate(system, sc.EnergyMomentum(), NULL, 5e-3, 0.3)
+    history = sc.simulate(system, scheme, treatment, 0.02, 0.3)
+    assert history["constraint_violation"].max() < 1e-9
+    assert abs(history["q"][-1] - fine["q"][-1]).max() < 0.01 * abs(fine["q"] - fine["q"][0]).max()
 
 
 def test_composed_steps_say_where_they_fail():

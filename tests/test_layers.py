@@ -24,7 +24,6 @@ PACKAGE = Path(__file__).resolve().parent.parent / NAME
 LAYERS = (
     ("errors", "types", "log", "version", "figures"),
     ("mesh", "element", "basis", "assembly"),
-    ("law", "section", "hyperelastic", "strain", "kernels"),
     ("law", "section", "hyperelastic", "profile", "strain", "kernels"),
     (
         *("frames", "relative", "beam", "body", "joint", "load", "coupling", "damping", "drive"),
