@@ -239,7 +239,11 @@ def scale(system, start):
     return float((np.linalg.norm(start.q.reshape(-1, 3), axis=1) * np.linalg.norm(p, axis=1)).sum())
 
 
-@pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
+@pytest.mark.parametrize(
+    "treatment",
+    [NULL, pytest.param(MULTIPLIERS, marks=pytest.mark.slow)],
+    ids=["null space", "multipliers"],
+)
 @pytest.mark.parametrize("make", [free_beam, free_tree])
 @pytest.mark.parametrize(
     "scheme",
@@ -506,7 +510,7 @@ def hanging():
     return model.freeze()
 
 
-@pytest.mark.parametrize("every", [1, 4])
+@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 4])
 @pytest.mark.parametrize(
     ("scheme", "tolerance"),
     [
@@ -554,7 +558,11 @@ def test_other_stored_energies(scheme):
         assert abs(history["energy_balance"]).max() < 1e-11 * history["energy"][0]
 
 
-@pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
+@pytest.mark.parametrize(
+    "treatment",
+    [NULL, pytest.param(MULTIPLIERS, marks=pytest.mark.slow)],
+    ids=["null space", "multipliers"],
+)
 @pytest.mark.parametrize(
     "scheme",
     [
