@@ -22,7 +22,15 @@ from .foundation import Foundation
 from .frames import Motion, Place, ground, triad
 from .history import History, spectrum
 from .hyperelastic import SectionHyperelastic
-from .integrators import EnergyMomentum, State, Stepper, Variational
+from .integrators import (
+    Composition,
+    EnergyDecaying,
+    EnergyMomentum,
+    GeneralizedAlpha,
+    State,
+    Stepper,
+    Variational,
+)
 from .joint import (
     JointCylindrical,
     JointDistance,
@@ -94,12 +102,15 @@ __all__ = [
     "Buckling",
     "Bushing",
     "Cable",
+    "Composition",
     "CosseratError",
     "DisplacementControl",
     "Diverged",
+    "EnergyDecaying",
     "EnergyMomentum",
     "Foundation",
     "FunctionOfTime",
+    "GeneralizedAlpha",
     "Harmonic",
     "History",
     "HistoryError",

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from ..constraints import Treatment
+from ..constraints.rowspace import RowSpace
 from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper
@@ -14,7 +15,6 @@ from ..linear import SingularMatrixError
 from ..model import System
 from ..model.system import JointRows
 from ..types import Floats
-from .rowspace import RowSpace
 from .stacks import as_stack, check_consecutive
 
 __all__ = ["condition_number", "constraint_points", "multipliers", "multipliers_at", "reactions"]
@@ -23,7 +23,8 @@ __all__ = ["condition_number", "constraint_points", "multipliers", "multipliers_
 def constraint_points(system: System, history: History) -> Floats:
     """Where the constraint forces of each recorded step act.
 
-    The nodes q_n with the variational scheme, the midpoints with energy-momentum.
+    The nodes q_n with the variational scheme, generalized-alpha and compositions, the midpoints
+    with energy-momentum and its energy-decaying relative.
 
     Parameters
     ----------
@@ -102,7 +103,8 @@ def multipliers_at(
 ) -> Floats:
     """Multipliers of a run at the nodes t_n, or halfway from there to the next ones.
 
-    Those of the variational scheme live at nodes, those of energy-momentum at midpoints; at the
+    Those of the variational scheme, generalized-alpha and compositions live at nodes, those of
+    energy-momentum and its energy-decaying relative at midpoints; at the
     other places the mean of both neighbours is given, which is of second order too. Multipliers
     taken at different instants agree to first order only.
 

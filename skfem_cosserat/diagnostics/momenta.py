@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..constraints.rowspace import massless, rows_touching
 from ..model import System
 from ..types import ArrayLike, Floats
 from .energy import mass_solver, momentum
-from .rowspace import massless, rows_touching
 from .stacks import as_stack, as_times
 
 __all__ = [

@@ -6,17 +6,16 @@ from abc import ABC, abstractmethod
 from typing import Literal, TypeAlias
 
 import numpy as np
-from scipy.linalg import qr
 from scipy.sparse import csr_matrix, identity, kron
 from scipy.sparse.linalg import splu
 
-from ..assembly import FrozenPattern
+from ..constraints.rowspace import RowSpace, massless
+from ..constraints.saddle import SaddlePoint
 from ..errors import InputError
-from ..linear import LinearSolver, SingularMatrixError
+from ..linear import SingularMatrixError
 from ..model import System
-from ..types import Array, ArrayLike, Floats, IndexArray
+from ..types import ArrayLike, Floats
 from .momenta import ground_part
-from .rowspace import RowSpace, dependent_rows, massless, rows_touching
 from .stacks import as_stack, as_times
 
 __all__ = [
@@ -28,8 +27,6 @@ __all__ = [
 ]
 
 ProjectionMethod: TypeAlias = Literal["saddle-point", "directors-dropped", "reduced"]
-
-RANK_TOLERANCE = 1e-9  # of normalised constraint rows, as in the model
 
 
 class _Rule(ABC):
@@ -44,72 +41,26 @@ class _Rule(ABC):
 
 
 class _SaddlePoint(_Rule):
-    """``[[M, G^T], [G, 0]] (v, mu) = (p, -g_t)``; rows left out get a 1 on the diagonal."""
+    """``[[M, G^T], [G, 0]] (v, mu) = (p, -g_t)``."""
 
     def __init__(self, system: System) -> None:
         super().__init__(system)
-        self._without = self._coordinates_left_out()
-        self._touching = rows_touching(system, self._without)
-        n, m, g = system.n, system.m, system.constraints
-        mass = system.mass.tocoo()
-        xyz = np.arange(3)
-        i = (3 * mass.row[:, None].astype(np.int64) + xyz).ravel()
-        j = (3 * mass.col[:, None].astype(np.int64) + xyz).ravel()
-        gi, gj = g.rows[g.inside], g.cols[g.inside]
-        loops = len(system.closure.rows) > 0
-        spare = np.arange(m) if loops else np.flatnonzero(self._touching)
-        self._diagonal = np.concatenate([np.flatnonzero(self._without), n + spare])
-        self._pattern = FrozenPattern(
-            np.concatenate([i, gj, n + gi, self._diagonal]),
-            np.concatenate([j, n + gi, gj, self._diagonal]),
-            (n + m, n + m),
-        )
-        self._solver = LinearSolver(self._pattern)
-        self._mass = np.repeat(mass.data, 3)
-        self._scale = float(abs(mass.data).max())
-        self._entry_row, self._entry_column = gi, gj
+        self._solve = self._matrix()
 
-    def _coordinates_left_out(self) -> Array:
-        return np.zeros(self.system.n, dtype=bool)
-
-    def _rows_left_out(self, y: Floats) -> IndexArray:
-        return dependent_rows(self.system, y)
+    def _matrix(self) -> SaddlePoint:
+        return SaddlePoint(self.system)
 
     def velocity(self, q: Floats, p: Floats, t: float) -> Floats:
         """See the base class."""
-        system = self.system
-        n = system.n
-        y = system.extend(q, t)
-        G = self._scale * system.constraints.jacobian_values(y)
-        rhs = np.concatenate([p, -self._scale * ground_part(system, y, t)])
-        out = np.zeros(n + system.m, dtype=bool)
-        out[:n] = self._without
-        out[n + self._rows_left_out(y)] = True
-        if out.any():
-            G[out[n + self._entry_row] | out[self._entry_column]] = 0
-            rhs[out] = 0
-        ones = self._scale * out[self._diagonal]
-        data = self._pattern.data(np.concatenate([self._mass, G, G, ones]))
-        return self._solver.solve(data, rhs)[:n]
+        y = self.system.extend(q, t)
+        return self._solve(y, p, -ground_part(self.system, y, t))[0]
 
 
 class _DirectorsDropped(_SaddlePoint):
     """The same without the rows and columns of directors that have no mass (116)."""
 
-    def _coordinates_left_out(self) -> Array:
-        return massless(self.system)
-
-    def _rows_left_out(self, y: Floats) -> IndexArray:
-        system, touching = self.system, self._touching
-        if not len(system.closure.rows) or not touching.any():
-            return np.union1d(np.flatnonzero(touching), dependent_rows(system, y))
-        # rows that depend only on rows left out here are needed: decided anew among the others
-        rows = np.flatnonzero(~touching)
-        G = system.constraints.jacobian(y).tocsr()[rows].toarray()
-        G /= np.linalg.norm(G, axis=1)[:, None]
-        _, R, order = qr(G.T, mode="economic", pivoting=True)
-        rank = int((abs(np.diag(R)) > RANK_TOLERANCE).sum())
-        return np.union1d(np.flatnonzero(touching), rows[order[rank:]])
+    def _matrix(self) -> SaddlePoint:
+        return SaddlePoint(self.system, massless(self.system))
 
 
 class _Reduced(_Rule):

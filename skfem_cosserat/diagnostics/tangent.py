@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, diags
 
+from ..constraints.rowspace import RowSpace
 from ..kernels import null_space_blocks
 from ..model import System
 from ..model.balance import Amplitudes, Balance, balance, balance_tangent
 from ..types import Array, Floats
-from .rowspace import RowSpace
 
 __all__ = [
     "ReducedTangent",

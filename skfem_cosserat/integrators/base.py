@@ -36,6 +36,9 @@ class State:
     turns : (k,) int array or None
         Full turns of the angles that springs, dampers and actuators act on, in the order of
         ``system.couplings.angles``; None: none.
+    memory : (k, n) array or None
+        What the integrator carries on beside (q, p), such as accelerations; None: nothing, or a
+        start from (q, p).
 
     Examples
     --------
@@ -57,6 +60,7 @@ class State:
     p: Floats
     fresh: bool = True
     turns: IndexArray | None = None
+    memory: Floats | None = None
 
     def __repr__(self) -> str:
         """Without the arrays."""
@@ -199,10 +203,21 @@ class Integrator(ABC):
         In words.
     reference : str
         Where it comes from.
+    remembered : int
+        Rows of n numbers that a state carries on in its ``memory``.
+    symmetric : bool
+        Whether a step back undoes a step, and nothing is dissipated.
+    part, shares : Integrator and tuple of float
+        The scheme whose steps one step is made of, and their sizes as shares of it; none: the step
+        is one of its own.
     """
 
     name: str
     order: int
+    remembered: int = 0
+    symmetric: bool = False
+    part: Integrator | None = None
+    shares: tuple[float, ...] = ()
     constraint_weight: float
     force_share: float
     start_share: float = 1.0
@@ -234,6 +249,27 @@ class Integrator(ABC):
     @abstractmethod
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """The momentum (rows, 3) carried on to the next step."""
+
+    def finished(self, system: System, step: StepData, evaluation: Evaluation) -> Evaluation:
+        """What becomes of the solution of a step, such as velocities moved onto constraints.
+
+        What it adds to R is taken off the constraint force.
+        """
+        return evaluation
+
+    def memory(self, evaluation: Evaluation) -> Floats | None:
+        """What is carried on beside positions and momentum (k, n)."""
+        return None
+
+    def start_force(self, system: System, state: State, h: float) -> Floats | None:
+        """Constraint force (n,) at a state a run starts from; None: that of the step after it."""
+        return None
+
+    def update(
+        self, system: System, step: StepData, evaluation: Evaluation
+    ) -> tuple[Array, Array] | None:
+        """What :meth:`tangent` leaves out, as ``sum_k U_k (V_k . dq_1)``: U, V (k, rows, 3)."""
+        return None
 
     @abstractmethod
     def node_momentum(self, p0: Floats, impulse: Floats, fresh: bool) -> Floats:

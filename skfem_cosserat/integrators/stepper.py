@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,74 +20,9 @@ from ..types import Array, Floats, positive
 from .base import Evaluation, Integrator, State, StepData, StepWork
 from .choice import choose_kernels
 from .fast import CompiledStep, compiled_step
+from .report import ComposedReport, Solved, StepReport
 
 __all__ = ["StepReport", "Stepper"]
-
-
-@dataclass(eq=False)
-class StepReport:
-    """What a solved step gives beside the next state.
-
-    Attributes
-    ----------
-    state : State
-        At the end of the step.
-    iterations, attempts : int
-        Newton iterations (of all attempts) and attempts (1: none was repeated).
-    residual : float
-        Scaled residual at the solution.
-    work : StepWork
-        Of loads, actuators and dampers in the step.
-    """
-
-    state: State
-    iterations: int
-    attempts: int
-    residual: float
-    work: StepWork
-    _solved: Solved
-
-    @property
-    def momentum(self) -> Floats:
-        """``p_n`` (n,) of the discrete Legendre transform at the *start* of the step."""
-        _, integrator, _, state, _, impulse = self._solved
-        p0 = state.p.reshape(-1, 3)
-        return np.array(integrator.node_momentum(p0, impulse, state.fresh)).reshape(-1)
-
-    @property
-    def constraint_force(self) -> Floats:
-        """``G^T lambda`` (n,) of the step (N; N m on directors)."""
-        _, integrator, h, state, _, impulse = self._solved
-        share = integrator.start_share if state.fresh else 1.0
-        return (impulse / (share * h)).reshape(-1)
-
-    @property
-    def constraint_point(self) -> Floats:
-        """Where it acts: all rows (total, 3) of y, at the node or midpoint."""
-        system, integrator, _, state, y1, _ = self._solved
-        weight, y0 = integrator.constraint_weight, system.extend(state.q, state.time)
-        return y0 if weight == 0 else (1 - weight) * y0 + weight * y1
-
-
-class Solved(NamedTuple):
-    """What momentum and constraint force of a step are made from, when somebody asks for them.
-
-    Attributes
-    ----------
-    h : float
-    state : State
-        At the start of the step.
-    y1 : (total, 3) array
-    impulse : (rows, 3) array
-        ``h G^T lambda``.
-    """
-
-    system: System
-    integrator: Integrator
-    h: float
-    state: State
-    y1: Floats
-    impulse: Floats
 
 
 def _check_kind(name: str, value: object, kind: type) -> None:
@@ -125,7 +59,18 @@ class _Problem:
             self.treatment.residual(e.R, self.y1)
         blocks = self.integrator.tangent(self.system, self.step, e)
         data = self.treatment.data(blocks, e.R, self.y1)
-        return -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
+        direction = -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
+        more = self.integrator.update(self.system, self.step, e)
+        return direction if more is None else self._updated(direction, *more)
+
+    def _updated(self, direction: Floats, U: Array, V: Array) -> Floats:
+        """Direction of the matrix with ``sum_k U_k V_k^T`` added (Sherman, Morrison, Woodbury)."""
+        treatment, y = self.treatment, self.y1
+        columns = [treatment.solver.solve_again(treatment.scale_rows(treatment.pull(u))) for u in U]
+        moved = [treatment.push(x, y) for x in (*columns, direction)]
+        products = np.tensordot(V, np.array(moved), axes=([1, 2], [1, 2]))
+        factors = np.linalg.solve(np.eye(len(U)) + products[:, :-1], products[:, -1])
+        return np.asarray(direction - np.array(columns).T @ factors)
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
         return self.treatment.sizes(increment)
@@ -167,6 +112,8 @@ class Stepper:
         See :func:`skfem_cosserat.simulate`.
     announce : callable, optional
         Called with a text before compiling.
+    backwards : bool
+        Of a negative step, as compositions have them.
 
     Raises
     ------
@@ -202,20 +149,36 @@ class Stepper:
         steps: int | None = None,
         solver: Solver | None = None,
         announce: Callable[[str], object] | None = None,
+        *,
+        backwards: bool = False,
     ) -> None:
         _check_kind("system", system, System)
         _check_kind("integrator", integrator, Integrator)
         _check_kind("treatment", treatment, Treatment)
         self.system, self.integrator, self.treatment = system, integrator, treatment
-        self.h = positive("argument step", "step", h, " of seconds")
+        self.h = (-1 if backwards else 1) * positive(
+            "argument step", "step", -h if backwards else h, " of seconds"
+        )
         self.settings = NewtonSettings() if settings is None else settings
         _check_kind("settings", self.settings, NewtonSettings)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
+        self.bound.large = False
         if checked_solver(solver) is not None:
             self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
         self._first = True
-        self.choice = choose_kernels(kernels, system, integrator, treatment, steps, solver)
+        one = integrator if integrator.part is None else integrator.part
+        count = None if steps is None else steps * max(1, len(integrator.shares))
+        self.choice = choose_kernels(kernels, system, one, treatment, count, solver)
         self._fast: CompiledStep | None = None
+        #: steppers by share of the step
+        self._stages: dict[float, Stepper] = {}
+        if integrator.part is not None:
+            common = self.settings, self.choice.name, count, solver, announce
+            self._stages = {
+                share: Stepper(system, one, treatment, share * self.h, *common, backwards=share < 0)
+                for share in integrator.shares
+            }
+            return
         if self.choice.name == "numba":
             text = "kernels are compiled, 10 to 20 s at the first time, or read from the cache"
             logger.info(text)
@@ -228,17 +191,23 @@ class Stepper:
     @property
     def factorisations(self) -> int:
         """So far."""
+        if self._stages:
+            return sum(stage.factorisations for stage in self._stages.values())
         compiled = 0 if self._fast is None else self._fast.factorisations
         return self.bound.solver.factorisations + compiled
 
     @property
     def linear(self) -> LinearSolver | None:
         """The sparse, banded or dense solver at work; None: elimination in blocks is all."""
+        if self._stages:
+            return next(iter(self._stages.values())).linear
         return self.bound.solver if self._fast is None else self._fast.linear
 
     @property
     def method(self) -> str:
         """How linear systems are solved."""
+        if self._stages:
+            return next(iter(self._stages.values())).method
         return self.bound.solver.method if self._fast is None else self._fast.method
 
     def advance(self, state: State, time: float | None = None) -> StepReport:
@@ -259,6 +228,8 @@ class Stepper:
             contradicts another one around it, the reason says so.
         """
         new_time = state.time + self.h if time is None else time
+        if self._stages:
+            return self._compose(state, new_time)
         step: StepData | None = None
         if self._fast is not None:
             if self._fast.looped:  # only the treatment knows about singular positions
@@ -297,6 +268,33 @@ class Stepper:
         reason, advice = self._explained(step, best.reason, problem.y1)
         where = state.time, state.index + 1, best.residual
         raise Diverged(*where, f"{reason}, {effort}", advice, residuals)
+
+    def _compose(self, state: State, time: float) -> StepReport:
+        """One step after the other, and what they give together."""
+        reports: list[StepReport] = []
+        now, done, shares = state, 0.0, self.integrator.shares
+        for k, share in enumerate(shares, 1):
+            done += share
+            stage = self._stages[share]
+            stage._first = True  # what it knows of the motion is of another place
+            end = time if k == len(shares) else state.time + done * self.h
+            reports.append(stage.advance(now, end))
+            now = replace(reports[-1].state, index=state.index)
+        works = [report.work for report in reports]
+        return ComposedReport(
+            replace(now, index=state.index + 1),
+            sum(report.iterations for report in reports),
+            max(report.attempts for report in reports),
+            max(report.residual for report in reports),
+            StepWork(
+                sum(work.loads for work in works),
+                sum(work.actuators for work in works),
+                sum(work.dissipated for work in works),
+                sum(work.ground for work in works),
+            ),
+            reports[0]._solved,
+            reports,
+        )
 
     def _begin(self, state: State) -> StepData:
         """Data of a step for the general way, and its treatment at its start."""
@@ -347,6 +345,9 @@ class Stepper:
         if self._fast is not None:
             self._fast.last = self.bound.last
         impulse: Array = self.bound.constraint_impulse(evaluation.R)
+        R, evaluation = evaluation.R, self.integrator.finished(self.system, step, evaluation)
+        if evaluation.R is not R:
+            impulse = impulse - (evaluation.R - R)
         new = State(
             time,
             state.index + 1,
@@ -356,6 +357,7 @@ class Stepper:
             turns=None
             if step.couplings is None
             else self.system.couplings.turns(step.couplings, y1),
+            memory=self.integrator.memory(evaluation),
         )
         work = self.integrator.work(self.system, step, evaluation, y1)
         solved = Solved(self.system, self.integrator, self.h, state, y1, impulse)

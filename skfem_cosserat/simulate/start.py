@@ -271,7 +271,10 @@ def restart(system: System, history: History, integrator: Integrator, step: floa
     )
     turns = recorded_turns(system, history)
     if same:
-        return State(t, index, q, np.array(row["carried"]), bool(row["fresh"]), turns)
+        memory = np.array(row["memory"]) if "memory" in row else None
+        if memory is not None and np.isnan(memory).any():
+            memory = None
+        return State(t, index, q, np.array(row["carried"]), bool(row["fresh"]), turns, memory)
     p = np.array(row["p"])
     if not np.isfinite(p).all():
         p = np.array(row["carried"])

@@ -1,0 +1,178 @@
+"""Velocities and accelerations on the hidden constraints: ``[[M, G^T], [G, 0]]`` solved."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from threading import get_ident
+
+import numpy as np
+from scipy.linalg import qr
+
+from ..assembly import FrozenPattern
+from ..linear import LinearSolver
+from ..model import System
+from ..model.balance import amplitudes_at, balance
+from ..types import Array, Floats, IndexArray
+from .rowspace import dependent_rows, rows_touching
+
+__all__ = ["SaddlePoint", "accelerations", "hidden_rate", "saddle_point"]
+
+RANK_TOLERANCE = 1e-9  # of normalised constraint rows, as in the model
+#: share of the scene's extent by which constraints are differenced along the motion
+SHARE = 0.1
+
+
+class SaddlePoint:
+    """``[[M, G^T], [G, 0]] (v, mu) = (p, r)``; rows left out get a 1 on the diagonal.
+
+    Regular although the mass matrix of beams is singular on d3.
+
+    Parameters
+    ----------
+    system : System
+    without : (n,) bool array, optional
+        Coordinates that are left out, with all constraint rows that contain them.
+    """
+
+    def __init__(self, system: System, without: Array | None = None) -> None:
+        self.system = system
+        n, m, g = system.n, system.m, system.constraints
+        self._without = np.zeros(n, dtype=bool) if without is None else without
+        self._touching = rows_touching(system, self._without)
+        mass = system.mass.tocoo()
+        xyz = np.arange(3)
+        i = (3 * mass.row[:, None].astype(np.int64) + xyz).ravel()
+        j = (3 * mass.col[:, None].astype(np.int64) + xyz).ravel()
+        gi, gj = g.rows[g.inside], g.cols[g.inside]
+        loops = len(system.closure.rows) > 0
+        spare = np.arange(m) if loops else np.flatnonzero(self._touching)
+        self._diagonal = np.concatenate([np.flatnonzero(self._without), n + spare])
+        self._pattern = FrozenPattern(
+            np.concatenate([i, gj, n + gi, self._diagonal]),
+            np.concatenate([j, n + gi, gj, self._diagonal]),
+            (n + m, n + m),
+        )
+        self._solver = LinearSolver(self._pattern)
+        self._mass = np.repeat(mass.data, 3)
+        self._scale = float(abs(mass.data).max())
+        self._entry_row, self._entry_column = gi, gj
+
+    def __call__(self, y: Floats, p: Floats, rate: Floats) -> tuple[Floats, Floats]:
+        """Solve at configuration y (total, 3) for p (n,) and r = `rate` (m,): v (n,), mu (m,)."""
+        n = self.system.n
+        G = self._scale * self.system.constraints.jacobian_values(y)
+        rhs = np.concatenate([p, self._scale * rate])
+        out = np.zeros(n + self.system.m, dtype=bool)
+        out[:n] = self._without
+        out[n + self._rows_left_out(y)] = True
+        if out.any():
+            G[out[n + self._entry_row] | out[self._entry_column]] = 0
+            rhs[out] = 0
+        ones = self._scale * out[self._diagonal]
+        data = self._pattern.data(np.concatenate([self._mass, G, G, ones]))
+        solved = self._solver.solve(data, rhs)
+        return solved[:n], self._scale * solved[n:]
+
+    def _rows_left_out(self, y: Floats) -> IndexArray:
+        system, touching = self.system, self._touching
+        if not len(system.closure.rows) or not touching.any():
+            return np.union1d(np.flatnonzero(touching), dependent_rows(system, y))
+        # rows that depend only on rows left out here are needed: decided anew among the others
+        rows = np.flatnonzero(~touching)
+        G = system.constraints.jacobian(y).tocsr()[rows].toarray()
+        G /= np.linalg.norm(G, axis=1)[:, None]
+        _, R, order = qr(G.T, mode="economic", pivoting=True)
+        rank = int((abs(np.diag(R)) > RANK_TOLERANCE).sum())
+        return np.union1d(np.flatnonzero(touching), rows[order[rank:]])
+
+
+def saddle_point(system: System) -> SaddlePoint:
+    """That of a system, made once as long as no others are asked for; each thread has its own."""
+    return _made(system, get_ident())
+
+
+@lru_cache(maxsize=4)
+def _made(system: System, thread: int) -> SaddlePoint:
+    return SaddlePoint(system)
+
+
+def hidden_rate(system: System, y: Floats, t: float) -> Floats:
+    """Rate (m,) that ``G v`` has to have at y (total, 3): minus that by prescribed motion."""
+    if not system.moving:
+        return np.zeros(system.m)
+    rate = np.zeros_like(y)
+    rate[system.rows :] = system.ground_rate(t)
+    return -system.constraints.ground_rate(y, rate)
+
+
+def accelerations(
+    system: System,
+    q: Floats,
+    v: Floats,
+    t: float,
+    turns: IndexArray | None = None,
+) -> tuple[Floats, Floats]:
+    """Accelerations and multipliers of the continuous equations of motion at a state.
+
+    ``M a + G^T lambda = f(q, v, t)`` and the second derivative of ``g(q, t) = 0``; of redundant
+    rows those that depend on others have no multiplier.
+
+    Parameters
+    ----------
+    q, v : (n,) array
+        On the constraints and the hidden ones.
+    t : float
+        Time (s).
+    turns : (k,) int array, optional
+        Full turns of the angles that springs act on.
+
+    Returns
+    -------
+    a : (n,) array
+        (m/s^2, 1/s^2)
+    multipliers : (m,) array
+
+    Examples
+    --------
+    A pendulum that swings through its lowest point: the rod carries weight and centrifugal force.
+
+    >>> from skfem_cosserat import JointDistance, LoadGravity, MassPoint, Model, ground
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> weight = model.add("weight", LoadGravity((0, 0, -10.0)))
+    >>> system = model.freeze()
+    >>> a, lam = accelerations(system, system.q0, np.array([3.0, 0, 0]), 0.0)
+    >>> (a.round(9) + 0.0).tolist(), lam.round(9).tolist()
+    ([0.0, 0.0, 9.0], [38.0])
+    """
+    y = system.extend(q, t)
+    velocity = v.reshape(-1, 3)
+    rates, curved = _ground_rates(system, t)
+    ydot = np.concatenate([velocity, rates])
+    force = -balance(system, y, amplitudes_at(system, t), turns=turns, ydot=ydot).R
+    # constraints are cubic in y at most: this second difference is exact but for rounding
+    size = float(abs(ydot).max(initial=0.0))
+    bend = np.zeros(system.m)
+    if size:
+        s = SHARE / max(size, float(abs(velocity[system.origin_rows]).max()) / system.length)
+        g = [system.constraints.values(y + k * s * ydot) for k in (-1, 0, 1)]
+        bend = (g[2] - 2 * g[1] + g[0]) / s**2
+    if system.moving:
+        carried = np.zeros_like(y)
+        carried[system.rows :] = curved
+        bend = bend + system.constraints.ground_rate(y, carried)
+    return saddle_point(system)(y, force.reshape(-1), -bend)
+
+
+def _ground_rates(system: System, t: float) -> tuple[Floats, Floats]:
+    """First and second derivative of the ground's rows in time, by differences."""
+    rate = system.ground_rate(t)
+    if not system.moving:
+        return rate, np.zeros_like(rate)
+    # one-sided, since a motion may not be known before t = 0
+    h = 1e-3 if t <= 0 else -min(1e-3, t / 4)
+    f = [system.ground(t + k * h) for k in range(6)]
+    weights = np.array([15 / 4, -77 / 6, 107 / 6, -13.0, 61 / 12, -5 / 6])
+    second: Floats = np.einsum("k,krc->rc", weights, np.array(f)) / h**2
+    return rate, second
