@@ -296,7 +296,9 @@ class Stepper:
         effort = f"after {len(ATTEMPTS)} attempts with {total} Newton iterations"
         reason, advice = self._explained(step, best.reason, problem.y1)
         where = state.time, state.index + 1, best.residual
-        raise Diverged(*where, f"{reason}, {effort}", advice, residuals)
+        error = Diverged(*where, f"{reason}, {effort}", advice, residuals)
+        error.settings = self.settings
+        raise error
 
     def _begin(self, state: State) -> StepData:
         """Data of a step for the general way, and its treatment at its start."""
