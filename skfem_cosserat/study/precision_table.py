@@ -328,8 +328,9 @@ def pareto(points: Iterable[dict[str, Any]], quantity: str) -> list[dict[str, An
 def _cheapest(
     points: Iterable[dict[str, Any]], quantity: str, error: float
 ) -> dict[str, Any] | None:
-    reach = [row for row in points if row[f"error_{quantity}"] <= error]
-    return min(reach, key=lambda row: row["cost_s"], default=None)
+    key = f"error_{quantity}"
+    reach = [row for row in points if row[key] <= error]
+    return min(reach, key=lambda row: (row["cost_s"], row[key]), default=None)
 
 
 def _decades(points: Sequence[Row], quantity: str, reference: float) -> list[float]:
