@@ -132,7 +132,7 @@ class JudgeEnergy:
         time, change, blown = float("nan"), float("nan"), False
         told = self.energy is not None
         if isinstance(history, History) and (told or DERIVED.issubset(history.series)):
-            time, change, blown = self._change(history)
+            time, change, blown = self._change(history, failed=True)
         elif isinstance(history, History):  # it was stopped before its energies were there
             time = float(history.times[-1])
         reason = f"{type(error).__name__}: {error}"
@@ -147,9 +147,14 @@ class JudgeEnergy:
             return Verdict("blowup", time, change, residual, f"then {reason}")
         return Verdict(state, end, change, residual, reason)
 
-    def _change(self, history: History) -> tuple[float, float, bool]:
-        """Time reached, largest change of the energy up to it, and whether it has blown up."""
+    def _change(self, history: History, failed: bool = False) -> tuple[float, float, bool]:
+        """Time reached, largest change of the energy up to it, and whether it has blown up.
+
+        Before a failed step the momentum, which comes from that step, may not be known.
+        """
         t, energy = history.times, self._energies(history)
+        if failed and len(t) > 1 and np.isnan(energy[-1]):
+            t, energy = t[:-1], energy[:-1]
         after = np.flatnonzero(t >= self.since - 1e-12 * max(abs(t[-1]), abs(self.since)))
         if not len(after):
             return float(t[-1]), float("nan"), False
