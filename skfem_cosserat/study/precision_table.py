@@ -158,7 +158,10 @@ class PrecisionTable:
         return write_table(path, notes | {"reference error": own} | provenance(), self.rows)
 
     def chart(
-        self, path: str | os.PathLike[str] | None = None, quantities: Iterable[str] | None = None
+        self,
+        path: str | os.PathLike[str] | None = None,
+        quantities: Iterable[str] | None = None,
+        kind: Callable[[Row], str] | None = None,
     ) -> Figure:
         """Errors over costs, both logarithmic: a panel a quantity, a front a group.
 
@@ -171,6 +174,9 @@ class PrecisionTable:
             Write it here (``.png``, ``.svg``, ``.pdf``).
         quantities : iterable of str, optional
             Default: all.
+        kind : callable, optional
+            From a row to the name of its colour; default: its group, or its series if there is one
+            group only.
 
         Raises
         ------
@@ -187,7 +193,7 @@ class PrecisionTable:
             }
             for name in names
         }
-        return precision_chart(self.rows, fronts, self.reference_errors, path)
+        return precision_chart(self.rows, fronts, self.reference_errors, kind, path)
 
     def __str__(self) -> str:
         lines = [f"{name}: {line}" for name in self.quantities for line in self.front(name).lines]

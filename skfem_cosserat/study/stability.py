@@ -18,6 +18,7 @@ from .cases import OnOutcome, run_cases
 from .fingerprint import identity
 from .levels import case_name, check_call
 from .limit import TimeLimit
+from .run import title_of
 from .stability_table import Map
 from .verdict import JudgeEnergy, Verdict
 
@@ -118,8 +119,7 @@ def stability_map(
     cells = np.empty(len(found), dtype=object)
     cells[:] = [_verdict(each) for each in found]
     seconds = np.array([each.seconds for each in found])
-    title = str(getattr(problem, "__name__", type(problem).__name__))
-    return Map(title, values, cells.reshape(shape), seconds.reshape(shape))
+    return Map(title_of(problem), values, cells.reshape(shape), seconds.reshape(shape))
 
 
 def _axes(given: Any) -> dict[str, list[Any]]:

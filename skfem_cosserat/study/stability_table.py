@@ -140,6 +140,7 @@ class Map:
         lines: Lines | None = None,
         x: str | None = None,
         y: str | None = None,
+        title: str | None = None,
     ) -> Figure:
         """A coloured field for each cell; theory's limits as lines.
 
@@ -154,6 +155,8 @@ class Map:
         x, y : str, optional
             Parameters along the axes of the chart; default: the last two. For each value of a third
             one there is a panel.
+        title : str, optional
+            Default: the name of the problem.
 
         Raises
         ------
@@ -177,7 +180,7 @@ class Map:
         order = [*[name for name in names if name not in (x, y)], y, x]
         places = [names.index(name) for name in order]
         return stability_chart(
-            self.title,
+            self.title if title is None else title,
             {name: self.axes[name] for name in order},
             self.status.transpose(places),
             {text: field.transpose(places) for text, field in fields.items()},
