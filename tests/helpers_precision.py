@@ -194,3 +194,9 @@ def stiff_bar(step, integrator):
         settings=FULL_PROTOCOL,
         kernels="numpy",
     )
+
+
+def slow_rod(step):
+    """A run that takes longer than anybody waits."""
+    system, scheme = rubber_rod(2), (sc.EnergyMomentum(), sc.NullSpace())
+    return sc.simulate(system, *scheme, step, 1000.0, kernels="numpy")

@@ -96,6 +96,23 @@ def test_explicit_limit_at_step_times_omega_2(oscillator):
     assert (oscillator.time[~stable] < 399 * np.outer(np.ones(4), STEPS)[~stable]).all()
 
 
+def test_a_run_that_is_stopped_tells_how_far_it_came():
+    """Its history comes with the error; energies were not derived yet, which is no fault."""
+    for judge in (None, JudgeEnergy(lambda history: history["energy"])):
+        found = stability_map(helpers.slow_rod, {"step": (1e-3,)}, judge, timeout_s=0.5)
+        assert found.status.tolist() == ["timeout"]
+        assert 1e-3 < found.time[0] < 10.0
+        assert np.isnan(found.energy_error[0])
+    (row,) = stability_map(
+        helpers.slow_rod, {"step": (1e-3,)}, JudgeEnergy(_constant), timeout_s=0.5
+    ).rows
+    assert (row["status"], row["energy_error"]) == ("timeout", 0.0)
+
+
+def _constant(history):
+    return np.ones(len(history))
+
+
 def test_energy_before_a_time_does_not_count():
     energy = np.array([0.0, 5.0, 5.0, 5.004, 5.02])
     history = helpers.history_of(np.sqrt(energy), np.zeros(5), 1.0)

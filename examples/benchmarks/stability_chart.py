@@ -36,15 +36,15 @@ import three_bar_swing as swing
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
-from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, Map
+from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, Map, TimedOut
 
 STEPS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
 FACTORS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)
 QUICK = {"steps": (3e-2, 1e-2), "factors": (1e-3, 1.0)}
 UNTIL = {True: 0.7, False: 1.0}
 PULSE_END = swing.PULSE["stiff"][1]
-#: longest time of a cell (s)
-PATIENCE = 120.0
+#: longest time of a cell (s): steps of 1e-5 s take some ten on an idle machine
+PATIENCE = 300.0
 #: states that are recorded, and looked at for the energy
 LOOKS = 2000
 #: step of the motion from which theory's line comes (s), if quick and else, and how many of its
@@ -86,8 +86,9 @@ def cell(
             derive=False,
             kernels=kernels,
         )
-    except sc.Diverged as error:
-        _add_energy(scene, error.history)
+    except (sc.Diverged, TimedOut) as error:
+        if error.history is not None:
+            _add_energy(scene, error.history)
         raise
     _add_energy(scene, history)
     return history

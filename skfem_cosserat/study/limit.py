@@ -6,6 +6,7 @@ import signal
 import threading
 import time
 from types import FrameType
+from typing import Any
 
 __all__ = ["TimeLimit", "TimedOut"]
 
@@ -13,11 +14,18 @@ __all__ = ["TimeLimit", "TimedOut"]
 class TimedOut(TimeoutError):
     """A call took longer than it may.
 
+    Attributes
+    ----------
+    history : History or None
+        Of the run that was stopped, if it was one of ``simulate``.
+
     Examples
     --------
     >>> issubclass(TimedOut, TimeoutError)
     True
     """
+
+    history: Any = None
 
 
 class TimeLimit:

@@ -130,11 +130,11 @@ class JudgeEnergy:
     def _failed(self, error: Exception) -> Verdict:
         history = getattr(error, "history", None)
         time, change, blown = float("nan"), float("nan"), False
-        told = self.energy is not None
-        if isinstance(history, History) and (told or DERIVED.issubset(history.series)):
-            time, change, blown = self._change(history, failed=True)
-        elif isinstance(history, History):  # it was stopped before its energies were there
-            time = float(history.times[-1])
+        if isinstance(history, History):
+            try:
+                time, change, blown = self._change(history, failed=True)
+            except InputError:  # it was stopped before its energies were there
+                time = float(history.times[-1])
         reason = f"{type(error).__name__}: {error}"
         if isinstance(error, Diverged):
             state, note = ("newton", "") if full_protocol(error) else ("error", NOT_FULL)
