@@ -52,12 +52,16 @@ def test_speed_accuracy_alone(alone):
 
 
 def test_against_an_independent_run(alone):
-    """The reference's path is that of the reference scenes' own tool."""
+    """Steps taken one by one end where those of `simulate` do."""
     problem = speed.PROBLEMS["spaghetti", True]
     run = speed.stepped(problem, sc.EnergyMomentum, sc.NullSpace, (3, 4), 0.05, "numpy")
-    scene = speed.dynamic.spaghetti(4, 3)
-    own = speed.dynamic.motion(scene, "energy-momentum", 0.05, problem.instants)
-    np.testing.assert_allclose(run["point"], own.positions[:, -1], atol=1e-11)
+    system, place = speed.scene("spaghetti", 4, 3)
+    methods = sc.EnergyMomentum(), sc.NullSpace()
+    plain = {"every": 2, "derive": False, "kernels": "numpy"}
+    own = sc.simulate(system, *methods, 0.05, problem.until, **plain)
+    np.testing.assert_allclose(run["point"], own["q"][1:, place : place + 3], atol=1e-11)
+    assert run["newton_iterations"] == own.meta["newton_iterations"]
+    assert np.linalg.norm(system.q0[place : place + 3] - speed.SPAGHETTI["end"]) < 1e-12
 
 
 def made_up(path, **more):

@@ -134,7 +134,7 @@ def scene(name: str, elements: int, order: int) -> tuple[sc.System, int]:
         beam: Any = system.structures[0]
         return system, system.offset(beam.node("mid"))
     found = dynamic.spaghetti(elements, order)
-    return found.system, int(found.frames[-1])
+    return found.system, found.system.offset(found.places["free"])
 
 
 def stepped(
