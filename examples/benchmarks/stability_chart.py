@@ -36,6 +36,7 @@ import three_bar_swing as swing
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
+from skfem_cosserat.integrators.choice import choose_kernels
 from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, Map, TimedOut
 
 STEPS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
@@ -47,6 +48,8 @@ PULSE_END = swing.PULSE["stiff"][1]
 PATIENCE = 300.0
 #: states that are recorded, and looked at for the energy
 LOOKS = 2000
+#: steps that are worth compiling for: there are many cells
+MANY = 10**7
 #: step of the motion from which theory's line comes (s), if quick and else, and how many of its
 #: states are looked at
 FINE, SAMPLES = {True: 5e-3, False: 1e-3}, 200
@@ -72,19 +75,18 @@ def cell(
     kernels: str,
 ) -> sc.History:
     """One run with the null space; it ends soon after a blow-up."""
-    scene = system(factor)
+    scene, scheme = system(factor), (methods[integrator](), sc.NullSpace())
     try:
         history = sc.simulate(
             scene,
-            methods[integrator](),
-            sc.NullSpace(),
+            *scheme,
             step,
             until,
             every=max(1, round(until / step / LOOKS)),
             callbacks=[swing._EnergyGuard(scene, PULSE_END)],
             settings=FULL_PROTOCOL,
             derive=False,
-            kernels=kernels,
+            kernels=choose_kernels(kernels, scene, *scheme, MANY).name,
         )
     except (sc.Diverged, TimedOut) as error:
         if error.history is not None:
