@@ -51,7 +51,7 @@ EXUDYN, ELASTICA = "Exudyn, exact beam", "PyElastica"
 TREATMENTS = {"null space": sc.NullSpace, "multipliers": sc.Multipliers}
 TOLERANCES = (1e-8, 1e-5)
 #: longest time of a run (s)
-PATIENCE = {True: 10.0, False: 120.0}
+PATIENCE = {True: 60.0, False: 120.0}
 WARM = 2
 #: numbers of D3, for the adapters: the peers' radius has no part in it
 SPAGHETTI = {
