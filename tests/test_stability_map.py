@@ -13,7 +13,7 @@ import pytest
 import skfem_cosserat as sc
 from skfem_cosserat import stability_map
 from skfem_cosserat.errors import InputError
-from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, Verdict
+from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, TimedOut, Verdict
 from skfem_cosserat.study.verdict import full_protocol
 
 KINDS = ("ok", "drift", "blowup", "newton", "half-hearted", "timeout", "error")
@@ -98,15 +98,19 @@ def test_explicit_limit_at_step_times_omega_2(oscillator):
 
 def test_a_run_that_is_stopped_tells_how_far_it_came():
     """Its history comes with the error; energies were not derived yet, which is no fault."""
-    for judge in (None, JudgeEnergy(lambda history: history["energy"])):
-        found = stability_map(helpers.slow_rod, {"step": (1e-3,)}, judge, timeout_s=0.5)
-        assert found.status.tolist() == ["timeout"]
-        assert 1e-3 < found.time[0] < 10.0
-        assert np.isnan(found.energy_error[0])
-    (row,) = stability_map(
-        helpers.slow_rod, {"step": (1e-3,)}, JudgeEnergy(_constant), timeout_s=0.5
-    ).rows
-    assert (row["status"], row["energy_error"]) == ("timeout", 0.0)
+    error = TimedOut("not done within 1 s")
+    error.history = helpers.swing_down(2, sc.EnergyMomentum(), 1e-2)
+    for judge in (JudgeEnergy(), JudgeEnergy(lambda history: history["energy"])):
+        found = judge(error)
+        assert found.status == "timeout" and found.time == pytest.approx(0.08)
+        assert np.isnan(found.energy_error)
+    found = JudgeEnergy(_constant)(error)
+    assert (found.status, found.energy_error) == ("timeout", 0.0)
+
+
+def test_a_limit_of_time_stops_a_simulation():
+    (row,) = stability_map(helpers.slow_rod, {"step": (1e-3,)}, timeout_s=0.5).rows
+    assert row["status"] == "timeout" and row["seconds"] < 5
 
 
 def _constant(history):
