@@ -91,7 +91,7 @@ from .statics import (
     equilibrium,
     static,
 )
-from .study import Refinement, refine
+from .study import Refinement, refine, stability_map, work_precision
 from .version import VERSION
 
 __all__ = [
@@ -209,9 +209,11 @@ __all__ = [
     "run_all",
     "simulate",
     "spectrum",
+    "stability_map",
     "static",
     "steps",
     "triad",
+    "work_precision",
     "write_mesh",
 ]
 __version__ = VERSION

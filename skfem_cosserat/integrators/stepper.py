@@ -267,7 +267,9 @@ class Stepper:
         effort = f"after {len(ATTEMPTS)} attempts with {total} Newton iterations"
         reason, advice = self._explained(step, best.reason, problem.y1)
         where = state.time, state.index + 1, best.residual
-        raise Diverged(*where, f"{reason}, {effort}", advice, residuals)
+        error = Diverged(*where, f"{reason}, {effort}", advice, residuals)
+        error.settings = self.settings
+        raise error
 
     def _compose(self, state: State, time: float) -> StepReport:
         """One step after the other, and what they give together."""

@@ -67,6 +67,7 @@ class Recorder:
             }
         self.works = Works(system, stepper.integrator, state, stepper.h)
         self.writer = HistoryWriter(meta, static, path)
+        self.iterations = 0
         self.last: dict[str, Any] | None = None
         self.closed: History | None = None
         self.bank = SensorBank(bank, system, stepper, self.writer)
@@ -145,6 +146,7 @@ class Recorder:
         self._amend(report)
         self.works.add(report)
         self.bank.take(self._before, report)
+        self.iterations += report.iterations
         state = self._before = report.state
         force = report.constraint_force if self._at_end else None
         row = self._row(state, report.iterations, report.attempts, report.residual, force)
@@ -191,6 +193,7 @@ class Recorder:
                     logger.warning("the last momentum could not be projected: %s", error)
         extra: dict[str, Any] = {
             "factorisations": self.stepper.factorisations,
+            "newton_iterations": self.iterations,
         }
         if failure is not None:
             extra["failure"] = str(failure)

@@ -21,7 +21,7 @@ from .quantities import Quantities, aligned
 from .reference import Known, ReferenceFinest, ReferenceRun, known_values, value_of
 from .refinement import Refinement
 
-__all__ = ["refine"]
+__all__ = ["refine", "title_of"]
 
 
 def refine(
@@ -159,10 +159,10 @@ def refine(
         check=plan.check,
         retry=retry,
     )
-    return plan.result(_title(problem), {each.name: each for each in outcomes})
+    return plan.result(title_of(problem), {each.name: each for each in outcomes})
 
 
-def _title(problem: Any) -> str:
+def title_of(problem: Any) -> str:
     """Name of the problem, with what is bound to it as far as it is short."""
     bound: dict[str, Any] = {}
     while isinstance(problem, partial):
