@@ -322,3 +322,9 @@ def test_a_study_of_a_function_that_calls_itself(tmp_path):
 
     study = sc.refine(total, elements=(4, 8, 16, 32), folder=tmp_path / "study")
     assert study.values["value"]["elements = 4"] == pytest.approx(205 / 144)
+
+
+def test_a_negative_number_of_refinements():
+    """It gave the mesh as it was: refined(-1) is not the last element."""
+    with pytest.raises(sc.MeshError, match="-1 times, expected 0 or more"):
+        sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2).refined(-1)

@@ -14,7 +14,8 @@ from .topology import find_chains
 if TYPE_CHECKING:  # pragma: no cover - for annotations only
     from .mesh import MeshCurve
 
-__all__ = ["element_finder", "element_numbers", "find_beam", "find_node", "places_along"]
+__all__ = ["element_finder", "element_numbers", "find_beam", "find_node", "number_of_times"]
+__all__ += ["places_along"]
 
 #: Distance at which a position is said to meet a node, as a part of the mesh size.
 POSITION_TOLERANCE = 1e-8
@@ -86,6 +87,13 @@ def places_along(
     k = np.minimum(np.searchsorted(ends, at + tol, side="right"), len(ids) - 1)
     xi = 1.0 - (ends[k] - at) / mesh.lengths[ids[k]]
     return ids[k], np.clip(xi, 0.0, 1.0)
+
+
+def number_of_times(value: Any) -> int:
+    """How often a mesh is to be refined; MeshError for a negative number."""
+    if value < 0:
+        raise MeshError("refinement", f"{value} times, expected 0 or more")
+    return int(value)
 
 
 def element_numbers(which: Any, count: int) -> IndexArray:

@@ -437,7 +437,7 @@ class MeshCurve(MeshLine1):
         """
         if isinstance(times_or_ix, (int, np.integer)) and not isinstance(times_or_ix, bool):
             mesh = self
-            for _ in range(int(times_or_ix)):
+            for _ in range(lookup.number_of_times(times_or_ix)):
                 mesh = mesh._adaptive(np.arange(mesh.nelements))
             return mesh
         if isinstance(times_or_ix, str):
