@@ -33,7 +33,7 @@ def test_quick_rows(family):
     rows = FAMILIES[family].rows()
     assert {row["case"] for row in rows} == set(FAMILIES[family].QUICK)
     for row in rows:
-        assert row["id"] == family
+        assert row["id"] == f"M0{family[1]}"
         assert row["converged"]
         scale = abs(np.array(row["reference"], dtype=float)).max()
         assert row["error"] <= QUICK[family] * scale, row

@@ -59,7 +59,7 @@ def test_quick_rows(family):
     rows = FAMILIES[family].rows()
     assert rows
     for row in rows:
-        assert row["id"] == family
+        assert row["id"] == f"R0{family[1]}"
         assert row["converged"]
         assert row["error"] < QUICK[family] * size(row["reference"]), row
 

@@ -78,6 +78,14 @@ def test_table():
     rows = collection.run(["S14"])
     assert [row["quantity"] for row in rows] == 2 * ["tip", "quat", "root_moment"]
     assert set(rows[0]) == set(collection.COLUMNS)
+    assert {row["id"] for row in collection.run("M3") + rows} == {"M03", "S14"}
+
+
+@pytest.mark.parametrize("ids", ["Q1", ["S99"], [""], [3]])
+def test_table_of_no_family(ids):
+    """A lone name is one family, not its letters; an empty one not all of them."""
+    with pytest.raises(sc.InputError, match="expected among"):
+        collection.run(ids)
 
 
 # -- other data ------------------------------------------------------------------------------------

@@ -12,6 +12,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import skfem_cosserat as sc
+
 _HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(_HERE.parent))
 
@@ -29,12 +31,12 @@ def families() -> dict[str, Any]:
     return {name[:3].upper(): import_module(f"collection.{name}") for name in names}
 
 
-def run(ids: Iterable[str] | None = None, quick: bool = True) -> list[dict[str, Any]]:
+def run(ids: str | Iterable[str] | None = None, quick: bool = True) -> list[dict[str, Any]]:
     """Compute cases and put them beside their references.
 
     Parameters
     ----------
-    ids : iterable of str, optional
+    ids : str or iterable of str, optional
         Families ("S03", also "S3" or the name of an entry; "S": all of statics); default: all.
     quick : bool
         Only the cases that take a second or two.
@@ -45,15 +47,23 @@ def run(ids: Iterable[str] | None = None, quick: bool = True) -> list[dict[str, 
         A row for each number: ``id``, ``case``, ``quantity``, ``computed``, ``reference``,
         ``error``, ``trusted``; ``order``, ``elements``, ``step``; ``cost_s``, ``unknowns``,
         ``newton_iterations``, ``converged``.
+
+    Raises
+    ------
+    InputError
+        For a family that there is none of.
     """
     known = families()
-    wanted = list(known) if ids is None else [f for name in ids for f in _families(name, known)]
+    names = [ids] if isinstance(ids, str) else ids
+    wanted = list(known) if names is None else [f for name in names for f in _families(name, known)]
     return [row for name in dict.fromkeys(wanted) for row in known[name].rows(quick)]
 
 
 def _families(name: str, known: dict[str, Any]) -> list[str]:
+    if not isinstance(name, str) or not name:
+        raise sc.InputError("argument ids", f"{name!r}, expected among {list(known)}")
     letter, digits = name[:1].upper(), "".join(c for c in name[1:3] if c.isdigit())
     found = [f for f in known if f.startswith(f"{letter}{digits.zfill(2) if digits else ''}")]
     if not found or (len(name) > 1 and not digits):
-        raise ValueError(f"{name!r} is no family, expected among {list(known)}")
+        raise sc.InputError("argument ids", f"{name!r} is no family, expected among {list(known)}")
     return found

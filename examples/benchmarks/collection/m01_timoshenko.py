@@ -90,4 +90,4 @@ def main(
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:
     """Its part of the table."""
-    return vibration.table("M1", ENTRIES[0], QUICK, main)
+    return vibration.table("M01", ENTRIES[0], QUICK, main)

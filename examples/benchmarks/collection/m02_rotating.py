@@ -126,4 +126,4 @@ def main(
 def rows(quick: bool = True) -> list[dict[str, Any]]:
     """Its part of the table."""
     cases = QUICK if quick else common.entry(ENTRIES[0])["values"]
-    return vibration.table("M2", ENTRIES[0], cases, main)
+    return vibration.table("M02", ENTRIES[0], cases, main)

@@ -92,4 +92,4 @@ def main(
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:
     """Its part of the table."""
-    return vibration.table("M3", ENTRIES[0], QUICK, main)
+    return vibration.table("M03", ENTRIES[0], QUICK, main)

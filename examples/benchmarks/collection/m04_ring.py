@@ -136,4 +136,4 @@ def main(
 def rows(quick: bool = True) -> list[dict[str, Any]]:
     """Its part of the table."""
     cases, elements = (QUICK, None) if quick else (common.entry(ENTRIES[0])["values"], LONG)
-    return vibration.table("M4", ENTRIES[0], cases, lambda case: main(case, elements=elements))
+    return vibration.table("M04", ENTRIES[0], cases, lambda case: main(case, elements=elements))

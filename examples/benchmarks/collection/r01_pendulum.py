@@ -75,4 +75,4 @@ def main(
 def rows(quick: bool = True) -> list[dict[str, Any]]:
     """Its part of the table."""
     result = main(times=[float(t) for t in QUICK] if quick else None)
-    return motion.table("R1", ENTRIES[0], result, ["state"])
+    return motion.table("R01", ENTRIES[0], result, ["state"])

@@ -177,9 +177,9 @@ def _together(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
 def rows(quick: bool = True) -> list[dict[str, Any]]:
     """Its part of the table."""
     result = main(times=[0.1] if quick else None)
-    out = motion.table("R2", ENTRIES[0], result, ["state", "com"])
+    out = motion.table("R02", ENTRIES[0], result, ["state", "com"])
     for case in ("slow", "fast"):
         reference = {case: common.entry(ENTRIES[1])["values"][case]}
         found = main(case)
-        out += common.tabled("R2", found, common.compare(case, found, reference, 1e-12))
+        out += common.tabled("R02", found, common.compare(case, found, reference, 1e-12))
     return out

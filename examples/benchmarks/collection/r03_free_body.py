@@ -90,4 +90,4 @@ def main(
 def rows(quick: bool = True) -> list[dict[str, Any]]:
     """Its part of the table."""
     result = main(times=[float(t) for t in QUICK] if quick else None)
-    return motion.table("R3", ENTRIES[0], result, ["state"])
+    return motion.table("R03", ENTRIES[0], result, ["state"])

@@ -92,4 +92,4 @@ def main(
 def rows(quick: bool = True) -> list[dict[str, Any]]:
     """Its part of the table."""
     result = main(times=[float(t) for t in QUICK] if quick else None)
-    return motion.table("R4", ENTRIES[0], result, ["P3"], digits=8)
+    return motion.table("R04", ENTRIES[0], result, ["P3"], digits=8)

@@ -99,4 +99,4 @@ def main(
 def rows(quick: bool = True) -> list[dict[str, Any]]:
     """Its part of the table."""
     result = main(times=[float(t) for t in QUICK] if quick else None)
-    return motion.table("R5", ENTRIES[0], result, ["phi_omega", "B0"])
+    return motion.table("R05", ENTRIES[0], result, ["phi_omega", "B0"])

@@ -174,4 +174,4 @@ def main(
 def rows(quick: bool = True) -> list[dict[str, Any]]:
     """Its part of the table."""
     result = main(times=[float(t) for t in QUICK] if quick else None)
-    return motion.table("R6", ENTRIES[0], result, ["q"], digits=12)
+    return motion.table("R06", ENTRIES[0], result, ["q"], digits=12)

@@ -114,5 +114,5 @@ def rows(quick: bool = True) -> list[dict[str, Any]]:
         known = [t for t in common.entry(name)["values"]["t"] if t <= LAST.get(number, np.inf)]
         result = main(name, times=INSTANTS[number] if quick else known)
         fields = ["taylor_longdouble", "tip"]
-        out += motion.table("R8", name, result, fields, lambda t, n=number: digits(n, t))
+        out += motion.table("R08", name, result, fields, lambda t, n=number: digits(n, t))
     return out
