@@ -2,7 +2,7 @@
 
 D1, a rubber rod that swings down from its hinge; D2, the right-angle cantilever of Simo & Vu-Quoc
 (1988); D3, a free rod that is thrown and spun, the "flying spaghetti" in space. The numbers to
-reach are in tests/data/dynamic_references.json, with their origin. Three questions:
+reach and the scenes are those of benchmarks/collection. Three questions:
 
 *Orders.* With the loads as given waves start at t = 0 and wherever the load has a kink, and no
 derivative of the solution exists beyond some order: neither elements of high order nor a step
@@ -15,10 +15,6 @@ even powers of h only, which Richardson extrapolation takes away, as kinks fall 
 
 *Trusted digits*: the finest runs beside the uncertainty of the reference, and the energies that
 stay constant after the loads have ended.
-
-D3 is given with the inertia 10 about all three axes of the section. A plane section has the sum of
-the other two about its normal, so 5 along each of d1, d2 and, which no plane section has, d3:
-:class:`SolidBeam` adds that one.
 
 Writes three tables and, where matplotlib is there, a chart; half an hour on one core, with --quick
 one. All units SI. Run ``python examples/dynamic_references.py --help`` for the choices.
@@ -34,28 +30,28 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betainc
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parent / "benchmarks"))
 
 import dynamic_report
 import paper_record
+from collection import d01_flexible_pendulum, d02_right_angle, d03_flying_spaghetti
+from collection.common import entry
+from collection.runs import Motion, Scene, limit, run
 
 import skfem_cosserat as sc
-from skfem_cosserat import diagnostics
 from skfem_cosserat.export import prepare_folder
 from skfem_cosserat.kernels import rotation_matrix
 
 Floats = NDArray[np.float64]
 
 HERE = Path(__file__).resolve().parent
-DATA = HERE.parent / "tests" / "data" / "dynamic_references.json"
 INTEGRATORS = {"variational": sc.Variational, "energy-momentum": sc.EnergyMomentum}
 ORDERS = (1, 2, 3, 4)
 
@@ -63,109 +59,30 @@ ORDERS = (1, 2, 3, 4)
 # -- scenes ----------------------------------------------------------------------------------------
 
 
-class SolidBeam(sc.Beam):
-    """A beam with inertia along d3 too.
-
-    Parameters
-    ----------
-    third : float
-        ``M_rho^3`` (kg m); the rest as for :class:`skfem_cosserat.Beam`.
-    """
-
-    def __init__(self, *args: Any, third: float, **options: Any) -> None:
-        super().__init__(*args, **options)
-        self.third = third
-
-    def scalar_mass(self) -> Floats:
-        """With the blocks of d3."""
-        mass = super().scalar_mass()
-        rows = 4 * np.arange(self.basis.order + 1) + 3
-        mass[:, rows[:, None], rows] += self.third * self.basis.elemental_mass()
-        return mass
-
-
-class Scene(NamedTuple):
-    """A frozen scene, and the places in it whose motion is compared."""
-
-    system: sc.System
-    places: dict[str, Any]
-
-    @property
-    def frames(self) -> NDArray[np.int64]:
-        """Where the places' frames begin in q."""
-        return np.array([self.system.offset(place) for place in self.places.values()])
-
-    def positions(self, q: Floats) -> Floats:
-        """(N, k, 3) of configurations (N, n), in m."""
-        return q[:, self.frames[:, None] + np.arange(3)]
-
-    def rotations(self, q: Floats) -> Floats:
-        """(N, k, 3, 3): matrices that turn the reference triads into those of configurations."""
-        now, start = (
-            np.reshape(x, (-1, x.shape[-1]))[:, self.frames[:, None] + np.arange(3, 12)]
-            for x in (q, self.system.q0)
-        )
-        shape = (-1, len(self.places), 3, 3)
-        return np.einsum("nkij,kil->nkjl", now.reshape(shape), start.reshape(shape)[0])
-
-
-def bump(peak: float, until: float) -> sc.FunctionOfTime:
-    """``peak (4 x (1 - x))^6``, x = t/until: five derivatives vanish at both ends."""
-    return sc.FunctionOfTime(
-        lambda t: peak * (4 * t / until * (1 - t / until)) ** 6 if 0 < t < until else 0.0,
-        kinks=(0.0, until),
-    )
-
-
-def rise(until: float) -> sc.FunctionOfTime:
-    """From 0 to 1, five derivatives vanish at both ends."""
-    return sc.FunctionOfTime(
-        lambda t: float(betainc(6, 6, min(max(t / until, 0.0), 1.0))), kinks=(0.0, until)
-    )
-
-
 def pendulum(elements: int, order: int, smooth: bool = False) -> Scene:
     """D1: gravity is there at once, or rises within 0.2 s."""
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), elements, name="rod")
-    section = sc.SectionCircle(5e-3, sc.Material(E=5e6, nu=0.5, rho=1100), shear_factor=1.0)
-    model = sc.Model()
-    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=(0, 1, 0)))
-    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1))
-    model.add("hinge", hinge)
-    model.add("gravity", sc.LoadGravity((0, -9.81, 0), rise(0.2) if smooth else None))
-    return Scene(model.freeze(), {"tip": rod.node("rod.end")})
+    data = {"rise": 0.2} if smooth else None
+    return d01_flexible_pendulum.PROBLEM.build(data, elements, order)
 
 
 def cantilever(elements: int, order: int, smooth: bool = False) -> Scene:
     """D2, elements in each leg: a triangle of 2 s and 50 N, or a bump of 4 s."""
-    corners = [(0, 0, 0), (10, 0, 0), (10, 10, 0)]
-    mesh = sc.MeshCurve.init_polyline(corners, elements, name="frame", nodes={"elbow": 0.5})
-    section = sc.Section([1e6, 1e6, 1e6, 1e3, 1e3, 1e3], mass=1.0, inertia=(10.0, 10.0))
-    model = sc.Model()
-    frame = model.add("frame", sc.Beam(mesh, section, order=order, director=(0, 0, 1)))
-    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), frame.node("frame.start")))
-    pulse = bump(50.0, 4.0) if smooth else sc.Table([0, 1, 2], [0, 50, 0])
-    model.add("force", sc.LoadForce(frame.node("elbow"), (0, 0, 1), pulse))
-    return Scene(model.freeze(), {"elbow": frame.node("elbow"), "tip": frame.node("frame.end")})
+    data = {"pulse": "bump", "t_end": 4.0} if smooth else None
+    return d02_right_angle.PROBLEM.build(data, elements, order)
 
 
 def spaghetti(elements: int, order: int, smooth: bool = False) -> Scene:
-    """D3: a triangle or a bump of 5 s; an even number of elements."""
-    mesh = sc.MeshCurve.init_line((6, 0, 0), (0, 8, 0), elements, name="rod", nodes={"mid": 0.5})
-    section = sc.Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(5.0, 5.0))
-    model = sc.Model()
-    beam = SolidBeam(mesh, section, order=order, director=(0, 0, 1), third=5.0)
-    rod = model.add("rod", beam)
-    start = rod.node("rod.start")
-    pulse = bump(200.0, 5.0) if smooth else sc.Table([0, 2.5, 5], [0, 200, 0])
-    model.add("force", sc.LoadForce(start, (0.1, 0, 0), pulse))
-    model.add("moment", sc.LoadMoment(start, (0, 0.5, 1), pulse))
-    return Scene(
-        model.freeze(), {"loaded": start, "mid": rod.node("mid"), "free": rod.node("rod.end")}
-    )
+    """D3: a triangle or a bump of 5 s."""
+    data = {"pulse": "bump"} if smooth else None
+    return d03_flying_spaghetti.PROBLEM.build(data, elements, order)
 
 
 SCENES = {"D1": pendulum, "D2": cantilever, "D3": spaghetti}
+ENTRIES = {
+    "D1": d01_flexible_pendulum.ENTRIES[0],
+    "D2": d02_right_angle.ENTRIES[0],
+    "D3": d03_flying_spaghetti.ENTRIES[0],
+}
 
 
 # -- reference, runs and limits --------------------------------------------------------------------
@@ -188,83 +105,32 @@ class Reference(NamedTuple):
     @classmethod
     def load(cls, name: str, until: float = np.inf) -> Reference:
         """That of a scene, up to a time (s)."""
-        entry = json.loads(DATA.read_text())[name]
-        which = np.flatnonzero(np.array(entry["t"]) <= until)
+        values = entry(ENTRIES[name])["values"]
+        rows = [row for t, row in values.items() if float(t) <= until]
+        times = np.array([float(t) for t in values if float(t) <= until])
+        uncertainty = np.array([row["unc"] for row in rows])
+        if "tip" in rows[0]:  # one place, in its plane
+            plane = np.array([[row["tip"], row["vel"]] for row in rows])
+            x, v = np.pad(plane, ((0, 0), (0, 0), (0, 1))).transpose(1, 0, 2)[:, :, None]
+            return cls(times, x, None, v, None, uncertainty)
 
-        def table(key: str) -> Floats | None:
-            return np.array(entry[key], dtype=float)[which] if key in entry else None
+        def places(key: str) -> Floats:
+            return np.array([list(row[key].values()) for row in rows])
 
-        def in_space(key: str) -> Any:
-            value = table(key)
-            if value is None or value.shape[-1] == 3:
-                return value
-            return np.concatenate([value, np.zeros((*value.shape[:-1], 1))], axis=-1)
-
-        quaternions = table("quaternion")
-        return cls(
-            times=np.array(entry["t"])[which],
-            positions=in_space("position"),
-            rotations=None if quaternions is None else rotation_matrix(quaternions),
-            velocities=in_space("velocity"),
-            energy=table("energy"),
-            uncertainty=np.array(entry["uncertainty"])[which],
-        )
-
-
-class Motion(NamedTuple):
-    """Positions, rotations and velocities of a scene's places, and the energy, at some times."""
-
-    positions: Floats
-    rotations: Floats
-    velocities: Floats
-    energy: Floats
-
-    @property
-    def placement(self) -> Floats:
-        """Positions and rotations at the last time, in one row."""
-        return np.concatenate([self.positions[-1].ravel(), self.rotations[-1].ravel()])
+        energy = np.array([row["energy"] for row in rows])
+        turned = rotation_matrix(places("quat"))
+        return cls(times, places("pos"), turned, None, energy, uncertainty)
 
 
 def motion(
     scene: Scene, integrator: str, step: float, times: Sequence[float], treatment: Any = None
 ) -> Motion:
-    """A run from rest, seen at times (s) that are ends of steps.
-
-    The energy is kinetic plus stored energy at (q, p), which energy-momentum conserves; with the
-    variational integrator at (q, Qp): what the constraints take out of its nodal p, of second
-    order in the step, grows with the number of elements.
-    """
+    """A run from rest, seen at times (s) that are ends of steps."""
     wanted = np.asarray(times, dtype=float)
     if abs(np.rint(wanted / step) * step - wanted).max() > 1e-9:
         raise ValueError(f"step = {step!r} does not divide the times {wanted.tolist()}")
-    system = scene.system
-    history = sc.simulate(
-        system,
-        INTEGRATORS[integrator](),
-        sc.NullSpace() if treatment is None else treatment,
-        step,
-        float(wanted[-1]),
-        at=wanted.tolist(),
-        derive=False,
-    )
-    rows = np.searchsorted(history.times, wanted - 0.5 * step)
-    q, p = history["q"][rows], history["p"][rows]
-    v, projected = sc.Projection(system).stack(q, p, history.times[rows])
-    carried = projected if integrator == "variational" else p
-    energy = diagnostics.kinetic_energy(system, carried) + diagnostics.strain_energy(system, q)
-    return Motion(scene.positions(q), scene.rotations(q), scene.positions(v), energy)
-
-
-def limit(steps: Sequence[float], motions: Sequence[Motion]) -> Motion:
-    """Limit of vanishing step of runs whose error has even powers of the step (Neville)."""
-    values: list[tuple[Floats, ...]] = list(motions)
-    for k in range(1, len(values)):
-        ratios = [(steps[i] / steps[i + k]) ** 2 for i in range(len(values) - 1)]
-        values = [
-            tuple(y + (y - x) / (r - 1) for x, y in zip(a, b, strict=True))
-            for (a, b), r in zip(pairwise(values), ratios, strict=True)
-        ]
-    return Motion(*values[0])
+    rule = sc.NullSpace() if treatment is None else treatment
+    return run(scene, INTEGRATORS[integrator](), rule, step, times).motion
 
 
 def errors(result: Motion, reference: Reference) -> dict[str, Floats]:

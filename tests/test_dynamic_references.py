@@ -1,7 +1,7 @@
 """Flexible problems D1, D2, D3: orders in space and time, reference solutions, invariants.
 
-The numbers in data/dynamic_references.json are own computations with another discretisation. The
-scenes and what is done with them are those of examples/dynamic_references.py.
+The numbers are those of examples/benchmarks/collection/reference.json, own computations with
+another discretisation; what is done with the scenes is that of examples/dynamic_references.py.
 """
 
 import importlib
