@@ -22,7 +22,16 @@ from .foundation import Foundation
 from .frames import Motion, Place, ground, triad
 from .history import History, spectrum
 from .hyperelastic import SectionHyperelastic
-from .integrators import Composition, EnergyMomentum, GeneralizedAlpha, State, Stepper, Variational
+from .integrators import (
+    Asynchronous,
+    Composition,
+    EnergyMomentum,
+    Explicit,
+    GeneralizedAlpha,
+    State,
+    Stepper,
+    Variational,
+)
 from .joint import (
     JointCylindrical,
     JointDistance,
@@ -94,11 +103,13 @@ __all__ = [
     "Buckling",
     "Bushing",
     "Cable",
+    "Asynchronous",
     "Composition",
     "CosseratError",
     "DisplacementControl",
     "Diverged",
     "EnergyMomentum",
+    "Explicit",
     "Foundation",
     "FunctionOfTime",
     "GeneralizedAlpha",
