@@ -38,9 +38,9 @@ class StepLimit(NamedTuple):
     >>> section = SectionCircle(0.2, Material(210e9, 0.3, 7850.0))
     >>> model = Model()
     >>> bar = model.add("bar", Beam(mesh, section, director=(0, 1, 0), lumped=True))
-    >>> limit = step_limit(model.freeze())
-    >>> limit.kind, bool(abs(limit.seconds / (0.1 / (210e9 / 7850) ** 0.5) - 1) < 1e-12)
-    ('axial', True)
+    >>> seconds = step_limit(model.freeze()).seconds  # length by speed of axial waves
+    >>> bool(abs(seconds / (0.1 / (210e9 / 7850) ** 0.5) - 1) < 1e-12)
+    True
     """
 
     seconds: float

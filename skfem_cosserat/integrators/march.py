@@ -20,6 +20,9 @@ from .nodal import Nodes, Unclosed
 
 __all__ = ["Marching", "check_scene"]
 
+#: way of a node in a step, by the extent of the scene, above which a run has blown up
+FAR = 100.0
+
 #: time (s) of an evaluation with the plain kernels: of a call, and of each node of an element
 SECONDS = 3e-4, 3e-6
 
@@ -125,10 +128,10 @@ class Marching(March):
             raise Diverged(state.time, state.index + 1, error.gap, reason, advice) from error
         self.nodes.tidy(y)
         self.nodes.project(y, P, L)
-        if not (np.isfinite(y).all() and np.isfinite(P).all() and np.isfinite(L).all()):
-            advice = f"the step limit of {self._name}: {self.method}"
-            reason = "the state is not finite"
-            raise Diverged(state.time, state.index + 1, np.inf, reason, advice)
+        way = float(abs(y[: system.rows] - state.q.reshape(-1, 3)).max(initial=0.0))
+        if not (way < FAR * system.length and np.isfinite(P).all() and np.isfinite(L).all()):
+            reason = f"the motion has blown up: nodes move by {way:.3g} m in a step"
+            raise Diverged(state.time, state.index + 1, np.inf, reason, self.method)
         self._impulses = (y, *K)
         p = self.nodes.director_momenta(y, P, L)
         new = State(

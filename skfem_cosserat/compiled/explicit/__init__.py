@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,54 @@ from ...model.groups import BeamGroup
 from ...strain import strain_factors
 from ...types import Floats, IndexArray
 from .loop import march
-from .parts import Bodies, Elements, Joints
 
 __all__ = ["bound"]
+
+
+class Bodies(NamedTuple):
+    """Nodes as rigid bodies."""
+
+    row: IndexArray
+    framed: IndexArray
+    mass: Floats
+    centre: Floats
+    axes: Floats
+    inverse: Floats
+
+
+class Joints(NamedTuple):
+    """Clusters of nodes one behind the other; ``x_start[c]``: where those of cluster c begin."""
+
+    cluster_of: IndexArray
+    vertex_start: IndexArray
+    vertices: IndexArray
+    row_start: IndexArray
+    product_start: IndexArray
+    product: IndexArray
+    a: IndexArray
+    b: IndexArray
+    factor: Floats
+    linear_start: IndexArray
+    linear: IndexArray
+    c: IndexArray
+    linear_factor: Floats
+    constant: Floats
+    size: Floats
+    local: IndexArray
+    component: IndexArray
+
+
+class Elements(NamedTuple):
+    """Elements of one group, and how often each kicks in a round."""
+
+    counts: IndexArray
+    vertices: IndexArray
+    lengths: Floats
+    weights: Floats
+    shape: Floats
+    slope: Floats
+    stiffness: Floats
+    reference: Floats
 
 
 class ClusterArrays(Protocol):
