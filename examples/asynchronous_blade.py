@@ -30,8 +30,7 @@ def blade(modulus: float) -> sc.System:
     cuts = np.array([0.0, half, half + MIDDLE, LENGTH])
     legs = zip(("first", "middle", "last"), cuts[:-1], cuts[1:], COUNTS, strict=True)
     pieces = [
-        sc.MeshCurve.init_line((a, 0, 0), (b, 0, 0), count, name=name)
-        for name, a, b, count in legs
+        sc.MeshCurve.init_line((a, 0, 0), (b, 0, 0), count, name=name) for name, a, b, count in legs
     ]
     mesh = pieces[0].joined(*pieces[1:])
     soft, stiff = (

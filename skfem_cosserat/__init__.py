@@ -98,12 +98,12 @@ from .version import VERSION
 __all__ = [
     "Adapted",
     "ArcLength",
+    "Asynchronous",
     "Beam",
     "Branch",
     "Buckling",
     "Bushing",
     "Cable",
-    "Asynchronous",
     "Composition",
     "CosseratError",
     "DisplacementControl",

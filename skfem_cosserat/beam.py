@@ -103,8 +103,8 @@ class Beam(StructuralItem):
         self.basis = DirectorBasis(mesh, order=order)
         self.lumped = bool(lumped)
         if self.lumped and not isinstance(self.basis.interpolation, InterpolationLobatto):
-            nodes = self.basis.interpolation
-            raise InputError(self.label, f"lumped with {nodes!r}, expected Gauss-Lobatto nodes")
+            other = self.basis.interpolation
+            raise InputError(self.label, f"lumped with {other!r}, expected Gauss-Lobatto nodes")
         self.sections, self.section_id = self._assign(section)
         triads = self.basis.triads(directors=director, twist=twist)
         kind, nodes = self.basis.interpolation, self.basis.connectivity

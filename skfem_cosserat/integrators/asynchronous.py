@@ -63,9 +63,7 @@ class Asynchronous(ExplicitScheme):
     name = "asynchronous"
     reference = "Lew, Marsden, Ortiz & West, Arch. Ration. Mech. Anal. 167 (2003) 85"
 
-    def __init__(
-        self, safety: float = 0.9, grading: float = 2.0, checked: bool = True
-    ) -> None:
+    def __init__(self, safety: float = 0.9, grading: float = 2.0, checked: bool = True) -> None:
         value = numbers("argument safety", "safety", safety)
         if value.shape != () or not 0 < value <= (1 if checked else np.inf):
             raise InputError("argument safety", f"{safety!r}, expected a number in (0, 1]")

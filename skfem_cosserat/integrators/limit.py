@@ -74,7 +74,7 @@ def step_limit(system: System) -> StepLimit:
     twist = np.linalg.solve(root[e].T, x)
     eps = (B[e] @ twist).reshape(-1, 6)
     shares = (eps * (group.elements.weighted_stiffness[e] @ eps[:, :, None])[:, :, 0]).sum(0)
-    kinds = {kind: 0.0 for kind in _KINDS}
+    kinds = dict.fromkeys(_KINDS, 0.0)
     for kind, share in zip(_KINDS, shares, strict=True):
         kinds[kind] += float(share)
     kind = max(kinds, key=lambda name: kinds[name])
@@ -106,6 +106,7 @@ def _pencil(group: BeamGroup, y: Array) -> tuple[Floats, Floats, Floats]:
     K = bilinear(group.moduli(eps), by_twist, by_twist)
     mass = group.mass.reshape(ne, nn, 12, nn, 12)
     M = np.einsum("each,eacbd,ebdk->eahbk", P, mass, P).reshape(ne, 6 * nn, 6 * nn)
-    root = np.linalg.cholesky(M)
+    root: Floats = np.asarray(np.linalg.cholesky(M), dtype=float)
     half = np.linalg.solve(root, K)
-    return np.linalg.solve(root, half.transpose(0, 2, 1)), by_twist, root
+    A: Floats = np.asarray(np.linalg.solve(root, half.transpose(0, 2, 1)), dtype=float)
+    return A, by_twist, root

@@ -118,7 +118,7 @@ class Marching(March):
         else:
             K = self._impulses[1:]
         h = self.h / self.rounds
-        starts = state.time + h * np.arange(self.rounds)
+        starts: Floats = state.time + h * np.arange(self.rounds, dtype=float)
         try:
             march = self._plain if self._compiled is None else self._fast
             K, work, iterations = march(y, P, L, K, starts, h)
@@ -134,9 +134,7 @@ class Marching(March):
             raise Diverged(state.time, state.index + 1, np.inf, reason, self.method)
         self._impulses = (y, *K)
         p = self.nodes.director_momenta(y, P, L)
-        new = State(
-            time, state.index + 1, y[: system.rows].flatten(), p.reshape(-1), fresh=False
-        )
+        new = State(time, state.index + 1, y[: system.rows].flatten(), p.reshape(-1), fresh=False)
         return Marched(new, iterations, self._gap(y), StepWork(work))
 
     def _gap(self, y: Floats) -> float:
@@ -275,5 +273,3 @@ def _not_compiled(system: System) -> str | None:
     if elements.stored:
         return "there are no compiled explicit kernels for stored energies that are not quadratic"
     return None
-
-

@@ -85,11 +85,38 @@ class Cluster:
     def values(self, y: Array) -> Array:
         """Gaps (m,)."""
         m = len(self.rows)
-        out = np.bincount(self.product, self.factor * (y[self.a] * y[self.b]).sum(1), m)
+        out = 1.0 * np.bincount(self.product, self.factor * (y[self.a] * y[self.b]).sum(1), m)
         out -= self.constant
         for k in range(3):
             out += np.bincount(self.linear + k, self.linear_factor * y[self.c, k], m)
         return out
+
+
+def _cluster(system: System, vertices: IndexArray, rows: IndexArray, lengths: Floats) -> Cluster:
+    """The terms of some constraint rows; `lengths` (total,): how large rows of y are."""
+    t = system.constraints.terms()
+    number = np.full(system.m, -1)
+    number[rows] = np.arange(len(rows))
+    p, li = number[t.row] >= 0, number[t.linear_row] >= 0
+    each = abs(t.factor[p]) * lengths[t.left[p]] * lengths[t.right[p]]
+    sizes = np.zeros(len(rows))
+    np.add.at(sizes, number[t.row[p]], each)
+    for k in range(3):
+        linear = abs(t.linear_factor[li]) * lengths[t.linear[li]]
+        np.add.at(sizes, number[t.linear_row[li]] + k, linear)
+    return Cluster(
+        vertices,
+        rows,
+        number[t.row[p]],
+        t.left[p],
+        t.right[p],
+        t.factor[p],
+        number[t.linear_row[li]],
+        t.linear[li],
+        t.linear_factor[li],
+        t.constant[rows],
+        sizes,
+    )
 
 
 class Nodes:
@@ -160,37 +187,20 @@ class Nodes:
         labels = connected_components(graph, directed=False)[1]
         self.clusters: list[Cluster] = []
         self.local: IndexArray = np.full(system.total, -1)
-        t = system.constraints.terms()
         lengths = np.ones(system.total)
         lengths[system.vertex_rows] = system.length
         for label in np.unique(labels[pairs[:, 0]]):
-            own = [jr for jr, (a, _) in zip(system.joint_rows, pairs, strict=True)
-                   if labels[a] == label]
-            rows = np.concatenate([np.arange(jr.rows.start, jr.rows.stop) for jr in own])
-            vertices = np.unique([p for p, v in zip(pairs.ravel(), labels[pairs].ravel(),
-                                                     strict=True) if v == label])
+            own = [
+                jr
+                for jr, (a, _) in zip(system.joint_rows, pairs, strict=True)
+                if labels[a] == label
+            ]
+            vertices = np.unique(pairs[labels[pairs[:, 0]] == label])
             self.cluster_of[vertices] = len(self.clusters)
-            number = np.full(system.m, -1)
-            number[rows] = np.arange(len(rows))
-            p, l = number[t.row] >= 0, number[t.linear_row] >= 0
-            sizes = np.bincount(
-                number[t.row[p]],
-                abs(t.factor[p]) * lengths[t.left[p]] * lengths[t.right[p]],
-                len(rows),
-            )
-            for k in range(3):
-                where = number[t.linear_row[l]] + k
-                each = abs(t.linear_factor[l]) * lengths[t.linear[l]]
-                sizes += np.bincount(where, each, len(rows))
             for k, v in enumerate(vertices):
                 self.local[self.row[v] : self.row[v] + (4 if self.framed[v] else 1)] = k
-            self.clusters.append(
-                Cluster(
-                    vertices, rows, number[t.row[p]], t.left[p], t.right[p], t.factor[p],
-                    number[t.linear_row[l]], t.linear[l], t.linear_factor[l],
-                    t.constant[rows], sizes,
-                )
-            )
+            rows = np.concatenate([np.arange(jr.rows.start, jr.rows.stop) for jr in own])
+            self.clusters.append(_cluster(system, vertices, rows, lengths))
 
     # -- states --------------------------------------------------------------------------------
 
@@ -285,8 +295,8 @@ class Nodes:
             np.add.at(grad, (row[i], self.local[at[i]], component[at[i]]), value[i])
         i = np.flatnonzero(cluster.c < free)
         for k in range(3):
-            at = cluster.linear[i] + k, self.local[cluster.c[i]], component[cluster.c[i]], k
-            np.add.at(grad, at, cluster.linear_factor[i])
+            where = cluster.linear[i] + k, self.local[cluster.c[i]], component[cluster.c[i]]
+            np.add.at(grad[..., k], where, cluster.linear_factor[i])
         D = self.triads(y, cluster.vertices)
         turns = cross(np.broadcast_to(D, (len(grad), *D.shape)), grad[:, :, 1:]).sum(2)
         return grad[:, :, 0], turns

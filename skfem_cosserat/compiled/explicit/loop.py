@@ -5,39 +5,18 @@ All in one file: numba's cache on disk notices changes in the file of the outer 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import sin, sqrt
-from typing import Any, TypeVar, cast
 
 import numpy as np
-from numba import njit
 
 from ..jit import jit
+from .build import close, plain
 
 __all__ = ["march"]
 
 #: as in the plain loop
 CLOSED = 2e-15
 ITERATIONS = 30
-
-Kernel = TypeVar("Kernel", bound=Callable[..., Any])
-
-
-def _compiled(function: Kernel, **options: bool) -> Kernel:
-    """IEEE arithmetic, except that products may be fused with sums."""
-    kind: Any = {"error_model": "numpy", "no_cpython_wrapper": True, "fastmath": {"contract"}}
-    made: Any = njit(function, **kind, **options)
-    return cast(Kernel, made)
-
-
-def plain(function: Kernel) -> Kernel:
-    """For compiled code to call."""
-    return _compiled(function)
-
-
-def close(function: Kernel) -> Kernel:
-    """The same, compiled into its callers: passing all arrays takes as long as the work."""
-    return _compiled(function, forceinline=True)
 
 
 @close
@@ -371,6 +350,19 @@ def _sift(k, length, when, queue):  # type: ignore[no-untyped-def]
 
 
 @plain
+def _filled(counts, when, done, queue):  # type: ignore[no-untyped-def]
+    """Queue all elements that kick within a round; how many."""
+    length = 0
+    for e in range(counts.shape[0]):
+        if counts[e] > 1:
+            queue[length], when[e], done[e] = e, 1.0 / counts[e], 1
+            length += 1
+    for k in range(length // 2 - 1, -1, -1):
+        _sift(k, length, when, queue)
+    return length
+
+
+@plain
 def _move(joined, now, h, clock, bodies, joints, y, P, L, room):  # type: ignore[no-untyped-def]
     """Bring a cluster to a time; iterations and gap."""
     A, w, G, S, gaps, impulse, saved = room
@@ -414,6 +406,24 @@ def _potential(dead, amplitudes, y):  # type: ignore[no-untyped-def]
     return total
 
 
+@plain
+def _room(joints):  # type: ignore[no-untyped-def]
+    """Workspace for drifts of nodes and of the largest cluster."""
+    rows = vertices = 1
+    for c in range(joints.row_start.shape[0] - 1):
+        rows = max(rows, joints.row_start[c + 1] - joints.row_start[c])
+        vertices = max(vertices, joints.vertex_start[c + 1] - joints.vertex_start[c])
+    return (
+        np.empty((3, 3)),
+        np.empty(6),
+        np.empty((rows, vertices, 6)),
+        np.empty((rows, rows)),
+        np.empty(rows),
+        np.empty(rows),
+        np.empty((vertices, 6, 3)),
+    )
+
+
 @jit
 def march(bodies, joints, elements, y, P, L, KP, KL, dead, amplitudes, h):  # type: ignore[no-untyped-def]
     """March as many rounds of size h as there are rows of amplitudes, in place.
@@ -421,21 +431,9 @@ def march(bodies, joints, elements, y, P, L, KP, KL, dead, amplitudes, h):  # ty
     KP, KL (nv, 3): impulses of half a kick of all elements, at the start and on return at the end.
     """
     nv, ne, nn = P.shape[0], elements.counts.shape[0], elements.vertices.shape[1]
-    rows = vertices = 1
-    for c in range(joints.row_start.shape[0] - 1):
-        rows = max(rows, joints.row_start[c + 1] - joints.row_start[c])
-        vertices = max(vertices, joints.vertex_start[c + 1] - joints.vertex_start[c])
     D, F, T = np.empty((8, 3)), np.empty((nn, 4, 3)), np.empty(12)
-    A, w, cluster_of = np.empty((3, 3)), np.empty(6), joints.cluster_of
-    room = (
-        A,
-        w,
-        np.empty((rows, vertices, 6)),
-        np.empty((rows, rows)),
-        np.empty(rows),
-        np.empty(rows),
-        np.empty((vertices, 6, 3)),
-    )
+    room, cluster_of = _room(joints), joints.cluster_of
+    A, w = room[0], room[1]
     clock, when = np.empty(nv), np.empty(ne)
     queue, done = np.empty(ne, dtype=np.int64), np.empty(ne, dtype=np.int64)
     evaluations, most, done_work = 0, 0, 0.0
@@ -447,13 +445,7 @@ def march(bodies, joints, elements, y, P, L, KP, KL, dead, amplitudes, h):  # ty
                 L[v, x] += KL[v, x]
         _load(0.5 * h, dead, amplitudes[turn], bodies, y, P, L)
         done_work -= _potential(dead, amplitudes[turn], y)
-        length = 0
-        for e in range(ne):
-            if elements.counts[e] > 1:
-                queue[length], when[e], done[e] = e, 1.0 / elements.counts[e], 1
-                length += 1
-        for k in range(length // 2 - 1, -1, -1):
-            _sift(k, length, when, queue)
+        length = _filled(elements.counts, when, done, queue)
         while length > 0:
             e = queue[0]
             now = when[e]

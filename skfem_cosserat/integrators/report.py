@@ -1,0 +1,119 @@
+"""What a step gives beside the next state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..constraints.saddle import SaddlePoint, accelerations
+from ..model import System
+from ..types import Floats
+from .base import Integrator, State, StepWork
+
+__all__ = ["ComposedReport", "Solved", "StepReport"]
+
+
+@dataclass(eq=False)
+class StepReport:
+    """What a solved step gives beside the next state.
+
+    Attributes
+    ----------
+    state : State
+        At the end of the step.
+    iterations, attempts : int
+        Newton iterations (of all attempts) and attempts (1: none was repeated).
+    residual : float
+        Scaled residual at the solution.
+    work : StepWork
+        Of loads, actuators and dampers in the step.
+    stages : list of StepReport
+        The steps that a composed one is made of, itself otherwise.
+    """
+
+    state: State
+    iterations: int
+    attempts: int
+    residual: float
+    work: StepWork
+    _solved: Solved
+
+    @property
+    def stages(self) -> list[StepReport]:
+        """See the class."""
+        return [self]
+
+    @property
+    def momentum(self) -> Floats:
+        """``p_n`` (n,) of the discrete Legendre transform at the *start* of the step."""
+        _, integrator, _, state, _, impulse = self._solved
+        p0 = state.p.reshape(-1, 3)
+        return np.array(integrator.node_momentum(p0, impulse, state.fresh)).reshape(-1)
+
+    @property
+    def constraint_force(self) -> Floats:
+        """``G^T lambda`` (n,) of the step (N; N m on directors)."""
+        _, integrator, h, state, _, impulse = self._solved
+        share = integrator.start_share if state.fresh else 1.0
+        return (impulse / (share * h)).reshape(-1)
+
+    @property
+    def constraint_point(self) -> Floats:
+        """Where it acts: all rows (total, 3) of y, at the node or midpoint."""
+        system, integrator, _, state, y1, _ = self._solved
+        weight, y0 = integrator.constraint_weight, system.extend(state.q, state.time)
+        return y0 if weight == 0 else (1 - weight) * y0 + weight * y1
+
+
+@dataclass(eq=False)
+class ComposedReport(StepReport):
+    """Report of a step that is composed of others, or explicit.
+
+    Its constraint force is that of the continuous equations at the start: the steps give theirs to
+    second order only.
+    """
+
+    _stages: list[StepReport]
+    _saddle: Callable[[], SaddlePoint]
+
+    @property
+    def stages(self) -> list[StepReport]:
+        """See the base class; itself if there are none."""
+        return self._stages or [self]
+
+    @property
+    def constraint_force(self) -> Floats:
+        """See the base class."""
+        system, _, _, state, _, _ = self._solved
+        y = system.extend(state.q, state.time)
+        rate = np.zeros_like(y)
+        rate[system.rows :] = system.ground_rate(state.time)
+        hidden = -system.constraints.ground_rate(y, rate) if system.moving else np.zeros(system.m)
+        saddle = self._saddle()
+        v = saddle(y, self.momentum, hidden)[0]
+        lam = accelerations(system, state.q, v, state.time, state.turns, saddle)[1]
+        return np.asarray(system.constraints.jacobian(y).T @ lam)
+
+
+class Solved(NamedTuple):
+    """What momentum and constraint force of a step are made from, when somebody asks for them.
+
+    Attributes
+    ----------
+    h : float
+    state : State
+        At the start of the step.
+    y1 : (total, 3) array
+    impulse : (rows, 3) array
+        ``h G^T lambda``.
+    """
+
+    system: System
+    integrator: Integrator
+    h: float
+    state: State
+    y1: Floats
+    impulse: Floats
