@@ -407,21 +407,13 @@ def _potential(dead, amplitudes, y):  # type: ignore[no-untyped-def]
 
 
 @plain
-def _room(joints):  # type: ignore[no-untyped-def]
-    """Workspace for drifts of nodes and of the largest cluster."""
+def _largest(joints):  # type: ignore[no-untyped-def]
+    """Rows and nodes of the largest clusters, at least one."""
     rows = vertices = 1
     for c in range(joints.row_start.shape[0] - 1):
         rows = max(rows, joints.row_start[c + 1] - joints.row_start[c])
         vertices = max(vertices, joints.vertex_start[c + 1] - joints.vertex_start[c])
-    return (
-        np.empty((3, 3)),
-        np.empty(6),
-        np.empty((rows, vertices, 6)),
-        np.empty((rows, rows)),
-        np.empty(rows),
-        np.empty(rows),
-        np.empty((vertices, 6, 3)),
-    )
+    return rows, vertices
 
 
 @jit
@@ -432,8 +424,10 @@ def march(bodies, joints, elements, y, P, L, KP, KL, dead, amplitudes, h):  # ty
     """
     nv, ne, nn = P.shape[0], elements.counts.shape[0], elements.vertices.shape[1]
     D, F, T = np.empty((8, 3)), np.empty((nn, 4, 3)), np.empty(12)
-    room, cluster_of = _room(joints), joints.cluster_of
-    A, w = room[0], room[1]
+    rows, vertices = _largest(joints)
+    A, w, cluster_of = np.empty((3, 3)), np.empty(6), joints.cluster_of
+    G, S = np.empty((rows, vertices, 6)), np.empty((rows, rows))
+    room = A, w, G, S, np.empty(rows), np.empty(rows), np.empty((vertices, 6, 3))
     clock, when = np.empty(nv), np.empty(ne)
     queue, done = np.empty(ne, dtype=np.int64), np.empty(ne, dtype=np.int64)
     evaluations, most, done_work = 0, 0, 0.0
