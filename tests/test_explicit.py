@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from test_examples import load
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
@@ -419,8 +420,6 @@ def test_compiled_loop_is_the_plain_one(scene, integrator, order):
 def test_steps_that_are_not_graded_meet_resonances():
     """What the grading is for: without it the blade of the example blows up, with it not."""
     pytest.importorskip("numba")
-    from test_examples import load
-
     system = load("asynchronous_blade").blade(1e8)
     step = 0.999 * 0.8 * float(sc.Asynchronous.limits(system)[0].max())
     graded = run(system, sc.Asynchronous(0.8), step, 2000.5 * step, every=50, kernels="numba")
@@ -428,6 +427,30 @@ def test_steps_that_are_not_graded_meet_resonances():
     bare = sc.Asynchronous(0.8, grading=np.inf)
     with pytest.raises(sc.Diverged, match="blown up"):
         run(system, bare, step, 2000.5 * step, every=50, kernels="numba")
+
+
+def check_blade(numbers, bound):
+    assert numbers["fine share"] <= 0.2
+    assert numbers["step ratio"] >= 8
+    assert numbers["saving"] >= 0.7 * numbers["ideal"]
+    assert numbers["energy error"] < bound
+    assert numbers["angular momentum"] < 1e-13
+    assert numbers["linear momentum"] < 1e-14
+
+
+def test_example_of_the_blade():
+    """Saving of evaluations, energy error by the kinetic energy, momenta."""
+    check_blade(load("asynchronous_blade").run(1e8, 500, "numpy"), 1e-6)
+
+
+@pytest.mark.slow
+def test_blades_over_1e5_element_steps():
+    pytest.importorskip("numba")
+    for name, numbers in load("asynchronous_blade").main(100_000, "numba").items():
+        assert numbers["element steps"] >= 1e5, name
+        check_blade(numbers, 3e-6)
+        assert numbers["energy error"] < 2e-3 * numbers["strain energy"], name
+        assert numbers["second half"] < 3 * numbers["first half"], name
 
 
 # -- refused ---------------------------------------------------------------------------------------

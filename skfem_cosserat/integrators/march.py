@@ -253,8 +253,11 @@ class Marching(March):
         else:
             means = np.array([loading.averages(t, t + h) for t in starts])
             dead, amplitudes = loading.dead, means[:, loading.dead_channels]
+        directors = np.ones(self.system.rows, dtype=bool)
+        directors[self.nodes.row] = False
+        loads = dead, amplitudes, bool(dead[:, directors].any())
         K = K[0].copy(), K[1].copy()
-        evaluations, work, iterations, gap = self._compiled(y, P, L, *K, dead, amplitudes, h)
+        evaluations, work, iterations, gap = self._compiled(y, P, L, *K, *loads, h)
         self.evaluations += evaluations
         if gap > 0:
             raise Unclosed(gap)

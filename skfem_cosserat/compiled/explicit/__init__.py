@@ -111,8 +111,8 @@ def bound(system: System, nodes: NodeArrays, counts: IndexArray) -> Callable[...
     Returns
     -------
     callable
-        ``(y, P, L, KP, KL, dead, amplitudes, h) -> (evaluations, work, iterations, gap)``, gap zero
-        or that of a joint that could not be closed.
+        Of (y, P, L, KP, KL, dead, amplitudes, turning, h); gives (evaluations, work, iterations,
+        gap), gap zero or that of a joint that could not be closed.
     """
     bodies = Bodies(
         nodes.row.astype(np.int64),

@@ -376,21 +376,30 @@ def _move(joined, now, h, clock, bodies, joints, y, P, L, room):  # type: ignore
 
 
 @plain
-def _load(factor, dead, amplitudes, bodies, y, P, L):  # type: ignore[no-untyped-def]
-    """Kick by dead loads."""
+def _load(factor, dead, amplitudes, turning, bodies, y, P, L):  # type: ignore[no-untyped-def]
+    """Kick by dead loads; `turning`: whether any acts on directors."""
     for channel in range(dead.shape[0]):
         f = factor * amplitudes[channel]
         for v in range(P.shape[0]):
             r = bodies.row[v]
             for x in range(3):
                 P[v, x] += f * dead[channel, r, x]
-            if bodies.framed[v] == 0:
+            if bodies.framed[v] == 0 or not turning:
                 continue
             for i in range(1, 4):
                 for x in range(3):
                     j, k = (x + 1) % 3, (x + 2) % 3
                     moment = y[r + i, j] * dead[channel, r + i, k]
                     L[v, x] += f * (moment - y[r + i, k] * dead[channel, r + i, j])
+
+
+@plain
+def _changed(amplitudes, turn):  # type: ignore[no-untyped-def]
+    """Whether the loads of a round are not those of the one before."""
+    for channel in range(amplitudes.shape[1]):
+        if amplitudes[turn, channel] != amplitudes[turn - 1, channel]:
+            return True
+    return False
 
 
 @plain
@@ -417,7 +426,7 @@ def _largest(joints):  # type: ignore[no-untyped-def]
 
 
 @jit
-def march(bodies, joints, elements, y, P, L, KP, KL, dead, amplitudes, h):  # type: ignore[no-untyped-def]
+def march(bodies, joints, elements, y, P, L, KP, KL, dead, amplitudes, turning, h):  # type: ignore[no-untyped-def]
     """March as many rounds of size h as there are rows of amplitudes, in place.
 
     KP, KL (nv, 3): impulses of half a kick of all elements, at the start and on return at the end.
@@ -437,8 +446,9 @@ def march(bodies, joints, elements, y, P, L, KP, KL, dead, amplitudes, h):  # ty
             for x in range(3):
                 P[v, x] += KP[v, x]
                 L[v, x] += KL[v, x]
-        _load(0.5 * h, dead, amplitudes[turn], bodies, y, P, L)
-        done_work -= _potential(dead, amplitudes[turn], y)
+        _load(0.5 * h, dead, amplitudes[turn], turning, bodies, y, P, L)
+        if turn == 0 or _changed(amplitudes, turn):
+            done_work -= _potential(dead, amplitudes[turn], y)
         length = _filled(elements.counts, when, done, queue)
         while length > 0:
             e = queue[0]
@@ -479,6 +489,7 @@ def march(bodies, joints, elements, y, P, L, KP, KL, dead, amplitudes, h):  # ty
             for x in range(3):
                 P[v, x] += KP[v, x]
                 L[v, x] += KL[v, x]
-        _load(0.5 * h, dead, amplitudes[turn], bodies, y, P, L)
-        done_work += _potential(dead, amplitudes[turn], y)
+        _load(0.5 * h, dead, amplitudes[turn], turning, bodies, y, P, L)
+        if turn + 1 == amplitudes.shape[0] or _changed(amplitudes, turn + 1):
+            done_work += _potential(dead, amplitudes[turn], y)
     return evaluations, done_work, most, 0.0
