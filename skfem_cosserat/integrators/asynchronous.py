@@ -24,7 +24,8 @@ class Asynchronous(ExplicitScheme):
     of the run's step that are below `safety` times their own limit, so that all meet at its end,
     where the loads kick and states are recorded. Momentum maps are exact; energy stays within a
     bound, short of resonances: where the fast vibrations next to a slow element meet its rhythm,
-    it feeds them. Steps that change little by little prevent that.
+    it feeds them. Steps that change little by little prevent that, but not where elements are bent
+    by far: a blade folded by 1 rad an element blew up where :class:`Explicit` did not.
 
     Parameters
     ----------
