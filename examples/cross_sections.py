@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
+from skfem_cosserat.figures import new_figure
 from skfem_cosserat.profile import (
     ProfileChannel,
     ProfileCircle,
@@ -154,9 +155,8 @@ def composite(elements: int = 8) -> list[dict[str, Any]]:
 
 def picture(path: Path) -> None:
     """Four sections with their elastic and shear centres."""
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, 4, figsize=(13, 3.6), layout="constrained")
+    figure = new_figure(13, 3.6)
+    axes = figure.subplots(1, 4)
     angle = [(0, 0), (0.08, 0), (0.08, 0.01), (0.01, 0.01), (0.01, 0.12), (0, 0.12)]
     profiles = {
         "I": ProfileI(0.2, 0.1, 0.0085, 0.0056, STEEL),
@@ -172,7 +172,6 @@ def picture(path: Path) -> None:
         ax.set_title(name)
     axes[2].legend(loc="upper right", fontsize=8)
     figure.savefig(path, dpi=130)
-    plt.close(figure)
 
 
 def main(picture_file: Path | None = None, tolerance: float = 1e-4) -> dict[str, Any]:

@@ -23,10 +23,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, eigh
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
+from skfem_cosserat.diagnostics import constraint_frequency
+from skfem_cosserat.study import FULL_PROTOCOL
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
@@ -34,7 +35,7 @@ import three_bar_swing as swing
 
 Floats = NDArray[np.float64]
 
-SETTINGS = sc.NewtonSettings(iterations=100, damped_iterations=100)
+SETTINGS = FULL_PROTOCOL
 BLOW_UP = 10.0  # times the energy just after the pulse
 
 
@@ -57,32 +58,6 @@ def alternating_rotations(system: sc.System, q: Floats) -> Floats:
     d = q.reshape(len(q), -1, 3)[:, system.kinematics.director_rows]
     part = -(d[2:] - 2 * d[1:-1] + d[:-2]) / 4
     return 0.5 * np.cross(d[1:-1], part).sum(2)
-
-
-def constraint_frequency(system: sc.System, q: Floats, constraint_force: Floats) -> float:
-    """The omega_c (rad/s) whose product with the step must stay below 2 (variational scheme).
-
-    Largest eigenvalue of ``K_c`` against M over the rotations of all frames, where
-    ``theta.K_c theta = sum (f_i.theta)(d_i.theta) - |theta|^2 f_i.d_i`` is the second variation of
-    the work that the constraint force -f does on the directors (compressed beams: positive).
-
-    Parameters
-    ----------
-    q, constraint_force : (n,) array
-        At a node, the force as in :class:`skfem_cosserat.StepReport` (or in the history).
-    """
-    rows = system.kinematics.director_rows
-    d, f = q.reshape(-1, 3)[rows], -constraint_force.reshape(-1, 3)[rows]
-    A = np.einsum("nia,nib->nab", f, d)
-    blocks = (A + A.transpose(0, 2, 1)) / 2 - np.trace(A, 0, 1, 2)[:, None, None] * np.eye(3)
-    # (omega x d).(eta x e) = (omega.eta)(d.e) - (omega.e)(eta.d)
-    m = system.mass.toarray()[rows[:, :, None, None], rows]
-    M = np.einsum("kilj,kic,ljc,ab->kalb", m, d, d, np.eye(3), optimize=True)
-    M -= np.einsum("kilj,lja,kib->kalb", m, d, d, optimize=True)
-    M = M.reshape(3 * len(rows), -1)
-    top = len(M) - 1
-    value = eigh(block_diag(*blocks), M, eigvals_only=True, subset_by_index=[top, top])
-    return float(np.sqrt(max(value[0], 0.0)))
 
 
 def mechanism(step: float = 5e-4, section: str = "stiff") -> dict[str, Any]:

@@ -46,12 +46,12 @@ PULSE = {
 CONDITION_STEPS = ((1, 10, 50, 100, 140, 146, 160, 200), (1, 10, 100, 200))
 
 
-def _section(name: str) -> sc.Section:
+def _section(name: str, factor: float) -> sc.Section:
     if name == "stiff":  # 1 mm in the plane of motion, 5 mm out of it
-        return sc.SectionRectangle(1e-3, 5e-3, sc.Material(73e9, 0.3, 2700.0))
+        return sc.SectionRectangle(1e-3, 5e-3, sc.Material(factor * 73e9, 0.3, 2700.0))
     a, b = 0.015, 0.05
     outline = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (a / 2, b / 2)
-    return sc.Section(STIFFNESS, 7500.0, INERTIA[name], outline)
+    return sc.Section(factor * np.array(STIFFNESS), 7500.0, INERTIA[name], outline)
 
 
 def choose(name: str, value: str, choices: dict[str, Any]) -> Any:
@@ -78,6 +78,7 @@ def build(
     side_load: float = 0.0,
     mesh: sc.MeshCurve | None = None,
     order: int = 1,
+    factor: float = 1.0,
 ) -> sc.System:
     """The scene.
 
@@ -94,6 +95,8 @@ def build(
         Of the beam, with the nodes left, mid and right; instead of `elements`.
     order : int
         Of the elements.
+    factor : float
+        Of the beam's stiffness: smaller ones make it softer.
     """
     mass, end, peak = choose("section", section, PULSE)
     Q = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
@@ -102,7 +105,8 @@ def build(
         mesh = mesh.moved(rotation=Q)
     model = sc.Model()
     director = Q @ (0.0, 0.0, 1.0)
-    beam = model.add("beam", sc.Beam(mesh, _section(section), order=order, director=director))
+    profile = _section(section, factor)
+    beam = model.add("beam", sc.Beam(mesh, profile, order=order, director=director))
     axis = Q @ E1
     ends = {
         "left": ((0.0, 0.0, 0.0), (0.0, 0.0, HEIGHT)),

@@ -25,6 +25,7 @@ from .hyperelastic import SectionHyperelastic
 from .integrators import (
     Asynchronous,
     Composition,
+    EnergyDecaying,
     EnergyMomentum,
     Explicit,
     GeneralizedAlpha,
@@ -92,7 +93,7 @@ from .statics import (
     equilibrium,
     static,
 )
-from .study import Refinement, refine
+from .study import Refinement, refine, stability_map, work_precision
 from .version import VERSION
 
 __all__ = [
@@ -108,6 +109,7 @@ __all__ = [
     "CosseratError",
     "DisplacementControl",
     "Diverged",
+    "EnergyDecaying",
     "EnergyMomentum",
     "Explicit",
     "Foundation",
@@ -211,9 +213,11 @@ __all__ = [
     "run_all",
     "simulate",
     "spectrum",
+    "stability_map",
     "static",
     "steps",
     "triad",
+    "work_precision",
     "write_mesh",
 ]
 __version__ = VERSION

@@ -77,27 +77,30 @@ class Coupling(Item):
         if array.shape not in ((), (m, m)):
             expected = "a number" + ("" if m == 1 else f" or ({m}, {m})")
             raise InputError(self.label, f"{name} has shape {array.shape}, expected {expected}")
-        if not np.isfinite(array).all():
-            raise InputError(self.label, f"{name} = {array.tolist()} is not finite")
-        if array.ndim == 0:
+        if array.ndim == 0 and np.isfinite(array):
             if array < 0:
                 raise InputError(
                     self.label, f"{name} = {float(array)!r}, expected a number that is not negative"
                 )
             return np.asarray(float(array) * np.eye(m))
-        size = float(abs(array).max())
-        skewed = float(abs(array - array.T).max())
-        if skewed > 1e-12 * size:
-            raise InputError(
-                self.label, f"{name} is not symmetric (off by {skewed:.6g}): {array.tolist()}"
-            )
-        lowest = float(np.linalg.eigvalsh(array)[0])
-        if lowest < -1e-12 * size:
-            raise InputError(
-                self.label,
-                f"{name} is not positive semidefinite (eigenvalue {lowest:.6g}): {array.tolist()}",
-            )
-        return 0.5 * (array + array.T)
+        return semidefinite(self.label, name, array)
+
+
+def semidefinite(item: str, name: str, array: Floats) -> Floats:
+    """The array, if it is a finite, symmetric, positive semidefinite matrix."""
+    if not np.isfinite(array).all():
+        raise InputError(item, f"{name} = {array.tolist()} is not finite")
+    size = float(abs(array).max())
+    skewed = float(abs(array - array.T).max())
+    if skewed > 1e-12 * size:
+        raise InputError(item, f"{name} is not symmetric (off by {skewed:.6g}): {array.tolist()}")
+    lowest = float(np.linalg.eigvalsh(array)[0])
+    if lowest < -1e-12 * size:
+        raise InputError(
+            item,
+            f"{name} is not positive semidefinite (eigenvalue {lowest:.6g}): {array.tolist()}",
+        )
+    return np.asarray(0.5 * (array + array.T))
 
 
 class _OnJoint(Coupling):

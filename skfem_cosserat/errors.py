@@ -126,6 +126,8 @@ class Diverged(CosseratError, RuntimeError):
         Why Newton's method stopped, and what to try.
     residuals : list of lists of float
         Scaled residuals of each attempt at the step, iteration by iteration.
+    settings : NewtonSettings or None
+        Of these attempts; None where it was not Newton's method that failed.
     history : History or None
         The history up to the failed step, filled in by ``simulate``; None from ``steps``.
 
@@ -166,6 +168,7 @@ class Diverged(CosseratError, RuntimeError):
         self.advice = advice
         self.residuals = [] if residuals is None else residuals
         self.history: Any = None
+        self.settings: Any = None
         where = f"t = {time:.9g} s" if at is None else at
         super().__init__(
             f"step {step} from {where} could not be solved: {reason}"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .beam import Beam
-from .coupling import Coupling
+from .coupling import Coupling, semidefinite
 from .errors import InputError
 from .frames import Item, Place, ground
 from .relative import displacement
@@ -98,13 +98,13 @@ class Foundation(Item):
         }
 
     def _tensor(self, name: str, value: float | ArrayLike) -> Floats:
-        """(3, 3) of a number, three or nine; what else is wrong the springs tell."""
+        """(3, 3) of a number, three or nine."""
         array = numbers(self.label, name, value)
         if array.shape not in ((), (3,), (3, 3)):
             raise InputError(
                 self.label, f"{name} has shape {array.shape}, expected a number, (3,) or (3, 3)"
             )
-        return np.asarray(array if array.ndim == 2 else array * np.eye(3))
+        return semidefinite(self.label, name, array if array.ndim == 2 else array * np.eye(3))
 
     def supports(self) -> list[Coupling]:
         """Its springs, named after it and the beam's nodes."""

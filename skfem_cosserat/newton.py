@@ -93,7 +93,7 @@ class NewtonSettings:
     rotation: float = 0.6
     mixed: float = 1e-3
     reuse: int = 4
-    settled: float = 2e-16
+    settled: float = 5e-17
     largest: float = np.inf
 
     def __post_init__(self) -> None:

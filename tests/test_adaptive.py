@@ -5,7 +5,6 @@ same step, so that the error in space is left, and D2 once against its reference
 """
 
 import importlib
-import json
 import pickle
 import sys
 from functools import cache
@@ -33,10 +32,12 @@ from skfem_cosserat.mesh.relate import places_in
 from skfem_cosserat.model.balance import amplitudes_at
 from skfem_cosserat.simulate import derive_series
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
+EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
+sys.path[:0] = [str(EXAMPLES), str(EXAMPLES / "benchmarks")]
 
 scenes = importlib.import_module("adaptive_mesh")
-dynamic = importlib.import_module("dynamic_references")
+common = importlib.import_module("collection.common")
+members = importlib.import_module("collection.members")
 
 SECTION = sc.Section([1e6, 1e6, 1e6, 1e3, 1e3, 1e3], mass=1.0, inertia=(10.0, 10.0))
 
@@ -156,11 +157,9 @@ def test_right_angle_frame_against_its_reference():
 
     Energy-momentum with h = 1/160 s: on a fine mesh the error in time is 2.5e-5 m.
     """
-    entry = json.loads(dynamic.DATA.read_text())["D2"]
-    times = [t for t in entry["t"] if 0 < t <= 2.0]
-    rows = [entry["t"].index(t) for t in times]
-    at = list(dynamic.SCENES["D2"](1, 1).places).index("tip")
-    exact = np.array(entry["position"])[rows, at]
+    values = common.entry("D2_right_angle_cantilever")["values"]
+    times = [float(t) for t in values if float(t) <= 2.0]
+    exact = np.array([values[t]["pos"]["tip"] for t in values if float(t) <= 2.0])
     run = RunInTime(sc.EnergyMomentum(), 1 / 160, 2.0, times=times)
     case = scenes.CASES["frame in time"]
     result = adapt(case.build, case.mesh, case.quantity, 3e-3, run=run, order=2)
@@ -530,9 +529,9 @@ def test_refined_beam():
 
 def test_refined_beam_of_a_class_of_its_own():
     mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="rod")
-    beam = dynamic.SolidBeam(mesh, SECTION, third=5.0)
+    beam = members.SolidBeam(mesh, SECTION, third=5.0)
     finer = beam.refined([0], order=2)
-    assert isinstance(finer, dynamic.SolidBeam) and finer.third == 5.0
+    assert isinstance(finer, members.SolidBeam) and finer.third == 5.0
     assert finer.scalar_mass()[:, 3::4, 3::4].sum() == pytest.approx(5.0)
 
 

@@ -99,6 +99,21 @@ def test_places_of_the_coarse_runs():
     assert tip["2.5000"] == tip["tip"]["2.5000"]
 
 
+def test_instants_as_they_were_asked_for():
+    """In any order, twice, as a lone number, and not rounded."""
+    times = [0.2, 1 / 3, 0.2]
+    answer = main("D02", times=times, elements=2, step=0.1)
+    assert answer["t"] == times and len(answer["energy"]) == 3
+    assert answer["energy"][0] == answer["energy"][2] == answer["0.2"]["energy"]
+    assert main("D02", times=0.2, elements=2, step=0.1)["t"] == [0.2]
+
+
+def test_loads_in_the_plane():
+    """As the entry writes them: two components."""
+    force = [main("D04", data={"force": f}, **FREE)["energy"] for f in (8.0, (8, 0), (8, 0, 0))]
+    assert force[0] == force[1] == force[2]
+
+
 def test_times_that_no_step_divides():
     """Stretches of their own between such instants and kinks, none above the step."""
     answer = main("D02", times=[0.31, 2**0.5], elements=2, step=0.1)
@@ -292,6 +307,8 @@ def test_a_run_that_fails_says_so():
         ({"data": {"L": "long"}}, "L = 'long', expected finite numbers"),
         ({"data": {"pulse": "square"}}, "pulse = 'square'"),
         ({"data": {"t_peak": 3.0}}, "t_peak = 3.0 is not before t_end = 2.0"),
+        ({"data": 5}, "data: 5, expected a dict"),
+        ({"case": True}, "case: True is unknown"),
         ({"times": [-1.0]}, "expected instants"),
         ({"times": []}, "expected instants"),
         ({"step": 0.0}, "step"),

@@ -16,7 +16,7 @@ from scipy.special import jv
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples" / "benchmarks"))
 
 import collection
-from collection import statics
+from collection import common, statics
 
 import skfem_cosserat as sc
 
@@ -280,6 +280,14 @@ def test_a_mesh_that_gives_way():
     assert all(math.isnan(found[name]) for name in s01.FIELDS)
 
 
+def test_right_angle_frame_under_the_names_of_its_entry():
+    """The entry nests its load below Pcr."""
+    entry = "S9b_right_angle_cantilever_frame"
+    nested, flat = (s09.main(c, order=4, elements=4)["Pcr"] for c in (entry, "load +e1"))
+    assert list(nested) == list(common.entry(entry)["values"]["Pcr"])
+    assert nested["load +e1"] == flat
+
+
 def test_what_does_not_buckle():
     """A square section has no weak side to buckle to; a flat toggle no limit points."""
     square = s09.main(data={"t": 30.0}, order=4, elements=4)
@@ -297,8 +305,13 @@ def test_what_does_not_buckle():
     [
         ({"case": "no such case"}, "case: 'no such case'"),
         ({"data": {"no such input": 1.0}}, "'no such input' is unknown, expected among"),
-        ({"order": 5}, "order: 5, expected one of"),
-        ({"elements": 0}, "elements: 0, expected a positive whole number"),
+        ({"data": 5}, "data: 5, expected a dict"),
+        ({"order": 5}, "argument order: 5, expected 1, 2, 3 or 4"),
+        ({"order": [3]}, r"argument order: \[3\], expected 1, 2, 3 or 4"),
+        ({"elements": 0}, "elements = 0, expected a positive integer"),
+        ({"elements": True}, "elements = True, expected a positive integer"),
+        ({"step": -0.1}, "step = -0.1, expected a finite number above 0"),
+        ({"times": ["soon"]}, "times = 'soon', expected a number"),
         ({"integrator": "none"}, "integrator: 'none' is unknown"),
         ({"treatment": "none"}, "treatment: 'none' is unknown"),
     ],

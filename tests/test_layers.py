@@ -22,9 +22,8 @@ PACKAGE = Path(__file__).resolve().parent.parent / NAME
 #: Lowest first: a module imports only from lines above its own, or from its own line without
 #: cycles. A name is a module or a folder of the package.
 LAYERS = (
-    ("errors", "types", "log", "version"),
+    ("errors", "types", "log", "version", "figures"),
     ("mesh", "element", "basis", "assembly"),
-    ("law", "section", "hyperelastic", "strain", "kernels"),
     ("law", "section", "hyperelastic", "profile", "strain", "kernels"),
     (
         *("frames", "relative", "beam", "body", "joint", "load", "coupling", "damping", "drive"),
@@ -37,7 +36,7 @@ LAYERS = (
     ("history",),
     ("diagnostics",),
     ("statics", "modal", "simulate", "parallel"),
-    ("figures", "export", "plot", "study", "adaptive", "cli"),
+    ("export", "plot", "study", "adaptive", "cli"),
     ("__init__", "__main__"),
 )
 LAYER = {name: number for number, names in enumerate(LAYERS, start=1) for name in names}

@@ -623,6 +623,10 @@ BAD = {
         lambda: ProfilePolygon([(0, 0), (1, 1), (1, 0), (0, 2)], STEEL),
         "outline crosses or touches itself: Self-intersection",
     ),
+    "bow tie of no area": (
+        lambda: ProfilePolygon([(0, 0), (1, 1), (1, 0), (0, 1)], STEEL),
+        "outline crosses or touches itself: Self-intersection",
+    ),
     "repeated": (
         lambda: ProfilePolygon([*SQUARE[:2], *SQUARE[1:]], STEEL),
         r"corner 1 at \[1.0, 0.0\] is repeated",

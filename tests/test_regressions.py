@@ -282,3 +282,43 @@ def test_newton_settings_of_a_wrong_kind(wrong):
     with pytest.raises(sc.InputError, match=rf"Newton settings: {name} = "):
         sc.NewtonSettings(**wrong)
     assert sc.NewtonSettings(mixed=np.inf, largest=np.inf, reuse=np.int64(0)).reuse == 0
+
+
+@pytest.mark.parametrize("value", [np.nan, np.ones(5)], ids=["nan", "shape"])
+def test_a_sensor_that_sees_nothing_ends_the_run_before_its_first_step(value, tmp_path):
+    """Runs of less than 128 steps were "completed", and the records of all sensors were missing."""
+    sensors = {"it": sc.SensorQuantity(lambda system, q, t: np.full(len(t), 1.0) * value)}
+    if np.ndim(value):
+        sensors = {"it": sc.SensorQuantity(lambda system, q, t: value)}
+    with pytest.raises(sc.InputError, match="sensor: its function gave shape"):
+        run(rigid_pendulum(), until=0.05, sensors=sensors, path=tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+CONSTANT = 1.0
+
+
+def constant_by_size(elements):
+    return CONSTANT + 1 / elements**2
+
+
+def test_a_study_whose_constants_have_changed_is_another_study(tmp_path, monkeypatch):
+    """Numbers at the top of a script were no part of the problem: old results came back."""
+    study = {"elements": (4, 8, 16, 32), "folder": tmp_path / "study"}
+    first = sc.refine(constant_by_size, **study)
+    assert sc.refine(constant_by_size, **study).errors["value"].tolist() == pytest.approx(
+        first.errors["value"], rel=1e-12
+    )
+    monkeypatch.setitem(globals(), "CONSTANT", 2.0)
+    with pytest.raises(sc.InputError, match="cases of another study: problem"):
+        sc.refine(constant_by_size, **study)
+
+
+def test_a_study_of_a_function_that_calls_itself(tmp_path):
+    """A RecursionError came out, if it was made inside another function."""
+
+    def total(elements):
+        return 0.0 if elements == 0 else elements**-2.0 + total(elements - 1)
+
+    study = sc.refine(total, elements=(4, 8, 16, 32), folder=tmp_path / "study")
+    assert study.values["value"]["elements = 4"] == pytest.approx(205 / 144)

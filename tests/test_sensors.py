@@ -143,6 +143,8 @@ def test_spectrum():
         sc.spectrum(t**2, x)
     with pytest.raises(sc.InputError, match="K >= 8"):
         sc.spectrum(t[:5], x[:5])
+    with pytest.raises(sc.InputError, match="'nope' is none that scipy knows"):
+        sc.spectrum(np.arange(9.0), np.arange(9.0), "nope")
     with pytest.raises(sc.InputError, match="not finite"):
         sc.spectrum(t, np.where(t > 1, np.nan, x))
 
@@ -194,9 +196,5 @@ def test_bad_sensors():
         ({"a": sc.SensorStrain(other, 0.5)}, "not in this system"),
         ({"a": sc.SensorQuantity(lambda system, q, t: q[0])}, "expected finite"),
     ):
-        if "finite" in message:
-            history = sc.simulate(system, *run, sensors=sensors)
-            assert "a" not in history.sensors and len(history) == 3
-            continue
         with pytest.raises(sc.InputError, match=message):
             sc.simulate(system, *run, sensors=sensors)

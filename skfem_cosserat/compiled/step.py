@@ -15,6 +15,8 @@ __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
 
 #: residual, relative, with which no step is solved whatever its increments are
 WRONG = 1e-3
+#: increments below so many times what counts as settled are nothing but rounding
+ROUNDING = 10.0
 #: contraction assumed for factors of an earlier step before any is measured
 UNKNOWN = 0.1
 
@@ -192,12 +194,13 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
             if count == 2:
                 record[n.RATE], record[n.FIRST] = rate, before
             if not (rate < 0.5 and length <= numbers[n.LARGEST]):  # NaN as well
-                done = 0.1 * numbers[n.NEGLIGIBLE] > length  # nothing but rounding
+                done = ROUNDING * settled > length  # nothing but rounding
                 if not done:
                     kept, mixed, last = False, 0, before
                     continue
             further = left_over(length, rate, settled)
-            done = done or further <= 0.0
+            # a rate of steps before says nothing of factors that have grown old since
+            done = done or (further <= 0.0 and (count > 1 or length <= settled))
             swept += 1.0
             kept = further <= reuse or rate == UNKNOWN  # the next iteration will tell
             kept = kept and swept < reuse + 2.0

@@ -52,6 +52,8 @@ class BoundTreatment(ABC):
     closing: IndexArray = np.zeros(0, dtype=np.int64)
     #: increments of the last step (each treatment its own), to start the next one with, or None
     last: Any = None
+    #: whether increments may be large, as those along a path: directors are turned by them
+    large: bool = False
     #: momentum (n,) if a run starts with this step, or goes on after a break
     momentum: Floats | None = None
 

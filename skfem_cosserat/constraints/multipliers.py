@@ -67,6 +67,7 @@ class BoundMultipliers(BoundTreatment):
         super().__init__(system, weight)
         n, m, g = system.n, system.m, system.constraints
         self.scaled = scaled
+        self.large = weight == 1  # equilibria
         self.unknowns = n + system.rank
         i, j = group_pairs(system, [group.dofs for group in system.groups])
         gi, gj = g.G_rows, g.G_cols
@@ -245,7 +246,7 @@ class BoundMultipliers(BoundTreatment):
         if self.weight:
             at = self.constraint_point(y1)
             # on a path those that balance the predicted stresses, at directors that have turned
-            lam = self._balancing(R, y1) if self.weight == 1 else self._multiplier
+            lam = self._balancing(R, y1) if self.large else self._multiplier
             values.append(self.weight * constraints.curvature_values(lam, at))
         return self.pattern.data(np.concatenate(values))
 
@@ -260,7 +261,7 @@ class BoundMultipliers(BoundTreatment):
         """See the base class."""
         n = self.system.n
         factor = self._size if self.scaled else self.h
-        if self.weight == 1:
+        if self.large:
             self._turn(increment[:n].reshape(-1, 3))
         else:
             self._q = self._q + increment[:n]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from threading import get_ident
+
 import numpy as np
 from scipy.linalg import qr
 
@@ -12,7 +15,7 @@ from ..model.balance import amplitudes_at, balance
 from ..types import Array, Floats, IndexArray
 from .rowspace import dependent_rows, rows_touching
 
-__all__ = ["SaddlePoint", "accelerations"]
+__all__ = ["SaddlePoint", "accelerations", "hidden_rate", "saddle_point"]
 
 RANK_TOLERANCE = 1e-9  # of normalised constraint rows, as in the model
 #: share of the scene's extent by which constraints are differenced along the motion
@@ -83,13 +86,31 @@ class SaddlePoint:
         return np.union1d(np.flatnonzero(touching), rows[order[rank:]])
 
 
+def saddle_point(system: System) -> SaddlePoint:
+    """That of a system, made once as long as no others are asked for; each thread has its own."""
+    return _made(system, get_ident())
+
+
+@lru_cache(maxsize=4)
+def _made(system: System, thread: int) -> SaddlePoint:
+    return SaddlePoint(system)
+
+
+def hidden_rate(system: System, y: Floats, t: float) -> Floats:
+    """Rate (m,) that ``G v`` has to have at y (total, 3): minus that by prescribed motion."""
+    if not system.moving:
+        return np.zeros(system.m)
+    rate = np.zeros_like(y)
+    rate[system.rows :] = system.ground_rate(t)
+    return -system.constraints.ground_rate(y, rate)
+
+
 def accelerations(
     system: System,
     q: Floats,
     v: Floats,
     t: float,
     turns: IndexArray | None = None,
-    saddle: SaddlePoint | None = None,
 ) -> tuple[Floats, Floats]:
     """Accelerations and multipliers of the continuous equations of motion at a state.
 
@@ -104,8 +125,6 @@ def accelerations(
         Time (s).
     turns : (k,) int array, optional
         Full turns of the angles that springs act on.
-    saddle : SaddlePoint, optional
-        Of the system, if there is one already.
 
     Returns
     -------
@@ -127,13 +146,11 @@ def accelerations(
     >>> (a.round(9) + 0.0).tolist(), lam.round(9).tolist()
     ([0.0, 0.0, 9.0], [38.0])
     """
-    solve = SaddlePoint(system) if saddle is None else saddle
     y = system.extend(q, t)
     velocity = v.reshape(-1, 3)
-    at = balance(system, y, amplitudes_at(system, t), turns=turns)
-    force = -at.R - _damping(system, y, velocity, at.Bs)
     rates, curved = _ground_rates(system, t)
     ydot = np.concatenate([velocity, rates])
+    force = -balance(system, y, amplitudes_at(system, t), turns=turns, ydot=ydot).R
     # constraints are cubic in y at most: this second difference is exact but for rounding
     size = float(abs(ydot).max(initial=0.0))
     bend = np.zeros(system.m)
@@ -145,27 +162,7 @@ def accelerations(
         carried = np.zeros_like(y)
         carried[system.rows :] = curved
         bend = bend + system.constraints.ground_rate(y, carried)
-    return solve(y, force.reshape(-1), -bend)
-
-
-def _damping(system: System, y: Floats, velocity: Floats, Bs: list[Array]) -> Floats:
-    """Forces (rows, 3) of viscous sections, drag and dampers, against the motion."""
-    out = np.zeros((system.rows, 3))
-    if system.damped:
-        viscous = [
-            g.viscous_stress(g.strain_rate(B, velocity)) if g.viscous else np.zeros((0,))
-            for g, B in zip(system.beam_groups, Bs, strict=True)
-        ]
-        for g, B, S in zip(system.beam_groups, Bs, viscous, strict=True):
-            if g.viscous:
-                np.add.at(out, g.rows, g.force(B, S).reshape(*g.rows.shape, 3))
-        if system.drag is not None:
-            out = out + system.drag @ velocity
-    if system.couplings.count:
-        pairs = system.coupled_rows
-        blocks = system.couplings.damping(y)
-        np.add.at(out, pairs[:, 0], (blocks @ velocity[pairs[:, 1]][:, :, None])[:, :, 0])
-    return out
+    return saddle_point(system)(y, force.reshape(-1), -bend)
 
 
 def _ground_rates(system: System, t: float) -> tuple[Floats, Floats]:

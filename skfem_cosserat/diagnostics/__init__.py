@@ -19,7 +19,7 @@ from .energy import (
 from .error import goal_shares, missing_strains
 from .evaluate import SectionValues, evaluate
 from .forces import condition_number, constraint_points, multipliers, multipliers_at, reactions
-from .frequency import highest_frequency
+from .frequency import constraint_frequency, highest_frequency
 from .legendre import legendre_transforms
 from .momenta import (
     angular_momentum,
@@ -47,6 +47,7 @@ __all__ = [
     "SectionValues",
     "angular_momentum",
     "condition_number",
+    "constraint_frequency",
     "constraint_points",
     "constraint_violation",
     "coupling_energy",

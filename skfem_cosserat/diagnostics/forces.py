@@ -23,7 +23,8 @@ __all__ = ["condition_number", "constraint_points", "multipliers", "multipliers_
 def constraint_points(system: System, history: History) -> Floats:
     """Where the constraint forces of each recorded step act.
 
-    The nodes q_n with the variational scheme, the midpoints with energy-momentum.
+    The nodes q_n with the variational scheme, generalized-alpha and compositions, the midpoints
+    with energy-momentum and its energy-decaying relative.
 
     Parameters
     ----------
@@ -102,7 +103,8 @@ def multipliers_at(
 ) -> Floats:
     """Multipliers of a run at the nodes t_n, or halfway from there to the next ones.
 
-    Those of the variational scheme live at nodes, those of energy-momentum at midpoints; at the
+    Those of the variational scheme, generalized-alpha and compositions live at nodes, those of
+    energy-momentum and its energy-decaying relative at midpoints; at the
     other places the mean of both neighbours is given, which is of second order too. Multipliers
     taken at different instants agree to first order only.
 

@@ -72,7 +72,8 @@ def spectrum(times: ArrayLike, values: ArrayLike, window: str = "hann") -> Spect
     Raises
     ------
     InputError
-        If instants are not equidistant, too few, or something is not finite.
+        If instants are not equidistant, too few, something is not finite, or there is no such
+        window.
 
     Examples
     --------
@@ -97,7 +98,10 @@ def spectrum(times: ArrayLike, values: ArrayLike, window: str = "hann") -> Spect
         )
     from scipy.signal import detrend, get_window  # slow to import, seldom needed
 
-    weights = get_window(window, len(t))
+    try:
+        weights = get_window(window, len(t))
+    except ValueError as error:
+        raise InputError("argument window", f"{window!r} is none that scipy knows") from error
     shaped = detrend(y, axis=0) * weights.reshape(-1, *[1] * (y.ndim - 1))
     lines: Floats = np.abs(np.fft.rfft(shaped, axis=0)).astype(float) / weights.sum()
     lines[1:] *= 2

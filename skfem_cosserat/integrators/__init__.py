@@ -3,6 +3,7 @@
 from .asynchronous import Asynchronous
 from .base import Integrator, State, StepWork
 from .composition import Composition
+from .energy_decaying import EnergyDecaying
 from .energy_momentum import EnergyMomentum
 from .explicit import Explicit
 from .generalized_alpha import GeneralizedAlpha
@@ -12,6 +13,7 @@ from .variational import Variational
 __all__ = [
     "Asynchronous",
     "Composition",
+    "EnergyDecaying",
     "EnergyMomentum",
     "Explicit",
     "GeneralizedAlpha",

@@ -289,8 +289,25 @@ class Integrator(ABC):
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """The momentum (rows, 3) carried on to the next step."""
 
+    def finished(self, system: System, step: StepData, evaluation: Evaluation) -> Evaluation:
+        """What becomes of the solution of a step, such as velocities moved onto constraints.
+
+        What it adds to R is taken off the constraint force.
+        """
+        return evaluation
+
     def memory(self, evaluation: Evaluation) -> Floats | None:
         """What is carried on beside positions and momentum (k, n)."""
+        return None
+
+    def start_force(self, system: System, state: State, h: float) -> Floats | None:
+        """Constraint force (n,) at a state a run starts from; None: that of the step after it."""
+        return None
+
+    def update(
+        self, system: System, step: StepData, evaluation: Evaluation
+    ) -> tuple[Array, Array] | None:
+        """What :meth:`tangent` leaves out, as ``sum_k U_k (V_k . dq_1)``: U, V (k, rows, 3)."""
         return None
 
     @abstractmethod

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..constraints.saddle import hidden_rate, saddle_point
 from ..model import System
-from ..model.groups import Blocks
+from ..model.groups import BeamGroup, Blocks
 from ..types import Array, Floats
 from .base import (
     Evaluation,
@@ -15,6 +16,7 @@ from .base import (
     Scheme,
     State,
     StepData,
+    StepWork,
     damped_force,
     largest,
     load_force,
@@ -25,10 +27,21 @@ __all__ = ["EnergyMomentum"]
 
 
 @dataclass(eq=False)
-class _StepData(StepData):
+class EnergyMomentumStep(StepData):
+    """Strains, stresses and B at the start of a step; and v (rows, 3) where that is carried on."""
+
     strains0: list[Array]
     stresses0: list[Array]
     B0s: list[Array]
+    v0: Floats | None = None
+
+
+@dataclass(eq=False)
+class _Moved(Evaluation):
+    """Velocities (rows, 3) moved onto the hidden constraints, and the energy that took (J)."""
+
+    v1: Floats
+    lost: float
 
 
 class EnergyMomentum(Integrator):
@@ -39,6 +52,18 @@ class EnergyMomentum(Integrator):
     derivative by the strains for any other; springs and other force elements by discrete
     derivatives of their coordinates. Conserves energy, linear and angular momentum exactly, up to
     the Newton tolerance. Stays bounded for stiff beams, but a solution of a step is not guaranteed.
+
+    Parameters
+    ----------
+    stabilized : bool
+        The velocities at the nodes fulfil the hidden constraints (46), too, as in the formulation
+        of Gear, Gupta & Leimkuhler: at the end of each step the momentum is moved by a second
+        constraint force ``G(q_{n+1})^T mu`` to the nearest one, in the kinetic energy, that does.
+        (Else ``G v_n`` alternates by O(h^2).) It is part of the step's constraint force. Momenta
+        are kept; the energy is not: without moving ground it falls by what the move takes,
+        ``history["dissipated"]``, of fourth order in a step.
+        The variational scheme needs nothing of the kind: parts of its momentum along ``G^T`` change
+        its multipliers only, not the motion, and ``history["Qp"]`` is free of them.
 
     Examples
     --------
@@ -56,8 +81,20 @@ class EnergyMomentum(Integrator):
         "Gonzalez, J. Nonlinear Sci. 6 (1996) 449; Betsch & Leyendecker, IJNME 67 (2006) 499"
     )
 
-    def scheme(self, h: float) -> Scheme:
+    def __init__(self, stabilized: bool = False) -> None:
+        self.stabilized = bool(stabilized)
+        if stabilized:
+            self.name = "stabilized energy-momentum"
+            self.symmetric, self.remembered = False, 1
+            self.conserves = "linear and angular momentum; energy never grows"
+
+    def __repr__(self) -> str:
+        return f"EnergyMomentum({'stabilized=True' if self.stabilized else ''})"
+
+    def scheme(self, h: float) -> Scheme | None:
         """See the base class."""
+        if self.stabilized:
+            return None
         return Scheme(2 / h, 2.0, h, ends=True, carry=(1.0, -1.0, 0.0))
 
     def begin(self, system: System, state: State, h: float) -> StepData:
@@ -65,29 +102,37 @@ class EnergyMomentum(Integrator):
         step = super().begin(system, state, h)
         strains = system.strain(step.y0)
         stresses = [g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)]
-        return _StepData(
+        return EnergyMomentumStep(
             **vars(step),
             strains0=[eps for eps, _ in strains],
             stresses0=stresses,
             B0s=[B for _, B in strains],
+            v0=self._velocity(system, state, step.y0) if self.remembered else None,
         )
+
+    def _velocity(self, system: System, state: State, y0: Floats) -> Floats:
+        """Velocity (rows, 3) at the start of a step."""
+        if state.memory is not None:
+            return state.memory[0].reshape(-1, 3)
+        rate = hidden_rate(system, y0, state.time)
+        return saddle_point(system)(y0, state.p, rate)[0].reshape(-1, 3)
 
     def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:
         """See the base class."""
-        assert isinstance(step, _StepData)
+        assert isinstance(step, EnergyMomentumStep)
         h, rows = step.h, system.rows
         mid = 0.5 * (step.y0 + y1)
         groups = system.beam_groups
         strains1 = system.strain(y1)
         # B is linear in q
         Bs = [0.5 * (B0 + B1) for B0, (_, B1) in zip(step.B0s, strains1, strict=True)]
-        before = zip(groups, step.strains0, step.stresses0, strains1, strict=True)
-        stresses = [g.discrete_stress(eps0, S0, eps) for g, eps0, S0, (eps, _) in before]
+        both = enumerate(zip(groups, strains1, strict=True))
+        stresses = [self.stress(g, step, k, eps) for k, (g, (eps, _)) in both]
         momentum = (2 / h) * (system.mass @ (y1[:rows] - step.y0[:rows]))
         internal, stresses, damping = damped_force(system, step, Bs, stresses, y1)
         coupled = None
         if step.couplings is not None:
-            coupled = system.couplings.discrete(step.couplings, mid, y1)
+            coupled = system.couplings.discrete(step.couplings, mid, y1, self.decay(step))
             internal = internal + coupled.force[:rows]
         external = load_force(system, step, mid)
         return Evaluation(
@@ -104,6 +149,15 @@ class EnergyMomentum(Integrator):
             damping,
         )
 
+    def stress(self, group: BeamGroup, step: StepData, k: int, strains: Array) -> Array:
+        """Stresses of a step in beam group k: the discrete derivative of its stored energy."""
+        assert isinstance(step, EnergyMomentumStep)
+        return group.discrete_stress(step.strains0[k], step.stresses0[k], strains)
+
+    def decay(self, step: StepData) -> float:
+        """Share of the stiffness of springs by which changes of length are damped."""
+        return 0.0
+
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
         """See the base class: ``2M/h + h d(DV)/dq_{n+1}``."""
         moduli = self.moduli(system, step, evaluation)
@@ -111,9 +165,40 @@ class EnergyMomentum(Integrator):
 
     def moduli(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:
         """See the base class; of the discrete derivative."""
-        assert isinstance(step, _StepData)
+        assert isinstance(step, EnergyMomentumStep)
         both = zip(system.beam_groups, step.strains0, evaluation.strains, strict=True)
         return [g.discrete_moduli(eps0, eps1) for g, eps0, eps1 in both]
+
+    def finished(self, system: System, step: StepData, evaluation: Evaluation) -> Evaluation:
+        """See the base class."""
+        if not self.stabilized or not system.m:
+            return evaluation
+        assert isinstance(step, EnergyMomentumStep)
+        assert step.v0 is not None
+        e, h, rows = evaluation, step.h, system.rows
+        t1 = step.t0 + h
+        y1 = 2 * e.mid - step.y0
+        p1 = e.momentum - step.p0
+        moved = saddle_point(system)(y1, p1.reshape(-1), hidden_rate(system, y1, t1))[0]
+        v1 = moved.reshape(-1, 3)
+        momentum = np.asarray(system.mass @ v1)
+        change, velocity = momentum - p1, (y1 - step.y0)[:rows] / h
+        lost = 0.5 * float(((2 * velocity - step.v0 - v1) * (p1 + momentum)).sum())
+        if system.moving:  # what it does along the way counts as work of the motion
+            lost += float((change * velocity).sum())
+        fields = {**vars(e), "R": e.R + change, "momentum": momentum + step.p0}
+        return _Moved(**fields, v1=v1, lost=lost)
+
+    def memory(self, evaluation: Evaluation) -> Floats | None:
+        """See the base class: v if stabilized."""
+        return evaluation.v1.reshape(1, -1) if isinstance(evaluation, _Moved) else None
+
+    def work(self, system: System, step: StepData, evaluation: Evaluation, y1: Floats) -> StepWork:
+        """See the base class."""
+        done = super().work(system, step, evaluation, y1)
+        if not isinstance(evaluation, _Moved):
+            return done
+        return replace(done, dissipated=done.dissipated + evaluation.lost)
 
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """``M v_{n+1} = 2 M dq/h - M v_n``."""

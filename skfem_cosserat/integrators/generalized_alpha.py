@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..constraints.rowspace import RowSpace
-from ..constraints.saddle import SaddlePoint, accelerations
+from ..constraints.saddle import accelerations, hidden_rate, saddle_point
 from ..errors import InputError
 from ..model import System
-from ..model.balance import Amplitudes, amplitudes_at, balance, balance_tangent
-from ..model.couplings import CoupledStart
+from ..model.balance import (
+    Amplitudes,
+    Balance,
+    amplitudes_at,
+    balance,
+    balance_tangent,
+    predicted,
+)
 from ..model.groups import Blocks
-from ..types import Array, Floats, numbers
+from ..types import Array, Floats, IndexArray, numbers
 from .base import Evaluation, Integrator, State, StepData, StepWork, largest
 
 __all__ = ["GeneralizedAlpha"]
@@ -24,20 +28,25 @@ __all__ = ["GeneralizedAlpha"]
 class _StepData(StepData):
     """Rates (rows, 3) at the start, and what acts at the end of the step."""
 
+    turns: IndexArray | None
     v0: Floats
     a0: Floats
     alpha0: Floats
     at_end: Amplitudes
-    hidden: Callable[[Array, Array], Array]
+    #: velocities of the ground at the end
+    ground1: Floats
 
 
 @dataclass(eq=False)
 class _Evaluation(Evaluation):
-    """Rates (rows, 3) at the end."""
+    """Forces and rates (rows, 3) at the end."""
 
+    at: Balance
     v1: Array
     a1: Array
     alpha1: Array
+    #: v1 before it was moved onto the hidden constraints
+    before: Array
 
 
 class GeneralizedAlpha(Integrator):
@@ -48,7 +57,8 @@ class GeneralizedAlpha(Integrator):
     ``v_1 = v_0 + h ((1 - gamma) alpha_0 + gamma alpha_1)``,
     ``(1 - alpha_m) alpha_1 + alpha_m alpha_0 = (1 - alpha_f) a_1 + alpha_f a_0``.
     All coefficients follow from the spectral radius at infinite frequency. The start is consistent:
-    accelerations from the equations of motion, ``alpha_0 = a(t_0 + (alpha_m - alpha_f) h)``.
+    accelerations from the equations of motion, ``alpha_0 = a(t_0 + (alpha_m - alpha_f) h)``. With
+    it multipliers are of second order from the first step on.
 
     Parameters
     ----------
@@ -56,8 +66,10 @@ class GeneralizedAlpha(Integrator):
         Spectral radius at infinite frequency, in [0, 1): the factor of what is not resolved, each
         step. 1 would be Newmark's rule, which is not stable with constraints.
     stabilized : bool
-        The velocities fulfil the hidden constraints, too (index 2): each is moved onto them along
-        ``G^T``, as in the formulation of Gear, Gupta & Leimkuhler.
+        At the end of each step the velocity is replaced by the nearest one, in the kinetic energy,
+        that fulfils the hidden constraints (index 2): ``M v_1 + G(q_1)^T mu``, with a second set
+        of multipliers as in the formulation of Gear, Gupta & Leimkuhler; accelerations and
+        constraint forces follow suit. (Velocities in dampers are those before that.)
 
     Raises
     ------
@@ -66,7 +78,11 @@ class GeneralizedAlpha(Integrator):
 
     Notes
     -----
-    Neither energy nor angular momentum is conserved; multipliers are those at the ends of steps.
+    Linear momentum is conserved where nothing acts on a scene; energy and angular momentum are not.
+    Constraint forces act at the ends of steps: each row of a history holds those of its own state,
+    the first one those of the start. ``history["dissipated"]`` is what dampers take;
+    ``-history["energy_balance"]`` what the scheme takes, with the error of the trapezoidal rule for
+    the work of loads: it may be negative for a while.
 
     Examples
     --------
@@ -75,7 +91,6 @@ class GeneralizedAlpha(Integrator):
     """
 
     order = 2
-    remembered = 3
     constraint_weight = 1.0
     force_share = 1.0
     advice = "a smaller rho_inf, a finer mesh, a softer section"
@@ -90,6 +105,8 @@ class GeneralizedAlpha(Integrator):
         self.alpha_m, self.alpha_f = (2 * r - 1) / (r + 1), r / (r + 1)
         self.gamma = 0.5 + self.alpha_f - self.alpha_m
         self.beta = 0.25 * (self.gamma + 0.5) ** 2
+        # stabilized: and the velocities that forces were found with
+        self.remembered = 4 if stabilized else 3
         kind = "stabilized generalized-alpha" if stabilized else "generalized-alpha"
         self.name = f"{kind}, rho_inf = {r:g}"
         self.reference = (
@@ -104,40 +121,37 @@ class GeneralizedAlpha(Integrator):
     def begin(self, system: System, state: State, h: float) -> StepData:
         """See the base class; the first step starts with consistent accelerations."""
         t1 = state.time + h
-        memory = self._start(system, state, h) if state.memory is None else state.memory
-        v0, a0, alpha0 = (row.reshape(-1, 3) for row in memory)
+        v0, a0, alpha0 = (row.reshape(-1, 3) for row in self._rates(system, state, h)[:3])
         y0 = system.extend(state.q, state.time)
         at_end = amplitudes_at(system, t1)
-        coupled: CoupledStart | None = None
+        coupled = None
         if system.couplings.count:
             coupled = system.couplings.starting(y0, state.turns, at_end.actuators, 1.0)
         dead = system.loading.dead_force(at_end.loads)
         fields = y0, state.p.reshape(-1, 3), state.time, h, at_end.loads, dead, coupled
-        return _StepData(*fields, v0, a0, alpha0, at_end, self._hidden(system, t1))
+        return _StepData(*fields, state.turns, v0, a0, alpha0, at_end, system.ground_rate(t1))
 
-    def _start(self, system: System, state: State, h: float) -> Floats:
-        """Velocity, acceleration, and the acceleration ``(alpha_f - alpha_m) h`` earlier."""
-        saddle = SaddlePoint(system)
+    def _rates(self, system: System, state: State, h: float) -> Floats:
+        """v, a, and the acceleration ``(alpha_f - alpha_m) h`` earlier: known, or consistent."""
+        if state.memory is not None:
+            return state.memory
         q, t = state.q, state.time
         y = system.extend(q, t)
-        v = saddle(y, state.p, -_ground_part(system, y, t))[0]
-        a = accelerations(system, q, v, t, state.turns, saddle)[0]
+        v = saddle_point(system)(y, state.p, hidden_rate(system, y, t))[0]
+        a = accelerations(system, q, v, t, state.turns)[0]
         s = 0.1 * h
         later = q + s * v + 0.5 * s**2 * a, v + s * a, t + s
-        change = (accelerations(system, *later, state.turns, saddle)[0] - a) / s
+        change = (accelerations(system, *later, state.turns)[0] - a) / s
         return np.array([v, a, a + (self.alpha_m - self.alpha_f) * h * change])
 
-    def _hidden(self, system: System, t1: float) -> Callable[[Array, Array], Array]:
-        """Moves velocities (rows, 3) at y_1 onto the hidden constraints, or leaves them."""
-        if not self.stabilized or not system.m:
-            return lambda y1, v: v
-
-        def moved(y1: Array, v: Array) -> Array:
-            y = np.real(y1)
-            missing = system.constraints.jacobian(y) @ v.reshape(-1) + _ground_part(system, y, t1)
-            return v - RowSpace(system, y).least_norm(missing).reshape(-1, 3)
-
-        return moved
+    def start_force(self, system: System, state: State, h: float) -> Floats:
+        """See the base class: what the accelerations leave of the balance."""
+        rates = [row.reshape(-1, 3) for row in self._rates(system, state, h)]
+        v, a = rates[3] if len(rates) > 3 else rates[0], rates[1]
+        y, amplitudes = system.extend(state.q, state.time), amplitudes_at(system, state.time)
+        ydot = np.concatenate([v, system.ground_rate(state.time)])
+        R = balance(system, y, amplitudes, turns=state.turns, ydot=ydot).R
+        return np.asarray(-(system.mass @ a + R)).reshape(-1)
 
     def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:
         """See the base class."""
@@ -146,90 +160,71 @@ class GeneralizedAlpha(Integrator):
         dq = y1[: system.rows] - step.y0[: system.rows]
         alpha1 = ((dq - h * step.v0) / h**2 - (0.5 - b) * step.alpha0) / b
         v1 = step.v0 + h * ((1 - g) * step.alpha0 + g * alpha1)
-        if self.stabilized:
-            v1 = step.hidden(y1, v1)
-            alpha1 = ((v1 - step.v0) / h - (1 - g) * step.alpha0) / g
         a1 = (1 - self.alpha_m) * alpha1 + self.alpha_m * step.alpha0 - self.alpha_f * step.a0
         a1 = a1 / (1 - self.alpha_f)
-        at = balance(system, y1, step.at_end)
-        force = at.R
-        stresses = at.stresses
-        if step.couplings is not None:  # angles are counted on from the start of the step
-            assert at.coupled is not None
-            coupled = system.couplings.static(step.couplings, y1)
-            force = force + (coupled.force - at.coupled.force)[: system.rows]
-            at.coupled = coupled
-            pairs = system.coupled_rows
-            blocks = system.couplings.damping(y1)
-            force = force.copy()
-            np.add.at(force, pairs[:, 0], (blocks @ v1[pairs[:, 1]][:, :, None])[:, :, 0])
-        if system.damped:
-            stresses, viscous = self._damped(system, at.Bs, stresses, v1)
-            force = force + viscous
+        ydot = np.concatenate([v1, step.ground1])
+        at = balance(system, y1, step.at_end, step.y0, step.turns, ydot, g / (b * h))
         inertia = h * (system.mass @ a1)
+        momentum = system.mass @ v1
         return _Evaluation(
-            inertia + h * force,
-            max(largest(inertia, system.mass @ v1), abs(h) * at.size),
-            system.mass @ v1,
+            inertia + h * at.R,
+            max(largest(inertia, momentum), abs(h) * at.size),
+            momentum,
             y1,
-            stresses,
+            at.stresses,
             at.Bs,
             at.Bs,
             at.strains,
             at.external,
             at.coupled,
             None,
+            at,
             v1,
             a1,
             alpha1,
+            v1,
         )
-
-    def _damped(
-        self, system: System, Bs: list[Array], elastic: list[Array], v1: Array
-    ) -> tuple[list[Array], Array]:
-        """Stresses with their viscous part, and forces (rows, 3) of that and of drag."""
-        stresses, extra = [], []
-        for group, B, S in zip(system.beam_groups, Bs, elastic, strict=True):
-            viscous = np.zeros_like(S)
-            if group.viscous:
-                viscous = group.viscous_stress(group.strain_rate(B, v1))
-            stresses.append(S + viscous)
-            extra.append(viscous)
-        force = system.internal_force(Bs, extra)
-        return stresses, force if system.drag is None else force + system.drag @ v1
 
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
         """See the base class: inertia, stiffness at the end, damping."""
-        assert isinstance(step, _StepData)
         assert isinstance(evaluation, _Evaluation)
         e, h = evaluation, step.h
         by_q = self.gamma / (self.beta * h)  # of v_1
         inertia = (1 - self.alpha_m) / ((1 - self.alpha_f) * self.beta * h**2)
-        at = balance(system, e.mid, step.at_end)
-        at.coupled = e.coupled
-        blocks = balance_tangent(system, at, step.at_end, e.stresses)
+        blocks = balance_tangent(system, e.at, Amplitudes(step.amplitudes, _NONE), e.stresses)
         for k, group in enumerate(system.groups):
             blocks[k] += inertia * group.mass
             if group.drag is not None:
                 blocks[k] += by_q * group.drag
-        for k, group in enumerate(system.beam_groups):
-            if group.viscous:
-                turned = np.zeros_like(e.mid)
-                turned[: system.rows] = e.v1
-                rate = group.strain(turned)[1]  # B is linear in q: that of the velocities
-                blocks[k] += group.damping(e.Bs[k], by_q * e.Bs[k] + rate)
-        if e.coupled is not None:
-            blocks[-1] = blocks[-1] + by_q * system.couplings.damping(e.mid)
+        velocity = np.zeros_like(e.mid)
+        velocity[: system.rows] = e.v1
+        for k, beams in enumerate(system.beam_groups):
+            if beams.viscous:  # B is linear in q: that of the velocities is its rate
+                rate = beams.strain(velocity)[1]
+                blocks[k] += beams.damping(e.Bs[k], by_q * e.Bs[k] + rate)
         return [h * block for block in blocks]
 
     def mixed(
         self, system: System, step: StepData, evaluation: Evaluation, change: Array
     ) -> list[Array]:
         """See the base class; forces act at the end of the step."""
-        return [
-            S + g.stress(g.strain_rate(B, change))
-            for g, S, B in zip(system.beam_groups, evaluation.stresses, evaluation.Bs, strict=True)
-        ]
+        assert isinstance(evaluation, _Evaluation)
+        return predicted(system, evaluation.at, change)
+
+    def finished(self, system: System, step: StepData, evaluation: Evaluation) -> Evaluation:
+        """See the base class: velocities on the hidden constraints if stabilized."""
+        assert isinstance(evaluation, _Evaluation)
+        if not self.stabilized or not system.m:
+            return evaluation
+        e, h = evaluation, step.h
+        rate = hidden_rate(system, e.mid, step.t0 + h)
+        v = saddle_point(system)(e.mid, e.momentum.reshape(-1), rate)[0].reshape(-1, 3)
+        # with the accelerations that belong to it; M (v - v_1) is a constraint force
+        more = (v - e.v1) / (self.gamma * h)
+        a1 = e.a1 + (1 - self.alpha_m) / (1 - self.alpha_f) * more
+        R = e.R + h * (system.mass @ (a1 - e.a1))
+        momentum = np.asarray(system.mass @ v)
+        return replace(e, R=R, momentum=momentum, v1=v, a1=a1, alpha1=e.alpha1 + more)
 
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """``M v_1``."""
@@ -238,7 +233,8 @@ class GeneralizedAlpha(Integrator):
     def memory(self, evaluation: Evaluation) -> Floats | None:
         """See the base class: v, a and alpha."""
         assert isinstance(evaluation, _Evaluation)
-        rates = evaluation.v1, evaluation.a1, evaluation.alpha1
+        rates = [evaluation.v1, evaluation.a1, evaluation.alpha1, evaluation.before]
+        rates = rates[: self.remembered]
         return np.array([rate.reshape(-1) for rate in rates])
 
     def node_momentum(self, p0: Floats, impulse: Floats, fresh: bool) -> Floats:
@@ -246,20 +242,25 @@ class GeneralizedAlpha(Integrator):
         return p0
 
     def work(self, system: System, step: StepData, evaluation: Evaluation, y1: Floats) -> StepWork:
-        """Of the loads by the trapezoidal rule; what dampers and the scheme take is not known."""
-        change = y1[: system.rows] - step.y0[: system.rows]
+        """See the base class; all by the trapezoidal rule, which the scheme takes no part in."""
         assert isinstance(step, _StepData)
+        assert isinstance(evaluation, _Evaluation)
+        e, rows = evaluation, system.rows
+        ydot = np.concatenate([step.v0, system.ground_rate(step.t0)])
         before = amplitudes_at(system, step.t0)
-        start = system.loading.dead_force(before.loads)
-        if not system.loading.dead_only:
-            start = start + system.loading.force(step.y0[: system.rows], before.loads)
-        return StepWork(0.5 * float(((evaluation.external + start) * change).sum()))
+        start = balance(system, step.y0, before, turns=step.turns, ydot=ydot)
+        change = y1 - step.y0
+        loads = 0.5 * float(((start.external + e.external) * change[:rows]).sum())
+        lost = 0.5 * step.h * (start.lost + e.at.lost)
+        if step.couplings is None or e.coupled is None or start.coupled is None:
+            return StepWork(loads, dissipated=lost)
+        couplings = system.couplings
+        at0 = couplings.starting(step.y0, step.turns, before.actuators, 1.0)
+        done = couplings.work(at0, e.coupled, y1), couplings.work(step.couplings, e.coupled, y1)
+        forces = start.coupled.force[rows:] + e.coupled.force[rows:]
+        ground = 0.5 * float((forces * change[rows:]).sum())
+        return StepWork(loads, 0.5 * (done[0].actuators + done[1].actuators), lost, ground)
 
 
-def _ground_part(system: System, y: Floats, t: float) -> Floats:
-    """Rate (m,) of the constraints by prescribed motion."""
-    if not system.moving:
-        return np.zeros(system.m)
-    rate = np.zeros_like(y)
-    rate[system.rows :] = system.ground_rate(t)
-    return system.constraints.ground_rate(y, rate)
+#: no actuators: their tangent is in that of the forces found
+_NONE = np.zeros(0)

@@ -1,14 +1,13 @@
-"""What a step gives beside the next state."""
+"""What a solved step gives beside the next state."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from ..constraints.saddle import SaddlePoint, accelerations
+from ..constraints.saddle import accelerations, hidden_rate, saddle_point
 from ..model import System
 from ..types import Floats
 from .base import Integrator, State, StepWork
@@ -47,6 +46,11 @@ class StepReport:
         return [self]
 
     @property
+    def step(self) -> float:
+        """Its size (s)."""
+        return self._solved.h
+
+    @property
     def momentum(self) -> Floats:
         """``p_n`` (n,) of the discrete Legendre transform at the *start* of the step."""
         _, integrator, _, state, _, impulse = self._solved
@@ -77,7 +81,6 @@ class ComposedReport(StepReport):
     """
 
     _stages: list[StepReport]
-    _saddle: Callable[[], SaddlePoint]
 
     @property
     def stages(self) -> list[StepReport]:
@@ -88,14 +91,16 @@ class ComposedReport(StepReport):
     def constraint_force(self) -> Floats:
         """See the base class."""
         system, _, _, state, _, _ = self._solved
-        y = system.extend(state.q, state.time)
-        rate = np.zeros_like(y)
-        rate[system.rows :] = system.ground_rate(state.time)
-        hidden = -system.constraints.ground_rate(y, rate) if system.moving else np.zeros(system.m)
-        saddle = self._saddle()
-        v = saddle(y, self.momentum, hidden)[0]
-        lam = accelerations(system, state.q, v, state.time, state.turns, saddle)[1]
+        y = self.constraint_point
+        v = saddle_point(system)(y, self.momentum, hidden_rate(system, y, state.time))[0]
+        lam = accelerations(system, state.q, v, state.time, state.turns)[1]
         return np.asarray(system.constraints.jacobian(y).T @ lam)
+
+    @property
+    def constraint_point(self) -> Floats:
+        """See the base class: at the node."""
+        system, _, _, state, _, _ = self._solved
+        return system.extend(state.q, state.time)
 
 
 class Solved(NamedTuple):

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from ..constraints import BoundTreatment, Treatment
-from ..constraints.saddle import SaddlePoint
 from ..errors import Diverged, IncompatibleError, InputError
 from ..linear import LinearSolver, Solver, checked_solver
 from ..log import logger
@@ -60,7 +59,18 @@ class _Problem:
             self.treatment.residual(e.R, self.y1)
         blocks = self.integrator.tangent(self.system, self.step, e)
         data = self.treatment.data(blocks, e.R, self.y1)
-        return -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
+        direction = -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
+        more = self.integrator.update(self.system, self.step, e)
+        return direction if more is None else self._updated(direction, *more)
+
+    def _updated(self, direction: Floats, U: Array, V: Array) -> Floats:
+        """Direction of the matrix with ``sum_k U_k V_k^T`` added (Sherman, Morrison, Woodbury)."""
+        treatment, y = self.treatment, self.y1
+        columns = [treatment.solver.solve_again(treatment.scale_rows(treatment.pull(u))) for u in U]
+        moved = [treatment.push(x, y) for x in (*columns, direction)]
+        products = np.tensordot(V, np.array(moved), axes=([1, 2], [1, 2]))
+        factors = np.linalg.solve(np.eye(len(U)) + products[:, :-1], products[:, -1])
+        return np.asarray(direction - np.array(columns).T @ factors)
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
         return self.treatment.sizes(increment)
@@ -153,11 +163,11 @@ class Stepper:
         _check_kind("settings", self.settings, NewtonSettings)
         self._march = integrator.march(system, treatment, self.h, kernels, steps)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
+        self.bound.large = False
         if checked_solver(solver) is not None:
             self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
         self._first = True
         self._fast: CompiledStep | None = None
-        self._saddle: SaddlePoint | None = None
         #: steppers by share of the step
         self._stages: dict[float, Stepper] = {}
         if self._march is not None:
@@ -265,7 +275,9 @@ class Stepper:
         effort = f"after {len(ATTEMPTS)} attempts with {total} Newton iterations"
         reason, advice = self._explained(step, best.reason, problem.y1)
         where = state.time, state.index + 1, best.residual
-        raise Diverged(*where, f"{reason}, {effort}", advice, residuals)
+        error = Diverged(*where, f"{reason}, {effort}", advice, residuals)
+        error.settings = self.settings
+        raise error
 
     def _compose(self, state: State, time: float) -> StepReport:
         """One step after the other, and what they give together."""
@@ -292,19 +304,13 @@ class Stepper:
             ),
             reports[0]._solved,
             reports,
-            self._shared_saddle,
         )
 
     def _marched(self, march: March, state: State, time: float) -> StepReport:
         new, iterations, residual, work = march.advance(state, time)
         y1, none = self.system.extend(new.q, new.time), np.zeros((self.system.rows, 3))
         solved = Solved(self.system, self.integrator, self.h, state, y1, none)
-        return ComposedReport(new, iterations, 1, residual, work, solved, [], self._shared_saddle)
-
-    def _shared_saddle(self) -> SaddlePoint:
-        if self._saddle is None:
-            self._saddle = SaddlePoint(self.system)
-        return self._saddle
+        return ComposedReport(new, iterations, 1, residual, work, solved, [])
 
     def _begin(self, state: State) -> StepData:
         """Data of a step for the general way, and its treatment at its start."""
@@ -355,6 +361,9 @@ class Stepper:
         if self._fast is not None:
             self._fast.last = self.bound.last
         impulse: Array = self.bound.constraint_impulse(evaluation.R)
+        R, evaluation = evaluation.R, self.integrator.finished(self.system, step, evaluation)
+        if evaluation.R is not R:
+            impulse = impulse - (evaluation.R - R)
         new = State(
             time,
             state.index + 1,

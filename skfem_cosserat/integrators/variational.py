@@ -38,6 +38,15 @@ class Variational(Integrator):
     rotations that alternate from step to step grow where a beam is compressed by more than a strain
     of about ``0.4/(h omega)^2``, omega its highest frequency (``diagnostics.highest_frequency``).
 
+    The source paper's other remedy, the mean effect of fast vibrations as a force on the slow
+    motion, is not offered. It takes frequencies omega_k(q) far above all others, whose actions
+    ``E_k/omega_k`` are then adiabatic invariants: the force is
+    ``-sum_k (E_k/omega_k) d(omega_k)/dq``. A beam's frequencies have no such gap (those of bending
+    go from below 1/h to far above it), they come close to each other where it deforms, and then
+    actions are exchanged; and the blow-up above is no matter of neglected vibrations but of node
+    rotations that the midpoint stresses do not see. What is not resolved is taken out by
+    :class:`EnergyDecaying` and :class:`GeneralizedAlpha`.
+
     Examples
     --------
     >>> Variational().order

@@ -116,6 +116,8 @@ class Balance:
         Springs and actuators, if there are any.
     external : (rows, 3) array
         Loads.
+    lost : float
+        Power (W) lost in dampers, viscous sections and drag.
     """
 
     R: Array
@@ -126,6 +128,7 @@ class Balance:
     stresses: list[Array]
     coupled: CoupledForce | None
     external: Array
+    lost: float = 0.0
 
 
 def amplitudes_at(system: System, t: float) -> Amplitudes:
@@ -140,8 +143,10 @@ def balance(
     amplitudes: Amplitudes,
     before: Floats | None = None,
     turns: IndexArray | None = None,
+    ydot: Array | None = None,
+    share: float = 0.0,
 ) -> Balance:
-    """Forces at rest at configuration y (all rows).
+    """Forces at configuration y (all rows), at rest or in motion; without inertia.
 
     Parameters
     ----------
@@ -153,21 +158,48 @@ def balance(
         Configuration from which the angles of springs are counted on; default: y.
     turns : (k,) int array, optional
         Full turns of these angles at `before`.
+    ydot : (total, 3) array, optional
+        Rates of all rows; default: rest.
+    share : float
+        Their derivative by y (1/s), for the tangent of force elements.
     """
     groups = system.beam_groups
     both = system.strain(y)
     strains, Bs = [eps for eps, _ in both], [B for _, B in both]
     stresses = [g.stress(eps) for g, eps in zip(groups, strains, strict=True)]
+    lost = 0.0
+    if ydot is not None and system.damped:
+        stresses, lost = _with_viscosity(system, Bs, stresses, ydot)
     internal = system.internal_force(Bs, stresses)
+    if ydot is not None and system.drag is not None:
+        drag = system.drag @ ydot[: system.rows]
+        internal, lost = internal + drag, lost + float((drag * ydot[: system.rows]).sum().real)
     coupled = None
     if system.couplings.count:
         origin = np.real(y) if before is None else before
         start = system.couplings.starting(origin, turns, amplitudes.actuators, 1.0)
-        coupled = system.couplings.static(start, y)
+        coupled = system.couplings.static(start, y, ydot, share)
         internal = internal + coupled.force[: system.rows]
+        lost += float(sum(r.dissipated.sum().real for r in coupled.responses))
     external = external_force(system, y, amplitudes)
     size = max(float(abs(term).max(initial=0.0)) for term in (internal, external))
-    return Balance(internal - external, size, y, strains, Bs, stresses, coupled, external)
+    R = internal - external
+    return Balance(R, size, y, strains, Bs, stresses, coupled, external, lost)
+
+
+def _with_viscosity(
+    system: System, Bs: list[Array], stresses: list[Array], ydot: Array
+) -> tuple[list[Array], float]:
+    """Stresses with their viscous part, and the power (W) that it takes."""
+    out, lost = [], 0.0
+    for g, B, S in zip(system.beam_groups, Bs, stresses, strict=True):
+        if g.viscous:
+            rate = g.strain_rate(B, ydot)
+            out.append(S + g.viscous_stress(rate))
+            lost += g.dissipation(rate.real)
+        else:
+            out.append(S)
+    return out, lost
 
 
 def external_force(system: System, y: Array, amplitudes: Amplitudes) -> Array:

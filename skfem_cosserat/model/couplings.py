@@ -161,13 +161,14 @@ class _Group:
     def rate(self, y: Array, ydot: Array, pi: Array) -> Array:
         return apply(self.kind.slope(pi), self.invariants.rates(y, ydot))
 
-    def discrete(self, start: _Start, h: float, mid: Array, y1: Array) -> _Response:
+    def discrete(self, start: _Start, h: float, mid: Array, y1: Array, decay: float) -> _Response:
         """``s = Psi^T sigma`` with the discrete derivatives of coordinates and energy."""
         kind, pi0, xi0 = self.kind, start.pi, start.xi
         pi1 = self.invariants.values(y1)
         xi1 = kind.continued(pi1, xi0)
         Psi = kind.discrete(pi0, xi0, pi1, xi1)
-        law, by_e1, dissipated = self.law.discrete(self.stretch(xi0), self.stretch(xi1), h)
+        e0, e1 = self.stretch(xi0), self.stretch(xi1)
+        law, by_e1, dissipated = self.law.discrete(e0, e1, h, decay)
         sigma = law - start.amplitude
 
         def slopes() -> tuple[Array | None, Array]:
@@ -211,22 +212,25 @@ class _Group:
             slopes,
         )
 
-    def static(self, start: _Start, y: Array) -> _Response:
-        """``s = xi'(pi)^T sigma`` at rest, angles counted on from `start`."""
+    def static(self, start: _Start, y: Array, ydot: Array, share: float) -> _Response:
+        """``s = xi'(pi)^T sigma`` at y, angles counted on from `start`; see the caller."""
         kind, pi = self.kind, self.invariants.values(y)
         xi = kind.continued(pi, start.xi)
-        J, e = kind.slope(pi), self.stretch(xi)
-        law, by_e, _, _, _ = self.law.midpoint(e, np.zeros_like(e), e, e, 1.0)
+        J, e, flow = kind.slope(pi), self.stretch(xi), self.invariants.rates(y, ydot)
+        rate = apply(J, flow)
+        law, by_e, by_rate = self.law.moving(e, rate)
         sigma = law - start.amplitude
 
         def slopes() -> tuple[Array | None, Array]:
-            curved = (sigma[..., None, None] * kind.curvature(pi)).sum(-3)
-            return None, J.swapaxes(-1, -2) @ by_e @ J + curved
+            X, left = kind.curvature(pi), J.swapaxes(-1, -2)
+            by_pi = by_e @ J + by_rate @ (X * flow[..., None, None, :]).sum(-1)
+            return left @ by_pi + (sigma[..., None, None] * X).sum(-3), left @ by_rate @ J
 
         gradients = self.invariants.gradients(y)
+        lost = ((law - self.law.force(e, 0 * rate)) * rate).sum(-1)
         s = apply(J.swapaxes(-1, -2), sigma)
-        none = np.zeros(len(self.members))
-        return _Response(s, gradients, gradients, xi - start.xi, none, slopes, share=1.0)
+        faster = self.invariants.gradients(ydot) + share * gradients
+        return _Response(s, gradients, faster, xi - start.xi, lost, slopes, share=1.0)
 
     def stiffness(self, y: Array) -> Array:
         """``B^T K B`` with ``delta xi = B delta y``, at :attr:`pairs`; of a cable while taut."""
@@ -362,32 +366,28 @@ class Couplings:
         ]
         return CoupledStart(h, y0, starts)
 
-    def discrete(self, start: CoupledStart, mid: Array, y1: Array) -> CoupledForce:
-        """Forces that do the work ``V_1 - V_0``: springs conserve energy.
-
-        Dampers and actuators work on the change of their coordinates.
-        """
-        return self._assemble(
-            [
-                g.discrete(s, start.h, mid, y1)
-                for g, s in zip(self._groups, start.groups, strict=True)
-            ]
-        )
+    def discrete(
+        self, start: CoupledStart, mid: Array, y1: Array, decay: float = 0.0
+    ) -> CoupledForce:
+        """Forces that do the work ``V_1 - V_0``, but for dampers, actuators and `decay`."""
+        pairs = zip(self._groups, start.groups, strict=True)
+        return self._assemble([g.discrete(s, start.h, mid, y1, decay) for g, s in pairs])
 
     def midpoint(self, start: CoupledStart, mid: Array, y1: Array) -> CoupledForce:
         """Forces of the midpoint configuration: springs have the potential ``V(y_mid)``."""
-        return self._assemble(
-            [
-                g.midpoint(s, start.h, mid, y1)
-                for g, s in zip(self._groups, start.groups, strict=True)
-            ]
-        )
+        pairs = zip(self._groups, start.groups, strict=True)
+        return self._assemble([g.midpoint(s, start.h, mid, y1) for g, s in pairs])
 
-    def static(self, start: CoupledStart, y: Array) -> CoupledForce:
-        """Forces at rest at configuration y (total, 3)."""
-        return self._assemble(
-            [g.static(s, y) for g, s in zip(self._groups, start.groups, strict=True)]
-        )
+    def static(
+        self, start: CoupledStart, y: Array, ydot: Array | None = None, share: float = 0.0
+    ) -> CoupledForce:
+        """Forces at y, at rest or at rates `ydot` of derivative `share` by y (both (total, 3)).
+
+        What is dissipated is a power then (W).
+        """
+        rates = np.zeros_like(y) if ydot is None else ydot
+        pairs = zip(self._groups, start.groups, strict=True)
+        return self._assemble([g.static(s, y, rates, share) for g, s in pairs])
 
     def _assemble(self, responses: list[_Response]) -> CoupledForce:
         nodal = [(r.s[:, :, None, None] * r.gradients).sum(1).reshape(-1, 3) for r in responses]

@@ -41,11 +41,18 @@ class Law(ABC):
         return np.ones(e.shape, dtype=bool)
 
     @abstractmethod
-    def discrete(self, e0: Array, e1: Array, h: float) -> tuple[Array, Array, Array]:
+    def discrete(
+        self, e0: Array, e1: Array, h: float, decay: float = 0.0
+    ) -> tuple[Array, Array, Array]:
         """Force sigma (c, m), ``dsigma/de_1`` (c, m, m), and what is dissipated (c,).
 
-        ``sigma . (e_1 - e_0)`` is the change of energy plus what is dissipated.
+        ``sigma . (e_1 - e_0)`` is the change of energy plus what is dissipated; the scheme's own
+        damping is that of the stiffness with the factor ``h decay/2``.
         """
+
+    @abstractmethod
+    def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
+        """:meth:`force` with its derivatives (c, m, m) by e and by `rate`."""
 
     @abstractmethod
     def midpoint(
@@ -75,12 +82,21 @@ class LinearLaw(Law):
         """See the base class."""
         return apply(self.K, e) + apply(self.C, rate)
 
-    def discrete(self, e0: Array, e1: Array, h: float) -> tuple[Array, Array, Array]:
+    def discrete(
+        self, e0: Array, e1: Array, h: float, decay: float = 0.0
+    ) -> tuple[Array, Array, Array]:
         """See the base class."""
         change = e1 - e0
         sigma = apply(self.K, 0.5 * (e0 + e1)) + apply(self.C, change) / h
         dissipated = (apply(self._root, change) ** 2).sum(-1) / h
-        return sigma, 0.5 * self.K + self.C / h, dissipated
+        if decay:
+            numerical = 0.5 * decay * apply(self.K, change)
+            sigma, dissipated = sigma + numerical, dissipated + (numerical * change).sum(-1)
+        return sigma, 0.5 * (1 + decay) * self.K + self.C / h, dissipated
+
+    def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
+        """See the base class."""
+        return self.force(e, rate), self.K, self.C
 
     def midpoint(
         self, e: Array, rate: Array, e0: Array, e1: Array, h: float
@@ -112,7 +128,9 @@ class SlackLaw(Law):
         """See the base class."""
         return np.asarray(e.real > 0)
 
-    def discrete(self, e0: Array, e1: Array, h: float) -> tuple[Array, Array, Array]:
+    def discrete(
+        self, e0: Array, e1: Array, h: float, decay: float = 0.0
+    ) -> tuple[Array, Array, Array]:
         """See the base class."""
         up0, up1 = _positive(e0), _positive(e1)
         taut1 = e1.real > 0
@@ -122,12 +140,19 @@ class SlackLaw(Law):
         quotient = np.where(both, 0.5 * (up0 + up1), 0.5 * (up1 * up1 - up0 * up0) / change)
         slope = np.where(both, 0.5, (taut1 * up1 - quotient) / change)
         slope = np.where(taut1 | (e0.real > 0), slope, 0.0)
-        spring, damper = self.k * quotient, self.c * (up1 - up0) / h
+        c = self.c + 0.5 * h * decay * self.k
+        spring, damper = self.k * quotient, c * (up1 - up0) / h
         pulls = (spring + damper).real > 0
         sigma = np.where(pulls, spring + damper, 0.0)
-        by_e1 = np.where(pulls, self.k * slope + self.c * taut1 / h, 0.0)
+        by_e1 = np.where(pulls, self.k * slope + c * taut1 / h, 0.0)
         dissipated = ((sigma - spring) * (e1 - e0)).sum(-1)
         return sigma, by_e1[..., None], dissipated
+
+    def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
+        """See the base class."""
+        force = self.force(e, rate)
+        pulls = force.real > 0
+        return force, (self.k * pulls)[..., None], (self.c * pulls)[..., None]
 
     def midpoint(
         self, e: Array, rate: Array, e0: Array, e1: Array, h: float

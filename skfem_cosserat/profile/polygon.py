@@ -74,9 +74,10 @@ def _corners(name: str, value: ArrayLike) -> Floats:
         raise InputError(
             item, f"{name}: corner {k} at {out[k].tolist()} is repeated; expected distinct corners"
         )
-    if abs(signed_area(out)) <= 1e-12 * extent**2:
+    shape = _shapely().Polygon(out)  # one that crosses itself may have an area of zero, too
+    if max(abs(signed_area(out)), shape.convex_hull.area) <= 1e-12 * extent**2:
         raise InputError(item, f"{name} = {out.tolist()} has no area")
-    reason = _shapely().is_valid_reason(_shapely().Polygon(out))
+    reason = _shapely().is_valid_reason(shape)
     if reason != "Valid Geometry":
         raise InputError(item, f"{name} crosses or touches itself: {reason}")
     return out

@@ -14,6 +14,7 @@ from skfem import Mesh, MeshQuad1, MeshTri1, MeshTri2
 from skfem.mesh import MeshQuad2
 
 from ..errors import InputError
+from ..figures import new_figure
 from ..section import Material, Section
 from ..types import ArrayLike, Floats, IndexArray, positive
 from .constants import ProfileConstants
@@ -239,12 +240,14 @@ class Profile:
         )
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw the mesh by its materials; matplotlib's axes (of the extra ``view``)."""
-        import matplotlib.pyplot as plt
+        """Draw the mesh by its materials; matplotlib's axes (of the extra ``view``).
+
+        Without `ax` on a figure of its own: ``profile.plot().figure.savefig(...)``.
+        """
+        if ax is None:
+            ax = new_figure(5.0, 4.0).subplots()
         from matplotlib.collections import PolyCollection
 
-        if ax is None:
-            ax = plt.subplots()[1]
         cells = PolyCollection(
             list(self.mesh.p.T[self.mesh.t.T]),
             array=self.index,

@@ -50,7 +50,8 @@ def steps(
     ----------
     system : System
     integrator : Integrator
-        ``Variational()`` or ``EnergyMomentum()``.
+        ``Variational()``, ``EnergyMomentum()``, ``EnergyDecaying()``, ``GeneralizedAlpha()`` or a
+        ``Composition`` of one of the first two.
     treatment : Treatment
         ``NullSpace()`` or ``Multipliers()``.
     step : float

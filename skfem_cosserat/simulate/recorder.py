@@ -14,7 +14,7 @@ from ..history import History, HistoryWriter
 from ..integrators import State, Stepper, StepReport
 from ..log import logger
 from ..model import System
-from ..types import numbers
+from ..types import Floats, numbers
 from .describe import describe
 from .sensors import Sensor, SensorBank, checked_sensors
 from .works import Works
@@ -59,20 +59,25 @@ class Recorder:
             "kernels": stepper.choice.name,
             "kernels_why": stepper.choice.why,
         }
-        bank = checked_sensors(sensors, system)
+        bank = checked_sensors(sensors, system, state)
         if bank:
             meta["sensors"] = {
                 name: {"unit": sensor.unit, "derivative": sensor.derivative}
                 for name, sensor in bank.items()
             }
-        self.works = Works(system, stepper.integrator, state.q)
+        self.works = Works(system, stepper.integrator, state, stepper.h)
         self.writer = HistoryWriter(meta, static, path)
+        self.iterations = 0
         self.last: dict[str, Any] | None = None
         self.closed: History | None = None
         self.bank = SensorBank(bank, system, stepper, self.writer)
         self.bank.begin(state)
         self._before = state
-        self._append(self._row(state, 0, 1, 0.0))
+        weight = stepper.integrator.constraint_weight
+        #: whether a step's constraint force acts at its end, between both
+        self._at_end, self._between = weight == 1, 0 < weight < 1
+        first = stepper.integrator.start_force(system, state, stepper.h)
+        self._append(self._row(state, 0, 1, 0.0, first))
 
     def __enter__(self) -> Recorder:
         return self
@@ -84,7 +89,14 @@ class Recorder:
         if error is not None:
             take_along(error, self.close("failed", None) if self.closed is None else self.closed)
 
-    def _row(self, state: State, iterations: int, attempts: int, residual: float) -> dict[str, Any]:
+    def _row(
+        self,
+        state: State,
+        iterations: int,
+        attempts: int,
+        residual: float,
+        force: Floats | None = None,
+    ) -> dict[str, Any]:
         nan = np.full(self.system.n, np.nan)
         known = state.fresh or self.stepper.integrator.carries_node_momentum
         row: dict[str, Any] = {
@@ -94,7 +106,7 @@ class Recorder:
             "p": state.p if known else nan,
             "carried": state.p,
             "fresh": float(state.fresh),
-            "constraint_force": nan,
+            "constraint_force": nan if force is None else force,
             "newton_iterations": iterations,
             "attempts": attempts,
             "residual": residual,
@@ -106,7 +118,7 @@ class Recorder:
         if count := self.stepper.integrator.remembered:
             none = np.full((count, self.system.n), np.nan)
             row["memory"] = none if state.memory is None else state.memory
-        if self.stepper.integrator.constraint_weight:
+        if self._between:
             row["constraint_point"] = np.full(3 * self.system.total, np.nan)
         return row
 
@@ -116,13 +128,15 @@ class Recorder:
 
     def _amend(self, report: StepReport) -> None:
         self.works.finish(report)
+        if self._at_end:
+            self.open = False  # nothing is missing
         if self.open:
             fields: dict[str, Any] = {
                 "p": report.momentum,
                 "constraint_force": report.constraint_force,
                 "work_drives": self.works.drives,
             }
-            if self.stepper.integrator.constraint_weight:
+            if self._between:
                 fields["constraint_point"] = report.constraint_point.ravel()
             self.writer.amend(**fields)
             self.open = False
@@ -132,8 +146,10 @@ class Recorder:
         self._amend(report)
         self.works.add(report)
         self.bank.take(self._before, report)
+        self.iterations += report.iterations
         state = self._before = report.state
-        row = self._row(state, report.iterations, report.attempts, report.residual)
+        force = report.constraint_force if self._at_end else None
+        row = self._row(state, report.iterations, report.attempts, report.residual, force)
         if state.index - self.first in self.wanted:
             self._append(row)
             self.last = None
@@ -145,6 +161,9 @@ class Recorder:
         if self.last is not None:
             self._append(self.last)
             self.last = None
+        if self._at_end:
+            self.open = False
+            return
         try:
             self._amend(self.stepper.advance(state, time))
         except Diverged as error:
@@ -174,6 +193,7 @@ class Recorder:
                     logger.warning("the last momentum could not be projected: %s", error)
         extra: dict[str, Any] = {
             "factorisations": self.stepper.factorisations,
+            "newton_iterations": self.iterations,
         }
         if failure is not None:
             extra["failure"] = str(failure)

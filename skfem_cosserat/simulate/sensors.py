@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -108,7 +108,7 @@ class SensorPosition(Sensor):
     >>> from skfem_cosserat import EnergyMomentum, LoadGravity, Model, NullSpace, RigidBody
     >>> from skfem_cosserat import simulate
     >>> model = Model()
-    >>> rod = model.add("rod", RigidBody.rod(1.0, length=2.0))
+    >>> rod = model.add("rod", RigidBody.box(1.0, (0.1, 0.1, 2.0)))
     >>> fall = model.add("fall", LoadGravity((0, 0, -10.0)))
     >>> sensors = {"end": SensorPosition(rod.local((0, 0, 1.0)))}
     >>> history = simulate(
@@ -263,7 +263,8 @@ class SensorQuantity(Sensor):
     Raises
     ------
     InputError
-        If it cannot be called, or (during the run) gives no finite numbers of this shape.
+        If it cannot be called, or gives no finite numbers of this shape: of the first state before
+        the run, later on during it (what the last states give wrong is a warning).
     """
 
     def __init__(
@@ -378,25 +379,33 @@ class SensorBank:
         """Write what has been collected."""
         if not self._states and not self._steps:
             return
-        system = self.system
-        window = Window(
-            np.array([state.time for state in self._states]),
-            np.array([state.q for state in self._states]).reshape(-1, system.n),
-            np.array([t for t, _, _ in self._steps]),
-            np.array([y for _, y, _ in self._steps]).reshape(-1, system.total, 3),
-            np.array([f for _, _, f in self._steps]).reshape(-1, system.n),
-        )
+        window = _window(self.system, self._states, self._steps)
         arrays = {}
         for name, sensor in self.sensors.items():
             arrays[f"{name}/t"] = window.step_t if sensor.forces else window.t
-            arrays[f"{name}/x"] = sensor.values(system, window)
+            arrays[f"{name}/x"] = sensor.values(self.system, window)
         self._states.clear()
         self._steps.clear()
         self.writer.sense(arrays)
 
 
-def checked_sensors(sensors: Mapping[str, Sensor] | None, system: System) -> dict[str, Sensor]:
-    """Sensors by name, of items of this system."""
+def _window(
+    system: System, states: Sequence[State], steps: Sequence[tuple[float, Floats, Floats]]
+) -> Window:
+    """What has been collected: states, and of steps instants, points and forces."""
+    return Window(
+        np.array([state.time for state in states]),
+        np.array([state.q for state in states]).reshape(-1, system.n),
+        np.array([t for t, _, _ in steps]),
+        np.array([y for _, y, _ in steps]).reshape(-1, system.total, 3),
+        np.array([f for _, _, f in steps]).reshape(-1, system.n),
+    )
+
+
+def checked_sensors(
+    sensors: Mapping[str, Sensor] | None, system: System, start: State
+) -> dict[str, Sensor]:
+    """Sensors by name, of items of this system, which can see the state that a run starts from."""
     item = "argument sensors"
     if sensors is None:
         return {}
@@ -411,4 +420,8 @@ def checked_sensors(sensors: Mapping[str, Sensor] | None, system: System) -> dic
         for each in sensor.items():
             if id(each) not in known:
                 raise InputError(item, f"the {each.label} of {name!r} is not in this system")
+    window = _window(system, [start], [])
+    for sensor in sensors.values():
+        if not sensor.forces:
+            sensor.values(system, window)
     return dict(sensors)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..integrators import Integrator, StepReport
+from ..integrators import Integrator, State, StepReport
 from ..model import System
 from ..types import Floats
 
@@ -16,40 +16,60 @@ class Works:
 
     Prescribed motion and drives work through the constraint forces: ``-(G^T lambda) . dq``. Where
     these act at the nodes, a step takes half of the force at its start and half of that at its
-    end, which is known one step later.
+    end, one of which belongs to the step after it (or before it, where they act at its end).
     """
 
-    def __init__(self, system: System, integrator: Integrator, q: Floats) -> None:
+    def __init__(self, system: System, integrator: Integrator, state: State, h: float) -> None:
         self._driven = bool(system.moving)
         one = integrator if integrator.part is None else integrator.part
-        self._share = 0.5 + one.constraint_weight
-        self._q = q
+        weight = one.constraint_weight
+        #: of a step's own force, of that of the step after it and of that before it
+        self._own, self._next = (1.0, 0.0) if weight == 0.5 else (0.5, float(weight == 0) / 2)
+        self._before = 1 - self._own - self._next
+        self._q = state.q
+        self._last = one.start_force(system, state, h) if self._driven and self._before else None
         self._waiting: Floats | None = None
         self.loads = self.actuators = self.dissipated = self.drives = 0.0
 
     def add(self, report: StepReport) -> None:
         """A step is done; :meth:`finish` has had its report before."""
-        for k, stage in enumerate(report.stages):
-            if k:
-                self.finish(stage)
-            self._add(stage)
+        before = None
+        for stage in report.stages:
+            force = self._force(stage, before) if self._driven else None
+            if before is not None:
+                self._end(force)
+            self._add(stage, force)
+            before = stage
 
-    def _add(self, report: StepReport) -> None:
+    def _force(self, report: StepReport, before: StepReport | None) -> Floats:
+        """Constraint force of a step; at a node it is over half of the step before it, too."""
+        force = report.constraint_force
+        if before is None or not self._next:
+            return force
+        return force * (2 * report.step / (report.step + before.step))
+
+    def _add(self, report: StepReport, force: Floats | None) -> None:
         work, q = report.work, report.state.q
         self.loads += work.loads
         self.actuators += work.actuators
         self.dissipated += work.dissipated
-        if self._driven:
+        if force is not None:
             change = q - self._q
-            self.drives += work.ground - self._share * float(report.constraint_force @ change)
-            self._waiting = change if self._share < 1 else None
+            self.drives += work.ground - self._own * float(force @ change)
+            if self._last is not None:
+                self.drives -= self._before * float(self._last @ change)
+                self._last = force
+            self._waiting = change if self._next else None
         self._q = q
 
     def finish(self, report: StepReport) -> None:
         """The step that follows the last one: its constraint force ends that one's work."""
         if self._waiting is not None:
-            force = report.stages[0].constraint_force
-            self.drives -= (1 - self._share) * float(force @ self._waiting)
+            self._end(report.stages[0].constraint_force)
+
+    def _end(self, force: Floats | None) -> None:
+        if self._waiting is not None and force is not None:
+            self.drives -= self._next * float(force @ self._waiting)
             self._waiting = None
 
     def row(self) -> dict[str, float]:

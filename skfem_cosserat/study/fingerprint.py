@@ -33,8 +33,9 @@ def digest(text: str) -> str:
 def token(value: Any, item: str) -> str:
     """Text that is the same for equal values, in this run of Python and in others.
 
-    Numbers, text, arrays, containers, meshes and functions (by module, name, code and what is bound
-    to them) are told apart by themselves, all else by its pickled data.
+    Numbers, text, arrays, containers, meshes and functions (by module, name, code, what is bound to
+    them, and the numbers, texts and arrays that they take from their module) are told apart by
+    themselves, all else by its pickled data.
 
     Raises
     ------
@@ -65,7 +66,7 @@ def token(value: Any, item: str) -> str:
     if isinstance(value, partial):
         return f"partial({token([value.func, value.args, value.keywords], item)})"
     if isinstance(value, FunctionType):
-        bound = [value.__defaults__, value.__kwdefaults__, _cells(value)]
+        bound = [value.__defaults__, value.__kwdefaults__, _cells(value), _constants(value)]
         code = digest(_code(value.__code__) + token(bound, item))
         return f"{value.__module__}.{value.__qualname__} (code {code})"
     if isinstance(value, MethodType):
@@ -92,8 +93,29 @@ def _bytes(array: Any) -> str:
 
 
 def _cells(function: FunctionType) -> list[Any]:
-    """What a function has taken along from around it."""
-    return [cell.cell_contents for cell in function.__closure__ or ()]
+    """What a function has taken along from around it; it may be itself that it calls."""
+    contents = [cell.cell_contents for cell in function.__closure__ or ()]
+    return [each for each in contents if each is not function]
+
+
+def _constants(function: FunctionType) -> dict[str, Any]:
+    """Plain data that a function takes from its module, by name: ``LENGTH = 2.0`` at its top."""
+    around = function.__globals__
+    names = sorted(name for name in _names(function.__code__) if not name.startswith("__"))
+    return {name: around[name] for name in names if name in around and _plain(around[name])}
+
+
+def _names(code: CodeType) -> set[str]:
+    """Of what the instructions look up, also those of functions inside."""
+    inner = (_names(each) for each in code.co_consts if isinstance(each, CodeType))
+    return set(code.co_names).union(*inner)
+
+
+def _plain(value: Any) -> bool:
+    """Lists and dicts are not: functions keep their notes in them."""
+    if isinstance(value, tuple):
+        return all(_plain(each) for each in value)
+    return isinstance(value, bool | int | float | complex | str | np.generic | np.ndarray)
 
 
 def _code(code: CodeType) -> str:

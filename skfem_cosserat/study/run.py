@@ -21,7 +21,7 @@ from .quantities import Quantities, aligned
 from .reference import Known, ReferenceFinest, ReferenceRun, known_values, value_of
 from .refinement import Refinement
 
-__all__ = ["refine"]
+__all__ = ["refine", "title_of"]
 
 
 def refine(
@@ -87,7 +87,8 @@ def refine(
     folder : path-like, optional
         Keep the result of each level here as soon as it is there. The same call finds them again,
         after an interruption too, also with more levels or other quantities; with another problem
-        (its code and bound arguments, not what it calls) or version of the package it is refused.
+        (its code, bound arguments and the numbers it takes from its module, not what it calls) or
+        version of the package it is refused.
     retry : bool
         Solve levels again that are kept as failed.
     progress : bool or callable
@@ -158,10 +159,10 @@ def refine(
         check=plan.check,
         retry=retry,
     )
-    return plan.result(_title(problem), {each.name: each for each in outcomes})
+    return plan.result(title_of(problem), {each.name: each for each in outcomes})
 
 
-def _title(problem: Any) -> str:
+def title_of(problem: Any) -> str:
     """Name of the problem, with what is bound to it as far as it is short."""
     bound: dict[str, Any] = {}
     while isinstance(problem, partial):

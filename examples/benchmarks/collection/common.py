@@ -117,8 +117,10 @@ def overridden(defaults: Mapping[str, Any], data: Mapping[str, Any] | None) -> d
     Raises
     ------
     InputError
-        If one of them is not among the defaults, which the message lists.
+        If `data` is no dict, or one of them is not among the defaults, which the message lists.
     """
+    if not isinstance(data, Mapping | None):
+        raise sc.InputError("data", f"{data!r}, expected a dict of inputs by name")
     for name in data or {}:
         if name not in defaults:
             raise sc.InputError("data", f"{name!r} is unknown, expected among {list(defaults)}")
@@ -162,13 +164,18 @@ def step_for(step: float, times: Sequence[float], tolerance: float = 1e-9) -> fl
     raise sc.InputError("times", f"{list(times)}: no step of up to {step} s hits them all")
 
 
-def instants(rows: Mapping[str, Mapping[str, Any]], case: str | None, cost: Cost) -> dict[str, Any]:
-    """Answer for numbers at instants: those of one, or all as lists and by instant."""
+def instants(
+    rows: Sequence[tuple[str, Mapping[str, Any]]],
+    times: Sequence[float],
+    case: str | None,
+    cost: Cost,
+) -> dict[str, Any]:
+    """Answer for names and numbers of instants: those of one, or all as lists and by name."""
+    named = dict(rows)
     if case is not None:
-        return {**rows[case], **cost.fields()}
-    names = list(next(iter(rows.values())))
-    lists = {name: [row[name] for row in rows.values()] for name in names}
-    return {"t": [float(t) for t in rows], **lists, **rows, **cost.fields()}
+        return {**named[case], **cost.fields()}
+    lists = {name: [row[name] for _, row in rows] for name in rows[0][1]}
+    return {"t": [float(t) for t in times], **lists, **named, **cost.fields()}
 
 
 def compare(

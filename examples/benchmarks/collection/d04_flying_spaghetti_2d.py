@@ -34,7 +34,9 @@ DERIVED = {
 
 
 def scene(data: dict[str, Any], elements: int, order: int) -> runs.Scene:
-    """Force (or its part along e1) and moment (or its part about e3) last until ``t_end``."""
+    """Force (also in the plane, or its part along e1) and moment (or its part about e3) last until
+    ``t_end``.
+    """
     mesh = members.halves(data["start"], data["end"], elements, order)
     middle = (np.array(data["start"]) + data["end"]) / 2
     model = sc.Model()
@@ -42,7 +44,8 @@ def scene(data: dict[str, Any], elements: int, order: int) -> runs.Scene:
     loaded = rod.node("rod.start")
     on = sc.FunctionOfTime(lambda t: float(t < data["t_end"]), kinks=(data["t_end"],))
     moment = data["moment"] if np.ndim(data["moment"]) else (0.0, 0.0, data["moment"])
-    force = data["force"] if np.ndim(data["force"]) else (data["force"], 0.0, 0.0)
+    force = np.atleast_1d(np.asarray(data["force"], dtype=float))
+    force = np.pad(force, (0, max(0, 3 - len(force))))
     model.add("force", sc.LoadForce(loaded, force, on))
     model.add("moment", sc.LoadMoment(loaded, moment, on))
     places = {"loaded": loaded, "free": rod.node("rod.end"), "mid": rod.node(middle)}

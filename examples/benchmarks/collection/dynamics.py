@@ -93,11 +93,9 @@ class Problem:
         InputError
             If one is unknown, no number where one is expected, or not positive.
         """
+        names = dict.fromkeys([*self.inputs, *self.derived])
+        common.overridden(names, data)  # all of them known?
         given = dict(data or {})
-        for name in given:
-            if name not in self.inputs and name not in self.derived:
-                known = [*self.inputs, *self.derived]
-                raise sc.InputError("data", f"{name!r} is unknown, expected among {known}")
         own = {name: value for name, value in given.items() if name in self.inputs}
         out = {
             name: _checked(name, default, own.get(name, default), self.signed)
@@ -130,7 +128,7 @@ class Problem:
         """
         for key, t in self.keys().items():
             try:
-                if abs(float(case) - t) <= 1e-12 * max(t, 1.0):
+                if not isinstance(case, bool) and abs(float(case) - t) <= 1e-12 * max(t, 1.0):
                     return key
             except (TypeError, ValueError):
                 break
@@ -147,14 +145,14 @@ class Problem:
             wanted.append(float(key))
         wanted = wanted or list(known)
         moments, inputs, cost, taken = self.moments(wanted, *most)
-        rows = {
-            known.get(t, f"{t:.12g}"): self.read(now, inputs)
+        rows = [
+            (known.get(t, f"{t:.12g}"), self.read(now, inputs))
             for t, now in zip(wanted, moments, strict=True)
-        }
+        ]
         if key is not None and times is None:
-            return {**common.instants(rows, key, cost), **taken}
-        extra = {} if key is None else rows[key]
-        return {**common.instants(rows, None, cost), **extra, **taken}
+            return {**common.instants(rows, wanted, key, cost), **taken}
+        extra = {} if key is None else dict(rows)[key]
+        return {**common.instants(rows, wanted, None, cost), **extra, **taken}
 
     def tracks(self, case: Any = None, *arguments: Any) -> dict[str, Any]:
         """``main`` of a family with lists of position and quaternion, by places and instants."""

@@ -106,9 +106,9 @@ def method(
     step: float | None,
     integrator: str,
     treatment: str,
-    times: Sequence[float] | None,
+    times: Sequence[float] | float | None,
 ) -> Method:
-    """Check these arguments, needed or not.
+    """Check these arguments, needed or not; one instant may be a number.
 
     Raises
     ------
@@ -121,14 +121,13 @@ def method(
         elements = count("elements", elements, "arguments")
     if step is not None:
         step = number("step", step, beyond=0.0)
+    wanted = None
     if times is not None:
-        try:
-            times = tuple(number("times", t, least=0.0) for t in times)
-        except TypeError:
-            times = ()
-        if not times or len(set(times)) < len(times):
-            raise sc.InputError("argument times", "expected different instants, at least one")
-    return Method(order, elements, step, *common.choice(integrator, treatment), times)
+        several = [times] if np.ndim(times) == 0 else times
+        wanted = tuple(number("times", t, least=0.0) for t in several)
+        if not wanted:
+            raise sc.InputError("argument times", "expected at least one instant")
+    return Method(order, elements, step, *common.choice(integrator, treatment), wanted)
 
 
 def chosen(

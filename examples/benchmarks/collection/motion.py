@@ -170,12 +170,12 @@ def answer(
         if fields is None:
             fields = _nothing(problem, times)
     fields["estimated_error"] = errors
-    rows = {
-        _text(t): {name: values[k].tolist() for name, values in fields.items()}
+    rows = [
+        (_text(t), {name: values[k].tolist() for name, values in fields.items()})
         for k, t in enumerate(times)
-    }
+    ]
     key = None if instant is None else _text(instant)
-    out = {**common.instants(rows, key, cost), "order": None, "elements": None, "step": step}
+    out = {**common.instants(rows, times, key, cost), "order": None, "elements": None, "step": step}
     if instant is not None:
         out["t"] = instant
     return out

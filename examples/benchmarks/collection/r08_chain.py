@@ -93,9 +93,8 @@ def main(
     named = re.fullmatch(r"R8_chain_N([1-9]\d*)", case) if isinstance(case, str) else None
     values = common.entry(ENTRIES[0])["values"]
     instant = None if named else inputs.chosen(case, ENTRIES, {**values, "state": 0})[1]
-    given = {**({"N": int(named[1])} if named else {}), **(data or {})}
-    system = scene(given)
-    d = common.overridden(DATA, given)
+    d = common.overridden({**DATA, **({"N": int(named[1])} if named else {})}, data)
+    system = scene(d)
     own = motion.coarsest(inputs.number("l", d["l"]), inputs.number("g", d["g"]))
     problem = motion.Problem(system, read, coarsest=own / (1 + len(system.structures)))
     result = motion.answer(problem, method, values["t"], instant)

@@ -17,8 +17,7 @@ from skfem_cosserat import diagnostics
 __all__ = ["Motion", "Run", "Scene", "framed", "limit", "quaternions", "run", "schedule"]
 
 Floats = NDArray[np.float64]
-#: a matrix of its own for each iteration: kept factors leave 1e-6 m and 4e-7 of the energy of D2
-#: (h = 1/640 s, compiled kernels), which extrapolation would magnify
+#: a matrix of its own for each iteration: extrapolation would magnify what kept factors leave
 EXACT = sc.NewtonSettings(reuse=0)
 
 

@@ -73,7 +73,9 @@ def main(
 
     turns = max(1, math.ceil(abs(d["lam"])))
     counts = {p: n * turns for p, n in ELEMENTS.items()}
-    return statics.answer(compute, FIELDS, counts, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, FIELDS, counts, order, elements, step, integrator, treatment, times
+    )
 
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:

@@ -65,7 +65,9 @@ def main(
         found = statics.limit(d, d["EI"] / d["L"] ** 2, tip, first=1e3, levels=4)
         return {**found, "EA": d["EA"], "GA": d["GA"]}
 
-    return statics.answer(compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment, times
+    )
 
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:

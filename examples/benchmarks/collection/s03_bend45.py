@@ -84,7 +84,9 @@ def main(
 
         return statics.limit(d, d["EI"] / d["R"] ** 2, tip)
 
-    return statics.answer(compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment, times
+    )
 
 
 def references() -> dict[str, dict[str, Any]]:

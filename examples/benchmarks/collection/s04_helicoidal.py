@@ -72,7 +72,9 @@ def main(
 
     turns = abs(d["lam"] * d["M"]) * d["L"] / (2 * math.pi * d["EI"])
     counts = {p: math.ceil(n * max(1.0, turns)) for p, n in PER_TURN.items()}
-    return statics.answer(compute, FIELDS, counts, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, FIELDS, counts, order, elements, step, integrator, treatment, times
+    )
 
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:

@@ -66,7 +66,9 @@ def main(
             "tip_swappedGA": scenes[1].displacement(swapped).tolist(),
         }
 
-    return statics.answer(compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment, times
+    )
 
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:

@@ -75,7 +75,9 @@ def main(
             both[name] = {"P": point.load, "u": u, "v": v}
         return {**both[key], **both}
 
-    return statics.answer(compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment, times
+    )
 
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:

@@ -69,7 +69,9 @@ def main(
             found["curve"] = _curve(asked, scene, np.atleast_1d(d["w"]).astype(float))
         return found
 
-    return statics.answer(compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment, times
+    )
 
 
 def _limit_points(asked: statics.Asked, scene: Any, until: float) -> list[list[float]]:

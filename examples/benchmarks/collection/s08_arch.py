@@ -70,7 +70,9 @@ def main(
         found = statics.limit(d, scale, crown, first=4e4, ratio=2.0)
         return {**d, **found, "Pcr_R2_EI": found["Pcr"] / scale}
 
-    return statics.answer(compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment, times
+    )
 
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:

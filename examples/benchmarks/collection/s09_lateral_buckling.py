@@ -11,8 +11,8 @@ that they come from, repeated with steps of 1/60 of the length, give 3.313277520
 
 ``case``: an entry's name, "Pcr" (the strip, default), "c" (Prandtl), "load +e1", "load -e1" (S9b)
 or "Mcr" (S9c). ``data``: L, b, t, E, nu, kappa; EI_stiff, EI_weak, GJ, EA, GA; in Prandtl's entry
-EI_min and in S9c EI2 for EI_weak. Gives Pcr and Prandtl; c and Pcr; Pcr (and the same by the case's
-name); Mcr.
+EI_min and in S9c EI2 for EI_weak. Gives Pcr and Prandtl; c and Pcr; Pcr (and the same by the load's
+name; by the entry's own name Pcr is the dict that the entry has); Mcr.
 """
 
 from __future__ import annotations
@@ -101,7 +101,8 @@ def main(
             load = -1.0 if key == "load -e1" else 1.0
             scene = static_scenes.right_angle(asked.elements, order, load=load, **size)
             found = statics.bifurcation(asked, scene)
-            return {"Pcr": found, f"load {'+' if load > 0 else '-'}e1": found}
+            way = f"load {'+' if load > 0 else '-'}e1"
+            return {"Pcr": {way: found} if key == ANGLE else found, way: found}
         if name == HINGED:
             return {"Mcr": _undeflected(asked, static_scenes.hinged_frame, size)}
         prandtl = _undeflected(asked, static_scenes.strip, size)
@@ -112,7 +113,9 @@ def main(
         return {**shown, "Pcr": statics.bifurcation(asked, scene), "Prandtl": prandtl}
 
     fields = FIELDS[name]
-    return statics.answer(compute, fields, ELEMENTS, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, fields, ELEMENTS, order, elements, step, integrator, treatment, times
+    )
 
 
 def _undeflected(asked: statics.Asked, build: Any, size: dict[str, Any]) -> float:

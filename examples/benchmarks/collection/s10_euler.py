@@ -66,7 +66,9 @@ def main(
         euler = math.pi**2 * d["EI"] / d["L"] ** 2 * (1.0 if pinned else 0.25)
         return {**shown, "Pcr": load, "Pcr_over_PE": load / euler}
 
-    return statics.answer(compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment, times
+    )
 
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:

@@ -79,7 +79,9 @@ def main(
         torque = float(path["joint/drive/moment"][-1, 0])
         return {"Mx": torque, "ux_B": float(scene.displacement(path)[0])}
 
-    return statics.answer(compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment, times
+    )
 
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:

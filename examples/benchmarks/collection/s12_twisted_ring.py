@@ -70,7 +70,9 @@ def main(
         twist = expected * float(statics.extrapolated(found, 2.0))
         return {"total_twist": twist, "tau": twist / (2 * math.pi * d["R"])}
 
-    return statics.answer(compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment, times
+    )
 
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:

@@ -112,7 +112,9 @@ def main(
             found |= _path(asked, d["P"])
         return found
 
-    return statics.answer(compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment, times
+    )
 
 
 def _objectivity(asked: statics.Asked, d: dict[str, Any]) -> dict[str, float]:

@@ -71,7 +71,9 @@ def main(
             "root_moment": (-path["joint/clamp/moment"][-1]).tolist(),
         }
 
-    return statics.answer(compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment)
+    return statics.answer(
+        compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment, times
+    )
 
 
 def rows(quick: bool = True) -> list[dict[str, Any]]:

@@ -18,7 +18,8 @@ import static_scenes
 from static_scenes import Scene
 
 import skfem_cosserat as sc
-from collection.common import Cost, choice, compare, overridden, tabled, timed
+from collection.common import Cost, compare, overridden, tabled, timed
+from collection.inputs import method
 
 __all__ = ["Asked", "answer", "bifurcation", "chosen", "extrapolated", "inputs", "limit"]
 __all__ += ["limit_points", "numbered", "parts", "regular", "table"]
@@ -95,6 +96,7 @@ def answer(
     step: float | None,
     integrator: str,
     treatment: str,
+    times: Any,
 ) -> dict[str, Any]:
     """What ``main`` gives: the case's numbers, NaN where no equilibrium was found, and the cost.
 
@@ -106,22 +108,18 @@ def answer(
         Their names.
     counts : mapping of int to int
         Default number of elements by order.
-    order, elements, step, integrator, treatment
+    order, elements, step, integrator, treatment, times
         Of ``main``.
 
     Raises
     ------
     InputError
-        For an order, a number of elements, an integrator or treatment that is none.
+        For an argument that is none of its kind.
     """
-    _, chosen_treatment = choice(integrator, treatment)
-    if order not in counts:
-        raise sc.InputError("order", f"{order!r}, expected one of {list(counts)}")
-    number = counts[order] if elements is None else elements
-    if not isinstance(number, int | np.integer) or number < 1:
-        raise sc.InputError("elements", f"{elements!r}, expected a positive whole number")
+    given = method(order, elements, step, integrator, treatment, times)
+    number = counts[order] if given.elements is None else given.elements
     with timed() as cost:
-        asked = Asked(order, int(number), chosen_treatment, cost)
+        asked = Asked(order, number, given.treatment, cost)
         try:
             found = dict(compute(asked))
         except sc.Diverged as failure:
@@ -129,7 +127,7 @@ def answer(
             cost.converged = False
             if failure.history is not None:
                 cost.add(failure.history)
-    shared = {"order": order, "elements": asked.total or number, "step": step}
+    shared = {"order": order, "elements": asked.total or number, "step": given.step}
     return {**found, **cost.fields(), **shared}
 
 

@@ -1,15 +1,17 @@
-"""Adapter: the hinged rod in PyElastica (explicit), its cost and tip as JSON on stdout.
+"""Adapter: a hinged or a free rod in PyElastica (explicit), cost and tip as JSON on stdout.
 
 Runs in an environment that has PyElastica and not this package: all numbers of the scene come on
 the command line. With ``--step 0`` it looks for its largest stable step first: the largest of
-``length / elements / wave speed`` times powers of the fourth root of two with which the tip stays
-within the rod's length of its hinge. Its hinge holds the first element, not the first node.
+``length / elements / wave speed`` times powers of the fourth root of two with which its ends stay
+within 1.05 (a free rod: 1.2) of its length of each other. Its hinge holds the first element, not
+the first node.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import time
 from importlib.metadata import version
@@ -17,16 +19,17 @@ from typing import Any
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line; the scene: length, stiffness (6, as a section of ours), mass, inertia, g."""
+    """Command line; the scene: as for Exudyn's adapter, and the radius."""
     out = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     out.add_argument("--scene", required=True, type=json.loads, help="numbers, as JSON")
     out.add_argument("--elements", type=int, required=True)
     out.add_argument("--step", type=float, default=0.0, help="0: the largest stable one")
     out.add_argument("--until", type=float, required=True, help="end of the run (s)")
+    out.add_argument("--sample", type=float, default=0.0, help="interval of the tip path (s)")
     return out
 
 
-def rod_on_hinge(a: argparse.Namespace) -> tuple[Any, Any]:
+def rod_of(a: argparse.Namespace) -> tuple[Any, Any]:
     """The simulator and the rod in it, at rest."""
     import elastica as ea
     import numpy as np
@@ -36,11 +39,14 @@ def rod_on_hinge(a: argparse.Namespace) -> tuple[Any, Any]:
 
     s = a.scene
     area = np.pi * s["radius"] ** 2
+    start = np.array(s.get("start", [0.0, 0.0, 0.0]), dtype=float)
+    along = np.array(s.get("end", [s["length"], 0.0, 0.0]), dtype=float) - start
+    along /= np.linalg.norm(along)
     rod = ea.CosseratRod.straight_rod(
         a.elements,
-        np.zeros(3),
-        np.array([1.0, 0.0, 0.0]),
-        np.array([0.0, 1.0, 0.0]),
+        start,
+        along,
+        np.array([0.0, 1.0, 0.0]) if "pulse" not in s else np.array([0.0, 0.0, 1.0]),
         s["length"],
         s["radius"],
         s["mass"] / area,
@@ -52,6 +58,10 @@ def rod_on_hinge(a: argparse.Namespace) -> tuple[Any, Any]:
         rod.bend_matrix[k, k, :] = s["stiffness"][3 + k]
     simulator = Simulator()
     simulator.append(rod)
+    if "pulse" in s:
+        _push(simulator, rod, s)
+        simulator.finalize()
+        return simulator, rod
     simulator.constrain(rod).using(
         ea.GeneralConstraint,
         constrained_position_idx=(0,),
@@ -64,13 +74,42 @@ def rod_on_hinge(a: argparse.Namespace) -> tuple[Any, Any]:
     return simulator, rod
 
 
+def _push(simulator: Any, rod: Any, s: dict[str, Any]) -> None:
+    """Inertia of the section; force and moment on the start, which grow and fall with the pulse."""
+    import elastica as ea
+    import numpy as np
+
+    sums = sum(s["inertia"]) if "rotary" not in s else s["rotary"][0]
+    per_length = np.diag([*(s["rotary"][1:] if "rotary" in s else s["inertia"]), sums])
+    for k, length in enumerate(rod.rest_lengths):
+        rod.mass_second_moment_of_inertia[..., k] = per_length * length
+        rod.inv_mass_second_moment_of_inertia[..., k] = np.linalg.inv(per_length * length)
+    times, factors = s["pulse"]
+    force, moment = np.array(s["force"]), np.array(s["moment"])
+
+    class Push(ea.NoForces):
+        """On the first node, and on the element there."""
+
+        def apply_forces(self, system: Any, time: float = 0.0) -> None:
+            """Add the force."""
+            system.external_forces[:, 0] += np.interp(time, times, factors) * force
+
+        def apply_torques(self, system: Any, time: float = 0.0) -> None:
+            """Add the moment, in the element's frame."""
+            frame = system.director_collection[..., 0]
+            system.external_torques[:, 0] += np.interp(time, times, factors) * (frame @ moment)
+
+    simulator.add_forcing_to(rod).using(Push)
+
+
 def integrate(a: argparse.Namespace, step: float, until: float) -> dict[str, Any] | None:
     """Run; None if the tip gets where it cannot be."""
     import elastica as ea
     import numpy as np
 
-    simulator, rod = rod_on_hinge(a)
-    stepper, now = ea.PositionVerlet(), 0.0
+    simulator, rod = rod_of(a)
+    stepper, now, path = ea.PositionVerlet(), 0.0, []
+    every = round(a.sample / step) if a.sample > 0 else 0
     for _ in range(2):
         now = stepper.step(simulator, now, step)
     steps = max(1, round(until / step) - 2)
@@ -79,9 +118,12 @@ def integrate(a: argparse.Namespace, step: float, until: float) -> dict[str, Any
         now = stepper.step(simulator, now, step)
         if k % 200 == 199 and not np.isfinite(rod.position_collection[:, -1]).all():
             return None
+        if every and (k + 3) % every == 0:
+            path.append([float(now), *map(float, rod.position_collection[:, -1])])
     seconds = time.process_time() - begun
     tip = rod.position_collection[:, -1]
-    if not np.linalg.norm(tip) < 1.05 * a.scene["length"]:  # not a number either
+    apart = np.linalg.norm(tip - rod.position_collection[:, 0])
+    if not apart < (1.2 if "pulse" in a.scene else 1.05) * a.scene["length"]:  # no number either
         return None
     return {
         "status": "completed",
@@ -91,6 +133,7 @@ def integrate(a: argparse.Namespace, step: float, until: float) -> dict[str, Any
         "step": step,
         "until": float(now),
         "tip": [float(x) for x in tip],
+        "path": path or None,
     }
 
 
@@ -111,8 +154,10 @@ def run(a: argparse.Namespace) -> dict[str, Any]:
         if a.step > 0:
             return integrate(a, a.step, a.until) or {"status": "unstable"}
         step = largest_step(a)
+        if a.sample > 0:  # instants of the path are ends of steps
+            step = a.sample / math.ceil(a.sample / step)
         while (found := integrate(a, step, a.until)) is None:
-            step /= 2**0.25
+            step = step / 2**0.25 if a.sample == 0 else a.sample / (round(a.sample / step) + 1)
         return found
 
 

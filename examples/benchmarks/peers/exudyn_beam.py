@@ -1,4 +1,4 @@
-"""Adapter: the hinged beam in Exudyn, one run, its cost and tip as JSON on stdout.
+"""Adapter: a hinged or a free beam in Exudyn, one run, its cost and tip as JSON on stdout.
 
 Runs in an environment that has Exudyn and not this package: all numbers of the scene come on the
 command line. Exudyn's build without range checks is taken (``sys.exudynFast``), one thread, its
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
 import time
@@ -21,7 +22,12 @@ SOLVERS = ("EXUdense", "EigenDense", "EigenSparse", "EigenSparseSymmetric")
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line; the scene: length, stiffness (6, as a section of ours), mass, inertia, g."""
+    """Command line; the scene: length, stiffness (6, as a section of ours), mass, inertia.
+
+    And gravity, for a rod along the first axis on a hinge about the third; or, for a free rod in
+    the plane of the first two axes, start and end, force and moment on its start, and the pulse,
+    times and factors, that both follow.
+    """
     out = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     out.add_argument("--scene", required=True, type=json.loads, help="numbers, as JSON")
     out.add_argument("--element", choices=("exact", "cable"), default="exact")
@@ -40,7 +46,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def exact_beam(mbs: Any, a: argparse.Namespace) -> list[int]:
-    """Geometrically exact beams on a hinge about the third axis; the numbers of the nodes."""
+    """Geometrically exact beams, hinged or free; the numbers of the nodes."""
     import exudyn as exu
 
     items: Any = import_module("exudyn.itemInterface")
@@ -49,19 +55,24 @@ def exact_beam(mbs: Any, a: argparse.Namespace) -> list[int]:
     shear1, shear2, axial, bend1, bend2, twist = s["stiffness"]
     section = exu.BeamSection()
     section.stiffnessMatrix = _diagonal([axial, shear1, shear2, twist, bend1, bend2])
-    section.inertia = _diagonal([sum(s["inertia"]), *s["inertia"]])
+    section.inertia = _diagonal(s.get("rotary") or [sum(s["inertia"]), *s["inertia"]])
     section.massPerLength = s["mass"]
     kind = getattr(items, f"NodeRigidBody{a.node}")
-    rotation = [1, 0, 0, 0] if a.node == "EP" else [0, 0, 0]
-    nodes = [
-        mbs.AddNode(kind(referenceCoordinates=[s["length"] * k / n, 0, 0, *rotation]))
-        for k in range(n + 1)
-    ]
+    start, end = s.get("start", [0, 0, 0]), s.get("end", [s["length"], 0, 0])
+    turn = math.atan2(end[1] - start[1], end[0] - start[0])
+    rotation = [0, 0, turn]
+    if a.node == "EP":
+        rotation = [math.cos(turn / 2), 0, 0, math.sin(turn / 2)]
+    places = [[p + (q - p) * k / n for p, q in zip(start, end, strict=True)] for k in range(n + 1)]
+    nodes = [mbs.AddNode(kind(referenceCoordinates=[*x, *rotation])) for x in places]
     for pair in pairwise(nodes):
         beam = items.ObjectBeamGeometricallyExact(
             nodeNumbers=list(pair), length=s["length"] / n, sectionData=section
         )
         mbs.AddObject(beam)
+    if "pulse" in s:
+        _pushed(mbs, nodes[0], s)
+        return nodes
     ground = mbs.AddObject(items.ObjectGround())
     sides = [
         mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=ground, localPosition=[0, 0, 0])),
@@ -74,6 +85,25 @@ def exact_beam(mbs: Any, a: argparse.Namespace) -> list[int]:
         force = [weight * g for g in s["gravity"]]
         mbs.AddLoad(items.Force(markerNumber=marker, loadVector=force))
     return nodes
+
+
+def _pushed(mbs: Any, node: int, s: dict[str, Any]) -> None:
+    """Force and moment on a node, which grow and fall with the pulse."""
+    items: Any = import_module("exudyn.itemInterface")
+
+    def factor(t: float) -> float:
+        for (t0, f0), (t1, f1) in pairwise(zip(*s["pulse"], strict=True)):
+            if t0 <= t <= t1:
+                return float(f0 + (f1 - f0) * (t - t0) / (t1 - t0))
+        return 0.0
+
+    def now(mbs: Any, t: float, vector: list[float]) -> list[float]:
+        scale = factor(t)
+        return [scale * x for x in vector]
+
+    marker = mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=node))
+    for kind, vector in ((items.Force, s["force"]), (items.Torque, s["moment"])):
+        mbs.AddLoad(kind(markerNumber=marker, loadVector=vector, loadVectorUserFunction=now))
 
 
 def cable(mbs: Any, a: argparse.Namespace) -> list[int]:

@@ -1,0 +1,210 @@
+"""Mean velocities of a step whose relative part is damped, and the common one is not.
+
+In ``dq = h (v_m + f)``, ``v_m = (v_0 + v_1)/2``, the extra velocity is
+``f = (chi/2) (v_1 - v_0 - c)`` with the field ``c = w + tau x v_m`` nearest to ``v_1 - v_0`` in the
+kinetic energy (w moves all positions alike, tau turns all velocities, directors' included). Since
+``f`` is orthogonal to all ``e x v_m``, ``sum f x M v_m = 0``: angular momentum is kept. Since it is
+the rest of a projection, ``f . M (v_1 - v_0) = (chi/2) |v_1 - v_0 - c|^2_M`` is not negative.
+Steady rigid motion is not damped, whatever frame it is seen from. Parts of a scene that nothing
+connects have fields of their own; w is left out where something ties a part to the ground.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from ..kernels import cross, skew
+from ..model import System
+from ..types import Array, Floats, IndexArray
+
+__all__ = ["Flow", "Separate", "separate_parts"]
+
+#: of the size of a singular matrix, added to its diagonal: where all velocities are parallel
+REGULAR = 1e-10
+ITERATIONS = 60
+
+
+@dataclass(eq=False)
+class Separate:
+    """Parts of a scene that nothing connects.
+
+    Attributes
+    ----------
+    system : System
+    part : (rows,) int array
+        Number of the part that a row of y belongs to.
+    free : (parts,) bool array
+        Whether nothing ties it to the ground.
+    ones : (rows,) array
+        1 for rows of positions, 0 for directors.
+    mu : (rows,) array
+        Momentum by a common velocity of all positions: ``M 1``.
+    """
+
+    system: System
+    part: IndexArray
+    free: Floats
+    ones: Floats
+    mu: Floats
+
+    def __post_init__(self) -> None:
+        rows = len(self.part)
+        self._gather = csr_matrix((np.ones(rows), (self.part, np.arange(rows))))
+
+    def sum(self, values: Array) -> Array:
+        """Sums (parts, ...) over the rows of each part."""
+        flat = self._gather @ values.reshape(len(values), -1)
+        return np.asarray(flat).reshape(-1, *values.shape[1:])
+
+
+@lru_cache(maxsize=4)
+def separate_parts(system: System) -> Separate:
+    """Those of a system, kept as long as no others are asked for."""
+    rows, g = system.rows, system.constraints
+    links = [group.rows[:, [0, k]] for group in system.groups for k in range(group.rows.shape[1])]
+    own = g.inside
+    links.append(np.stack([g.cols[own] // 3, rows + g.rows[own]], axis=1))
+    ends = [[system.row_of(c.a), system.row_of(c.b)] for c in system.couplings.items]
+    pairs = np.array(ends, dtype=np.int64).reshape(-1, 2)
+    inside = (pairs < rows).all(axis=1)
+    edges = np.concatenate([*links, pairs[inside]])
+    size = rows + system.m
+    graph = csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(size, size))
+    _, label = connected_components(graph, directed=False)
+    grounded = np.setdiff1d(np.arange(len(g.cols)), own)
+    tied = [label[rows + g.rows[grounded]], label[pairs[~inside][pairs[~inside] < rows]]]
+    names, part = np.unique(label[:rows], return_inverse=True)
+    ones = np.zeros(rows)
+    ones[system.origin_rows] = 1.0
+    free = ~np.isin(names, np.concatenate(tied))
+    return Separate(system, part, free.astype(float), ones, system.mass @ ones)
+
+
+class Flow:
+    """Velocities of a step at a trial change dq of the coordinates.
+
+    With ``v_m = A b + (translation)``, ``b = chi v_0 + dq/h`` and the same
+    ``A = ((1 + chi) 1 - (chi/2) tau^)^-1`` for all rows of a part, the three conditions on tau are
+    those that ``sum dq x M v_m`` vanishes: quadratic equations, solved by Newton's method.
+
+    Parameters
+    ----------
+    parts : Separate
+    dq, p0 : (rows, 3) array
+    h, chi : float
+
+    Attributes
+    ----------
+    momentum : (rows, 3) array
+        ``M v_m``.
+    """
+
+    def __init__(self, parts: Separate, dq: Array, p0: Array, h: float, chi: float) -> None:
+        self.parts, self.dq, self.h, self.chi = parts, dq, h, chi
+        self.mdq = parts.system.mass @ dq
+        b = chi * p0 + self.mdq / h
+        self._total = np.maximum(parts.sum(parts.mu * parts.ones), 1e-300)
+        self._lift = (parts.mu / self._total[parts.part])[:, None]
+        self._free = parts.free[:, None]
+        self._drift = self._free * self._origins(self.mdq) / h
+        self._mean = self._free * self._origins(b)
+        #: momentum less its common part
+        self._rest = b - self._lift * self._mean[parts.part]
+        self._turn()
+        self.momentum = self._rotated(self._rest) + self._lift * self._drift[parts.part]
+
+    def _origins(self, rows: Array) -> Array:
+        """Sums (parts, 3) over positions."""
+        return self.parts.sum(self.parts.ones[:, None] * rows)
+
+    def _turn(self) -> None:
+        """Solve ``k + N s + (K s) x s = 0`` for ``s = (chi/2) tau/(1 + chi)`` of each part."""
+        products = self.dq[:, :, None] * self._rest[:, None, :]
+        K = self.parts.sum(products)
+        k = self.parts.sum(cross(self.dq, self._rest))
+        size = abs(K.real).sum((1, 2))
+        size = np.where(size > 0, size, 1.0)
+        trace = np.trace(K, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+        N = trace - K.swapaxes(1, 2) + (REGULAR * size)[:, None, None] * np.eye(3)
+        self.sigma = s = np.zeros_like(k)
+
+        def gap(s: Array) -> Array:
+            turned = (K @ s[:, :, None])[:, :, 0]
+            straight = (trace - K.swapaxes(1, 2)) @ s[:, :, None]
+            return k + straight[:, :, 0] + cross(turned, s)
+
+        value, after = gap(s), 1
+        for _ in range(ITERATIONS):
+            J = N - skew(s) @ K + skew((K @ s[:, :, None])[:, :, 0])
+            change = -np.linalg.solve(J, value[:, :, None])[:, :, 0]
+            factor, length = 1.0, float((abs(value.real).max(1) / size).max(initial=0.0))
+            while factor > 1e-4:  # not too far
+                new = gap(s + factor * change)
+                if (abs(new.real).max(1) / size).max(initial=0.0) <= max(length, 1e-14):
+                    break
+                factor /= 2
+            s = s + factor * change
+            value = gap(s)
+            if abs(change.real).max(initial=0.0) < 1e-13 * (1 + abs(s.real).max(initial=0.0)):
+                after -= 1  # once more, for the imaginary part of a complex step
+                if after < 0:
+                    break
+        self.sigma, self._slope = s, J
+        square = 1 + (s * s).sum(1)
+        outer = s[:, :, None] * s[:, None, :]
+        #: 1 + s^ + s s^T, and A
+        self._plain = np.eye(3) + skew(s) + outer
+        self._square = square
+        self.A = self._plain / ((1 + self.chi) * square)[:, None, None]
+
+    def _rotated(self, rows: Array) -> Array:
+        """``A`` times each row."""
+        return (self.A[self.parts.part] @ rows[:, :, None])[:, :, 0]
+
+    def velocity(self, v0: Floats) -> Floats:
+        """``v_m`` (rows, 3), where v_0 is that at the start."""
+        parts = self.parts
+        out = self._rotated(self.chi * v0 + self.dq / self.h)
+        rest = self._drift - (self.A @ self._mean[:, :, None])[:, :, 0]
+        rest = rest / self._total[:, None]
+        return np.asarray(out + parts.ones[:, None] * rest[parts.part])
+
+    def update(self) -> tuple[Array, Array]:
+        """``d(2 M v_m)/d(dq)`` less ``(2/h) M A``: by common motion and by the turn, U and V."""
+        parts, part, count = self.parts, self.parts.part, len(self.parts.free)
+        rows, unit = len(part), np.eye(3)
+        U = np.zeros((6 * count, rows, 3))
+        V = np.zeros((6 * count, rows, 3))
+        s, dA = self.sigma, self._derivatives()
+        turned = (self._plain[part] @ self._rest[:, :, None])[:, :, 0]
+        shift = self._free * parts.sum(parts.mu[:, None] * self.dq)
+        lever = self.mdq - self._lift * shift[part]
+        Q = -skew(turned) + skew(lever / self.h) @ self._plain[part]
+        Q = -np.linalg.solve(self._slope, np.eye(3)[None])[part] @ Q
+        for k in range(count):
+            mine = np.flatnonzero(part == k)
+            for i in range(3):
+                if parts.free[k]:
+                    column = (unit - self.A[k])[:, i] * (2 / self.h)
+                    U[6 * k + i, mine] = self._lift[mine] * column
+                    V[6 * k + i, mine] = parts.mu[mine, None] * unit[i]
+                U[6 * k + 3 + i, mine] = 2 * self._rest[mine] @ dA[k, i].T
+                V[6 * k + 3 + i, mine] = Q[mine, i]
+        used = (abs(U).max((1, 2)) > 0) & (abs(V).max((1, 2)) > 0) if len(s) else slice(0)
+        return U[used], V[used]
+
+    def _derivatives(self) -> Array:
+        """Of A by the three numbers s, (parts, 3, 3, 3)."""
+        s, unit = self.sigma, np.eye(3)
+        out = np.empty((len(s), 3, 3, 3))
+        for i in range(3):
+            both = s[:, :, None] * unit[i] + unit[i][:, None] * s[:, None, :]
+            change = skew(np.broadcast_to(unit[i], s.shape)) + both
+            scaled = change - (2 * s[:, i] / self._square)[:, None, None] * self._plain
+            out[:, i] = scaled / ((1 + self.chi) * self._square)[:, None, None]
+        return out

@@ -1,0 +1,255 @@
+"""Setups of a work-precision study: what is run, and what comes of one run."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from itertools import product
+from typing import Any, NamedTuple
+
+from ..errors import Diverged, InputError, JobError
+from ..history import History
+from .limit import TimeLimit
+
+__all__ = ["STATUSES", "Measured", "Setup", "as_setups", "counts", "failure", "measure"]
+__all__ += ["setup_grid"]
+
+#: how a run of a setup can end
+STATUSES = ("ok", "diverged", "newton", "timeout", "error")
+#: what a result of somebody else's may call "ok"
+DONE = ("ok", "completed")
+COUNTS = ("newton_iterations", "factorisations", "unknowns")
+Run = Callable[[Any], Any]
+
+
+class Setup(NamedTuple):
+    """One way to solve a problem.
+
+    Attributes
+    ----------
+    label : str
+    run : callable
+        ``run(problem)`` gives a History, or a mapping with the quantities and, if there are any,
+        ``cost_s``, ``newton_iterations``, ``factorisations``, ``unknowns``, ``status``,
+        ``reason``.
+    timed : callable, optional
+        The same work without what is only there to look at; it is timed instead of `run`.
+    series : str
+        Setups of one series are joined by a line in the chart.
+    group : str
+        The code it belongs to; each has a front of its own.
+
+    Examples
+    --------
+    >>> Setup("midpoint rule", lambda problem: {"x": 1.0, "cost_s": 0.1}).run(None)["x"]
+    1.0
+    """
+
+    label: str
+    run: Run
+    timed: Run | None = None
+    series: str = ""
+    group: str = ""
+
+
+class Measured(NamedTuple):
+    """The result of the run for the error, and the cost of each timed run (s)."""
+
+    result: Any
+    costs: tuple[float, ...]
+
+
+def setup_grid(
+    run: Callable[..., Any],
+    *,
+    group: str = "",
+    timed: Callable[..., Any] | None = None,
+    **axes: Any,
+) -> list[Setup]:
+    """Setups for all combinations: integrator x treatment x order x mesh x step.
+
+    Parameters
+    ----------
+    run : callable
+        Called as ``run(problem, integrator=..., step=...)`` with one value of each axis.
+    group : str
+        See :class:`Setup`.
+    timed : callable, optional
+        See :class:`Setup`; called like `run`.
+    **axes
+        Sequences of values, or mappings from their names to values. Along the last one the points
+        of the chart are joined by lines.
+
+    Raises
+    ------
+    InputError
+        If an axis is empty or no sequence.
+
+    Examples
+    --------
+    >>> import skfem_cosserat as sc
+    >>> schemes = {"energy-momentum": sc.EnergyMomentum(), "variational": sc.Variational()}
+    >>> setups = setup_grid(print, integrator=schemes, order=(1, 2), step=(0.1, 0.05))
+    >>> len(setups), setups[0].label
+    (8, 'energy-momentum, order = 1, step = 0.1')
+    >>> setups[0].series
+    'energy-momentum, order = 1'
+    """
+    if not callable(run):
+        raise InputError("argument run", f"{run!r} cannot be called")
+    named = {axis: _named(axis, values) for axis, values in axes.items()}
+    found = []
+    for choice in product(*(each.items() for each in named.values())):
+        values = {axis: value for axis, (_, value) in zip(named, choice, strict=True)}
+        words = [name for name, _ in choice]
+        bound = None if timed is None else partial(timed, **values)
+        series = ", ".join(words[:-1])
+        found.append(Setup(", ".join(words), partial(run, **values), bound, series, group))
+    return found
+
+
+def _named(axis: str, values: Any) -> dict[str, Any]:
+    """The values of an axis by their names in a label."""
+    if isinstance(values, Mapping):
+        named = {str(name): value for name, value in values.items()}
+    elif isinstance(values, str) or not isinstance(values, Iterable):
+        raise InputError(f"axis {axis!r}", f"{values!r}, expected values, or values by name")
+    else:
+        named = {_word(axis, value): value for value in values}
+    if not named:
+        raise InputError(f"axis {axis!r}", "is empty, expected at least one value")
+    return named
+
+
+def _word(axis: str, value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    return f"{axis} = {value:g}" if isinstance(value, float) else f"{axis} = {value}"
+
+
+def as_setups(given: Any) -> list[Setup]:
+    """Setups from pairs (label, function); with different labels.
+
+    Raises
+    ------
+    InputError
+        If there are none, or one is something else.
+    """
+    expected = "expected a list of (label, function of the problem)"
+    if isinstance(given, str | Mapping) or not isinstance(given, Iterable):
+        raise InputError("argument setups", f"{given!r}, {expected}")
+    found, labels = [], set()
+    for each in given:
+        if not isinstance(each, tuple | list) or not 2 <= len(each) <= len(Setup._fields):
+            raise InputError("argument setups", f"{each!r}, {expected}")
+        setup = Setup(*each)
+        if not isinstance(setup.label, str) or not setup.label:
+            raise InputError("argument setups", f"label {setup.label!r}, expected a name")
+        for function in (setup.run, setup.timed):
+            if not callable(function) and function is not setup.timed:
+                raise InputError(f"setup {setup.label!r}", f"{function!r} cannot be called")
+        if setup.timed is not None and not callable(setup.timed):
+            raise InputError(f"setup {setup.label!r}", f"{setup.timed!r} cannot be called")
+        if setup.label in labels:
+            raise InputError("argument setups", f"two setups are called {setup.label!r}")
+        labels.add(setup.label)
+        found.append(setup)
+    if not found:
+        raise InputError("argument setups", f"is empty, {expected}")
+    return found
+
+
+def measure(
+    label: str,
+    problem: Any,
+    run: Run,
+    timed: Run | None,
+    repeats: int,
+    clock: Callable[[], float],
+    timeout_s: float | None,
+) -> Measured:
+    """One run for the result, which warms up, then `repeats` runs for the cost.
+
+    Raises
+    ------
+    TimedOut
+        If one of them takes longer than `timeout_s`.
+    JobError
+        If the run for the result was interrupted.
+    """
+    with TimeLimit(timeout_s):
+        result = run(problem)
+    if isinstance(result, History) and result.status == "interrupted":
+        raise JobError(label, "it was interrupted")
+    costs = []
+    if failure(result) is None:
+        for _ in range(repeats):
+            with TimeLimit(timeout_s):
+                begun = clock()
+                again = (run if timed is None else timed)(problem)
+                seconds = clock() - begun
+            wrong = failure(again)
+            if wrong is not None:
+                return Measured({"status": wrong[0], "reason": f"when timed: {wrong[1]}"}, ())
+            costs.append(_own_cost(again, seconds))
+    return Measured(result, tuple(costs))
+
+
+def _own_cost(result: Any, seconds: float) -> float:
+    """What a result says of its cost, or what the clock says."""
+    if isinstance(result, Mapping) and result.get("cost_s") is not None:
+        return float(result["cost_s"])
+    return seconds
+
+
+def failure(result: Any) -> tuple[str, str] | None:
+    """Status and reason of a result that says that it failed; None if it does not."""
+    if isinstance(result, History):
+        bad = result.status in ("diverged", "failed", "killed")
+        return ("newton", str(result.meta.get("failure", result.status))) if bad else None
+    if not isinstance(result, Mapping) or result.get("status", "ok") in DONE:
+        return None
+    state = str(result["status"])
+    reason = str(result.get("reason", ""))
+    return (state, reason) if state in STATUSES else ("error", f"{state}: {reason}".rstrip(": "))
+
+
+def raised(error: Exception) -> tuple[str, str]:
+    """Status and reason of a setup that raised something.
+
+    A step that Newton's method could not solve is ``newton``; numbers that left all bounds, and a
+    :class:`Diverged` that tells of no iterations, are ``diverged``.
+    """
+    reason = f"{type(error).__name__}: {error}"
+    if isinstance(error, Diverged):
+        return ("newton" if error.residuals else "diverged"), reason
+    if isinstance(error, ArithmeticError):
+        return "diverged", reason
+    return ("timeout" if isinstance(error, TimeoutError) else "error"), reason
+
+
+def counts(result: Any) -> dict[str, int | float | None]:
+    """Newton iterations, factorisations and unknowns, as far as a result tells them."""
+    found: Any = {}
+    if isinstance(result, History):
+        found = result.meta
+    elif isinstance(result, Mapping):
+        found = result
+    return {name: _count(found.get(name)) for name in COUNTS}
+
+
+def _count(value: Any) -> int | float | None:
+    if value is None or isinstance(value, bool) or not math.isfinite(float(value)):
+        return None
+    return int(value) if float(value).is_integer() else float(value)
+
+
+def best_cost(costs: Sequence[float]) -> float | None:
+    """The smallest; None if nothing was timed."""
+    return min(costs) if costs else None
+
+
+#: clocks that a study may take
+CLOCK = time.perf_counter

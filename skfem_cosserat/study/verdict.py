@@ -1,0 +1,213 @@
+"""How a run ended: judged by its energy, or by what it raised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..errors import Diverged, InputError
+from ..history import History
+from ..newton import NewtonSettings
+from ..types import Floats, positive
+
+__all__ = ["FULL_PROTOCOL", "JudgeEnergy", "Verdict"]
+
+#: With these settings a step that fails has had the full protocol: from an extrapolated and from a
+#: zero increment, without and with line search, up to 100 iterations each, rotations capped.
+FULL_PROTOCOL = NewtonSettings(iterations=100, damped_iterations=100)
+#: attempts of the protocol
+ATTEMPTS = 4
+#: series that the energy is made of, unless a judge is told otherwise
+DERIVED = {"energy", "external"}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a run ended.
+
+    Attributes
+    ----------
+    status : str
+        ``ok``, ``drift``, ``blowup``, ``newton``, ``timeout`` or ``error``; your own judge may have
+        other words.
+    time : float
+        Of the blow-up, of the last step that was solved, or the end (s).
+    energy_error : float
+        Largest relative change of the energy until then.
+    newton_residual : float
+        Smallest scaled residual of a step that could not be solved; NaN if all could.
+    reason : str
+        More about it.
+    numbers : dict
+        Others that you want to see as arrays over the axes.
+
+    Examples
+    --------
+    >>> Verdict("ok", time=1.0).status
+    'ok'
+    """
+
+    status: str
+    time: float = float("nan")
+    energy_error: float = float("nan")
+    newton_residual: float = float("nan")
+    reason: str = ""
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+
+class JudgeEnergy:
+    """Judge runs by their energy, which ought to stay what it was.
+
+    A failed run is judged by the history that came with its error: what has blown up before a step
+    could not be solved has blown up.
+
+    Parameters
+    ----------
+    energy : callable, optional
+        Energies (N,) of a History; default: its series ``energy`` plus ``external``.
+    since : float
+        The energy at the first state from this time on (s) is the right one, E0: the end of a
+        pulse, say.
+    scale : float, optional
+        Of energy; default: abs(E0).
+    drift : float
+        Relative change of the energy above which a run that ended well has drifted.
+    blowup : float
+        Blown up is an energy E with E - E0 > (blowup - 1) scale: by default, E > 10 E0.
+
+    Raises
+    ------
+    InputError
+        If a number is not positive; when called, if E0 is zero and there is no scale, or the
+        history has no such energy.
+
+    Examples
+    --------
+    >>> t = np.arange(5.0)
+    >>> series = {"t": t, "step": t, "q": np.zeros((5, 3)), "p": np.zeros((5, 3))}
+    >>> history = History({"status": "completed"}, {}, series)
+    >>> found = JudgeEnergy(lambda history: 2 + 0.02 * history.times)(history)
+    >>> found.status, found.time, round(found.energy_error, 9)
+    ('drift', 4.0, 0.04)
+    """
+
+    def __init__(
+        self,
+        energy: Callable[[History], Any] | None = None,
+        since: float = 0.0,
+        scale: float | None = None,
+        drift: float = 0.01,
+        blowup: float = 10.0,
+    ) -> None:
+        item = "JudgeEnergy"
+        if energy is not None and not callable(energy):
+            raise InputError(item, f"energy = {energy!r}, expected a function of a History")
+        self.energy = energy
+        self.since = float(since) if since == 0 else positive(item, "since", since, " of seconds")
+        self.scale = None if scale is None else positive(item, "scale", scale)
+        self.drift = positive(item, "drift", drift)
+        self.blowup = positive(item, "blowup", blowup)
+
+    def __call__(self, result: Any) -> Verdict:
+        """The verdict on a History, or on an exception."""
+        if isinstance(result, Exception):
+            return self._failed(result)
+        if not isinstance(result, History):
+            raise InputError(
+                "argument problem",
+                f"gave a {type(result).__name__}, expected a History (or another outcome=)",
+            )
+        time, error, blown = self._change(result)
+        if result.status == "diverged" and not blown:
+            reason = str(result.meta.get("failure", ""))
+            return Verdict("error", time, error, reason=f"no error came with the history: {reason}")
+        state = "blowup" if blown else "drift" if error > self.drift else "ok"
+        return Verdict(state, time, error)
+
+    def _failed(self, error: Exception) -> Verdict:
+        history = getattr(error, "history", None)
+        time, change, blown = float("nan"), float("nan"), False
+        if isinstance(history, History):
+            try:
+                time, change, blown = self._change(history, failed=True)
+            except InputError:  # it was stopped before its energies were there
+                time = float(history.times[-1])
+        reason = f"{type(error).__name__}: {error}"
+        if isinstance(error, Diverged):
+            state, note = ("newton", "") if full_protocol(error) else ("error", NOT_FULL)
+            residual, end = float(error.residual), float(error.time)
+            reason = f"{note}{reason}"
+        else:
+            state = "timeout" if isinstance(error, TimeoutError) else "error"
+            residual, end = float("nan"), time
+        if blown:
+            return Verdict("blowup", time, change, residual, f"then {reason}")
+        return Verdict(state, end, change, residual, reason)
+
+    def _change(self, history: History, failed: bool = False) -> tuple[float, float, bool]:
+        """Time reached, largest change of the energy up to it, and whether it has blown up.
+
+        Before a failed step the momentum, which comes from that step, may not be known.
+        """
+        t, energy = history.times, self._energies(history)
+        if failed and len(t) > 1 and np.isnan(energy[-1]):
+            t, energy = t[:-1], energy[:-1]
+        after = np.flatnonzero(t >= self.since - 1e-12 * max(abs(t[-1]), abs(self.since)))
+        if not len(after):
+            return float(t[-1]), float("nan"), False
+        start = float(energy[after[0]])
+        scale = abs(start) if self.scale is None else self.scale
+        if not np.isfinite(start):
+            return float(t[after[0]]), float("inf"), True
+        if not scale > 0:
+            raise InputError(
+                "JudgeEnergy",
+                f"the energy at t = {t[after[0]]:g} s is zero, which nothing can be compared with:"
+                " give scale=, or since=, a time from which it is to stay the same",
+            )
+        with np.errstate(all="ignore"):
+            change = (energy[after] - start) / scale
+        bad = np.flatnonzero(~(change <= self.blowup - 1))
+        if len(bad):
+            k = bad[0]
+            return float(t[after[k]]), float(np.nanmax(abs(change[: k + 1]))), True
+        return float(t[-1]), float(abs(change).max()), False
+
+    def _energies(self, history: History) -> Floats:
+        if self.energy is not None:
+            values = np.asarray(self.energy(history), dtype=float)
+            if values.shape != history.times.shape:
+                raise InputError(
+                    "JudgeEnergy",
+                    f"energy gave shape {values.shape}, expected ({len(history)},)",
+                )
+            return values
+        if not DERIVED.issubset(history.series):
+            raise InputError(
+                "JudgeEnergy",
+                "the history has no series 'energy' and 'external': run it with derive=True, or"
+                " give energy=, a function of it",
+            )
+        return np.asarray(history["energy"] + history["external"])
+
+
+NOT_FULL = "(not the full retry protocol: run it with settings=FULL_PROTOCOL) "
+
+
+def full_protocol(error: Diverged) -> bool:
+    """Whether a step was tried in all the ways of :data:`FULL_PROTOCOL`.
+
+    Examples
+    --------
+    >>> full_protocol(Diverged(0.0, 1, 1.0, "no convergence", "try", [[1.0]]))
+    False
+    """
+    given = error.settings
+    if given is None or len(error.residuals) < ATTEMPTS:
+        return False
+    full = FULL_PROTOCOL
+    enough = given.iterations >= full.iterations
+    return bool(enough and given.damped_iterations >= full.damped_iterations)

@@ -1,0 +1,181 @@
+"""The benchmarks behind the README's two pictures: small runs, peers that are made up."""
+
+from __future__ import annotations
+
+import json
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skfem_cosserat as sc
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples" / "benchmarks"))
+
+import speed_accuracy_chart as speed
+import stability_chart as stability
+
+ONE = {"energy-momentum": sc.EnergyMomentum}
+
+
+# -- speed and accuracy ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    out = tmp_path_factory.mktemp("speed")
+    result = speed.main(
+        quick=True, repeats=1, out=out, with_peers=False, integrators=ONE, scenes=("spaghetti",)
+    )
+    return result, out
+
+
+def test_speed_accuracy_alone(alone):
+    """Our own setups: order x mesh x step x treatment; both treatments make the same errors."""
+    result, out = alone
+    table = result["tables"]["spaghetti"]
+    assert not table.failed and len(table.rows) == 8
+    rows = {row["label"]: row for row in table.rows}
+    for label, row in rows.items():
+        other = rows[label.replace("null space", "multipliers")]
+        assert row["error_point"] == pytest.approx(other["error_point"], rel=1e-6)
+        assert row["newton_iterations"] == row["factorisations"] > 2 * 10
+        assert other["unknowns"] >= row["unknowns"]
+        assert row["cost_s"] > 0
+    assert table.reference_errors["point"] < 1e-4  # errors are 1e-3 and more
+    assert result["standing"]["spaghetti"].levels == [] and not speed.missed(result)
+    text = (out / "speed_accuracy_spaghetti.csv").read_text()
+    assert text.startswith("# work and precision") and "null space" in text
+    assert "for 1e-02 in point the cheapest is" in speed.report(result)
+
+
+def test_against_an_independent_run(alone):
+    """Steps taken one by one end where those of `simulate` do."""
+    problem = speed.PROBLEMS["spaghetti", True]
+    run = speed.stepped(problem, sc.EnergyMomentum, sc.NullSpace, (3, 4), 0.05, "numpy")
+    system, place = speed.scene("spaghetti", 4, 3)
+    methods = sc.EnergyMomentum(), sc.NullSpace()
+    plain = {"every": 2, "derive": False, "kernels": "numpy"}
+    own = sc.simulate(system, *methods, 0.05, problem.until, **plain)
+    np.testing.assert_allclose(run["point"], own["q"][1:, place : place + 3], atol=1e-11)
+    assert run["newton_iterations"] == own.meta["newton_iterations"]
+    assert np.linalg.norm(system.q0[place : place + 3] - speed.SPAGHETTI["end"]) < 1e-12
+
+
+def made_up(path, **more):
+    """An adapter that answers with this path, or what it says."""
+
+    def ask(python, peer, *options, timeout):
+        assert json.loads(options[1])["moment"] == [0.0, 0.5, 1.0]
+        cost = {"ms_per_step": 0.01, "iterations_per_step": 2.0, "factorisations_per_step": 0.5}
+        return {"status": "completed", "path": path, "step": 0.05, **cost, **more}
+
+    return ask
+
+
+def test_peers_enter_the_table(alone, monkeypatch, tmp_path):
+    """A peer that is exact and cheap: our front is behind, and the report says by how much."""
+    problem = speed.PROBLEMS["spaghetti", True]
+    grid = speed.GRIDS["spaghetti", True]
+    pair = speed.extrapolated(problem, sc.EnergyMomentum, grid.reference[0], "numpy")
+    path = np.column_stack([problem.instants, pair["point"] + [1.2e-3, 0, 0]]).tolist()
+    monkeypatch.setattr(speed.peer_calls, "prepare", lambda code, place: Path("python"))
+    monkeypatch.setattr(speed.peer_calls, "ask", made_up([[0, 0, 0, 0], *path]))
+    small = {("spaghetti", True): grid._replace(steps=(0.1,), meshes={1: (8,)})}
+    result = speed.main(
+        quick=True, repeats=1, integrators=ONE, scenes=("spaghetti",), grids=small, out=tmp_path
+    )
+    rows = [row for row in result["rows"] if row["group"] != speed.OURS]
+    assert [row["group"] for row in rows] == [speed.EXUDYN] * 2 + [speed.ELASTICA]
+    assert [row["status"] for row in rows] == ["ok"] * 3
+    assert [row["error_point"] for row in rows] == pytest.approx([1.2e-3] * 3, rel=1e-9)
+    assert rows[0]["cost_s"] == pytest.approx(20 * 0.01e-3)
+    assert (rows[0]["newton_iterations"], rows[0]["factorisations"]) == (40, 10)
+    wrong = speed.missed(result)
+    assert len(wrong) == 2 and "behind at 1.2e-03 in point" in wrong[0]
+
+
+@pytest.mark.parametrize(
+    ("answer", "status"),
+    [
+        ("no answer within 120 s", "timeout"),
+        ("stopped at 0.3 s", "newton"),
+        ("unstable", "diverged"),
+        ("failed with exit status 1: no module", "error"),
+    ],
+)
+def test_what_a_peer_says_when_it_fails(answer, status, monkeypatch):
+    monkeypatch.setattr(speed.peer_calls, "ask", made_up([], status=answer))
+    problem = speed.PROBLEMS["spaghetti", True]
+    found = speed.exudyn(problem, Path("python"), 1e-8, 8, 0.05)
+    assert found == {"status": status, "reason": answer}
+    assert speed.elastica(problem, Path("python"), 8)["status"] == status
+
+
+def test_a_path_without_the_instants(monkeypatch):
+    monkeypatch.setattr(speed.peer_calls, "ask", made_up([[0.05, 0, 0, 0]]))
+    found = speed.elastica(speed.PROBLEMS["spaghetti", True], Path("python"), 8)
+    assert found["status"] == "error" and "instants" in found["reason"]
+
+
+def test_a_peer_that_cannot_be_installed(monkeypatch):
+    def prepare(code, place):
+        raise speed.peer_calls.Unavailable("no wheel")
+
+    monkeypatch.setattr(speed.peer_calls, "prepare", prepare)
+    setups, missing = speed.peers(speed.GRIDS["spaghetti", True], None)
+    assert setups == [] and missing == {speed.EXUDYN: "no wheel", speed.ELASTICA: "no wheel"}
+
+
+@pytest.mark.slow
+def test_the_peers_themselves():
+    """The same scene: their errors fall as h^2 with the mesh, towards our reference."""
+    grid = speed.GRIDS["spaghetti", True]._replace(steps=(0.1,), meshes={1: (8,)})
+    more = {("spaghetti", True): grid._replace(peer_meshes=(8, 16, 32), peer_steps=(0.0125,))}
+    result = speed.main(True, 1, scenes=("spaghetti",), integrators=ONE, grids=more)
+    if result["missing"]:
+        pytest.skip(str(result["missing"]))
+    for group in (speed.EXUDYN, speed.ELASTICA):
+        rows = [row for row in result["rows"] if row["group"] == group][:3]
+        errors = [row["error_point"] for row in rows]
+        assert [a / b for a, b in pairwise(errors)] == pytest.approx([4, 4], rel=0.1)
+
+
+# -- stability -------------------------------------------------------------------------------------
+
+
+def test_stability_of_the_stiff_swing(tmp_path):
+    """Energy-momentum passes event X at 3e-2 s, the variational scheme blows up before it."""
+    result = stability.main(quick=True, steps=(3e-2,), factors=(1.0,), out=tmp_path)
+    found = result["map"]
+    assert dict(zip(found.axes["integrator"], found.status.ravel(), strict=True)) == {
+        "energy-momentum": "ok",
+        "variational": "blowup",
+    }
+    energy, blown = found.cells.ravel()
+    assert energy.time == pytest.approx(0.69) and energy.energy_error < 1e-10
+    assert blown.time == pytest.approx(0.60, abs=0.031) and blown.energy_error > 9
+    (row,) = result["limits"]
+    assert row["omega"] == pytest.approx(1.01e7, rel=0.01)
+    assert 2 / row["omega_c"] < 1e-3  # the step at which it fails later on is beyond theory's line
+    assert (tmp_path / "stability_chart.csv").exists()
+    assert not stability.missed(result)
+    assert "stability map over integrator (2) x factor (1) x step (1): 1 blowup, 1 ok" in (
+        stability.report(result)
+    )
+
+
+def test_a_failure_before_event_x_is_missed():
+    row = {"integrator": "energy-momentum", "factor": 1.0, "step": 5e-3}
+    failed = {**row, "status": "newton", "time_s": 0.4}
+    for rows, count in (
+        ([failed], 1),
+        ([{**failed, "time_s": 0.7}], 0),
+        ([{**failed, "step": 1e-2}], 0),
+        ([{**row, "status": "ok", "time_s": 0.7}], 0),
+    ):
+        wrong = stability.missed({"map": type("Found", (), {"rows": rows})})
+        assert len(wrong) == count
