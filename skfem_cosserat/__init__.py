@@ -23,9 +23,11 @@ from .frames import Motion, Place, ground, triad
 from .history import History, spectrum
 from .hyperelastic import SectionHyperelastic
 from .integrators import (
+    Asynchronous,
     Composition,
     EnergyDecaying,
     EnergyMomentum,
+    Explicit,
     GeneralizedAlpha,
     State,
     Stepper,
@@ -97,6 +99,7 @@ from .version import VERSION
 __all__ = [
     "Adapted",
     "ArcLength",
+    "Asynchronous",
     "Beam",
     "Branch",
     "Buckling",
@@ -108,6 +111,7 @@ __all__ = [
     "Diverged",
     "EnergyDecaying",
     "EnergyMomentum",
+    "Explicit",
     "Foundation",
     "FunctionOfTime",
     "GeneralizedAlpha",

@@ -10,7 +10,7 @@ import numpy as np
 
 from .assembly import ElementLoad, ElementMatrix
 from .basis import DirectorBasis
-from .element import Interpolation
+from .element import Interpolation, InterpolationLobatto
 from .errors import InputError
 from .frames import Place, StructuralItem, Vertices, vector
 from .kernels import (
@@ -57,6 +57,10 @@ class Beam(StructuralItem):
     velocity, angular_velocity : (3,) or (N, 3) array or callable, optional
         Initial velocity (m/s) and spatial angular velocity (rad/s) of the nodes; a callable gets
         the reference positions (N, 3).
+    lumped : bool
+        Mass by quadrature at the nodes, which makes the mass matrix nodal: what
+        :class:`Explicit` and :class:`Asynchronous` need. Of the same order as the consistent mass
+        with Gauss-Lobatto nodes, which it asks for.
 
     Raises
     ------
@@ -88,6 +92,7 @@ class Beam(StructuralItem):
         twist: Any = None,
         velocity: NodalField = None,
         angular_velocity: NodalField = None,
+        lumped: bool = False,
     ) -> None:
         if not isinstance(mesh, MeshCurve):
             raise InputError(
@@ -96,6 +101,10 @@ class Beam(StructuralItem):
         self.mesh = mesh
         self._orientation: tuple[Any, Any] | None = (director, twist)
         self.basis = DirectorBasis(mesh, order=order)
+        self.lumped = bool(lumped)
+        if self.lumped and not isinstance(self.basis.interpolation, InterpolationLobatto):
+            other = self.basis.interpolation
+            raise InputError(self.label, f"lumped with {other!r}, expected Gauss-Lobatto nodes")
         self.sections, self.section_id = self._assign(section)
         triads = self.basis.triads(directors=director, twist=twist)
         kind, nodes = self.basis.interpolation, self.basis.connectivity
@@ -230,6 +239,7 @@ class Beam(StructuralItem):
             order=self.basis.interpolation if order is None else order,
             director=director,
             twist=twist,
+            lumped=self.lumped,
         )
         e, xi = places_in(self.mesh, mesh, beam.basis.interpolation.nodes)
         shape, nodes = self.basis.shape(xi), self.basis.connectivity[e]
@@ -276,7 +286,7 @@ class Beam(StructuralItem):
         return ElementMatrix(tangent)
 
     def mass_form(self) -> ElementMatrix:
-        """Consistent mass matrix (114) as a scikit-fem form: ``assemble(beam.basis)``."""
+        """Mass matrix (114) as a scikit-fem form: ``assemble(beam.basis)``."""
 
         def mass(basis: DirectorBasis) -> Array:
             scalar = self.scalar_mass()
@@ -294,6 +304,8 @@ class Beam(StructuralItem):
     def scalar_mass(self) -> Floats:
         """Element mass without the factor I_3: (ne, 4 nn, 4 nn), rows (phi, d1, d2, d3) a node."""
         shape = self.basis.elemental_mass()
+        if self.lumped:
+            shape = self.basis.elemental_load()[:, :, None] * np.eye(shape.shape[1])
         ne, nn = shape.shape[:2]
         density = np.array([s.density for s in self.sections.values()])[self.section_id]
         # (phi, d1, d2) of the section by those of the node: d_k = Lambda_kj d_j

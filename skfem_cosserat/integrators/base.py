@@ -4,15 +4,26 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from ..constraints import Treatment
 from ..model import System
 from ..model.couplings import CoupledForce, CoupledStart
 from ..model.groups import Blocks, Parts
 from ..types import Array, Floats, IndexArray
 
-__all__ = ["Evaluation", "Integrator", "Scheme", "State", "StepData", "StepWork"]
+__all__ = [
+    "Evaluation",
+    "Integrator",
+    "March",
+    "Marched",
+    "Scheme",
+    "State",
+    "StepData",
+    "StepWork",
+]
 
 
 @dataclass(eq=False, repr=False)
@@ -178,6 +189,34 @@ class Evaluation:
     damping: Damping | None
 
 
+class Marched(NamedTuple):
+    """A step that a :class:`March` has done; attributes as those of a report of a step."""
+
+    state: State
+    iterations: int
+    residual: float
+    work: StepWork
+
+
+class March(ABC):
+    """Advances states itself, without balance, tangent and Newton's method.
+
+    Attributes
+    ----------
+    kernels : (str, str)
+        In use, and why.
+    method : str
+        What is done instead of solving linear systems.
+    """
+
+    kernels: tuple[str, str]
+    method: str
+
+    @abstractmethod
+    def advance(self, state: State, time: float) -> Marched:
+        """The step after `state`, to a time (s)."""
+
+
 class Integrator(ABC):
     """One-step scheme in (q, p).
 
@@ -278,6 +317,18 @@ class Integrator(ABC):
         `p0` is what was carried to the step, `impulse` its ``h G^T lambda``, `fresh` as in
         :class:`State`.
         """
+
+    def march(
+        self, system: System, treatment: Treatment, h: float, kernels: str, steps: int | None
+    ) -> March | None:
+        """What advances states without balance and Newton; None: the stepper does, with both.
+
+        Raises
+        ------
+        IncompatibleError
+            If the scene or the treatment has what the scheme cannot do.
+        """
+        return None
 
     def scheme(self, h: float) -> Scheme | None:
         """The scheme in numbers, for a step size; None: it is none of those, and not compiled."""

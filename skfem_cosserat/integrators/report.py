@@ -74,7 +74,7 @@ class StepReport:
 
 @dataclass(eq=False)
 class ComposedReport(StepReport):
-    """Report of a step that is composed of others.
+    """Report of a step that is composed of others, or explicit.
 
     Its constraint force is that of the continuous equations at the start: the steps give theirs to
     second order only.
@@ -84,8 +84,8 @@ class ComposedReport(StepReport):
 
     @property
     def stages(self) -> list[StepReport]:
-        """See the base class."""
-        return self._stages
+        """See the base class; itself if there are none."""
+        return self._stages or [self]
 
     @property
     def constraint_force(self) -> Floats:

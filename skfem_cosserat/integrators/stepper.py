@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..constraints import BoundTreatment, Treatment
-from ..errors import Diverged, InputError
+from ..errors import Diverged, IncompatibleError, InputError
 from ..linear import LinearSolver, Solver, checked_solver
 from ..log import logger
 from ..model import System
@@ -17,8 +17,8 @@ from ..model.singular import contradiction, dead_point
 from ..model.tension import overstretched
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, positive
-from .base import Evaluation, Integrator, State, StepData, StepWork
-from .choice import choose_kernels
+from .base import Evaluation, Integrator, March, State, StepData, StepWork
+from .choice import Choice, choose_kernels
 from .fast import CompiledStep, compiled_step
 from .report import ComposedReport, Solved, StepReport
 
@@ -161,17 +161,21 @@ class Stepper:
         )
         self.settings = NewtonSettings() if settings is None else settings
         _check_kind("settings", self.settings, NewtonSettings)
+        self._march = integrator.march(system, treatment, self.h, kernels, steps)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
         self.bound.large = False
         if checked_solver(solver) is not None:
             self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
         self._first = True
-        one = integrator if integrator.part is None else integrator.part
-        count = None if steps is None else steps * max(1, len(integrator.shares))
-        self.choice = choose_kernels(kernels, system, one, treatment, count, solver)
         self._fast: CompiledStep | None = None
         #: steppers by share of the step
         self._stages: dict[float, Stepper] = {}
+        if self._march is not None:
+            self.choice = Choice(*self._march.kernels)
+            return
+        one = integrator if integrator.part is None else integrator.part
+        count = None if steps is None else steps * max(1, len(integrator.shares))
+        self.choice = choose_kernels(kernels, system, one, treatment, count, solver)
         if integrator.part is not None:
             common = self.settings, self.choice.name, count, solver, announce
             self._stages = {
@@ -206,6 +210,8 @@ class Stepper:
     @property
     def method(self) -> str:
         """How linear systems are solved."""
+        if self._march is not None:
+            return self._march.method
         if self._stages:
             return next(iter(self._stages.values())).method
         return self.bound.solver.method if self._fast is None else self._fast.method
@@ -230,6 +236,8 @@ class Stepper:
         new_time = state.time + self.h if time is None else time
         if self._stages:
             return self._compose(state, new_time)
+        if self._march is not None:
+            return self._marched(self._march, state, new_time)
         step: StepData | None = None
         if self._fast is not None:
             if self._fast.looped:  # only the treatment knows about singular positions
@@ -297,6 +305,12 @@ class Stepper:
             reports[0]._solved,
             reports,
         )
+
+    def _marched(self, march: March, state: State, time: float) -> StepReport:
+        new, iterations, residual, work = march.advance(state, time)
+        y1, none = self.system.extend(new.q, new.time), np.zeros((self.system.rows, 3))
+        solved = Solved(self.system, self.integrator, self.h, state, y1, none)
+        return ComposedReport(new, iterations, 1, residual, work, solved, [])
 
     def _begin(self, state: State) -> StepData:
         """Data of a step for the general way, and its treatment at its start."""
@@ -384,6 +398,8 @@ class Stepper:
         scaled : bool
             The matrix actually factorised; False: without the scaling of multipliers.
         """
+        if self._march is not None:
+            raise IncompatibleError(f"{self.integrator!r}", "it has no iteration matrix")
         fast, self._fast = self._fast, None  # the treatment has to be at the solution
         try:
             report = self.advance(state)

@@ -166,6 +166,11 @@ class Loading:
         return Moments(vertices, *values)
 
     @property
+    def dead_channels(self) -> IndexArray:
+        """Channels of the dead loads."""
+        return np.array(self._dead_times, dtype=np.int64)
+
+    @property
     def follower_forces(self) -> bool:
         """Whether there are forces that follow the motion."""
         return bool(self._followers)

@@ -178,7 +178,8 @@ def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance
 def broken_constraint(system: System, y: Floats, tolerance: float) -> str | None:
     """Which constraint does not hold at y, and by how much; relative to its terms."""
     g = abs(system.constraints.values(y))
-    excess = g - tolerance * system.constraints.magnitudes(y)
+    # a point held at the origin may be off by rounding, with no terms to compare that with
+    excess = g - tolerance * (system.constraints.magnitudes(y) + 1e-7 * system.length)
     if not excess.max(initial=0.0) > 0:
         return None
     row = int(excess.argmax())
