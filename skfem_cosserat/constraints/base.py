@@ -20,7 +20,10 @@ from ..model import System
 from ..model.groups import Blocks
 from ..types import Array, Floats, IndexArray
 
-__all__ = ["BoundTreatment", "Treatment"]
+__all__ = ["BoundTreatment", "Treatment", "half_turn"]
+
+#: rotation in a step (rad) that counts as half a turn
+HALF_TURN = 3.0
 
 
 class Treatment(ABC):
@@ -144,8 +147,11 @@ class BoundTreatment(ABC):
         """The step is accepted: keep its increment for the next guess."""
 
     def astray(self, y1: Array) -> str | None:
-        """What fulfils its constraints at a solution in another way than it can get to."""
-        return None
+        """What fulfils its constraints at a solution in another way than it can get to.
+
+        With constraint forces at the midpoint: a frame that has turned by half a turn.
+        """
+        return half_turn(self.system, self.y0, y1) if 0.0 < self.weight < 1.0 else None
 
     def constraint_point(self, y1: Array) -> Array:
         """``y_c``, all rows."""
@@ -154,6 +160,20 @@ class BoundTreatment(ABC):
         return (1 - self.weight) * self.y0 + self.weight * y1
 
     y0: Array
+
+
+def half_turn(system: System, y0: Array, y1: Array) -> str | None:
+    """Which frame has turned by half a turn in a step; None: none has.
+
+    Two of its directors vanish at the midpoint then, and with them all that constraints there ask
+    for: forces without bound solve such a step, and its energy may be anything.
+    """
+    directors = system.kinematics.directors
+    traces = (directors(y0) * directors(y1)).sum(axis=(1, 2))
+    wrong = np.flatnonzero(traces < 1 + 2 * np.cos(HALF_TURN))
+    if not len(wrong):
+        return None
+    return f"{system.owner[int(system.kinematics.frames[wrong[0]])].label} by half a turn"
 
 
 def relative_size(size: float, largest: float) -> float:

@@ -295,7 +295,7 @@ class BoundMultipliers(BoundTreatment):
 
     def astray(self, y1: Array) -> str | None:
         """See the base class."""
-        return self.system.turned_over(y1)
+        return self.system.turned_over(y1) or super().astray(y1)
 
     def save(self) -> tuple[Array, Array]:
         """See the base class."""

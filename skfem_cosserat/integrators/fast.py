@@ -21,6 +21,7 @@ from ..compiled.numbers import (
 )
 from ..compiled.plan import Plan, plan_of
 from ..constraints import Multipliers, NullSpace, Treatment
+from ..constraints.base import half_turn
 from ..linear import LinearSolver, Solver
 from ..model import System
 from ..model.chart import Chart
@@ -39,8 +40,8 @@ __all__ = [
 ]
 
 
-#: rotation in a step (rad) beyond which a step with closed loops is solved the general way
-FLIPPED = 3.0
+#: iterations up to which no frame can have got to half a turn, where there are no closed loops
+SHORT = 8
 #: threads compile one after the other: the second finds all there, and starts no helper of its own
 _COMPILING = threading.Lock()
 #: addresses of the parts; what is constant, the elimination, what changes, and beams
@@ -308,20 +309,16 @@ class CompiledStep(CompiledScene):
         self.factorisations += int(record[FACTORED])
         if self._rest is not None:
             self._rest.complain()
-        if solved and self.looped and self._flipped():
+        if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
             self.last, record[KEPT], self._a.mu[:] = before, 0.0, 0.0
             return None
         return (int(record[ITERATIONS]), float(record[RESIDUAL])) if solved else None
 
     def _flipped(self) -> bool:
-        """Whether a frame has turned by half a turn.
-
-        Its directors vanish halfway then, and with them what its joints ask for there: forces of
-        closed loops without bound solve such a step, which is none.
-        """
-        directors = self.system.kinematics.directors
-        traces = (directors(self._a.y0) * directors(self._a.y1)).sum(axis=(1, 2))
-        return bool((traces < 1 + 2 * np.cos(FLIPPED)).any())
+        """Whether a frame has turned by half a turn, where the midpoint tells nothing of it."""
+        middle = 0.0 < self.integrator.constraint_weight < 1.0
+        turned = (self.looped or middle) and half_turn(self.system, self._a.y0, self._a.y1)
+        return bool(turned)
 
     @property
     def y1(self) -> Floats:
