@@ -74,6 +74,7 @@ def test_helix_to_five_turns():
     assert [row for row in rows if not within(row)] == []
 
 
+@pytest.mark.slow
 def test_table():
     rows = collection.run(["S14"])
     assert [row["quantity"] for row in rows] == 2 * ["tip", "quat", "root_moment"]

@@ -42,6 +42,7 @@ def test_cantilever_on_an_elastic_foundation():
     assert tip == pytest.approx(2 * P * b / k * shape, rel=5e-4)
 
 
+@pytest.mark.slow
 def test_speed_accuracy_quick():
     result = load("speed_accuracy").main(quick=True, repeats=1)
     assert len(result["rows"]) == 16

@@ -171,6 +171,7 @@ def test_second_order_in_position_and_velocity(order):
         assert abs(orders - 2).max() < 0.1, name
 
 
+@pytest.mark.slow
 def test_same_solution_as_energy_momentum():
     """Both are of second order: their difference falls by four, to the same limit."""
     system = pendulum(2, 1, SOFT)
@@ -266,6 +267,7 @@ def test_unsymmetric_body_off_its_point():
     np.testing.assert_allclose(way, h["linear_momentum"][0] / 1.5, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_joints_are_closed_to_rounding():
     system = chain()
     h = run(system, sc.Explicit(), 2e-3, 0.4)

@@ -558,6 +558,7 @@ def example():
     return sys.modules["cross_sections"]
 
 
+@pytest.mark.slow
 @general_mass
 def test_composite_beam_is_parallel_beams_joined():
     """Bent to an arc of 0.6 rad and stretched by 1.5e-3: one beam and two, against theory."""

@@ -175,6 +175,7 @@ def test_resumed_map(tmp_path):
         stability_map(problem, {"step": STEPS, "omega": OMEGAS}, helpers.judged, resume=folder)
 
 
+@pytest.mark.slow
 def test_processes_give_what_one_process_gives(oscillator):
     with sc.Processes(2) as executor:
         axes = {"omega": OMEGAS, "step": STEPS}

@@ -321,6 +321,7 @@ def test_resumed_study(tmp_path):
     assert len((tmp_path / "calls").read_text().split()) == 15
 
 
+@pytest.mark.slow
 def test_processes_give_what_one_process_gives():
     setups = [*both(), *FAILING]
     with sc.Processes(2) as executor:

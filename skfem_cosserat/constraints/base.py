@@ -23,7 +23,7 @@ from ..types import Array, Floats, IndexArray
 __all__ = ["BoundTreatment", "Treatment", "half_turn"]
 
 #: rotation in a step (rad) that counts as half a turn
-HALF_TURN = 3.0
+HALF_TURN = 3.12
 
 
 class Treatment(ABC):
