@@ -409,6 +409,7 @@ def test_cold_start_tells_what_is_missed(cold_start):
 # memory
 
 
+@pytest.mark.slow
 def test_memory(memory, tmp_path):
     result = memory.main(elements=(20,), steps=20, kernels=("numpy",), out=tmp_path)
     rows = result["rows"]

@@ -160,6 +160,7 @@ def test_step_above_the_limit_blows_up():
 # -- order -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_second_order_in_position_and_velocity(order):
     system = pendulum(2, order, SOFT)

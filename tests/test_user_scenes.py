@@ -232,6 +232,7 @@ def test_buckling_on_a_foundation():
     assert expected < np.pi**2 * EI + k / np.pi**2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", [sc.EnergyMomentum, sc.Variational])
 @pytest.mark.parametrize("treatment", [sc.NullSpace, sc.Multipliers])
 def test_energy_on_a_foundation(integrator, treatment):
