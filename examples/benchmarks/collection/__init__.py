@@ -17,7 +17,7 @@ import skfem_cosserat as sc
 _HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(_HERE.parent))
 
-__all__ = ["families", "run"]
+__all__ = ["chosen", "families", "run"]
 
 COLUMNS = (
     *("id", "case", "quantity", "computed", "reference", "error", "trusted", "order", "elements"),
@@ -54,9 +54,15 @@ def run(ids: str | Iterable[str] | None = None, quick: bool = True) -> list[dict
         For a family that there is none of.
     """
     known = families()
+    return [row for name in chosen(ids) for row in known[name].rows(quick)]
+
+
+def chosen(ids: str | Iterable[str] | None = None) -> list[str]:
+    """The families that `ids` of :func:`run` name, each once."""
+    known = families()
     names = [ids] if isinstance(ids, str) else ids
     wanted = list(known) if names is None else [f for name in names for f in _families(name, known)]
-    return [row for name in dict.fromkeys(wanted) for row in known[name].rows(quick)]
+    return list(dict.fromkeys(wanted))
 
 
 def _families(name: str, known: dict[str, Any]) -> list[str]:
