@@ -38,7 +38,9 @@ from skfem_cosserat.linear import SingularMatrixError
 numba = pytest.importorskip("numba")
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
-ORDERS = (1, 2, 3, 4)
+SLOW = pytest.mark.slow
+#: compiling takes most of the time: the even orders are among the slow tests
+ORDERS = (1, pytest.param(2, marks=SLOW), 3, pytest.param(4, marks=SLOW))
 
 
 # -- scenes ----------------------------------------------------------------------------------------
@@ -575,7 +577,9 @@ def test_all_kinds_of_joints_with_a_rest(integrator, thin, filled):
         assert_same(*both(random_tree(seed), integrator, 0.005, 0.02))
 
 
-@pytest.mark.parametrize(("count", "elements", "order"), [(5, 1, 1), (4, 4, 1), (4, 2, 2)])
+@pytest.mark.parametrize(
+    ("count", "elements", "order"), [(5, 1, 1), (4, 4, 1), pytest.param(4, 2, 2, marks=SLOW)]
+)
 @integrators
 def test_lattices(integrator, count, elements, order, filled):
     filled(2)

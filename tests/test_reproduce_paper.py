@@ -183,6 +183,7 @@ def test_costs_are_ratios_to_one_of_the_variants():
 # ---- figures --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_cross_convergence_at_equal_instants_is_of_second_order():
     steps = (5e-4, 2.5e-4)
     variational = convergence.trajectories(VI, NS, steps, 0.1)
