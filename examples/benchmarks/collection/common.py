@@ -37,6 +37,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -45,7 +46,9 @@ from measuring import INTEGRATORS, TREATMENTS
 import skfem_cosserat as sc
 
 __all__ = ["Comparison", "Cost", "choice", "compare", "entry", "instants", "overridden"]
-__all__ += ["step_for", "tabled", "timed"]
+__all__ += ["neville", "step_for", "tabled", "timed"]
+
+Floats = NDArray[np.float64]
 
 FILE = Path(__file__).resolve().parent / "reference.json"
 
@@ -199,3 +202,17 @@ def tabled(
     taken = ("order", "elements", "step", "cost_s", "unknowns", "newton_iterations", "converged")
     shared = {name: result[name] for name in taken}
     return [{"id": family, **vars(c), **shared} for c in comparisons]
+
+
+def neville(values: Sequence[Floats], squares: Sequence[float]) -> list[list[Floats]]:
+    """Rows of the scheme: polynomials through values over squares of a step, at zero.
+
+    The last of the last row takes them all in; the one before it all but the first.
+    """
+    rows: list[list[Floats]] = []
+    for k, value in enumerate(values):
+        rows.append([value])
+        for j in range(1, k + 1):
+            ratio = squares[k - j] / squares[k]
+            rows[k].append(rows[k][-1] + (rows[k][-1] - rows[k - 1][j - 1]) / (ratio - 1))
+    return rows

@@ -26,7 +26,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import skfem_cosserat as sc
-from collection import common, inputs, motion, vibration
+from collection import common, inputs, vibration
 
 ENTRIES = ("M2_rotating_EB",)
 QUICK = ("hub=0,eta=2", "hub=1,eta=5")
@@ -115,7 +115,7 @@ def main(
             system = scene(number, order, d["hub"], slenderness)
             cost.unknowns = system.unknowns
             values.append(frequencies(system, d["eta"], method.treatment, cost))
-    scheme = motion.neville(values, [1 / s**2 for s in d["ladder"]])
+    scheme = common.neville(values, [1 / s**2 for s in d["ladder"]])
     flap, lag = scheme[-1][-1].tolist()
     fields: dict[str, Any] = {"flap": flap, "lag": lag}
     if len(values) > 1:

@@ -18,15 +18,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import skfem_cosserat as sc
 from collection import common
 from collection.inputs import Method
 
-__all__ = ["Problem", "Track", "angles", "answer", "coarsest", "neville", "table"]
+__all__ = ["Problem", "Track", "angles", "answer", "coarsest", "table"]
 
-Floats = NDArray[np.float64]
+Floats = common.Floats
 
 #: the coarsest step is divided by these
 DIVISORS = (1, 2, 3, 4, 6, 8, 12, 16)
@@ -215,7 +214,7 @@ def _ladder(
         runs.append(flat)
         if len(runs) < 2:
             continue
-        (*_, old), new = neville(runs, squares)[-2:]
+        (*_, old), new = common.neville(runs, squares)[-2:]
         size = np.maximum(abs(flat).max(1), 1.0)
         miss = np.maximum(abs(new[-1] - new[-2]), abs(new[-1] - old)).max(1)
         better = miss < errors
@@ -228,20 +227,6 @@ def _ladder(
     ends = np.cumsum([int(np.prod(shape[1:])) for shape in shapes.values()])[:-1]
     parts = np.split(best, ends, axis=1)
     return {n: x.reshape(s) for (n, s), x in zip(shapes.items(), parts, strict=True)}, step, errors
-
-
-def neville(values: Sequence[Floats], squares: Sequence[float]) -> list[list[Floats]]:
-    """Rows of the scheme: polynomials through values over squares of a step, at zero.
-
-    The last of the last row takes them all in; the one before it all but the first.
-    """
-    rows: list[list[Floats]] = []
-    for k, value in enumerate(values):
-        rows.append([value])
-        for j in range(1, k + 1):
-            ratio = squares[k - j] / squares[k]
-            rows[k].append(rows[k][-1] + (rows[k][-1] - rows[k - 1][j - 1]) / (ratio - 1))
-    return rows
 
 
 def table(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,11 +11,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import skfem_cosserat as sc
+from collection import common
 from skfem_cosserat import diagnostics
 
 __all__ = ["Motion", "Run", "Scene", "framed", "limit", "quaternions", "run", "schedule"]
 
-Floats = NDArray[np.float64]
+Floats = common.Floats
 #: a matrix of its own for each iteration: extrapolation would magnify what kept factors leave
 EXACT = sc.NewtonSettings(reuse=0)
 
@@ -219,14 +219,9 @@ def _motion(scene: Scene, q: Floats, p: Floats, times: Floats, integrator: Any) 
 
 def limit(steps: Sequence[float], motions: Sequence[Motion]) -> Motion:
     """Limit of vanishing step of runs whose error has even powers of the step (Neville)."""
-    values: list[tuple[Floats, ...]] = list(motions)
-    for k in range(1, len(values)):
-        ratios = [(steps[i] / steps[i + k]) ** 2 for i in range(len(values) - 1)]
-        values = [
-            tuple(y + (y - x) / (r - 1) for x, y in zip(a, b, strict=True))
-            for (a, b), r in zip(pairwise(values), ratios, strict=False)
-        ]
-    return Motion(*values[0])
+    squares = [step**2 for step in steps]
+    fields = zip(*motions, strict=True)
+    return Motion(*(common.neville(field, squares)[-1][-1] for field in fields))
 
 
 def framed(turns: Floats, frames: Sequence[Floats]) -> Floats:
