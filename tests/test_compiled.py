@@ -46,8 +46,11 @@ ORDERS = (1, pytest.param(2, marks=SLOW), 3, pytest.param(4, marks=SLOW))
 # -- scenes ----------------------------------------------------------------------------------------
 
 
-def tree(order):
-    """A pinned curved beam, a ball joint at its end to a body, and a mass point on a rope."""
+def tree(order, load=lambda model: None):
+    """A pinned curved beam, a ball joint at its end to a body, and a mass point on a rope.
+
+    `load` may add to the model.
+    """
     rng = np.random.default_rng(order)
     model = sc.Model()
     mesh = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1.2, 1.2, 3, name="arc")
@@ -66,6 +69,7 @@ def tree(order):
     model.add("lump", sc.RigidBody.sphere(0.3, 0.1, on=rod.node("arc.end")))
     model.add("gravity", sc.LoadGravity((0.5, -0.3, -9.81)))
     model.add("push", sc.LoadForce(rod.node("arc.end"), (1.0, 2.0, 0.5), lambda t: np.sin(20 * t)))
+    load(model)
     return model.freeze()
 
 
@@ -490,11 +494,6 @@ def test_what_is_not_compiled_is_refused_or_runs_plain():
         sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, kernels="numba")
     run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-6, 2e-6)
     assert "springs" in run.meta["kernels_why"]
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody.sphere(1.0, 0.1))
-    model.add("moment", sc.LoadMoment(body.at((0, 0, 0)), (1.0, 0, 0)))
-    why = "there are no compiled kernels for moments"  # this one does not follow the motion
-    assert refusal(model.freeze(), sc.EnergyMomentum(), sc.NullSpace()) == why
     with pytest.raises(sc.InputError, match="'fortran', expected"):
         sc.simulate(tree(1), sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, kernels="fortran")
 

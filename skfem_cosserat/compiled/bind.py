@@ -15,7 +15,19 @@ from ..model.groups import BeamGroup, Group
 from ..model.tree import Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..types import Floats, IndexArray
-from . import blocks, constraints, curvature, elements, kkt, layout, loops, nodes, tree
+from . import (
+    blocks,
+    constraints,
+    curvature,
+    elements,
+    kkt,
+    layout,
+    loads,
+    loads_kkt,
+    loops,
+    nodes,
+    tree,
+)
 from .jit import address
 from .numbers import BEAM_PARTS, TREE_PARTS
 from .plan import Plan
@@ -74,7 +86,7 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
         unused.add("beam_start")
     if not system.beam_groups:
         unused |= {*BEAM_PARTS, *(() if static else ("predict_changes",))}
-    if not static:
+    if not static and system.loading.dead_only:
         unused.add("load")
     return [name for name in (*TREE_PARTS, *BEAM_PARTS) if name not in unused]
 
@@ -110,9 +122,9 @@ def addresses(
 
 def part_named(name: str, multipliers: bool = False) -> Any:
     """The function of this name."""
-    modules = [nodes, tree, curvature, loops, blocks, elements]
+    modules = [nodes, tree, curvature, loops, blocks, elements, loads]
     if multipliers:
-        modules = [kkt, constraints, elements]
+        modules = [kkt, constraints, elements, loads_kkt]
     return next(vars(m)[name] for m in modules if name in m.__all__)
 
 
@@ -239,8 +251,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         **_coordinates(system),
         **_loops(system, plan),
         **bound_lumps(system.frame_group, system.point_group),
-        "moment_vertex": _ints(system.loading.moments.vertices),
-        "moment_follows": _flags(system.loading.moments.follows),
+        **bound_following(system, plan),
     }
     return layout.tree(tuple(fields[name] for name in layout.TREE)), fields
 
@@ -398,6 +409,17 @@ def bound_lumps(frames: Group | None, points: Group | None) -> dict[str, Any]:
     }
 
 
+def bound_following(system: System, plan: Plan) -> dict[str, Any]:
+    """Where loads that follow the motion act."""
+    moments, rows = system.loading.moments, system.origin_rows
+    pairs = [(rows[v], rows[u], plan.slot[v, u]) for v, u in system.loading.followers[0].tolist()]
+    return {
+        "moment_vertex": _ints(moments.vertices),
+        "moment_follows": _flags(moments.follows),
+        "follower": np.array(pairs, dtype=np.int64).reshape(-1, 3),
+    }
+
+
 def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
     """What changes during a step; the structure, and its arrays by name."""
     total, rows, count = system.total, system.rows, len(system.origin_rows)
@@ -424,6 +446,7 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
         "scratch": (1, 6, 6),
         "dead": (rows, 3),
         "moments": (len(system.loading.moments.vertices), 3),
+        "followers": (len(system.loading.followers.vertices), 4, 4),
     }
     arrays = {name: np.zeros(shapes[name]) for name in layout.WORK}
     return layout.work(tuple(arrays.values())), arrays

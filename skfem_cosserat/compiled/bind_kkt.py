@@ -11,7 +11,7 @@ from ..model import System
 from ..model.quadratic import Terms
 from ..types import Floats, IndexArray
 from . import layout
-from .bind import bound_lumps, bound_work
+from .bind import bound_following, bound_lumps, bound_work
 from .kkt import PIVOT, WIDE
 from .numbers import BEAM_PARTS
 from .plan import Plan
@@ -25,6 +25,8 @@ def parts_of(system: System, ends: bool) -> list[str]:
     if system.frame_group is not None or system.point_group is not None:
         names.append("lump_matrix")
     names += ["factor", "sweep"]
+    if not system.loading.dead_only:
+        names.append("load")
     if system.beam_groups:
         names += BEAM_PARTS if ends else BEAM_PARTS[1:]
     return names
@@ -91,6 +93,7 @@ def bound_constraints(
         "mass_indptr": mass.indptr.astype(np.int64),
         **bound_lumps(system.frame_group, system.point_group),
         **_terms(system, plan),
+        **bound_following(system, plan),
         "magnitude": np.where(magnitude > 0, magnitude, 1.0),
         "scaled": scaled,
         "step": h,
@@ -184,11 +187,12 @@ def bound_steps(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
     shapes: dict[str, tuple[int, ...]] = {
         **dict.fromkeys(("y0", "y1", "mid"), (total, 3)),
         **dict.fromkeys(("p0", "external", "R", "momentum", "internal", "carried"), (rows, 3)),
-        **dict.fromkeys(("change", "frames"), (rows, 3)),
+        **dict.fromkeys(("change", "frames", "dead"), (rows, 3)),
         "ground1": (total - rows, 3),
         "found": (3,),
         "A": (len(plan.slot), WIDE, WIDE),
     }
     _, others = bound_work(system, plan)
+    shapes |= {name: others[name].shape for name in ("moments", "followers")}
     arrays = {name: np.zeros(shapes.get(name, (0,) * array.ndim)) for name, array in others.items()}
     return layout.work(tuple(arrays.values())), arrays

@@ -18,6 +18,9 @@ BEAMS = (
     *("N", "dN", "weights", "base", "slot", "lengths", "section", "stiffness", "reference", "mass"),
     *("diagonal", "rotations", "turned", "S0", "S", "predicted"),
 )
+#: vertices of moments and whether these follow; of each pair of frames that a force fixed in a body
+#: couples: first rows of y of where it acts and of whose directors, and the slot of their block
+FOLLOWING = ("moment_vertex", "moment_follows", "follower")
 #: vertices, edges (joints from parent to child) and their coordinates
 TREE = (
     *(
@@ -42,7 +45,7 @@ TREE = (
     *("mass_data", "mass_indices", "mass_indptr"),
     *("loop_products", "loop_factors", "loop_linear", "loop_linear_factors", "loop_constant"),
     *("loop_vertices", "triple", "lump_vertex", "lumps", "point_vertex", "point_masses"),
-    *("moment_vertex", "moment_follows"),
+    *FOLLOWING,
 )
 #: the order of elimination, neighbours still to come, slots of blocks; how many are eliminated in
 #: blocks, and what is called back to solve for the rest (0: none)
@@ -60,6 +63,7 @@ CONSTRAINTS = (
     *("linear_place", "linear_column", "constant", "magnitude", "scaled", "step"),
     *("multiplier", "added", "last_one", "one_before", "start", "last", "before"),
     *("impulse", "g", "G_left", "G_right"),
+    *FOLLOWING,
 )
 #: as PLAN, with the multipliers of each vertex, and factors
 ELIMINATION = (
@@ -84,7 +88,7 @@ WORK = (
         "X_kept",
     ),
     *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
-    *("dead", "moments"),
+    *("dead", "moments", "followers"),
 )
 
 

@@ -27,7 +27,6 @@ from .numbers import (
     WEIGHT,
 )
 from .small import (
-    add_skew,
     combine,
     compose,
     cross,
@@ -37,7 +36,6 @@ from .small import (
     put,
     rotation,
     row,
-    times,
 )
 
 __all__ = [
@@ -47,7 +45,6 @@ __all__ = [
     "cap",
     "clear",
     "finish",
-    "load",
     "lump_matrix",
     "move",
     "node_matrix",
@@ -351,35 +348,3 @@ def better(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             before[v, c] = last[v, c]
             last[v, c] = total[v, c]
     return 2.0 if flag > 1 and twice < once else 1.0
-
-
-@part
-def load(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """All loads at y_1: dead ones, and moments ``m x d_i / 2`` on directors; flag 1: their tangent.
-
-    Moments that follow are given by components in the triad. Per change of a triad the virtual work
-    of a moment changes by ``-m^/2`` since its forces on directors keep their directions, and by the
-    moment's own turning.
-    """
-    dead, external, moments, y1 = w.dead, w.external, w.moments, w.y1
-    vertices, follows, A = s.moment_vertex, s.moment_follows, w.A
-    if flag == 0:
-        for r in range(external.shape[0]):
-            for c in range(3):
-                external[r, c] = dead[r, c]
-    for k in range(len(vertices)):
-        v = vertices[k]
-        D = directors(y1, s.row[v])
-        moment = row(moments, k)
-        factor = -0.5
-        if follows[k]:
-            moment = combine(moment, D)
-            factor = 0.5
-        if flag == 1:
-            add_skew(A, m.diag[v], 3, 3, times(factor, moment))
-            continue
-        for i in range(3):
-            f = times(0.5, cross(moment, D[i]))
-            for c in range(3):
-                external[s.row[v] + 1 + i, c] += f[c]
-    return 0.0

@@ -61,8 +61,6 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
             # whether motions agree around a loop is looked at in the general way only
             "closed loops in prescribed motion": looped and bool(system.moving),
             **_everywhere(system),
-            "forces that follow the motion": system.loading.follower_forces,
-            "moments": len(system.loading.moments.vertices) > 0,
             "damping": system.damped,
         },
     )
@@ -76,7 +74,6 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
         {
             "closed loops": len(system.closure.rows) > 0,
             **_everywhere(system),
-            "forces that follow the motion": system.loading.follower_forces,
             "a turning frame": spin is not None,
         },
     )
@@ -167,6 +164,8 @@ class CompiledScene:
             np.array([numbers[name] for name in NUMBERS], dtype=float),
         )
         self._a = a = SimpleNamespace(**self._arrays)
+        self._evaluated = static or not system.loading.dead_only
+        self._moments, self._followers = system.loading.moments, system.loading.followers
         a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
 
     def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
@@ -210,6 +209,17 @@ class CompiledScene:
         if ground is not None:
             a.y0[system.rows :], a.ground1[:] = ground
         self._prescribe()
+
+    def load(self, amplitudes: Floats) -> None:
+        """Take these factors of the loads' channels."""
+        a, moments, followers = self._a, self._moments, self._followers
+        dead = self.system.loading.dead_force(amplitudes)
+        if not self._evaluated:
+            a.external[:] = dead
+            return
+        a.dead[:] = dead
+        a.moments[:] = amplitudes[moments.channels, None] * moments.values
+        a.followers[:] = amplitudes[followers.channels, None, None] * followers.values
 
     def _prescribe(self) -> None:
         """Prescribed motion during a step, and what is fixed in it."""
@@ -260,7 +270,7 @@ class CompiledStep(CompiledScene):
         self.integrator, self.h = integrator, h
         self._step = step
         self._record = np.zeros(len(RECORD))
-        self._dead: Floats | None = None
+        self._loaded = False
         self._rows = np.zeros(0, dtype=np.int64)
 
     @property
@@ -293,10 +303,9 @@ class CompiledStep(CompiledScene):
     def _begin(self, state: State) -> None:
         """Loads, prescribed motion and all that is fixed during a step."""
         system, t = self.system, state.time
-        if self._dead is None or not system.loading.constant:
-            amplitudes = system.loading.averages(t, t + self.h)
-            self._dead = system.loading.dead_force(amplitudes)
-            self._a.external[:] = self._dead
+        if not (self._loaded and system.loading.constant):
+            self.load(system.loading.averages(t, t + self.h))
+            self._loaded = True
         moving = bool(system.moving)
         self._place(state.q, (system.ground(t), system.ground(t + self.h)) if moving else None)
         self._a.p0[:] = state.p.reshape(-1, 3)

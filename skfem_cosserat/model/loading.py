@@ -15,7 +15,24 @@ from ..load import Constant, Load, LoadForce, LoadGravity, LoadLine, LoadMoment,
 from ..types import Array, Floats, IndexArray
 from .groups import BeamGroup, Group
 
-__all__ = ["Loading", "Moments"]
+__all__ = ["Followers", "Loading", "Moments"]
+
+
+class Followers(NamedTuple):
+    """Forces fixed in bodies and sections: ``f_v = C y_u`` for pairs of frames.
+
+    Attributes
+    ----------
+    vertices : (k, 2) int array
+        Frame on which a force acts, and that whose directors it has components in.
+    channels : (k,) int array
+    values : (k, 4, 4) array
+        Scalars C for amplitudes of one.
+    """
+
+    vertices: IndexArray
+    channels: IndexArray
+    values: Floats
 
 
 class Moments(NamedTuple):
@@ -169,6 +186,22 @@ class Loading:
     def dead_channels(self) -> IndexArray:
         """Channels of the dead loads."""
         return np.array(self._dead_times, dtype=np.int64)
+
+    @property
+    def followers(self) -> Followers:
+        """Forces fixed in bodies and sections, frame by frame."""
+        vertices: list[IndexArray] = [np.zeros((0, 2), dtype=np.int64)]
+        channels: list[IndexArray] = [np.zeros(0, dtype=np.int64)]
+        values = [np.zeros((0, 4, 4))]
+        for channel, number, ids, block in self._followers:
+            own = self._group(number).vertices[ids]
+            ne, nn = own.shape
+            each = block.reshape(ne, nn, 4, nn, 4).transpose(0, 1, 3, 2, 4)
+            values.append(each.reshape(-1, 4, 4))
+            vertices.append(np.stack([np.repeat(own, nn, 1), np.tile(own, (1, nn))], -1))
+            vertices[-1] = vertices[-1].reshape(-1, 2)
+            channels.append(np.full(len(values[-1]), channel))
+        return Followers(np.concatenate(vertices), np.concatenate(channels), np.concatenate(values))
 
     @property
     def follower_forces(self) -> bool:

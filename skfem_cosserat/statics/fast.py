@@ -55,7 +55,6 @@ class CompiledBalance(CompiledScene):
 
         super().__init__(system, REST, 1.0, settings, plan, solver, static=True)
         self._static = static
-        self._moments = system.loading.moments
         count = len(system.origin_rows)
         self._width = 12 * count
         self._residuals = np.zeros((2, count, 6))
@@ -91,13 +90,6 @@ class CompiledBalance(CompiledScene):
             self._tree["driven"][:] = driven
             self._tree["value"][self._prescribed] = driven[self._prescribed]
 
-    def load(self, amplitudes: Floats) -> None:
-        """Take these factors of the loads' channels."""
-        a, moments = self._a, self._moments
-        a.dead[:] = self.system.loading.dead_force(amplitudes)
-        if len(moments.vertices):
-            a.moments[:] = amplitudes[moments.channels][:, None] * moments.values
-
     def evaluate(self) -> float:
         """Evaluate; size of the residual against its terms."""
         return float(self._static.move(*self._all))
@@ -109,11 +101,13 @@ class CompiledBalance(CompiledScene):
 
     def pulled(self, amplitudes: Floats) -> Floats:
         """Reduced force (vertices, 6) of loads with these factors at the configuration."""
-        moments = self._a.moments.copy()
+        following = self._a.moments, self._a.followers
+        kept = [each.copy() for each in following]
         self.load(amplitudes)
         out = np.empty_like(self._a.b)
         self._static.pull(*self._all, out)
-        self._a.moments[:] = moments  # the tangent needs them
+        for each, before in zip(following, kept, strict=True):  # the tangent needs them
+            each[:] = before
         return out
 
     def solve(self, columns: list[Floats], mixed: bool) -> Floats:
