@@ -98,6 +98,8 @@ def mobile(order):
     model.add("dead", sc.LoadMoment(end, (0.3, 0.5, -0.4)))
     model.add("follows", sc.LoadMoment(crank.at(below), (0.2, -0.3, 0.6), follower=True))
     model.add("push", sc.LoadForce(crank.at(below), (0.3, 1.0, 0.2), lambda t: t**2))
+    model.add("thrust", sc.LoadForce(hanging.at(below), (0.5, 0.2, -0.4), follower=True))
+    model.add("wind", sc.LoadLine(rod, (0.2, 0.3, -0.5), follower=True))
     return model.freeze()
 
 
@@ -322,15 +324,6 @@ def test_what_is_not_compiled_is_refused_or_runs_plain():
         sc.static(system, spin=sc.Spin((0, 0, 1.0)), kernels="numba")
     with pytest.raises(sc.InputError, match="'fortran', expected"):
         sc.static(system, kernels="fortran")
-    model = sc.Model()
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="rod")
-    section = sc.Section([10, 10, 10, 1, 1, 1], mass=1.0, inertia=(1.0, 1.0))
-    rod = model.add("rod", sc.Beam(mesh, section))
-    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
-    model.add("push", sc.LoadForce(rod.node("rod.end"), (0, 0.1, 0), follower=True))
-    with pytest.raises(sc.InputError, match="forces that follow the motion"):
-        sc.static(model, kernels="numba")
-    assert "follow the motion" in sc.static(model, derive=False).meta["kernels_why"]
 
 
 def test_closed_loops_of_joints_are_refused():

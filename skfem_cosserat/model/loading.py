@@ -203,11 +203,6 @@ class Loading:
             channels.append(np.full(len(values[-1]), channel))
         return Followers(np.concatenate(vertices), np.concatenate(channels), np.concatenate(values))
 
-    @property
-    def follower_forces(self) -> bool:
-        """Whether there are forces that follow the motion."""
-        return bool(self._followers)
-
     # -- evaluation ------------------------------------------------------------------------------
 
     def averages(self, t0: float, t1: float) -> Floats:

@@ -87,9 +87,9 @@ def static(
     kernels : {"auto", "numpy", "numba"}
         Plain numpy kernels, or those compiled by numba (extra ``fast``), an order of magnitude
         faster; "auto" takes these where the work ahead is worth their compilation. The points are
-        the same to rounding. There are none for multipliers, closed loops, springs, forces that
-        follow the motion, a turning frame and beams of several orders. ``history.meta["kernels"]``
-        and ``["kernels_why"]`` say what was taken, and why.
+        the same to rounding. There are none for multipliers, closed loops, springs, a turning
+        frame and beams of several orders. ``history.meta["kernels"]`` and ``["kernels_why"]`` say
+        what was taken, and why.
     watch : bool
         Look for limit and bifurcation points on the way; they are recorded as points.
     callbacks : sequence of callable
