@@ -43,6 +43,12 @@ def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     """Write the figure here (``.png``, ``.svg``, ``.pdf``), if anywhere, and give it back."""
     if path is not None:
         check_folder(path)
+        known = figure.canvas.get_supported_filetypes()
+        ending = Path(path).suffix.lstrip(".").lower()
+        if ending and ending not in known:
+            raise InputError(
+                f"file {str(path)!r}", f"ends with .{ending}, expected one of {', '.join(known)}"
+            )
         figure.savefig(path, dpi=150)
     return figure
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -163,6 +165,33 @@ def _later(step):
     error.settings = FULL_PROTOCOL
     error.history = history_of(x, np.zeros(5), step, "diverged")
     raise error
+
+
+def struck():
+    """A blow on a pendulum that a step of 0.1 s does not resolve, from 0.3 s on."""
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(1.0, position=(0, 0, -1)))
+    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
+    ramp = sc.Table([0.3, 0.4], [0, 1])
+    model.add("blow", sc.LoadForce(bob.place(), (1e4, 0, 0), ramp))
+    return model.freeze(), sc.Variational(), sc.Multipliers()
+
+
+def blow(iterations):
+    """A run of it, with this many iterations each attempt (None: it does not say)."""
+    settings = iterations and sc.NewtonSettings(iterations, damped_iterations=iterations)
+    return sc.simulate(*struck(), step=0.1, until=1.0, settings=settings)
+
+
+def swing_from_rest(step):
+    """The rod falls from the height of its hinge, where its energy is zero."""
+    scheme = sc.EnergyMomentum(), sc.NullSpace()
+    return sc.simulate(rubber_rod(2), *scheme, step, 0.08, kernels="numpy")
+
+
+def sleeping_process(step=None):
+    """Another program, which does not answer in time."""
+    subprocess.run([sys.executable, "-c", "import time; time.sleep(9)"], timeout=0.1, check=True)
 
 
 # -- a stiff scene ---------------------------------------------------------------------------------

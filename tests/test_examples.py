@@ -42,17 +42,6 @@ def test_cantilever_on_an_elastic_foundation():
     assert tip == pytest.approx(2 * P * b / k * shape, rel=5e-4)
 
 
-@pytest.mark.slow
-def test_speed_accuracy_quick():
-    result = load("speed_accuracy").main(quick=True, repeats=1)
-    assert len(result["rows"]) == 16
-    errors = {row[:3]: row[3] for row in result["rows"]}
-    for integrator in ("variational", "energy-momentum"):
-        for treatment in ("null-space", "multipliers"):
-            assert errors[integrator, treatment, 0.0125] < errors[integrator, treatment, 0.025]
-    assert all(row[4] > 0 for row in result["rows"])
-
-
 def test_refinement_study(tmp_path):
     """Orders 2p in statics; a load that is there at once leaves none, one that grows does."""
     study = load("refinement_study")

@@ -65,22 +65,12 @@ def test_a_failed_step_has_had_the_full_protocol():
     """The stepper's own attempts are counted as such only with 100 iterations each."""
     for settings, full in ((None, False), (FULL_PROTOCOL, True)):
         with pytest.raises(sc.Diverged) as caught:
-            sc.simulate(*_blow(), step=0.1, until=1.0, settings=settings)
+            sc.simulate(*helpers.struck(), step=0.1, until=1.0, settings=settings)
         assert len(caught.value.residuals) == 4
         assert full_protocol(caught.value) is full
         state = JudgeEnergy(since=0.35)(caught.value).status
         assert state == ("newton" if full else "error")
     assert max(len(each) for each in caught.value.residuals) == 101
-
-
-def _blow():
-    """A blow on a pendulum that the step does not resolve."""
-    model = sc.Model()
-    bob = model.add("bob", sc.MassPoint(1.0, position=(0, 0, -1)))
-    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    ramp = sc.Table([0.3, 0.4], [0, 1])
-    model.add("blow", sc.LoadForce(bob.place(), (1e4, 0, 0), ramp))
-    return model.freeze(), sc.Variational(), sc.Multipliers()
 
 
 def test_explicit_limit_at_step_times_omega_2(oscillator):
@@ -126,6 +116,40 @@ def test_energy_before_a_time_does_not_count():
     assert JudgeEnergy(helpers.amplitude, scale=1000.0)(history).status == "ok"
     with pytest.raises(InputError, match="is zero"):
         JudgeEnergy(helpers.amplitude)(history)
+
+
+def test_energy_that_is_zero_by_the_choice_of_a_height():
+    """A rod let go at the height of its hinge: changes are compared with the work of gravity."""
+    t = np.arange(4.0)
+    series = {"t": t, "step": t, "q": np.zeros((4, 3)), "p": np.zeros((4, 3))}
+    work = np.array([0.0, -1.0, -2.0, -4.0])
+    for error, status in ((0.02, "ok"), (0.2, "drift"), (40.0, "blowup")):
+        energy = 1e-17 - work + np.array([0, 0, 0, error])
+        history = sc.History({"status": "completed"}, {}, series)
+        history.add_series("energy", energy)
+        history.add_series("external", work)
+        found = JudgeEnergy()(history)
+        assert (found.status, found.energy_error) == (status, pytest.approx(error / 4))
+    (row,) = stability_map(helpers.swing_from_rest, {"step": (1e-2,)}).rows
+    assert row["status"] == "ok" and row["energy_error"] < 1e-9
+
+
+def test_runs_of_a_map_have_the_full_protocol_unless_they_choose():
+    """Without settings of their own they fail only after 100 iterations in each attempt."""
+    found = stability_map(helpers.blow, {"iterations": (None, 5, 100)}, JudgeEnergy(since=0.35))
+    assert found.status.tolist() == ["newton", "error", "newton"]
+    assert found.newton_residual[0] == found.newton_residual[2] > 1e-8
+    assert "4 attempts with 400 Newton iterations" in found.reason[0]
+    assert "settings=FULL_PROTOCOL" in found.reason[1]
+    assert sc.NewtonSettings().iterations == 20  # elsewhere nothing has changed
+    with pytest.raises(sc.Diverged) as caught:
+        helpers.blow(None)
+    assert max(len(each) for each in caught.value.residuals[:2]) <= 21
+
+
+def test_a_subprocess_that_takes_too_long():
+    (row,) = stability_map(helpers.sleeping_process, {"step": (1.0,)}).rows
+    assert row["status"] == "timeout" and row["reason"].startswith("TimeoutExpired")
 
 
 def test_energy_that_is_no_number_has_blown_up():
@@ -212,6 +236,11 @@ def test_chart_with_the_explicit_limit(oscillator, tmp_path):
     np.testing.assert_allclose(at, math.log(2), atol=1e-9)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == ["ok", "blowup", "h omega = 2"]
+    outside = {"soft": lambda omega, step: 1e-3 * omega, "stiff": np.full((4, 3), 3.0)}
+    texts = [text.get_text() for text in oscillator.chart(lines=outside).legends[0].get_texts()]
+    assert texts[2:] == ["soft (no cell beyond)", "stiff (all cells beyond)"]
+    with pytest.raises(InputError, match=r"map\.xyz'.*\.xyz, expected one of"):
+        oscillator.chart(tmp_path / "map.xyz")
     turned = oscillator.chart(x="omega", lines={"same": np.outer(OMEGAS, STEPS) / 2})
     assert turned.axes[0].get_ylabel() == "step"
 
@@ -226,6 +255,8 @@ def test_chart_with_panels(tmp_path):
         found.chart(x="omega")
     with pytest.raises(InputError, match=r"shape \(2,\), expected \(2, 2, 2\)"):
         found.chart(lines={"wrong": np.ones(2)})
+    with pytest.raises(InputError, match=r"line 'wrong': takes \(h, k\)"):
+        found.chart(lines={"wrong": lambda h, k: 1.0})
     single = stability_map(helpers.every_kind, {"kind": ("ok",), "step": (1.0,)}, JUDGE)
     assert single.chart(tmp_path / "single.png", {"none": lambda kind, step: 1.0}) is not None
 

@@ -366,6 +366,75 @@ def test_iterations_are_counted_whatever_is_recorded():
     assert every.meta["newton_iterations"] == last.meta["newton_iterations"] == total > 40
 
 
+# -- what a user may do ----------------------------------------------------------------------------
+
+
+def test_a_setup_whose_subprocess_takes_too_long(table):
+    setups = [("peer", helpers.sleeping_process), ("midpoint", partial(helpers.midpoint, step=0.1))]
+    found = work_precision(-1.0, setups, EXACT, ["x"], repeats=1)
+    assert [row["status"] for row in found.rows] == ["timeout", "ok"]
+    assert found.rows[0]["reason"].startswith("TimeoutExpired")
+
+
+def test_a_reference_that_fails_ends_the_study_before_the_setups():
+    good, begun = {"x": 1.0}, []
+
+    def setup(problem):
+        begun.append(problem)
+        return good
+
+    def study(reference, quantities=("x",)):
+        work_precision(0.0, [("a", setup)], reference, quantities)
+
+    with pytest.raises(InputError, match="its run failed: RuntimeError"):
+        study(ReferencePair(lambda problem: good, _raises))
+    with pytest.raises(InputError, match=r"'y'.*unknown; there are x"):
+        study(lambda problem: good, ["y"])
+    with pytest.raises(InputError, match="run of the reference: ZeroDivisionError"):
+        study(lambda problem: good, {"x": lambda result: 1 / 0})
+    assert not begun
+
+
+def _raises(problem):
+    raise RuntimeError("out of order")
+
+
+def test_a_history_or_a_setup_as_reference():
+    fine = partial(helpers.swing_down, integrator=sc.EnergyMomentum(), step=1e-3)
+    setups = [("coarse", partial(helpers.swing_down, integrator=sc.EnergyMomentum(), step=4e-3))]
+    errors = [
+        work_precision(2, setups, reference, {"tip": helpers.tip}, repeats=1).rows[0]["error_tip"]
+        for reference in (fine, ("fine", fine), Setup("fine", fine), fine(2))
+    ]
+    assert errors[0] > 1e-6 and errors == [errors[0]] * 4
+
+
+@pytest.mark.parametrize("cost", ["cheap", -1.0, 0.0, math.nan, [1.0]])
+def test_costs_that_are_none(cost):
+    setups = [("odd", lambda problem: {"x": 1.0, "cost_s": cost})]
+    (row,) = work_precision(0.0, setups, 1.0, ["x"]).rows
+    assert row["status"] == "error" and "cost_s" in row["reason"] and row["cost_s"] is None
+
+
+def test_counts_that_are_none():
+    odd = {"x": 1.0, "cost_s": 1.0, "newton_iterations": "many", "unknowns": np.int64(3)}
+    (row,) = work_precision(0.0, [("odd", lambda problem: odd)], 1.0, ["x"]).rows
+    assert (row["status"], row["newton_iterations"], row["unknowns"]) == ("ok", None, 3)
+
+
+def test_exact_setups_and_a_single_error(tmp_path):
+    """No error at all has a front, in words, and a chart."""
+    found = work_precision(0.0, [("a", lambda p: {"x": 1.0, "cost_s": 2.0})], 1.0, ["x"], repeats=1)
+    assert found.front("x").lines == ["for 0e+00 in x the cheapest is a: 0.0e+00 in 2 s"]
+    assert found.front("x", 1e-3).lines == found.front("x", [1e-3]).lines
+    with pytest.raises(InputError, match="error = 'much'"):
+        found.front("x", "much")
+    pytest.importorskip("matplotlib")
+    found.chart(tmp_path / "chart.png")
+    with pytest.raises(InputError, match=r"\.xyz, expected one of"):
+        found.chart(tmp_path / "chart.xyz")
+
+
 # -- limits of time --------------------------------------------------------------------------------
 
 

@@ -91,7 +91,9 @@ class Composition(Integrator):
         self.shares = (*half, *half[-2::-1])
         self.name = f"{part.name} composed to order {order}"
         self.carries_node_momentum = part.carries_node_momentum
-        self.frequency_limit = part.frequency_limit
+        # it is the longest of the steps that has to resolve the frequencies
+        limit, longest = part.frequency_limit, max(abs(share) for share in half)
+        self.frequency_limit = None if limit is None else limit / longest
         self.advice, self.conserves = part.advice, part.conserves
         source = {
             4: "Suzuki, Phys. Lett. A 146 (1990) 319",

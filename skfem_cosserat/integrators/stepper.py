@@ -20,6 +20,7 @@ from ..types import Array, Floats, positive
 from .base import Evaluation, Integrator, March, State, StepData, StepWork
 from .choice import Choice, choose_kernels
 from .fast import CompiledStep, compiled_step
+from .protocol import default_settings
 from .report import ComposedReport, Solved, StepReport
 
 __all__ = ["StepReport", "Stepper"]
@@ -159,7 +160,7 @@ class Stepper:
         self.h = (-1 if backwards else 1) * positive(
             "argument step", "step", -h if backwards else h, " of seconds"
         )
-        self.settings = NewtonSettings() if settings is None else settings
+        self.settings = default_settings() if settings is None else settings
         _check_kind("settings", self.settings, NewtonSettings)
         self._march = integrator.march(system, treatment, self.h, kernels, steps)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)

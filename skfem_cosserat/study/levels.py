@@ -222,10 +222,10 @@ def _mesh(name: str, value: Any) -> skfem.Mesh:
     return value
 
 
-def check_call(problem: Any, arguments: Mapping[str, Any]) -> None:
+def check_call(problem: Any, arguments: Mapping[str, Any], item: str = "argument problem") -> None:
     """Refuse a problem that does not take these arguments by keyword."""
     if not callable(problem):
-        raise InputError("argument problem", f"{problem!r} cannot be called")
+        raise InputError(item, f"{problem!r} cannot be called")
     try:
         expected = signature(problem)
     except (TypeError, ValueError):
@@ -234,7 +234,7 @@ def check_call(problem: Any, arguments: Mapping[str, Any]) -> None:
         expected.bind(**arguments)
     except TypeError as error:
         raise InputError(
-            "argument problem",
+            item,
             f"takes {expected}, but the study calls it with {', '.join(arguments)} as keywords:"
             f" {error}",
         ) from error

@@ -5,10 +5,14 @@ from __future__ import annotations
 import signal
 import threading
 import time
+from subprocess import TimeoutExpired
 from types import FrameType
 from typing import Any
 
-__all__ = ["TimeLimit", "TimedOut"]
+__all__ = ["LATE", "TimeLimit", "TimedOut"]
+
+#: what says that something took too long, a subprocess (such as a peer) too
+LATE = (TimeoutError, TimeoutExpired)
 
 
 class TimedOut(TimeoutError):

@@ -57,8 +57,8 @@ def work_precision(
         True values: a number or array (of the only quantity), or a mapping by quantity, functions
         of the instants too if compared over time; their own error is then not known.
         :class:`~skfem_cosserat.study.ReferenceKnown`: with errors.
-        :class:`~skfem_cosserat.study.ReferencePair`: two runs. A function of the problem: one run,
-        like that of a setup.
+        :class:`~skfem_cosserat.study.ReferencePair`: two runs, of which the second one tells how
+        good the first is. A function of the problem, or a setup: one run; a History: what it gave.
     quantities : mapping or sequence of str
         As in :func:`~skfem_cosserat.refine`: functions of a result by name, called in this process.
     repeats : int
@@ -87,8 +87,8 @@ def work_precision(
     Raises
     ------
     InputError
-        For bad arguments, before the first run; if a run of the reference failed, or no setup gave
-        the quantities.
+        For bad arguments, before the first run; if a run of the reference failed or does not give
+        the quantities, before the setups if one runs after the other; if no setup gave them.
 
     Notes
     -----
@@ -132,10 +132,17 @@ def work_precision(
         Job(s.label, measure, s.label, problem, s.run, s.timed, int(repeats), *rest) for s in chosen
     ]
     shared = {} if folder is None else identity()
+    study = _Study(chosen, truth, wanted)
     outcomes = run_cases(
-        jobs, executor, folder=folder, identity=shared, progress=progress, retry=retry
+        jobs,
+        executor,
+        folder=folder,
+        identity=shared,
+        progress=progress,
+        check=study.check,
+        retry=retry,
     )
-    return _Study(chosen, truth, wanted, {each.name: each for each in outcomes}).table()
+    return study.table({each.name: each for each in outcomes})
 
 
 def _wanted(quantities: Any, norm: Any) -> Quantities:
@@ -155,16 +162,20 @@ class _Study:
         setups: list[Setup],
         truth: Truth,
         wanted: Quantities,
-        outcomes: dict[str, Outcome],
     ) -> None:
-        self.setups, self.truth, self.wanted, self.outcomes = setups, truth, wanted, outcomes
+        self.setups, self.truth, self.wanted = setups, truth, wanted
+        self.outcomes: dict[str, Outcome] = {}
         self.failed: dict[str, tuple[str, str]] = {}
         self.samples: dict[str, Sample] = {}
 
-    def table(self) -> PrecisionTable:
+    def check(self, outcome: Outcome) -> None:
+        """End the study early if nothing could be compared with a run of the reference."""
+        if outcome.name in self.truth.runs:
+            self._sample_reference(outcome)
+
+    def table(self, outcomes: dict[str, Outcome]) -> PrecisionTable:
         """Errors of all setups that have any."""
-        for name in self.truth.runs:
-            self._sample_reference(name)
+        self.outcomes = outcomes
         for setup in self.setups:
             self._sample(setup.label)
         names = self._names()
@@ -175,14 +186,22 @@ class _Study:
         rows = [self._row(setup, names, errors[setup.label]) for setup in self.setups]
         return PrecisionTable(rows, own, self._notes())
 
-    def _sample_reference(self, name: str) -> None:
-        outcome = self.outcomes[name]
+    def _sample_reference(self, outcome: Outcome) -> None:
+        name = outcome.name
         wrong = None if not outcome.ok else failure(outcome.value.result)
         if outcome.error is not None:
             wrong = "error", in_words(outcome.error)
         if wrong is not None:
             raise InputError("argument reference", f"its run failed: {wrong[1] or wrong[0]}")
-        sample = self.wanted.sample(outcome.value.result, name)
+        reading, sample = Caught(), Sample({})
+        with reading:
+            sample = self.wanted.sample(outcome.value.result, name)
+        if isinstance(reading.error, InputError):
+            raise reading.error
+        if reading.error is not None:
+            raise InputError(
+                "argument quantities", f"the run of the reference: {in_words(reading.error)}"
+            ) from reading.error
         bad = [key for key, value in sample.values.items() if not np.isfinite(value).all()]
         if bad:
             raise InputError("argument reference", f"its run gave {bad[0]!r} not finite")

@@ -87,16 +87,19 @@ class PrecisionTable:
         ]
 
     def front(
-        self, quantity: str, errors: Sequence[float] | None = None, group: str | None = None
+        self,
+        quantity: str,
+        errors: float | Sequence[float] | None = None,
+        group: str | None = None,
     ) -> Front:
         """What reaches an error at the smallest cost.
 
         Parameters
         ----------
         quantity : str
-        errors : sequence of float, optional
+        errors : float or sequence of float, optional
             Default: the powers of ten between the largest and the smallest error reached, down to
-            that of the reference.
+            that of the reference; 0 if there are no others.
         group : str, optional
             Only of this code.
 
@@ -109,7 +112,8 @@ class PrecisionTable:
         if errors is None:
             levels = _decades(points, quantity, self.reference_errors[quantity])
         else:
-            levels = [positive("argument errors", "error", each) for each in errors]
+            several = [errors] if isinstance(errors, str | bytes | int | float) else errors
+            levels = [positive("argument errors", "error", each) for each in several]
         found = {level: _cheapest(points, quantity, level) for level in levels}
         return Front(quantity, found, pareto(points, quantity))
 
@@ -343,7 +347,7 @@ def _decades(points: Sequence[Row], quantity: str, reference: float) -> list[flo
     """Powers of ten from the largest error reached down to the smallest one."""
     sizes = [row[f"error_{quantity}"] for row in points if row[f"error_{quantity}"] > 0]
     if not sizes:
-        return []
+        return [0.0] if points else []
     least = max(min(sizes), reference) if isfinite(reference) else min(sizes)
     top = floor(log10(max(sizes)))
     bottom = ceil(log10(least))

@@ -9,9 +9,12 @@ from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ..errors import Diverged, InputError, JobError
 from ..history import History
-from .limit import TimeLimit
+from ..types import positive
+from .limit import LATE, TimeLimit
 
 __all__ = ["STATUSES", "Measured", "Setup", "as_setups", "counts", "failure", "measure"]
 __all__ += ["setup_grid"]
@@ -200,7 +203,7 @@ def measure(
 def _own_cost(result: Any, seconds: float) -> float:
     """What a result says of its cost, or what the clock says."""
     if isinstance(result, Mapping) and result.get("cost_s") is not None:
-        return float(result["cost_s"])
+        return positive("result", "cost_s", result["cost_s"], " of seconds")
     return seconds
 
 
@@ -227,7 +230,7 @@ def raised(error: Exception) -> tuple[str, str]:
         return ("newton" if error.residuals else "diverged"), reason
     if isinstance(error, ArithmeticError):
         return "diverged", reason
-    return ("timeout" if isinstance(error, TimeoutError) else "error"), reason
+    return ("timeout" if isinstance(error, LATE) else "error"), reason
 
 
 def counts(result: Any) -> dict[str, int | float | None]:
@@ -241,7 +244,8 @@ def counts(result: Any) -> dict[str, int | float | None]:
 
 
 def _count(value: Any) -> int | float | None:
-    if value is None or isinstance(value, bool) or not math.isfinite(float(value)):
+    number = isinstance(value, int | float | np.integer | np.floating)
+    if not number or isinstance(value, bool) or not math.isfinite(value):
         return None
     return int(value) if float(value).is_integer() else float(value)
 

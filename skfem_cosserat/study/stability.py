@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import InputError, JobError
 from ..history import History
+from ..integrators.protocol import unless_given
 from ..parallel import Executor, Job, Outcome
 from ..parallel.jobs import Caught
 from ..types import positive
@@ -20,7 +21,7 @@ from .levels import case_name, check_call
 from .limit import TimeLimit
 from .run import title_of
 from .stability_table import Map
-from .verdict import JudgeEnergy, Verdict
+from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 
 __all__ = ["stability_map"]
 
@@ -45,7 +46,8 @@ def stability_map(
     problem : callable
         Called as ``problem(step=1e-3, stiffness=1e4)`` with one value of each axis; gives a
         History, or raises. A step that fails counts as such only after the full protocol of
-        attempts: run with ``settings=FULL_PROTOCOL`` of :mod:`skfem_cosserat.study`.
+        attempts, ``FULL_PROTOCOL`` of :mod:`skfem_cosserat.study`: runs in here take it unless
+        they are given other settings.
     axes : mapping
         Values of each parameter by its name.
     outcome : callable, optional
@@ -145,7 +147,7 @@ def _cell(
 ) -> Verdict:
     """Run and judge a cell; what the judge raises is the cell's error."""
     running, history = Caught(), None
-    with running, TimeLimit(timeout_s):
+    with running, TimeLimit(timeout_s), unless_given(FULL_PROTOCOL):
         history = problem(**parameters)
     error = running.error
     if error is not None and not isinstance(error, Exception):

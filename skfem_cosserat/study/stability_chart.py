@@ -80,7 +80,10 @@ def stability_chart(
         for (_, field), style in zip(stacked.items(), STYLES * len(stacked), strict=False):
             _line(axis, field[k], style)
     handles = [_patch(name, colours[name]) for name in colours if name in found]
-    handles += [_stroke(text, style) for text, style in zip(lines, STYLES * 9, strict=False)]
+    handles += [
+        _stroke(text + _outside(field), style)
+        for (text, field), style in zip(lines.items(), STYLES * len(lines), strict=False)
+    ]
     figure.legend(handles=handles, loc="outside right upper", fontsize="small")
     return write_figure(figure, path)
 
@@ -108,6 +111,14 @@ def _line(axis: Any, field: Floats, style: str) -> None:
     level = np.ma.masked_invalid(level)
     if min(field.shape) > 1 and level.count() and level.min() < 0 < level.max():
         axis.contour(level, levels=[0.0], colors="black", linestyles=[style], linewidths=1.6)
+
+
+def _outside(field: Floats) -> str:
+    """Where the cells are, in words, if the line does not run between them."""
+    values = field[np.isfinite(field)]
+    if not values.size or values.min() <= 1 <= values.max():
+        return ""
+    return " (all cells beyond)" if values.min() > 1 else " (no cell beyond)"
 
 
 def _patch(name: str, colour: str) -> Any:

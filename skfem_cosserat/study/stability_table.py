@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..types import Array, Floats
+from .levels import check_call
 from .provenance import provenance
 from .stability_chart import Lines, stability_chart
 from .table import write_table
@@ -151,7 +152,8 @@ class Map:
         lines : mapping, optional
             By the text of the legend: an array over the axes, or a function of the parameters, by
             keyword. The line is drawn where it is 1: ``{"h omega = 2": lambda step, stiffness:
-            step * omega(stiffness) / 2}``. NaN: none there.
+            step * omega(stiffness) / 2}``. NaN: none there. A line that no cell's neighbour crosses
+            is in the legend, with the side on which the cells are.
         x, y : str, optional
             Parameters along the axes of the chart; default: the last two. For each value of a third
             one there is a panel.
@@ -189,8 +191,10 @@ class Map:
 
     def _line(self, text: str, line: Any) -> Floats:
         if callable(line):
-            choices = product(*self.axes.values())
-            found = [float(line(**dict(zip(self.axes, c, strict=True)))) for c in choices]
+            values = product(*self.axes.values())
+            choices = [dict(zip(self.axes, choice, strict=True)) for choice in values]
+            check_call(line, choices[0], f"line {text!r}")
+            found = [float(line(**choice)) for choice in choices]
             return np.array(found).reshape(self.cells.shape)
         field = np.asarray(line, dtype=float)
         if field.shape != self.cells.shape:

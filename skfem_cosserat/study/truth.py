@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..history import History
 from ..types import Array, Floats, positive
 from .reference import Known, known_values, value_of
 
@@ -92,6 +93,22 @@ class ReferencePair:
         return size(self.value(fine, coarse) - other)
 
 
+class _Given:
+    """A run that has been done, as a function of the problem."""
+
+    def __init__(self, history: History) -> None:
+        self.history = history
+
+    def __call__(self, problem: Any) -> History:
+        return self.history
+
+
+def _is_setup(given: Any) -> bool:
+    """Whether it is a pair (label, function of the problem), with what else a setup has."""
+    pair = isinstance(given, tuple | list) and len(given) > 1
+    return bool(pair and isinstance(given[0], str) and callable(given[1]))
+
+
 class Truth:
     """A reference of any kind, made uniform.
 
@@ -126,6 +143,10 @@ class Truth:
             self.runs = {FINE: given.fine, COARSE: given.coarse}
         elif isinstance(given, ReferenceKnown):
             self.known, self._errors = given.known, dict(given.errors)
+        elif isinstance(given, History):
+            self.runs = {FINE: _Given(given)}
+        elif _is_setup(given):
+            self.runs = {FINE: given[1]}
         elif callable(given):
             self.runs = {FINE: given}
         elif given is None or isinstance(given, str):

@@ -11,7 +11,8 @@ import numpy as np
 from ..errors import Diverged, InputError
 from ..history import History
 from ..newton import NewtonSettings
-from ..types import Floats, positive
+from ..types import Floats, IndexArray, positive
+from .limit import LATE
 
 __all__ = ["FULL_PROTOCOL", "JudgeEnergy", "Verdict"]
 
@@ -22,6 +23,8 @@ FULL_PROTOCOL = NewtonSettings(iterations=100, damped_iterations=100)
 ATTEMPTS = 4
 #: series that the energy is made of, unless a judge is told otherwise
 DERIVED = {"energy", "external"}
+#: an energy that is so small beside the work of loads is zero by the choice of a height
+NOTHING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,8 @@ class JudgeEnergy:
         The energy at the first state from this time on (s) is the right one, E0: the end of a
         pulse, say.
     scale : float, optional
-        Of energy; default: abs(E0).
+        Of energy; default: abs(E0). Where that is nothing beside the work of the loads (a pendulum
+        let go at the height of its hinge): the largest change of their potential, ``external``.
     drift : float
         Relative change of the energy above which a run that ended well has drifted.
     blowup : float
@@ -81,8 +85,8 @@ class JudgeEnergy:
     Raises
     ------
     InputError
-        If a number is not positive; when called, if E0 is zero and there is no scale, or the
-        history has no such energy.
+        If a number is not positive; when called, if E0 is zero and neither loads nor `scale` say
+        what to compare with, or the history has no such energy.
 
     Examples
     --------
@@ -141,7 +145,7 @@ class JudgeEnergy:
             residual, end = float(error.residual), float(error.time)
             reason = f"{note}{reason}"
         else:
-            state = "timeout" if isinstance(error, TimeoutError) else "error"
+            state = "timeout" if isinstance(error, LATE) else "error"
             residual, end = float("nan"), time
         if blown:
             return Verdict("blowup", time, change, residual, f"then {reason}")
@@ -159,9 +163,9 @@ class JudgeEnergy:
         if not len(after):
             return float(t[-1]), float("nan"), False
         start = float(energy[after[0]])
-        scale = abs(start) if self.scale is None else self.scale
         if not np.isfinite(start):
             return float(t[after[0]]), float("inf"), True
+        scale = self._scale(start, history, after)
         if not scale > 0:
             raise InputError(
                 "JudgeEnergy",
@@ -175,6 +179,18 @@ class JudgeEnergy:
             k = bad[0]
             return float(t[after[k]]), float(np.nanmax(abs(change[: k + 1]))), True
         return float(t[-1]), float(abs(change).max()), False
+
+    def _scale(self, start: float, history: History, after: IndexArray) -> float:
+        """What changes of the energy are compared with."""
+        if self.scale is not None:
+            return self.scale
+        if self.energy is None:
+            potential = history["external"][after]
+            change = abs(potential - potential[0])
+            work = float(change[np.isfinite(change)].max(initial=0.0))
+            if abs(start) <= NOTHING * work:
+                return work
+        return abs(start)
 
     def _energies(self, history: History) -> Floats:
         if self.energy is not None:
