@@ -18,6 +18,8 @@ __all__ = [
     "VectorLike",
     "numbers",
     "positive",
+    "real",
+    "switch",
 ]
 
 #: Real or complex numbers: kernels take complex input so that tangents can be checked by the
@@ -35,6 +37,25 @@ def numbers(item: str, name: str, value: Any) -> Floats:
         return np.array(value, dtype=float)
     except (TypeError, ValueError) as error:
         raise InputError(item, f"{name} = {value!r}, expected real numbers") from error
+
+
+def real(item: str, name: str, value: Any, expected: str) -> float:
+    """One number (not NaN), or an error saying what is expected; text and truth values are none."""
+    odd = isinstance(value, str | bytes | bool | np.bool_)  # numpy takes them for numbers
+    try:
+        out = np.array(np.nan if odd else value, dtype=float)
+    except (TypeError, ValueError):
+        out = np.array(np.nan)
+    if out.shape != () or np.isnan(out):
+        raise InputError(item, f"{name} = {value!r}, expected {expected}")
+    return float(out)
+
+
+def switch(item: str, value: Any) -> bool:
+    """True or False, or an error: any text would count as true."""
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(item, f"{value!r}, expected True or False")
+    return bool(value)
 
 
 def positive(item: str, name: str, value: Any, unit: str = "") -> float:

@@ -150,23 +150,28 @@ def order_of_first_multipliers(scheme):
     return np.log2(errors[0] / errors[1])
 
 
-def test_order_reduction_of_generalized_alpha_in_the_first_steps(monkeypatch):
-    """Multipliers start with first order and get to second; stabilized they have it at once.
-
-    The stabilized form needs the corrected start for it: ``alpha_0 = a_0`` costs it an order.
-    """
+def test_multipliers_of_generalized_alpha_in_the_first_steps(monkeypatch):
+    """Of second order at once, with a start that is consistent; each of its two parts is needed."""
     index3, index2 = sc.GeneralizedAlpha(0.5), sc.GeneralizedAlpha(0.5, stabilized=True)
-    assert order_of_first_multipliers(index3) == pytest.approx(1, abs=0.1)
+    assert order_of_first_multipliers(index3) == pytest.approx(2, abs=0.1)
     assert order_of_first_multipliers(index2) == pytest.approx(2, abs=0.1)
     rates = sc.GeneralizedAlpha._rates
 
-    def plain(self, system, state, h):
-        out = np.array(rates(self, system, state, h))
-        if state.memory is None:
-            out[2] = out[1]
-        return out
+    def plain(number):
+        """Take v or alpha of a start as the equations of motion have them."""
 
-    monkeypatch.setattr(sc.GeneralizedAlpha, "_rates", plain)
+        def changed(self, system, state, h):
+            out = np.array(rates(self, system, state, h))
+            if state.memory is None:
+                exact = self._at_start(system, state)
+                out[number] = exact[number // 2]
+            return out
+
+        return changed
+
+    monkeypatch.setattr(sc.GeneralizedAlpha, "_rates", plain(0))
+    assert order_of_first_multipliers(index3) == pytest.approx(1, abs=0.1)
+    monkeypatch.setattr(sc.GeneralizedAlpha, "_rates", plain(2))
     assert order_of_first_multipliers(index2) == pytest.approx(1, abs=0.1)
 
 
@@ -665,7 +670,27 @@ def test_stabilized_energy_momentum_holds_hidden_constraints_and_loses_little():
 
 BAD = [
     (lambda: sc.GeneralizedAlpha(1.0), r"rho_inf.*1\.0, expected a number in \[0, 1\)"),
-    (lambda: sc.GeneralizedAlpha("much"), "rho_inf"),
+    (lambda: sc.GeneralizedAlpha(1.2), "rho_inf"),
+    (lambda: sc.GeneralizedAlpha(np.nan), "rho_inf"),
+    (lambda: sc.GeneralizedAlpha(None), "rho_inf"),
+    (lambda: sc.GeneralizedAlpha("0.8"), r"rho_inf.*'0\.8', expected a number in \[0, 1\)"),
+    (lambda: sc.GeneralizedAlpha(False), "rho_inf"),
+    (lambda: sc.GeneralizedAlpha([0.8]), "rho_inf"),
+    (lambda: sc.GeneralizedAlpha(0.8, "no"), "stabilized.*'no', expected True or False"),
+    (lambda: sc.EnergyMomentum(stabilized="no"), "stabilized"),
+    (lambda: sc.EnergyDecaying(velocity=0), "velocity"),
+    (lambda: sc.EnergyDecaying("0.1"), "chi"),
+    (lambda: sc.EnergyDecaying(True), "chi"),
+    (lambda: sc.EnergyDecaying(np.nan), "chi"),
+    (lambda: sc.Explicit(checked="no"), "checked"),
+    (lambda: sc.Asynchronous("0.9"), "safety"),
+    (lambda: sc.Asynchronous(np.inf, checked=False), "safety"),
+    (lambda: sc.Composition(sc.Variational(), order=None), "order"),
+    (lambda: sc.Composition(sc.Variational(), order=[4]), "order"),
+    (lambda: sc.Composition(sc.Variational(), order=4.0), "order"),
+    (lambda: sc.Composition(sc.Variational), "expected an integrator"),
+    (lambda: sc.Composition(sc.Explicit()), "Explicit.*only symmetric implicit schemes"),
+    (lambda: sc.Composition(sc.EnergyDecaying(), 6), "only symmetric implicit schemes"),
     (lambda: sc.EnergyDecaying(-0.1), r"chi.*-0\.1, expected a number in \[0, 1\]"),
     (lambda: sc.EnergyDecaying(1.5), "chi"),
     (lambda: sc.EnergyDecaying("a little"), "chi"),
@@ -673,10 +698,13 @@ BAD = [
     (lambda: sc.EnergyDecaying(0.1, rate=1.0), "expected one of them"),
     (lambda: sc.Composition(sc.Variational(), order=5), r"order.*5, expected one of \[4, 6\]"),
     (lambda: sc.Composition("leapfrog"), "expected an integrator"),
-    (lambda: sc.Composition(sc.Composition(sc.Variational())), "symmetric schemes of one step"),
-    (lambda: sc.Composition(sc.GeneralizedAlpha()), "only symmetric schemes"),
-    (lambda: sc.Composition(sc.EnergyDecaying()), "only symmetric schemes"),
-    (lambda: sc.Composition(sc.EnergyMomentum(stabilized=True)), "only symmetric schemes"),
+    (
+        lambda: sc.Composition(sc.Composition(sc.Variational())),
+        "symmetric implicit schemes of one step",
+    ),
+    (lambda: sc.Composition(sc.GeneralizedAlpha()), "only symmetric implicit schemes"),
+    (lambda: sc.Composition(sc.EnergyDecaying()), "only symmetric implicit schemes"),
+    (lambda: sc.Composition(sc.EnergyMomentum(stabilized=True)), "only symmetric implicit schemes"),
 ]
 
 

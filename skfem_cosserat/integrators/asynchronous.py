@@ -8,7 +8,7 @@ from ..constraints import Treatment
 from ..errors import InputError
 from ..log import logger
 from ..model import System
-from ..types import Floats, IndexArray, numbers
+from ..types import Floats, IndexArray, real, switch
 from .explicit import ExplicitScheme
 from .limit import element_limits
 from .march import Marching, check_scene
@@ -65,13 +65,15 @@ class Asynchronous(ExplicitScheme):
     reference = "Lew, Marsden, Ortiz & West, Arch. Ration. Mech. Anal. 167 (2003) 85"
 
     def __init__(self, safety: float = 0.9, grading: float = 2.0, checked: bool = True) -> None:
-        value = numbers("argument safety", "safety", safety)
-        if value.shape != () or not 0 < value <= (1 if checked else np.inf):
-            raise InputError("argument safety", f"{safety!r}, expected a number in (0, 1]")
-        ratio = numbers("argument grading", "grading", grading)
-        if ratio.shape != () or not ratio >= 1:
-            raise InputError("argument grading", f"{grading!r}, expected a number of one or more")
-        self.safety, self.grading, self.checked = float(value), float(ratio), bool(checked)
+        self.checked = switch("argument checked", checked)
+        expected = "a number in (0, 1]" if checked else "a positive finite number"
+        self.safety = real("argument safety", "safety", safety, expected)
+        if not 0 < self.safety <= (1 if checked else np.finfo(float).max):
+            raise InputError("argument safety", f"{safety!r}, expected {expected}")
+        expected = "a number of one or more"
+        self.grading = real("argument grading", "grading", grading, expected)
+        if not self.grading >= 1:
+            raise InputError("argument grading", f"{grading!r}, expected {expected}")
 
     def __repr__(self) -> str:
         more = "" if self.checked else ", checked=False"

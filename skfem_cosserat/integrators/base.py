@@ -244,8 +244,9 @@ class Integrator(ABC):
         Where it comes from.
     remembered : int
         Rows of n numbers that a state carries on in its ``memory``.
-    symmetric : bool
-        Whether a step back undoes a step, and nothing is dissipated.
+    composed_to : int
+        Highest order that symmetric compositions of its steps have; 0: it is not to be composed,
+        since a step back does not undo a step, say.
     part, shares : Integrator and tuple of float
         The scheme whose steps one step is made of, and their sizes as shares of it; none: the step
         is one of its own.
@@ -254,7 +255,7 @@ class Integrator(ABC):
     name: str
     order: int
     remembered: int = 0
-    symmetric: bool = False
+    composed_to: int = 0
     part: Integrator | None = None
     shares: tuple[float, ...] = ()
     constraint_weight: float

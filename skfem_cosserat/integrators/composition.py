@@ -9,7 +9,6 @@ from ..model import System
 from ..model.groups import Blocks
 from ..types import Array, Floats
 from .base import Evaluation, Integrator, StepData
-from .energy_momentum import EnergyMomentum
 
 __all__ = ["Composition"]
 
@@ -57,7 +56,8 @@ class Composition(Integrator):
     InputError
         For another order.
     IncompatibleError
-        If `part` is not symmetric or composed itself, or energy-momentum is to be of order 6.
+        If `part` is not symmetric, explicit or composed itself, or energy-momentum is to be of
+        order 6.
 
     Examples
     --------
@@ -72,22 +72,24 @@ class Composition(Integrator):
     force_share = 1.0
 
     def __init__(self, part: Integrator, order: int = 4) -> None:
-        if order not in _HALVES:
+        if not isinstance(order, int | np.integer) or order not in _HALVES:
             raise InputError("argument order", f"{order!r}, expected one of {list(_HALVES)}")
         if not isinstance(part, Integrator):
             raise InputError("argument part", f"{part!r}, expected an integrator")
-        if isinstance(part, EnergyMomentum) and order == 6:
+        if part.composed_to < 4:
             raise IncompatibleError(
                 f"Composition of {part!r}",
-                "order 6 is for Variational() only: velocities of energy-momentum are off the"
-                " hidden constraints by a part that changes sign each step, and order 4 comes out",
+                "only symmetric implicit schemes of one step are composed",
             )
-        if not part.symmetric or part.shares:
+        if part.composed_to < order:
             raise IncompatibleError(
-                f"Composition of {part!r}", "only symmetric schemes of one step are composed"
+                f"Composition of {part!r}",
+                f"order {order} is for Variational() only: velocities of energy-momentum are off"
+                " the hidden constraints by a part that changes sign each step, and order 4 comes"
+                " out",
             )
-        half = _HALVES[order]
-        self.part, self.order = part, order
+        half = _HALVES[int(order)]
+        self.part, self.order = part, int(order)
         self.shares = (*half, *half[-2::-1])
         self.name = f"{part.name} composed to order {order}"
         self.carries_node_momentum = part.carries_node_momentum

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import InputError
 from ..model import System
 from ..model.groups import BeamGroup, Blocks, Parts
-from ..types import Array, Floats, numbers, positive
+from ..types import Array, Floats, positive, real, switch
 from .base import Evaluation, State, StepData, StepWork
 from .common import Flow, separate_parts
 from .energy_momentum import EnergyMomentum, EnergyMomentumStep
@@ -77,7 +77,7 @@ class EnergyDecaying(EnergyMomentum):
     (1, 2)
     """
 
-    symmetric = False
+    composed_to = 0
     conserves = "linear and angular momentum; energy never grows"
     advice = "a larger chi, a finer mesh, a softer section"
     reference = "Armero & Romero, Comput. Methods Appl. Mech. Engrg 190 (2001) 2603 and 6783"
@@ -91,15 +91,16 @@ class EnergyDecaying(EnergyMomentum):
             self.rate: float | None = positive("argument rate", "rate", rate, " of 1/s")
             self.chi, self.order, text = 0.0, 2, f"rate = {self.rate:g}/s"
         else:
-            value = numbers("argument chi", "chi", 0.05 if chi is None else chi)
-            if value.shape != () or not 0 <= value <= 1:
-                raise InputError("argument chi", f"{chi!r}, expected a number in [0, 1]")
-            self.rate, self.chi, self.order = None, float(value), 1
+            expected = "a number in [0, 1]"
+            value = real("argument chi", "chi", 0.05 if chi is None else chi, expected)
+            if not 0 <= value <= 1:
+                raise InputError("argument chi", f"{chi!r}, expected {expected}")
+            self.rate, self.chi, self.order = None, value, 1
             text = f"chi = {self.chi:g}"
         super().__init__()
-        self.velocity = bool(velocity)
+        self.velocity = switch("argument velocity", velocity)
         self.remembered = int(self.velocity)
-        self._text = text.replace("/s", "")
+        self._text = text.replace("/s", "").replace(" ", "")
         self.name = f"energy-decaying, {text}" + ("" if velocity else ", stresses only")
 
     def __repr__(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from ..constraints.saddle import hidden_rate, saddle_point
 from ..model import System
 from ..model.groups import BeamGroup, Blocks
-from ..types import Array, Floats
+from ..types import Array, Floats, switch
 from .base import (
     Evaluation,
     Integrator,
@@ -73,7 +73,7 @@ class EnergyMomentum(Integrator):
 
     name = "energy-momentum"
     order = 2
-    symmetric = True
+    composed_to = 4  # see Composition
     constraint_weight = 0.5
     force_share = 1.0
     conserves = "energy, linear and angular momentum"
@@ -82,10 +82,10 @@ class EnergyMomentum(Integrator):
     )
 
     def __init__(self, stabilized: bool = False) -> None:
-        self.stabilized = bool(stabilized)
+        self.stabilized = switch("argument stabilized", stabilized)
         if stabilized:
             self.name = "stabilized energy-momentum"
-            self.symmetric, self.remembered = False, 1
+            self.composed_to, self.remembered = 0, 1
             self.conserves = "linear and angular momentum; energy never grows"
 
     def __repr__(self) -> str:

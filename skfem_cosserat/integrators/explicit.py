@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..log import logger
 from ..model import System
 from ..model.groups import Blocks
-from ..types import Array, Floats
+from ..types import Array, Floats, switch
 from .base import Evaluation, Integrator, StepData
 from .limit import StepLimit, step_limit
 from .march import Marching, check_scene
@@ -21,7 +21,6 @@ class ExplicitScheme(Integrator):
     """What the explicit schemes have in common: no balance, no tangent, p = M v."""
 
     order = 2
-    symmetric = True
     constraint_weight = 0.0
     force_share = 1.0
     advice = "a step below the limit"
@@ -106,7 +105,7 @@ class Explicit(ExplicitScheme):
         whole = isinstance(rounds, int | np.integer) and not isinstance(rounds, bool)
         if not whole or rounds < 1:
             raise InputError("argument rounds", f"{rounds!r}, expected a positive integer")
-        self.rounds, self.checked = int(rounds), bool(checked)
+        self.rounds, self.checked = int(rounds), switch("argument checked", checked)
 
     def __repr__(self) -> str:
         return f"Explicit(rounds={self.rounds}{'' if self.checked else ', checked=False'})"

@@ -18,7 +18,7 @@ from ..model.balance import (
     predicted,
 )
 from ..model.groups import Blocks
-from ..types import Array, Floats, IndexArray, numbers
+from ..types import Array, Floats, IndexArray, real, switch
 from .base import Evaluation, Integrator, State, StepData, StepWork, largest
 
 __all__ = ["GeneralizedAlpha"]
@@ -57,8 +57,11 @@ class GeneralizedAlpha(Integrator):
     ``v_1 = v_0 + h ((1 - gamma) alpha_0 + gamma alpha_1)``,
     ``(1 - alpha_m) alpha_1 + alpha_m alpha_0 = (1 - alpha_f) a_1 + alpha_f a_0``.
     All coefficients follow from the spectral radius at infinite frequency. The start is consistent:
-    accelerations from the equations of motion, ``alpha_0 = a(t_0 + (alpha_m - alpha_f) h)``. With
-    it multipliers are of second order from the first step on.
+    accelerations from the equations of motion, ``alpha_0 = a(t_0 + (alpha_m - alpha_f) h)``, and
+    v_0 off the hidden constraints by what steps leave there anyway:
+    ``h^2 (1/6 - beta - (alpha_m - alpha_f)/2)`` times the part of the third derivative of q along
+    ``M^-1 G^T``. With it multipliers are of second order from the first step on; else they start
+    with first order (Arnold, Bruels & Cardona 2015). The recorded momentum is the given one.
 
     Parameters
     ----------
@@ -97,10 +100,11 @@ class GeneralizedAlpha(Integrator):
     conserves = "nothing exactly"
 
     def __init__(self, rho_inf: float = 0.8, stabilized: bool = False) -> None:
-        rho = numbers("argument rho_inf", "rho_inf", rho_inf)
-        if rho.shape != () or not 0 <= rho < 1:
-            raise InputError("argument rho_inf", f"{rho_inf!r}, expected a number in [0, 1)")
-        self.rho_inf, self.stabilized = float(rho), bool(stabilized)
+        expected = "a number in [0, 1)"
+        self.rho_inf = real("argument rho_inf", "rho_inf", rho_inf, expected)
+        if not 0 <= self.rho_inf < 1:
+            raise InputError("argument rho_inf", f"{rho_inf!r}, expected {expected}")
+        self.stabilized = switch("argument stabilized", stabilized)
         r = self.rho_inf
         self.alpha_m, self.alpha_f = (2 * r - 1) / (r + 1), r / (r + 1)
         self.gamma = 0.5 + self.alpha_f - self.alpha_m
@@ -111,7 +115,7 @@ class GeneralizedAlpha(Integrator):
         self.name = f"{kind}, rho_inf = {r:g}"
         self.reference = (
             "Chung & Hulbert, J. Appl. Mech. 60 (1993) 371; Arnold & Bruels, Multibody Syst. Dyn."
-            " 18 (2007) 185"
+            " 18 (2007) 185; Arnold, Bruels & Cardona, Numer. Math. 129 (2015) 149"
         )
 
     def __repr__(self) -> str:
@@ -136,18 +140,31 @@ class GeneralizedAlpha(Integrator):
         if state.memory is not None:
             return state.memory
         q, t = state.q, state.time
-        y = system.extend(q, t)
-        v = saddle_point(system)(y, state.p, hidden_rate(system, y, t))[0]
-        a = accelerations(system, q, v, t, state.turns)[0]
+        v, a = self._at_start(system, state)
         s = 0.1 * h
         later = q + s * v + 0.5 * s**2 * a, v + s * a, t + s
         change = (accelerations(system, *later, state.turns)[0] - a) / s
-        return np.array([v, a, a + (self.alpha_m - self.alpha_f) * h * change])
+        early = self.alpha_m - self.alpha_f
+        if not self.stabilized and system.m:
+            p = np.asarray(system.mass @ change.reshape(-1, 3)).reshape(-1)
+            across = change - saddle_point(system)(system.extend(q, t), p, np.zeros(system.m))[0]
+            v = v + (1 / 6 - self.beta - early / 2) * h**2 * across
+        return np.array([v, a, a + early * h * change])
+
+    @staticmethod
+    def _at_start(system: System, state: State) -> tuple[Floats, Floats]:
+        """Rates v and a (n,) of the equations of motion."""
+        y = system.extend(state.q, state.time)
+        v = saddle_point(system)(y, state.p, hidden_rate(system, y, state.time))[0]
+        return v, accelerations(system, state.q, v, state.time, state.turns)[0]
 
     def start_force(self, system: System, state: State, h: float) -> Floats:
         """See the base class: what the accelerations leave of the balance."""
-        rates = [row.reshape(-1, 3) for row in self._rates(system, state, h)]
-        v, a = rates[3] if len(rates) > 3 else rates[0], rates[1]
+        if state.memory is None:
+            rates = self._at_start(system, state)
+        else:  # stabilized: forces are those of the velocities before they were moved
+            rates = state.memory[3 if self.stabilized else 0], state.memory[1]
+        v, a = (row.reshape(-1, 3) for row in rates)
         y, amplitudes = system.extend(state.q, state.time), amplitudes_at(system, state.time)
         ydot = np.concatenate([v, system.ground_rate(state.time)])
         R = balance(system, y, amplitudes, turns=state.turns, ydot=ydot).R

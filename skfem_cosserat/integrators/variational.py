@@ -55,7 +55,7 @@ class Variational(Integrator):
 
     name = "variational"
     order = 2
-    symmetric = True
+    composed_to = 6
     constraint_weight = 0.0
     force_share = 0.5
     start_share = 0.5

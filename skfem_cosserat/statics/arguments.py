@@ -8,7 +8,7 @@ from inspect import signature
 import numpy as np
 
 from ..errors import InputError
-from ..types import Floats, numbers, positive
+from ..types import Floats, numbers, positive, real
 
 __all__ = ["finite", "listed", "shown", "stops", "turned", "whole"]
 
@@ -38,19 +38,18 @@ def stops(
 def listed(item: str, at: Sequence[float]) -> Floats:
     """Values of the parameter to hit."""
     values = numbers(item, "at", at)
-    real = np.asarray(at).dtype.kind in "iufO"  # no text that reads as numbers
-    if not real or values.ndim != 1 or not len(values) or not np.isfinite(values).all():
+    plain = np.asarray(at).dtype.kind in "iufO"  # no text that reads as numbers
+    if not plain or values.ndim != 1 or not len(values) or not np.isfinite(values).all():
         raise InputError(item, f"at = {at!r}, expected a list of numbers")
     return values
 
 
 def finite(item: str, name: str, value: object, what: str = "a finite number") -> float:
     """A finite number; `what` says which is expected."""
-    odd = isinstance(value, str | bytes | bool | np.bool_)  # numpy takes them for numbers
-    number = np.array(np.nan) if odd else numbers(item, name, value)
-    if number.shape != () or not np.isfinite(number):
+    number = real(item, name, value, what)
+    if not np.isfinite(number):
         raise InputError(item, f"{name} = {value!r}, expected {what}")
-    return float(number)
+    return number
 
 
 def turned(item: str, turn: float | None) -> float | None:

@@ -22,7 +22,7 @@ from ..model.chart import Chart
 from ..model.loops import closed, tree_values
 from ..newton import NewtonSettings
 from ..simulate.start import broken_constraint, checked_start
-from ..types import Floats, IndexArray
+from ..types import Floats, IndexArray, switch
 from .control import Control
 from .point import Point, weights
 from .schedule import Schedule
@@ -57,8 +57,7 @@ def check_run(
 ) -> None:
     """Kinds of the arguments of :func:`static`; `switches` are those that are True or False."""
     for name, value in switches.items():
-        if not isinstance(value, bool):
-            raise InputError(f"argument {name}", f"{value!r}, expected True or False")
+        switch(f"argument {name}", value)
     kinds = {
         "model": (system, System),
         "treatment": (treatment, Treatment),
