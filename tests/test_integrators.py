@@ -472,7 +472,15 @@ def test_energy_balance_with_loads_drives_and_dampers():
     assert np.log2(imbalance(alpha, 0.01) / imbalance(alpha, 0.005)) == pytest.approx(2, abs=0.2)
 
 
-@pytest.mark.parametrize("scheme", [*SCHEMES.values(), sc.Composition(sc.Variational())], ids=repr)
+RESTARTED = [
+    *SCHEMES.values(),
+    sc.Composition(sc.Variational()),
+    sc.Variational(stabilized=True),
+    sc.Composition(sc.Variational(stabilized=True)),
+]
+
+
+@pytest.mark.parametrize("scheme", RESTARTED, ids=repr)
 def test_restart_goes_on_as_if_nothing_had_been(scheme, tmp_path):
     system = sprung()
     whole = sc.simulate(system, scheme, NULL, 0.02, 0.2)
@@ -641,7 +649,7 @@ def test_compositions_with_dampers():
 
 
 def test_parts_of_the_momentum_along_constraints_do_not_move_the_variational_scheme():
-    """So that there is nothing to stabilise: (q, p) and (q, Qp) start the same motion."""
+    """So that stabilising it changes no motion: (q, p) and (q, Qp) start the same one."""
     system, start = double_pendulum()
     G = system.constraints.jacobian(system.extend(start.q, 0.0))
     off = start.p + G.T @ np.random.default_rng(1).standard_normal(system.m)
@@ -651,6 +659,39 @@ def test_parts_of_the_momentum_along_constraints_do_not_move_the_variational_sch
     ]
     assert runs[1]["q"] == pytest.approx(runs[0]["q"], abs=1e-10)
     assert runs[1]["Qp"][1:] == pytest.approx(runs[0]["Qp"][1:], abs=1e-8)
+
+
+@pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
+def test_stabilized_variational_scheme_is_the_plain_one_with_momenta_projected(treatment):
+    """RATTLE and SHAKE: same motion, multipliers and work; momenta on the hidden constraints."""
+    loop = four_bar()
+    loop.add("gravity", sc.LoadGravity((0.3, -9.81, 0.1)))
+    scheme = sc.Variational(stabilized=True)
+    for system, start in ((sprung(), None), double_pendulum(), (loop.freeze(), None)):
+        plain, moved = (
+            sc.simulate(system, one, treatment, 0.01, 0.1, start=start, kernels="numpy")
+            for one in (sc.Variational(), scheme)
+        )
+        for name, other in {"q": "q", "Qp": "p", "constraint_force": "constraint_force"}.items():
+            size = np.nanmax(abs(plain[name]))
+            assert moved[other][:-1] == pytest.approx(plain[name][:-1], abs=1e-11 * size), name
+        assert abs(plain["p"] - plain["Qp"]).max() > 1e-7
+        assert abs(moved["p"] - moved["Qp"]).max() < 1e-13 * abs(plain["p"]).max()
+        assert moved["dissipated"] == pytest.approx(plain["dissipated"], abs=1e-13)
+        work = plain["work_drives"][:-1]
+        assert moved["work_drives"][:-1] == pytest.approx(work, abs=1e-12)
+
+
+def test_energy_of_a_composed_variational_scheme_is_of_its_order():
+    """Its momenta leave out what nodes have along G^T, of second order (with beams, on d3, too)."""
+    system, start = free_beam()
+    for scheme in (sc.Composition(sc.Variational()), sc.Composition(sc.Variational(), 6)):
+        error = []
+        for h in (0.01, 0.005):
+            history = sc.simulate(system, scheme, NULL, h, 0.1, start=start)
+            assert abs(history["p"] - history["Qp"]).max() < 1e-12 * abs(history["p"]).max()
+            error.append(abs(history["energy"] - history["energy"][0]).max())
+        assert np.log2(error[0] / error[1]) == pytest.approx(scheme.order, abs=0.3)
 
 
 def test_stabilized_energy_momentum_holds_hidden_constraints_and_loses_little():

@@ -15,7 +15,7 @@ from ..model.balance import amplitudes_at, balance
 from ..types import Array, Floats, IndexArray
 from .rowspace import dependent_rows, rows_touching
 
-__all__ = ["SaddlePoint", "accelerations", "hidden_rate", "saddle_point"]
+__all__ = ["SaddlePoint", "accelerations", "hidden_rate", "nearest_velocity", "saddle_point"]
 
 RANK_TOLERANCE = 1e-9  # of normalised constraint rows, as in the model
 #: share of the scene's extent by which constraints are differenced along the motion
@@ -103,6 +103,14 @@ def hidden_rate(system: System, y: Floats, t: float) -> Floats:
     rate = np.zeros_like(y)
     rate[system.rows :] = system.ground_rate(t)
     return -system.constraints.ground_rate(y, rate)
+
+
+def nearest_velocity(system: System, y: Floats, p: Floats, t: float) -> Floats:
+    """Velocity (n,) on the hidden constraints nearest to p (n,), in the kinetic energy; at time t.
+
+    ``M v = p - G(y)^T mu``, ``G(y) v + g_t = 0`` at y (total, 3).
+    """
+    return saddle_point(system)(y, p, hidden_rate(system, y, t))[0]
 
 
 def accelerations(

@@ -30,7 +30,10 @@ class Composition(Integrator):
     What the steps conserve exactly the composition conserves: the variational scheme its momenta
     and the symplectic form, energy-momentum energy and momenta. Some of the steps go backwards in
     time (loads and motions are taken inside the step only). Constraint forces, which the steps
-    give to second order, are those of the continuous equations at the composed states.
+    give to second order, are those of the continuous equations at the composed states. Momenta of
+    the variational scheme are recorded without their part along ``G^T``, of second order, too;
+    those of energy-momentum keep it, as they belong to the energy that is conserved. The work of
+    drives is the sum of that of the steps, to second order.
 
     Energy-momentum is composed to order 4 only: its velocities are off the hidden constraints by a
     part of O(h^2) that changes sign in each step, so a step is no smooth map close to the identity,
@@ -92,7 +95,7 @@ class Composition(Integrator):
         self.part, self.order = part, int(order)
         self.shares = (*half, *half[-2::-1])
         self.name = f"{part.name} composed to order {order}"
-        self.carries_node_momentum = part.carries_node_momentum
+        self.carries_node_momentum, self.remembered = part.carries_node_momentum, part.remembered
         # it is the longest of the steps that has to resolve the frequencies
         limit, longest = part.frequency_limit, max(abs(share) for share in half)
         self.frequency_limit = None if limit is None else limit / longest

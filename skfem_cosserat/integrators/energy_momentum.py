@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..constraints.saddle import hidden_rate, saddle_point
+from ..constraints.saddle import nearest_velocity
 from ..model import System
 from ..model.groups import BeamGroup, Blocks
 from ..types import Array, Floats, switch
@@ -62,8 +62,6 @@ class EnergyMomentum(Integrator):
         (Else ``G v_n`` alternates by O(h^2).) It is part of the step's constraint force. Momenta
         are kept; the energy is not: without moving ground it falls by what the move takes,
         ``history["dissipated"]``, of fourth order in a step.
-        The variational scheme needs nothing of the kind: parts of its momentum along ``G^T`` change
-        its multipliers only, not the motion, and ``history["Qp"]`` is free of them.
 
     Examples
     --------
@@ -114,8 +112,7 @@ class EnergyMomentum(Integrator):
         """Velocity (rows, 3) at the start of a step."""
         if state.memory is not None:
             return state.memory[0].reshape(-1, 3)
-        rate = hidden_rate(system, y0, state.time)
-        return saddle_point(system)(y0, state.p, rate)[0].reshape(-1, 3)
+        return nearest_velocity(system, y0, state.p, state.time).reshape(-1, 3)
 
     def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:
         """See the base class."""
@@ -176,11 +173,9 @@ class EnergyMomentum(Integrator):
         assert isinstance(step, EnergyMomentumStep)
         assert step.v0 is not None
         e, h, rows = evaluation, step.h, system.rows
-        t1 = step.t0 + h
         y1 = 2 * e.mid - step.y0
         p1 = e.momentum - step.p0
-        moved = saddle_point(system)(y1, p1.reshape(-1), hidden_rate(system, y1, t1))[0]
-        v1 = moved.reshape(-1, 3)
+        v1 = nearest_velocity(system, y1, p1.reshape(-1), step.t0 + h).reshape(-1, 3)
         momentum = np.asarray(system.mass @ v1)
         change, velocity = momentum - p1, (y1 - step.y0)[:rows] / h
         lost = 0.5 * float(((2 * velocity - step.v0 - v1) * (p1 + momentum)).sum())

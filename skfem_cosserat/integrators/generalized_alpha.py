@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..constraints.saddle import accelerations, hidden_rate, saddle_point
+from ..constraints.saddle import accelerations, nearest_velocity, saddle_point
 from ..errors import InputError
 from ..model import System
 from ..model.balance import (
@@ -155,7 +155,7 @@ class GeneralizedAlpha(Integrator):
     def _at_start(system: System, state: State) -> tuple[Floats, Floats]:
         """Rates v and a (n,) of the equations of motion."""
         y = system.extend(state.q, state.time)
-        v = saddle_point(system)(y, state.p, hidden_rate(system, y, state.time))[0]
+        v = nearest_velocity(system, y, state.p, state.time)
         return v, accelerations(system, state.q, v, state.time, state.turns)[0]
 
     def start_force(self, system: System, state: State, h: float) -> Floats:
@@ -234,8 +234,7 @@ class GeneralizedAlpha(Integrator):
         if not self.stabilized or not system.m:
             return evaluation
         e, h = evaluation, step.h
-        rate = hidden_rate(system, e.mid, step.t0 + h)
-        v = saddle_point(system)(e.mid, e.momentum.reshape(-1), rate)[0].reshape(-1, 3)
+        v = nearest_velocity(system, e.mid, e.momentum.reshape(-1), step.t0 + h).reshape(-1, 3)
         # with the accelerations that belong to it; M (v - v_1) is a constraint force
         more = (v - e.v1) / (self.gamma * h)
         a1 = e.a1 + (1 - self.alpha_m) / (1 - self.alpha_f) * more

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..constraints.saddle import accelerations, hidden_rate, saddle_point
+from ..constraints.saddle import accelerations, nearest_velocity
 from ..model import System
 from ..types import Floats
 from .base import Integrator, State, StepWork
@@ -77,7 +77,8 @@ class ComposedReport(StepReport):
     """Report of a step that is composed of others, or explicit.
 
     Its constraint force is that of the continuous equations at the start: the steps give theirs to
-    second order only.
+    second order only. So it is with the part of the momentum along ``G^T`` that nodes of the
+    variational scheme have: it is left out.
     """
 
     _stages: list[StepReport]
@@ -88,11 +89,24 @@ class ComposedReport(StepReport):
         return self._stages or [self]
 
     @property
+    def momentum(self) -> Floats:
+        """See the base class."""
+        system, integrator, _, _, _, _ = self._solved
+        if integrator.carries_node_momentum:
+            return super().momentum
+        return np.asarray(system.mass @ self._velocity.reshape(-1, 3)).reshape(-1)
+
+    @property
+    def _velocity(self) -> Floats:
+        """At the start (n,): on the hidden constraints, as nothing along ``G^T`` changes it."""
+        system, _, _, state, _, _ = self._solved
+        return nearest_velocity(system, self.constraint_point, state.p, state.time)
+
+    @property
     def constraint_force(self) -> Floats:
         """See the base class."""
         system, _, _, state, _, _ = self._solved
-        y = self.constraint_point
-        v = saddle_point(system)(y, self.momentum, hidden_rate(system, y, state.time))[0]
+        y, v = self.constraint_point, self._velocity
         lam = accelerations(system, state.q, v, state.time, state.turns)[1]
         return np.asarray(system.constraints.jacobian(y).T @ lam)
 

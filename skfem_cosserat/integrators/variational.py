@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..constraints.saddle import nearest_velocity
 from ..model import System
 from ..model.groups import Blocks
-from ..types import Array, Floats
+from ..types import Array, Floats, switch
 from .base import (
     Evaluation,
     Integrator,
     Scheme,
+    State,
     StepData,
     damped_force,
     largest,
@@ -24,8 +26,16 @@ __all__ = ["Variational"]
 
 
 @dataclass(eq=False)
+class _StepData(StepData):
+    #: constraint impulse (rows, 3) that the step before has taken off the momentum already
+    moved: Floats
+
+
+@dataclass(eq=False)
 class _Evaluation(Evaluation):
     kick: Array
+    #: as of the step, at its end
+    moved: Floats | None = None
 
 
 class Variational(Integrator):
@@ -47,6 +57,16 @@ class Variational(Integrator):
     rotations that the midpoint stresses do not see. What is not resolved is taken out by
     :class:`EnergyDecaying` and :class:`GeneralizedAlpha`.
 
+    Parameters
+    ----------
+    stabilized : bool
+        The momenta at the nodes fulfil the hidden constraints (46), too: at the end of each step a
+        second constraint force ``G(q_{n+1})^T mu`` moves the momentum to the nearest one, in the
+        kinetic energy, that does (RATTLE). The motion is the same to rounding, and so are the
+        multipliers, ``mu`` being part of them: what the momentum has along ``G^T`` changes the
+        multipliers of the next step only (Leimkuhler & Skeel 1994). ``history["p"]`` is the
+        ``history["Qp"]`` of the scheme without.
+
     Examples
     --------
     >>> Variational().order
@@ -65,9 +85,32 @@ class Variational(Integrator):
     conserves = "symplectic form, linear and angular momentum"
     reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equations (22) and (25)"
 
-    def scheme(self, h: float) -> Scheme:
+    def __init__(self, stabilized: bool = False) -> None:
+        self.stabilized = switch("argument stabilized", stabilized)
+        if stabilized:
+            self.name = "stabilized variational"
+            self.carries_node_momentum, self.remembered = True, 1
+            self.reference = (
+                f"{self.reference}; Andersen, J. Comput. Phys. 52 (1983) 24; Leimkuhler & Skeel,"
+                " J. Comput. Phys. 112 (1994) 117"
+            )
+
+    def __repr__(self) -> str:
+        return f"Variational({'stabilized=True' if self.stabilized else ''})"
+
+    def scheme(self, h: float) -> Scheme | None:
         """See the base class."""
+        if self.stabilized:
+            return None
         return Scheme(1 / h, 1.0, h / 2, ends=False, carry=(1.0, 0.0, -1.0))
+
+    def begin(self, system: System, state: State, h: float) -> StepData:
+        """See the base class."""
+        step = super().begin(system, state, h)
+        if not self.stabilized:
+            return step
+        moved = np.zeros(system.n) if state.memory is None else state.memory[0]
+        return _StepData(**vars(step), moved=moved.reshape(-1, 3))
 
     def evaluate(self, system: System, step: StepData, y1: Array) -> _Evaluation:
         """See the base class."""
@@ -104,6 +147,22 @@ class Variational(Integrator):
         moduli, force = self.moduli(system, step, evaluation), self.force_share * step.h
         return midpoint_tangent(system, step, evaluation, moduli, 1 / step.h, force)
 
+    def finished(self, system: System, step: StepData, evaluation: Evaluation) -> Evaluation:
+        """See the base class."""
+        if not isinstance(step, _StepData):
+            return evaluation
+        assert isinstance(evaluation, _Evaluation)
+        e, p1 = evaluation, self.carry(system, step, evaluation)
+        y1 = 2 * e.mid - step.y0
+        v1 = nearest_velocity(system, y1, p1.reshape(-1), step.t0 + step.h)
+        moved = p1 - system.mass @ v1.reshape(-1, 3)
+        return replace(e, R=e.R - step.moved, kick=e.kick - moved, moved=moved)
+
+    def memory(self, evaluation: Evaluation) -> Floats | None:
+        """See the base class: the impulse by which the momentum was moved, if it was."""
+        assert isinstance(evaluation, _Evaluation)
+        return None if evaluation.moved is None else evaluation.moved.reshape(1, -1)
+
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """``p_{n+1}`` before its constraint force: ``D_2 L_d + f^+`` (35)."""
         assert isinstance(evaluation, _Evaluation)
@@ -111,4 +170,4 @@ class Variational(Integrator):
 
     def node_momentum(self, p0: Floats, impulse: Floats, fresh: bool) -> Floats:
         """Mean of both discrete Legendre transforms (34), (35), whose parts of lambda cancel."""
-        return p0 if fresh else p0 - 0.5 * impulse
+        return p0 if fresh or self.stabilized else p0 - 0.5 * impulse
