@@ -498,6 +498,35 @@ def test_restart_goes_on_as_if_nothing_had_been(scheme, tmp_path):
     assert sc.simulate(system, scheme, NULL, 0.01, 0.12, start=other).times[-1] > 0.11
 
 
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (sc.Variational(), sc.EnergyMomentum()),
+        (sc.Variational(), sc.Variational()),
+        (sc.EnergyMomentum(stabilized=True), sc.GeneralizedAlpha(0.7)),
+        (sc.GeneralizedAlpha(0.7), sc.GeneralizedAlpha(0.7, stabilized=True)),
+        (sc.GeneralizedAlpha(0.7), sc.GeneralizedAlpha(0.7)),
+        (sc.Variational(stabilized=True), sc.EnergyMomentum(stabilized=True)),
+        (sc.Composition(sc.Variational()), sc.EnergyDecaying(0.1)),
+    ],
+    ids=repr,
+)
+def test_a_state_of_another_scheme_or_step_starts_anew(one, other):
+    """As with `restart`: what schemes carry on beside q is not the same."""
+    system = sprung()
+    h = 0.01 if one.name == other.name else 0.02
+    first = sc.simulate(system, one, NULL, 0.02, 0.06)
+    right = sc.simulate(
+        system, other, NULL, h, 0.1, start=sc.restart(system, first, other, h), derive=False
+    )
+    run = sc.steps(system, one, NULL, 0.02)
+    states = [next(run).state for _ in range(3)]
+    found = sc.simulate(system, other, NULL, h, 0.1, start=states[-1], derive=False)
+    for name in ("q", "p", "constraint_force"):
+        size = np.nanmax(abs(right[name]))
+        assert found[name][:-1] == pytest.approx(right[name][:-1], abs=1e-9 * size), name
+
+
 @pytest.mark.parametrize("scheme", [sc.GeneralizedAlpha(0.7), sc.EnergyDecaying(0.1)], ids=repr)
 def test_both_treatments_give_the_same_motion(scheme):
     loop = four_bar()
@@ -598,11 +627,15 @@ def test_a_closed_loop_of_mobility_one(scheme, treatment):
 def test_composed_steps_say_where_they_fail():
     system, start = double_pendulum()
     settings = sc.NewtonSettings(iterations=1, damped_iterations=1)
-    with pytest.raises(sc.Diverged, match="step 1 from t = 0 s") as caught:
+    said = "step 1 from t = 0 s.*try a smaller step than 0.5 s"  # not than one of its parts
+    with pytest.raises(sc.Diverged, match=said) as caught:
         sc.simulate(
             system, sc.Composition(sc.Variational()), NULL, 0.5, 1.0, start=start, settings=settings
         )
     assert (caught.value.step, caught.value.time) == (1, 0.0)
+    stepper = Stepper(system, sc.Composition(sc.EnergyMomentum()), NULL, 0.1)
+    with pytest.raises(sc.IncompatibleError, match=r"Composition\(Energy.*see EnergyMomentum\(\)"):
+        stepper.iteration_matrix(start)
 
 
 @pytest.mark.slow  # compiles

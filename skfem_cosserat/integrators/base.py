@@ -50,6 +50,9 @@ class State:
     memory : (k, n) array or None
         What the integrator carries on beside (q, p), such as accelerations; None: nothing, or a
         start from (q, p).
+    maker : (str, float) or None
+        Name and step (s) of the scheme that p and memory are of; others start anew from them, as
+        :func:`skfem_cosserat.restart` does. None: any may go on from here.
 
     Examples
     --------
@@ -72,6 +75,7 @@ class State:
     fresh: bool = True
     turns: IndexArray | None = None
     memory: Floats | None = None
+    maker: tuple[str, float] | None = None
 
     def __repr__(self) -> str:
         """Without the arrays."""

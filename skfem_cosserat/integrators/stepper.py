@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..constraints import BoundTreatment, Treatment
+from ..constraints.saddle import nearest_velocity
 from ..errors import Diverged, IncompatibleError, InputError
 from ..linear import LinearSolver, Solver, checked_solver
 from ..log import logger
@@ -162,6 +163,8 @@ class Stepper:
         )
         self.settings = default_settings() if settings is None else settings
         _check_kind("settings", self.settings, NewtonSettings)
+        #: name and step by which its states are known, and what a failed step is called by
+        self.maker = integrator.name, self.h
         self._march = integrator.march(system, treatment, self.h, kernels, steps)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
         self.bound.large = False
@@ -183,6 +186,8 @@ class Stepper:
                 share: Stepper(system, one, treatment, share * self.h, *common, backwards=share < 0)
                 for share in integrator.shares
             }
+            for stage in self._stages.values():
+                stage.maker = self.maker
             return
         if self.choice.name == "numba":
             text = "kernels are compiled, 10 to 20 s at the first time, or read from the cache"
@@ -223,6 +228,7 @@ class Stepper:
         Parameters
         ----------
         state : State
+            Also one of another scheme or step, see :meth:`own`.
         time : float, optional
             Time of the new state; default ``state.time + h``. (``t_n = n h`` avoids that rounding
             adds up over many steps.)
@@ -234,11 +240,32 @@ class Stepper:
             a line search. If prescribed motion has reached a dead point of a closed loop, or
             contradicts another one around it, the reason says so.
         """
-        new_time = state.time + self.h if time is None else time
+        new_time, state = state.time + self.h if time is None else time, self.own(state)
         if self._stages:
-            return self._compose(state, new_time)
-        if self._march is not None:
-            return self._marched(self._march, state, new_time)
+            report = self._compose(state, new_time)
+        elif self._march is not None:
+            report = self._marched(self._march, state, new_time)
+        else:
+            report = self._solve(state, new_time)
+        report.state.maker = self.maker
+        return report
+
+    def own(self, state: State) -> State:
+        """The state, if this scheme and step made it; else a start from its q and p.
+
+        Its momentum is then that on the hidden constraints: schemes carry on different momenta.
+        """
+        if state.maker is None:
+            return state
+        name, step = state.maker
+        if name == self.maker[0] and np.isclose(step, self.maker[1], rtol=1e-9, atol=0):
+            return state
+        y = self.system.extend(state.q, state.time)
+        v = nearest_velocity(self.system, y, state.p, state.time)
+        p = np.asarray(self.system.mass @ v.reshape(-1, 3)).reshape(-1)
+        return replace(state, p=p, fresh=True, memory=None, maker=None)
+
+    def _solve(self, state: State, new_time: float) -> StepReport:
         step: StepData | None = None
         if self._fast is not None:
             if self._fast.looped:  # only the treatment knows about singular positions
@@ -338,7 +365,7 @@ class Stepper:
             bent = bent_elements(self.system, y1)
         drawn = overstretched(self.system, step.y0)  # forces at y1 mean nothing
         reason = "; ".join(text for text in (reason, bent, drawn) if text is not None)
-        return reason, f"try a smaller step than {self.h:g} s, {self.integrator.advice}"
+        return reason, f"try a smaller step than {self.maker[1]:g} s, {self.integrator.advice}"
 
     def _check_motion(self, state: State, y1: Array, residual: float) -> None:
         """Raise Diverged if prescribed motions no longer agree around a closed loop."""
@@ -398,9 +425,19 @@ class Stepper:
         ----------
         scaled : bool
             The matrix actually factorised; False: without the scaling of multipliers.
+
+        Raises
+        ------
+        IncompatibleError
+            For explicit and composed schemes.
         """
         if self._march is not None:
             raise IncompatibleError(f"{self.integrator!r}", "it has no iteration matrix")
+        if self._stages:
+            raise IncompatibleError(
+                f"{self.integrator!r}",
+                f"each of its steps has one of its own: see {self.integrator.part!r}",
+            )
         fast, self._fast = self._fast, None  # the treatment has to be at the solution
         try:
             report = self.advance(state)

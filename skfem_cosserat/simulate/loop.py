@@ -50,14 +50,15 @@ def steps(
     ----------
     system : System
     integrator : Integrator
-        ``Variational()``, ``EnergyMomentum()``, ``EnergyDecaying()``, ``GeneralizedAlpha()`` or a
-        ``Composition`` of one of the first two.
+        ``Variational()``, ``EnergyMomentum()``, ``EnergyDecaying()``, ``GeneralizedAlpha()``, a
+        ``Composition`` of one of the first two, ``Explicit()`` or ``Asynchronous()``.
     treatment : Treatment
-        ``NullSpace()`` or ``Multipliers()``.
+        ``NullSpace()`` or ``Multipliers()``; the explicit schemes take the latter.
     step : float
         Step size (s).
     start : State, optional
-        Default: :func:`initial_state`.
+        Default: :func:`initial_state`. One that another integrator or step led to starts anew from
+        its q and p, as with :func:`restart`.
     settings : NewtonSettings, optional
         When Newton's method stops.
     kernels : {"auto", "numpy", "numba"}
@@ -87,7 +88,7 @@ def steps(
     0.5
     """
     stepper = Stepper(system, integrator, treatment, step, settings, kernels, solver=solver)
-    state = initial_state(system) if start is None else checked_start(system, start)
+    state = initial_state(system) if start is None else stepper.own(checked_start(system, start))
     origin, first = state.time, state.index
     while True:
         # t_n = t_0 + n h: no rounding adds up over many steps
@@ -183,6 +184,7 @@ def simulate(
         system, integrator, treatment, step, settings, kernels, intended, solver, show.say
     )
     state, count = _plan(system, start, stepper.h, until, every)
+    state = stepper.own(state)
     _check_run(callbacks, path, state)
     recorder = Recorder(system, stepper, state, count, every, at, path, sensors)
     _warn_if_unresolved(stepper)

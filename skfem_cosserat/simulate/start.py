@@ -267,15 +267,15 @@ def restart(system: System, history: History, integrator: Integrator, step: floa
     # the end of a path of static(): loads and motions go on from its load factor
     t, index = float(row.get("load_factor", row["t"])), int(row["step"])
     q = np.array(row["q"])
-    same = history.meta["integrator"] == integrator.name and np.isclose(
-        history.meta["step"], step, rtol=1e-12, atol=0
-    )
+    maker = str(history.meta["integrator"]), float(history.meta["step"])
+    same = maker[0] == integrator.name and np.isclose(maker[1], step, rtol=1e-12, atol=0)
     turns = recorded_turns(system, history)
     if same:
         memory = np.array(row["memory"]) if "memory" in row else None
         if memory is not None and np.isnan(memory).any():
             memory = None
-        return State(t, index, q, np.array(row["carried"]), bool(row["fresh"]), turns, memory)
+        fresh = bool(row["fresh"])
+        return State(t, index, q, np.array(row["carried"]), fresh, turns, memory, maker)
     p = np.array(row["p"])
     if not np.isfinite(p).all():
         p = np.array(row["carried"])
