@@ -48,7 +48,7 @@ from .linear import SolverBanded, SolverDense, SolverMetis, SolverPardiso, Solve
 from .load import FunctionOfTime, LoadForce, LoadGravity, LoadLine, LoadMoment, Table
 from .mesh import MeshCurve, read_mesh, write_mesh
 from .modal import Buckling, Modes, buckling, modes
-from .model import Model, System
+from .model import Model, Planar, Planarity, System, planarity
 from .model.balance import Spin
 from .motion import MotionShake, MotionTurn
 from .newton import NewtonSettings
@@ -156,6 +156,8 @@ __all__ = [
     "NullSpace",
     "Outcome",
     "Place",
+    "Planar",
+    "Planarity",
     "Processes",
     "Profile",
     "ProfileBox",
@@ -206,6 +208,7 @@ __all__ = [
     "ground",
     "initial_state",
     "modes",
+    "planarity",
     "project",
     "read_mesh",
     "refine",

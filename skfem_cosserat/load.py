@@ -248,6 +248,10 @@ class Load(Item):
         """Place of a single frame whose directors it depends on."""
         return None
 
+    def places(self) -> Sequence[Place]:
+        """The points it acts at, if it has any."""
+        return ()
+
     @property
     def constant(self) -> bool:
         """Whether it does not change in time."""
@@ -283,6 +287,10 @@ class _NodalLoad(Load):
     def references(self) -> list[StructuralItem]:
         """The item it acts on."""
         return [] if self.place.item is None else [self.place.item]
+
+    def places(self) -> Sequence[Place]:
+        """Its place."""
+        return (self.place,)
 
     def frame_place(self) -> Place | None:
         """Its place, if it follows the triad."""

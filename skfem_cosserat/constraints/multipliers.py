@@ -20,6 +20,7 @@ from ..model.quadratic import sum_at
 from ..model.singular import Passages, way_off
 from ..types import Array, Floats
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers, relative_size
+from .restriction import Restriction
 
 __all__ = ["Multipliers"]
 
@@ -68,10 +69,9 @@ class BoundMultipliers(BoundTreatment):
         n, m, g = system.n, system.m, system.constraints
         self.scaled = scaled
         self.large = weight == 1  # equilibria
-        self.unknowns = n + system.rank
         i, j = group_pairs(system, [group.dofs for group in system.groups])
         gi, gj = g.G_rows, g.G_cols
-        self._redundant = system.rank < m
+        self._redundant = system.closure.rank < len(system.closure.rows)
         loop = n + system.closure.rows if self._redundant else np.zeros(0, dtype=np.int64)
         ci, cj = pair_numbers(system.coupled_rows, 3 * np.arange(system.rows))
         rows = [i, ci, gj, n + gi, loop]
@@ -79,14 +79,22 @@ class BoundMultipliers(BoundTreatment):
         if weight:
             rows.append(g.curvature_rows)
             cols.append(g.curvature_cols)
-        self.pattern = FrozenPattern(np.concatenate(rows), np.concatenate(cols), (n + m, n + m))
+        self._full = FrozenPattern(np.concatenate(rows), np.concatenate(cols), (n + m, n + m))
+        self._inside = None if system.plane is None else Restriction(system, self._full)
+        self.pattern = self._full if self._inside is None else self._inside.pattern
+        #: how many of the solver's unknowns are coordinates
+        self._coordinates = n if self._inside is None else self._inside.count
+        self.unknowns = self._coordinates + system.rank
         self.solver = LinearSolver(self.pattern)
         size = g.magnitudes(system.extend(system.q0, 0.0))
+        size = size if self._inside is None else size[self._inside.kept]
         self._magnitude = np.where(size > 0, size, 1.0)
         self._q: Array = np.zeros(n)
         self._multiplier: Array = np.zeros(m)
         self.last: tuple[Array, Array] | None = None
         self._keep = np.ones(m)
+        if self._inside is not None:
+            self._keep[np.setdiff1d(np.arange(m), self._inside.kept)] = 0
         self._passages = Passages(system)
         self._away: Floats | None = None
         self._chart = Chart(system.kinematics) if system.moving else None
@@ -138,6 +146,9 @@ class BoundMultipliers(BoundTreatment):
         self._q = self._q0 + dq
         if use and self.last is not None:
             self._turn_directors(self.last[0])
+        if self._inside is not None:
+            # turned on, rounding out of the plane would grow: no iteration takes it away
+            self._q = self._q0 + self._inside.within(self._q - self._q0)
         self._multiplier = multiplier * self._keep
 
     def stay(self) -> None:
@@ -153,10 +164,12 @@ class BoundMultipliers(BoundTreatment):
     def _balancing(self, R: Array, y: Array) -> Array:
         """Multipliers that balance R at y best; zero for rows that depend on others."""
         kept = np.flatnonzero(self._keep)
-        G = self.system.constraints.jacobian(y)[kept]
+        G, force = self.system.constraints.jacobian(y)[kept], R.reshape(-1)
+        if self._inside is not None:
+            G, force = G @ self._inside.along, self._inside.restrict(force)
         out = np.zeros(self.system.m, dtype=R.dtype)
         if len(kept):
-            out[kept] = -splu((G @ G.T).tocsc()).solve(G @ R.reshape(-1))
+            out[kept] = -splu((G @ G.T).tocsc()).solve(G @ force)
         return out
 
     def move_ground(self, ground1: Array) -> None:
@@ -185,7 +198,8 @@ class BoundMultipliers(BoundTreatment):
         """See the base class: not the multipliers of rows that depend on others."""
         if not self._redundant:
             return None
-        return np.concatenate([np.ones(self.system.n, dtype=bool), self._keep > 0])
+        keep = self._keep if self._inside is None else self._keep[self._inside.kept]
+        return np.concatenate([np.ones(self._coordinates, dtype=bool), keep > 0])
 
     def configuration(self) -> Array:
         """See the base class."""
@@ -209,19 +223,28 @@ class BoundMultipliers(BoundTreatment):
         out[n:] = constraints.values(y1)
         if self._redundant:
             out[n:] *= self._keep
-        return out
+        return self._restricted(out)
+
+    def _restricted(self, full: Array) -> Array:
+        """Of (n + m,) numbers those of the solver's unknowns."""
+        return full if self._inside is None else self._inside.restrict(full)
+
+    def _expanded(self, increment: Array) -> Array:
+        """All (n + m,) from the solver's unknowns."""
+        return increment if self._inside is None else self._inside.expand(increment)
 
     def push(self, increment: Array, y1: Array) -> Array:
         """See the base class."""
-        return increment[: self.system.n].reshape(-1, 3)
+        return self._expanded(increment)[: self.system.n].reshape(-1, 3)
 
     def pull(self, gradient: Array) -> Array:
         """See the base class; multipliers change nothing."""
-        return np.concatenate([gradient.reshape(-1), np.zeros(self.system.m)])
+        full = np.concatenate([gradient.reshape(-1), np.zeros(self.system.m)])
+        return self._restricted(full)
 
     def relative(self, residual: Array, largest: float) -> float:
         """See the base class; constraints are compared with their own terms."""
-        n = self.system.n
+        n = self._coordinates
         balance = float(abs(residual[:n]).max(initial=0.0))
         violation = float((abs(residual[n:]) / self._magnitude).max(initial=0.0))
         return float(np.max([relative_size(balance, largest), violation]))  # NaN stays
@@ -248,18 +271,19 @@ class BoundMultipliers(BoundTreatment):
             # on a path those that balance the predicted stresses, at directors that have turned
             lam = self._balancing(R, y1) if self.large else self._multiplier
             values.append(self.weight * constraints.curvature_values(lam, at))
-        return self.pattern.data(np.concatenate(values))
+        data = self._full.data(np.concatenate(values))
+        return data if self._inside is None else self._inside.data(data)
 
     def scale_rows(self, residual: Array) -> Array:
         """The residual in the scaling of the matrix."""
         out = residual.copy()
         if self.scaled:
-            out[self.system.n :] *= self._size
+            out[self._coordinates :] *= self._size
         return out
 
     def apply(self, increment: Array) -> None:
         """See the base class."""
-        n = self.system.n
+        n, increment = self.system.n, self._expanded(increment)
         factor = self._size if self.scaled else self.h
         if self.large:
             self._turn(increment[:n].reshape(-1, 3))
@@ -277,6 +301,8 @@ class BoundMultipliers(BoundTreatment):
         q = self._q.reshape(-1, 3)
         D = q[rows]
         omega = 0.5 * cross(D, change[rows]).sum(1)
+        if (plane := self.system.plane) is not None:
+            omega = (omega @ plane.normal)[:, None] * plane.normal
         out = q + change
         out[rows] = D @ rotation_matrix(exp_quaternion(omega)).transpose(0, 2, 1)
         self._q = out.reshape(-1)
@@ -284,14 +310,18 @@ class BoundMultipliers(BoundTreatment):
     def sizes(self, increment: Floats) -> tuple[float, float]:
         """See the base class; a change of directors stands for a rotation."""
         system = self.system
-        d = abs(increment[: system.n].reshape(-1, 3))
+        d = abs(self._expanded(increment)[: system.n].reshape(-1, 3))
         shift = d[system.origin_rows].max(initial=0.0) / system.length
         turn = d[system.kinematics.director_rows].max(initial=0.0)
         return float(max(shift, turn)), float(turn)
 
     def constraint_impulse(self, R: Array) -> Array:
-        """See the base class."""
-        return self._impulse.reshape(-1, 3)
+        """See the base class; out of a plane that all is confined to, what holds the balance."""
+        force = self._impulse
+        if self._inside is not None:
+            other = -R.reshape(-1)
+            force = other + self._inside.within(force - other)
+        return force.reshape(-1, 3)
 
     def astray(self, y1: Array) -> str | None:
         """See the base class."""

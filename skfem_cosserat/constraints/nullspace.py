@@ -71,18 +71,16 @@ class Congruence:
         self,
         pairs: tuple[IndexArray, IndexArray],
         extra: tuple[IndexArray, IndexArray],
-        T: tuple[IndexArray, IndexArray, int],
+        T: tuple[IndexArray, IndexArray, IndexArray],
         shape: tuple[int, int],
     ) -> None:
-        T_rows, T_cols, fixed = T
+        T_rows, T_cols, ones = T
         order = np.argsort(T_rows, kind="stable")
         start = np.searchsorted(T_rows[order], np.arange(shape[0] + 1))
         count = np.diff(start)
         identity = np.zeros(shape[0], dtype=bool)
         one = np.flatnonzero(count == 1)
-        identity[one] = order[start[one]] < fixed
-        # fixed entries can be shifts of a tree as well, but those rows have other entries too, or
-        # are constant translations whose factor must be 0 or 1
+        identity[one] = np.isin(order[start[one]], ones)
         I, J = pairs  # noqa: E741
         plain = identity[I] & identity[J]
         passed, rest = np.flatnonzero(plain), np.flatnonzero(~plain)
@@ -190,7 +188,7 @@ class BoundNullSpace(BoundTreatment):
             if len(kin.tree.pairs):
                 extra = kin.curvature_pattern()
         self._congruence = Congruence(
-            (i, j), extra, (kin.T_rows, kin.T_cols, kin.n_fixed), (kin.n_twist, kin.unknowns)
+            (i, j), extra, (kin.T_rows, kin.T_cols, kin.ones), (kin.n_twist, kin.unknowns)
         )
         self.pattern = self._congruence.pattern
         if self._loops:
@@ -200,7 +198,10 @@ class BoundNullSpace(BoundTreatment):
             none = np.zeros(0, dtype=np.int64)
             self._ones = Z[2]
             self._reduction = Congruence(
-                (tree.indices, cols), (none, none), Z, (kin.unknowns, self.unknowns)
+                (tree.indices, cols),
+                (none, none),
+                (Z[0], Z[1], np.arange(Z[2])),
+                (kin.unknowns, self.unknowns),
             )
             self.pattern = self._reduction.pattern
             self._Z = (Z[0], Z[1])

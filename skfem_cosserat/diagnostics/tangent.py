@@ -8,9 +8,9 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, diags
 
 from ..constraints.rowspace import RowSpace
-from ..kernels import null_space_blocks
 from ..model import System
 from ..model.balance import Amplitudes, Balance, balance, balance_tangent
+from ..model.loops import null_space_matrix
 from ..types import Array, Floats
 
 __all__ = [
@@ -149,28 +149,6 @@ def curvature_matrix(system: System, y: Floats, multipliers: Floats) -> csr_matr
     ij = (c.curvature_rows, c.curvature_cols)
     values = c.curvature_values(multipliers, y)
     return coo_matrix((values, ij), shape=(system.n, system.n)).tocsr()
-
-
-def null_space_matrix(system: System, y: Floats) -> csr_matrix:
-    """``system.null_space`` at all rows y as a sparse matrix: beams have thousands of unknowns."""
-    kin, closure = system.kinematics, system.closure
-    values = kin.T_values(kin.locate(y, kin.fixed_axes(y)))
-    rows, cols, ones = closure.null_pattern()
-    Z = coo_matrix(
-        (closure.null_values(closure.select(y, values), ones), (rows, cols)),
-        shape=(kin.unknowns, system.unknowns),
-    )
-    blocks = null_space_blocks(kin.directors(y))
-    coordinates = 3 * kin.frame_rows[:, None, None] + np.arange(12)[:, None]
-    points = (3 * kin.row[kin.points][:, None] + np.arange(3)).ravel()
-    i = np.concatenate([np.broadcast_to(coordinates, blocks.shape).ravel(), points])
-    twists = np.broadcast_to(kin.frame_twist[:, None, :], blocks.shape)
-    j = np.concatenate([twists.ravel(), kin.point_twist.ravel()])
-    P = coo_matrix(
-        (np.concatenate([blocks.ravel(), np.ones(len(points))]), (i, j)),
-        shape=(system.n, kin.n_twist),
-    )
-    return (P.tocsr() @ (kin.T_matrix(values) @ Z.tocsr())).tocsr()
 
 
 def material_stiffness(system: System, y: Floats) -> csr_matrix:

@@ -81,6 +81,7 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
 
 def _everywhere(system: System) -> dict[str, bool]:
     return {
+        "scenes confined to a plane": system.plane is not None,
         "springs, dampers and actuators": system.couplings.count > 0,
         "beams of several orders": len(system.beam_groups) > 1,
         "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),

@@ -36,6 +36,8 @@ def check_scene(name: str, system: System, treatment: Treatment) -> None:
     def refuse(what: str, reason: str) -> None:
         raise IncompatibleError(f"{name} with {what}", reason)
 
+    if system.plane is not None:
+        refuse(f"{system.plane!r}", "explicit steps move all nodes in space: freeze it without")
     for item in system.structures:
         if isinstance(item, Beam) and not item.lumped:
             refuse(item.label, "its mass matrix couples nodes: Beam(..., lumped=True) does not")

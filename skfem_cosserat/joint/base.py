@@ -68,6 +68,23 @@ class Freedom:
     slides: tuple[Slide, ...] = ()
     sphere: bool = False
 
+    def within(self, normal: Floats) -> Freedom:
+        """What is left where everything moves in the plane with this unit normal only.
+
+        Turns about the normal, and the slides in the plane; two slides that leave it both are one
+        along the line in which their plane meets it.
+        """
+        turns = self.turns
+        if turns is not None:
+            turns = tuple(turn for turn in turns if abs(turn.axis @ normal) > 0.5)
+        out = np.array([np.cross(s.left, s.right) @ normal for s in self.slides])
+        slides = tuple(s for s, rise in zip(self.slides, out, strict=True) if abs(rise) < TOLERANCE)
+        if len(self.slides) == 2 and not slides:  # both have the same left vector
+            first, second = self.slides
+            right = (out[1] * first.right - out[0] * second.right) / np.linalg.norm(out)
+            slides = (Slide(first.name, first.left, right),)
+        return Freedom(turns, slides, self.sphere)
+
 
 class Joint(Item):
     """Connection of two places; see the subclasses.

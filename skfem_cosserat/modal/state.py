@@ -115,6 +115,10 @@ def resting(
         if not isinstance(spin, Spin):
             raise InputError("argument spin", f"{type(spin).__name__}, expected a Spin")
         amplitudes = replace(amplitudes, spin=spin)
+    if system.plane is not None:
+        system.plane.check("argument state", "it", q, system.q0)
+        if amplitudes.spin is not None:
+            system.plane.check_spin(amplitudes.spin.velocity)
     if amplitudes.spin is not None and system.drag is not None:
         raise IncompatibleError(
             "argument spin",

@@ -1,6 +1,8 @@
 """The scene and the arrays it freezes to."""
 
-from .scene import Model
+from .planarity import Planarity
+from .plane import Planar
+from .scene import Model, planarity
 from .system import System
 
-__all__ = ["Model", "System"]
+__all__ = ["Model", "Planar", "Planarity", "System", "planarity"]

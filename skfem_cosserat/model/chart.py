@@ -78,9 +78,11 @@ class Chart:
             vertices = np.array([c.vertex for c in cs], dtype=np.int64).reshape(-1, size)[:, 0]
             return numbers, vertices
 
-        self.shift_numbers, self._shift_vertices = pick("translation", 3)
-        self.turn_numbers, self._turn_vertices = pick("rotation", 3)
-        self.sphere_numbers, spheres = pick("sphere", 2)
+        self._directions, self._axes = tree.directions, tree.axes
+        self._flat = tree.plane is not None
+        self.shift_numbers, self._shift_vertices = pick("translation", len(self._directions))
+        self.turn_numbers, self._turn_vertices = pick("rotation", len(self._axes))
+        self.sphere_numbers, spheres = pick("sphere", 1 if self._flat else 2)
         self._hinges = _Drives(kinematics, kinematics.guided)
         self._tracks = _Drives(kinematics, kinematics.sliding)
         self._shift_rows = kinematics.row[self._shift_vertices]
@@ -204,9 +206,12 @@ class Chart:
 
     def add(self, increment: Array) -> None:
         """Compose with an increment (K,) of the tree's coordinates at the present configuration."""
-        self._shift = self._shift + increment.take(self.shift_numbers)
+        shift = increment.take(self.shift_numbers)
+        self._shift = self._shift + (shift @ self._directions if self._flat else shift)
         if len(self._turns):
             theta = increment.take(self.turn_numbers)
+            if self._flat:
+                theta = theta @ self._axes
             if len(self.sphere_numbers):
                 numbers = self.sphere_numbers
                 swings = (increment[numbers][:, :, None] * self.fixed[numbers]).sum(1)

@@ -56,6 +56,8 @@ class Scene(Protocol):
     closure: Closure
     redundant: IndexArray
     joint_rows: list[JointRows]
+    guards: QuadraticConstraints
+    guarded: list[Joint | JointDrive]
     moving: list[Place]
     mass: csr_matrix
     unknowns: int

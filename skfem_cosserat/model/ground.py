@@ -8,6 +8,7 @@ import numpy as np
 
 from ..frames import Place
 from ..types import Floats
+from .plane import Plane
 
 __all__ = ["Ground"]
 
@@ -39,15 +40,33 @@ class Ground:
                 self.moving.append(place)
         self.rows = 4 * (1 + len(self.moving))
         self._rates: dict[float, tuple[Floats, float]] = {}
+        self._plane: Plane | None = None
+        self._watched: list[Place] = []
 
     def number(self, place: Place) -> int:
         """Which frame a ground place belongs to; 0 is the one at rest."""
         return next((1 + k for k, p in enumerate(self.moving) if p is place), 0)
 
+    def confined(self, plane: Plane, drives: Sequence[Place]) -> Ground:
+        """The same frames, which must not leave a plane; those of drives are numbers only."""
+        out = Ground(self.moving)
+        out._plane = plane
+        out._watched = [p for p in self.moving if not any(p is drive for drive in drives)]
+        return out
+
     def at(self, t: float) -> Floats:
-        """Rows (rows, 3) at time `t`."""
+        """Rows (rows, 3) at time `t`.
+
+        Raises
+        ------
+        InputError
+            If one leaves the plane that the scene is confined to.
+        """
         if not self.moving:
             return _REST
+        for place in self._watched:
+            assert self._plane is not None
+            self._plane.check_ground(place, t)
         frames = [p.motion.frame(p, t) for p in self.moving if p.motion is not None]
         return np.concatenate([_REST, *frames])
 

@@ -99,7 +99,7 @@ class Kinematics:
                 (e.parent_spot, e.child_spot),
             )
             for e in tree.edges
-            if e.joint.freedom().sphere
+            if e.joint.freedom().sphere and tree.plane is None
         ]
         self._pairs()
         self._prepare_curvature()
@@ -157,10 +157,12 @@ class Kinematics:
         tree, cs = self.tree, self.tree.coordinates
         rows, cols, ones = [], [], []
         for v in tree.free:
-            own = tree.own[v]
-            rows += [int(self.twist_of[v]) + i for i in range(len(own))]
-            cols += own
-            ones += [1.0] * len(own)
+            for k in tree.own[v]:
+                first = int(self.twist_of[v]) + (3 if cs[k].kind == "rotation" else 0)
+                along = np.flatnonzero(cs[k].axis)
+                rows += (first + along).tolist()
+                cols += [k] * len(along)
+                ones += cs[k].axis[along].tolist()
         for p in shifting:
             rows += [int(self.twist_of[p.vertex]) + i for i in range(3)]
             cols += [p.number] * 3
@@ -187,6 +189,8 @@ class Kinematics:
         )
         self._T_constant = np.array(ones)
         self.n_fixed = len(ones)
+        #: entries that are 1 at any configuration
+        self.ones: IndexArray = np.flatnonzero(self._T_constant == 1)
         order = np.lexsort((self.T_cols, self.T_rows))
         self._order = order
         indptr = np.searchsorted(self.T_rows[order], np.arange(self.n_twist + 1))

@@ -110,6 +110,8 @@ class Loading:
         self.dead = np.array(dead).reshape(len(dead), rows, 3)
         self.constant = all(isinstance(t, Constant) for t in self.times)
         self.dead_only = not self._followers and not moments
+        #: what looks at the factors of all channels at a time (s): whether they leave a plane
+        self.guard: Callable[[Floats, float], None] | None = None
         self._set_moments(moments)
 
     def _frame_block(self, vertex: int) -> int:
@@ -207,11 +209,17 @@ class Loading:
 
     def averages(self, t0: float, t1: float) -> Floats:
         """Exact means of all channels over a step."""
-        return self._each(lambda time: time.average(t0, t1))
+        return self.checked(self._each(lambda time: time.average(t0, t1)), t1)
 
     def values(self, t: float) -> Floats:
         """All channels at time `t`."""
-        return self._each(lambda time: time.value(t))
+        return self.checked(self._each(lambda time: time.value(t)), t)
+
+    def checked(self, factors: Floats, t: float) -> Floats:
+        """The factors of all channels at a time `t` (s), if nothing is wrong with them."""
+        if self.guard is not None:
+            self.guard(factors, t)
+        return factors
 
     def _each(self, number: Callable[[TimeFunction], float]) -> Floats:
         """A number of each channel; an error of a function names its load."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix
 
 from ..drive import JointDrive
 from ..errors import InputError
 from ..joint import Joint
+from ..kernels import cross, null_space_blocks
 from ..log import logger
 from ..types import Floats, IndexArray
 from .chart import Chart
@@ -24,8 +26,10 @@ __all__ = [
     "drivers",
     "loop_joints",
     "names_of",
+    "null_space_matrix",
     "redundancies",
     "tree_values",
+    "turned_over",
     "violated",
 ]
 
@@ -54,6 +58,40 @@ def tree_values(system: Scene, y: Floats, fixed: Floats | None = None) -> Floats
     """Values of the tree's T at all rows y, with the axes `fixed` of a chart if there is one."""
     kin = system.kinematics
     return kin.T_values(kin.locate(y, kin.fixed_axes(y) if fixed is None else fixed))
+
+
+def null_space_matrix(system: Scene, y: Floats) -> csr_matrix:
+    """``system.null_space`` at all rows y as a sparse matrix: beams have thousands of unknowns."""
+    kin, closure = system.kinematics, system.closure
+    values = kin.T_values(kin.locate(y, kin.fixed_axes(y)))
+    rows, cols, ones = closure.null_pattern()
+    Z = coo_matrix(
+        (closure.null_values(closure.select(y, values), ones), (rows, cols)),
+        shape=(kin.unknowns, system.unknowns),
+    )
+    blocks = null_space_blocks(kin.directors(y))
+    coordinates = 3 * kin.frame_rows[:, None, None] + np.arange(12)[:, None]
+    points = (3 * kin.row[kin.points][:, None] + np.arange(3)).ravel()
+    i = np.concatenate([np.broadcast_to(coordinates, blocks.shape).ravel(), points])
+    twists = np.broadcast_to(kin.frame_twist[:, None, :], blocks.shape)
+    j = np.concatenate([twists.ravel(), kin.point_twist.ravel()])
+    P = coo_matrix(
+        (np.concatenate([blocks.ravel(), np.ones(len(points))]), (i, j)),
+        shape=(system.n, kin.n_twist),
+    )
+    return (P.tocsr() @ (kin.T_matrix(values) @ Z.tocsr())).tocsr()
+
+
+def turned_over(system: Scene, y: Floats) -> str | None:
+    """See :meth:`System.turned_over`."""
+    wrong = np.flatnonzero(system.guards.values(y) < -1)  # cosines, less 1
+    if len(wrong):
+        return f"{system.guarded[int(wrong[0])].label} by half a turn"
+    D = system.kinematics.directors(y)
+    wrong = np.flatnonzero((cross(D[:, 0], D[:, 1]) * D[:, 2]).sum(1) < 0)
+    if len(wrong):
+        return f"triad of {system.owner[int(system.kinematics.frames[wrong[0]])].label}"
+    return None
 
 
 def close_loops(system: Scene) -> tuple[Closure, IndexArray]:

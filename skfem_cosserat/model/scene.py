@@ -15,9 +15,12 @@ from ..foundation import Foundation
 from ..frames import Item
 from ..joint import Joint
 from ..load import Load
+from ..types import ArrayLike
+from .planarity import Planarity, confined, inspect
+from .plane import Planar
 from .system import System
 
-__all__ = ["Model"]
+__all__ = ["Model", "planarity"]
 
 ItemT = TypeVar("ItemT", bound=Item)
 
@@ -102,15 +105,20 @@ class Model:
     def __len__(self) -> int:
         return len(self._items)
 
-    def freeze(self) -> System:
+    def freeze(self, planar: Planar | None = None) -> System:
         """Number everything and check it: the arrays that all methods work on.
+
+        Parameters
+        ----------
+        planar : Planar, optional
+            Confine everything to a plane: without unknowns out of it. Default: in space.
 
         Raises
         ------
         InputError
             Naming the item: references to items that are not in the model, joints that do not
             close, contradictory drives, no mobility at all, coordinates that have neither mass nor
-            are held.
+            are held; what leaves the plane if there is to be one.
 
         Examples
         --------
@@ -138,7 +146,7 @@ class Model:
                     drive.label,
                     f"refers to the {drive.joint.label}, which is not in the model: add it first",
                 )
-        return System(
+        system = System(
             structures,
             [i for i in items if isinstance(i, Joint)],
             [i for i in items if isinstance(i, Load)],
@@ -146,6 +154,41 @@ class Model:
             _couplings(items),
             [i for i in items if isinstance(i, RayleighDamping)],
         )
+        return system if planar is None else confined(system, planar)
+
+
+def planarity(scene: Model | System, normal: ArrayLike | None = None) -> Planarity:
+    """Whether a scene stays in a plane, which one, and if not what leaves it, by how much.
+
+    Geometry, inertia, sections, joints, loads, force elements and initial velocities are looked
+    at; functions of time at a few first instants only (a run that leaves the plane later stops).
+
+    Parameters
+    ----------
+    scene : Model or System
+    normal : (3,) array, optional
+        Unit vector normal to the plane; default: the one that fits best.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import LoadForce, MassPoint, RigidBody
+    >>> model = Model()
+    >>> body = model.add("body", RigidBody.box(1.0, (1, 2, 3)))
+    >>> ball = model.add("ball", MassPoint(1.0, position=(4, 2, 0)))
+    >>> force = model.add("force", LoadForce(body.local((1, 0, 0)), (0, 3.0, 0)))
+    >>> planarity(model)
+    <planar, normal [0.0, 0.0, 1.0]>
+    >>> model.freeze(planar=planarity(model).planar).unknowns   # 3 and 2 instead of 6 and 3
+    5
+    >>> side = model.add("side", LoadForce(body.local((0, 0, 0)), (0, 3.0, 4.0)))
+    >>> planarity(model).leaving
+    ("load 'side': [0.0, 3.0, 4.0] leaves the plane by 4",)
+    """
+    system = scene.freeze() if isinstance(scene, Model) else scene
+    if not isinstance(system, System):
+        raise InputError("argument scene", f"{scene!r}, expected a Model or a System")
+    wanted = Planar(normal).normal
+    return inspect(system.spatial, wanted)
 
 
 def _couplings(items: Sequence[Item]) -> list[Coupling]:

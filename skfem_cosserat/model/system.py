@@ -8,6 +8,7 @@ at rest, one for each place in prescribed motion). Joints thus always connect tw
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -22,7 +23,6 @@ from ..drive import JointDrive
 from ..errors import InputError
 from ..frames import Place
 from ..joint import Joint
-from ..kernels import cross, null_space_blocks
 from ..load import Load
 from ..relative import Expression, Form, Product, Zero
 from ..types import Array, ArrayLike, Floats, IndexArray
@@ -33,14 +33,24 @@ from .checks import (
     check_joints,
     check_mobility,
 )
-from .closure import SINGULAR, Selected
+from .closure import SINGULAR
 from .couplings import Couplings
 from .ground import Ground
 from .groups import BeamGroup, Group, lump_group
 from .inertia import Structure, assemble_mass, damping_factors
 from .kinematics import Kinematics
+from .leaving import guard_of
 from .loading import Loading
-from .loops import almost_redundant, close_loops, closure_rows, redundancies, tree_values
+from .loops import (
+    almost_redundant,
+    close_loops,
+    closure_rows,
+    null_space_matrix,
+    redundancies,
+    tree_values,
+    turned_over,
+)
+from .plane import Plane
 from .quadratic import ConstraintBuilder, QuadraticConstraints, sum_at
 from .tree import End, Spot, build_tree
 
@@ -75,6 +85,8 @@ class System:
         ``g(y)`` and its Jacobian ``G(y)``, y from :meth:`extend`.
     length : float
         Extent of the scene (m).
+    plane : Plane or None
+        To which all is confined.
 
     Examples
     --------
@@ -103,27 +115,38 @@ class System:
         self._place_ground(couplings)
         self.mass, self.lumps = assemble_mass(self.structures, self.first, self.rows)
         self._group(dampings)
-        self.loading = Loading(
-            self.loads,
-            self.first,
-            self.rows,
-            self.mass,
-            self.origin_rows,
-            self.beam_groups,
-            self.frame_group,
-        )
+        places = self.first, self.rows, self.mass, self.origin_rows
+        self.loading = Loading(self.loads, *places, self.beam_groups, self.frame_group)
         check_joints([*self.joints, *self.drives], 0.0, self.length)
         check_drives(self.drives)
         self._constrain()
         reference = self.extend(self._y0, 0.0)
         self.couplings = Couplings(couplings, self.row_of, reference, self.rows)
+        self.plane: Plane | None = None
+        self._space: System | None = None
         self._span()
+        check_inertia(self, reference, closure_rows(self))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled are the items: arrays, numbers by identity and caches are made anew."""
         couplings = self.couplings.items
         items = (self.structures, self.joints, self.loads, self.drives, couplings, self._dampings)
-        return System, items
+        return _made, (items, self.plane)
+
+    def within(self, plane: Plane) -> System:
+        """The same scene, confined to a plane that nothing leaves; see :class:`Planar`."""
+        out = object.__new__(System)
+        out.__dict__.update(self.spatial.__dict__)
+        out.plane, out._space, out.loading = plane, self.spatial, copy(self.loading)
+        out.loading.guard = guard_of(self.loads, plane)
+        out._ground = self._ground.confined(plane, [drive.place for drive in self.drives])
+        out._span()
+        return out
+
+    @property
+    def spatial(self) -> System:
+        """The same scene in space: itself, unless it is confined to a plane."""
+        return self if self._space is None else self._space
 
     # -- construction ------------------------------------------------------------------------------
 
@@ -223,11 +246,11 @@ class System:
         self.constraints = QuadraticConstraints(build, reference, self.rows)
         self.m = build.size
         guard = ConstraintBuilder()
-        self._guarded: list[Joint | JointDrive] = []
+        self.guarded: list[Joint | JointDrive] = []
         for jr in self.joint_rows:
             for sheet in jr.joint.sheets():
                 self._add_row(guard, sheet)
-                self._guarded.append(jr.joint)
+                self.guarded.append(jr.joint)
         self.guards = QuadraticConstraints(guard, reference, self.rows)
 
     def terms(self, expression: Expression) -> list[tuple[int, float]]:
@@ -255,19 +278,19 @@ class System:
             End(joint, self.spot(joint.a), self.spot(joint.b), driven.get(id(joint), {}))
             for joint in self.joints
         ]
-        self.tree = build_tree(self.is_frame.tolist(), ends)
+        self.tree = build_tree(self.is_frame.tolist(), ends, self.plane)
         self.kinematics = Kinematics(self.tree, self.vertex_rows, self.is_frame, self.total)
         self.closure, self.redundant = close_loops(self)
         self.unknowns = self.kinematics.unknowns - self.closure.rank
-        self.rank = self.n - self.unknowns
+        self.rank = self.coordinates - self.unknowns
         check_mobility(self, almost_redundant(self))
-        check_inertia(self, self.extend(self._y0, 0.0), closure_rows(self))
 
-    def _tree_at(self, q: Floats, t: float) -> tuple[Floats, Floats]:
-        """All rows of y, and the values of the tree's T there."""
-        y = self.extend(q, t)
-        kin = self.kinematics
-        return y, kin.T_values(kin.locate(y, kin.fixed_axes(y)))
+    @property
+    def coordinates(self) -> int:
+        """Coordinates that change: n, or those along the plane that all is confined to."""
+        if self.plane is None:
+            return self.n
+        return 2 * len(self.plane.moving(self._y0, self.origin_rows))
 
     # -- use -------------------------------------------------------------------------------------
 
@@ -299,7 +322,8 @@ class System:
         c = self.counts()
         return (
             f"<System of {names}; n = {c['n']}, m = {c['m']} (rank {c['rank']}),"
-            f" unknowns {c['n'] + c['rank']} with multipliers, {c['unknowns']} with the null space>"
+            f" unknowns {self.coordinates + c['rank']} with multipliers,"
+            f" {c['unknowns']} with the null space>"
         )
 
     def redundancies(self) -> dict[str, list[int]]:
@@ -340,10 +364,10 @@ class System:
         >>> system.independent_rows(system.extend(system.q0, 0.0)).tolist()
         [True, True, True, True, True, True]
         """
-        keep = np.ones(self.m, dtype=bool)
-        if len(self.closure.rows):
-            keep[self.closure.rows] = False
-            for s in self.closure.select(y, tree_values(self, y)):
+        keep, space = np.ones(self.m, dtype=bool), self.spatial
+        if len(space.closure.rows):
+            keep[space.closure.rows] = False
+            for s in space.closure.select(y, tree_values(space, y)):
                 keep[s.rows[s.pivots > SINGULAR]] = True
         return keep
 
@@ -352,14 +376,7 @@ class System:
 
         Quadratic rows cannot tell these, which Newton's method may run into in large steps.
         """
-        wrong = np.flatnonzero(self.guards.values(y) < -1)  # cosines, less 1
-        if len(wrong):
-            return f"{self._guarded[int(wrong[0])].label} by half a turn"
-        D = self.kinematics.directors(y)
-        wrong = np.flatnonzero((cross(D[:, 0], D[:, 1]) * D[:, 2]).sum(1) < 0)
-        if len(wrong):
-            return f"triad of {self.owner[int(self.kinematics.frames[wrong[0]])].label}"
-        return None
+        return turned_over(self, y)
 
     def null_space(self, q: ArrayLike, t: float = 0.0) -> Floats:
         """Null space matrix ``P(q)`` (n, unknowns) with ``G P = 0``, dense.
@@ -385,21 +402,7 @@ class System:
         >>> system.null_space(system.q0).shape
         (12, 6)
         """
-        y, T = self._tree_at(np.asarray(q, dtype=float), t)
-        return self.null_space_at(y, T, self.closure.select(y, T))
-
-    def null_space_at(self, y: Floats, T: Floats, selected: list[Selected]) -> Floats:
-        """P (n, unknowns) from all rows y, the tree's values T and the closure's null space."""
-        kin = self.kinematics
-        Z = self.closure.null_matrix(selected)
-        rates = kin.T_matrix(T) @ Z
-        out = np.zeros((self.n, self.unknowns))
-        blocks = null_space_blocks(kin.directors(y))
-        for k, row in enumerate(kin.frame_rows):
-            out[3 * row : 3 * row + 12] = blocks[k] @ rates[kin.frame_twist[k]]
-        for k, v in enumerate(kin.points):
-            out[3 * kin.row[v] : 3 * kin.row[v] + 3] = rates[kin.point_twist[k]]
-        return out
+        return null_space_matrix(self, self.extend(np.asarray(q, dtype=float), t)).toarray()
 
     def ground(self, t: float) -> Floats:
         """Rows of the ground's frames at time `t`, (total - rows, 3)."""
@@ -490,3 +493,7 @@ class System:
     def mass_tangent(self, factor: float) -> list[Array]:
         """``factor * M`` as blocks of the groups; fresh arrays, to be added to."""
         return [factor * g.mass for g in self.groups]
+
+
+def _made(items: Sequence[Any], plane: Plane | None) -> System:
+    return System(*items) if plane is None else System(*items).within(plane)

@@ -12,6 +12,9 @@ the path that does not pass the rotation on; a slide gives ``v_c = left_k x righ
 points are linear in q, so the null space matrix is evaluated for all pairs (c, k) at once, at
 nodes and midpoints alike.
 
+In a scene that moves in one plane only the tree has the coordinates in that plane alone: two
+translations, rotations about its normal, what joints leave free in it.
+
 With r = x_b - x_a and the guide on side a: ``omega_b - omega_a`` is the relative rotation and
 ``rdot - omega_a x r`` the slide, whichever side is the parent. Both sides thus turn about x_b.
 """
@@ -25,7 +28,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..joint import Joint
+from ..joint.base import Freedom
 from ..types import Floats
+from .plane import Plane
 
 __all__ = ["Coordinate", "Edge", "End", "Spot", "Tree", "build_tree"]
 
@@ -113,9 +118,25 @@ class Tree:
     own: dict[int, list[int]] = field(default_factory=dict)
     turns: dict[int, list[Coordinate]] = field(default_factory=dict)  # relative, of a child
     slides: dict[int, list[Coordinate]] = field(default_factory=dict)
+    plane: Plane | None = None
+
+    @property
+    def directions(self) -> Floats:
+        """Unit vectors (3 or 2, 3) of free translations."""
+        return np.eye(3) if self.plane is None else self.plane.axes
+
+    @property
+    def axes(self) -> Floats:
+        """Unit vectors (3 or 1, 3) about which free rotations are."""
+        return np.eye(3) if self.plane is None else self.plane.normal[None]
+
+    def freedom(self, joint: Joint) -> Freedom:
+        """What a joint leaves free here."""
+        free = joint.freedom()
+        return free if self.plane is None else free.within(self.plane.normal)
 
 
-def build_tree(is_frame: list[bool], ends: list[End]) -> Tree:
+def build_tree(is_frame: list[bool], ends: list[End], plane: Plane | None = None) -> Tree:
     """Breadth-first spanning tree and its coordinates.
 
     Parameters
@@ -123,9 +144,11 @@ def build_tree(is_frame: list[bool], ends: list[End]) -> Tree:
     is_frame : list of bool
         Of the structural vertices; higher numbers in `ends` are ground frames.
     ends : list of End
+    plane : Plane, optional
+        To which all motion is confined.
     """
     nv = len(is_frame)
-    tree = Tree()
+    tree = Tree(plane=plane)
     edges = _span(nv, ends, tree)
     by_child = {edge.child: edge for edge in edges}
     children = {edge.parent for edge in edges}
@@ -201,16 +224,17 @@ class _Own:
     def add_all(self) -> None:
         edge = self.edge
         if edge is None:
-            for axis in np.eye(3):
+            for axis in self.tree.directions:
                 self.add("translation", axis)
             if self.frame:
-                for axis in np.eye(3):
+                for axis in self.tree.axes:
                     self.add("rotation", axis, centre=Spot(self.v))
             return
-        freedom = edge.joint.freedom()
+        freedom = self.tree.freedom(edge.joint)
         if freedom.sphere:
-            for _ in range(2):
-                self.add("sphere", np.zeros(3), centre=edge.parent_spot)
+            # in space the axes are those normal to the arm where a step starts
+            for axis in np.zeros((2, 3)) if self.tree.plane is None else self.tree.axes:
+                self.add("sphere", axis, centre=edge.parent_spot)
         a, b = edge.joint.a, edge.joint.b
         driven = edge.end.driven
         for slide in freedom.slides:
@@ -221,7 +245,7 @@ class _Own:
             return
         centre = edge.end.b if freedom.slides else edge.child_spot
         if freedom.turns is None:
-            for axis in np.eye(3):
+            for axis in self.tree.axes:
                 self.add("rotation", axis, centre=centre)
             return
         # relative rotations are composed from the parent outwards
@@ -233,7 +257,7 @@ class _Own:
 
 
 def _passed_on(tree: Tree, edge: Edge, parent: list[Pair], is_frame: list[bool]) -> list[Pair]:
-    freedom = edge.joint.freedom()
+    freedom = tree.freedom(edge.joint)
     absolute = freedom.turns is None
     fulcrum = edge.end.b if freedom.slides else edge.parent_spot
     c = edge.child

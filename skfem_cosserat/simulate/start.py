@@ -123,6 +123,8 @@ def initial_state(
     wrong = broken_constraint(system, y, tolerance)
     if wrong:
         raise InputError("initial state", f"q at t = {time:g} s {wrong}")
+    if system.plane is not None:
+        system.plane.check("initial state", "q", q, system.q0)
     if p is not None:
         p = _checked(system, "p", p)
         miss = float(abs(Projection(system)(q, p, time)[1] - p).max())
@@ -132,6 +134,8 @@ def initial_state(
                 f"p violates the hidden constraints by {miss:.3g} kg m/s: project it with"
                 " Projection(system)(q, p)[1]",
             )
+        if system.plane is not None:
+            system.plane.check("initial state", "p", p)
         return State(time, 0, q, p)
     if nu is not None:
         v = _velocity(system, q, nu, time)
@@ -139,6 +143,8 @@ def initial_state(
         v = project(system, q, None, time, rates)
     v = system.v0 if v is None else _checked(system, "v", v)
     _check_velocity(system, y, v, time, tolerance)
+    if system.plane is not None:
+        system.plane.check("initial state", "the velocity", v)
     return State(time, 0, q, diagnostics.momentum(system, v))
 
 
@@ -192,6 +198,9 @@ def checked_start(system: System, start: State) -> State:
         raise InputError("argument start", f"{start!r}, expected a State, see initial_state")
     for name, array in (("q", start.q), ("p", start.p)):
         _checked(system, name, array, "argument start")
+    if system.plane is not None:
+        system.plane.check("argument start", "its configuration", start.q, system.q0)
+        system.plane.check("argument start", "its momentum", start.p)
     return start
 
 

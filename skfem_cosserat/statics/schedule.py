@@ -57,6 +57,8 @@ class Schedule:
             raise InputError("argument spin", f"{spin!r}, expected a Spin")
         if factors is not None and not isinstance(factors, Mapping):
             raise InputError("argument factors", f"{factors!r}, expected a mapping of names")
+        if spin is not None and system.plane is not None:
+            system.plane.check_spin(spin.velocity)
         self.system, self.spin = system, spin
         given = dict(factors or {})
         loading, couplings = system.loading, system.couplings
@@ -99,9 +101,8 @@ class Schedule:
             factor = self._given.get("spin")
             share = t if factor is None else _value(factor, t, "spin")
             spin = Spin(share * spin.velocity, spin.point)
-        return Amplitudes(
-            np.array(numbers(self._loads)), np.array([*numbers(self._actuators), 0.0]), spin
-        )
+        loads = self.system.loading.checked(np.array(numbers(self._loads)), t)
+        return Amplitudes(loads, np.array([*numbers(self._actuators), 0.0]), spin)
 
     def potential(self, q: Floats, times: Floats) -> Floats:
         """``-f(t) . q`` (N,) of the dead loads (J)."""
