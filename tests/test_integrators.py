@@ -374,6 +374,41 @@ def energy_decays(seed):
     return len(states) - 1
 
 
+def test_parts_that_do_not_turn_leave_the_others_alone():
+    """Two joined bodies that fall without turning, and every other item: steps are solved.
+
+    What the turn of the two is, is rounding; it must not keep that of the others from being found.
+    """
+    system = everything(1)
+    start = sc.initial_state(system, v=sc.project(system, system.q0, system.v0))
+    runs = [
+        sc.simulate(system, sc.EnergyDecaying(0.1), treatment, 0.01, 0.05, start=start)
+        for treatment in (NULL, MULTIPLIERS)
+    ]
+    assert max(run["residual"].max() for run in runs) < 1e-11
+    assert runs[0]["q"] == pytest.approx(runs[1]["q"], abs=1e-11)
+
+
+def test_a_residual_that_does_not_vanish_is_no_solution(monkeypatch):
+    """A balance with jumps: it converges by its increments, but asks for more of them."""
+    model = sc.Model()
+    model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
+    system = model.freeze()
+    evaluate = sc.EnergyMomentum.evaluate
+
+    def jumping(self, system, step, y1):
+        e = evaluate(self, system, step, y1)
+        e.R = e.R + 1e-3 * e.size * np.sign(np.sin(1e17 * y1[0].sum()))
+        return e
+
+    run = system, sc.EnergyMomentum(), NULL, 0.1, 0.2
+    settings = sc.NewtonSettings(stagnation=1.0)
+    assert sc.simulate(*run, settings=settings)["residual"].max() < 1e-12
+    monkeypatch.setattr(sc.EnergyMomentum, "evaluate", jumping)
+    with pytest.raises(sc.Diverged, match=r"a residual of 0\.00\d+ is left"):
+        sc.simulate(*run, settings=settings)
+
+
 @pytest.mark.parametrize("first", range(0, 50, 10))
 def test_energy_never_grows(first):
     assert sum(energy_decays(seed) for seed in range(first, first + 10)) >= 45
@@ -667,7 +702,7 @@ def dashpot(k):
     return model.freeze()
 
 
-def test_compositions_with_dampers():
+def test_compositions_with_dampers(caplog):
     """Order 4 where they are weak; where c h_k/m gets to 2 in the backward step, energy grows."""
     scheme = sc.Composition(sc.EnergyMomentum())
 
@@ -677,8 +712,10 @@ def test_compositions_with_dampers():
 
     assert np.log2(error(0.4) / error(0.2)) == pytest.approx(4, abs=0.3)
     h = 1.0005 / abs(scheme.shares[2])
-    energy = sc.simulate(dashpot(1e-9), scheme, NULL, h, 2 * h)["energy"]
+    with caplog.at_level("WARNING", logger="skfem_cosserat"):
+        energy = sc.simulate(dashpot(1e-9), scheme, NULL, h, 2 * h)["energy"]
     assert energy[-1] > 10 * energy[0]
+    assert "dampers give" in caplog.text
 
 
 def test_parts_of_the_momentum_along_constraints_do_not_move_the_variational_scheme():
