@@ -171,13 +171,13 @@ class Flow:
             active = length > CLOSED
             if not active.any():
                 break
-            way = active[:, None] * change(s, value)
+            way = np.where(active[:, None], change(s, value), 0.0)
             for _ in range(HALVINGS):  # not too far
                 after = _lengths(gap(s + way), np.max) / size
                 worse = active & ~(after <= np.maximum(length, CLOSED))
                 if not worse.any():
                     break
-                way[worse] /= 2
+                way = np.where(worse[:, None], 0.5 * way, way)
             s = s + way
             if (_lengths(way, np.max) < 1e-13 * (1 + _lengths(s, np.max))).all():
                 break
