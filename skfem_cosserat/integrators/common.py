@@ -11,6 +11,7 @@ connects have fields of their own; w is left out where something ties a part to 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -26,7 +27,11 @@ __all__ = ["Flow", "Separate", "separate_parts"]
 
 #: of the size of a singular matrix, added to its diagonal: where all velocities are parallel
 REGULAR = 1e-10
-ITERATIONS = 60
+#: of products with the whole motion: those of a relative motion that is rounding are smaller
+NOISE = 1e-20
+#: gap, by the size of its terms, that is rounding
+CLOSED = 1e-14
+ITERATIONS, HALVINGS = 60, 14
 
 
 @dataclass(eq=False)
@@ -85,6 +90,11 @@ def separate_parts(system: System) -> Separate:
     return Separate(system, part, free.astype(float), ones, system.mass @ ones)
 
 
+def _lengths(rows: Array, of: Callable[..., Floats] = np.linalg.norm) -> Floats:
+    """Of the real parts: that of each row (k,), or their largest entries."""
+    return of(abs(rows.real), axis=-1)
+
+
 class Flow:
     """Velocities of a step at a trial change dq of the coordinates.
 
@@ -118,42 +128,62 @@ class Flow:
         self._turn()
         self.momentum = self._rotated(self._rest) + self._lift * self._drift[parts.part]
 
+    def _common(self) -> Array:
+        """What was taken off the momenta (rows, 3)."""
+        return self._lift * self._mean[self.parts.part]
+
     def _origins(self, rows: Array) -> Array:
         """Sums (parts, 3) over positions."""
         return self.parts.sum(self.parts.ones[:, None] * rows)
 
     def _turn(self) -> None:
-        """Solve ``k + N s + (K s) x s = 0`` for ``s = (chi/2) tau/(1 + chi)`` of each part."""
-        products = self.dq[:, :, None] * self._rest[:, None, :]
-        K = self.parts.sum(products)
-        k = self.parts.sum(cross(self.dq, self._rest))
-        size = abs(K.real).sum((1, 2))
-        size = np.where(size > 0, size, 1.0)
-        trace = np.trace(K, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-        N = trace - K.swapaxes(1, 2) + (REGULAR * size)[:, None, None] * np.eye(3)
-        self.sigma = s = np.zeros_like(k)
+        """Solve ``k + N s + (K s) x s = 0`` for ``s = (chi/2) tau/(1 + chi)`` of each part.
+
+        A part whose relative motion is rounding is not turned at all, and nothing it does changes
+        the others.
+        """
+        parts, rest = self.parts, self._rest
+        # products with what is common to all positions cancel
+        shift = self._free * parts.sum(parts.mu[:, None] * self.dq) / self._total[:, None]
+        dq = self.dq - parts.ones[:, None] * shift[parts.part]
+        K = parts.sum(dq[:, :, None] * rest[:, None, :])
+        k = parts.sum(cross(dq, rest))
+        size = parts.sum(_lengths(dq) * _lengths(rest))
+        noise = NOISE * parts.sum(_lengths(self.dq) * _lengths(rest + self._common()))
+        size = np.where(size + noise > 0, size + noise, 1.0)
+        straight = np.trace(K, axis1=1, axis2=2)[:, None, None] * np.eye(3) - K.swapaxes(1, 2)
+        N = straight + (REGULAR * size + noise)[:, None, None] * np.eye(3)
 
         def gap(s: Array) -> Array:
             turned = (K @ s[:, :, None])[:, :, 0]
-            straight = (trace - K.swapaxes(1, 2)) @ s[:, :, None]
-            return k + straight[:, :, 0] + cross(turned, s)
+            return k + (straight @ s[:, :, None])[:, :, 0] + cross(turned, s)
 
-        value, after = gap(s), 1
+        def slope(s: Array) -> Array:
+            return N - skew(s) @ K + skew((K @ s[:, :, None])[:, :, 0])
+
+        def change(s: Array, value: Array) -> Array:
+            return -np.linalg.solve(slope(s), value[:, :, None])[:, :, 0]
+
+        s = np.zeros_like(k)
         for _ in range(ITERATIONS):
-            J = N - skew(s) @ K + skew((K @ s[:, :, None])[:, :, 0])
-            change = -np.linalg.solve(J, value[:, :, None])[:, :, 0]
-            factor, length = 1.0, float((abs(value.real).max(1) / size).max(initial=0.0))
-            while factor > 1e-4:  # not too far
-                new = gap(s + factor * change)
-                if (abs(new.real).max(1) / size).max(initial=0.0) <= max(length, 1e-14):
-                    break
-                factor /= 2
-            s = s + factor * change
             value = gap(s)
-            if abs(change.real).max(initial=0.0) < 1e-13 * (1 + abs(s.real).max(initial=0.0)):
-                after -= 1  # once more, for the imaginary part of a complex step
-                if after < 0:
+            length = _lengths(value, np.max) / size
+            active = length > CLOSED
+            if not active.any():
+                break
+            way = np.where(active[:, None], change(s, value), 0.0)
+            for _ in range(HALVINGS):  # not too far
+                after = _lengths(gap(s + way), np.max) / size
+                worse = active & ~(after <= np.maximum(length, CLOSED))
+                if not worse.any():
                     break
+                way = np.where(worse[:, None], 0.5 * way, way)
+            s = s + way
+            if (_lengths(way, np.max) < 1e-13 * (1 + _lengths(s, np.max))).all():
+                break
+        if np.iscomplexobj(s):  # for the imaginary part of a complex step
+            s = s + change(s, gap(s))
+        J = slope(s)
         self.sigma, self._slope = s, J
         square = 1 + (s * s).sum(1)
         outer = s[:, :, None] * s[:, None, :]

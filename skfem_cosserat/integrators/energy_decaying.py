@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from ..model.groups import BeamGroup, Blocks, Parts
 from ..types import Array, Floats, positive, real, switch
 from .base import Evaluation, State, StepData, StepWork
 from .common import Flow, separate_parts
-from .energy_momentum import EnergyMomentum, EnergyMomentumStep
+from .energy_momentum import EnergyMomentum, EnergyMomentumStep, MovedEvaluation
 
 __all__ = ["EnergyDecaying"]
 
@@ -25,10 +25,10 @@ class _StepData(EnergyMomentumStep):
 
 
 @dataclass(eq=False)
-class _Evaluation(Evaluation):
-    flow: Flow | None
-    extra: list[Array]
-    v0: Floats | None
+class _Evaluation(MovedEvaluation):
+    flow: Flow | None = None
+    extra: list[Array] = field(default_factory=list)
+    v0: Floats | None = None
 
 
 class EnergyDecaying(EnergyMomentum):
@@ -54,6 +54,12 @@ class EnergyDecaying(EnergyMomentum):
     velocity : bool
         False: without the term in the velocities. What is not resolved is damped in its
         displacements only, its velocities keep alternating.
+    stabilized : bool
+        Velocities on the hidden constraints, as with :class:`EnergyMomentum`; the energy that this
+        takes is in ``history["dissipated"]``. Without it ``G v_n`` of prescribed or constrained
+        motion starts with an error of O(chi h) that alternates and dies away by the factor above,
+        and with it constraint forces with one of O(chi): of order 0, with `rate` 1, in the first
+        steps.
 
     Raises
     ------
@@ -69,7 +75,8 @@ class EnergyDecaying(EnergyMomentum):
     step in the same way (a single mass point on a spring that moves across its spring), that is
     taken for common motion, too, and not damped.
 
-    Not symmetric: constraint forces are of the order of the scheme, at midpoints.
+    Not symmetric: constraint forces are of the order of the scheme, at midpoints, once their first
+    errors have died away (stabilized: at once).
 
     Examples
     --------
@@ -83,7 +90,11 @@ class EnergyDecaying(EnergyMomentum):
     reference = "Armero & Romero, Comput. Methods Appl. Mech. Engrg 190 (2001) 2603 and 6783"
 
     def __init__(
-        self, chi: float | None = None, rate: float | None = None, velocity: bool = True
+        self,
+        chi: float | None = None,
+        rate: float | None = None,
+        velocity: bool = True,
+        stabilized: bool = False,
     ) -> None:
         if chi is not None and rate is not None:
             raise InputError("argument chi", f"{chi!r} and rate = {rate!r}, expected one of them")
@@ -97,14 +108,17 @@ class EnergyDecaying(EnergyMomentum):
                 raise InputError("argument chi", f"{chi!r}, expected {expected}")
             self.rate, self.chi, self.order = None, value, 1
             text = f"chi = {self.chi:g}"
-        super().__init__()
+        super().__init__(stabilized)
         self.velocity = switch("argument velocity", velocity)
-        self.remembered = int(self.velocity)
+        self.remembered = int(self.velocity or self.stabilized)
+        self.conserves = type(self).conserves
         self._text = text.replace("/s", "").replace(" ", "")
-        self.name = f"energy-decaying, {text}" + ("" if velocity else ", stresses only")
+        kind = "stabilized energy-decaying" if stabilized else "energy-decaying"
+        self.name = f"{kind}, {text}" + ("" if velocity else ", stresses only")
 
     def __repr__(self) -> str:
         more = "" if self.velocity else ", velocity=False"
+        more += ", stabilized=True" if self.stabilized else ""
         return f"EnergyDecaying({self._text}{more})"
 
     def scheme(self, h: float) -> None:
@@ -182,8 +196,9 @@ class EnergyDecaying(EnergyMomentum):
         """See the base class: v."""
         assert isinstance(evaluation, _Evaluation)
         e = evaluation
-        if e.v0 is None:
-            return None
+        if e.v1 is not None or e.flow is None:
+            return super().memory(e)
+        assert e.v0 is not None
         return (2 * self._mean(e) - e.v0).reshape(1, -1)
 
     def _mean(self, e: _Evaluation) -> Floats:
@@ -191,6 +206,11 @@ class EnergyDecaying(EnergyMomentum):
         assert e.flow is not None
         assert e.v0 is not None
         return e.flow.velocity(e.v0)
+
+    def _end_velocity(self, step: EnergyMomentumStep, e: MovedEvaluation, way: Floats) -> Floats:
+        """See the base class."""
+        assert isinstance(e, _Evaluation)
+        return super()._end_velocity(step, e, way if e.flow is None else self._mean(e))
 
     def work(self, system: System, step: StepData, evaluation: Evaluation, y1: Floats) -> StepWork:
         """See the base class; with what both terms take."""
@@ -202,5 +222,5 @@ class EnergyDecaying(EnergyMomentum):
             lost += float((g.elements.measure * S * (e.strains[k] - step.strains0[k])).sum())
         if e.flow is not None:
             f = e.flow.dq / step.h - self._mean(e)
-            lost += float((f * (e.momentum - 2 * step.p0)).sum())
+            lost += 2 * float((f * (e.flow.momentum - step.p0)).sum())
         return StepWork(done.loads, done.actuators, lost, done.ground)

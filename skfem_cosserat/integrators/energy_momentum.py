@@ -37,11 +37,11 @@ class EnergyMomentumStep(StepData):
 
 
 @dataclass(eq=False)
-class _Moved(Evaluation):
+class MovedEvaluation(Evaluation):
     """Velocities (rows, 3) moved onto the hidden constraints, and the energy that took (J)."""
 
-    v1: Floats
-    lost: float
+    v1: Floats | None = None
+    lost: float = 0.0
 
 
 class EnergyMomentum(Integrator):
@@ -59,7 +59,8 @@ class EnergyMomentum(Integrator):
         The velocities at the nodes fulfil the hidden constraints (46), too, as in the formulation
         of Gear, Gupta & Leimkuhler: at the end of each step the momentum is moved by a second
         constraint force ``G(q_{n+1})^T mu`` to the nearest one, in the kinetic energy, that does.
-        (Else ``G v_n`` alternates by O(h^2).) It is part of the step's constraint force. Momenta
+        (Else ``G v_n`` alternates by O(h^2), and constraint forces, each of a midpoint, by O(h):
+        means of neighbours are of second order.) It is part of the step's constraint force. Momenta
         are kept; the energy is not: without moving ground it falls by what the move takes,
         ``history["dissipated"]``, of fourth order in a step.
 
@@ -132,7 +133,7 @@ class EnergyMomentum(Integrator):
             coupled = system.couplings.discrete(step.couplings, mid, y1, self.decay(step))
             internal = internal + coupled.force[:rows]
         external = load_force(system, step, mid)
-        return Evaluation(
+        return MovedEvaluation(
             momentum - 2 * step.p0 + h * (internal - external),
             largest(momentum, step.p0, h * internal, h * external),
             momentum,
@@ -171,28 +172,32 @@ class EnergyMomentum(Integrator):
         if not self.stabilized or not system.m:
             return evaluation
         assert isinstance(step, EnergyMomentumStep)
-        assert step.v0 is not None
+        assert isinstance(evaluation, MovedEvaluation)
         e, h, rows = evaluation, step.h, system.rows
         y1 = 2 * e.mid - step.y0
         p1 = e.momentum - step.p0
         v1 = nearest_velocity(system, y1, p1.reshape(-1), step.t0 + h).reshape(-1, 3)
         momentum = np.asarray(system.mass @ v1)
-        change, velocity = momentum - p1, (y1 - step.y0)[:rows] / h
-        lost = 0.5 * float(((2 * velocity - step.v0 - v1) * (p1 + momentum)).sum())
+        change, way = momentum - p1, (y1 - step.y0)[:rows] / h
+        lost = 0.5 * float(((self._end_velocity(step, e, way) - v1) * (p1 + momentum)).sum())
         if system.moving:  # what it does along the way counts as work of the motion
-            lost += float((change * velocity).sum())
-        fields = {**vars(e), "R": e.R + change, "momentum": momentum + step.p0}
-        return _Moved(**fields, v1=v1, lost=lost)
+            lost += float((change * way).sum())
+        return replace(e, R=e.R + change, momentum=momentum + step.p0, v1=v1, lost=lost)
+
+    def _end_velocity(self, step: EnergyMomentumStep, e: MovedEvaluation, way: Floats) -> Floats:
+        """Velocity (rows, 3) that a step ends with, before it is moved; `way` by the step's h."""
+        assert step.v0 is not None
+        return 2 * way - step.v0
 
     def memory(self, evaluation: Evaluation) -> Floats | None:
         """See the base class: v if stabilized."""
-        return evaluation.v1.reshape(1, -1) if isinstance(evaluation, _Moved) else None
+        assert isinstance(evaluation, MovedEvaluation)
+        return None if evaluation.v1 is None else evaluation.v1.reshape(1, -1)
 
     def work(self, system: System, step: StepData, evaluation: Evaluation, y1: Floats) -> StepWork:
         """See the base class."""
+        assert isinstance(evaluation, MovedEvaluation)
         done = super().work(system, step, evaluation, y1)
-        if not isinstance(evaluation, _Moved):
-            return done
         return replace(done, dissipated=done.dissipated + evaluation.lost)
 
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:

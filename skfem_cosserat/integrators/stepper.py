@@ -91,6 +91,9 @@ class _Problem:
         self.treatment.restore(saved)
 
 
+#: scaled residual above which a converged step is looked at again, and the increment it may ask for
+#: then: more than that is no rounding, but a balance with jumps
+SOLVED, FURTHER = 1e-5, 1e-6
 #: attempts at a step: (extrapolate the last increment, damped)
 ATTEMPTS = ((True, False), (False, False), (False, True), (True, True))
 
@@ -170,7 +173,7 @@ class Stepper:
         self.bound.large = False
         if checked_solver(solver) is not None:
             self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
-        self._first = True
+        self._first, self._warned = True, False
         self._fast: CompiledStep | None = None
         #: steppers by share of the step
         self._stages: dict[float, Stepper] = {}
@@ -287,7 +290,9 @@ class Stepper:
             report = newton(problem, self.settings, damped)
             total += report.iterations
             astray = self.bound.astray(problem.y1) if report.converged else None
-            if astray is not None:
+            if report.converged and self._left(problem, report.residual):
+                report.reason = f"a residual of {report.residual:.3g} is left"
+            elif astray is not None:
                 report.reason = f"it has turned over: {astray}"
             elif report.converged:
                 self._check_motion(state, problem.y1, report.residual)
@@ -307,6 +312,12 @@ class Stepper:
         error.settings = self.settings
         raise error
 
+    def _left(self, problem: _Problem, residual: float) -> bool:
+        """Whether a residual asks for more, although increments have vanished."""
+        if residual < SOLVED:
+            return False
+        return not problem.sizes(problem.direction())[0] < FURTHER
+
     def _compose(self, state: State, time: float) -> StepReport:
         """One step after the other, and what they give together."""
         reports: list[StepReport] = []
@@ -319,6 +330,14 @@ class Stepper:
             reports.append(stage.advance(now, end))
             now = replace(reports[-1].state, index=state.index)
         works = [report.work for report in reports]
+        lost = [work.dissipated for work in works]
+        if sum(lost) < -1e-6 * sum(map(abs, lost)) and not self._warned:
+            self._warned = True
+            logger.warning(
+                "t = %.6g s: dampers give %.3g J in a composed step, as its backward parts are too"
+                " long for them: take a smaller step, or no composition",
+                *(state.time, -sum(lost)),
+            )
         return ComposedReport(
             replace(now, index=state.index + 1),
             sum(report.iterations for report in reports),
@@ -327,7 +346,7 @@ class Stepper:
             StepWork(
                 sum(work.loads for work in works),
                 sum(work.actuators for work in works),
-                sum(work.dissipated for work in works),
+                sum(lost),
                 sum(work.ground for work in works),
             ),
             reports[0]._solved,
