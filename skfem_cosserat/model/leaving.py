@@ -31,6 +31,8 @@ Leaving = Iterator[tuple[str, str]]
 INSTANTS = (0.0, 1e-3, 1e-2, 0.04, 0.1)
 #: share of a load that may leave the plane later, where functions of time are evaluated
 SHARE = 1e-6
+#: angle (degrees) to the nearest director that is worth saying
+TILTED = 1e-6
 RESULTANTS = ("N_1", "N_2", "N_3", "M_1", "M_2", "M_3")
 #: strains, relative to an axial strain of one, at which stored energies are compared
 PROBE = 1e-2 * np.array([np.cos(k * np.arange(6)) for k in range(1, 5)])
@@ -184,10 +186,9 @@ def _matrix(D: Floats, nu: Floats, what: str) -> str:
     i, j = np.unravel_index(np.argmax(share), share.shape)
     if share[i, j] <= TOLERANCE:
         return ""
-    axis = np.degrees(np.arccos(min(1.0, float(abs(nu).max()))))
-    turned = f"the plane's normal is {axis:.6g} degrees off d1 and d2 of the section, " * (
-        axis > 1e-6
-    )
+    axis = float(np.degrees(np.arccos(min(1.0, float(abs(nu).max())))))
+    turned = f"the plane's normal is {axis:.6g} degrees off d1 and d2 of the section, "
+    turned = turned if axis > TILTED else ""
     names = f"{RESULTANTS[i]} with {RESULTANTS[j]}" if i != j else f"{RESULTANTS[i]}"
     return (
         f"the {what} couples motion in the plane with motion out of it: {turned}entry {names}"
@@ -298,9 +299,8 @@ def _coupling(system: System, item: Coupling, plane: Plane) -> Leaving:
     if isinstance(item, JointSpringDamper | JointActuator) and coordinate.kind != "rotation":
         if _in_plane(item.joint, coordinate.name, plane):
             return
-        force = item.stiffness @ item.neutral
-        force = force + [time.value(t) for t in INSTANTS for time in item.channels]
-        if abs(force).max(initial=0.0) > 0:
+        driven = [time.value(t) for t in INSTANTS for time in item.channels]
+        if (item.stiffness @ item.neutral).any() or any(driven):
             yield item.label, f"acts on the {coordinate.name}, which leaves the plane"
         return
     alone = Couplings([item], system.row_of, system.extend(system.q0, 0.0), system.rows)

@@ -231,7 +231,7 @@ def dead_point(system: Scene, y0: Floats, t0: float, h: float) -> DeadPoint | No
 def contradiction(system: Scene, y: Floats, t: float) -> str | None:
     """Which prescribed motions contradict each other: dependent rows that do not hold at y."""
     closure = system.closure
-    if not system.moving or system.rank == system.m:
+    if not system.moving or closure.rank == len(closure.rows):
         return None
     worst, miss = violated(system, y)
     if not miss > BROKEN:
