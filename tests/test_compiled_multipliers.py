@@ -10,6 +10,7 @@ from helpers_scenes import JOINTS, random_tree, swing
 from test_compiled import INTEGRATORS, ORDERS, called, chain, crossing, moving, tree
 
 import skfem_cosserat as sc
+from skfem_cosserat.compiled.numbers import ROTATION
 from skfem_cosserat.integrators.fast import CompiledMultipliers, refusal
 from skfem_cosserat.integrators.stepper import Stepper, _Problem
 
@@ -94,7 +95,7 @@ def compare(fast, problem, evaluate, matrix, increment, mixed):
     expected[n:] *= bound._size
     assert matrix(*fast._all, mixed)
     numbers = fast._all[-1].copy()
-    numbers[7] = np.inf  # as found: not scaled down for its rotations
+    numbers[ROTATION] = np.inf  # as found: not scaled down for its rotations
     length = increment(*fast._all[:-1], numbers, 0)
     assert length == pytest.approx(bound.sizes(problem.found)[0], rel=1e-8)
     found = fast.increment

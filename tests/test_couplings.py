@@ -94,8 +94,8 @@ def chain(model, rng, frame):
     return bodies, joints
 
 
-def zoo(seed=0, grounded=True, moving=False, damping=1.0, actuated=True):
-    """Every element between all kinds of places."""
+def zoo(seed=0, grounded=True, moving=False, damping=1.0, actuated=True, scalar=False):
+    """Every element between all kinds of places; `scalar`: those with one component."""
     rng = np.random.default_rng(seed)
     model = sc.Model()
 
@@ -103,6 +103,8 @@ def zoo(seed=0, grounded=True, moving=False, damping=1.0, actuated=True):
         return sc.ground(x, SHAKE if moving else None)
 
     bodies, joints = chain(model, rng, frame if grounded else None)
+    if scalar:
+        joints = [j for j in joints if all(c.size == 1 for c in j.coordinates())]
     springs(model, joints, rng, damping, actuated)
     mesh = sc.MeshCurve.init_line((0, 2, 0), (1, 2, 0.2), 2, "rod")
     rod = model.add("rod", sc.Beam(mesh, sc.Section(FULL, mass=1.3, inertia=(0.11, 0.07))))
@@ -134,7 +136,8 @@ def zoo(seed=0, grounded=True, moving=False, damping=1.0, actuated=True):
             ),
         }
     for name, item in elements.items():
-        model.add(name, item)
+        if not scalar or item.size == 1:
+            model.add(name, item)
     return model.freeze()
 
 

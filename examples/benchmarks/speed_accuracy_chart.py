@@ -9,8 +9,7 @@ Error: largest distance of that point from the reference at instants that all ru
 reference: elements of order 4, extrapolated from two steps (energy-momentum); its own error is its
 distance from an extrapolated run of another order on another mesh with the variational integrator.
 Ours: integrators, orders, meshes and steps, null space; on the coarsest mesh of orders 1 and 3 with
-multipliers, too; compiled kernels where there are some (not for moments: the spaghetti runs with
-numpy).
+multipliers, too; compiled kernels where there are some.
 Peers, on the spaghetti: Exudyn's exact beam (linear, generalized-alpha, modified Newton, one
 thread, build without range checks) and PyElastica at its largest stable step.
 

@@ -18,6 +18,8 @@ from ..types import Floats, IndexArray
 from . import (
     blocks,
     constraints,
+    couplings,
+    couplings_kkt,
     curvature,
     elements,
     kkt,
@@ -28,8 +30,9 @@ from . import (
     nodes,
     tree,
 )
+from .bind_couplings import bound_couplings
 from .jit import address
-from .numbers import BEAM_PARTS, TREE_PARTS
+from .numbers import BEAM_PARTS, COUPLED, TREE_PARTS
 from .plan import Plan
 from .tree import AXIS, ROTATION, SLIDE, SPHERE
 from .warm import cold, helped
@@ -88,6 +91,8 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
         unused |= {*BEAM_PARTS, *(() if static else ("predict_changes",))}
     if not static and system.loading.dead_only:
         unused.add("load")
+    if static or not system.couplings.count:
+        unused.add("couple")
     return [name for name in (*TREE_PARTS, *BEAM_PARTS) if name not in unused]
 
 
@@ -122,9 +127,9 @@ def addresses(
 
 def part_named(name: str, multipliers: bool = False) -> Any:
     """The function of this name."""
-    modules = [nodes, tree, curvature, loops, blocks, elements, loads]
+    modules = [nodes, tree, curvature, loops, blocks, elements, loads, couplings]
     if multipliers:
-        modules = [kkt, constraints, elements, loads_kkt]
+        modules = [kkt, constraints, elements, loads_kkt, couplings_kkt]
     return next(vars(m)[name] for m in modules if name in m.__all__)
 
 
@@ -252,6 +257,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         **_loops(system, plan),
         **bound_lumps(system.frame_group, system.point_group),
         **bound_following(system, plan),
+        **bound_couplings(system, plan),
     }
     return layout.tree(tuple(fields[name] for name in layout.TREE)), fields
 
@@ -447,6 +453,7 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
         "dead": (rows, 3),
         "moments": (len(system.loading.moments.vertices), 3),
         "followers": (len(system.loading.followers.vertices), 4, 4),
+        "coupled": (system.couplings.count, COUPLED),
     }
     arrays = {name: np.zeros(shapes[name]) for name in layout.WORK}
     return layout.work(tuple(arrays.values())), arrays

@@ -12,6 +12,7 @@ from ..model.quadratic import Terms
 from ..types import Floats, IndexArray
 from . import layout
 from .bind import bound_following, bound_lumps, bound_work
+from .bind_couplings import bound_couplings
 from .kkt import PIVOT, WIDE
 from .numbers import BEAM_PARTS
 from .plan import Plan
@@ -27,6 +28,8 @@ def parts_of(system: System, ends: bool) -> list[str]:
     names += ["factor", "sweep"]
     if not system.loading.dead_only:
         names.append("load")
+    if system.couplings.count:
+        names.append("couple")
     if system.beam_groups:
         names += BEAM_PARTS if ends else BEAM_PARTS[1:]
     return names
@@ -94,6 +97,7 @@ def bound_constraints(
         **bound_lumps(system.frame_group, system.point_group),
         **_terms(system, plan),
         **bound_following(system, plan),
+        **bound_couplings(system, plan),
         "magnitude": np.where(magnitude > 0, magnitude, 1.0),
         "scaled": scaled,
         "step": h,
@@ -193,6 +197,6 @@ def bound_steps(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
         "A": (len(plan.slot), WIDE, WIDE),
     }
     _, others = bound_work(system, plan)
-    shapes |= {name: others[name].shape for name in ("moments", "followers")}
+    shapes |= {name: others[name].shape for name in ("moments", "followers", "coupled")}
     arrays = {name: np.zeros(shapes.get(name, (0,) * array.ndim)) for name, array in others.items()}
     return layout.work(tuple(arrays.values())), arrays

@@ -21,6 +21,8 @@ BEAMS = (
 #: vertices of moments and whether these follow; of each pair of frames that a force fixed in a body
 #: couples: first rows of y of where it acts and of whose directors, and the slot of their block
 FOLLOWING = ("moment_vertex", "moment_follows", "follower")
+#: force elements: integers, factors of laws, matrices of invariants
+COUPLINGS = ("coupling", "coupling_law", "coupling_forms")
 #: vertices, edges (joints from parent to child) and their coordinates
 TREE = (
     *(
@@ -46,6 +48,7 @@ TREE = (
     *("loop_products", "loop_factors", "loop_linear", "loop_linear_factors", "loop_constant"),
     *("loop_vertices", "triple", "lump_vertex", "lumps", "point_vertex", "point_masses"),
     *FOLLOWING,
+    *COUPLINGS,
 )
 #: the order of elimination, neighbours still to come, slots of blocks; how many are eliminated in
 #: blocks, and what is called back to solve for the rest (0: none)
@@ -64,6 +67,7 @@ CONSTRAINTS = (
     *("multiplier", "added", "last_one", "one_before", "start", "last", "before"),
     *("impulse", "g", "G_left", "G_right"),
     *FOLLOWING,
+    *COUPLINGS,
 )
 #: as PLAN, with the multipliers of each vertex, and factors
 ELIMINATION = (
@@ -88,7 +92,7 @@ WORK = (
         "X_kept",
     ),
     *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
-    *("dead", "moments", "followers"),
+    *("dead", "moments", "followers", "coupled"),
 )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["BEAM_PARTS", "NUMBERS", "RECORD", "TREE_PARTS"]
+__all__ = ["BEAM_PARTS", "COUPLED", "NUMBERS", "RECORD", "TREE_PARTS"]
 
 #: see :class:`skfem_cosserat.integrators.base.Scheme` and :class:`skfem_cosserat.NewtonSettings`
 NUMBERS = (
@@ -29,12 +29,20 @@ TREE_PARTS = (
     *("finish", "better", "lump_matrix", "factor", "sweep"),
     *("joint_begin", "joint_add", "joint_move", "joint_maps", "joint_reduce", "joint_curvature"),
     *("loop_force", "loop_curvature", "loop_row", "loop_keep", "loop_schur", "loop_correct"),
-    "load",
+    *("load", "couple"),
 )
 BEAM_PARTS = ("beam_start", "beam_force", "beam_tangent", "beam_predicted")
 BEGIN, MOVE, BALANCE, SIZE, CLEAR, NODE_MATRIX, CAP, PREDICT_CHANGES = range(8)
 FINISH, BETTER, LUMP_MATRIX, FACTOR, SWEEP = range(8, 13)
 JOINT_BEGIN, JOINT_ADD, JOINT_MOVE, JOINT_MAPS, JOINT_REDUCE, JOINT_CURVATURE = range(13, 19)
 LOOP_FORCE, LOOP_CURVATURE, LOOP_ROW, LOOP_KEEP, LOOP_SCHUR, LOOP_CORRECT = range(19, 25)
-LOAD = 25
-BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED = range(26, 30)
+LOAD, COUPLE = 25, 26
+BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED = range(27, 31)
+
+#: what a force element has in a step, columns of ``w.coupled``: step size, force of an actuator,
+#: full turns and what else is known at the start; forces by invariants, travel of the coordinate;
+#: what is dissipated, and done by the ground (J); slopes of s by invariants at the midpoint and at
+#: the end, four each; full turns at the end
+STEP, AMPLITUDE, TURNS, PI0, XI0, S, TRAVEL, LOST, GROUND = 0, 1, 2, 3, 5, 6, 8, 9, 10
+AT_MID, AT_END, TURNED = 11, 15, 19
+COUPLED = 20

@@ -120,6 +120,7 @@ def plan_of(system: System, thin: bool = False, whole: bool = False) -> Plan:
         for b in vertices[k + 1 :]
     ]
     pairs += _looped(system)
+    pairs += _coupled(system)
     parent = [-1] * count
     grounded = set()
     for e in system.tree.edges:
@@ -129,6 +130,14 @@ def plan_of(system: System, thin: bool = False, whole: bool = False) -> Plan:
             grounded.add(e.child)
     held = set() if whole else {v for v in grounded if not len(system.tree.own[v])}
     return Plan(count, pairs, parent, grounded, held, thin)
+
+
+def _coupled(system: System) -> list[tuple[int, int]]:
+    """Vertices that force elements couple."""
+    first = np.array(system.origin_rows)
+    order = np.argsort(first)
+    vertex = order[np.searchsorted(first[order], system.couplings.pairs, side="right") - 1]
+    return sorted({(min(a, b), max(a, b)) for a, b in vertex.tolist() if a != b})
 
 
 def _looped(system: System) -> list[tuple[int, int]]:

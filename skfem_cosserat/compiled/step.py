@@ -34,6 +34,8 @@ def start(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, guess:
             call(p[n.JOINT_MAPS], s, m, w, numbers, 0)
     if p[n.BEAM_START]:
         call(p[n.BEAM_START], g, w, numbers, 0)
+    if p[n.COUPLE]:
+        call(p[n.COUPLE], s, m, w, numbers, 3)
 
 
 @inlined
@@ -54,6 +56,8 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
             internal[r, c] = 0.0
     if p[n.BEAM_FORCE]:
         call(p[n.BEAM_FORCE], g, w, numbers, 0)
+    if p[n.COUPLE]:
+        call(p[n.COUPLE], s, m, w, numbers, 0)
     if p[n.LOAD]:
         call(p[n.LOAD], s, m, w, numbers, 0)
     largest = call(p[n.BALANCE], s, m, w, numbers, 2 * sized)
@@ -82,11 +86,15 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
             for c in range(3):
                 force[r, c] = 0.0
         call(p[n.BEAM_FORCE], g, w, numbers, 1)
+        if p[n.COUPLE]:
+            call(p[n.COUPLE], s, m, w, numbers, 2)
         call(p[n.BALANCE], s, m, w, numbers, 1)
         if p[n.JOINT_REDUCE]:
             call(p[n.JOINT_REDUCE], s, m, w, numbers, 1)
     if p[n.LOAD]:
         call(p[n.LOAD], s, m, w, numbers, 1)
+    if p[n.COUPLE]:
+        call(p[n.COUPLE], s, m, w, numbers, 1)
     if p[n.LUMP_MATRIX]:
         call(p[n.LUMP_MATRIX], s, m, w, numbers, 0)
     if p[n.NODE_MATRIX]:

@@ -28,6 +28,7 @@ from ..model.chart import Chart
 from ..newton import NewtonSettings
 from ..types import Floats, IndexArray
 from .base import Integrator, Scheme, State, StepWork
+from .coupled import Coupled, scalar
 from .rest import Rest
 
 __all__ = [
@@ -60,6 +61,7 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
             "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
             # whether motions agree around a loop is looked at in the general way only
             "closed loops in prescribed motion": looped and bool(system.moving),
+            "springs on rotation vectors, bushings": not scalar(system.couplings),
             **_everywhere(system),
             "damping": system.damped,
         },
@@ -73,6 +75,7 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
         (NullSpace,),
         {
             "closed loops": len(system.closure.rows) > 0,
+            "springs, dampers and actuators": system.couplings.count > 0,
             **_everywhere(system),
             "a turning frame": spin is not None,
         },
@@ -82,7 +85,6 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
 def _everywhere(system: System) -> dict[str, bool]:
     return {
         "scenes confined to a plane": system.plane is not None,
-        "springs, dampers and actuators": system.couplings.count > 0,
         "beams of several orders": len(system.beam_groups) > 1,
         "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),
     }
@@ -272,6 +274,7 @@ class CompiledStep(CompiledScene):
         self._step = step
         self._record = np.zeros(len(RECORD))
         self._loaded = False
+        self._coupled = Coupled(system.couplings, self._a.coupled, h)
         self._rows = np.zeros(0, dtype=np.int64)
 
     @property
@@ -307,6 +310,7 @@ class CompiledStep(CompiledScene):
         if not (self._loaded and system.loading.constant):
             self.load(system.loading.averages(t, t + self.h))
             self._loaded = True
+        self._coupled.begin(state)
         moving = bool(system.moving)
         self._place(state.q, (system.ground(t), system.ground(t + self.h)) if moving else None)
         self._a.p0[:] = state.p.reshape(-1, 3)
@@ -358,7 +362,11 @@ class CompiledStep(CompiledScene):
 
     def work(self) -> StepWork:
         """Work of the loads along the step."""
-        return StepWork(float(self._record[WORK]))
+        return self._coupled.work(float(self._record[WORK]))
+
+    def turns(self) -> IndexArray | None:
+        """Full turns of angles at the end of the step, as in a state."""
+        return self._coupled.turns()
 
 
 class CompiledMultipliers(CompiledStep):

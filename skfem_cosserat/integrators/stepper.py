@@ -431,7 +431,7 @@ class Stepper:
     ) -> StepReport:
         y1, rows = fast.y1, self.system.rows
         new = State(
-            time, state.index + 1, y1[:rows].ravel(), fast.carried().ravel(), False, state.turns
+            time, state.index + 1, y1[:rows].ravel(), fast.carried().ravel(), False, fast.turns()
         )
         self._first = False
         solved = Solved(self.system, self.integrator, self.h, state, y1, fast.impulse)

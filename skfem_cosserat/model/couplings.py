@@ -354,7 +354,7 @@ class Couplings:
 
     def begin(self, y0: Floats, turns: IndexArray | None, t0: float, h: float) -> CoupledStart:
         """Couplings at the start of a step; `turns` as in a state."""
-        return self.starting(y0, turns, self._averages(t0, t0 + h), h)
+        return self.starting(y0, turns, self.averages(t0, t0 + h), h)
 
     def starting(
         self, y0: Floats, turns: IndexArray | None, amplitudes: Array, h: float
@@ -483,7 +483,7 @@ class Couplings:
             out.append((pi, xi))
         return out
 
-    def _averages(self, t0: float, t1: float) -> Floats:
+    def averages(self, t0: float, t1: float) -> Floats:
         """Means of all channels over a step, and a zero for who has none."""
         if self._amplitudes is not None:
             return self._amplitudes
