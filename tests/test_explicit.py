@@ -10,6 +10,7 @@ from test_examples import load
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.element import InterpolationEquidistant
+from skfem_cosserat.integrators.limit import LimitWatch
 
 RUBBER = sc.SectionCircle(0.02, sc.Material(5e6, 0.5, 1100))
 FLAT = sc.SectionRectangle(0.06, 0.02, sc.Material(5e6, 0.4, 1100))
@@ -378,13 +379,126 @@ def test_asynchronous_evaluates_as_often_as_planned_and_agrees():
     assert march.evaluations - first == scheme.counts(system, step)[0].sum()
     fine = run(system, sc.Explicit(rounds=400), 20 * step, 20 * step)
     errors = []
-    for parts in (2, 4):  # halved steps of all elements: second order
+    for parts in (2, 4):
         h = run(system, scheme, step / parts, 20 * step)
         assert h["constraint_violation"].max() < 1e-14
         L = h["angular_momentum"]
         assert abs(L - L[0]).max() < 1e-13 * abs(L[0]).max()
         errors.append(np.linalg.norm(h["q"][-1] - fine["q"][-1]))
     assert errors[1] < 0.5 * errors[0] < 1e-3
+
+
+@pytest.mark.parametrize("stiffer", [pytest.param(100.0, marks=pytest.mark.slow), 20.0])
+def test_asynchronous_is_of_second_order_with_fixed_counts(stiffer):
+    """In q, v and constraint forces: the scheme is symmetric in time."""
+    system, runs = two_parts(stiffer), []
+    step = 0.9 * float(sc.Asynchronous.limits(system)[0].max())
+    for parts in (8, 16, 32):
+        scheme = sc.Asynchronous(0.9 / parts)
+        counts = scheme.counts(system, step / parts)[0]
+        assert counts.min() == 1 and counts.max() == (11 if stiffer == 100 else 5)
+        runs.append(run(system, scheme, step / parts, step))
+    for name in ("q", "v", "constraint_force"):
+        d = [np.linalg.norm(b[name][-1] - a[name][-1]) for a, b in pairwise(runs)]
+        assert np.log2(d[0] / d[1]) == pytest.approx(2, abs=0.02), name
+
+
+def test_with_fixed_safety_the_fast_elements_keep_their_steps():
+    """Negative: no order where the shortest steps stay as long as they are."""
+    system = two_parts()
+    step = 0.9 * float(sc.Asynchronous.limits(system)[0].max())
+    fine, errors = run(system, sc.Explicit(rounds=800), step, step)["q"][-1], []
+    for parts in (2, 4):
+        errors.append(
+            np.linalg.norm(run(system, sc.Asynchronous(), step / parts, step)["q"][-1] - fine)
+        )
+        shortest = step / parts / sc.Asynchronous().counts(system, step / parts)[0].max()
+        assert shortest == pytest.approx(step / 12)
+    assert errors[0] / errors[1] < 2  # 4 with second order
+
+
+def twisted_rod(angle):
+    """Two short elements of a flat strip, each twisted by an angle."""
+    section = sc.SectionRectangle(0.02, 0.002, sc.Material(1e6, 0.3, 1200.0))
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (0.01, 0, 0), 2, name="rod")
+    model = sc.Model()
+    model.add("rod", sc.Beam(mesh, section, director=(0, 1, 0), lumped=True))
+    system = model.freeze()
+    y = system.q0.reshape(-1, 4, 3).copy()
+    for k, c, s in ((k, np.cos(k * angle), np.sin(k * angle)) for k in range(3)):
+        y[k, 1:] = y[k, 1:] @ np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
+    return system, y.reshape(-1, 3)
+
+
+def highest_frequency_by_differences(system, y):
+    """Of the first element: forces by differences in its twelve turns and shifts, lumped mass."""
+    group, stiffness = system.beam_groups[0], np.zeros((12, 12))
+    rows = group.rows[0].reshape(2, 4)
+    moves = []
+    for node in rows:
+        for k in range(6):
+            move = np.zeros_like(y)
+            if k < 3:
+                move[node[0], k] = 1.0
+            else:
+                move[node[1:]] = np.cross(np.eye(3)[k - 3], y[node[1:]])
+            moves.append(move)
+
+    def force(at):
+        eps, B = group.strain(at)
+        stresses = group.stress(eps) - group.stress(group.strain(y)[0])
+        weighted = (group.elements.measure[0] * stresses[0]).reshape(-1, 6, 1)
+        return (B[0].reshape(-1, 6, 24) * weighted).sum((0, 1))
+
+    element = [move[group.rows[0]].ravel() for move in moves]
+    for k, move in enumerate(moves):
+        change = (force(y + 1e-6 * move) - force(y - 1e-6 * move)) / 2e-6
+        stiffness[:, k] = [change @ each for each in element]
+    mass = np.array(element) @ group.mass[0] @ np.array(element).T
+    return np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.max())
+
+
+def test_limits_fall_where_elements_are_twisted(caplog):
+    """By a quarter at 0.5 rad; the watch sees it, and steps are made shorter."""
+    for angle in (0.01, 0.5):
+        system, y = twisted_rod(angle)
+        watch, before = LimitWatch(system), sc.Asynchronous.limits(system)[0]
+        assert watch.lowered(y) is (angle > 0.1)
+        limit = 2 / highest_frequency_by_differences(system, y)
+        assert watch.limits[0] == pytest.approx([limit] * 2, rel=2e-3)
+        assert not watch.lowered(y)
+    assert watch.limits[0] / before == pytest.approx([0.72] * 2, abs=0.01)
+    state = sc.State(0.0, 0, y.ravel(), np.zeros(system.n))
+    step = float(0.89 * before.min())
+    for scheme in (sc.Asynchronous(), sc.Explicit()):
+        march = scheme.march(system, sc.Multipliers(), step, "numpy", 10)
+        march.advance(state, step)
+        assert march.shortened and march.counts[0].tolist() == [2, 2]
+        assert "bent so far that their limits fall, to" in caplog.text
+        caplog.clear()
+    march = sc.Explicit(checked=False).march(system, sc.Multipliers(), step, "numpy", 10)
+    march.advance(state, step)
+    assert not march.shortened
+
+
+@pytest.mark.slow
+def test_a_blade_that_folds_up_keeps_its_energy(caplog):
+    """By pi an element; without the shorter steps it blows up when a limit falls below its step."""
+    pytest.importorskip("numba")
+    system = load("asynchronous_blade").blade(1e6)
+    step = 0.999 * 0.9 * float(sc.Asynchronous.limits(system)[0].max())
+    steps = {"step": step, "until": 9091.5 * step, "every": 50, "kernels": "numba"}
+    history = run(system, sc.Asynchronous(), **steps)
+    assert history.status == "completed" and "limits fall" in caplog.text
+    error = abs(history["energy"] - history["energy"][0]).max() / history["kinetic"][0]
+    assert 1e-5 < error < 0.01
+    L = history["angular_momentum"]
+    assert abs(L - L[0]).max() < 1e-12 * abs(L[0]).max()
+    turned = history["q"].reshape(len(history), -1, 4, 3)[:, :, 1:]
+    traces = np.einsum("tnij,tnij->tn", turned[:, 1:], turned[:, :-1])
+    assert np.arccos(np.clip((traces.min() - 1) / 2, -1, 1)) > 3
+    with pytest.raises(sc.Diverged, match="blown up"):
+        run(system, sc.Asynchronous(checked=False), **steps)
 
 
 def test_all_elements_alike_is_the_explicit_scheme():

@@ -292,12 +292,31 @@ def test_csv_and_chart(table, tmp_path):
     figure = table.chart(tmp_path / "table.png")
     assert (tmp_path / "table.png").stat().st_size > 10_000
     (axis,) = figure.axes
-    labels = [each.get_text() for each in axis.get_legend().get_texts()]
-    assert "explicit" in labels and "failed" in labels
+    labels = [each.get_text() for each in figure.legends[0].get_texts()]
+    assert "explicit" in labels and "front, implicit" in labels and "failed" in labels
+    front = next(line for line in axis.lines if line.get_label() == "implicit")
+    assert front.get_ydata().tolist() == [
+        row["error_x"] for row in table.front("x", group="implicit").points
+    ]
     crosses = [line for line in axis.lines if line.get_marker() == "x"]
     assert sum(len(line.get_xdata()) for line in crosses) == len(FAILING)
     with pytest.raises(InputError, match="unknown; there are x"):
         table.chart(quantities=["y"])
+    with pytest.raises(InputError, match="expected some of x"):
+        table.chart(quantities=[])
+
+
+def test_chart_with_a_colour_for_each_family(table):
+    """Lines of a family share the colour, not the marks; failures have it, too."""
+    pytest.importorskip("matplotlib")
+    figure = table.chart(
+        kind=lambda row: row["label"].split(",")[0],
+        family=lambda row: "Euler and failed" if "Euler" in row["label"] else "others",
+    )
+    lines = {line.get_label(): line for line in figure.axes[0].lines}
+    euler, midpoint = lines["Euler"], lines["midpoint"]
+    assert euler.get_color() != midpoint.get_color() == lines["failed"].get_color()
+    assert len(euler.get_xdata()) == len(STEPS)
 
 
 def test_chart_of_nothing_but_failures(tmp_path):

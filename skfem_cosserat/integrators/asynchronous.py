@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ..constraints import Treatment
@@ -24,8 +26,13 @@ class Asynchronous(ExplicitScheme):
     of the run's step that are below `safety` times their own limit, so that all meet at its end,
     where the loads kick and states are recorded. Momentum maps are exact; energy stays within a
     bound, short of resonances: where the fast vibrations next to a slow element meet its rhythm,
-    it feeds them. Steps that change little by little prevent that, but not where elements are bent
-    by far: a blade folded by 1 rad an element blew up where :class:`Explicit` did not.
+    it feeds them. Steps that change little by little prevent that. The limits of elements are
+    looked at again as these bend, and steps are made shorter where they have fallen, with a
+    warning: the energy may change a little there.
+
+    Of second order if `safety` gets smaller with the step: all elements then keep their numbers of
+    steps. With the same `safety` only the longest steps get shorter, those of the fast elements
+    stay, and so does what they leave of the error.
 
     Parameters
     ----------
@@ -84,11 +91,19 @@ class Asynchronous(ExplicitScheme):
         """Largest stable step (ne,) in s of the elements of each beam group."""
         return element_limits(system)
 
-    def counts(self, system: System, step: float) -> list[IndexArray]:
-        """Steps (ne,) of the elements of each beam group in a step (s) of the run."""
+    def counts(
+        self, system: System, step: float, limits: list[Floats] | None = None
+    ) -> list[IndexArray]:
+        """Steps (ne,) of the elements of each beam group in a step (s) of the run.
+
+        Parameters
+        ----------
+        limits : list of arrays, optional
+            Default: :meth:`limits`.
+        """
         counts = [
             np.maximum(1, np.ceil(step / (self.safety * each) * (1 - 1e-12))).astype(np.int64)
-            for each in self.limits(system)
+            for each in (self.limits(system) if limits is None else limits)
         ]
         while True:
             most = np.zeros(len(system.origin_rows), dtype=np.int64)
@@ -113,4 +128,5 @@ class Asynchronous(ExplicitScheme):
         low, high = int(every.min(initial=1)), int(every.max(initial=1))
         logger.info("steps of elements: %d to %d a step, smallest limit %s", low, high, limit)
         method = f"explicit, {low} to {high} steps of each element, smallest limit {limit}"
-        return Marching(self.name, system, h, 1, counts, method, kernels, steps)
+        plan = partial(self.counts, system, h) if self.checked else None
+        return Marching(self.name, system, h, 1, counts, method, kernels, steps, plan)

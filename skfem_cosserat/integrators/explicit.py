@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ..constraints import Treatment
@@ -9,12 +11,15 @@ from ..errors import InputError
 from ..log import logger
 from ..model import System
 from ..model.groups import Blocks
-from ..types import Array, Floats, switch
+from ..types import Array, Floats, IndexArray, switch
 from .base import Evaluation, Integrator, StepData
 from .limit import StepLimit, step_limit
 from .march import Marching, check_scene
 
 __all__ = ["Explicit", "ExplicitScheme"]
+
+#: steps above a limit that has fallen by as much are not made shorter: the bound is not that sharp
+NEAR = 0.01
 
 
 class ExplicitScheme(Integrator):
@@ -58,14 +63,16 @@ class Explicit(ExplicitScheme):
     end of the step. Triads stay orthonormal, momentum maps and joints exact, to rounding.
 
     The step is limited by the highest frequency of the elements; ``Explicit.limit(system)`` says
-    where and what vibrates there.
+    where and what vibrates there. At each step of the run it is looked at again, and rounds get
+    more parts if it has fallen, with a warning.
 
     Parameters
     ----------
     rounds : int
         A step of the run consists of as many equal steps, at whose end nothing is recorded.
     checked : bool
-        Refuse steps above the limit; False: to see what happens there.
+        Refuse steps above the limit, and shorten them where it falls; False: to see what happens
+        there.
 
     Raises
     ------
@@ -126,4 +133,12 @@ class Explicit(ExplicitScheme):
         logger.info("explicit steps of %.3g s, limit %s", h / self.rounds, limit)
         counts = [np.ones(len(g.vertices), dtype=np.int64) for g in system.beam_groups]
         method = f"explicit, limit {limit}"
-        return Marching(self.name, system, h, self.rounds, counts, method, kernels, steps)
+        plan = partial(_equal_parts, h / self.rounds) if self.checked else None
+        return Marching(self.name, system, h, self.rounds, counts, method, kernels, steps, plan)
+
+
+def _equal_parts(step: float, limits: list[Floats]) -> list[IndexArray]:
+    """Counts of all elements, the fewest with which none is above its limit."""
+    least = min(float(each.min(initial=np.inf)) for each in limits)
+    count = max(1, int(np.ceil(step / least * (1 - NEAR))))
+    return [np.full(len(each), count, dtype=np.int64) for each in limits]

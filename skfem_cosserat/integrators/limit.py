@@ -1,4 +1,4 @@
-"""Largest stable step of explicit schemes, element by element."""
+"""Largest stable step of explicit schemes, element by element, and how it falls in a run."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from ..errors import InputError
 from ..kernels import bilinear, null_space_blocks
 from ..model import System
 from ..model.groups import BeamGroup
-from ..types import Array, Floats
+from ..types import Array, Floats, IndexArray
 
-__all__ = ["StepLimit", "element_limits", "step_limit"]
+__all__ = ["LimitWatch", "StepLimit", "element_limits", "step_limit"]
 
+#: growth of the rotation between two neighbouring nodes (rad) after which limits are looked at
+#: again: they fall by some 2 % meanwhile
+_GROWN = 0.02
 _KINDS = ("shear", "shear", "axial", "bending", "bending", "torsion")
 
 
@@ -59,7 +62,58 @@ def element_limits(system: System) -> list[Floats]:
     it or holds it. Stresses are left out; they change the highest frequencies little.
     """
     y = system.extend(system.q0, 0.0)
-    return [2 / np.sqrt(np.linalg.eigvalsh(_pencil(g, y)[0])[:, -1]) for g in system.beam_groups]
+    return [_limits(group, y) for group in system.beam_groups]
+
+
+def _limits(group: BeamGroup, y: Array, ids: IndexArray | None = None) -> Floats:
+    return np.asarray(2 / np.sqrt(np.linalg.eigvalsh(_pencil(group, y, ids)[0])[:, -1]))
+
+
+class LimitWatch:
+    """Limits of the elements of a run: about the reference first, lower where elements fold.
+
+    Where neighbouring nodes turn against each other, an element may vibrate faster than in the
+    reference: one of a flat strip that is shorter than wide by 1.4 times when twisted by 0.5 rad,
+    one that is folded by 1.2 rad by a fifth. A step just below its limit is above it then.
+
+    Attributes
+    ----------
+    limits : list of (ne,) arrays
+        Smallest so far (s), for each beam group.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.limits = element_limits(system)
+        y = system.extend(system.q0, 0.0)
+        self._seen = [_turns(g, y) for g in system.beam_groups]
+
+    def lowered(self, y: Array) -> bool:
+        """Look at the elements that have bent farther; whether a limit has fallen."""
+        fallen = False
+        for k, group in enumerate(self.system.beam_groups):
+            turned = _turns(group, y)
+            ids = np.flatnonzero(turned > self._seen[k] + _GROWN)
+            if len(ids):
+                self._seen[k][ids] = turned[ids]
+                before = self.limits[k][ids]
+                self.limits[k][ids] = np.minimum(before, _limits(group, y, ids))
+                fallen |= bool((self.limits[k][ids] < before).any())
+        return fallen
+
+    @property
+    def smallest(self) -> str:
+        """The lowest limit, in words."""
+        k = int(np.argmin([each.min() for each in self.limits]))
+        e = int(self.limits[k].argmin())
+        return f"{self.limits[k][e]:.3g} s of {_named(self.system, self.system.beam_groups[k], e)}"
+
+
+def _turns(group: BeamGroup, y: Array) -> Floats:
+    """Largest rotation (ne,) between neighbouring nodes of each element (rad)."""
+    D = y[group.rows].reshape(*group.vertices.shape, 4, 3)[:, :, 1:]
+    square = ((D[:, 1:] - D[:, :-1]) ** 2).sum((2, 3)).max(1)  # 8 sin^2 of half the angle
+    return np.asarray(2 * np.arcsin(np.sqrt(np.minimum(square / 8, 1.0))))
 
 
 def step_limit(system: System) -> StepLimit:
@@ -92,19 +146,23 @@ def _named(system: System, group: BeamGroup, e: int) -> str:
     raise InputError("element", f"{e} is of no beam")
 
 
-def _pencil(group: BeamGroup, y: Array) -> tuple[Floats, Floats, Floats]:
+def _pencil(
+    group: BeamGroup, y: Array, ids: IndexArray | None = None
+) -> tuple[Floats, Floats, Floats]:
     """``L^-1 K L^-T`` (ne, k, k), strains by twists (ne, 6 ng, k), and L with ``M = L L^T``.
 
-    In velocities and angular velocities of the nodes, k = 6 nn.
+    In velocities and angular velocities of the nodes, k = 6 nn; of elements `ids` or all.
     """
+    ids = np.arange(len(group.vertices)) if ids is None else ids
     eps, B = group.strain(y)
-    ne, nn = group.vertices.shape
-    frames = y[group.rows].reshape(ne * nn, 4, 3)
+    B, D = B[ids], group.moduli(eps)[ids]
+    ne, nn = len(ids), group.vertices.shape[1]
+    frames = y[group.rows[ids]].reshape(ne * nn, 4, 3)
     P = null_space_blocks(frames[:, 1:]).reshape(ne, nn, 12, 6)
     by_twist = np.einsum("esac,each->esah", B.reshape(ne, -1, nn, 12), P)
     by_twist = by_twist.reshape(ne, -1, 6 * nn)
-    K = bilinear(group.moduli(eps), by_twist, by_twist)
-    mass = group.mass.reshape(ne, nn, 12, nn, 12)
+    K = bilinear(D, by_twist, by_twist)
+    mass = group.mass[ids].reshape(ne, nn, 12, nn, 12)
     M = np.einsum("each,eacbd,ebdk->eahbk", P, mass, P).reshape(ne, 6 * nn, 6 * nn)
     root: Floats = np.asarray(np.linalg.cholesky(M), dtype=float)
     half = np.linalg.solve(root, K)

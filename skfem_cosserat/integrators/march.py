@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -12,13 +13,17 @@ from ..beam import Beam
 from ..constraints import Multipliers, Treatment
 from ..errors import Diverged, IncompatibleError
 from ..kernels import BeamElements, beam_force, beam_strain, beam_stress, cross
+from ..log import logger
 from ..model import System
 from ..types import Floats, IndexArray
 from .base import March, Marched, State, StepWork
 from .choice import STEPS, choose
+from .limit import LimitWatch
 from .nodal import Nodes, Unclosed
 
 __all__ = ["Marching", "check_scene"]
+
+Plan = Callable[[list[Floats]], list[IndexArray]]
 
 #: way of a node in a step, by the extent of the scene, above which a run has blown up
 FAR = 100.0
@@ -76,6 +81,8 @@ class Marching(March):
     kernels : str
     steps : int or None
         Intended number of steps.
+    plan : callable, optional
+        Counts for limits of the elements that have fallen as these bend; without it counts stay.
     """
 
     def __init__(
@@ -88,12 +95,17 @@ class Marching(March):
         method: str,
         kernels: str,
         steps: int | None,
+        plan: Plan | None = None,
     ) -> None:
+        self.plan = plan
+        self._watch = None if plan is None else LimitWatch(system)
         self.system, self.h, self.rounds, self.counts = system, h, rounds, counts
         self.nodes = Nodes(system)
         self.method = method
         #: evaluations of elements so far
         self.evaluations = 0
+        #: whether elements have been given shorter steps since the start
+        self.shortened = False
         self._name = name
         each = rounds * sum(
             float(c.max(initial=1)) * SECONDS[0] + SECONDS[1] * float(c.sum()) * g.vertices.shape[1]
@@ -106,14 +118,36 @@ class Marching(March):
         self._some: dict[tuple[int, bytes], BeamElements] = {}
         self._compiled: Callable[..., Any] | None = None
         if chosen.name == "numba":
-            from ..compiled.explicit import bound  # compiles
+            self._compile()
 
-            self._compiled = bound(system, self.nodes, counts[0])
+    def _compile(self) -> None:
+        from ..compiled.explicit import bound  # compiles
+
+        self._compiled = bound(self.system, self.nodes, self.counts[0])
+
+    def _replan(self, time: float) -> None:
+        """Shorter steps for the elements whose limits have fallen."""
+        assert self.plan is not None
+        assert self._watch is not None
+        counts = self.plan(self._watch.limits)
+        both = list(zip(counts, self.counts, strict=True))
+        if all((new <= old).all() for new, old in both):
+            return
+        self.counts = [np.maximum(new, old) for new, old in both]
+        self._impulses = None
+        text = "t = %.6g s: elements are bent so far that their limits fall, to %s: shorter steps"
+        level = logging.DEBUG if self.shortened else logging.WARNING
+        logger.log(level, text, time, self._watch.smallest)
+        self.shortened = True
+        if self._compiled is not None:
+            self._compile()
 
     def advance(self, state: State, time: float) -> Marched:
         """See the base class."""
         system = self.system
         y = system.extend(state.q, state.time).copy()
+        if self._watch is not None and self._watch.lowered(y):
+            self._replan(state.time)
         P, L = self.nodes.momenta(y, state.p.reshape(-1, 3))
         if self._impulses is None or not np.array_equal(self._impulses[0], y):
             K = self._kicks(y)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import InputError
 from ..figures import new_figure, write_figure
@@ -13,22 +13,61 @@ from ..figures import new_figure, write_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["precision_chart"]
+__all__ = ["Lines", "precision_chart"]
 
 MARKERS = "osD^v<>ph*"
+DASHES = ("-", "--", "-.", ":")
 #: where crosses of failed setups stand, as a part of the height
 TOP = 0.97
-#: with more colours than this only fronts are in the legend
-LEGEND = 12
 STYLES = ("-", "--", ":", "-.")
-Kind = Callable[[Mapping[str, Any]], str]
+#: number of colours of matplotlib's "tab10"; more families take those of "tab20"
+FEW = 10
+Row = Mapping[str, Any]
+
+
+class Lines(NamedTuple):
+    """What is drawn as a line.
+
+    Attributes
+    ----------
+    kind : callable
+        From a row to the name of its line.
+    families : dict
+        What has its colour, by the name of a line.
+    own : dict
+        Rows of its front, by quantity and name of a line.
+    fronts : dict
+        Rows of its front, by quantity and group.
+    """
+
+    kind: Callable[[Row], str]
+    families: Mapping[str, str]
+    own: Mapping[str, Mapping[str, Sequence[Row]]]
+    fronts: Mapping[str, Mapping[str, Sequence[Row]]]
+
+    def style(self, name: str) -> dict[str, Any]:
+        """Colour, marker and dashes of a line."""
+        families = list(dict.fromkeys(self.families.values()))
+        family = self.families[name]
+        number = families.index(family)
+        within = [each for each, own in self.families.items() if own == family].index(name)
+        return {
+            "color": f"C{number}" if len(families) <= FEW else _many(number),
+            "marker": MARKERS[(number + within) % len(MARKERS)],
+            "linestyle": DASHES[within % len(DASHES)],
+        }
+
+
+def _many(number: int) -> Any:
+    from matplotlib import colormaps
+
+    return colormaps["tab20"](number % 20)
 
 
 def precision_chart(
-    rows: Sequence[Mapping[str, Any]],
-    fronts: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]],
+    rows: Sequence[Row],
+    lines: Lines,
     reference_errors: Mapping[str, float],
-    kind: Kind | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:
     """One panel a quantity; see :meth:`PrecisionTable.chart`.
@@ -37,12 +76,9 @@ def precision_chart(
     ----------
     rows : sequence of mapping
         Of the table.
-    fronts : mapping
-        By quantity and group: the rows of the front.
+    lines : Lines
     reference_errors : mapping
         By quantity.
-    kind : callable, optional
-        From a row to the name of its colour; default: its group, or its series if there is one.
     path : path-like, optional
         Write it here.
 
@@ -51,67 +87,67 @@ def precision_chart(
     InputError
         If a quantity is unknown, or none is given.
     """
-    unknown = [name for name in fronts if name not in reference_errors]
-    if unknown or not fronts:
+    unknown = [name for name in lines.fronts if name not in reference_errors]
+    if unknown or not lines.fronts:
         known = ", ".join(reference_errors)
-        raise InputError("argument quantities", f"{list(fronts)!r}, expected some of {known}")
-    several = any(len(by_group) > 1 for by_group in fronts.values())
-    chosen = kind or (lambda row: row["group"] if several else row["series"] or row["label"])
-    figure = new_figure(6.4 * len(fronts), 5.0)
-    axes = figure.subplots(1, len(fronts), squeeze=False)[0]
-    for axis, (name, by_group) in zip(axes, fronts.items(), strict=True):
+        given = list(lines.fronts)
+        raise InputError("argument quantities", f"{given!r}, expected some of {known}")
+    figure = new_figure(6.4 * len(lines.fronts) + 2.6, 5.4)
+    axes = figure.subplots(1, len(lines.fronts), squeeze=False)[0]
+    for axis, name in zip(axes, lines.fronts, strict=True):
         axis.set(xscale="log", yscale="log", title=name, xlabel="cost in s", ylabel="error")
-        kinds = list(dict.fromkeys(chosen(row) for row in rows))
-        _points(axis, rows, name, chosen, kinds)
-        for (group, front), style in zip(by_group.items(), STYLES * len(by_group), strict=False):
-            x = [row["cost_s"] for row in front]
-            y = [row[f"error_{name}"] for row in front]
-            if x:
-                label = f"front, {group}" if group else "front"
-                line = {"linestyle": style, "color": "black", "linewidth": 1.6, "alpha": 0.8}
-                axis.step(x, y, where="post", label=label, **line)
-        _failures(axis, rows, chosen, kinds)
-        if isfinite(reference_errors[name]) and reference_errors[name] > 0:
-            bottom = min(axis.get_ylim()[0], reference_errors[name])
-            axis.axhspan(bottom, reference_errors[name], color="0.85", label="below the reference")
+        for line in lines.families:
+            _line(axis, rows, name, line, lines)
+        _steps(axis, name, lines.fronts[name])
+        _failures(axis, rows, lines)
+        own = reference_errors[name]
+        if isfinite(own) and own > 0:
+            bottom = min(axis.get_ylim()[0], own)
+            axis.axhspan(bottom, own, color="0.85", label="below the reference")
             axis.set_ylim(bottom=bottom)
         axis.grid(which="major", alpha=0.3)
-        if axis.get_legend_handles_labels()[0]:
-            axis.legend(fontsize="x-small")
+    handles, labels = axes[0].get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside right upper", fontsize="small")
     return write_figure(figure, path)
 
 
-def _points(
-    axis: Any, rows: Sequence[Mapping[str, Any]], name: str, kind: Kind, kinds: list[str]
-) -> None:
-    """Setups that were solved; those of a series with a line."""
-    series: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
-    for row in rows:
-        if row["status"] == "ok" and row["cost_s"] is not None:
-            series.setdefault((kind(row), row["series"] or row["label"]), []).append(row)
-    told: set[str] = set()
-    for (what, _), own in series.items():
-        k = kinds.index(what)
-        axis.plot(
-            [row["cost_s"] for row in own],
-            [row[f"error_{name}"] for row in own],
-            marker=MARKERS[k % len(MARKERS)],
-            color=f"C{k % 10}",
-            linewidth=0.7,
-            markersize=4,
-            alpha=0.6,
-            label=None if len(kinds) > LEGEND or what in told else what,
-        )
-        told.add(what)
+def _shown(rows: Sequence[Row], name: str) -> tuple[list[float], list[float]]:
+    """Costs and errors; those without any error have no place on the chart."""
+    kept = [row for row in rows if row[f"error_{name}"] > 0]
+    return [row["cost_s"] for row in kept], [row[f"error_{name}"] for row in kept]
 
 
-def _failures(axis: Any, rows: Sequence[Mapping[str, Any]], kind: Kind, kinds: list[str]) -> None:
+def _line(axis: Any, rows: Sequence[Row], name: str, line: str, lines: Lines) -> None:
+    """Setups of a kind that were solved, and their front."""
+    style = lines.style(line)
+    solved = [row for row in rows if row["status"] == "ok" and row["cost_s"] is not None]
+    dots = {"color": style["color"], "marker": style["marker"], "linestyle": "none"}
+    axis.plot(
+        *_shown([r for r in solved if lines.kind(r) == line], name), **dots, ms=2.5, alpha=0.3
+    )
+    front = _shown(lines.own[name][line], name)
+    if front[0]:
+        axis.plot(*front, **style, ms=4.5, linewidth=1.3, label=line)
+
+
+def _steps(axis: Any, name: str, fronts: Mapping[str, Sequence[Row]]) -> None:
+    """What each group reaches at which cost."""
+    for (group, front), dashes in zip(fronts.items(), STYLES * len(fronts), strict=False):
+        points = _shown(front, name)
+        if points[0]:
+            label = f"front, {group}" if group else "front"
+            style = {"linestyle": dashes, "color": "black", "linewidth": 1.8, "alpha": 0.5}
+            axis.step(*points, where="post", label=label, **style)
+
+
+def _failures(axis: Any, rows: Sequence[Row], lines: Lines) -> None:
     bad = [row for row in rows if row["status"] != "ok" and isfinite(row["spent_s"])]
     top = axis.get_xaxis_transform()  # x in seconds, y from 0 to 1
     label = "failed"
-    for k, what in enumerate(kinds):
-        x = [max(row["spent_s"], 1e-9) for row in bad if kind(row) == what]
+    for line in lines.families:
+        x = [max(row["spent_s"], 1e-9) for row in bad if lines.kind(row) == line]
         if x:
-            style = {"color": f"C{k % 10}", "transform": top, "markersize": 5}
+            style = {"color": lines.style(line)["color"], "transform": top, "markersize": 5}
             axis.plot(x, [TOP] * len(x), "x", label=label, **style)
             label = "_nolegend_"

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import ceil, floor, isfinite, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..types import positive
-from .precision_chart import precision_chart
+from .precision_chart import Lines, precision_chart
 from .provenance import provenance
 from .table import write_table
 
@@ -166,11 +167,13 @@ class PrecisionTable:
         path: str | os.PathLike[str] | None = None,
         quantities: Iterable[str] | None = None,
         kind: Callable[[Row], str] | None = None,
+        family: Callable[[Row], str] | None = None,
     ) -> Figure:
-        """Errors over costs, both logarithmic: a panel a quantity, a front a group.
+        """Errors over costs, both logarithmic: a panel a quantity, a line a front.
 
-        Setups that failed are crosses at the top, above the time they took until then; errors below
-        that of the reference lie in the grey.
+        The front of each kind of setup is a line with marks, all its other setups are faint dots;
+        the front of each group is a step. Setups that failed are crosses at the top, above the time
+        they took until then; errors below that of the reference lie in the grey.
 
         Parameters
         ----------
@@ -179,8 +182,11 @@ class PrecisionTable:
         quantities : iterable of str, optional
             Default: all.
         kind : callable, optional
-            From a row to the name of its colour; default: its group, or its series if there is one
+            From a row to the name of its line; default: its group, or its series if there is one
             group only.
+        family : callable, optional
+            From a row to what has one colour, whose kinds differ in marks and dashes; default: each
+            kind has its own.
 
         Raises
         ------
@@ -190,14 +196,21 @@ class PrecisionTable:
             Without matplotlib.
         """
         names = self.quantities if quantities is None else list(quantities)
-        fronts = {
-            name: {
-                group: pareto(self.points(name, group), name)
-                for group in dict.fromkeys(row["group"] for row in self.rows)
+        groups = dict.fromkeys(row["group"] for row in self.rows)
+        if kind is None:
+            several = len(groups) > 1
+            kind = partial(_kind_by, "group" if several else "series")
+        families = {kind(row): (family or kind)(row) for row in self.rows}
+        fronts, own = {}, {}
+        for name in names:
+            points = self.points(name)
+            own[name] = {
+                line: pareto([row for row in points if kind(row) == line], name)
+                for line in families
             }
-            for name in names
-        }
-        return precision_chart(self.rows, fronts, self.reference_errors, kind, path)
+            fronts[name] = {group: pareto(self.points(name, group), name) for group in groups}
+        drawn = Lines(kind, families, own, fronts)
+        return precision_chart(self.rows, drawn, self.reference_errors, path)
 
     def __str__(self) -> str:
         lines = [f"{name}: {line}" for name in self.quantities for line in self.front(name).lines]
@@ -316,6 +329,10 @@ class Standing:
 
     def __str__(self) -> str:
         return "\n".join(self.lines)
+
+
+def _kind_by(what: str, row: Row) -> str:
+    return str(row[what] or row["label"])
 
 
 def pareto(points: Iterable[dict[str, Any]], quantity: str) -> list[dict[str, Any]]:
