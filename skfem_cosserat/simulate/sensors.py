@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from ..history import HistoryWriter
 from ..integrators import State, Stepper, StepReport
 from ..joint import Joint
 from ..model import System
+from ..twin import Attached, Twins
 from ..types import ArrayLike, Floats, numbers
 
 __all__ = [
@@ -57,7 +58,7 @@ class Window(NamedTuple):
     force: Floats
 
 
-class Sensor(ABC):
+class Sensor(Attached, ABC):
     """Base of the sensors.
 
     Attributes
@@ -131,6 +132,17 @@ class SensorPosition(Sensor):
         if frame is not None and (not isinstance(frame, Place) or frame.triad is None):
             raise InputError("sensor", f"frame = {frame!r}, expected the place of a frame")
         self.frame = frame
+
+    def twin(self, twins: Twins) -> Self:
+        """See the base class."""
+        other = super().twin(twins)
+        if (
+            self.frame is not None
+            and other.frame is not None
+            and self.frame.turn_to(other.frame) is not None
+        ):
+            raise InputError("sensor", f"the triad of the {self.frame.label} is another one now")
+        return other
 
     def items(self) -> list[Item]:
         """See the base class."""
@@ -290,7 +302,7 @@ class SensorQuantity(Sensor):
         return out
 
 
-class _Point:
+class _Point(Attached):
     """A place, or a point of a beam's axis."""
 
     def __init__(self, where: Place | Beam, s: float | None, part: str | None) -> None:
@@ -302,14 +314,22 @@ class _Point:
             length = numbers("sensor", "s", s)
             if length.shape != ():
                 raise InputError("sensor", f"s has shape {length.shape}, expected a number")
-            self.beam = where
-            self._elements, self._xi = where.along(length[None], part)
+            self.beam, self._s, self._part = where, length[None], part
+            self._elements, self._xi = where.along(self._s, part)
         elif isinstance(where, Place):
             if s is not None or part is not None:
                 raise InputError("sensor", f"s = {s!r} is for beams, not for the {where.label}")
             self.place = where
         else:
             raise InputError("sensor", f"where = {where!r}, expected a Place or a Beam")
+
+    def twin(self, twins: Twins) -> Self:
+        other = super().twin(twins)
+        if self.beam is not None:
+            if not isinstance(other.beam, Beam):
+                raise InputError("sensor", f"is on a beam, which is the {other.beam} now")
+            other._elements, other._xi = other.beam.along(self._s, self._part)
+        return other
 
     def items(self) -> list[Item]:
         if self.beam is not None:
