@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -27,17 +28,17 @@ STRAIGHT = 1e-9
 def divided(
     mesh: MeshT, elements: int, keep: Sequence[tuple[int, float]] = (), beam: str | None = None
 ) -> MeshT:
-    """Copy of a mesh with about so many elements, finer or coarser than it is.
+    """Copy of a mesh with another number of elements, finer or coarser than it is.
 
     Where lines meet, end, have a corner or a named node, or change their name there is a vertex
-    in any case; between those, elements are of equal length. Chords of a curve that is not known
-    stay as they are: fewer would be another line.
+    in any case; in between, elements are of equal length. Chords of a curve that is not known
+    are not merged: that would be another line.
 
     Parameters
     ----------
     mesh : MeshCurve
     elements : int
-        No element is longer than the length of the mesh divided by this.
+        As many as there are lines of that kind at least.
     keep : sequence of (int, float), optional
         Elements and reference coordinates in [0, 1] of further places that get a vertex.
     beam : str, optional
@@ -58,27 +59,51 @@ def divided(
     >>> from skfem_cosserat.mesh import MeshCurve, divided
     >>> mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 20, nodes={"mid": 0.5})
     >>> divided(mesh, 1).p[0].tolist(), divided(mesh, 1).node("mid")
-    ([0.0, 1.0, 0.5], 2)
-    >>> divided(mesh, 5).nelements
-    6
+    ([0.0, 0.5, 1.0], 1)
+    >>> divided(mesh, 4).lengths.tolist()
+    [0.25, 0.25, 0.25, 0.25]
     """
     count = element_count(elements, "mesh")
     chosen = np.ones(mesh.nelements, dtype=bool)
     if beam is not None:
         chosen[:] = False
         chosen[mesh.elements_of(beam)] = True
-    size = float(mesh.lengths[chosen].sum()) / count
-    build = _Builder(mesh)
+    lines: list[tuple[IndexArray, Floats]] = []
     for run in _runs(mesh, chosen):
+        ends = np.append(0.0, np.cumsum(mesh.lengths[run]))
+        inside = [ends[e - run[0]] + xi * mesh.lengths[e] for e, xi in keep if e in run]
+        stops = np.unique(np.round(np.array([0.0, *inside, ends[-1]]) / ends[-1], 12)) * ends[-1]
+        lines.append((run, stops if chosen[run[0]] else ends))
+    counts = _counts(mesh, lines, chosen, count)
+    build = _Builder(mesh)
+    for run, stops in lines:
         if not chosen[run[0]]:
             build.element(int(run[0]))
             continue
-        ends = np.append(0.0, np.cumsum(mesh.lengths[run]))
-        inside = [ends[e - run[0]] + xi * mesh.lengths[e] for e, xi in keep if e in run]
-        closed = mesh.t[0, run[0]] == mesh.t[1, run[-1]]
-        longest = min(size, ends[-1] / 3) if closed else size
-        build.run(run, _places(ends[-1], inside, longest))
+        parts = [np.linspace(a, b, counts.pop(0) + 1)[1:] for a, b in pairwise(stops)]
+        build.run(run, np.concatenate([np.zeros(1), *parts]))
     return build.mesh()
+
+
+def _counts(
+    mesh: MeshCurve, lines: Sequence[tuple[IndexArray, Floats]], chosen: Any, total: int
+) -> list[int]:
+    """Elements of each line between stops: the next one goes where they are longest."""
+    lengths: list[float] = []
+    counts: list[int] = []
+    for run, stops in lines:
+        if not chosen[run[0]]:
+            continue
+        closed = mesh.t[0, run[0]] == mesh.t[1, run[-1]]
+        lengths += np.diff(stops).tolist()
+        counts += [3 if closed and len(stops) == 2 else 1] * (len(stops) - 1)
+    queue = [(-length / n, k) for k, (length, n) in enumerate(zip(lengths, counts, strict=True))]
+    heapq.heapify(queue)
+    for _ in range(total - sum(counts)):
+        k = queue[0][1]
+        counts[k] += 1
+        heapq.heapreplace(queue, (-lengths[k] / counts[k], k))
+    return counts
 
 
 def _runs(mesh: MeshCurve, chosen: Any) -> list[IndexArray]:
@@ -106,16 +131,6 @@ def _runs(mesh: MeshCurve, chosen: Any) -> list[IndexArray]:
     follows = (gap <= STRAIGHT * mesh.lengths[first]) & same_way
     joined &= np.where(chord, bend <= STRAIGHT, follows)
     return np.split(np.arange(ne), np.flatnonzero(~joined) + 1)
-
-
-def _places(length: float, inside: Sequence[float], size: float) -> Floats:
-    """Arc lengths of the vertices of a run, its ends included."""
-    stops = np.unique(np.round(np.array([0.0, *inside, length]) / length, 12)) * length
-    parts = [np.zeros(1)]
-    for a, b in pairwise(stops):
-        n = max(1, int(np.ceil((b - a) / size * (1 - 1e-9))))
-        parts.append(np.linspace(a, b, n + 1)[1:])
-    return np.concatenate(parts)
 
 
 class _Builder:

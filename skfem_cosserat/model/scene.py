@@ -134,8 +134,8 @@ class Model:
         >>> place = rod.node("beam.end")
         >>> pin = model.add("pin", JointRevolute(ground((0, 2, 0)), place, axis=(1, 0, 0)))
         >>> other = model.with_items({"rod": rod.on_mesh(divided(rod.mesh, 3), order=2)})
-        >>> other["pin"].b.vertex, other.freeze().n, model.freeze().n
-        (6, 84, 252)
+        >>> other["pin"].b.label, other.freeze().n, model.freeze().n
+        ("beam 'rod' node 'beam.end' at [0.0, 2.0, 0.0]", 84, 252)
         """
         return self.rebuilt(items)[0]
 
