@@ -208,6 +208,13 @@ class SensorStrain(Sensor):
         self._point = _Point(beam, s, part)
         self.beam = beam
 
+    def twin(self, twins: Twins) -> Self:
+        """See the base class; there must still be a beam."""
+        other = super().twin(twins)
+        if not isinstance(other.beam, Beam):
+            raise InputError("sensor", f"the {self.beam.label} is a rigid body: it has no strains")
+        return other
+
     def items(self) -> list[Item]:
         """See the base class."""
         return self._point.items()
@@ -326,9 +333,12 @@ class _Point(Attached):
     def twin(self, twins: Twins) -> Self:
         other = super().twin(twins)
         if self.beam is not None:
-            if not isinstance(other.beam, Beam):
-                raise InputError("sensor", f"is on a beam, which is the {other.beam} now")
-            other._elements, other._xi = other.beam.along(self._s, self._part)
+            item = twins.of(self.beam)
+            if isinstance(item, Beam):
+                other._elements, other._xi = item.along(self._s, self._part)
+            else:  # a body that stands for it
+                x = self.beam.mesh.mapping().F(self._xi[None], self._elements)[:, 0, 0]
+                other.beam, other.place = None, item.at(x)
         return other
 
     def items(self) -> list[Item]:
