@@ -167,7 +167,8 @@ class Search:
         """Everything that has been run is a candidate; the cheapest good one is the best."""
         for trial in list(self.event.trials.values()):
             if id(trial) not in self._known:
-                self._note(trial)
+                own = trial.proposal
+                self._note(trial, (self.predictor.error(own), self.predictor.cost(own)))
 
     def _note(self, trial: Trial, predicted: tuple[float, float] | None = None) -> Candidate:
         if id(trial) in self._known:
@@ -191,8 +192,12 @@ class Search:
     def try_it(self, proposal: Proposal) -> Candidate:
         """Run a proposal and note what was predicted of it."""
         predicted = self.predictor.error(proposal), self.predictor.cost(proposal)
-        limit = max(20 * predicted[1], 0.5)
-        return self._note(self.event.run(proposal, limit), predicted)
+        own = self._note(self.event.run(proposal, max(20 * predicted[1], 0.5)), predicted)
+        if 0 < own.error < np.inf and 0 < predicted[0] < np.inf:
+            self.predictor.scale *= float(np.clip(own.error / predicted[0], 0.25, 4.0))
+        elif not own.trial.ok:
+            self.predictor.scale *= 2.0
+        return own
 
     def all(self) -> Iterator[Proposal]:
         """Proposals worth a prediction."""
@@ -269,11 +274,8 @@ class Search:
             )
             if chosen is None or not self._affordable(chosen):
                 return
-            own = self.try_it(chosen)
-            if self._good(own):
+            if self._good(self.try_it(chosen)):
                 return
-            worse = own.error / own.predicted_error if own.trial.ok else 2.0
-            self.predictor.scale *= float(np.clip(worse, 1.2, 4.0))
 
     def _swaps(self) -> None:
         """Other integrators and treatments in the best one's place."""
