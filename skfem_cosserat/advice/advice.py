@@ -158,9 +158,9 @@ def explained(advice: Advice, lines: Sequence[str], tolerance: dict[str, float])
     if advice.proposal is not None:
         what += [f"proposal: {advice.proposal}"]
         what += [
-            f"error {_sizes(advice.true_error)} (predicted {_sizes(advice.predicted_error)}), of the"
-            f" reference {_sizes(advice.reference_error)}; cost {advice.true_cost_s:.3g} s (predicted"
-            f" {advice.predicted_cost_s:.3g} s)"
+            f"error {_sizes(advice.true_error)} (predicted {_sizes(advice.predicted_error)}),"
+            f" of the reference {_sizes(advice.reference_error)};"
+            f" cost {advice.true_cost_s:.3g} s (predicted {advice.predicted_cost_s:.3g} s)"
         ]
     what += ["confident" if advice.confident else "not confident: " + "; ".join(advice.reasons)]
     return "\n".join(

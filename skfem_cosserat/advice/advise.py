@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -144,7 +145,7 @@ def _chaos(event: Event, search: Search, seed: int) -> list[str]:
     fine = search.fine
     if not fine.ok or not event.budget.allows(2 * fine.cost_s):
         return ["the budget ran out before a nudged run could show whether the scene is chaotic"]
-    nudged = event.run(fine.proposal, 20 * fine.cost_s, seed)
+    nudged = event.run(replace(fine.proposal, planar=None), 20 * fine.cost_s, seed)
     if not nudged.ok:
         return [f"a nudge of {NUDGE:g} at the start makes the run fail ({nudged.reason})"]
     growth = 0.0
@@ -211,6 +212,7 @@ def _row(own: Candidate, best: Candidate | None) -> dict[str, Any]:
         "elements": ", ".join(str(proposal.count(name)) for name in proposal.rung),
         "integrator": proposal.integrator.name,
         "treatment": proposal.treatment.name,
+        "planar": proposal.planar is not None,
         "steps": proposal.steps,
         "step_s": proposal.step,
         "unknowns": trial.unknowns,

@@ -21,7 +21,8 @@ from ..history import History
 from ..integrators import EnergyMomentum, Integrator, State, StepReport
 from ..log import logger
 from ..mesh import divided
-from ..model import Model, System
+from ..model import Model, System, planarity
+from ..model.plane import Planar
 from ..simulate import derive_series, initial_state, simulate
 from ..simulate.sensors import checked_sensors
 from ..twin import Twins
@@ -150,8 +151,24 @@ class Event:
             name: divided(beam.mesh, 1, self.keep[name]).nelements
             for name, beam in self.beams.items()
         }
+        self.planar = self._plane()
         self.trials: dict[Hashable, Trial] = {}
         self.history: History | None = None
+
+    def _plane(self) -> Planar | None:
+        """The plane of the scene and its start, if it stays in one."""
+        planar = planarity(self.system).planar
+        if planar is None:
+            return None
+        try:
+            system = self.model.freeze(planar=planar)
+            step = 1e-6 * self.until
+            state = self.begin(system)
+            until = state.time + step
+            simulate(system, EnergyMomentum(), NullSpace(), step, until, start=state, derive=False)
+        except CosseratError:  # it starts out of the plane
+            return None
+        return planar
 
     def begin(self, system: System, nudge: tuple[float, int] | None = None) -> State:
         """The state that a run of a system starts from, perhaps a little beside it.
@@ -195,6 +212,7 @@ class Event:
             steps,
             self.until / steps,
             self.keep,
+            self.planar,
         )
 
     def run(self, proposal: Proposal, limit: float = np.inf, seed: int | None = None) -> Trial:
@@ -210,7 +228,7 @@ class Event:
         try:
             with _quiet(trial.warnings):
                 model, twins = proposal.rebuilt(self.model)
-                system = model.freeze()
+                system = model.freeze(planar=proposal.planar)
                 trial.unknowns = system.unknowns
                 start = self.begin(system, None if seed is None else (NUDGE, seed))
                 sensors = {k: twins.of(s) for k, s in self.quantities.sensors.items()}

@@ -103,6 +103,7 @@ class Predictor:
             for trial in self.event.trials.values()
             if trial.ok
             and (repr(trial.proposal.integrator), repr(trial.proposal.treatment)) == plain
+            and trial.proposal.planar is self.event.planar
         ]
 
     def _per_iteration(self) -> tuple[float, float]:

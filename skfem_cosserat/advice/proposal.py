@@ -9,7 +9,8 @@ from typing import Any
 from ..beam import Beam
 from ..constraints import Treatment
 from ..integrators import Integrator
-from ..model import Model
+from ..model import Model, System
+from ..model.plane import Planar
 from ..twin import Twins
 from .rungs import BeamModel
 
@@ -36,6 +37,8 @@ class Proposal:
         (s)
     keep : dict of str to sequence of (int, float)
         By beam: places of its mesh that need a node, as something is attached there.
+    planar : Planar or None
+        The plane that the scene is confined to, if it stays there anyway.
     """
 
     rung: Mapping[str, BeamModel]
@@ -46,6 +49,7 @@ class Proposal:
     steps: int
     step: float
     keep: Mapping[str, Sequence[tuple[int, float]]] = field(repr=False)
+    planar: Planar | None = None
 
     @property
     def key(self) -> Hashable:
@@ -53,7 +57,8 @@ class Proposal:
         meshes = tuple((name, self.count(name)) for name in self.rung)
         rungs = tuple((name, str(rung)) for name, rung in self.rung.items())
         order = self.order if any(rung.meshed for rung in self.rung.values()) else 0
-        return (rungs, meshes, order, repr(self.integrator), repr(self.treatment), self.steps)
+        methods = (repr(self.integrator), repr(self.treatment), self.steps)
+        return (rungs, meshes, order, *methods, self.planar is None)
 
     def count(self, beam: str) -> int:
         """Elements of a beam; zero if it is rigid."""
@@ -79,6 +84,10 @@ class Proposal:
         """
         return self.rebuilt(model)[0]
 
+    def system(self, model: Model) -> System:
+        """The scene with these beams, frozen: in its plane, if there is one."""
+        return self.build(model).freeze(planar=self.planar)
+
     def rebuilt(self, model: Model) -> tuple[Model, Twins]:
         """As :meth:`build`, with what finds the twins of sensors."""
         items: dict[str, Any] = {}
@@ -98,6 +107,7 @@ class Proposal:
         text = "; ".join(beams)
         if any(rung.meshed for rung in self.rung.values()):
             text += f"; order {self.order}"
+        text += "" if self.planar is None else "; in the plane"
         return (
             f"{text}; {self.integrator.name}, {self.treatment.name}, {self.steps} steps of"
             f" {self.step:.3g} s"

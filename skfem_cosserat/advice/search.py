@@ -115,8 +115,7 @@ class Search:
         self.event.trials.pop((proposal.key, None), None)  # its history is wanted
         self.fine = self.event.run(proposal)
         if self.fine.ok and self.event.history is not None:
-            model = proposal.build(self.event.model)
-            self.pilot = look(model.freeze(), self.event.history)
+            self.pilot = look(proposal.system(self.event.model), self.event.history)
 
     def _meshes(self) -> None:
         """Errors of orders and numbers of elements, all beams alike."""
@@ -285,6 +284,8 @@ class Search:
         plain = start.trial.proposal
         for integrator in self.integrators:
             self._swap(start, replace(plain, integrator=integrator))
+        if plain.planar is not None:  # small scenes may be as fast in space
+            self._swap(self.best, replace(self.best.trial.proposal, planar=None))
         plain = self.best.trial.proposal
         for treatment in self.treatments:
             self._swap(self.best, replace(plain, treatment=treatment))
@@ -296,10 +297,12 @@ class Search:
         if not own.trial.ok:
             return
         cost = own.trial.cost_s / start.trial.cost_s
-        self.predictor.integrators[repr(proposal.integrator)] = (
-            max(own.error, 0.01) / max(start.error, 0.01),
-            cost,
-        )
+        before = start.trial.proposal
+        if proposal.integrator is not before.integrator:
+            error = max(own.error, 0.01) / max(start.error, 0.01)
+            self.predictor.integrators[repr(proposal.integrator)] = (error, cost)
+        elif proposal.treatment is not before.treatment:
+            self.predictor.treatments[repr(proposal.treatment)] = cost
 
     # -- down ---------------------------------------------------------------------------------------
 
