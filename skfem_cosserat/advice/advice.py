@@ -143,7 +143,8 @@ class Advice:
 
 def explained(advice: Advice, lines: Sequence[str], tolerance: dict[str, float]) -> str:
     """The table of the best candidates of each kind, and what was found."""
-    head = f"{'rungs':<28} p {'elements':>14} {'steps':>6} {'method':<28} {'error/tol':>9} {'cost s':>8}"
+    columns = ("rungs", "p", "elements", "steps", "method", "error/tol", "cost s")
+    head = "{:<28} {} {:>14} {:>6} {:<28} {:>9} {:>8}".format(*columns)
     rows = [head, "-" * len(head)]
     for row in _worth_telling(advice.candidates):
         mark = " <-" if row["chosen"] else ""

@@ -132,8 +132,6 @@ def _between(known: Mapping[int, float], m: float, order: int) -> float:
     sizes = np.array(sorted(n for n, d in known.items() if np.isfinite(d) and d > 0))
     if not len(sizes):
         return 0.0 if any(d == 0 for d in known.values()) else np.inf
-    if m < sizes[0] and any(not np.isfinite(known[n]) for n in known if n <= m):
-        return np.inf
     errors = np.array([known[int(n)] for n in sizes])
     if m > sizes[-1]:
         return float(errors[-1] * (sizes[-1] / m) ** order)

@@ -304,7 +304,7 @@ class Search:
         elif proposal.treatment is not before.treatment:
             self.predictor.treatments[repr(proposal.treatment)] = cost
 
-    # -- down ---------------------------------------------------------------------------------------
+    # -- down --------------------------------------------------------------------------------------
 
     def _step_down(self) -> None:
         """From the best to a cheaper neighbour that is good, until there is none."""
