@@ -224,9 +224,41 @@ class Beam(StructuralItem):
         >>> finer.mesh.nelements, finer.node("rod.end").position.tolist()
         (6, [0.0, 2.0, 0.0])
         """
+        return self.on_mesh(self.mesh.refined(marked), order)
+
+    def on_mesh(self, mesh: MeshCurve, order: int | Interpolation | None = None) -> Self:
+        """The same beam on another mesh of the same lines, finer or coarser.
+
+        Parameters
+        ----------
+        mesh : MeshCurve
+            From :meth:`MeshCurve.refined` or :func:`skfem_cosserat.mesh.divided`.
+        order : int or Interpolation, optional
+            Of the elements; default: as it was.
+
+        Returns
+        -------
+        Beam
+            In no model yet, as from :meth:`refined`.
+
+        Raises
+        ------
+        MeshError
+            If the mesh does not divide the same lines in the same order.
+        InputError
+            As :meth:`refined`.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import Beam, MeshCurve, Section
+        >>> from skfem_cosserat.mesh import divided
+        >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+        >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 20, name="rod"), section)
+        >>> len(beam.on_mesh(divided(beam.mesh, 2), order=3).vertices())
+        7
+        """
         if self._orientation is None:
             raise InputError(self.label, "came from another process: refine it where it was made")
-        mesh = self.mesh.refined(marked)
         director, twist = self._orientation
         sections = self.sections
         named = len(sections) > 1 or "section" not in sections
@@ -296,6 +328,27 @@ class Beam(StructuralItem):
         return ElementMatrix(mass)
 
     # -- protocol of structural items ------------------------------------------------------------
+
+    def counterpart(self, place: Place) -> Place:
+        """See the base class: a node of this mesh, found by arc length along that of the other."""
+        other = place.item
+        if not isinstance(other, Beam):
+            a = self.basis.node(place.position)
+        else:
+            e, k = (int(x[0]) for x in np.nonzero(other.basis.connectivity == place.vertex))
+            elements, xi = places_in(self.mesh, other.mesh, other.basis.interpolation.nodes)
+            near = abs(self.basis.interpolation.nodes - xi[e, k])
+            if near.min() > 1e-9:
+                raise InputError(
+                    self.label,
+                    f"has no node at {other.basis.nodes[place.vertex].tolist()}, where something"
+                    " is attached: keep it when the mesh is divided, or name it",
+                )
+            a = int(self.basis.connectivity[elements[e, k], near.argmin()])
+        triad = self.triads[a].copy()
+        offset = triad @ (place.position - self.basis.nodes[a])
+        offset[abs(offset) < 1e-12 * self.mesh.size] = 0.0
+        return Place(self, a, place.position, offset, triad, None, place.note)
 
     def vertices(self) -> Vertices:
         """Its nodes."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from .errors import InputError
 from .frames import Place, StructuralItem, Vertices, check_triad, vector
+from .twin import Twins
 from .types import ArrayLike, Floats, numbers, positive
 
 __all__ = ["MassPoint", "RigidBody"]
@@ -417,6 +418,19 @@ class RigidBody(_Lump):
         offset = vector(self.label, "X", X)
         base = self.triad if self.on is None or self.on.triad is None else self.on.triad
         return self.at(self.position + offset @ base)
+
+    def counterpart(self, place: Place) -> Place:
+        """See the base class; also of a node of a beam that it stands for."""
+        return self.at(place.position)
+
+    def twin(self, twins: Twins) -> Self:
+        """See the base class; attached, its numbers are those in the triad of its place."""
+        other = super().twin(twins)
+        turn = None if self.on is None or other.on is None else self.on.turn_to(other.on)
+        if turn is not None:
+            other.center = turn @ self.center
+            other.euler = turn @ self.euler @ turn.T
+        return other
 
     def scalar_mass(self) -> Floats:
         """See the base class; E is taken about the reference point there."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
+from typing import Self
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from .coupling import Coupling, semidefinite
 from .errors import InputError
 from .frames import Item, Place, ground
 from .relative import displacement
+from .twin import Twins
 from .types import ArrayLike, Floats, numbers
 
 __all__ = ["Foundation"]
@@ -84,15 +87,20 @@ class Foundation(Item):
     ) -> None:
         if not isinstance(beam, Beam):
             raise InputError(self.label, f"beam is {type(beam).__name__}, expected a beam")
-        self.beam = beam
-        elements = beam.part(part)
-        weights = np.zeros(len(beam.basis.nodes))
-        np.add.at(weights, beam.basis.connectivity[elements], beam.line_weights(elements))
-        k, c = (
+        self.beam, self.part = beam, part
+        self.tensors = tuple(
             self._tensor(name, value)
             for name, value in (("stiffness", stiffness), ("damping", damping))
         )
-        self._supports = {
+        self._supports = self._on_nodes()
+
+    def _on_nodes(self) -> dict[int, _Support]:
+        """A spring on each node, in proportion to its length."""
+        beam, (k, c) = self.beam, self.tensors
+        elements = beam.part(self.part)
+        weights = np.zeros(len(beam.basis.nodes))
+        np.add.at(weights, beam.basis.connectivity[elements], beam.line_weights(elements))
+        return {
             int(node): _Support(beam.node(int(node)), weights[node] * k, weights[node] * c)
             for node in np.flatnonzero(weights)
         }
@@ -105,6 +113,15 @@ class Foundation(Item):
                 self.label, f"{name} has shape {array.shape}, expected a number, (3,) or (3, 3)"
             )
         return semidefinite(self.label, name, array if array.ndim == 2 else array * np.eye(3))
+
+    def twin(self, twins: Twins) -> Self:
+        """See the base class; on the nodes that the beam has there."""
+        other = copy(self)
+        other.name, other.beam = None, twins.of(self.beam)
+        if not isinstance(other.beam, Beam):
+            raise InputError(self.label, f"acts on {other.beam.label}, expected a beam")
+        other._supports = other._on_nodes()
+        return other
 
     def supports(self) -> list[Coupling]:
         """Its springs, named after it and the beam's nodes."""

@@ -7,12 +7,14 @@ an orthonormal triad ``d1, d2, d3`` (equation (55)); a material point is ``x = p
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
 from .errors import InputError
 from .kernels import exp_quaternion, rotation_matrix
+from .twin import Attached, Twins
 from .types import ArrayLike, Floats, numbers
 
 __all__ = ["Item", "Motion", "Place", "Vertices", "ground", "triad"]
@@ -163,7 +165,7 @@ class Vertices:
         return len(self.positions)
 
 
-class Item:
+class Item(Attached):
     """What a model is made of; gets its name when it is added to a model."""
 
     kind = "item"
@@ -178,9 +180,25 @@ class Item:
         """Items it is attached to or acts on: they must be in the same model."""
         return []
 
+    def twin(self, twins: Twins) -> Self:
+        """See the base class; in no model yet."""
+        other = super().twin(twins)
+        other.name = None
+        return other
+
 
 class StructuralItem(Item):
     """An item with coordinates, or with inertia lumped on the place of another one."""
+
+    def counterpart(self, place: Place) -> Place:
+        """The same material point as a place of this item, which stands for that of `place`.
+
+        Raises
+        ------
+        InputError
+            If it has no such place.
+        """
+        return replace(place, item=self)
 
     def vertices(self) -> Vertices | None:
         """Its coordinates in the reference configuration; None if it is lumped on another item."""
@@ -188,7 +206,7 @@ class StructuralItem(Item):
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class Place(Attached):
     """A material point of an item, or a point of the ground.
 
     Made by ``beam.node(name)``, ``body.at(x)``, ``body.local(X)``, ``point.place()`` and
@@ -230,6 +248,38 @@ class Place:
     triad: Floats | None
     motion: Motion | None = None
     note: str = field(default="")
+
+    def twin(self, twins: Twins) -> Place:
+        """See the base class; places of the ground have no other."""
+        return self if self.item is None else twins.of(self.item).counterpart(self)
+
+    @property
+    def origin(self) -> Floats:
+        """Where phi of its vertex is in the reference (m)."""
+        return self.position if self.triad is None else self.position - self.offset @ self.triad
+
+    def same_frame(self, other: Place) -> bool:
+        """Whether phi and the triads of both are the same in the reference."""
+        gap = abs(self.origin - other.origin).max()
+        return self.turn_to(other) is None and gap <= TOLERANCE * abs(self.position).max()
+
+    def seen_from(self, other: Place, factors: Floats) -> Floats:
+        """Factors (4,) of phi and directors of `other` that give the same vector.
+
+        As `factors` with those of this place: the same material point, in another frame that is
+        fixed to this one.
+        """
+        if self.triad is None or other.triad is None:
+            return factors
+        vector = factors[0] * (self.origin - other.origin) + factors[1:] @ self.triad
+        return np.append(factors[0], other.triad @ vector)
+
+    def turn_to(self, other: Place) -> Floats | None:
+        """Turns components in this place's triad to those in the other's; None: the same."""
+        if self.triad is None or other.triad is None:
+            return None
+        turn = other.triad @ self.triad.T
+        return None if abs(turn - np.eye(3)).max() < TOLERANCE else turn
 
     @property
     def label(self) -> str:

@@ -7,13 +7,14 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from .beam import Beam
 from .errors import InputError
 from .frames import Item, Place, StructuralItem, vector
+from .twin import Twins
 from .types import ArrayLike, Floats, numbers
 
 __all__ = [
@@ -284,6 +285,14 @@ class _NodalLoad(Load):
             raise InputError(self.label, f"{place.label} is a mass point and has no directions")
         self.place = place
 
+    def twin(self, twins: Twins) -> Self:
+        """See the base class; what follows a triad is turned into that of its new place."""
+        other = super().twin(twins)
+        turn = self.place.turn_to(other.place) if self.follower else None
+        if turn is not None:
+            other.channels = [(turn @ value, time) for value, time in self.channels]
+        return other
+
     def references(self) -> list[StructuralItem]:
         """The item it acts on."""
         return [] if self.place.item is None else [self.place.item]
@@ -408,8 +417,16 @@ class LoadLine(Load):
         super().__init__(value, amplitude, follower)
         if not isinstance(beam, Beam):
             raise InputError(self.label, f"acts on {type(beam).__name__}, expected a beam")
-        self.beam = beam
+        self.beam, self.part = beam, part
         self.elements = beam.part(part)
+
+    def twin(self, twins: Twins) -> Self:
+        """See the base class; on the elements that the part has there."""
+        other = super().twin(twins)
+        if not isinstance(other.beam, Beam):
+            raise InputError(self.label, f"acts on {other.beam.label}, expected a beam")
+        other.elements = other.beam.part(self.part)
+        return other
 
     def references(self) -> list[StructuralItem]:
         """The beam."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .frames import Place, ground
+from .twin import Attached, Twins
 from .types import Floats
 
 __all__ = [
@@ -36,7 +37,7 @@ ORIGIN = ground((0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
-class Expression:
+class Expression(Attached):
     """Linear combination of coordinate vectors: terms ``(place, row, factor)``.
 
     ``row`` 0 is phi of the place's vertex, 1 to 3 its directors.
@@ -46,6 +47,24 @@ class Expression:
 
     def __sub__(self, other: Expression) -> Expression:
         return Expression(self.terms + tuple((p, r, -c) for p, r, c in other.terms))
+
+    def twin(self, twins: Twins) -> Expression:
+        """See the base class: the same vector by another frame of the same rigid neighbourhood."""
+        places = {id(place): place for place, _, _ in self.terms}
+        others = {key: twins.of(place) for key, place in places.items()}
+        if all(place.same_frame(others[key]) for key, place in places.items()):
+            return Expression(tuple((others[id(p)], row, c) for p, row, c in self.terms))
+        terms = []
+        for key, place in places.items():
+            c = np.zeros(4)
+            for p, row, x in self.terms:
+                c[row] += x if p is place else 0.0
+            terms += [
+                (others[key], row, float(x))
+                for row, x in enumerate(place.seen_from(others[key], c))
+                if abs(x) > 1e-15
+            ]
+        return Expression(tuple(terms))
 
 
 def point(place: Place) -> Expression:
@@ -71,7 +90,7 @@ def normals(axis: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Amplitude:
+class Amplitude(Attached):
     """A number that is prescribed in time: a component of a ground place's position."""
 
     place: Place
@@ -79,7 +98,7 @@ class Amplitude:
 
 
 @dataclass(frozen=True, eq=False)
-class Zero:
+class Zero(Attached):
     """Three rows: ``expression = 0``."""
 
     expression: Expression
@@ -87,7 +106,7 @@ class Zero:
 
 
 @dataclass(frozen=True, eq=False)
-class Product:
+class Product(Attached):
     """``factor * amplitude * (left . right)``; `amplitude` is 1 unless prescribed in time."""
 
     left: Expression
@@ -102,7 +121,7 @@ Form = tuple[Product, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class RelativeCoordinate:
+class RelativeCoordinate(Attached):
     """A relative coordinate of two places as a function of quadratic invariants.
 
     Attributes

@@ -129,6 +129,11 @@ def full_section() -> Section:
 
 def swing(elements: int = 20) -> System:
     """The three-bar swing of Leyendecker, Marsden & Ortiz (2008), published section."""
+    return swing_model(elements).freeze()
+
+
+def swing_model(elements: int = 20) -> Model:
+    """The scene of :func:`swing`, not frozen."""
     mesh = MeshCurve.init_line(
         (0, 0, 0), (0, 0.72, 0), elements, nodes={"left": 0, "mid": 0.5, "right": 1}
     )
@@ -162,7 +167,7 @@ def swing(elements: int = 20) -> System:
     model.add("mass", MassPoint(5.0, on=beam.node("mid")))
     pulse = Table([0, 0.125, 0.25], [0, 1e4, 0])
     model.add("pulse", LoadForce(beam.node("mid"), (0, 1, 0), pulse))
-    return model.freeze()
+    return model
 
 
 class _Builder:
@@ -185,6 +190,11 @@ class _Builder:
 
 def everything(order: int = 1, swapped: bool = False, loads: bool = True) -> System:
     """Every item: curved beam, network, bodies, points, lumps, all joints, all loads."""
+    return model_of_everything(order, swapped, loads).freeze()
+
+
+def model_of_everything(order: int = 1, swapped: bool = False, loads: bool = True) -> Model:
+    """The scene of :func:`everything`, not frozen."""
     rng = np.random.default_rng(order)
     build = _Builder(rng, lambda: swapped)
     model = build.model
@@ -203,7 +213,7 @@ def everything(order: int = 1, swapped: bool = False, loads: bool = True) -> Sys
     model.add("cup", RigidBody.cylinder(0.2, 0.1, 0.3, on=chain.at((0.3, 0.1, 2.0))))
     if loads:
         _loads(model, curved, frame, chain, hub)
-    return model.freeze()
+    return model
 
 
 def _corner() -> MeshCurve:

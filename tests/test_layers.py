@@ -27,7 +27,7 @@ LAYERS = (
     ("law", "section", "hyperelastic", "profile", "strain", "kernels"),
     (
         *("frames", "relative", "beam", "body", "joint", "load", "coupling", "damping", "drive"),
-        *("foundation", "motion", "ramp"),
+        *("foundation", "motion", "ramp", "twin"),
     ),
     ("model",),
     ("compiled", "linear", "newton"),
@@ -36,7 +36,7 @@ LAYERS = (
     ("history",),
     ("diagnostics",),
     ("statics", "modal", "simulate", "parallel"),
-    ("export", "plot", "study", "adaptive", "cli"),
+    ("export", "plot", "study", "adaptive", "advice", "cli"),
     ("__init__", "__main__"),
 )
 LAYER = {name: number for number, names in enumerate(LAYERS, start=1) for name in names}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
+from .divide import divided
 from .files import read_mesh, write_mesh
 from .mapping import MappingCurve
 from .mesh import MeshCurve
@@ -16,6 +17,7 @@ __all__ = [
     "CurveSpline",
     "MappingCurve",
     "MeshCurve",
+    "divided",
     "read_mesh",
     "write_mesh",
 ]

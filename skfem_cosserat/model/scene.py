@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeVar
 
 from ..beam import Beam
@@ -12,9 +12,10 @@ from ..damping import RayleighDamping
 from ..drive import JointDrive
 from ..errors import InputError
 from ..foundation import Foundation
-from ..frames import Item
+from ..frames import Item, StructuralItem
 from ..joint import Joint
 from ..load import Load
+from ..twin import Twins
 from ..types import ArrayLike
 from .planarity import Planarity, confined, inspect
 from .plane import Planar
@@ -104,6 +105,57 @@ class Model:
 
     def __len__(self) -> int:
         return len(self._items)
+
+    def with_items(self, items: Mapping[str, StructuralItem]) -> Model:
+        """The same scene with other beams (or bodies) of some names; this one does not change.
+
+        Everything that refers to them (joints, loads, lumps, springs, dampings, foundations) is
+        there again and refers to the new ones, at the same material points.
+
+        Parameters
+        ----------
+        items : dict of str to Beam or RigidBody
+            In no model yet, such as ``beam.on_mesh(divided(beam.mesh, 4), order=2)``. A rigid
+            body may stand for a beam.
+
+        Raises
+        ------
+        InputError
+            For an unknown name, an item of another kind, or where a point that something is
+            attached to is no node any more.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import JointRevolute, MeshCurve, Section, ground
+        >>> from skfem_cosserat.mesh import divided
+        >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+        >>> model = Model()
+        >>> rod = model.add("rod", Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 20), section))
+        >>> place = rod.node("beam.end")
+        >>> pin = model.add("pin", JointRevolute(ground((0, 2, 0)), place, axis=(1, 0, 0)))
+        >>> other = model.with_items({"rod": rod.on_mesh(divided(rod.mesh, 3), order=2)})
+        >>> other["pin"].b.label, other.freeze().n, model.freeze().n
+        ("beam 'rod' node 'beam.end' at [0.0, 2.0, 0.0]", 84, 252)
+        """
+        return self.rebuilt(items)[0]
+
+    def rebuilt(self, items: Mapping[str, StructuralItem]) -> tuple[Model, Twins]:
+        """As :meth:`with_items`, with what finds the twins of sensors and the like."""
+        for name, item in items.items():
+            old = self[name]
+            if not isinstance(old, Beam | RigidBody) or not isinstance(item, Beam | RigidBody):
+                raise InputError(
+                    f"model, item {name!r}",
+                    f"the {item!r} instead of the {old.label}: expected a"
+                    " beam or rigid body instead of one",
+                )
+            if item.name is not None:
+                raise InputError(f"model, item {name!r}", f"is already in a model: {item.label}")
+        twins = Twins({self[name]: item for name, item in items.items()})
+        other = type(self)()
+        for name in self:
+            other.add(name, twins.of(self[name]))
+        return other, twins
 
     def freeze(self, planar: Planar | None = None) -> System:
         """Number everything and check it: the arrays that all methods work on.

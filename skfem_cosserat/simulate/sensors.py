@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from ..history import HistoryWriter
 from ..integrators import State, Stepper, StepReport
 from ..joint import Joint
 from ..model import System
+from ..twin import Attached, Twins
 from ..types import ArrayLike, Floats, numbers
 
 __all__ = [
@@ -57,7 +58,7 @@ class Window(NamedTuple):
     force: Floats
 
 
-class Sensor(ABC):
+class Sensor(Attached, ABC):
     """Base of the sensors.
 
     Attributes
@@ -132,6 +133,17 @@ class SensorPosition(Sensor):
             raise InputError("sensor", f"frame = {frame!r}, expected the place of a frame")
         self.frame = frame
 
+    def twin(self, twins: Twins) -> Self:
+        """See the base class."""
+        other = super().twin(twins)
+        if (
+            self.frame is not None
+            and other.frame is not None
+            and self.frame.turn_to(other.frame) is not None
+        ):
+            raise InputError("sensor", f"the triad of the {self.frame.label} is another one now")
+        return other
+
     def items(self) -> list[Item]:
         """See the base class."""
         frame = [] if self.frame is None or self.frame.item is None else [self.frame.item]
@@ -195,6 +207,13 @@ class SensorStrain(Sensor):
     def __init__(self, beam: Beam, s: float, part: str | None = None) -> None:
         self._point = _Point(beam, s, part)
         self.beam = beam
+
+    def twin(self, twins: Twins) -> Self:
+        """See the base class; there must still be a beam."""
+        other = super().twin(twins)
+        if not isinstance(other.beam, Beam):
+            raise InputError("sensor", f"the {self.beam.label} is a rigid body: it has no strains")
+        return other
 
     def items(self) -> list[Item]:
         """See the base class."""
@@ -290,7 +309,7 @@ class SensorQuantity(Sensor):
         return out
 
 
-class _Point:
+class _Point(Attached):
     """A place, or a point of a beam's axis."""
 
     def __init__(self, where: Place | Beam, s: float | None, part: str | None) -> None:
@@ -302,14 +321,25 @@ class _Point:
             length = numbers("sensor", "s", s)
             if length.shape != ():
                 raise InputError("sensor", f"s has shape {length.shape}, expected a number")
-            self.beam = where
-            self._elements, self._xi = where.along(length[None], part)
+            self.beam, self._s, self._part = where, length[None], part
+            self._elements, self._xi = where.along(self._s, part)
         elif isinstance(where, Place):
             if s is not None or part is not None:
                 raise InputError("sensor", f"s = {s!r} is for beams, not for the {where.label}")
             self.place = where
         else:
             raise InputError("sensor", f"where = {where!r}, expected a Place or a Beam")
+
+    def twin(self, twins: Twins) -> Self:
+        other = super().twin(twins)
+        if self.beam is not None:
+            item = twins.of(self.beam)
+            if isinstance(item, Beam):
+                other._elements, other._xi = item.along(self._s, self._part)
+            else:  # a body that stands for it
+                x = self.beam.mesh.mapping().F(self._xi[None], self._elements)[:, 0, 0]
+                other.beam, other.place = None, item.at(x)
+        return other
 
     def items(self) -> list[Item]:
         if self.beam is not None:

@@ -1,0 +1,140 @@
+"""Errors and costs of proposals that have not been run, from those that have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from .event import Event, Trial
+from .proposal import Proposal
+from .reference import Reference
+
+__all__ = ["Predictor"]
+
+
+class Predictor:
+    """Sums of what each axis (rung, mesh, step, integrator) was seen to do by itself.
+
+    Parameters
+    ----------
+    event : Event
+    reference : Reference
+
+    Attributes
+    ----------
+    mesh : dict of int to dict of int to float
+        By order and number of elements a piece (all beams alike): error in tolerances.
+    rung : dict of (str, str) to float
+        By beam and rung: error in tolerances.
+    integrators : dict of str to (float, float)
+        Factors of the errors in time and of costs.
+    treatments : dict of str to float
+        Factors of costs.
+    scale : float
+        What was measured over what was predicted, lately.
+    """
+
+    def __init__(self, event: Event, reference: Reference) -> None:
+        self.event, self.reference = event, reference
+        self.mesh: dict[int, dict[int, float]] = {}
+        self.rung: dict[tuple[str, str], float] = {}
+        self.integrators: dict[str, tuple[float, float]] = {}
+        self.treatments: dict[str, float] = {}
+        self.scale = 1.0
+        total = dict.fromkeys(event.beams, 0.0)
+        for (name, level), d in reference.space.items():
+            if level == reference.coarse[name]:
+                total[name] = d
+        size = sum(total.values())
+        count = max(len(total), 1)
+        #: parts of the beams in errors of equal meshes; none is left out altogether
+        self.share = {
+            name: 0.9 * d / size + 0.1 / count if size else 1.0 / count for name, d in total.items()
+        }
+
+    def time(self, steps: int) -> float:
+        """Error of a number of steps, of second order where nothing was run."""
+        known = self.reference.time
+        first, last = min(known), max(known)
+        tail = known[last] / 3
+        if steps > last:
+            return tail * (last / steps) ** 2 * 4
+        found = tail + sum(d for n, d in known.items() if n >= max(steps, first))
+        return found * (first / min(steps, first)) ** 2
+
+    def space(self, order: int, elements: Mapping[str, int], models: Mapping[str, bool]) -> float:
+        """Error of meshes; `models` says which beams have one."""
+        known = self.mesh.get(order, {})
+        if not known:
+            return np.inf
+        per = {name: elements[name] / self.event.pieces[name] for name in elements}
+        return sum(
+            self.share[name] * _between(known, per[name], 2 * order)
+            for name in elements
+            if models[name]
+        )
+
+    def error(self, proposal: Proposal) -> float:
+        """Of a proposal, in tolerances."""
+        rungs = sum(
+            self.rung.get((name, str(rung)), np.inf)
+            for name, rung in proposal.rung.items()
+            if str(rung) != "full"
+        )
+        meshed = {name: rung.meshed for name, rung in proposal.rung.items()}
+        factor = self.integrators.get(repr(proposal.integrator), (1.0, 1.0))[0]
+        space = self.space(proposal.order, proposal.elements, meshed) if any(meshed.values()) else 0
+        return self.scale * (rungs + space + factor * self.time(proposal.steps))
+
+    def cost(self, proposal: Proposal) -> float:
+        """Processor time (s) of a proposal: steps times iterations times what one takes."""
+        factor = self.integrators.get(repr(proposal.integrator), (1.0, 1.0))[1]
+        factor *= self.treatments.get(repr(proposal.treatment), 1.0)
+        base, slope = self._per_iteration()
+        iterations = self._iterations(proposal.steps)
+        return factor * proposal.steps * iterations * (base + slope * proposal.nodes)
+
+    def _plain(self) -> list[Trial]:
+        """Runs with energy-momentum and the null space."""
+        plain = ("EnergyMomentum()", "NullSpace()")
+        return [
+            trial
+            for trial in self.event.trials.values()
+            if trial.ok
+            and (repr(trial.proposal.integrator), repr(trial.proposal.treatment)) == plain
+            and trial.proposal.planar is self.event.planar
+        ]
+
+    def _per_iteration(self) -> tuple[float, float]:
+        """Processor time of an iteration (s): a constant, and what each node adds."""
+        rows, times = [], []
+        for trial in self._plain():
+            cost = trial.cost_s / trial.proposal.steps / max(trial.iterations, 1.0)
+            rows.append([1.0 / cost, trial.proposal.nodes / cost])
+            times.append(1.0)
+        from scipy.optimize import nnls  # slow to import, seldom needed
+
+        base, slope = nnls(np.array(rows), np.array(times))[0]
+        return float(base), float(slope)
+
+    def _iterations(self, steps: int) -> float:
+        """Newton iterations a step, as in the runs with the nearest number of steps."""
+        found: dict[int, list[float]] = {}
+        for trial in self._plain():
+            found.setdefault(trial.proposal.steps, []).append(max(trial.iterations, 1.0))
+        nearest = min(found, key=lambda n: abs(np.log(n / steps)))
+        return float(np.median(found[nearest]))
+
+
+def _between(known: Mapping[int, float], m: float, order: int) -> float:
+    """Error at m elements a piece: straight in the logarithms, beyond them of the order known."""
+    sizes = np.array(sorted(n for n, d in known.items() if np.isfinite(d) and d > 0))
+    if not len(sizes):
+        return 0.0 if any(d == 0 for d in known.values()) else np.inf
+    errors = np.array([known[int(n)] for n in sizes])
+    if m > sizes[-1]:
+        return float(errors[-1] * (sizes[-1] / m) ** order)
+    if m < sizes[0]:
+        return float(errors[0] * (sizes[0] / m) ** order)
+    return float(np.exp(np.interp(np.log(m), np.log(sizes), np.log(errors))))

@@ -1,0 +1,355 @@
+"""The search for the cheapest proposal within the tolerance: predict, run, step down."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+
+from ..constraints import Treatment
+from ..integrators import Integrator
+from .event import Event, Trial
+from .pilot import Pilot, look
+from .predict import Predictor
+from .proposal import Proposal
+from .reference import ORDER, Reference
+from .rungs import RUNGS, BeamFull, BeamModel
+
+__all__ = ["Candidate", "Search"]
+
+ORDERS = (1, 2, 3)
+#: elements a piece that are looked at
+SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+#: predicted errors may be this part of the tolerance for a first try
+SAFETY = 0.8
+#: what is predicted to be worse than this is not tried (in tolerances)
+HOPELESS = 4.0
+#: candidates that are tried before the search goes on from what is known
+TRIES = 8
+#: a beam that bends by more (rad) is not tried as a rigid one
+RIGID = 0.2
+
+
+@dataclass
+class Candidate:
+    """A proposal with what was predicted and what came out.
+
+    Attributes
+    ----------
+    trial : Trial
+    error : float
+        Difference from the reference, in tolerances; infinite if it failed.
+    predicted_error : float
+        In tolerances; not a number if nothing was predicted.
+    predicted_cost_s : float
+    """
+
+    trial: Trial
+    error: float
+    predicted_error: float = np.nan
+    predicted_cost_s: float = np.nan
+
+
+@dataclass
+class Search:
+    """Stages of the search; see :func:`advise`.
+
+    Attributes
+    ----------
+    candidates : list of Candidate
+        All that were run through the event.
+    best : Candidate or None
+        The cheapest within the tolerance.
+    """
+
+    event: Event
+    reference: Reference
+    integrators: Sequence[Integrator]
+    treatments: Sequence[Treatment]
+    rng: np.random.Generator
+    candidates: list[Candidate] = field(default_factory=list)
+    best: Candidate | None = None
+    pilot: Pilot = field(default_factory=Pilot)
+    notes: list[str] = field(default_factory=list)
+
+    growth: float = 0.0
+    OUT = "the budget ran out"
+
+    def __post_init__(self) -> None:
+        assert self.reference.trial is not None
+        self.finest = self.reference.trial
+        self.predictor = Predictor(self.event, self.reference)
+        self._known: set[int] = set()
+
+    def go(self) -> None:
+        """All stages, as long as the budget lasts."""
+        self._look()
+        self._meshes()
+        self._rungs()
+        self._collect()
+        self._try_predicted()
+        self._swaps()
+        self._step_down()
+        self._collect()
+
+    # -- what each axis does by itself -------------------------------------------------------------
+
+    def elements(self, per: int | Mapping[str, int]) -> dict[str, int]:
+        """Elements of the beams from those a piece."""
+        return {
+            name: pieces * (per if isinstance(per, int) else per[name])
+            for name, pieces in self.event.pieces.items()
+        }
+
+    def _look(self) -> None:
+        """The pilot: the coarser meshes of the reference, at the fewest steps that make sense."""
+        ladder = sorted({*self.reference.time, self.reference.steps})
+        good = [n for n in ladder if self.predictor.time(n) <= 1.0]
+        self.steps = min([*good, self.reference.steps])
+        level = self.reference.coarse
+        proposal = self.event.proposal(
+            {name: self.event.pieces[name] * 2**k for name, k in level.items()}, ORDER, self.steps
+        )
+        self.event.trials.pop((proposal.key, None), None)  # its history is wanted
+        self.fine = self.event.run(proposal)
+        if self.fine.ok and self.event.history is not None:
+            self.pilot = look(proposal.system(self.event.model), self.event.history)
+
+    def _meshes(self) -> None:
+        """Errors of orders and numbers of elements, all beams alike."""
+        if not self.event.beams:
+            return
+        finest = self.fine.proposal.nodes
+        for order in self.rng.permutation(ORDERS).tolist():
+            found = self.predictor.mesh.setdefault(order, {})
+            for per in SIZES[::2] if order == 1 else (1, 2, 4, 8, 16):
+                proposal = self.event.proposal(self.elements(per), order, self.steps)
+                if proposal.nodes >= finest or not self._affordable(proposal):
+                    break
+                found[per] = self.event.distance(self.event.run(proposal), self.fine)
+                if found[per] <= 0.3:
+                    break
+
+    def _rungs(self) -> None:
+        """Errors of cheaper models of each beam, the others as they are."""
+        for name in self.rng.permutation(list(self.event.beams)).tolist():
+            for rung in RUNGS[:-1]:
+                if not rung.meshed and self.pilot.bend.get(name, 0.0) > RIGID:
+                    self.notes.append(
+                        f"{name}: not tried as {rung}, it bends by {self.pilot.bend[name]:.2g} rad"
+                    )
+                    continue
+                proposal = replace(
+                    self.fine.proposal, rung=dict(self.fine.proposal.rung) | {name: rung}
+                )
+                if not self._affordable(proposal):
+                    return
+                trial = self.event.run(proposal)
+                error = self.event.distance(trial, self.fine)
+                self.predictor.rung[name, str(rung)] = error
+                if not trial.ok:
+                    self.notes.append(f"{name} as {rung}: {trial.status}, {trial.reason}")
+                if error <= 0.1:
+                    break
+
+    def _affordable(self, proposal: Proposal) -> bool:
+        fits = self.event.budget.allows(2 * self.predictor.cost(proposal))
+        if not fits and self.OUT not in self.notes:
+            self.notes.append(self.OUT)
+        return fits
+
+    # -- candidates --------------------------------------------------------------------------------
+
+    def _collect(self) -> None:
+        """Everything that has been run is a candidate; the cheapest good one is the best."""
+        for trial in list(self.event.trials.values()):
+            if id(trial) not in self._known:
+                own = trial.proposal
+                self._note(trial, (self.predictor.error(own), self.predictor.cost(own)))
+
+    def _note(self, trial: Trial, predicted: tuple[float, float] | None = None) -> Candidate:
+        if id(trial) in self._known:
+            return next(c for c in self.candidates if c.trial is trial)
+        self._known.add(id(trial))
+        error = self.event.distance(trial, self.finest)
+        own = Candidate(trial, error, *(predicted or (np.nan, np.nan)))
+        self.candidates.append(own)
+        if self._good(own) and (self.best is None or trial.cost_s < self.best.trial.cost_s):
+            self.best = own
+        return own
+
+    def _good(self, own: Candidate) -> bool:
+        """Within the tolerance, whatever the error of the reference, and coarser than that."""
+        proposal, finest = own.trial.proposal, self.finest.proposal
+        coarser = proposal.steps < finest.steps and (
+            not self.event.beams or proposal.nodes < finest.nodes
+        )
+        return own.error + self.reference.error <= 1.0 and coarser
+
+    def try_it(self, proposal: Proposal) -> Candidate:
+        """Run a proposal and note what was predicted of it."""
+        predicted = self.predictor.error(proposal), self.predictor.cost(proposal)
+        own = self._note(self.event.run(proposal, max(20 * predicted[1], 0.5)), predicted)
+        if 0 < own.error < np.inf and 0 < predicted[0] < np.inf:
+            self.predictor.scale *= float(np.clip(own.error / predicted[0], 0.25, 4.0))
+        elif not own.trial.ok:
+            self.predictor.scale *= 2.0
+        return own
+
+    def all(self) -> Iterator[Proposal]:
+        """Proposals worth a prediction."""
+        names = list(self.event.beams)
+        ladder = self._ladder()
+        choices = [self._choices(name) for name in names]
+        for rungs in product(*choices):
+            models = dict(zip(names, rungs, strict=True))
+            meshes = list(self._distributions(models))
+            for order, elements in meshes:
+                for steps in ladder:
+                    yield self.event.proposal(elements, order, steps, models)
+
+    def _ladder(self) -> list[int]:
+        base, steps = self.event.base, []
+        while base <= self.reference.steps:
+            steps.append(base)
+            base *= 2
+        return steps or [self.reference.steps]
+
+    def _choices(self, name: str) -> list[BeamModel]:
+        known = self.predictor.rung
+        return [
+            rung
+            for rung in RUNGS
+            if isinstance(rung, BeamFull) or known.get((name, str(rung)), np.inf) <= HOPELESS
+        ]
+
+    def _distributions(
+        self, models: Mapping[str, BeamModel]
+    ) -> Iterator[tuple[int, dict[str, int]]]:
+        """Meshes that share an error among the beams."""
+        names = [name for name, rung in models.items() if rung.meshed]
+        if not names:
+            yield ORDERS[0], self.elements(1)
+            return
+        seen = set()
+        for order in ORDERS:
+            for allowed in np.geomspace(2.0, 0.01, 24):
+                per = dict.fromkeys(models, 1)
+                for name in names:
+                    flags = {each: each == name for each in models}
+                    per[name] = next(
+                        (
+                            size
+                            for size in SIZES
+                            if self.predictor.space(
+                                order, self.elements(dict.fromkeys(models, size)), flags
+                            )
+                            <= allowed / len(names)
+                        ),
+                        SIZES[-1],
+                    )
+                key = (order, *per.values())
+                if key not in seen:
+                    seen.add(key)
+                    yield order, self.elements(per)
+
+    def _try_predicted(self) -> None:
+        """The cheapest predicted to be good, again and again until one is."""
+        ranked = [(self.predictor.cost(each), each) for each in self.all()]
+        ranked.sort(key=lambda pair: pair[0])
+        for _ in range(TRIES):
+            limit = self.best.trial.cost_s if self.best else np.inf
+            chosen = next(
+                (
+                    each
+                    for cost, each in ranked
+                    if cost < limit
+                    and self.predictor.error(each) <= SAFETY
+                    and (each.key, None) not in self.event.trials
+                ),
+                None,
+            )
+            if chosen is None or not self._affordable(chosen):
+                return
+            if self._good(self.try_it(chosen)):
+                return
+
+    def _swaps(self) -> None:
+        """Other integrators and treatments in the best one's place."""
+        if self.best is None:
+            return
+        start = self.best
+        plain = start.trial.proposal
+        for integrator in self.integrators:
+            self._swap(start, replace(plain, integrator=integrator))
+        if plain.planar is not None:  # small scenes may be as fast in space
+            self._swap(self.best, replace(self.best.trial.proposal, planar=None))
+        plain = self.best.trial.proposal
+        for treatment in self.treatments:
+            self._swap(self.best, replace(plain, treatment=treatment))
+
+    def _swap(self, start: Candidate, proposal: Proposal) -> None:
+        if proposal.key == start.trial.proposal.key or not self._affordable(proposal):
+            return
+        own = self.try_it(proposal)
+        if not own.trial.ok:
+            return
+        cost = own.trial.cost_s / start.trial.cost_s
+        before = start.trial.proposal
+        if proposal.integrator is not before.integrator:
+            error = max(own.error, 0.01) / max(start.error, 0.01)
+            self.predictor.integrators[repr(proposal.integrator)] = (error, cost)
+        elif proposal.treatment is not before.treatment:
+            self.predictor.treatments[repr(proposal.treatment)] = cost
+
+    # -- down --------------------------------------------------------------------------------------
+
+    def _step_down(self) -> None:
+        """From the best to a cheaper neighbour that is good, until there is none."""
+        tried: set[object] = set()
+        while self.best is not None:
+            here = self.best
+            moves = {each.key: each for each in self._neighbours(here.trial.proposal)}
+            ranked = sorted(
+                ((self.predictor.cost(each), each) for each in moves.values()),
+                key=lambda pair: pair[0],
+            )
+            own = self.predictor.cost(here.trial.proposal)
+            for cost, each in ranked:
+                if each.key in tried or cost > 0.97 * own:
+                    continue
+                tried.add(each.key)
+                if not self._affordable(each):
+                    return
+                self.try_it(each)
+                if self.best is not here:
+                    break
+            else:
+                return
+
+    def _neighbours(self, own: Proposal) -> Iterator[Proposal]:
+        """One thing coarser or simpler, or one coarser and another one finer."""
+        if own.steps % 2 == 0 and own.steps // 2 >= self.event.base // 2:
+            yield replace(own, steps=own.steps // 2, step=2 * own.step)
+        per = {name: own.elements[name] // p for name, p in self.event.pieces.items()}
+        meshed = [name for name, rung in own.rung.items() if rung.meshed]
+        for names in [meshed, *([name] for name in meshed if len(meshed) > 1)]:
+            fewer = {
+                name: max([s for s in SIZES if s < k], default=1) if name in names else k
+                for name, k in per.items()
+            }
+            yield replace(own, elements=self.elements(fewer))
+        for order in (own.order - 1, own.order + 1):
+            if meshed and order in ORDERS:
+                yield replace(own, order=order)
+                nodes = {
+                    name: max([s for s in SIZES if s * order < k * own.order], default=1)
+                    for name, k in per.items()
+                }
+                yield replace(own, order=order, elements=self.elements(nodes))
+        for name, rung in own.rung.items():
+            for other in RUNGS[: RUNGS.index(rung)]:
+                if self.predictor.rung.get((name, str(other)), np.inf) <= HOPELESS:
+                    yield replace(own, rung=dict(own.rung) | {name: other})

@@ -1,0 +1,209 @@
+"""The same lines divided into other numbers of elements, fewer ones included."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from ..errors import MeshError
+from ..types import Floats, IndexArray
+from .build import element_count
+
+if TYPE_CHECKING:  # pragma: no cover - for annotations only
+    from .mesh import MeshCurve
+
+    MeshT = TypeVar("MeshT", bound=MeshCurve)
+
+__all__ = ["divided"]
+
+#: Sine of the angle, and part of a length, up to which chords are one line and spans follow.
+STRAIGHT = 1e-9
+
+
+def divided(
+    mesh: MeshT, elements: int, keep: Sequence[tuple[int, float]] = (), beam: str | None = None
+) -> MeshT:
+    """Copy of a mesh with another number of elements, finer or coarser than it is.
+
+    Where lines meet, end, have a corner or a named node, or change their name there is a vertex
+    in any case; in between, elements are of equal length. Chords of a curve that is not known
+    are not merged: that would be another line.
+
+    Parameters
+    ----------
+    mesh : MeshCurve
+    elements : int
+        As many as there are lines of that kind at least.
+    keep : sequence of (int, float), optional
+        Elements and reference coordinates in [0, 1] of further places that get a vertex.
+    beam : str, optional
+        Divide only the elements of this beam of the mesh, by its own length.
+
+    Returns
+    -------
+    MeshCurve
+        Elements follow each other as before, so that states can be carried over.
+
+    Raises
+    ------
+    MeshError
+        For a number below one or an unknown beam.
+
+    Examples
+    --------
+    >>> from skfem_cosserat.mesh import MeshCurve, divided
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 20, nodes={"mid": 0.5})
+    >>> divided(mesh, 1).p[0].tolist(), divided(mesh, 1).node("mid")
+    ([0.0, 0.5, 1.0], 1)
+    >>> divided(mesh, 4).lengths.tolist()
+    [0.25, 0.25, 0.25, 0.25]
+    """
+    count = element_count(elements, "mesh")
+    chosen = np.ones(mesh.nelements, dtype=bool)
+    if beam is not None:
+        chosen[:] = False
+        chosen[mesh.elements_of(beam)] = True
+    lines: list[tuple[IndexArray, Floats]] = []
+    for run in _runs(mesh, chosen):
+        ends = np.append(0.0, np.cumsum(mesh.lengths[run]))
+        inside = [ends[e - run[0]] + xi * mesh.lengths[e] for e, xi in keep if e in run]
+        stops = np.unique(np.round(np.array([0.0, *inside, ends[-1]]) / ends[-1], 12)) * ends[-1]
+        lines.append((run, stops if chosen[run[0]] else ends))
+    counts = _counts(mesh, lines, chosen, count)
+    build = _Builder(mesh)
+    for run, stops in lines:
+        if not chosen[run[0]]:
+            build.element(int(run[0]))
+            continue
+        parts = [np.linspace(a, b, counts.pop(0) + 1)[1:] for a, b in pairwise(stops)]
+        build.run(run, np.concatenate([np.zeros(1), *parts]))
+    return build.mesh()
+
+
+def _counts(
+    mesh: MeshCurve, lines: Sequence[tuple[IndexArray, Floats]], chosen: Any, total: int
+) -> list[int]:
+    """Elements of each line between stops: the next one goes where they are longest."""
+    lengths: list[float] = []
+    counts: list[int] = []
+    for run, stops in lines:
+        if not chosen[run[0]]:
+            continue
+        closed = mesh.t[0, run[0]] == mesh.t[1, run[-1]]
+        lengths += np.diff(stops).tolist()
+        counts += [3 if closed and len(stops) == 2 else 1] * (len(stops) - 1)
+    queue = [(-length / n, k) for k, (length, n) in enumerate(zip(lengths, counts, strict=True))]
+    heapq.heapify(queue)
+    for _ in range(total - sum(counts)):
+        k = queue[0][1]
+        counts[k] += 1
+        heapq.heapreplace(queue, (-lengths[k] / counts[k], k))
+    return counts
+
+
+def _runs(mesh: MeshCurve, chosen: Any) -> list[IndexArray]:
+    """Elements that follow each other on one line without anything between them."""
+    ne, t = mesh.nelements, mesh.t
+    first, second = np.arange(ne - 1), np.arange(1, ne)
+    joined = t[1, :-1] == t[0, 1:]
+    meeting = np.bincount(t.ravel(), minlength=mesh.p.shape[1])
+    joined &= meeting[t[1, :-1]] == 2
+    named = np.zeros(mesh.p.shape[1], dtype=bool)
+    for vertices in mesh.nodes.values():
+        named[vertices] = True
+    joined &= ~named[t[1, :-1]]
+    for part in mesh.beams.values():
+        inside = np.zeros(ne, dtype=bool)
+        inside[part] = True
+        joined &= inside[first] == inside[second]
+    joined &= (mesh.curve_ids[first] == mesh.curve_ids[second]) & chosen[first] & chosen[second]
+    chord = mesh.curve_ids[first] < 0
+    along = mesh.p[:, t[1]] - mesh.p[:, t[0]]
+    along = along / np.linalg.norm(along, axis=0)
+    bend = np.linalg.norm(along[:, 1:] - along[:, :-1], axis=0)
+    gap = abs(mesh.spans[1, :-1] - mesh.spans[0, 1:])
+    same_way = (np.diff(mesh.spans, axis=0)[0, :-1] > 0) == (np.diff(mesh.spans, axis=0)[0, 1:] > 0)
+    follows = (gap <= STRAIGHT * mesh.lengths[first]) & same_way
+    joined &= np.where(chord, bend <= STRAIGHT, follows)
+    return np.split(np.arange(ne), np.flatnonzero(~joined) + 1)
+
+
+class _Builder:
+    """Collects elements; vertices of the mesh before that are still used keep their place."""
+
+    def __init__(self, mesh: MeshCurve) -> None:
+        self.old = mesh
+        self.points: list[Floats] = []
+        self.number: dict[int, int] = {}
+        self.t: list[tuple[int, int]] = []
+        self.spans: list[tuple[float, float]] = []
+        self.curve_ids: list[int] = []
+        self.parent: list[int] = []
+
+    def _vertex(self, old: int) -> int:
+        if old not in self.number:
+            self.number[old] = len(self.points)
+            self.points.append(self.old.p[:, old])
+        return self.number[old]
+
+    def element(self, e: int) -> None:
+        """An element as it was."""
+        a, b = (int(v) for v in self.old.t[:, e])
+        self._add(self._vertex(a), self._vertex(b), e, *self.old.spans[:, e])
+
+    def _add(self, a: int, b: int, e: int, start: float, end: float) -> None:
+        self.t.append((a, b))
+        self.spans.append((float(start), float(end)))
+        self.curve_ids.append(int(self.old.curve_ids[e]))
+        self.parent.append(e)
+
+    def run(self, run: IndexArray, places: Floats) -> None:
+        """A run of elements, with vertices at arc lengths from its start."""
+        mesh, first, last = self.old, int(run[0]), int(run[-1])
+        curve = int(mesh.curve_ids[first])
+        a, b = int(mesh.t[0, first]), int(mesh.t[1, last])
+        vertices = [self._vertex(a)]
+        w = places / places[-1]
+        if curve < 0:
+            spans = places
+            inner = np.outer(mesh.p[:, a], 1 - w) + np.outer(mesh.p[:, b], w)
+        else:
+            spans = mesh.spans[0, first] * (1 - w) + mesh.spans[1, last] * w
+            inner = np.asarray(mesh.curves[curve].point(spans))
+        for k in range(1, len(places) - 1):
+            vertices.append(len(self.points))
+            self.points.append(inner[:, k])
+        vertices.append(self._vertex(b))
+        for k in range(len(places) - 1):
+            self._add(vertices[k], vertices[k + 1], first, spans[k], spans[k + 1])
+
+    def mesh(self) -> Any:
+        """The new mesh."""
+        old, parent = self.old, np.array(self.parent)
+        beams = None
+        if old._subdomains is not None:
+            beams = {k: np.flatnonzero(np.isin(parent, v)) for k, v in old.beams.items()}
+        nodes = None
+        if old._boundaries is not None:
+            nodes = {
+                k: np.array([self._known(int(v), k) for v in vs]) for k, vs in old.nodes.items()
+            }
+        return replace(
+            old,
+            doflocs=np.array(self.points).T,
+            t=np.array(self.t).T,
+            spans=np.array(self.spans).T,
+            curve_ids=np.array(self.curve_ids),
+            _subdomains=beams,
+            _boundaries=nodes,
+        )
+
+    def _known(self, vertex: int, name: str) -> int:
+        if vertex not in self.number:
+            raise MeshError(f"node '{name}'", f"vertex {vertex} belongs to no element")
+        return self.number[vertex]
