@@ -15,7 +15,7 @@ from ..model.groups import BeamGroup, Group
 from ..model.tree import Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..types import Floats, IndexArray
-from . import blocks, constraints, curvature, elements, kkt, layout, loops, nodes, tree
+from . import blocks, constraints, curvature, elements, kkt, layout, loops, nodes, stresses, tree
 from .jit import address
 from .numbers import BEAM_PARTS, TREE_PARTS
 from .plan import Plan
@@ -110,9 +110,9 @@ def addresses(
 
 def part_named(name: str, multipliers: bool = False) -> Any:
     """The function of this name."""
-    modules = [nodes, tree, curvature, loops, blocks, elements]
+    modules = [nodes, tree, curvature, loops, blocks, stresses, elements]
     if multipliers:
-        modules = [kkt, constraints, elements]
+        modules = [kkt, constraints, stresses]
     return next(vars(m)[name] for m in modules if name in m.__all__)
 
 
