@@ -229,6 +229,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         "row": np.ascontiguousarray(kin.row[:count]),
         "framed": np.array(system.is_frame, dtype=bool),
         "free": _ints(tree.free),
+        "loose": _ints([v for v in tree.free if system.is_frame[v]]),
         "R": np.zeros((len(kin.row), 3, 3)),
         "shift": np.zeros((count, 3)),
         "turn": np.zeros((count, 4)),

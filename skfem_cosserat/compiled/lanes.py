@@ -256,3 +256,56 @@ def largest(typing: Any, value: Any) -> Any:
         return out
 
     return types.float64(lanes), generate
+
+
+def _product(add: bool) -> Any:
+    def typed(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
+        six = ir.VectorType(ir.DoubleType(), 6)
+
+        def entries(
+            context: Any, builder: Any, kind: Any, array: Any, place: Any, size: int
+        ) -> Any:
+            return _pointer(
+                context, builder, kind, array, builder.mul(place, ir.Constant(_INDEX, size))
+            )
+
+        def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+            block = entries(context, builder, kind.args[0], values[0], values[1], 36)
+            given = entries(context, builder, kind.args[2], values[2], values[3], 6)
+            target = entries(context, builder, kind.args[5], values[5], values[6], 6)
+            target = builder.bitcast(target, six.as_pointer())
+            undefined = ir.Constant(six, ir.Undefined)
+            zeros = ir.Constant(ir.VectorType(_LANE, 6), [0] * 6)
+            sums: list[Any] = [None, None]
+            for r in range(6):
+                entry = builder.load(builder.gep(given, [ir.Constant(_INDEX, r)]))
+                entry = builder.fmul(entry, values[4])
+                entry = builder.insert_element(undefined, entry, ir.Constant(_LANE, 0))
+                entry = builder.shuffle_vector(entry, undefined, zeros)
+                row = builder.gep(block, [ir.Constant(_INDEX, 6 * r)])
+                row = builder.load(builder.bitcast(row, six.as_pointer()), align=8)
+                term = builder.fmul(entry, row, flags=("contract",))
+                last = sums[r % 2]
+                sums[r % 2] = term if last is None else builder.fadd(last, term, ("contract",))
+            total = builder.fadd(*sums)
+            if add:
+                total = builder.fadd(builder.load(target, align=8), total)
+            builder.store(total, target, align=8)
+            return context.get_dummy_value()
+
+        integer, number = types.int64, types.float64
+        return types.none(A, integer, x, integer, number, out, integer), generate
+
+    return typed
+
+
+@intrinsic
+def add_product(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
+    """``out_v += sign A_k^T x_u``, of blocks (6, 6)."""
+    return _product(True)(typing, A, k, x, u, sign, out, v)
+
+
+@intrinsic
+def put_product(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
+    """``out_v = sign A_k^T x_u``, which may be in the same place."""
+    return _product(False)(typing, A, k, x, u, sign, out, v)

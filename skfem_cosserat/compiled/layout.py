@@ -24,6 +24,7 @@ TREE = (
         "row",
         "framed",
         "free",
+        "loose",
         "R",
         "shift",
         "turn",

@@ -16,18 +16,9 @@ from .elements import Point, at_point
 from .jit import inlined, part
 from .lanes import WIDTH, add_rows, gather, load, pack, rows, scatter, store
 from .numbers import END, SHARE, START
-from .small import Vector, combine, dot, minus, times
+from .small import Places, Vector, block, chosen, combine, dot, minus, times
 
 __all__ = ["beam_force", "beam_predicted", "beam_start"]
-
-Places = tuple[int, int, int, int]
-
-
-@inlined
-def block(e: int, ne: int) -> Places:
-    """Elements from e on."""
-    last = ne - 1
-    return e, min(e + 1, last), min(e + 2, last), min(e + 3, last)
 
 
 @inlined
@@ -127,12 +118,6 @@ def strain_changes(G: Point, V: Point) -> tuple[Vector, Vector]:
 
 
 @inlined
-def sections(section: IndexArray, es: Places) -> Places:
-    """Numbers of their stiffnesses."""
-    return section[es[0]], section[es[1]], section[es[2]], section[es[3]]
-
-
-@inlined
 def triple(a: Floats, es: Places, size: int, first: int) -> Vector:
     """Three entries of each."""
     return (
@@ -175,7 +160,7 @@ def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         es = block(e, ne)
         take(base, turned, rotations, es, y, X)
         inverse = 1.0 / gather(lengths, es, 1, 0)
-        own = sections(section, es)
+        own = chosen(section, es)
         for p in range(ng):
             G = at_point(N[p], dN[p], inverse, X)
             eps = strained(reference, es, ng, p, G)
@@ -202,7 +187,7 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     X, Y, F = np.empty(size), np.empty(size), np.empty(size)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
-        own = sections(section, es)
+        own = chosen(section, es)
         length = gather(lengths, es, 1, 0)
         inverse = 1.0 / length
         once = pack((1.0, met(e + 1, ne), met(e + 2, ne), met(e + 3, ne)))
@@ -264,7 +249,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     X, V = np.empty(12 * nn * WIDTH), np.empty(12 * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
-        own = sections(section, es)
+        own = chosen(section, es)
         inverse = 1.0 / gather(lengths, es, 1, 0)
         take(base, turned, rotations, es, y, X)
         take(base, turned, rotations, es, change, V)
