@@ -28,6 +28,7 @@ from . import (
     loads_kkt,
     loops,
     nodes,
+    stresses,
     tree,
 )
 from .bind_couplings import bound_couplings
@@ -127,9 +128,9 @@ def addresses(
 
 def part_named(name: str, multipliers: bool = False) -> Any:
     """The function of this name."""
-    modules = [nodes, tree, curvature, loops, blocks, elements, loads, couplings]
+    modules = [nodes, tree, curvature, loops, blocks, stresses, elements, loads, couplings]
     if multipliers:
-        modules = [kkt, constraints, elements, loads_kkt, couplings_kkt]
+        modules = [kkt, constraints, stresses, loads_kkt, couplings_kkt]
     return next(vars(m)[name] for m in modules if name in m.__all__)
 
 
@@ -246,6 +247,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         "row": np.ascontiguousarray(kin.row[:count]),
         "framed": np.array(system.is_frame, dtype=bool),
         "free": _ints(tree.free),
+        "loose": _ints([v for v in tree.free if system.is_frame[v]]),
         "R": np.zeros((len(kin.row), 3, 3)),
         "shift": np.zeros((count, 3)),
         "turn": np.zeros((count, 4)),

@@ -17,11 +17,10 @@ import numpy as np
 
 from ..types import Floats, IndexArray
 from .jit import call_back, inlined, part
-from .small import Rotation, combine, directors, turned
+from .lanes import WIDTH, add_product, put_product, put_rows, rows
+from .small import Rotation, block, chosen, combine, directors, frames, times, turned
 
 __all__ = ["factor", "sweep"]
-
-Six = tuple[float, float, float, float, float, float]
 
 
 @inlined
@@ -76,67 +75,27 @@ def solve_block(A: Floats, k: int, pivots: IndexArray, v: int, B: Floats, u: int
 
 @inlined
 def premultiply(A: Floats, k: int, B: Floats, u: int, W: Floats) -> None:
-    """``B_u <- A_k B_u``; W is scratch. Sums before stores: they stay in vector registers."""
+    """``B_u <- A_k B_u``; W is scratch."""
+    for i in range(6):
+        put_product(B, u, A, 6 * k + i, 1.0, W, i)
     for i in range(6):
         for c in range(6):
-            W[0, i, c] = B[u, i, c]
-    for i in range(6):
-        s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for n in range(6):
-            a = A[k, i, n]
-            s0 += a * W[0, n, 0]
-            s1 += a * W[0, n, 1]
-            s2 += a * W[0, n, 2]
-            s3 += a * W[0, n, 3]
-            s4 += a * W[0, n, 4]
-            s5 += a * W[0, n, 5]
-        B[u, i, 0] = s0
-        B[u, i, 1] = s1
-        B[u, i, 2] = s2
-        B[u, i, 3] = s3
-        B[u, i, 4] = s4
-        B[u, i, 5] = s5
+            B[u, i, c] = W[0, i, c]
 
 
 @inlined
-def times_vector(A: Floats, k: int, x: Floats, v: int) -> Six:
-    """``A_k x_v``."""
-    x0, x1, x2, x3, x4, x5 = x[v, 0], x[v, 1], x[v, 2], x[v, 3], x[v, 4], x[v, 5]
-    return (
-        (A[k, 0, 0] * x0 + A[k, 0, 1] * x1 + A[k, 0, 2] * x2)
-        + (A[k, 0, 3] * x3 + A[k, 0, 4] * x4 + A[k, 0, 5] * x5),
-        (A[k, 1, 0] * x0 + A[k, 1, 1] * x1 + A[k, 1, 2] * x2)
-        + (A[k, 1, 3] * x3 + A[k, 1, 4] * x4 + A[k, 1, 5] * x5),
-        (A[k, 2, 0] * x0 + A[k, 2, 1] * x1 + A[k, 2, 2] * x2)
-        + (A[k, 2, 3] * x3 + A[k, 2, 4] * x4 + A[k, 2, 5] * x5),
-        (A[k, 3, 0] * x0 + A[k, 3, 1] * x1 + A[k, 3, 2] * x2)
-        + (A[k, 3, 3] * x3 + A[k, 3, 4] * x4 + A[k, 3, 5] * x5),
-        (A[k, 4, 0] * x0 + A[k, 4, 1] * x1 + A[k, 4, 2] * x2)
-        + (A[k, 4, 3] * x3 + A[k, 4, 4] * x4 + A[k, 4, 5] * x5),
-        (A[k, 5, 0] * x0 + A[k, 5, 1] * x1 + A[k, 5, 2] * x2)
-        + (A[k, 5, 3] * x3 + A[k, 5, 4] * x4 + A[k, 5, 5] * x5),
-    )
+def transpose(A: Floats, k: int) -> None:
+    """``A_k <- A_k^T``."""
+    for i in range(6):
+        for c in range(i):
+            A[k, i, c], A[k, c, i] = A[k, c, i], A[k, i, c]
 
 
 @inlined
 def subtract(A: Floats, k: int, left: int, right: int) -> None:
-    """``A_k -= A_left A_right``; sums before stores, so that they go into vector registers."""
+    """``A_k -= A_left A_right``, row by row."""
     for i in range(6):
-        s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for n in range(6):
-            a = A[left, i, n]
-            s0 += a * A[right, n, 0]
-            s1 += a * A[right, n, 1]
-            s2 += a * A[right, n, 2]
-            s3 += a * A[right, n, 3]
-            s4 += a * A[right, n, 4]
-            s5 += a * A[right, n, 5]
-        A[k, i, 0] -= s0
-        A[k, i, 1] -= s1
-        A[k, i, 2] -= s2
-        A[k, i, 3] -= s3
-        A[k, i, 4] -= s4
-        A[k, i, 5] -= s5
+        add_product(A, right, A, 6 * left + i, -1.0, A, 6 * k + i)
 
 
 @inlined
@@ -247,6 +206,12 @@ def factor(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         for i in range(n):
             for j in range(n):
                 subtract(A, update[start[t] + i * n + j], down[a0 + i], right[a0 + j])
+        # sweeps take what a pivot passes on from its right-hand side at once, and columns
+        transpose(inverse, v)
+        for j in range(n):
+            transpose(A, down[a0 + j])
+            premultiply(inverse, v, A, down[a0 + j], scratch)
+            transpose(A, right[a0 + j])
     if solver != 0 and call_back(solver, 0) == 0.0:
         regular = 0.0
     return regular
@@ -262,19 +227,63 @@ def carry(D: Rotation, E: Rotation, sign: float, a: Floats, v: int, c: int, out:
 
 
 @inlined
+def turn_all(s: Any, y: Floats, z: Floats, sign: float, a: Floats, out: Floats) -> None:
+    """``out = sign R a`` (nv, 6) of free frames, R from where they are at y to where at z."""
+    loose, first = s.loose, s.row
+    count = len(loose)
+    for k in range(0, count, WIDTH):
+        vs = chosen(loose, block(k, count))
+        own = chosen(first, vs)
+        D, E = frames(y, own)[1], frames(z, own)[1]
+        u, v = rows(a, vs, 6, 0), rows(a, vs, 6, 2)
+        f = combine(turned(D, (u[0], u[1], u[2])), E)
+        m = combine(turned(D, (u[3], v[2], v[3])), E)
+        f, m = times(sign, f), times(sign, m)
+        put_rows(out, vs, 6, 0, (f[0], f[1], f[2], m[0]))
+        put_rows(out, vs, 6, 2, (f[2], m[0], m[1], m[2]))
+
+
+@inlined
 def turn_back(s: Any, m: Any, w: Any) -> None:
     """Increments from the frames of kept factors to where these are now."""
-    x, twist, y1, frames, first, triple = w.x, w.twist, w.y1, w.frames, s.row, s.triple
-    for v in range(x.shape[0]):
+    x, twist, y1, then_y, first, triple = w.x, w.twist, w.y1, w.frames, s.row, s.triple
+    child = s.child
+    turn_all(s, then_y, y1, 1.0, x, x)
+    for k in range(len(s.free)):
+        v = s.free[k]
+        for c in range(6):
+            twist[v, c] = x[v, c]
+    for e in range(len(child)):
+        v = child[e]
         if not s.framed[v]:
             continue
-        now, then = directors(y1, first[v]), directors(frames, first[v])
+        now, then = directors(y1, first[v]), directors(then_y, first[v])
         carry(then, now, 1.0, twist, v, 0, twist)
         carry(then, now, 1.0, twist, v, 3, twist)
         if triple[v] >= 0:
             carry(then, now, 1.0, x, v, triple[v], x)
-            if m.edge[v] < 0:
-                carry(then, now, 1.0, x, v, 0, x)
+
+
+@inlined
+def begin_sweep(s: Any, w: Any, flag: int) -> None:
+    """X = -b; flag 1: turned with the frames to where they were."""
+    b, x, extra, y1, then_y, first, triple = w.b, w.x, w.extra, w.y1, w.frames, s.row, s.triple
+    child, free, framed = s.child, s.free, s.framed
+    for k in range(len(free)):
+        v = free[k]
+        if flag == 0 or not framed[v]:
+            for c in range(6):
+                x[v, c] = -b[v, c]
+    if flag == 1:
+        turn_all(s, y1, then_y, -1.0, b, x)
+    for e in range(len(child)):
+        v = child[e]
+        for c in range(6):
+            x[v, c] = -b[v, c]
+            extra[v, c] = 0.0
+        if flag == 1 and triple[v] >= 0:
+            now, then = directors(y1, first[v]), directors(then_y, first[v])
+            carry(now, then, -1.0, b, v, triple[v], x)
 
 
 @part
@@ -284,55 +293,44 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     Flag 1: with factors kept from before. Each vertex takes its part of them along, turned with its
     frame: so they are out of date by strains only, not by rotations.
     """
-    A, b, x, twist, extra = w.A, w.b, w.x, w.twist, w.extra
+    A, x, twist, extra = w.A, w.x, w.twist, w.extra
     order, edge, ptr, neighbour = m.order, m.edge, m.ptr, m.neighbour
     right, down, parent, inverse = m.right, m.down, m.parent, w.inverse
     S_left, X_left, S, X = w.S_kept, w.X_kept, w.S_right, w.X_right
-    y1, frames, first, triple = w.y1, w.frames, s.row, s.triple
     blocks, solver = m.rest[0], m.rest[1]
-    for v in range(len(order)):
-        for c in range(6):
-            x[v, c] = -b[v, c]
-            extra[v, c] = 0.0
-        if flag == 1 and triple[v] >= 0:
-            now, then = directors(y1, first[v]), directors(frames, first[v])
-            carry(now, then, -1.0, b, v, triple[v], x)
-            if edge[v] < 0:
-                carry(now, then, -1.0, b, v, 0, x)
+    begin_sweep(s, w, flag)
     for t in range(len(order)):
         v = order[t]
         e = edge[v]
         p = parent[v]
-        for i in range(6):
-            if e < 0:
-                x[v, i] += extra[v, i]
-                continue
-            # of a child: what eliminations before it have left
-            own, passed = 0.0, 0.0
-            for c in range(6):
-                own += S_left[e, c, i] * extra[v, c]
-                passed += X_left[e, c, i] * extra[v, c]
-            x[v, i] += own
-            if p >= 0:
-                extra[p, i] += passed
+        if e >= 0:
+            for i in range(6):
+                # of a child: what eliminations before it have left
+                own, passed = 0.0, 0.0
+                for c in range(6):
+                    own += S_left[e, c, i] * extra[v, c]
+                    passed += X_left[e, c, i] * extra[v, c]
+                x[v, i] += own
+                if p >= 0 and edge[p] < 0:
+                    x[p, i] += passed
+                elif p >= 0:
+                    extra[p, i] += passed
         if t >= blocks:
             continue
-        solved = times_vector(inverse, v, x, v)
-        for i in range(6):
-            x[v, i] = solved[i]
         for j in range(ptr[t], ptr[t + 1]):
             u = neighbour[j]
-            change = times_vector(A, down[j], x, v)
-            for i in range(6):
-                extra[u, i] -= change[i]
+            if edge[u] < 0:
+                add_product(A, down[j], x, v, -1.0, x, u)
+            else:
+                add_product(A, down[j], x, v, -1.0, extra, u)
     if solver != 0 and call_back(solver, 1) == 0.0:
         x[order[blocks], 0] = np.nan  # no increment
     for t in range(len(order) - 1, -1, -1):
         v = order[t]
-        for j in range(ptr[t], ptr[t + 1] if t < blocks else ptr[t]):
-            change = times_vector(A, right[j], twist, neighbour[j])
-            for i in range(6):
-                x[v, i] -= change[i]
+        if t < blocks:
+            put_product(inverse, v, x, v, 1.0, x, v)
+            for j in range(ptr[t], ptr[t + 1]):
+                add_product(A, right[j], twist, neighbour[j], -1.0, x, v)
         e = edge[v]
         p = parent[v]
         for r in range(6):

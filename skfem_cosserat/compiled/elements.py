@@ -1,4 +1,4 @@
-"""Compiled parts of beam elements: stresses and internal force, tangent in reduced coordinates.
+"""Compiled tangent of beam elements in reduced coordinates.
 
 Strains are ``Gamma_i = d_i . phi'`` and ``K_i = (d_k . d_j' - d_j . d_k')/2``, (i, j, k) cyclic, as
 in :mod:`skfem_cosserat.strain`. X (nn, 4, 3) are the nodes of an element, directors those of the
@@ -17,10 +17,11 @@ import numpy as np
 
 from ..types import Floats, IndexArray
 from .jit import inlined, part
-from .numbers import END, FORCE, MASS, SHARE, START, WEIGHT
+from .lanes import load
+from .numbers import FORCE, MASS, SHARE, START, WEIGHT
 from .small import Rotation, Vector, combine, cross, dot, minus, plus, put, row, times
 
-__all__ = ["beam_force", "beam_predicted", "beam_start", "beam_tangent", "scalar_block"]
+__all__ = ["Point", "add_geometric", "at_point", "beam_tangent", "scalar_block", "take"]
 
 #: slope of the centre line, directors and their slopes
 Point = tuple[Vector, Rotation, Rotation]
@@ -45,7 +46,10 @@ def take(base: IndexArray, turned: bool, rotations: Floats, e: int, y: Floats, X
 
 @inlined
 def node(X: Floats, a: int, i: int) -> Vector:
-    """``X_ai``."""
+    """``X_ai``; of flat X those of :data:`WIDTH` elements."""
+    if X.ndim == 1:
+        k = 12 * a + 3 * i
+        return load(X, k), load(X, k + 1), load(X, k + 2)
     return X[a, i, 0], X[a, i, 1], X[a, i, 2]
 
 
@@ -70,191 +74,6 @@ def at_point(N: Any, dN: Any, inverse: float, X: Floats) -> Point:
             times(inverse, field(dN, X, 3)),
         ),
     )
-
-
-@inlined
-def strains(G: Point) -> tuple[Vector, Vector]:
-    """Gamma and K."""
-    p, d, e = G
-    return (
-        (dot(d[0], p), dot(d[1], p), dot(d[2], p)),
-        (
-            0.5 * (dot(d[2], e[1]) - dot(d[1], e[2])),
-            0.5 * (dot(d[0], e[2]) - dot(d[2], e[0])),
-            0.5 * (dot(d[1], e[0]) - dot(d[0], e[1])),
-        ),
-    )
-
-
-@inlined
-def strain_changes(G: Point, V: Point) -> tuple[Vector, Vector]:
-    """Their first change, V as G for a change of the nodes."""
-    p, d, e = G
-    q, u, f = V
-    return (
-        (
-            dot(d[0], q) + dot(u[0], p),
-            dot(d[1], q) + dot(u[1], p),
-            dot(d[2], q) + dot(u[2], p),
-        ),
-        (
-            0.5 * (dot(d[2], f[1]) + dot(u[2], e[1]) - dot(d[1], f[2]) - dot(u[1], e[2])),
-            0.5 * (dot(d[0], f[2]) + dot(u[0], e[2]) - dot(d[2], f[0]) - dot(u[2], e[0])),
-            0.5 * (dot(d[1], f[0]) + dot(u[1], e[0]) - dot(d[0], f[1]) - dot(u[0], e[1])),
-        ),
-    )
-
-
-@inlined
-def stress(D: Floats, e: int, i: int, diagonal: bool, eps: tuple[Vector, Vector]) -> float:
-    """``(D_e eps)_i``."""
-    if diagonal:
-        return D[e, i, i] * (eps[0][i] if i < 3 else eps[1][i - 3])
-    return (
-        D[e, i, 0] * eps[0][0]
-        + D[e, i, 1] * eps[0][1]
-        + D[e, i, 2] * eps[0][2]
-        + D[e, i, 3] * eps[1][0]
-        + D[e, i, 4] * eps[1][1]
-        + D[e, i, 5] * eps[1][2]
-    )
-
-
-@inlined
-def strained(reference: Floats, e: int, p: int, G: Point) -> tuple[Vector, Vector]:
-    """Strains at G less those of the reference configuration."""
-    Gamma, K = strains(G)
-    return (
-        minus(Gamma, (reference[e, p, 0], reference[e, p, 1], reference[e, p, 2])),
-        minus(K, (reference[e, p, 3], reference[e, p, 4], reference[e, p, 5])),
-    )
-
-
-@part
-def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """S0: stresses at the start of the step."""
-    lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
-    y, S0 = w.y0, g.S0
-    base, turned, rotations = g.base, g.turned, g.rotations
-    section, diagonal = g.section, g.diagonal
-    ne, nn = base.shape
-    X = np.empty((nn, 4, 3))
-    for e in range(ne):
-        take(base, turned, rotations, e, y, X)
-        for p in range(len(N)):
-            G = at_point(N[p], dN[p], 1.0 / lengths[e], X)
-            eps = strained(reference, e, p, G)
-            for i in range(6):
-                S0[e, p, i] = stress(stiffness, section[e], i, diagonal, eps)
-    return 0.0
-
-
-@part
-def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """S at y1 and ``internal += int B(q_mid)^T S ds``; flag 1: with the predicted S instead."""
-    lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
-    weights = g.weights
-    y1, mid, f, S0 = w.y1, w.mid, w.internal, g.S0
-    S = g.S
-    if flag == 1:
-        S, f = g.predicted, w.R_mixed
-    start, end = numbers[START], numbers[END]
-    base, turned, rotations = g.base, g.turned, g.rotations
-    section, diagonal = g.section, g.diagonal
-    ne, nn = base.shape
-    X, Y, F = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((nn, 4, 3))
-    for e in range(ne):
-        length = lengths[e]
-        take(base, turned, rotations, e, mid, X)
-        if flag == 0 and start != 0.0:
-            take(base, turned, rotations, e, y1, Y)
-        for a in range(nn):
-            for i in range(4):
-                for c in range(3):
-                    F[a, i, c] = 0.0
-        for p in range(len(N)):
-            G = at_point(N[p], dN[p], 1.0 / length, X)
-            if flag == 0:
-                H = at_point(N[p], dN[p], 1.0 / length, Y) if start != 0.0 else G
-                eps = strained(reference, e, p, H)
-                for i in range(6):
-                    before = start * S0[e, p, i] if start != 0.0 else 0.0
-                    S[e, p, i] = before + end * stress(stiffness, section[e], i, diagonal, eps)
-            point_force(N[p], dN[p], weights[p] * length, 1.0 / length, G, S, e, p, F)
-        give(base, turned, rotations, e, F, f)
-    return 0.0
-
-
-@inlined
-def point_force(
-    N: Any,
-    dN: Any,
-    weight: float,
-    inverse: float,
-    G: Point,
-    S: Floats,
-    e: int,
-    p: int,
-    F: Floats,
-) -> None:
-    """Forces on the nodes of what acts at a Gauss point."""
-    phi, d, e_ = G
-    n = weight * S[e, p, 0], weight * S[e, p, 1], weight * S[e, p, 2]
-    h = 0.5 * weight
-    m = h * S[e, p, 3], h * S[e, p, 4], h * S[e, p, 5]
-    on_slope = times(inverse, combine(n, d))
-    for a in range(len(N)):
-        for c in range(3):
-            F[a, 0, c] += dN[a] * on_slope[c]
-    for i in range(3):
-        j = (i + 1) % 3
-        k = (i + 2) % 3
-        # d_i is in K_j = (d_i . d_k' - d_k . d_i')/2 and in K_k = (d_j . d_i' - d_i . d_j')/2
-        for c in range(3):
-            here = n[i] * phi[c] + m[j] * e_[k][c] - m[k] * e_[j][c]
-            slope = inverse * (m[k] * d[j][c] - m[j] * d[k][c])
-            for a in range(len(N)):
-                F[a, 1 + i, c] += N[a] * here + dN[a] * slope
-
-
-@inlined
-def give(base: IndexArray, turned: bool, rotations: Floats, e: int, F: Floats, f: Floats) -> None:
-    """Add forces on section directors to those of the nodes: these are Q^T times them."""
-    for a in range(F.shape[0]):
-        r = base[e, a]
-        if turned:
-            for c in range(3):
-                d = F[a, 1, c], F[a, 2, c], F[a, 3, c]
-                for i in range(3):
-                    Q = rotations[e, a, 0, i], rotations[e, a, 1, i], rotations[e, a, 2, i]
-                    F[a, 1 + i, c] = dot(Q, d)
-        for i in range(4):
-            for c in range(3):
-                f[r + i, c] += F[a, i, c]
-
-
-@part
-def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """``S + share D B(y) change``, y being where the stresses come from."""
-    lengths, N, dN, stiffness = g.lengths, g.N, g.dN, g.stiffness
-    y, change, S, out = w.mid, w.change, g.S, g.predicted
-    share = numbers[SHARE]
-    if numbers[START] != 0.0:
-        y = w.y1
-    base, turned, rotations = g.base, g.turned, g.rotations
-    section, diagonal = g.section, g.diagonal
-    ne, nn = base.shape
-    X, V = np.empty((nn, 4, 3)), np.empty((nn, 4, 3))
-    for e in range(ne):
-        take(base, turned, rotations, e, y, X)
-        take(base, turned, rotations, e, change, V)
-        for p in range(len(N)):
-            G = at_point(N[p], dN[p], 1.0 / lengths[e], X)
-            H = at_point(N[p], dN[p], 1.0 / lengths[e], V)
-            eps = strain_changes(G, H)
-            for i in range(6):
-                out[e, p, i] = S[e, p, i] + share * stress(stiffness, section[e], i, diagonal, eps)
-    return 0.0
 
 
 @inlined

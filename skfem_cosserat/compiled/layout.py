@@ -29,6 +29,7 @@ TREE = (
         "row",
         "framed",
         "free",
+        "loose",
         "R",
         "shift",
         "turn",

@@ -7,18 +7,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..types import Floats
+from ..types import Floats, IndexArray
 from .jit import inlined
+from .lanes import rows
 
 __all__ = [
+    "Places",
     "Rotation",
     "Vector",
     "add_skew",
+    "block",
+    "chosen",
     "combine",
     "compose",
     "cross",
     "directors",
     "dot",
+    "frames",
     "increase",
     "minus",
     "plus",
@@ -33,6 +38,8 @@ __all__ = [
 Vector = tuple[float, float, float]
 Rotation = tuple[Vector, Vector, Vector]
 Quaternion = tuple[float, float, float, float]
+#: of four elements, vertices or rows
+Places = tuple[int, int, int, int]
 
 
 @inlined
@@ -159,3 +166,24 @@ def add_skew(A: Floats, k: int, r: int, c: int, a: Vector) -> None:
     A[k, r + 1, c + 2] -= a[0]
     A[k, r + 2, c] -= a[1]
     A[k, r + 2, c + 1] += a[0]
+
+
+@inlined
+def block(k: int, count: int) -> Places:
+    """Numbers k and the three behind it; the last one instead of those that are not there."""
+    last = count - 1
+    return k, min(k + 1, last), min(k + 2, last), min(k + 3, last)
+
+
+@inlined
+def chosen(a: IndexArray, places: Places) -> Places:
+    """Entries at these places."""
+    return a[places[0]], a[places[1]], a[places[2]], a[places[3]]
+
+
+@inlined
+def frames(y: Floats, first: Places) -> tuple[Vector, Rotation]:
+    """Origins and directors of four frames, from their first rows on."""
+    a, b, c = rows(y, first, 3, 0), rows(y, first, 3, 4), rows(y, first, 3, 8)
+    triad = (a[3], b[0], b[1]), (b[2], b[3], c[0]), (c[1], c[2], c[3])
+    return (a[0], a[1], a[2]), triad

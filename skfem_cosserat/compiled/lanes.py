@@ -1,0 +1,311 @@
+"""Four elements or vertices at a time: a number type of vector registers for compiled kernels.
+
+A value of :data:`lanes` holds the same quantity of :data:`WIDTH` elements. It is added, subtracted
+and multiplied like a number, with numbers as well, so the functions of :mod:`.small` take both.
+Compilers find such vectors in loops by themselves only where arrays cannot overlap and neighbours
+lie side by side; here whole nodes are loaded and transposed in registers.
+
+Arrays are taken as flat, whatever their shape; ``places`` are the numbers of the elements or rows,
+``size`` how many entries each has, ``first`` where to start among them.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.datamodel import models
+from numba.core.imputils import lower_builtin, lower_cast
+from numba.core.typeconv import Conversion
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+from numba.extending import intrinsic, register_model
+
+__all__ = ["WIDTH", "add_rows", "gather", "largest", "load", "pack", "put_rows", "rows"]
+__all__ += ["scatter", "store"]
+
+#: elements at a time: registers of 256 bits; where there are none, two of 128 bits
+WIDTH = 4
+_VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
+_INDEX, _LANE = ir.IntType(64), ir.IntType(32)
+
+
+class _Lanes(types.Type):
+    """One number for each of some elements."""
+
+    def __init__(self) -> None:
+        super().__init__(name="lanes")
+
+    def can_convert_from(self, typing: Any, other: Any) -> Any:
+        """Numbers are those of all lanes."""
+        return Conversion.promote if other == types.float64 else None
+
+
+lanes = _Lanes()
+
+
+@register_model(_Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _VECTOR)
+
+
+def _all(builder: Any, value: Any) -> Any:
+    """The same number in all lanes."""
+    undefined = ir.Constant(_VECTOR, ir.Undefined)
+    one = builder.insert_element(undefined, value, ir.Constant(_LANE, 0))
+    zeros = ir.Constant(ir.VectorType(_LANE, WIDTH), [0] * WIDTH)
+    return builder.shuffle_vector(one, undefined, zeros)
+
+
+@lower_cast(types.float64, lanes)
+def _cast(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
+    return _all(builder, value)
+
+
+def _define(operation: Any, name: str) -> None:
+    """An operation of two lanes, or of lanes and a number; sums of products may be fused."""
+    cases = [
+        signature(lanes, lanes, lanes),
+        signature(lanes, lanes, types.float64),
+        signature(lanes, types.float64, lanes),
+    ]
+    infer_global(operation)(type(f"_Lanes_{name}", (ConcreteTemplate,), {"cases": cases}))
+
+    def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+        both = [
+            value if own == lanes else _all(builder, value)
+            for own, value in zip(kind.args, values, strict=True)
+        ]
+        return getattr(builder, name)(*both, flags=("contract",))
+
+    for case in cases:
+        lower_builtin(operation, *case.args)(generate)
+
+
+for _operation, _name in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+    (operator.iadd, "fadd"),
+    (operator.isub, "fsub"),
+    (operator.imul, "fmul"),
+):
+    _define(_operation, _name)
+
+
+def _pointer(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> Any:
+    """Address of the entry at a flat place."""
+    data = context.make_array(kind)(context, builder, array).data
+    return builder.gep(data, [place])
+
+
+def _places(builder: Any, places: Any, size: Any, first: Any) -> list[Any]:
+    """``size place + first`` for each lane."""
+    return [
+        builder.add(builder.mul(place, size), first)
+        for place in cgutils.unpack_tuple(builder, places)
+    ]
+
+
+def _load(builder: Any, pointer: Any) -> Any:
+    """As many entries as there are lanes, from any address on."""
+    return builder.load(builder.bitcast(pointer, _VECTOR.as_pointer()), align=8)
+
+
+def _store(builder: Any, value: Any, pointer: Any) -> None:
+    builder.store(value, builder.bitcast(pointer, _VECTOR.as_pointer()), align=8)
+
+
+def _transposed(builder: Any, given: list[Any]) -> list[Any]:
+    """Rows to columns."""
+
+    def mixed(a: Any, b: Any, *which: int) -> Any:
+        mask = ir.Constant(ir.VectorType(_LANE, WIDTH), list(which))
+        return builder.shuffle_vector(a, b, mask)
+
+    a, b, c, d = given
+    ab, cd = mixed(a, b, 0, 4, 2, 6), mixed(c, d, 0, 4, 2, 6)
+    AB, CD = mixed(a, b, 1, 5, 3, 7), mixed(c, d, 1, 5, 3, 7)
+    return [
+        mixed(ab, cd, 0, 1, 4, 5),
+        mixed(AB, CD, 0, 1, 4, 5),
+        mixed(ab, cd, 2, 3, 6, 7),
+        mixed(AB, CD, 2, 3, 6, 7),
+    ]
+
+
+@intrinsic
+def pack(typing: Any, numbers: Any) -> Any:
+    """A number for each lane."""
+
+    def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+        out = ir.Constant(_VECTOR, ir.Undefined)
+        for k, number in enumerate(cgutils.unpack_tuple(builder, values[0])):
+            out = builder.insert_element(out, number, ir.Constant(_LANE, k))
+        return out
+
+    return lanes(types.UniTuple(types.float64, WIDTH)), generate
+
+
+@intrinsic
+def load(typing: Any, a: Any, k: Any) -> Any:
+    """Lanes number k of scratch, ``a[WIDTH k : WIDTH (k + 1)]``."""
+
+    def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+        place = builder.mul(values[1], ir.Constant(_INDEX, WIDTH))
+        return _load(builder, _pointer(context, builder, kind.args[0], values[0], place))
+
+    return lanes(a, types.int64), generate
+
+
+@intrinsic
+def store(typing: Any, a: Any, k: Any, value: Any) -> Any:
+    """The other way round."""
+
+    def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+        place = builder.mul(values[1], ir.Constant(_INDEX, WIDTH))
+        _store(builder, values[2], _pointer(context, builder, kind.args[0], values[0], place))
+        return context.get_dummy_value()
+
+    return types.none(a, types.int64, lanes), generate
+
+
+@intrinsic
+def gather(typing: Any, a: Any, places: Any, size: Any, first: Any) -> Any:
+    """Entry ``size place + first`` for each lane."""
+
+    def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+        out = ir.Constant(_VECTOR, ir.Undefined)
+        for k, place in enumerate(_places(builder, *values[1:])):
+            entry = builder.load(_pointer(context, builder, kind.args[0], values[0], place))
+            out = builder.insert_element(out, entry, ir.Constant(_LANE, k))
+        return out
+
+    return lanes(a, places, types.int64, types.int64), generate
+
+
+@intrinsic
+def scatter(typing: Any, a: Any, places: Any, size: Any, first: Any, value: Any) -> Any:
+    """The other way round; of equal places the last one counts."""
+
+    def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+        for k, place in enumerate(_places(builder, *values[1:4])):
+            entry = builder.extract_element(values[4], ir.Constant(_LANE, k))
+            builder.store(entry, _pointer(context, builder, kind.args[0], values[0], place))
+        return context.get_dummy_value()
+
+    return types.none(a, places, types.int64, types.int64, lanes), generate
+
+
+@intrinsic
+def rows(typing: Any, a: Any, places: Any, size: Any, first: Any) -> Any:
+    """Entries ``size place + first`` and the three behind it, for each lane: a tuple."""
+    result = types.UniTuple(lanes, WIDTH)
+
+    def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+        found = [
+            _load(builder, _pointer(context, builder, kind.args[0], values[0], place))
+            for place in _places(builder, *values[1:])
+        ]
+        return context.make_tuple(builder, result, _transposed(builder, found))
+
+    return result(a, places, types.int64, types.int64), generate
+
+
+def _put(sum_up: bool) -> Any:
+    def typed(typing: Any, a: Any, places: Any, size: Any, first: Any, value: Any) -> Any:
+        def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+            found = _transposed(builder, cgutils.unpack_tuple(builder, values[4]))
+            for new, place in zip(found, _places(builder, *values[1:4]), strict=True):
+                pointer = _pointer(context, builder, kind.args[0], values[0], place)
+                total = builder.fadd(_load(builder, pointer), new) if sum_up else new
+                _store(builder, total, pointer)
+            return context.get_dummy_value()
+
+        four = types.UniTuple(lanes, WIDTH)
+        return types.none(a, places, types.int64, types.int64, four), generate
+
+    return typed
+
+
+@intrinsic
+def put_rows(typing: Any, a: Any, places: Any, size: Any, first: Any, value: Any) -> Any:
+    """Store what :func:`rows` loads; of equal places the last one counts."""
+    return _put(False)(typing, a, places, size, first, value)
+
+
+@intrinsic
+def add_rows(typing: Any, a: Any, places: Any, size: Any, first: Any, value: Any) -> Any:
+    """Add to what :func:`rows` loads, one lane after the other: places may be equal."""
+    return _put(True)(typing, a, places, size, first, value)
+
+
+@intrinsic
+def largest(typing: Any, value: Any) -> Any:
+    """Of all lanes; NaN only if it is in the first one."""
+
+    def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+        out = builder.extract_element(values[0], ir.Constant(_LANE, 0))
+        for k in range(1, WIDTH):
+            entry = builder.extract_element(values[0], ir.Constant(_LANE, k))
+            out = builder.select(builder.fcmp_ordered(">", entry, out), entry, out)
+        return out
+
+    return types.float64(lanes), generate
+
+
+def _product(add: bool) -> Any:
+    def typed(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
+        six = ir.VectorType(ir.DoubleType(), 6)
+
+        def entries(
+            context: Any, builder: Any, kind: Any, array: Any, place: Any, size: int
+        ) -> Any:
+            return _pointer(
+                context, builder, kind, array, builder.mul(place, ir.Constant(_INDEX, size))
+            )
+
+        def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+            block = entries(context, builder, kind.args[0], values[0], values[1], 36)
+            given = entries(context, builder, kind.args[2], values[2], values[3], 6)
+            target = entries(context, builder, kind.args[5], values[5], values[6], 6)
+            target = builder.bitcast(target, six.as_pointer())
+            undefined = ir.Constant(six, ir.Undefined)
+            zeros = ir.Constant(ir.VectorType(_LANE, 6), [0] * 6)
+            sums: list[Any] = [None, None]
+            for r in range(6):
+                entry = builder.load(builder.gep(given, [ir.Constant(_INDEX, r)]))
+                entry = builder.fmul(entry, values[4])
+                entry = builder.insert_element(undefined, entry, ir.Constant(_LANE, 0))
+                entry = builder.shuffle_vector(entry, undefined, zeros)
+                row = builder.gep(block, [ir.Constant(_INDEX, 6 * r)])
+                row = builder.load(builder.bitcast(row, six.as_pointer()), align=8)
+                term = builder.fmul(entry, row, flags=("contract",))
+                last = sums[r % 2]
+                sums[r % 2] = term if last is None else builder.fadd(last, term, ("contract",))
+            total = builder.fadd(*sums)
+            if add:
+                total = builder.fadd(builder.load(target, align=8), total)
+            builder.store(total, target, align=8)
+            return context.get_dummy_value()
+
+        integer, number = types.int64, types.float64
+        return types.none(A, integer, x, integer, number, out, integer), generate
+
+    return typed
+
+
+@intrinsic
+def add_product(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
+    """``out_v += sign A_k^T x_u``, of blocks (6, 6)."""
+    return _product(True)(typing, A, k, x, u, sign, out, v)
+
+
+@intrinsic
+def put_product(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
+    """``out_v = sign A_k^T x_u``, which may be in the same place."""
+    return _product(False)(typing, A, k, x, u, sign, out, v)
