@@ -616,6 +616,19 @@ def test_what_is_refused(integrator, kind, said):
     assert type(integrator).__name__ in str(caught.value)
 
 
+def test_limits_of_consistent_masses_are_refused():
+    """They are not those of the scheme."""
+    model = sc.Model()
+    model.add("rod", rod_of(lumped=False))
+    system = model.freeze()
+    for ask in (sc.Explicit.limit, sc.Asynchronous.limits):
+        with pytest.raises(sc.IncompatibleError, match=r"step limit.*beam 'rod'.*lumped=True"):
+            ask(system)
+    for bad in (-1.0, np.nan, "a"):
+        with pytest.raises(sc.InputError, match="step"):
+            sc.Asynchronous().counts(free_rod(), bad)
+
+
 def test_treatment_and_arguments():
     with pytest.raises(sc.errors.IncompatibleError, match=r"Explicit.*NullSpace.*Multipliers\(\)"):
         sc.simulate(free_rod(), sc.Explicit(), sc.NullSpace(), 1e-5, 1.0)

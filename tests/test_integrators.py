@@ -319,6 +319,17 @@ def test_generalized_alpha_keeps_linear_momentum_only():
     assert drift[0] / drift[1] > 3
 
 
+@pytest.mark.parametrize("scheme", [sc.GeneralizedAlpha(0.8), sc.EnergyDecaying(0.1)], ids=repr)
+def test_pulses_within_a_step(scheme):
+    """Impulses are exact by means over the step; generalized-alpha does not see them."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(2.0))
+    pulse = sc.Table([0, 0.01, 0.02, 0.03], [0, 0, 1, 0])
+    model.add("pulse", sc.LoadForce(ball.place(), (300.0, 0, 0), pulse))
+    p = sc.simulate(model.freeze(), scheme, NULL, 0.05, 0.1)["p"][-1, 0]
+    assert p == pytest.approx(0.0 if at_nodes(scheme) else 3.0, abs=1e-13)
+
+
 def test_each_part_of_a_scene_keeps_its_own_momentum():
     """Two free bodies that nothing connects, and a third tied to the ground."""
     model, rng = sc.Model(), np.random.default_rng(2)

@@ -10,7 +10,7 @@ from ..constraints import Treatment
 from ..errors import InputError
 from ..log import logger
 from ..model import System
-from ..types import Floats, IndexArray, real, switch
+from ..types import Floats, IndexArray, positive, real, switch
 from .explicit import ExplicitScheme
 from .limit import element_limits
 from .march import Marching, check_scene
@@ -101,6 +101,7 @@ class Asynchronous(ExplicitScheme):
         limits : list of arrays, optional
             Default: :meth:`limits`.
         """
+        step = positive("argument step", "step", step, " of seconds")
         counts = [
             np.maximum(1, np.ceil(step / (self.safety * each) * (1 - 1e-12))).astype(np.int64)
             for each in (self.limits(system) if limits is None else limits)

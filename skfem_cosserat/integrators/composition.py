@@ -38,7 +38,7 @@ class Composition(Integrator):
     Energy-momentum is composed to order 4 only: its velocities are off the hidden constraints by a
     part of O(h^2) that changes sign in each step, so a step is no smooth map close to the identity,
     and the expansion in even powers of h ends there (composed to order 6 it was measured to be of
-    order 4.0, at nearly twice the cost). A stabilized one is not symmetric.
+    order 4.0, at nearly twice the cost). Stabilized energy-momentum is not symmetric.
 
     Dampers give energy back in the backward steps, and take more in the others. Where one is so
     strong that ``c |h_k|/m`` gets to 2 in a backward step h_k (0.66 h and 0.71 h), that step is

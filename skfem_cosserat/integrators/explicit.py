@@ -33,7 +33,7 @@ class ExplicitScheme(Integrator):
 
     @staticmethod
     def limit(system: System) -> StepLimit:
-        """Step (s) up to which all elements are stable, and what sets it."""
+        """Step (s) up to which all elements are stable, and what sets it; of lumped masses only."""
         return step_limit(system)
 
     def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:

@@ -81,7 +81,9 @@ class GeneralizedAlpha(Integrator):
 
     Notes
     -----
-    Linear momentum is conserved where nothing acts on a scene; energy and angular momentum are not.
+    Loads are those at the ends of steps, not their means over them: a pulse that fits between two
+    ends is missed. Linear momentum is conserved where nothing acts on a scene; energy and angular
+    momentum are not.
     Constraint forces act at the ends of steps: each row of a history holds those of its own state,
     the first one those of the start. ``history["dissipated"]`` is what dampers take;
     ``-history["energy_balance"]`` what the scheme takes, with the error of the trapezoidal rule for

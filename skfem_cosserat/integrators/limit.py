@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ..beam import Beam
-from ..errors import InputError
+from ..errors import IncompatibleError, InputError
 from ..kernels import bilinear, null_space_blocks
 from ..model import System
 from ..model.groups import BeamGroup
 from ..types import Array, Floats, IndexArray
 
-__all__ = ["LimitWatch", "StepLimit", "element_limits", "step_limit"]
+__all__ = ["LimitWatch", "StepLimit", "check_lumped", "element_limits", "step_limit"]
 
 #: growth of the rotation between two neighbouring nodes (rad) after which limits are looked at
 #: again: they fall by some 2 % meanwhile
@@ -54,13 +54,27 @@ class StepLimit(NamedTuple):
         return f"{self.seconds:.3g} s ({self.where}: {self.kind})"
 
 
+def check_lumped(name: str, system: System) -> None:
+    """Raise IncompatibleError if the mass matrix of a beam couples nodes; `name`: who minds."""
+    for item in system.structures:
+        if isinstance(item, Beam) and not item.lumped:
+            reason = "its mass matrix couples nodes: Beam(..., lumped=True) does not"
+            raise IncompatibleError(f"{name} with {item.label}", reason)
+
+
 def element_limits(system: System) -> list[Floats]:
     """Largest stable step (ne,) in s of every element of each beam group, about the reference.
 
     ``2/omega`` of the highest frequency of an element on its own share of the lumped mass: no
     frequency of any mesh of such elements is above the highest of these, whatever is attached to
     it or holds it. Stresses are left out; they change the highest frequencies little.
+
+    Raises
+    ------
+    IncompatibleError
+        If the mass of a beam is not lumped.
     """
+    check_lumped("step limit of explicit schemes", system)
     y = system.extend(system.q0, 0.0)
     return [_limits(group, y) for group in system.beam_groups]
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ..beam import Beam
 from ..constraints import Multipliers, Treatment
 from ..errors import Diverged, IncompatibleError
 from ..kernels import BeamElements, beam_force, beam_strain, beam_stress, cross
@@ -18,7 +17,7 @@ from ..model import System
 from ..types import Floats, IndexArray
 from .base import March, Marched, State, StepWork
 from .choice import STEPS, choose
-from .limit import LimitWatch
+from .limit import LimitWatch, check_lumped
 from .nodal import Nodes, Unclosed
 
 __all__ = ["Marching", "check_scene"]
@@ -43,9 +42,7 @@ def check_scene(name: str, system: System, treatment: Treatment) -> None:
 
     if system.plane is not None:
         refuse(f"{system.plane!r}", "explicit steps move all nodes in space: freeze it without")
-    for item in system.structures:
-        if isinstance(item, Beam) and not item.lumped:
-            refuse(item.label, "its mass matrix couples nodes: Beam(..., lumped=True) does not")
+    check_lumped(name, system)
     for coupling in system.couplings.items:
         refuse(coupling.label, "springs, dampers and actuators are not kicks of elements")
     for drive in system.drives:
