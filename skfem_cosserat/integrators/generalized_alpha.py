@@ -146,12 +146,22 @@ class GeneralizedAlpha(Integrator):
         s = 0.1 * h
         later = q + s * v + 0.5 * s**2 * a, v + s * a, t + s
         change = (accelerations(system, *later, state.turns)[0] - a) / s
+        # where the step does not resolve it, no more than velocities that are there
+        there, more = self._size(system, v) + h * self._size(system, a), self._size(system, change)
+        if 0 < there < h**2 * more:
+            change = change * (there / (h**2 * more))
         early = self.alpha_m - self.alpha_f
         if not self.stabilized and system.m:
             p = np.asarray(system.mass @ change.reshape(-1, 3)).reshape(-1)
             across = change - saddle_point(system)(system.extend(q, t), p, np.zeros(system.m))[0]
             v = v + (1 / 6 - self.beta - early / 2) * h**2 * across
         return np.array([v, a, a + early * h * change])
+
+    @staticmethod
+    def _size(system: System, rates: Floats) -> float:
+        """Root of twice the kinetic energy of rates (n,)."""
+        rows = rates.reshape(-1, 3)
+        return float(np.sqrt(max(0.0, (rows * (system.mass @ rows)).sum())))
 
     @staticmethod
     def _at_start(system: System, state: State) -> tuple[Floats, Floats]:
