@@ -61,7 +61,9 @@ class GeneralizedAlpha(Integrator):
     v_0 off the hidden constraints by what steps leave there anyway:
     ``h^2 (1/6 - beta - (alpha_m - alpha_f)/2)`` times the part of the third derivative of q along
     ``M^-1 G^T``. With it multipliers are of second order from the first step on; else they start
-    with first order (Arnold, Bruels & Cardona 2015). The recorded momentum is the given one.
+    with first order (Arnold, Bruels & Cardona 2015). The recorded momentum is the given one. Where
+    a step resolves so little that ``h^2`` times the third derivative would be above the velocities,
+    that is cut down to these.
 
     Parameters
     ----------
