@@ -71,10 +71,10 @@ def cantilever(elements: int, order: int, smooth: bool = False) -> Scene:
     return d02_right_angle.PROBLEM.build(data, elements, order)
 
 
-def spaghetti(elements: int, order: int, smooth: bool = False) -> Scene:
-    """D3: a triangle or a bump of 5 s."""
-    data = {"pulse": "bump"} if smooth else None
-    return d03_flying_spaghetti.PROBLEM.build(data, elements, order)
+def spaghetti(elements: int, order: int, smooth: bool = False, lumped: bool = False) -> Scene:
+    """D3: a triangle or a bump of 5 s; masses at the nodes if lumped."""
+    data = d03_flying_spaghetti.PROBLEM.data({"pulse": "bump"} if smooth else None)
+    return d03_flying_spaghetti.scene(data, elements, order, lumped)
 
 
 SCENES = {"D1": pendulum, "D2": cantilever, "D3": spaghetti}

@@ -194,6 +194,19 @@ def sleeping_process(step=None):
     subprocess.run([sys.executable, "-c", "import time; time.sleep(9)"], timeout=0.1, check=True)
 
 
+def free_rubber(times_limit):
+    """A free rubber rod that turns and is bent, by explicit steps of so many times their limit."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
+    motion = {"velocity": lambda X: np.column_stack([0 * X[:, 0], X[:, 0], X[:, 0] ** 2])}
+    flat = sc.SectionRectangle(0.06, 0.02, sc.Material(5e6, 0.4, 1100))
+    model = sc.Model()
+    model.add("rod", sc.Beam(mesh, flat, director=(0, 1, 0), lumped=True, **motion))
+    system = model.freeze()
+    step = times_limit * sc.Explicit.limit(system).seconds
+    scheme = sc.Explicit(checked=False), sc.Multipliers()
+    return sc.simulate(system, *scheme, step, 600 * step, kernels="numpy", every=20)
+
+
 # -- a stiff scene ---------------------------------------------------------------------------------
 
 #: the end of the push (s)

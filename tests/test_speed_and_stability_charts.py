@@ -15,6 +15,7 @@ import skfem_cosserat as sc
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples" / "benchmarks"))
 
+import measuring
 import speed_accuracy_chart as speed
 import stability_chart as stability
 
@@ -50,6 +51,34 @@ def test_speed_accuracy_alone(alone):
     text = (out / "speed_accuracy_spaghetti.csv").read_text()
     assert text.startswith("# work and precision") and "null space" in text
     assert "for 1e-02 in point the cheapest is" in speed.report(result)
+
+
+@pytest.mark.slow
+def test_every_integrator_is_on_the_chart(tmp_path):
+    """Each with both treatments (explicit: multipliers); all near the reference, none failed."""
+    result = speed.main(quick=True, repeats=1, out=tmp_path, with_peers=False)
+    for name, table in result["tables"].items():
+        assert not table.failed, name
+        kinds = {speed.kind_of(row) for row in table.rows}
+        assert kinds == set(speed.METHODS)
+        assert {speed.colour_of(row) for row in table.rows} == set(measuring.FAMILIES)
+        for kind in kinds:
+            rows = [row for row in table.rows if speed.kind_of(row) == kind]
+            treatments = {row["label"].split(", ")[1] for row in rows}
+            explicit = kind in speed.EXPLICIT
+            assert treatments == ({"multipliers"} if explicit else {"null space", "multipliers"})
+            assert max(row["error_point"] for row in rows) < (2e-3 if name == "swing" else 0.03)
+
+
+def test_explicit_steps_above_the_limit_fail_by_name():
+    grid = speed.GRIDS["spaghetti", True]._replace(explicit_steps=(0.1, 0.00625))
+    small = {("spaghetti", True): grid}
+    explicit = {"explicit": sc.Explicit}
+    result = speed.main(True, 1, None, None, ("spaghetti",), False, explicit, grids=small)
+    high, low = result["rows"]
+    assert (high["status"], low["status"]) == ("error", "ok")
+    assert "above the limit of the explicit scheme" in high["reason"]
+    assert low["error_point"] < 1e-3 and low["newton_iterations"] == 0
 
 
 def test_against_an_independent_run(alone):
@@ -149,7 +178,7 @@ def test_the_peers_themselves():
 
 def test_stability_of_the_stiff_swing(tmp_path):
     """Energy-momentum passes event X at 3e-2 s, the variational scheme blows up before it."""
-    result = stability.main(quick=True, steps=(3e-2,), factors=(1.0,), out=tmp_path)
+    result = stability.main(True, (3e-2,), (1.0,), measuring.INTEGRATORS, out=tmp_path)
     found = result["map"]
     assert dict(zip(found.axes["integrator"], found.status.ravel(), strict=True)) == {
         "energy-momentum": "ok",
@@ -166,6 +195,38 @@ def test_stability_of_the_stiff_swing(tmp_path):
     assert "stability map over integrator (2) x factor (1) x step (1): 1 blowup, 1 ok" in (
         stability.report(result)
     )
+
+
+@pytest.mark.slow
+def test_stability_of_the_stiff_swing_with_all_integrators(tmp_path):
+    """The dissipative ones pass event X at 3e-2 s; all variational ones fail around it."""
+    found = stability.main(True, (1e-2, 3e-2), (1.0,), resume=tmp_path / "cells")["map"]
+    for name, cells in zip(found.axes["integrator"], found.cells[:, 0], strict=True):
+        for cell in cells:
+            if name.startswith("variational"):
+                assert cell.status in ("blowup", "newton") and cell.time < 0.7, (name, cell)
+            elif name == "explicit":
+                assert cell.status == "blowup" and cell.time < 0.1, (name, cell)
+            elif name == "energy-momentum":
+                assert cell.status == "ok" and cell.energy_error < 1e-10, (name, cell)
+            elif name.startswith(("generalized-alpha", "energy-decaying 0.05")):
+                assert cell.status in ("ok", "drift") and cell.time > 0.66, (name, cell)
+
+
+def test_cells_that_would_take_too_long_stay_empty(monkeypatch):
+    """Integrators without compiled kernels have no steps below 1e-3 s."""
+    axes = {"integrator": ["variational", "generalized-alpha 0"], "factor": [1.0]}
+    axes["step"] = [1e-4, 1e-3]
+    asked = []
+
+    def run(integrator, factor, step):
+        asked.append((integrator, step))
+        raise TimeoutError
+
+    methods = {name: stability.ALL[name] for name in axes["integrator"]}
+    found = stability.mapped(methods, axes, run, None, 1.0)
+    assert found.status[:, 0].tolist() == [["timeout"] * 2, ["not run", "timeout"]]
+    assert ("generalized-alpha 0", 1e-4) not in asked and len(asked) == 3
 
 
 def test_a_failure_before_event_x_is_missed():

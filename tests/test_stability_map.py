@@ -13,7 +13,7 @@ import pytest
 import skfem_cosserat as sc
 from skfem_cosserat import stability_map
 from skfem_cosserat.errors import InputError
-from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, TimedOut, Verdict
+from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, Map, TimedOut, Verdict
 from skfem_cosserat.study.verdict import full_protocol
 
 KINDS = ("ok", "drift", "blowup", "newton", "half-hearted", "timeout", "error")
@@ -147,6 +147,17 @@ def test_runs_of_a_map_have_the_full_protocol_unless_they_choose():
     assert max(len(each) for each in caught.value.residuals[:2]) <= 21
 
 
+def test_explicit_steps_above_the_limit_have_blown_up():
+    """They are not solved for: no protocol is missing."""
+    found = stability_map(helpers.free_rubber, {"times_limit": (0.5, 1.5)})
+    assert found.status.tolist() == ["ok", "blowup"]
+    assert "the motion has blown up" in found.reason[1] or found.energy_error[1] > 9
+    error = sc.Diverged(0.5, 3, np.inf, "the motion has blown up", "none")
+    assert (JUDGE(error).status, JUDGE(error).time) == ("blowup", 0.5)
+    assert JUDGE(error).reason.startswith("Diverged: step 3")
+    assert JUDGE(sc.Diverged(0.5, 3, 0.1, "a dead point", "none")).status == "error"
+
+
 def test_a_subprocess_that_takes_too_long():
     (row,) = stability_map(helpers.sleeping_process, {"step": (1.0,)}).rows
     assert row["status"] == "timeout" and row["reason"].startswith("TimeoutExpired")
@@ -259,6 +270,34 @@ def test_chart_with_panels(tmp_path):
         found.chart(lines={"wrong": lambda h, k: 1.0})
     single = stability_map(helpers.every_kind, {"kind": ("ok",), "step": (1.0,)}, JUDGE)
     assert single.chart(tmp_path / "single.png", {"none": lambda kind, step: 1.0}) is not None
+
+
+def test_maps_are_joined(oscillator, tmp_path):
+    """Two parts make the whole; what none of them has was not run."""
+    parts = [
+        stability_map(helpers.leapfrog, {"omega": omegas, "step": steps}, helpers.judged)
+        for omegas, steps in ((OMEGAS[:2], STEPS), (OMEGAS[2:], STEPS[1:]))
+    ]
+    axes = {"omega": OMEGAS, "step": STEPS}
+    whole = Map.joined(axes, parts)
+    expected = oscillator.status.astype(object)
+    expected[2:, 0] = "not run"
+    assert whole.status.tolist() == expected.tolist()
+    assert np.isnan(whole.seconds[2:, 0]).all() and whole.axes == {k: list(axes[k]) for k in axes}
+    with pytest.raises(InputError, match="expected maps over step"):
+        Map.joined({"step": STEPS}, parts)
+    pytest.importorskip("matplotlib")
+    many = {"kind": ("ok",), "step": (0.5,), "more": (1, 2)}
+    third = stability_map(_third, many, JUDGE)
+    names = [str(k) for k in range(6)]
+    panels = Map(
+        "six",
+        {"name": names, "step": [0.5], "more": [1, 2]},
+        np.array([third.cells[0, 0]] * 6)[:, None],
+        np.ones((6, 1, 2)),
+    )
+    figure = panels.chart(tmp_path / "six.png")
+    assert sum(axis.axison for axis in figure.axes) == 6 and len(figure.axes) == 8
 
 
 def _third(step, kind, more):

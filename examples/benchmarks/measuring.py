@@ -17,6 +17,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -33,10 +34,56 @@ import skfem_cosserat as sc
 from skfem_cosserat.integrators import Stepper
 from skfem_cosserat.newton import NewtonSettings
 
-__all__ = ["INTEGRATORS", "TREATMENTS", "Run", "advance", "chain", "command", "full_newton"]
+__all__ = ["EXPLICIT", "FAMILIES", "INTEGRATORS", "METHODS", "TREATMENTS", "Run"]
+__all__ += ["advance", "chain", "command", "family_of", "full_newton"]
 __all__ += ["environment", "rubber", "table", "tip", "write"]
 
+#: those with compiled kernels of their own
 INTEGRATORS = {"energy-momentum": sc.EnergyMomentum, "variational": sc.Variational}
+
+
+def _composed(part: Callable[[], Any], order: int) -> Any:
+    return sc.Composition(part(), order)
+
+
+#: all of them, by family: one colour each in the charts. (Generalized-alpha with a spectral radius
+#: of one is Newmark's rule, which constraints make unstable: the package refuses it.)
+FAMILIES: dict[str, dict[str, Callable[[], Any]]] = {
+    "energy-momentum": {
+        "energy-momentum": sc.EnergyMomentum,
+        "energy-momentum stabilized": partial(sc.EnergyMomentum, stabilized=True),
+    },
+    "variational": {
+        "variational": sc.Variational,
+        "variational stabilized": partial(sc.Variational, stabilized=True),
+    },
+    "composition": {
+        "variational of order 4": partial(_composed, sc.Variational, 4),
+        "variational of order 6": partial(_composed, sc.Variational, 6),
+        "energy-momentum of order 4": partial(_composed, sc.EnergyMomentum, 4),
+    },
+    "generalized-alpha": {
+        "generalized-alpha 0": partial(sc.GeneralizedAlpha, 0.0),
+        "generalized-alpha 0.8": partial(sc.GeneralizedAlpha, 0.8),
+        "generalized-alpha 0.95": partial(sc.GeneralizedAlpha, 0.95),
+        "generalized-alpha 0.8 stabilized": partial(sc.GeneralizedAlpha, 0.8, stabilized=True),
+    },
+    "energy-decaying": {
+        "energy-decaying 0.05": partial(sc.EnergyDecaying, chi=0.05),
+        "energy-decaying 5/s": partial(sc.EnergyDecaying, rate=5.0),
+    },
+    "explicit": {"explicit": sc.Explicit, "asynchronous": sc.Asynchronous},
+}
+METHODS = {name: make for family in FAMILIES.values() for name, make in family.items()}
+#: those that need nodal masses and multipliers
+EXPLICIT = tuple(FAMILIES["explicit"])
+
+
+def family_of(name: str) -> str:
+    """The family of one of METHODS; of another integrator its own name."""
+    return next((family for family, names in FAMILIES.items() if name in names), name)
+
+
 TREATMENTS = {"null-space": sc.NullSpace, "multipliers": sc.Multipliers}
 GRAVITY = (0.0, -9.81, 0.5)
 LENGTH, RADIUS = 1.0, 5e-3

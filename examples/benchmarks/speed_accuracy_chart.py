@@ -8,8 +8,10 @@ moment on its end, which grow and fall within 5 s; its other end over 5 s. In qu
 Error: largest distance of that point from the reference at instants that all runs reach, in m. The
 reference: elements of order 4, extrapolated from two steps (energy-momentum); its own error is its
 distance from an extrapolated run of another order on another mesh with the variational integrator.
-Ours: integrators, orders, meshes and steps, null space; on the coarsest mesh of orders 1 and 3 with
-multipliers, too; compiled kernels where there are some.
+Ours: all integrators, orders, meshes and steps, null space; on the coarsest mesh of orders 1 and 3
+with multipliers, too; compiled kernels where there are some. The two classic integrators have the
+full grid, the others (see measuring.py) fewer meshes: errors of the mesh are the same. Explicit
+schemes have nodal masses, multipliers and steps of their own; those above their limit fail.
 Peers, on the spaghetti: Exudyn's exact beam (linear, generalized-alpha, modified Newton, one
 thread, build without range checks) and PyElastica at its largest stable step.
 
@@ -34,7 +36,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import measuring  # before numpy: one thread
 import numpy as np
 import peer_calls
-from measuring import INTEGRATORS
+from measuring import EXPLICIT, INTEGRATORS, METHODS, family_of
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -87,10 +89,16 @@ class Problem(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """What is run: ours by order, with its meshes; the peers' meshes and steps."""
+    """What is run: ours by order, with its meshes; the peers' meshes and steps.
+
+    `others`: meshes of integrators other than the two classic ones; explicit ones have steps of
+    their own.
+    """
 
     steps: Sequence[float]
     meshes: Mapping[int, Sequence[int]]
+    others: Mapping[int, Sequence[int]]
+    explicit_steps: Sequence[float]
     peer_steps: Sequence[float]
     peer_meshes: Sequence[int]
     reference: tuple[tuple[int, int, float], tuple[int, int, float]]
@@ -104,20 +112,25 @@ PROBLEMS = {
 }
 GRIDS = {
     ("swing", True): Grid(
-        (2.5e-2, 6.25e-3), {1: (4,), 3: (2,)}, (), (), ((4, 2, 3.125e-3), (3, 4, 3.125e-3))
+        *((2.5e-2, 6.25e-3), {1: (4,), 3: (2,)}, {3: (2,)}, (1.5625e-3,)),
+        *((), (), ((4, 2, 3.125e-3), (3, 4, 3.125e-3))),
     ),
     ("swing", False): Grid(
         [2.5e-2 / 2**k for k in range(7)],
         {1: (8, 16, 32), 2: (4, 8, 16), 3: (2, 4, 8, 16), 4: (2, 4, 8)},
+        *({1: (16,), 2: (8,), 3: (8,), 4: (4, 8)}, [1.5625e-3 / 2**k for k in range(5)]),
         *((), ()),
         ((4, 12, 9.765625e-5), (3, 20, 9.765625e-5)),
     ),
     ("spaghetti", True): Grid(
-        (0.1, 0.05), {1: (8,), 3: (2,)}, (0.05,), (8,), ((4, 4, 0.025), (3, 6, 0.025))
+        *((0.1, 0.05), {1: (8,), 3: (2,)}, {3: (2,)}, (0.00625,)),
+        *((0.05,), (8,), ((4, 4, 0.025), (3, 6, 0.025))),
     ),
     ("spaghetti", False): Grid(
         [0.1 / 2**k for k in range(5)],
         {1: (8, 16, 32), 2: (4, 8, 16), 3: (2, 4, 8), 4: (2, 4)},
+        {1: (16,), 2: (8,), 3: (4, 8), 4: (2, 4)},
+        [0.0125 / 2**k for k in range(5)],
         [0.05 / 2**k for k in range(6)],
         (8, 16, 32, 64),
         ((4, 8, 3.125e-3), (3, 12, 3.125e-3)),
@@ -126,13 +139,13 @@ GRIDS = {
 
 
 @cache
-def scene(name: str, elements: int, order: int) -> tuple[sc.System, int]:
-    """The system, and where the point that is looked at begins in q."""
+def scene(name: str, elements: int, order: int, lumped: bool = False) -> tuple[sc.System, int]:
+    """The system, and where the point that is looked at begins in q; `lumped`: nodal masses."""
     if name == "swing":
-        system = swing.build(elements=elements, order=order)
+        system = swing.build(elements=elements, order=order, lumped=lumped)
         beam: Any = system.structures[0]
         return system, system.offset(beam.node("mid"))
-    found = dynamic.spaghetti(elements, order)
+    found = dynamic.spaghetti(elements, order, lumped=lumped)
     return found.system, found.system.offset(found.places["free"])
 
 
@@ -143,13 +156,14 @@ def stepped(
     mesh: tuple[int, int],
     step: float,
     kernels: str = "auto",
+    lumped: bool = False,
 ) -> dict[str, Any]:
     """One run of this package: path of the point, and what its steps cost.
 
     `mesh`: order and elements.
     """
     order, elements = mesh
-    system, place = scene(problem.name, elements, order)
+    system, place = scene(problem.name, elements, order, lumped)
     own = system, integrator(), treatment(), step
     many = {"kernels": kernels, "steps": 10**7}  # compiled where there are compiled ones
     warm, stepper = Stepper(*own, **many), Stepper(*own, **many)
@@ -255,18 +269,28 @@ def peers(grid: Grid, environments: str | Path | None) -> tuple[list[Any], dict[
 
 def ours(grid: Grid, integrators: Mapping[str, Callable[[], Any]], kernels: str) -> list[Any]:
     """Setups of this package: integrator x treatment x order x mesh x step."""
-    run = partial(stepped, kernels=kernels)
     found = []
-    for name, treatment in TREATMENTS.items():
-        meshes = {
-            f"order {p}, {n} elements": (p, n)
-            for p, sizes in grid.meshes.items()
-            for n in sizes
-            if name == "null space" or (p in (1, 3) and n == sizes[0])
-        }
-        axes = {"integrator": dict(integrators), "treatment": {name: treatment}, "mesh": meshes}
-        found += setup_grid(run, group=OURS, **axes, step=grid.steps)
+    for name, make in integrators.items():
+        run = partial(stepped, kernels=kernels, lumped=name in EXPLICIT)
+        steps = grid.explicit_steps if name in EXPLICIT else grid.steps
+        for kind, treatment in TREATMENTS.items():
+            meshes = _meshes(grid, name, kind)
+            axes = {"integrator": {name: make}, "treatment": {kind: treatment}, "mesh": meshes}
+            if meshes:
+                found += setup_grid(run, group=OURS, **axes, step=steps)
     return found
+
+
+def _meshes(grid: Grid, integrator: str, treatment: str) -> dict[str, tuple[int, int]]:
+    """Order and elements, by their words in a label."""
+    explicit, second = integrator in EXPLICIT, treatment == "multipliers"
+    sizes = grid.meshes if integrator in INTEGRATORS else grid.others
+    return {
+        f"order {p}, {n} elements": (p, n)
+        for p, counts in sizes.items()
+        for n in counts
+        if second == explicit or (second and p in (1, 3) and n == counts[0])
+    }
 
 
 def compared(
@@ -325,7 +349,7 @@ def main(
     with_peers : bool
         False: this package alone.
     integrators : mapping, optional
-        Of this package, by name; default: all that measuring.py lists.
+        Of this package, by name; default: all that measuring.py lists, METHODS.
     kernels : str, optional
         Default: "numpy" if quick, else "auto".
     grids : mapping, optional
@@ -339,7 +363,7 @@ def main(
         ``tables`` by scene, ``rows`` of all, ``standing`` (our front against the peers'),
         ``missing``, ``dgemm_gflops`` and where it was measured.
     """
-    chosen = INTEGRATORS if integrators is None else integrators
+    chosen = METHODS if integrators is None else integrators
     kind = ("numpy" if quick else "auto") if kernels is None else kernels
     result: dict[str, Any] = {"tables": {}, "rows": [], "standing": {}, "missing": {}}
     for name in scenes:
@@ -366,15 +390,17 @@ def write(result: dict[str, Any], folder: Path) -> None:
     for name, run in result["tables"].items():
         run.csv(folder / f"speed_accuracy_{name}.csv")
         with suppress(ImportError):  # charts come with the extra "view"
-            run.chart(folder / f"speed_accuracy_{name}.png", kind=kind_of)
+            run.chart(folder / f"speed_accuracy_{name}.png", kind=kind_of, family=colour_of)
 
 
 def kind_of(row: Mapping[str, Any]) -> str:
-    """What has a colour of its own: a peer, and each of our integrators with each order."""
-    if row["group"] != OURS:
-        return str(row["group"])
-    integrator, _, order, _ = row["series"].split(", ")
-    return f"{integrator}, {order}"
+    """What has a line of its own: a peer, and each of our integrators."""
+    return str(row["group"] if row["group"] != OURS else row["series"].split(", ")[0])
+
+
+def colour_of(row: Mapping[str, Any]) -> str:
+    """What has a colour of its own: a peer, and each family of our integrators."""
+    return family_of(kind_of(row))
 
 
 def missed(result: dict[str, Any]) -> list[str]:

@@ -11,6 +11,10 @@ beam; and ``h omega_c = 2``, with the frequency of the constraint force of compr
 failure_mechanism.py), the largest one over the motion with energy-momentum: to the right of it
 rotations that alternate from step to step grow in the variational scheme.
 
+Integrators with compiled kernels have all steps, the others those down to 1e-3 s; the explicit one,
+with nodal masses and multipliers, is run above its limit on purpose. (The asynchronous one divides
+its steps for each element until they are below the limit: it has no map.)
+
 Run ``python examples/benchmarks/stability_chart.py --help`` for the choices.
 """
 
@@ -28,7 +32,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import measuring  # before numpy: one thread
 import numpy as np
-from measuring import INTEGRATORS
+from measuring import EXPLICIT, INTEGRATORS, METHODS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -40,6 +44,8 @@ from skfem_cosserat.integrators.choice import choose_kernels
 from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, Map, TimedOut
 
 STEPS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
+#: of integrators without compiled kernels: a cell of 1e-5 s would take them minutes
+SHORT = 1e-3
 FACTORS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)
 QUICK = {"steps": (3e-2, 1e-2), "factors": (1e-3, 1.0)}
 UNTIL = {True: 0.7, False: 1.0}
@@ -60,10 +66,17 @@ COLUMNS = (
 )
 
 
+COMPILED = (*INTEGRATORS, "variational of order 4", "energy-momentum of order 4")
+ALL = {
+    **{name: make for name, make in METHODS.items() if name not in EXPLICIT},
+    "explicit": partial(sc.Explicit, checked=False),
+}
+
+
 @cache
-def system(factor: float) -> sc.System:
-    """The swing with the strip, its stiffness times this."""
-    return swing.build("stiff", factor=factor)
+def system(factor: float, lumped: bool = False) -> sc.System:
+    """The swing with the strip, its stiffness times this; `lumped`: nodal masses."""
+    return swing.build("stiff", factor=factor, lumped=lumped)
 
 
 def cell(
@@ -74,8 +87,10 @@ def cell(
     until: float,
     kernels: str,
 ) -> sc.History:
-    """One run with the null space; it ends soon after a blow-up."""
-    scene, scheme = system(factor), (methods[integrator](), sc.NullSpace())
+    """One run with the null space (explicit: multipliers); it ends soon after a blow-up."""
+    explicit = integrator in EXPLICIT
+    treatment = sc.Multipliers() if explicit else sc.NullSpace()
+    scene, scheme = system(factor, explicit), (methods[integrator](), treatment)
     try:
         history = sc.simulate(
             scene,
@@ -86,7 +101,7 @@ def cell(
             callbacks=[swing._EnergyGuard(scene, PULSE_END)],
             settings=FULL_PROTOCOL,
             derive=False,
-            kernels=choose_kernels(kernels, scene, *scheme, MANY).name,
+            kernels=kernels if explicit else choose_kernels(kernels, scene, *scheme, MANY).name,
         )
     except (sc.Diverged, TimedOut) as error:
         if error.history is not None:
@@ -98,6 +113,29 @@ def cell(
 
 def _add_energy(scene: sc.System, history: sc.History) -> None:
     history.add_series("energy", swing._energy(scene, history["q"], history["p"]))
+
+
+def mapped(
+    methods: Mapping[str, Callable[[], Any]],
+    axes: Mapping[str, Sequence[Any]],
+    run: Callable[..., sc.History],
+    resume: str | Path | None,
+    timeout_s: float,
+) -> Map:
+    """The map; what is not run because it would take too long stays empty."""
+
+    def part(names: Sequence[str], steps: Sequence[float]) -> Map | None:
+        if not (names and steps):
+            return None
+        own = {**axes, "integrator": list(names), "step": list(steps)}
+        judge = JudgeEnergy(energy, since=PULSE_END)
+        return sc.stability_map(run, own, judge, resume=resume, timeout_s=timeout_s)
+
+    fast = [name for name in methods if name in (*COMPILED, *EXPLICIT)]
+    long = [step for step in axes["step"] if step >= SHORT]
+    parts = [part(fast, axes["step"]), part([n for n in methods if n not in fast], long)]
+    found = [each for each in parts if each is not None]
+    return found[0] if len(found) == 1 and found[0].axes == axes else Map.joined(axes, found)
 
 
 def energy(history: sc.History) -> Any:
@@ -126,13 +164,17 @@ def limits(
 ) -> tuple[dict[str, Any], list[dict[str, float]]]:
     """Theory's lines for the chart, and the frequencies that they come from."""
     highest = {each: diagnostics.highest_frequency(system(each)) for each in factors}
+    lumped = {each: sc.Explicit.limit(system(each, True)).seconds for each in factors}
     driven = {each: constraint_frequency(each, step, until, kernels) for each in factors}
 
     def explicit(integrator: str, factor: float, step: float) -> float:
-        return step * highest[factor] / 2
+        return step / lumped[factor] if integrator in EXPLICIT else step * highest[factor] / 2
 
     def resonance(integrator: str, factor: float, step: float) -> float:
-        return step * driven[factor] / 2 if integrator == "variational" else float("nan")
+        if not integrator.startswith("variational"):
+            return float("nan")
+        longest = max((abs(s) for s in ALL.get(integrator, sc.Variational)().shares), default=1.0)
+        return longest * step * driven[factor] / 2
 
     lines = {"explicit limit, h omega = 2": explicit, "variational, h omega_c = 2": resonance}
     rows = [{"factor": f, "omega": highest[f], "omega_c": driven[f]} for f in factors]
@@ -159,7 +201,7 @@ def main(
     steps, factors : sequence of float, optional
         Others.
     integrators : mapping, optional
-        By name; default: all that measuring.py lists.
+        By name; default: ALL.
     until : float, optional
         End (s).
     kernels : str, optional
@@ -177,19 +219,14 @@ def main(
         ``map``, ``rows``, ``limits`` (frequencies by factor), ``dgemm_gflops`` and where it was
         measured.
     """
-    methods = dict(INTEGRATORS if integrators is None else integrators)
+    methods = dict(ALL if integrators is None else integrators)
     end = UNTIL[quick] if until is None else until
     kind = ("numpy" if quick else "auto") if kernels is None else kernels
     sizes = steps or (QUICK["steps"] if quick else STEPS)
     scales = factors or (QUICK["factors"] if quick else FACTORS)
     axes = {"integrator": list(methods), "factor": sorted(scales), "step": sorted(sizes)}
-    found = sc.stability_map(
-        partial(cell, methods=methods, until=end, kernels=kind),
-        axes,
-        JudgeEnergy(energy, since=PULSE_END),
-        resume=resume,
-        timeout_s=timeout_s,
-    )
+    run = partial(cell, methods=ALL | methods, until=end, kernels=kind)
+    found = mapped(methods, axes, run, resume, timeout_s)
     lines, frequencies = limits(axes["factor"], FINE[quick], end, kind)
     result = {"map": found, "rows": found.rows, "limits": frequencies, **measuring.environment()}
     if out is not None:

@@ -96,6 +96,7 @@ def precision_chart(
     axes = figure.subplots(1, len(lines.fronts), squeeze=False)[0]
     for axis, name in zip(axes, lines.fronts, strict=True):
         axis.set(xscale="log", yscale="log", title=name, xlabel="cost in s", ylabel="error")
+        axis.minorticks_off()
         for line in lines.families:
             _line(axis, rows, name, line, lines)
         _steps(axis, name, lines.fronts[name])

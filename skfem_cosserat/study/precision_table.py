@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["Front", "Level", "PrecisionTable", "Standing", "pareto"]
 
 Row = Mapping[str, Any]
+#: an error above this part of another one is the same on a chart
+NEXT = 0.98
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -205,7 +207,7 @@ class PrecisionTable:
         for name in names:
             points = self.points(name)
             own[name] = {
-                line: pareto([row for row in points if kind(row) == line], name)
+                line: _apart(pareto([row for row in points if kind(row) == line], name), name)
                 for line in families
             }
             fronts[name] = {group: pareto(self.points(name, group), name) for group in groups}
@@ -329,6 +331,16 @@ class Standing:
 
     def __str__(self) -> str:
         return "\n".join(self.lines)
+
+
+def _apart(front: list[dict[str, Any]], quantity: str) -> list[dict[str, Any]]:
+    """Points of a front that can be told apart on a chart."""
+    kept: list[dict[str, Any]] = []
+    for row in front:
+        key = f"error_{quantity}"
+        if not kept or row[key] < NEXT * kept[-1][key]:
+            kept.append(row)
+    return kept
 
 
 def _kind_by(what: str, row: Row) -> str:

@@ -31,6 +31,8 @@ COLOURS = {
 #: for the words of a judge of the user's own
 OTHERS = ("#457b9d", "#9b5de5", "#f15bb5", "#00bbf9", "#606c38")
 STYLES = ("-", "--", ":", "-.")
+#: panels in a row
+ABREAST = 4
 
 
 def stability_chart(
@@ -67,10 +69,16 @@ def stability_chart(
     cells = status.reshape(len(panels), *status.shape[-2:])
     found = set(status.ravel().tolist())
     colours = _colours(found)
-    figure = new_figure(5.2 * len(panels) + 1.2, 4.6)
+    across = min(len(panels), ABREAST)
+    down = -(-len(panels) // across)
+    wide, high = (5.2, 4.6) if down == 1 else (4.2, 3.6)
+    figure = new_figure(wide * across + 2.2, high * down)
     figure.suptitle(title)
     along, up = axes[names[-1]], axes[names[-2]]
-    for k, axis in enumerate(figure.subplots(1, len(panels), squeeze=False)[0]):
+    for k, axis in enumerate(figure.subplots(down, across, squeeze=False).flat):
+        if k >= len(panels):
+            axis.set_axis_off()
+            continue
         _cells(axis, cells[k], colours)
         axis.set_xticks(range(len(along)), [_text(each) for each in along], rotation=45)
         axis.set_yticks(range(len(up)), [_text(each) for each in up])

@@ -142,6 +142,8 @@ class JudgeEnergy:
         reason = f"{type(error).__name__}: {error}"
         if isinstance(error, Diverged):
             state, note = ("newton", "") if full_protocol(error) else ("error", NOT_FULL)
+            if not error.residuals:  # nothing was iterated: an explicit scheme, or a dead point
+                state, note = ("error" if np.isfinite(error.residual) else "blowup"), ""
             residual, end = float(error.residual), float(error.time)
             reason = f"{note}{reason}"
         else:

@@ -33,12 +33,15 @@ DERIVED = {
 }
 
 
-def scene(data: dict[str, Any], elements: int, order: int) -> runs.Scene:
-    """``force`` and ``moment`` are factors of the pulse at the end that is loaded."""
+def scene(data: dict[str, Any], elements: int, order: int, lumped: bool = False) -> runs.Scene:
+    """``force`` and ``moment`` are factors of the pulse at the end that is loaded.
+
+    `lumped`: masses at the nodes, as explicit schemes need them.
+    """
     mesh = members.halves(data["start"], data["end"], elements, order)
     middle = (np.array(data["start"]) + data["end"]) / 2
     model = sc.Model()
-    rod = model.add("rod", members.beam(mesh, data, order, e2=(0, 0, 1)))
+    rod = model.add("rod", members.beam(mesh, data, order, e2=(0, 0, 1), lumped=lumped))
     loaded = rod.node("rod.start")
     pulse, kinks = members.pulse(data)
     model.add("force", sc.LoadForce(loaded, data["force"], pulse))

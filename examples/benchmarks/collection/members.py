@@ -33,7 +33,10 @@ class SolidBeam(sc.Beam):
         """With the blocks of d3."""
         mass = super().scalar_mass()
         rows = 4 * np.arange(self.basis.order + 1) + 3
-        mass[:, rows[:, None], rows] += self.third * self.basis.elemental_mass()
+        shape = self.basis.elemental_mass()
+        if self.lumped:
+            shape = self.basis.elemental_load()[:, :, None] * np.eye(len(rows))
+        mass[:, rows[:, None], rows] += self.third * shape
         return mass
 
 
