@@ -161,6 +161,42 @@ def test_the_warning_comes_with_multipliers_too_and_never_without_beams(caplog):
     assert not warnings_of(caplog, model.freeze(), sc.Variational(), sc.NullSpace(), 1e3, 1e4)
 
 
+@pytest.mark.parametrize(("order", "longest"), [(4, 0.658), (6, 0.799)])
+def test_compositions_warn_where_their_longest_step_is_likely_to_fail(caplog, order, longest):
+    """Not by the size of the whole: its parts are what has to resolve the frequencies."""
+    system = swing.build()
+    scheme = sc.Composition(sc.Variational(), order)
+    assert max(map(abs, scheme.shares)) == pytest.approx(longest, abs=1e-3)
+    limit = sc.Variational.frequency_limit / longest / highest_frequency(system)
+    options = {"kernels": "numpy"}
+    high, low = (
+        warnings_of(caplog, system, scheme, sc.NullSpace(), h, 2 * h, **options)
+        for h in (1.01 * limit, 0.99 * limit)
+    )
+    assert len(high) == 1 and not low
+    assert f"the variational composed to order {order} integrator is likely to fail" in high[0]
+    assert f"below {limit:.2g} s" in high[0]
+    energy = sc.Composition(sc.EnergyMomentum())
+    assert not warnings_of(caplog, system, energy, sc.NullSpace(), 1e-2, 2e-2, **options)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [4, 6])
+def test_compositions_fail_where_they_warn(caplog, order):
+    """The stiff swing at 3e-2 s: its energy is more than ten times what it was before event X."""
+    system = swing.build("stiff")
+    scheme = sc.Composition(sc.Variational(), order)
+    with caplog.at_level(logging.WARNING, logger="skfem_cosserat"):
+        try:
+            history = sc.simulate(system, scheme, sc.NullSpace(), 3e-2, 0.66, kernels="numpy")
+        except sc.Diverged as error:
+            history = error.history
+    assert sum("likely to fail" in each.getMessage() for each in caplog.records) == 1
+    energy = swing._energy(system, history["q"], history["p"])
+    start = energy[history.times > swing.PULSE["stiff"][1]][0]
+    assert np.nanmax(energy) > 9 * start
+
+
 def test_an_estimate_that_fails_does_not_stop_the_run(monkeypatch):
     def singular(system):
         raise sc.InputError("system", "no estimate")

@@ -210,16 +210,26 @@ def oscillator(k):
     return model.freeze()
 
 
-def amplification(scheme, h=1e-2, k=1e14):
+def on_a_rail(k):
+    """The same with two constraints, which leave the freedom along the spring."""
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(1.0, (1.0, 0, 0)))
+    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), bob.place(), stiffness=k))
+    rail = sc.JointPointOnLine(sc.ground((1.0, 0, 0)), bob.place(), axis=(1, 0, 0))
+    model.add("rail", rail)
+    return model.freeze()
+
+
+def amplification(scheme, h=1e-2, k=1e14, make=oscillator, treatment=NULL):
     """Matrix of a step on (u, h v) of a stiff spring, and h^2 alpha of generalized-alpha."""
-    system = oscillator(k)
-    stepper = Stepper(system, scheme, NULL, h)
+    system = make(k)
+    stepper = Stepper(system, scheme, treatment, h)
     size, columns = 1e-6, []
     for unit in np.eye(3 if at_nodes(scheme) else 2):
         u, v, alpha = [*(size * unit), 0.0][:3] / np.array([1, h, h**2])
-        q, rates = system.q0.copy(), np.zeros((3, 3))
+        q, rates = system.q0.copy(), np.zeros((4, 3))
         q[0] += u
-        rates[:, 0] = v, -k * (q[0] - 1), alpha
+        rates[:, 0] = v, -k * (q[0] - 1), alpha, v
         memory = rates[: scheme.remembered] if scheme.remembered else None
         new = stepper.advance(sc.State(0.0, 0, q, rates[0], False, None, memory)).state
         entries = [new.q[0] - 1, h * new.p[0]]
@@ -234,6 +244,21 @@ def test_spectral_radius_of_generalized_alpha(rho):
     """All three eigenvalues are -rho_inf, seen in the characteristic polynomial."""
     found = np.poly(amplification(sc.GeneralizedAlpha(rho)))
     assert found == pytest.approx(np.array([1, 3 * rho, 3 * rho**2, rho**3]), abs=1e-5)
+
+
+@pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
+@pytest.mark.parametrize("stabilized", [False, True])
+def test_spectral_radius_with_constraints(stabilized, treatment):
+    """The stabilized forms damp as the plain ones do; energy-momentum does not."""
+    rail = {"make": on_a_rail, "treatment": treatment}
+    for rho in (0.0, 0.5, 0.8):
+        found = np.poly(amplification(sc.GeneralizedAlpha(rho, stabilized), **rail))
+        assert found == pytest.approx(np.array([1, 3 * rho, 3 * rho**2, rho**3]), abs=1e-5)
+    scheme = sc.EnergyMomentum(stabilized)
+    found = np.poly(amplification(scheme, k=1e10, **rail))
+    assert found == pytest.approx(np.array([1, 2, 1]), abs=1e-4)
+    found = np.poly(amplification(sc.EnergyDecaying(0.2), **rail))
+    assert found == pytest.approx(np.array([1, 4 / 3, 4 / 9]), abs=1e-5)
 
 
 @pytest.mark.parametrize("chi", [0.0, 0.05, 0.3, 1.0])
@@ -251,6 +276,21 @@ def test_spectral_radius_of_energy_decaying(chi):
 )
 def test_classic_schemes_do_not_damp(scheme):
     assert np.poly(amplification(scheme, k=1e10)) == pytest.approx(np.array([1, 2, 1]), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    "scheme",
+    [
+        sc.Composition(sc.Variational()),
+        sc.Composition(sc.Variational(), order=6),
+        sc.Composition(sc.EnergyMomentum()),
+    ],
+    ids=repr,
+)
+def test_compositions_do_not_damp(scheme):
+    """Both eigenvalues on the unit circle: their product is one, their sum below two."""
+    one, sum_, product = np.poly(amplification(scheme, k=1e8))
+    assert product == pytest.approx(1, abs=1e-5) and abs(sum_) < 2 * one
 
 
 def test_damping_fades_with_the_step_in_the_second_order_scheme():
@@ -307,7 +347,7 @@ def test_composed_energy_momentum_keeps_energy():
 
 
 def test_generalized_alpha_keeps_linear_momentum_only():
-    """Negative: angular momentum drifts with the square of the step."""
+    """Negative: angular momentum drifts with the square of the step, energy grows at times."""
     system, start = free_beam()
     drift = []
     for h in (0.02, 0.01):
@@ -315,6 +355,7 @@ def test_generalized_alpha_keeps_linear_momentum_only():
         P, L = history["linear_momentum"], history["angular_momentum"]
         assert abs(P - P[0]).max() < 1e-11
         drift.append(abs(L - L[0]).max())
+        assert np.diff(history["energy"]).max() > 1e-7
     assert drift[1] > 1e-6
     assert drift[0] / drift[1] > 3
 
