@@ -163,8 +163,13 @@ def coordinates_of(system: System) -> list[list[Coordinate]]:
     ]
 
 
-def bound_beams(system: System, group: BeamGroup | None, plan: Plan) -> tuple[Any, dict[str, Any]]:
-    """One group of elements, or none; the structure, and its arrays by name."""
+def bound_beams(
+    system: System, group: BeamGroup | None, plan: Plan, stiffness: Floats | None = None
+) -> tuple[Any, dict[str, Any]]:
+    """One group of elements, or none; the structure, and its arrays by name.
+
+    `stiffness` (ne, 6, 6): another one than that of the sections.
+    """
     if group is None:
         none = np.zeros((0, 2), dtype=np.int64)
         ends = ((0.5, 0.5),)
@@ -190,8 +195,9 @@ def bound_beams(system: System, group: BeamGroup | None, plan: Plan) -> tuple[An
         Q = np.zeros((ne, nn, 4, 4))
         Q[:, :, 0, 0], Q[:, :, 1:, 1:] = 1, rotations
         mass = np.ascontiguousarray(np.einsum("eaij,eabjk,eblk->eabil", Q, mass, Q))
+    each = elements.stiffness if stiffness is None else stiffness
     # elements of one section share its stiffness: less memory to go through
-    stiffness, section = np.unique(elements.stiffness, axis=0, return_inverse=True)
+    stiffness, section = np.unique(each, axis=0, return_inverse=True)
     slots = [[[plan.slot[a, b] for b in vs] for a in vs] for vs in group.vertices.tolist()]
     S = np.zeros((ne, ng, 6))
     fields = {
@@ -203,7 +209,7 @@ def bound_beams(system: System, group: BeamGroup | None, plan: Plan) -> tuple[An
         "lengths": np.ascontiguousarray(elements.lengths),
         "section": section.reshape(ne),
         "stiffness": np.ascontiguousarray(stiffness),
-        "diagonal": not (elements.stiffness * (1 - np.eye(6))).any(),
+        "diagonal": not (each * (1 - np.eye(6))).any(),
         "reference": np.ascontiguousarray(elements.reference),
         "mass": mass,
         "rotations": rotations,

@@ -30,6 +30,7 @@ from ..types import Floats, IndexArray
 from .base import Integrator, Scheme, State, StepWork
 from .coupled import Coupled, scalar
 from .rest import Rest
+from .viscous import Viscous, is_viscous
 
 __all__ = [
     "CompiledMultipliers",
@@ -63,7 +64,7 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
             "closed loops in prescribed motion": looped and bool(system.moving),
             "springs on rotation vectors, bushings": not scalar(system.couplings),
             **_everywhere(system),
-            "damping": system.damped,
+            "drag": system.drag is not None,
         },
     )
 
@@ -176,7 +177,7 @@ class CompiledScene:
         from ..compiled import bind
 
         system, groups = self.system, self.system.beam_groups
-        parts = bind.parts_of(system, weight, ends, static)
+        parts = bind.parts_of(system, weight, ends or is_viscous(system), static)
         with _COMPILING, bind.compiling(system, parts):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
@@ -275,6 +276,10 @@ class CompiledStep(CompiledScene):
         self._record = np.zeros(len(RECORD))
         self._loaded = False
         self._coupled = Coupled(system.couplings, self._a.coupled, h)
+        self._viscous = Viscous(system, self.plan, h) if is_viscous(system) else None
+        if self._viscous is not None:
+            *others, beams, numbers = self._all
+            self._all = (*others, self._viscous.beside(beams, numbers), numbers)
         self._rows = np.zeros(0, dtype=np.int64)
 
     @property
@@ -362,7 +367,8 @@ class CompiledStep(CompiledScene):
 
     def work(self) -> StepWork:
         """Work of the loads along the step."""
-        return self._coupled.work(float(self._record[WORK]))
+        lost = 0.0 if self._viscous is None else self._viscous.dissipated()
+        return self._coupled.work(float(self._record[WORK]), lost)
 
     def turns(self) -> IndexArray | None:
         """Full turns of angles at the end of the step, as in a state."""
@@ -399,7 +405,7 @@ class CompiledMultipliers(CompiledStep):
         from ..compiled import bind, bind_kkt
 
         system, groups = self.system, self.system.beam_groups
-        parts = bind_kkt.parts_of(system, ends)
+        parts = bind_kkt.parts_of(system, ends or is_viscous(system))
         with _COMPILING, bind.compiling(system, parts, multipliers=True):
             s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self._h)
             m, _ = bind_kkt.bound_elimination(system, self.plan)
