@@ -8,7 +8,6 @@ import test_compiled_multipliers
 from test_compiled import INTEGRATORS, crossing, moving, tree
 
 import skfem_cosserat as sc
-from skfem_cosserat.integrators.fast import refusal
 
 pytest.importorskip("numba")
 integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -22,6 +21,13 @@ def viscous(model):
     model.add("damping", sc.RayleighDamping(stiffness=3e-3))
 
 
+def dragged(model):
+    """Beam and lumps, a body and a point; a force that follows beside them."""
+    model.add("damping", sc.RayleighDamping(mass=0.8, stiffness=1e-3))
+    rod = model["rod"]
+    model.add("thrust", sc.LoadForce(rod.node("arc.end"), (1.0, 2.0, 0.5), follower=True))
+
+
 @scenes
 @treatments
 @integrators
@@ -29,6 +35,25 @@ def test_residual_and_increment_at_random_states(integrator, treatment, make):
     """Far from the solution: the tangent is that of the plain path."""
     compared = COMPARED[treatment].test_residual_and_increment_at_random_states
     compared(2, integrator, lambda order: make(order, viscous))
+
+
+@treatments
+@integrators
+def test_drag_at_random_states(integrator, treatment):
+    compared = COMPARED[treatment].test_residual_and_increment_at_random_states
+    compared(2, integrator, lambda order: tree(order, dragged))
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@treatments
+@integrators
+def test_runs_with_drag(integrator, treatment, order):
+    """Fifty steps; work of the loads and of the drag apart."""
+    compared = COMPARED[treatment]
+    plain, compiled = compared.both(tree(order, dragged), integrator, 1e-3, 0.05)
+    compared.assert_same(plain, compiled)
+    lost = plain["dissipated"]
+    assert lost.max() > 1e-3 and abs(compiled["dissipated"] - lost).max() < 1e-9 * lost.max()
 
 
 @pytest.mark.parametrize("order", [1, 3])
@@ -62,11 +87,3 @@ def test_kept_factors(integrator, treatment):
     if integrator == "energy-momentum":
         for run in runs:
             assert abs(run["energy_balance"]).max() < 1e-10 * abs(run["energy"]).max()
-
-
-def test_drag_is_refused():
-    for treatment in TREATMENTS.values():
-        for method in INTEGRATORS.values():
-            drag = tree(1, lambda model: model.add("drag", sc.RayleighDamping(mass=0.1)))
-            assert refusal(drag, method, treatment) == "there are no compiled kernels for drag"
-            assert refusal(tree(1, viscous), method, treatment) is None

@@ -32,6 +32,7 @@ from . import (
     tree,
 )
 from .bind_couplings import bound_couplings
+from .following import following
 from .jit import address
 from .numbers import BEAM_PARTS, COUPLED, TREE_PARTS
 from .plan import Plan
@@ -90,7 +91,7 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
         unused.add("beam_start")
     if not system.beam_groups:
         unused |= {*BEAM_PARTS, *(() if static else ("predict_changes",))}
-    if not static and system.loading.dead_only:
+    if not static and system.loading.dead_only and system.drag is None:
         unused.add("load")
     if static or not system.couplings.count:
         unused.add("couple")
@@ -426,7 +427,7 @@ def bound_lumps(frames: Group | None, points: Group | None) -> dict[str, Any]:
 def bound_following(system: System, plan: Plan) -> dict[str, Any]:
     """Where loads that follow the motion act."""
     moments, rows = system.loading.moments, system.origin_rows
-    pairs = [(rows[v], rows[u], plan.slot[v, u]) for v, u in system.loading.followers[0].tolist()]
+    pairs = [(rows[v], rows[u], plan.slot[v, u]) for v, u in following(system).vertices.tolist()]
     return {
         "moment_vertex": _ints(moments.vertices),
         "moment_follows": _flags(moments.follows),
@@ -460,7 +461,7 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
         "scratch": (1, 6, 6),
         "dead": (rows, 3),
         "moments": (len(system.loading.moments.vertices), 3),
-        "followers": (len(system.loading.followers.vertices), 4, 4),
+        "followers": (len(following(system).vertices), 4, 4),
         "coupled": (system.couplings.count, COUPLED),
     }
     arrays = {name: np.zeros(shapes[name]) for name in layout.WORK}
