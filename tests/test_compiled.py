@@ -74,14 +74,18 @@ def tree(order, load=lambda model: None):
     return model.freeze()
 
 
-def crossing(order):
-    """Two beams rigidly connected at an angle: nodal triads that are not those of the section."""
+def crossing(order, load=lambda model: None):
+    """Two beams rigidly connected at an angle: nodal triads that are not those of the section.
+
+    `load` may add to the model.
+    """
     points = [(0, 0, 0), (1, 0, 0), (1.3, 0.9, 0.2)]
     mesh = sc.MeshCurve.init_polyline(points, 2, name="c")
     model = sc.Model()
     beam = model.add("beam", sc.Beam(mesh, full_section(), order=order, director=(0, 0, 1)))
     model.add("clamp", sc.JointFixed(sc.ground(points[0]), beam.node("c.start")))
     model.add("gravity", sc.LoadGravity((0.5, -0.3, -9.81)))
+    load(model)
     system = model.freeze()
     assert system.beam_groups[0].elements.rotations is not None
     return system

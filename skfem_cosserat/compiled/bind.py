@@ -32,6 +32,7 @@ from . import (
     tree,
 )
 from .bind_couplings import bound_couplings
+from .following import following
 from .jit import address
 from .numbers import BEAM_PARTS, COUPLED, TREE_PARTS
 from .plan import Plan
@@ -90,7 +91,7 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
         unused.add("beam_start")
     if not system.beam_groups:
         unused |= {*BEAM_PARTS, *(() if static else ("predict_changes",))}
-    if not static and system.loading.dead_only:
+    if not static and system.loading.dead_only and system.drag is None:
         unused.add("load")
     if static or not system.couplings.count:
         unused.add("couple")
@@ -163,8 +164,13 @@ def coordinates_of(system: System) -> list[list[Coordinate]]:
     ]
 
 
-def bound_beams(system: System, group: BeamGroup | None, plan: Plan) -> tuple[Any, dict[str, Any]]:
-    """One group of elements, or none; the structure, and its arrays by name."""
+def bound_beams(
+    system: System, group: BeamGroup | None, plan: Plan, stiffness: Floats | None = None
+) -> tuple[Any, dict[str, Any]]:
+    """One group of elements, or none; the structure, and its arrays by name.
+
+    `stiffness` (ne, 6, 6): another one than that of the sections.
+    """
     if group is None:
         none = np.zeros((0, 2), dtype=np.int64)
         ends = ((0.5, 0.5),)
@@ -190,8 +196,9 @@ def bound_beams(system: System, group: BeamGroup | None, plan: Plan) -> tuple[An
         Q = np.zeros((ne, nn, 4, 4))
         Q[:, :, 0, 0], Q[:, :, 1:, 1:] = 1, rotations
         mass = np.ascontiguousarray(np.einsum("eaij,eabjk,eblk->eabil", Q, mass, Q))
+    each = elements.stiffness if stiffness is None else stiffness
     # elements of one section share its stiffness: less memory to go through
-    stiffness, section = np.unique(elements.stiffness, axis=0, return_inverse=True)
+    stiffness, section = np.unique(each, axis=0, return_inverse=True)
     slots = [[[plan.slot[a, b] for b in vs] for a in vs] for vs in group.vertices.tolist()]
     S = np.zeros((ne, ng, 6))
     fields = {
@@ -203,7 +210,7 @@ def bound_beams(system: System, group: BeamGroup | None, plan: Plan) -> tuple[An
         "lengths": np.ascontiguousarray(elements.lengths),
         "section": section.reshape(ne),
         "stiffness": np.ascontiguousarray(stiffness),
-        "diagonal": not (elements.stiffness * (1 - np.eye(6))).any(),
+        "diagonal": not (each * (1 - np.eye(6))).any(),
         "reference": np.ascontiguousarray(elements.reference),
         "mass": mass,
         "rotations": rotations,
@@ -420,7 +427,7 @@ def bound_lumps(frames: Group | None, points: Group | None) -> dict[str, Any]:
 def bound_following(system: System, plan: Plan) -> dict[str, Any]:
     """Where loads that follow the motion act."""
     moments, rows = system.loading.moments, system.origin_rows
-    pairs = [(rows[v], rows[u], plan.slot[v, u]) for v, u in system.loading.followers[0].tolist()]
+    pairs = [(rows[v], rows[u], plan.slot[v, u]) for v, u in following(system).vertices.tolist()]
     return {
         "moment_vertex": _ints(moments.vertices),
         "moment_follows": _flags(moments.follows),
@@ -454,7 +461,7 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
         "scratch": (1, 6, 6),
         "dead": (rows, 3),
         "moments": (len(system.loading.moments.vertices), 3),
-        "followers": (len(system.loading.followers.vertices), 4, 4),
+        "followers": (len(following(system).vertices), 4, 4),
         "coupled": (system.couplings.count, COUPLED),
     }
     arrays = {name: np.zeros(shapes[name]) for name in layout.WORK}

@@ -26,7 +26,7 @@ def parts_of(system: System, ends: bool) -> list[str]:
     if system.frame_group is not None or system.point_group is not None:
         names.append("lump_matrix")
     names += ["factor", "sweep"]
-    if not system.loading.dead_only:
+    if not (system.loading.dead_only and system.drag is None):
         names.append("load")
     if system.couplings.count:
         names.append("couple")

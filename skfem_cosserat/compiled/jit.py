@@ -21,7 +21,7 @@ from numba.core import cgutils
 from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 
-__all__ = ["STAMP", "address", "call", "call_back", "inlined", "jit", "part"]
+__all__ = ["STAMP", "address", "call", "call_back", "call_beams", "inlined", "jit", "part"]
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
@@ -103,15 +103,42 @@ def call(typing: Any, place: Any, *arguments: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         own = cgutils.unpack_tuple(builder, values[1], len(kinds))
-        convention = context.call_conv
-        kind = convention.get_function_type(types.float64, kinds)
-        function = builder.inttoptr(values[0], ir.PointerType(kind))
-        status, result = convention.call_function(builder, function, types.float64, kinds, own)
-        with cgutils.if_unlikely(builder, status.is_error):
-            convention.return_status_propagate(builder, status)
-        return result
+        return _called(context, builder, values[0], kinds, own)
 
     return types.float64(types.int64, types.StarArgTuple(kinds)), generate
+
+
+def _called(context: Any, builder: Any, place: Any, kinds: Any, own: Any) -> Any:
+    """Result of the part at a place for arguments of these types."""
+    convention = context.call_conv
+    kind = convention.get_function_type(types.float64, kinds)
+    function = builder.inttoptr(place, ir.PointerType(kind))
+    status, result = convention.call_function(builder, function, types.float64, kinds, own)
+    with cgutils.if_unlikely(builder, status.is_error):
+        convention.return_status_propagate(builder, status)
+    return result
+
+
+@intrinsic
+def call_beams(typing: Any, place: Any, g: Any, w: Any, numbers: Any, flag: Any) -> Any:
+    """Call the part of beams at an address; twice where g is ``(beams, beams, numbers)``.
+
+    Then the second ones have the numbers that come with them: they are the viscosity of beams. Only
+    steps of scenes with some are compiled for such a tuple.
+    """
+    twice = isinstance(g, types.BaseTuple)
+    kinds = (g.types[0] if twice else g, w, numbers, flag)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        place, beams, *own = values
+        if not twice:
+            return _called(context, builder, place, kinds, [beams, *own])
+        elastic, viscous, others = cgutils.unpack_tuple(builder, beams, 3)
+        result = _called(context, builder, place, kinds, [elastic, *own])
+        _called(context, builder, place, kinds, [viscous, own[0], others, own[2]])
+        return result
+
+    return types.float64(types.int64, g, w, numbers, flag), generate
 
 
 @intrinsic

@@ -18,8 +18,9 @@ BEAMS = (
     *("N", "dN", "weights", "base", "slot", "lengths", "section", "stiffness", "reference", "mass"),
     *("diagonal", "rotations", "turned", "S0", "S", "predicted"),
 )
-#: vertices of moments and whether these follow; of each pair of frames that a force fixed in a body
-#: couples: first rows of y of where it acts and of whose directors, and the slot of their block
+#: vertices of moments and whether these follow; of each pair of vertices that a force fixed in a
+#: body, or drag, couples: first rows of y of where it acts and of what it depends on, and the slot
+#: of their block
 FOLLOWING = ("moment_vertex", "moment_follows", "follower")
 #: force elements: integers, factors of laws, matrices of invariants
 COUPLINGS = ("coupling", "coupling_law", "coupling_forms")

@@ -70,8 +70,9 @@ def load_force(s: Any, w: Any) -> None:
     for k in range(len(pairs)):
         for i in range(4):
             for j in range(4):
-                for c in range(3):
-                    external[pairs[k, 0] + i, c] += C[k, i, j] * mid[pairs[k, 1] + j, c]
+                if C[k, i, j] != 0.0:  # points have one row only
+                    for c in range(3):
+                        external[pairs[k, 0] + i, c] += C[k, i, j] * mid[pairs[k, 1] + j, c]
     for k in range(len(s.moment_vertex)):
         _, f, _ = moment_on(s, w, k)
         for i in range(3):
@@ -91,11 +92,13 @@ def load(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         yL = w.mid
     C, V = np.empty((1, 1, 4, 4)), np.empty((3, 3))
     L, R = np.empty((1, 4, 3)), np.empty((1, 4, 3))
+    last = len(yL) - 1
     for k in range(len(pairs)):
         for i in range(4):
+            a, b = min(pairs[k, 0] + i, last), min(pairs[k, 1] + i, last)
             for c in range(3):
-                L[0, i, c] = yL[pairs[k, 0] + i, c]
-                R[0, i, c] = yR[pairs[k, 1] + i, c]
+                L[0, i, c] = yL[a, c]
+                R[0, i, c] = yR[b, c]
             for j in range(4):
                 C[0, 0, i, j] = factor * followers[k, i, j]
         scalar_block(C, 0, 0, L, R, A, pairs[k, 2], V)

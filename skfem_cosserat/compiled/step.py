@@ -9,7 +9,7 @@ import numpy as np
 from .. import newton
 from ..types import Floats, IndexArray
 from . import numbers as n
-from .jit import call, inlined, jit
+from .jit import call, call_beams, inlined, jit
 
 __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
 
@@ -33,7 +33,7 @@ def start(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, guess:
         if numbers[n.WEIGHT] == 0.0:
             call(p[n.JOINT_MAPS], s, m, w, numbers, 0)
     if p[n.BEAM_START]:
-        call(p[n.BEAM_START], g, w, numbers, 0)
+        call_beams(p[n.BEAM_START], g, w, numbers, 0)
     if p[n.COUPLE]:
         call(p[n.COUPLE], s, m, w, numbers, 3)
 
@@ -55,7 +55,7 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
         for c in range(3):
             internal[r, c] = 0.0
     if p[n.BEAM_FORCE]:
-        call(p[n.BEAM_FORCE], g, w, numbers, 0)
+        call_beams(p[n.BEAM_FORCE], g, w, numbers, 0)
     if p[n.COUPLE]:
         call(p[n.COUPLE], s, m, w, numbers, 0)
     if p[n.LOAD]:
@@ -78,14 +78,14 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
     """Factorise the tangent where the residual was evaluated; False if it is singular."""
     call(p[n.CLEAR], s, m, w, numbers, 0)
     if p[n.BEAM_TANGENT]:
-        call(p[n.BEAM_TANGENT], g, w, numbers, mixed)
+        call_beams(p[n.BEAM_TANGENT], g, w, numbers, mixed)
     if mixed and p[n.PREDICT_CHANGES]:
         # R and the forces of subtrees with the predicted stresses: multipliers take none
         force = w.R_mixed
         for r in range(len(force)):
             for c in range(3):
                 force[r, c] = 0.0
-        call(p[n.BEAM_FORCE], g, w, numbers, 1)
+        call_beams(p[n.BEAM_FORCE], g, w, numbers, 1)
         if p[n.COUPLE]:
             call(p[n.COUPLE], s, m, w, numbers, 2)
         call(p[n.BALANCE], s, m, w, numbers, 1)
@@ -136,7 +136,7 @@ def increment(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, ke
     if w.found[1] != 0.0 and p[n.BEAM_PREDICTED]:
         if p[n.PREDICT_CHANGES]:
             call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
-        call(p[n.BEAM_PREDICTED], g, w, numbers, 0)
+        call_beams(p[n.BEAM_PREDICTED], g, w, numbers, 0)
     else:
         w.found[1] = 0.0
     return size

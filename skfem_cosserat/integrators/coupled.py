@@ -50,10 +50,10 @@ class Coupled:
             return None
         return np.rint(self._columns[self._angles, TURNED]).astype(np.int64)
 
-    def work(self, loads: float) -> StepWork:
-        """Work of the step, with that of the loads (J)."""
+    def work(self, loads: float, lost: float) -> StepWork:
+        """Work of the step, with that of the loads and what is lost elsewhere (J)."""
         if not self._couplings.count:
-            return StepWork(loads)
+            return StepWork(loads, dissipated=lost)
         c = self._columns
         actuators = float((c[:, AMPLITUDE] * c[:, TRAVEL]).sum())
-        return StepWork(loads, actuators, float(c[:, LOST].sum()), float(c[:, GROUND].sum()))
+        return StepWork(loads, actuators, lost + float(c[:, LOST].sum()), float(c[:, GROUND].sum()))

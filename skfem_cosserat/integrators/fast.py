@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..compiled.following import following
 from ..compiled.numbers import (
     FACTORED,
     GUESS,
@@ -30,6 +31,7 @@ from ..types import Floats, IndexArray
 from .base import Integrator, Scheme, State, StepWork
 from .coupled import Coupled, scalar
 from .rest import Rest
+from .viscous import Viscous, is_viscous
 
 __all__ = [
     "CompiledMultipliers",
@@ -63,7 +65,6 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
             "closed loops in prescribed motion": looped and bool(system.moving),
             "springs on rotation vectors, bushings": not scalar(system.couplings),
             **_everywhere(system),
-            "damping": system.damped,
         },
     )
 
@@ -153,6 +154,7 @@ class CompiledScene:
         self.system, self.settings, self.scheme = system, settings, scheme
         self.plan = plan_of(system, solver is not None) if plan is None else plan
         self.factorisations = 0
+        self._drag_factor = 0.0
         self._solver = solver
         self._rest: Rest | None = None
         numbers = {
@@ -167,8 +169,8 @@ class CompiledScene:
             np.array([numbers[name] for name in NUMBERS], dtype=float),
         )
         self._a = a = SimpleNamespace(**self._arrays)
-        self._evaluated = static or not system.loading.dead_only
-        self._moments, self._followers = system.loading.moments, system.loading.followers
+        self._evaluated = static or not system.loading.dead_only or system.drag is not None
+        self._moments, self._followers = system.loading.moments, following(system)
         a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
 
     def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
@@ -176,7 +178,7 @@ class CompiledScene:
         from ..compiled import bind
 
         system, groups = self.system, self.system.beam_groups
-        parts = bind.parts_of(system, weight, ends, static)
+        parts = bind.parts_of(system, weight, ends or is_viscous(system), static)
         with _COMPILING, bind.compiling(system, parts):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
@@ -216,7 +218,8 @@ class CompiledScene:
     def load(self, amplitudes: Floats) -> None:
         """Take these factors of the loads' channels."""
         a, moments, followers = self._a, self._moments, self._followers
-        dead = self.system.loading.dead_force(amplitudes)
+        amplitudes = np.append(amplitudes, self._drag_factor)
+        self._dead = dead = self.system.loading.dead_force(amplitudes)
         if not self._evaluated:
             a.external[:] = dead
             return
@@ -274,7 +277,13 @@ class CompiledStep(CompiledScene):
         self._step = step
         self._record = np.zeros(len(RECORD))
         self._loaded = False
+        # a velocity is 2 (y_mid - y_0)/h: a force that follows, and a dead one
+        self._drag_factor = -2 / h
         self._coupled = Coupled(system.couplings, self._a.coupled, h)
+        self._viscous = Viscous(system, self.plan, h) if is_viscous(system) else None
+        if self._viscous is not None:
+            *others, beams, numbers = self._all
+            self._all = (*others, self._viscous.beside(beams, numbers), numbers)
         self._rows = np.zeros(0, dtype=np.int64)
 
     @property
@@ -310,6 +319,9 @@ class CompiledStep(CompiledScene):
         if not (self._loaded and system.loading.constant):
             self.load(system.loading.averages(t, t + self.h))
             self._loaded = True
+        if system.drag is not None:
+            q = state.q.reshape(-1, 3)
+            self._a.dead[:] = self._dead - self._drag_factor * (system.drag @ q)
         self._coupled.begin(state)
         moving = bool(system.moving)
         self._place(state.q, (system.ground(t), system.ground(t + self.h)) if moving else None)
@@ -362,7 +374,14 @@ class CompiledStep(CompiledScene):
 
     def work(self) -> StepWork:
         """Work of the loads along the step."""
-        return self._coupled.work(float(self._record[WORK]))
+        lost = 0.0 if self._viscous is None else self._viscous.dissipated()
+        loads, drag = float(self._record[WORK]), self.system.drag
+        if drag is not None:  # it is among the loads of the kernels
+            rows = self.system.rows
+            moved = self._a.y1[:rows] - self._a.y0[:rows]
+            dragged = float((moved * (drag @ moved)).sum()) / self.h
+            loads, lost = loads + dragged, lost + max(0.0, dragged)
+        return self._coupled.work(loads, lost)
 
     def turns(self) -> IndexArray | None:
         """Full turns of angles at the end of the step, as in a state."""
@@ -399,7 +418,7 @@ class CompiledMultipliers(CompiledStep):
         from ..compiled import bind, bind_kkt
 
         system, groups = self.system, self.system.beam_groups
-        parts = bind_kkt.parts_of(system, ends)
+        parts = bind_kkt.parts_of(system, ends or is_viscous(system))
         with _COMPILING, bind.compiling(system, parts, multipliers=True):
             s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self._h)
             m, _ = bind_kkt.bound_elimination(system, self.plan)
