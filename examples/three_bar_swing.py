@@ -79,6 +79,7 @@ def build(
     mesh: sc.MeshCurve | None = None,
     order: int = 1,
     factor: float = 1.0,
+    rung: sc.Rung | None = None,
 ) -> sc.System:
     """The scene.
 
@@ -97,6 +98,8 @@ def build(
         Of the elements.
     factor : float
         Of the beam's stiffness: smaller ones make it softer.
+    rung : Rung, optional
+        Which of the beam's strains are modelled; default: all.
     """
     mass, end, peak = choose("section", section, PULSE)
     Q = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
@@ -106,7 +109,7 @@ def build(
     model = sc.Model()
     director = Q @ (0.0, 0.0, 1.0)
     profile = _section(section, factor)
-    beam = model.add("beam", sc.Beam(mesh, profile, order=order, director=director))
+    beam = model.add("beam", sc.Beam(mesh, profile, order=order, director=director, rung=rung))
     axis = Q @ E1
     ends = {
         "left": ((0.0, 0.0, 0.0), (0.0, 0.0, HEIGHT)),

@@ -46,6 +46,8 @@ def check_scene(name: str, system: System, treatment: Treatment) -> None:
     for item in system.structures:
         if isinstance(item, Beam) and not item.lumped:
             refuse(item.label, "its mass matrix couples nodes: Beam(..., lumped=True) does not")
+        if isinstance(item, Beam) and item.rung.held:
+            refuse(f"the {item.rung!r} of {item.label}", "strains are held by implicit steps only")
     for coupling in system.couplings.items:
         refuse(coupling.label, "springs, dampers and actuators are not kicks of elements")
     for drive in system.drives:
