@@ -80,6 +80,7 @@ def build(
     order: int = 1,
     factor: float = 1.0,
     lumped: bool = False,
+    rung: sc.Rung | None = None,
 ) -> sc.System:
     """The scene.
 
@@ -100,6 +101,8 @@ def build(
         Of the beam's stiffness: smaller ones make it softer.
     lumped : bool
         Masses of the beam at its nodes.
+    rung : Rung, optional
+        Which of the beam's strains are modelled; default: all.
     """
     mass, end, peak = choose("section", section, PULSE)
     Q = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
@@ -109,7 +112,8 @@ def build(
     model = sc.Model()
     director = Q @ (0.0, 0.0, 1.0)
     profile = _section(section, factor)
-    beam = model.add("beam", sc.Beam(mesh, profile, order=order, director=director, lumped=lumped))
+    kind = sc.Beam(mesh, profile, order=order, director=director, lumped=lumped, rung=rung)
+    beam = model.add("beam", kind)
     axis = Q @ E1
     ends = {
         "left": ((0.0, 0.0, 0.0), (0.0, 0.0, HEIGHT)),

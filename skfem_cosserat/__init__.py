@@ -69,6 +69,7 @@ from .profile import (
     Region,
 )
 from .ramp import Harmonic, RampLinear, RampSmooth
+from .rung import Rung, RungFull, RungInextensible, RungRigid, RungUnshearable
 from .section import Material, Section, SectionCircle, SectionRectangle, SectionTube
 from .simulate import (
     SensorAcceleration,
@@ -177,6 +178,11 @@ __all__ = [
     "Refinement",
     "Region",
     "RigidBody",
+    "Rung",
+    "RungFull",
+    "RungInextensible",
+    "RungRigid",
+    "RungUnshearable",
     "Section",
     "SectionCircle",
     "SectionHyperelastic",

@@ -10,6 +10,7 @@ import numpy as np
 
 from .assembly import ElementLoad, ElementMatrix
 from .basis import DirectorBasis
+from .body import RigidBody
 from .element import Interpolation, InterpolationLobatto
 from .errors import InputError
 from .frames import Place, StructuralItem, Vertices, vector
@@ -25,6 +26,7 @@ from .mesh import MeshCurve
 from .mesh.bends import check_bends
 from .mesh.lookup import places_along
 from .mesh.relate import places_in
+from .rung import LawHeld, Rung, RungFull, released
 from .section import Section
 from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, numbers
 
@@ -61,6 +63,9 @@ class Beam(StructuralItem):
         Mass by quadrature at the nodes, which makes the mass matrix nodal: what
         :class:`Explicit` and :class:`Asynchronous` need. Of the same order as the consistent mass
         with Gauss-Lobatto nodes, which it asks for.
+    rung : Rung, optional
+        Which strains are modelled: :class:`RungUnshearable`, :class:`RungInextensible`; by default
+        all, :class:`RungFull`.
 
     Raises
     ------
@@ -93,11 +98,15 @@ class Beam(StructuralItem):
         velocity: NodalField = None,
         angular_velocity: NodalField = None,
         lumped: bool = False,
+        rung: Rung | None = None,
     ) -> None:
         if not isinstance(mesh, MeshCurve):
             raise InputError(
                 self.label, f"mesh is {type(mesh).__name__}, expected MeshCurve (lines in space)"
             )
+        if rung is not None and not isinstance(rung, Rung):
+            raise InputError(self.label, f"rung = {rung!r}, expected a Rung, as RungInextensible()")
+        self.rung = RungFull() if rung is None else rung
         self.mesh = mesh
         self._orientation: tuple[Any, Any] | None = (director, twist)
         self.basis = DirectorBasis(mesh, order=order)
@@ -168,6 +177,10 @@ class Beam(StructuralItem):
         law_of = np.full(len(self.sections), -1)
         law_of[general] = np.arange(len(general))
         laws = tuple(list(self.sections.values())[k].law for k in general)
+        held = self.rung.held
+        if held:  # what they resist with are constraint forces
+            stiffness, viscosity = released(stiffness, held), released(viscosity, held)
+            laws = tuple(LawHeld(law, held) for law in laws)
         rotations = self.rotations
         same = bool((rotations == np.eye(3)).all())
         return BeamElements.create(
@@ -272,6 +285,7 @@ class Beam(StructuralItem):
             director=director,
             twist=twist,
             lumped=self.lumped,
+            rung=self.rung,
         )
         e, xi = places_in(self.mesh, mesh, beam.basis.interpolation.nodes)
         shape, nodes = self.basis.shape(xi), self.basis.connectivity[e]
@@ -281,6 +295,41 @@ class Beam(StructuralItem):
         ):
             new[beam.basis.connectivity] = np.einsum("aef,efai->efi", shape, old[nodes])
         return beam
+
+    def rigid_body(self) -> RigidBody:
+        """The body that this beam is if nothing strains it: one node in place of all.
+
+        Mass, centre and inertia are exactly those of the elements; its frame is that of the first
+        node, with the velocities there. Places on it: ``body.at(beam.node(...).position)``.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import Beam, MeshCurve, Section
+        >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=3.0, inertia=(0.1, 0.2))
+        >>> body = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4), section).rigid_body()
+        >>> body.mass, body.center.round(12).tolist()   # along its d3
+        (6.0, [0.0, 0.0, 1.0])
+        """
+        origin, triad = self.basis.nodes[0], self.triads[0]
+        # phi and directors of each node by those of the first one
+        carried = np.zeros((len(self.triads), 4, 4))
+        carried[:, 0, 0] = 1
+        carried[:, 0, 1:] = (self.basis.nodes - origin) @ triad.T
+        carried[:, 1:, 1:] = self.triads @ triad.T
+        nodes = self.basis.connectivity
+        L = carried[nodes].reshape(len(nodes), -1, 4)
+        M = np.einsum("eai,eab,ebj->ij", L, self.scalar_mass(), L)
+        center = M[0, 1:] / M[0, 0]
+        E = M[1:, 1:] - M[0, 0] * np.outer(center, center)
+        return RigidBody(
+            float(M[0, 0]),
+            np.trace(E) * np.eye(3) - E,
+            position=origin,
+            triad=triad,
+            center=center,
+            velocity=self.velocity[0],
+            angular_velocity=self.angular_velocity[0],
+        )
 
     # -- scikit-fem side -----------------------------------------------------------------------
 

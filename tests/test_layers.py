@@ -24,7 +24,7 @@ PACKAGE = Path(__file__).resolve().parent.parent / NAME
 LAYERS = (
     ("errors", "types", "log", "version", "figures"),
     ("mesh", "element", "basis", "assembly"),
-    ("law", "section", "hyperelastic", "profile", "strain", "kernels"),
+    ("law", "section", "hyperelastic", "profile", "rung", "strain", "kernels"),
     (
         *("frames", "relative", "beam", "body", "joint", "load", "coupling", "damping", "drive"),
         *("foundation", "motion", "ramp", "twin"),

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from ..assembly import FrozenPattern, summation
-from ..kernels import null_space_blocks, skew, spin_gradient
+from ..kernels import add_scalar, beam_geometric, null_space_blocks, skew, spin_gradient
 from ..linear import LinearSolver
 from ..model import System
 from ..model.chart import Chart
 from ..model.closure import Selected, continued
 from ..model.groups import Blocks, Parts
+from ..model.kinematics import Located
 from ..model.quadratic import sum_at
 from ..model.singular import Passages, way_on
-from ..types import Array, Floats, IndexArray
+from ..types import Array, Floats
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers, relative_size
+from .congruence import Congruence
 
 __all__ = ["NullSpace"]
 
@@ -59,83 +61,6 @@ class NullSpace(Treatment):
         return BoundNullSpace(system, weight)
 
 
-class Congruence:
-    """``T_left^T A T_right + C T_right`` through a frozen pattern.
-
-    A is given by contributions at pairs of twists, T by its entries, C by entries at (unknown,
-    twist). Twists of free vertices are unknowns themselves, so most contributions pass straight
-    through.
-    """
-
-    def __init__(
-        self,
-        pairs: tuple[IndexArray, IndexArray],
-        extra: tuple[IndexArray, IndexArray],
-        T: tuple[IndexArray, IndexArray, IndexArray],
-        shape: tuple[int, int],
-    ) -> None:
-        T_rows, T_cols, ones = T
-        order = np.argsort(T_rows, kind="stable")
-        start = np.searchsorted(T_rows[order], np.arange(shape[0] + 1))
-        count = np.diff(start)
-        identity = np.zeros(shape[0], dtype=bool)
-        one = np.flatnonzero(count == 1)
-        identity[one] = np.isin(order[start[one]], ones)
-        I, J = pairs  # noqa: E741
-        plain = identity[I] & identity[J]
-        passed, rest = np.flatnonzero(plain), np.flatnonzero(~plain)
-        self._source, self._left, self._right = _expand(I[rest], J[rest], rest, start, order)
-        k, J2 = extra
-        self._extra, _, self._extra_right = _expand(None, J2, np.arange(len(J2)), start, order)
-        col = T_cols[order[start[:-1][identity]]] if identity.any() else np.zeros(0, dtype=int)
-        number = np.full(shape[0], -1)
-        number[identity] = col
-        rows = [number[I[passed]], T_cols[self._left], k[self._extra]]
-        cols = [number[J[passed]], T_cols[self._right], T_cols[self._extra_right]]
-        self.pattern = FrozenPattern(
-            np.concatenate(rows).astype(np.int64),
-            np.concatenate(cols).astype(np.int64),
-            (shape[1], shape[1]),
-        )
-        slot, nnz = self.pattern.slot, self.pattern.nnz
-        self._passed = summation(slot[: len(passed)], passed, (nnz, len(I)))
-        self._places, self._place = np.unique(slot[len(passed) :], return_inverse=True)
-
-    def data(self, A: Floats, C: Floats, left: Floats, right: Floats) -> Floats:
-        """Entries of the product in :attr:`pattern`."""
-        out = np.asarray(self._passed @ A)
-        values = []
-        if len(self._source):
-            values.append(A[self._source] * left[self._left] * right[self._right])
-        if len(self._extra):
-            values.append(C[self._extra] * right[self._extra_right])
-        if values:
-            out[self._places] += sum_at(self._place, np.concatenate(values), len(self._places))
-        return out
-
-
-def _expand(
-    I: IndexArray | None,  # noqa: E741
-    J: IndexArray,
-    source: IndexArray,
-    start: IndexArray,
-    order: IndexArray,
-) -> tuple[IndexArray, IndexArray, IndexArray]:
-    """All pairs of T entries in rows I and J of each contribution."""
-    count = np.diff(start)
-    nI = np.ones(len(J), dtype=np.int64) if I is None else count[I]
-    nJ = count[J]
-    total = nI * nJ
-    which = np.repeat(np.arange(len(J)), total)
-    local = np.arange(int(total.sum())) - np.repeat(np.cumsum(total) - total, total)
-    a, b = np.divmod(local, nJ[which]) if len(which) else (local, local)
-    right = order[start[J[which]] + b] if len(which) else np.zeros(0, dtype=np.int64)
-    if I is None:
-        return source[which], which, right
-    left = order[start[I[which]] + a] if len(which) else np.zeros(0, dtype=np.int64)
-    return source[which], left, right
-
-
 class BoundNullSpace(BoundTreatment):
     """See :class:`NullSpace`.
 
@@ -163,6 +88,14 @@ class BoundNullSpace(BoundTreatment):
         self._direction: list[Floats] | None = None
         self._passages = Passages(system)
         self._P_left: list[Array] | None = None
+        self._known: tuple[Array, Located, Array] | None = None
+        #: of each kind of elements whose lines follow from directors: group, and which of its own
+        self._spanned = [
+            (k, np.array([g.slices[id(s.item)].start + s.element for s in each.spans]))
+            for each in (() if kin.spans is None else kin.spans.groups)
+            for k, g in enumerate(system.beam_groups)
+            if id(each.spans[0].item) in g.slices
+        ]
 
     def _make_pattern(self) -> None:
         system, kin = self.system, self.kin
@@ -211,7 +144,7 @@ class BoundNullSpace(BoundTreatment):
 
     def begin(self, y0: Array, ground1: Array, h: float) -> None:
         """See the base class."""
-        self.y0, self.h = y0, h
+        self.y0, self.h, self._known = y0, h, None
         self.chart.begin(y0, ground1)
         if self._loops:
             self._choose(y0)
@@ -220,7 +153,7 @@ class BoundNullSpace(BoundTreatment):
 
     def _choose(self, y0: Array) -> None:
         """Independent closure rows at the start of the step."""
-        T = self.kin.T_values(self.kin.locate(y0, self.chart.fixed))
+        T = self._tree_at(y0)[1]
         chosen = self.closure.select(y0, T)
         self.regular = all((s.pivots > REGULAR).all() for s in chosen)
         self.closing = np.concatenate([s.rows for s in chosen])
@@ -240,10 +173,17 @@ class BoundNullSpace(BoundTreatment):
         again = self.closure.again(self._chosen, y, T)
         return [continued(s, c.Q2) for s, c in zip(again, self._chosen, strict=True)]
 
+    def _tree_at(self, y: Array) -> tuple[Located, Array]:
+        """The tree at y, and the values of its T; known if y was asked for last."""
+        known = self._known
+        if known is None or known[0] is not y:
+            at = self.kin.locate(y, self.chart.fixed)
+            known = self._known = y, at, self.kin.T_values(at)
+        return known[1:]
+
     def _set_left(self, y: Array) -> None:
         """P^T is evaluated at y."""
-        self._left = self.kin.locate(y, self.chart.fixed)
-        self._T_left = self.kin.T_values(self._left)
+        self._left, self._T_left = self._tree_at(y)
         self._P_left = None
         if self._loops:
             self._selected_left = self._selected(y, self._T_left)
@@ -315,7 +255,7 @@ class BoundNullSpace(BoundTreatment):
 
     def push(self, increment: Array, y1: Array) -> Array:
         """See the base class."""
-        T1 = self.kin.T_values(self.kin.locate(y1, self.chart.fixed))
+        T1 = self._tree_at(y1)[1]
         return self.kin.rates(y1, self.kin.expand(T1, self._by_tree(increment)))
 
     def pull(self, gradient: Array) -> Array:
@@ -378,19 +318,42 @@ class BoundNullSpace(BoundTreatment):
         blocks = curvature[:, None, None] * np.eye(3)
         return balanced, self.kin.twist_force(y, balanced), blocks
 
+    def _carried(self, blocks: Sequence[Blocks], R: Array) -> tuple[list[Blocks], Array]:
+        """Blocks with the curvature of strains that are held, balance without their forces.
+
+        ``P^T G^T mu = 0`` for any mu, wherever P is: its derivative trades that of the lines for
+        geometric stiffness, with the stresses that carry the balance.
+        """
+        assert self.kin.spans is not None
+        carried, stresses = self.kin.spans.carried(self._left.y, R)
+        out = list(blocks)
+        for (k, which), own in zip(self._spanned, stresses, strict=True):
+            elements, block = self.system.beam_groups[k].elements, out[k]
+            stress = np.zeros((len(elements.lengths), *own.shape[1:]), dtype=own.dtype)
+            stress[which] = -self.weight * own
+            more = beam_geometric(elements, stress)
+            if isinstance(block, Parts):
+                out[k] = replace(block, scalar=block.scalar + more)
+            else:
+                out[k] = add_scalar(block.copy(), more)
+        return out, R - carried
+
     def data(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class."""
         kin = self.kin
         count = len(self._frames)
+        force, curvature = self._twist_force, None
+        if self.weight and self._loops:
+            R, force, curvature = self._balanced(R)
+        if self.weight and kin.spans is not None:
+            blocks, R = self._carried(blocks, R)
+            force = kin.twist_force(self._left.y, R)
         values = self._project(blocks[:count], y1)
         pairs = [np.asarray(block) for block in blocks[count:]]
         extra = np.zeros(0)
-        right = kin.locate(y1, self.chart.fixed)
-        T1 = kin.T_values(right)
-        force = self._twist_force
-        if self.weight and self._loops:
-            R, force, curvature = self._balanced(R)
-            pairs = [*pairs, curvature]
+        right, T1 = self._tree_at(y1)
+        if curvature is not None:
+            pairs.append(curvature)
         if pairs:
             values.append(self._project_pairs(np.concatenate(pairs), y1))
         if self.weight:

@@ -118,6 +118,10 @@ class Restriction:
         for joint_id, numbers in rows.items():
             if joint_id not in loops:
                 kept.append(_pick(held, np.concatenate(numbers)))
+        for each in system.rung_rows:
+            open_rows = np.setdiff1d(each.numbers, system.closure.rows)
+            elements = (open_rows - each.rows.start) // (each.shape[1] * each.shape[2])
+            kept += [_pick(held, open_rows[elements == e]) for e in np.unique(elements)]
         out = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *kept]))
         if self.count - len(out) != system.kinematics.unknowns:
             raise InputError(

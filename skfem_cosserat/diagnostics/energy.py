@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..kernels import beam_energy, beam_strain, beam_strain_rate, beam_stress
 from ..model import System
 from ..model.groups import BeamGroup
+from ..model.rungs import rung_of
 from ..types import ArrayLike, Floats
 from .stacks import as_stack, as_times
 
@@ -393,7 +394,42 @@ def _at_gauss_points(system: System, beam: Beam, Q: Floats, V: Floats | None = N
     return out
 
 
-def section_forces(system: System, beam: Beam, q: ArrayLike, v: ArrayLike | None = None) -> Floats:
+def held_forces(
+    system: System, beam: Beam, multipliers: ArrayLike | None, count: int | None = None
+) -> Floats | float:
+    """Resultants (..., ne, ng, 6) of the strains that a beam's rung holds, zeros beside; 0 without.
+
+    Parameters
+    ----------
+    multipliers : (m,) or (N, m) array, optional
+        Of all constraint rows; None: not known, NaN.
+    count : int, optional
+        Of states, where that is not the number of multipliers' rows.
+
+    Raises
+    ------
+    InputError
+        If multipliers have another shape.
+    """
+    rung = rung_of(system.rung_rows, beam)
+    if rung is None:
+        return 0.0
+    shape: tuple[int, ...] = (system.m,) if count is None else (count, system.m)
+    if multipliers is None:
+        return rung.stress(np.full(shape, np.nan))
+    found = np.asarray(multipliers, dtype=float)
+    if found.shape not in (shape, (system.m,)):
+        raise InputError("argument multipliers", f"has shape {found.shape}, expected {shape}")
+    return rung.stress(np.broadcast_to(found, shape))
+
+
+def section_forces(
+    system: System,
+    beam: Beam,
+    q: ArrayLike,
+    v: ArrayLike | None = None,
+    multipliers: ArrayLike | None = None,
+) -> Floats:
     """``(N_1, N_2, N_3, M_1, M_2, M_3)`` at the Gauss points, in the section's frame.
 
     On the face with outward normal +d3; tension positive.
@@ -405,11 +441,13 @@ def section_forces(system: System, beam: Beam, q: ArrayLike, v: ArrayLike | None
     v : (n,) or (N, n) array, optional
         Velocities as for :func:`section_strain_rates`: adds the viscous part of damped sections
         (of their own and of Rayleigh damping). Without: the elastic part alone.
+    multipliers : (m,) or (N, m) array, optional
+        As of :func:`multipliers`: those of strains that the beam's rung holds are resultants.
 
     Returns
     -------
     (ne, ng, 6) or (N, ne, ng, 6) array
-        Forces (N) and moments (N m).
+        Forces (N) and moments (N m). NaN for strains that are held, without multipliers.
 
     Raises
     ------
@@ -436,4 +474,4 @@ def section_forces(system: System, beam: Beam, q: ArrayLike, v: ArrayLike | None
         out += np.einsum(
             "...egj,ejk->...egk", rates, group.elements.viscosity[group.slices[id(beam)]]
         )
-    return out
+    return out + held_forces(system, beam, multipliers, None if out.ndim == 3 else len(out))

@@ -12,7 +12,7 @@ from ..kernels import beam_stress
 from ..mesh.lookup import element_numbers
 from ..model import System
 from ..types import ArrayLike, Floats, IndexArray, numbers
-from .energy import group_of
+from .energy import group_of, held_forces
 from .stacks import as_stack
 
 __all__ = ["SectionValues", "evaluate"]
@@ -40,6 +40,7 @@ def evaluate(
     xi: ArrayLike,
     *,
     orthonormal: bool = False,
+    multipliers: ArrayLike | None = None,
 ) -> SectionValues:
     """A beam at any points inside its elements.
 
@@ -54,6 +55,9 @@ def evaluate(
     orthonormal : bool
         Triads orthonormal, by polar decomposition: the rotations nearest to the interpolated
         directors.
+    multipliers : (m,) or (N, m) array, optional
+        As of :func:`multipliers`: resultants of strains that the beam's rung holds, interpolated
+        from the Gauss points; NaN without.
 
     Returns
     -------
@@ -109,8 +113,24 @@ def evaluate(
         u, _, vt = np.linalg.svd(triad)
         triad = u @ vt
     resultant = beam_stress(beam.elements.taken(e), strain[:, :, None])[:, :, 0]
+    count = None if single else len(Q)
+    held = np.asarray(held_forces(system, beam, multipliers, count))
+    if held.ndim:
+        at_points = held.reshape(-1, *held.shape[-3:])[:, e]
+        weights = _between(beam.elements.points, x)
+        resultant = resultant + np.einsum("mg,kmgi->kmi", weights, at_points)
     out = SectionValues(value[:, :, 0], triad, strain, resultant)
     return SectionValues(*(array[0] for array in out)) if single else out
+
+
+def _between(points: Floats, x: Floats) -> Floats:
+    """Lagrange polynomials (m, ng) of points (ng,) at x (m,)."""
+    return np.array(
+        [
+            np.prod([(x - q) / (p - q) for q in np.delete(points, k)], axis=0) * np.ones_like(x)
+            for k, p in enumerate(points)
+        ]
+    ).T
 
 
 def _own_rows(beam: Beam) -> IndexArray:

@@ -11,7 +11,7 @@ from ..load import Load, LoadGravity, LoadLine
 from ..model import System
 from ..model.groups import BeamGroup
 from ..types import ArrayLike, Floats
-from .energy import group_of
+from .energy import group_of, held_forces
 from .stacks import as_stack, as_times
 
 __all__ = ["element_forces", "nodal_resultants"]
@@ -26,6 +26,7 @@ def nodal_resultants(
     amplitudes: ArrayLike | None = None,
     v: ArrayLike | None = None,
     a: ArrayLike | None = None,
+    multipliers: ArrayLike | None = None,
 ) -> Floats:
     """``(N_1, N_2, N_3, M_1, M_2, M_3)`` at both ends of each element, from its nodal forces.
 
@@ -51,6 +52,9 @@ def nodal_resultants(
         Accelerations: adds ``M a`` of the element (m/s^2, 1/s^2). In a run with the step h,
         ``(q[k+1] - 2 q[k] + q[k-1]) / h**2``: forces then balance to second order in h. In steady
         rotation, the centripetal ones of all rows.
+    multipliers : (m,) or (N, m) array, optional
+        As of :func:`multipliers`, at the same configurations: the resultants of strains that the
+        beam's rung holds. NaN without.
 
     Returns
     -------
@@ -84,9 +88,13 @@ def nodal_resultants(
     rates = [_like("v", v, Q, system), _like("a", a, Q, system)]
     factors = _factors(system, t, amplitudes, len(Q))
     out = np.empty((len(Q), len(beam.basis.connectivity), 2, 6))
+    held = np.asarray(held_forces(system, beam, multipliers, None if single else len(Q)))
+    held = np.broadcast_to(held, (len(Q), *held.shape[-3:]))
     for k, q_k in enumerate(Q):
         velocity, acceleration = (None if r is None else r[k].reshape(-1, 3) for r in rates)
-        F = element_forces(system, beam, q_k.reshape(-1, 3), factors[k], velocity, acceleration)
+        F = element_forces(
+            system, beam, q_k.reshape(-1, 3), factors[k], velocity, acceleration, held[k]
+        )
         nodal = q_k.reshape(-1, 3)[group.rows[group.slices[id(beam)]]].reshape(F.shape)
         out[k] = _at_ends(F, nodal, beam)
     return out[0] if single else out
@@ -99,6 +107,7 @@ def element_forces(
     factors: Floats,
     velocity: Floats | None = None,
     acceleration: Floats | None = None,
+    held: Floats | float = 0.0,
 ) -> Floats:
     """Nodal forces (ne, p + 1, 4, 3) of a beam's elements, less those of distributed loads.
 
@@ -110,11 +119,13 @@ def element_forces(
         Of the channels of ``system.loading``.
     velocity, acceleration : (rows, 3) array, optional
         Adds the forces of damping and of inertia.
+    held : (ne, ng, 6) array, optional
+        Resultants of strains that are held.
     """
     group = group_of(system, beam)
     own = group.slices[id(beam)]
     loads = [(load, value) for load in system.loads for value, _ in load.channels]
-    F = _forces(group, own, y, velocity, acceleration)
+    F = _forces(group, own, y, velocity, acceleration, held)
     for (load, value), factor in zip(loads, factors, strict=True):
         _subtract(F, load, factor * value, beam, group, own, y)
     return F
@@ -155,11 +166,17 @@ def _factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, count: 
 
 
 def _forces(
-    group: BeamGroup, own: slice, y: Floats, velocity: Floats | None, acceleration: Floats | None
+    group: BeamGroup,
+    own: slice,
+    y: Floats,
+    velocity: Floats | None,
+    acceleration: Floats | None,
+    held: Floats | float,
 ) -> Floats:
     """Internal, damping and inertia forces (ne, p + 1, 4, 3) of a beam's elements."""
     eps, B = group.strain(y)
     stress = group.stress(eps)
+    stress[own] += held
     if velocity is not None and group.viscous:
         stress = stress + group.viscous_stress(group.strain_rate(B, velocity))
     F = group.force(B, stress)[own]

@@ -88,6 +88,7 @@ def _everywhere(system: System) -> dict[str, bool]:
         "scenes confined to a plane": system.plane is not None,
         "beams of several orders": len(system.beam_groups) > 1,
         "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),
+        "rungs of beams": len(system.rung_rows) > 0,
     }
 
 

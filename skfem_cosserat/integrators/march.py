@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..beam import Beam
 from ..constraints import Multipliers, Treatment
 from ..errors import Diverged, IncompatibleError
 from ..kernels import BeamElements, beam_force, beam_strain, beam_stress, cross
@@ -43,6 +44,9 @@ def check_scene(name: str, system: System, treatment: Treatment) -> None:
     if system.plane is not None:
         refuse(f"{system.plane!r}", "explicit steps move all nodes in space: freeze it without")
     check_lumped(name, system)
+    for item in system.structures:
+        if isinstance(item, Beam) and item.rung.held:
+            refuse(f"the {item.rung!r} of {item.label}", "strains are held by implicit steps only")
     for coupling in system.couplings.items:
         refuse(coupling.label, "springs, dampers and actuators are not kicks of elements")
     for drive in system.drives:

@@ -19,6 +19,8 @@ from .superlu import SolverMetis, SolverSuperLU
 __all__ = ["LinearSolver", "checked_solver"]
 
 DENSE = 40  # unknowns below which a dense factorisation is fastest
+FULL = 0.3  # share of entries from which it always is, up to this number of unknowns
+MOST = 3000
 BAND = 110  # lower plus upper bandwidth up to which a banded one is faster than a sparse one
 OPTIONAL = 2000  # unknowns from which solvers of other packages pay
 #: backward error of a solution above which it is corrected once, and above which it is refused
@@ -90,7 +92,7 @@ class LinearSolver:
 
     def _chosen(self) -> Factors:
         pattern = self.pattern
-        if self.n <= DENSE:
+        if self.n <= DENSE or (self.n <= MOST and pattern.nnz > FULL * self.n**2):
             return SolverDense().bind(pattern)
         band = Band(pattern)
         if band.lower + band.upper <= BAND:

@@ -20,6 +20,7 @@ from ..model.closure import SINGULAR
 from ..model.loops import names_of, tree_values
 from ..model.tension import overstretched
 from ..simulate.describe import other_model
+from ..simulate.start import constraint_owner
 from ..statics.record import recorded_amplitudes
 from ..statics.schedule import Schedule
 from ..types import Array, ArrayLike, Floats, IndexArray, numbers
@@ -245,13 +246,10 @@ def _check_constraints(system: System, y: Floats) -> None:
     miss = abs(constraints.values(y)) / np.maximum(constraints.magnitudes(y), 1e-300)
     worst = int(np.argmax(miss))
     if miss[worst] > CLOSED:
-        name = "the triad of a node or body"
-        for jr in system.joint_rows:
-            if jr.rows.start <= worst < jr.rows.stop:
-                name = f"the {jr.joint.label}"
+        name = constraint_owner(system, worst)
         raise InputError(
             "argument state",
-            f"violates constraint row {worst}, of {name}, by {miss[worst]:.1e} of its terms"
+            f"violates constraint row {worst}, of the {name}, by {miss[worst]:.1e} of its terms"
             f" (at most {CLOSED:g})",
         )
 

@@ -148,6 +148,9 @@ class Chart:
         self._guide = np.array([e.guide for e in self._open_edges], dtype=np.int64)
         number = {c.number: i for i, c in enumerate(kin.sliding)}
         self._slides = _layers([tree.slides[e.child] for e in self._open_edges], number)
+        if kin.spans is not None:
+            self._exits = kin.spans.exits(tree)
+            self._span_at = np.array([i for i, e in enumerate(edges) if e.spans], dtype=np.int64)
 
     # -- a step ----------------------------------------------------------------------------------
 
@@ -162,6 +165,7 @@ class Chart:
         self._open_arm = np.array([self._arm_of(e, y0) for e in self._open_edges]).reshape(-1, 3)
         _, self._hinge_axis, left, right = kin.combined(y0)
         self._track_axis = cross(left, right)
+        self._stretches0 = np.zeros(0) if kin.spans is None else kin.spans.stretches(y0)
         self._set_ground(ground1)
         self.reset()
 
@@ -195,6 +199,7 @@ class Chart:
         self._hinge[self._hinges.where] = self._driven_hinge
         self._track: Array = np.zeros(len(self._track_axis))
         self._track[self._tracks.where] = self._driven_track
+        self._stretches: Array = self._stretches0
 
     def move_ground(self, ground1: Array) -> None:
         """Change the ground's rows at the end of the step; free increments stay as they are."""
@@ -219,6 +224,9 @@ class Chart:
             self._turns = quaternion_product(exp_quaternion(theta), self._turns)
         self._hinge = self._hinges.moved(self._hinge, increment)
         self._track = self._tracks.moved(self._track, increment)
+        if len(self._stretches):
+            assert self.kin.spans is not None
+            self._stretches = self._stretches + increment[self.kin.spans.numbers]
 
     def driven(self, coordinates: Sequence[Coordinate]) -> Floats:
         """Values of `coordinates` at the end of the step as far as drives prescribe them."""
@@ -228,11 +236,11 @@ class Chart:
 
     def save(self) -> tuple[Array, ...]:
         """The increments of the step so far."""
-        return self._shift, self._turns, self._hinge, self._track
+        return self._shift, self._turns, self._hinge, self._track, self._stretches
 
     def restore(self, saved: tuple[Array, ...]) -> None:
         """Back to saved increments."""
-        self._shift, self._turns, self._hinge, self._track = saved
+        self._shift, self._turns, self._hinge, self._track, self._stretches = saved
 
     def configuration(self) -> Array:
         """``y_{n+1}`` (all rows)."""
@@ -289,6 +297,8 @@ class Chart:
             for which, number in self._slides:
                 arm[which] += slide[number]
             out[self._open_at] += (R[self._guide] @ arm[:, :, None])[:, :, 0]
+        if self.kin.spans is not None:
+            out[self._span_at] = self.kin.spans.arms(y, self._stretches)[self._exits]
         return out
 
 

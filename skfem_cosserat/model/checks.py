@@ -20,6 +20,7 @@ from .closure import Closure
 from .groups import Group
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
+from .rungs import RungRows
 from .tree import Spot, Tree
 
 __all__ = [
@@ -58,6 +59,7 @@ class Scene(Protocol):
     joint_rows: list[JointRows]
     guards: QuadraticConstraints
     guarded: list[Joint | JointDrive]
+    rung_rows: list[RungRows]
     moving: list[Place]
     mass: csr_matrix
     unknowns: int

@@ -15,6 +15,7 @@ from ..kernels import cross, director_force
 from ..relative import normals
 from ..types import Array, Floats, IndexArray
 from .quadratic import sum_at
+from .spans import Spans
 from .tree import Coordinate, Pair, Spot, Tree
 
 __all__ = ["Kinematics", "Located"]
@@ -150,6 +151,12 @@ class Kinematics:
         #: pairs that turn about hinges, and which
         self._on_hinge = np.flatnonzero(np.isin(self.pair_number, self.hinges))
         self._hinge_of = np.array([hinge_of[numbers[k]] for k in self._on_hinge], dtype=np.int64)
+        turned: dict[int, list[tuple[int, int]]] = {}
+        for k, p in enumerate(turning):
+            if p.rotates:
+                turned.setdefault(p.vertex, []).append((p.number, k))
+        flexible = any(not span.rigid for span, _ in tree.spans)
+        self.spans = Spans(tree, self.row, self.twist_of, turned) if flexible else None
         self._T_pattern(shifting, slides)
 
     def _T_pattern(self, shifting: Sequence[Pair], slides: Sequence[Pair]) -> None:
@@ -187,6 +194,9 @@ class Kinematics:
                 np.repeat(self.slide_number, 3),
             ]
         )
+        if self.spans is not None:
+            self.T_rows = np.concatenate([self.T_rows, self.spans.T_rows])
+            self.T_cols = np.concatenate([self.T_cols, self.spans.T_cols])
         self._T_constant = np.array(ones)
         self.n_fixed = len(ones)
         #: entries that are 1 at any configuration
@@ -269,6 +279,8 @@ class Kinematics:
         parts = [self._T_constant, shift.ravel(), axis[self.pair_rotates].ravel()]
         if len(self.slide_number):
             parts.append(at.slide.ravel())
+        if self.spans is not None:
+            parts.append(self.spans.values(at.y, axis))
         return np.concatenate(parts)
 
     def reduce(self, values: Array, twist_force: Array) -> Array:

@@ -7,8 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
+from ..beam import Beam
 from ..drive import JointDrive
 from ..errors import InputError
+from ..frames import Item
 from ..joint import Joint
 from ..kernels import cross, null_space_blocks
 from ..log import logger
@@ -16,6 +18,8 @@ from ..types import Floats, IndexArray
 from .chart import Chart
 from .checks import JointRows, Scene
 from .closure import Closure, Component, Selected
+from .rungs import unheld_spans
+from .tree import Span
 
 __all__ = [
     "BROKEN",
@@ -45,6 +49,12 @@ DOUBTFUL = 1e-5
 BESIDE = 0.03
 #: violation there of rows that are redundant in the reference only; of the order of BESIDE^2
 STILL_REDUNDANT = 1e-9
+
+#: what is said of singular positions of beams
+STRAIGHT = (
+    " (a straight beam that is held at both ends can neither bend without extension nor stay"
+    " untwisted out of its plane: RungUnshearable() leaves it both)"
+)
 
 Redundant = Sequence[tuple[Component, IndexArray, Floats]]
 
@@ -102,7 +112,8 @@ def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
         if any(joint_of(jr) is j for j in system.tree.loops)
     ]
     none = np.zeros(0, dtype=np.int64)
-    numbers = np.concatenate([none, *rows])
+    unheld = unheld_spans(system.rung_rows, [span for span, _ in system.tree.spans])
+    numbers = np.concatenate([none, *rows, unheld])
     system.closure = Closure(system.kinematics, system.constraints, numbers, system.length)
     start = system.extend(system.q0, 0.0)
     there = system.closure.decide(start, tree_values(system, start))
@@ -152,22 +163,34 @@ def redundancies(system: Scene) -> dict[str, list[int]]:
     return out
 
 
-def loop_joints(system: Scene, rows: IndexArray) -> list[Joint]:
-    """Joints around the loops that these constraint rows close, in the order of adding."""
+def loop_joints(system: Scene, rows: IndexArray) -> list[Item]:
+    """Joints around the loops that these constraint rows close, in the order of adding.
+
+    Then the beams whose strains are held and that are part of it.
+    """
     above = {e.child: e for e in system.tree.edges}
-    found: set[int] = set()
+
+    def path(vertex: int) -> set[Joint | Span]:
+        out: set[Joint | Span] = set()
+        while vertex in above:
+            out.add(above[vertex].joint)
+            vertex = above[vertex].parent
+        return out
+
+    around: set[Joint | Span] = set()
+    beams: set[int] = set()
     for jr in system.joint_rows:
-        if not ((rows >= jr.rows.start) & (rows < jr.rows.stop)).any():
-            continue
-        paths: list[set[int]] = []
-        for vertex in (jr.a.vertex, jr.b.vertex):
-            path = set()
-            while vertex in above:
-                path.add(id(above[vertex].joint))
-                vertex = above[vertex].parent
-            paths.append(path)
-        found |= (paths[0] ^ paths[1]) | {id(joint_of(jr))}
-    return [jr.joint for jr in system.joint_rows if id(jr.joint) in found]  # type: ignore[misc]
+        if ((rows >= jr.rows.start) & (rows < jr.rows.stop)).any():
+            around |= (path(jr.a.vertex) ^ path(jr.b.vertex)) | {joint_of(jr)}
+    for each in system.rung_rows:
+        mine = (rows >= each.rows.start) & (rows < each.rows.stop)
+        for e in np.unique((rows[mine] - each.rows.start) // (each.shape[1] * each.shape[2])):
+            nodes = each.first + each.beam.basis.connectivity[e]
+            around |= path(int(nodes[0])) ^ path(int(nodes[-1]))
+            beams.add(id(each.beam))
+    beams |= {id(each.item) for each in around if isinstance(each, Span)}
+    joints: list[Item] = [jr.joint for jr in system.joint_rows if jr.joint in around]
+    return joints + [each.beam for each in system.rung_rows if id(each.beam) in beams]
 
 
 def closed(system: Scene, chart: Chart, chosen: Sequence[Selected]) -> tuple[Floats | None, int]:
@@ -314,11 +337,14 @@ def _warn(system: Scene, before: Sequence[int], ranks: Sequence[int]) -> None:
         for c, rank, more in zip(closure.components, before, ranks, strict=True)
         if more > rank
     ]
+    rows = np.concatenate(lost)
+    held = any(isinstance(item, Beam) for item in loop_joints(system, rows))
     logger.warning(
         "the reference configuration is a singular position of the closed loop through the %s:"
-        " %d of its constraint rows are independent there, %d beside it, which is what counts",
-        names_of(system, np.concatenate(lost)),
+        " %d of its constraint rows are independent there, %d beside it, which is what counts%s",
+        names_of(system, rows),
         *(sum(before), sum(ranks)),
+        STRAIGHT if held else "",
     )
 
 

@@ -59,10 +59,10 @@ class Passages:
             rows = self.system.closure.rows[s.component.rows]
             if inside[k] and not (was_inside and was_inside[k]):
                 found.append(("is in a singular position", rows))
-            elif before is not None and not inside[k] and not was_inside[k]:
-                N = before[k].Q2.T
-                if _turned(before[k], now, N):
-                    found.append(("has passed a singular position", rows))
+            elif before is None or inside[k] or was_inside[k]:
+                continue
+            elif _turned(before[k], now):
+                found.append(("has passed a singular position", rows))
         return (
             "; ".join(
                 f"the closed loop through the {names_of(self.system, rows)} {what}"
@@ -72,10 +72,13 @@ class Passages:
         )
 
 
-def _turned(before: Selected, now: Selected, N: Floats) -> bool:
-    """Whether rows lost their independence between two configurations, an even number included."""
-    A0, A1 = (np.vstack([(s.Q1 @ s.R).T, N]) for s in (before, now))
-    values = np.linalg.eigvals(np.linalg.solve(A0, A1))
+def _turned(before: Selected, now: Selected) -> bool:
+    """Whether rows lost their independence between two configurations, an even number included.
+
+    The other eigenvalues, of the free directions, are one.
+    """
+    A1 = (now.Q1 @ now.R).T @ before.Q1
+    values = np.linalg.eigvals(np.linalg.solve(before.R.T, A1))
     return bool(((values.real < 0) & (abs(values.imag) <= 1e-9 * abs(values))).any())
 
 

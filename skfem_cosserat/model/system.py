@@ -52,6 +52,7 @@ from .loops import (
 )
 from .plane import Plane
 from .quadratic import ConstraintBuilder, QuadraticConstraints, sum_at
+from .rungs import RungRows, add_rung_rows, spans_of
 from .tree import End, Spot, build_tree
 
 __all__ = ["JointRows", "System"]
@@ -66,7 +67,7 @@ class System:
     ----------
     n, m : int
         Coordinates and constraint rows (internal ones (56), 6 a frame, first; then joints in the
-        order of adding).
+        order of adding, then strains that beams hold).
     rank : int
         Independent constraint rows.
     redundant : (m - rank,) int array
@@ -219,11 +220,8 @@ class System:
             lump_group(sorted(each), size, self.origin_rows, self.lumps, drags)
             for each, size in ((single, 4), (points, 1))
         )
-        self.groups: list[Group] = [
-            *self.beam_groups,
-            *([self.frame_group] if self.frame_group else []),
-            *([self.point_group] if self.point_group else []),
-        ]
+        lumped = [each for each in (self.frame_group, self.point_group) if each]
+        self.groups: list[Group] = [*self.beam_groups, *lumped]
 
     def _constrain(self) -> None:
         build = ConstraintBuilder()
@@ -240,8 +238,9 @@ class System:
             start = build.size
             for row in item.rows():
                 self._add_row(build, row)
-            rows = slice(start, build.size)
-            self.joint_rows.append(JointRows(item, rows, self.spot(item.a), self.spot(item.b)))
+            ends = self.spot(item.a), self.spot(item.b)
+            self.joint_rows.append(JointRows(item, slice(start, build.size), *ends))
+        self.rung_rows: list[RungRows] = add_rung_rows(build, self.structures, self.first)
         reference = self.extend(self._y0, 0.0)
         self.constraints = QuadraticConstraints(build, reference, self.rows)
         self.m = build.size
@@ -278,7 +277,8 @@ class System:
             End(joint, self.spot(joint.a), self.spot(joint.b), driven.get(id(joint), {}))
             for joint in self.joints
         ]
-        self.tree = build_tree(self.is_frame.tolist(), ends, self.plane)
+        frames, spans = self.is_frame.tolist(), spans_of(self.rung_rows)
+        self.tree = build_tree(frames, ends, spans, self.plane)
         self.kinematics = Kinematics(self.tree, self.vertex_rows, self.is_frame, self.total)
         self.closure, self.redundant = close_loops(self)
         self.unknowns = self.kinematics.unknowns - self.closure.rank

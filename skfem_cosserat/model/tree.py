@@ -15,6 +15,11 @@ nodes and midpoints alike.
 In a scene that moves in one plane only the tree has the coordinates in that plane alone: two
 translations, rotations about its normal, what joints leave free in it.
 
+Elements of beams that hold shear strains are edges, too (:class:`Span`): from the node that the
+tree reaches first to each other one, whose rotation is free and whose position follows from the
+directors of all. To the tree they are spherical joints between the nodes' origins; what turns of
+their nodes add to the positions below is in :mod:`skfem_cosserat.model.spans`.
+
 With r = x_b - x_a and the guide on side a: ``omega_b - omega_a`` is the relative rotation and
 ``rdot - omega_a x r`` the slide, whichever side is the parent. Both sides thus turn about x_b.
 """
@@ -22,17 +27,18 @@ With r = x_b - x_a and the guide on side a: ``omega_b - omega_a`` is the relativ
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..beam import Beam
 from ..joint import Joint
 from ..joint.base import Freedom
 from ..types import Floats
 from .plane import Plane
 
-__all__ = ["Coordinate", "Edge", "End", "Spot", "Tree", "build_tree"]
+__all__ = ["Coordinate", "Edge", "End", "Span", "Spot", "Tree", "build_tree"]
 
 
 @dataclass(frozen=True)
@@ -44,10 +50,42 @@ class Spot:
 
 
 @dataclass(frozen=True, eq=False)
+class Span:
+    """An element of a beam whose directors, and stretches at Gauss points if any, give its line.
+
+    Or one that is rigid: then its nodes are connected by fixed joints.
+    """
+
+    item: Beam
+    element: int
+    vertices: tuple[int, ...]
+    nodes: tuple[int, ...]  # of the beam
+    stretches: int = 0
+    rigid: bool = False
+
+    @property
+    def label(self) -> str:
+        """That of the beam."""
+        return self.item.label
+
+    def freedom(self) -> Freedom:
+        """Between two of its nodes: any rotation, or none."""
+        return Freedom(() if self.rigid else None)
+
+    def arm(self, v: int, c: int) -> tuple[float, float, float]:
+        """Material coordinates of vertex c at vertex v, in the reference; not used unless rigid."""
+        if not self.rigid:
+            return 0.0, 0.0, 0.0
+        a, b = (self.nodes[self.vertices.index(vertex)] for vertex in (v, c))
+        x, y, z = self.item.triads[a] @ (self.item.basis.nodes[b] - self.item.basis.nodes[a])
+        return float(x), float(y), float(z)
+
+
+@dataclass(frozen=True, eq=False)
 class End:
     """A joint with its spots, and which of its coordinates are driven by which ground frame."""
 
-    joint: Joint
+    joint: Joint | Span
     a: Spot
     b: Spot
     driven: Mapping[str, int] = field(default_factory=dict)
@@ -65,9 +103,14 @@ class Edge:
     sign: float  # +1: the child is side B (coordinates count from A to B)
 
     @property
-    def joint(self) -> Joint:
-        """Its joint."""
+    def joint(self) -> Joint | Span:
+        """Its joint, or the element that it is part of."""
         return self.end.joint
+
+    @property
+    def spans(self) -> bool:
+        """Whether it is part of an element that is not rigid."""
+        return isinstance(self.end.joint, Span) and not self.end.joint.rigid
 
     @property
     def guide(self) -> int:
@@ -81,7 +124,7 @@ class Coordinate:
 
     ``kind``: "translation" or "rotation" of a free vertex or absolute across a joint (constant
     axis), "axis" (material in `guide`), "slide" (left x right, material in `guide`), "sphere"
-    (axis fixed during a step).
+    (axis fixed during a step), "stretch" (axial strain at a Gauss point of an element).
     """
 
     kind: str
@@ -118,6 +161,8 @@ class Tree:
     own: dict[int, list[int]] = field(default_factory=dict)
     turns: dict[int, list[Coordinate]] = field(default_factory=dict)  # relative, of a child
     slides: dict[int, list[Coordinate]] = field(default_factory=dict)
+    spans: list[tuple[Span, int]] = field(default_factory=list)  # and where the tree enters
+    stretches: dict[int, list[int]] = field(default_factory=dict)  # numbers by ``id(span)``
     plane: Plane | None = None
 
     @property
@@ -130,13 +175,18 @@ class Tree:
         """Unit vectors (3 or 1, 3) about which free rotations are."""
         return np.eye(3) if self.plane is None else self.plane.normal[None]
 
-    def freedom(self, joint: Joint) -> Freedom:
+    def freedom(self, joint: Joint | Span) -> Freedom:
         """What a joint leaves free here."""
         free = joint.freedom()
         return free if self.plane is None else free.within(self.plane.normal)
 
 
-def build_tree(is_frame: list[bool], ends: list[End], plane: Plane | None = None) -> Tree:
+def build_tree(
+    is_frame: list[bool],
+    ends: list[End],
+    spans: Sequence[Span] = (),
+    plane: Plane | None = None,
+) -> Tree:
     """Breadth-first spanning tree and its coordinates.
 
     Parameters
@@ -144,12 +194,14 @@ def build_tree(is_frame: list[bool], ends: list[End], plane: Plane | None = None
     is_frame : list of bool
         Of the structural vertices; higher numbers in `ends` are ground frames.
     ends : list of End
+    spans : sequence of Span
+        Those that close loops are left out.
     plane : Plane, optional
         To which all motion is confined.
     """
     nv = len(is_frame)
     tree = Tree(plane=plane)
-    edges = _span(nv, ends, tree)
+    edges = _span(nv, ends, tree, spans)
     by_child = {edge.child: edge for edge in edges}
     children = {edge.parent for edge in edges}
     for v in range(nv):  # numbering in vertex order keeps neighbours close
@@ -170,7 +222,8 @@ def build_tree(is_frame: list[bool], ends: list[End], plane: Plane | None = None
     return tree
 
 
-def _span(nv: int, ends: list[End], tree: Tree) -> list[Edge]:
+def _span(nv: int, ends: list[End], tree: Tree, spans: Sequence[Span]) -> list[Edge]:
+    elements = _Elements(spans)
     around: dict[int, list[int]] = {}
     for j, end in enumerate(ends):
         for spot in (end.a, end.b):
@@ -200,8 +253,36 @@ def _span(nv: int, ends: list[End], tree: Tree) -> list[Edge]:
                 sign = 1.0 if child is b else -1.0
                 edges.append(Edge(end, child.vertex, parent.vertex, child, parent, sign))
                 queue.append(child.vertex)
-    tree.loops = [end.joint for j, end in enumerate(ends) if j not in used]
+            queue += elements.reach(v, seen, tree, edges)
+    tree.loops = [end.joint for j, end in enumerate(ends) if j not in used]  # type: ignore[misc]
     return edges
+
+
+class _Elements:
+    """Elements that the tree may go along, each once."""
+
+    def __init__(self, spans: Sequence[Span]) -> None:
+        self._of: dict[int, list[Span]] = {}
+        for span in spans:
+            for v in span.vertices:
+                self._of.setdefault(v, []).append(span)
+        self._done: set[int] = set()
+
+    def reach(self, v: int, seen: set[int], tree: Tree, edges: list[Edge]) -> list[int]:
+        """Vertices that are new from v on; an element with others that are not closes a loop."""
+        out: list[int] = []
+        for span in self._of.get(v, []):
+            others = [c for c in span.vertices if c != v]
+            if id(span) not in self._done and not seen.intersection(others):
+                tree.spans.append((span, v))
+                for c in others:
+                    end = End(span, Spot(v, span.arm(v, c)), Spot(c))
+                    tree.depth[c] = tree.depth[v] + 1
+                    edges.append(Edge(end, c, v, end.b, end.a, 1.0))
+                seen.update(others)
+                out += others
+            self._done.add(id(span))
+        return out
 
 
 class _Own:
@@ -229,13 +310,21 @@ class _Own:
             if self.frame:
                 for axis in self.tree.axes:
                     self.add("rotation", axis, centre=Spot(self.v))
-            return
-        freedom = self.tree.freedom(edge.joint)
+        elif isinstance(edge.joint, Span):
+            if edge.joint.rigid:
+                return
+            self._stretches(edge.joint)
+            for axis in self.tree.axes:
+                self.add("rotation", axis, centre=edge.child_spot)
+        else:
+            self._joint(edge, edge.joint)
+
+    def _joint(self, edge: Edge, joint: Joint) -> None:
+        freedom, a, b = self.tree.freedom(joint), joint.a, joint.b
         if freedom.sphere:
             # in space the axes are those normal to the arm where a step starts
             for axis in np.zeros((2, 3)) if self.tree.plane is None else self.tree.axes:
                 self.add("sphere", axis, centre=edge.parent_spot)
-        a, b = edge.joint.a, edge.joint.b
         driven = edge.end.driven
         for slide in freedom.slides:
             left, right = edge.sign * a.material(slide.left), a.material(slide.right)
@@ -255,6 +344,12 @@ class _Own:
             new = self.add("axis", axis, driven.get(turn.name), guide=guide, centre=centre)
             self.tree.turns.setdefault(self.v, []).append(new)
 
+    def _stretches(self, span: Span) -> None:
+        """Of the element, with the first of its vertices."""
+        if id(span) not in self.tree.stretches:
+            new = [self.add("stretch", np.zeros(3)) for _ in range(span.stretches)]
+            self.tree.stretches[id(span)] = [c.number for c in new]
+
 
 def _passed_on(tree: Tree, edge: Edge, parent: list[Pair], is_frame: list[bool]) -> list[Pair]:
     freedom = tree.freedom(edge.joint)
@@ -268,14 +363,16 @@ def _passed_on(tree: Tree, edge: Edge, parent: list[Pair], is_frame: list[bool])
         elif not pair.rotates or not is_frame[edge.parent]:
             pairs.append(Pair(c, pair.number, pair.target, False))
         elif absolute or not is_frame[c]:
-            pairs.append(Pair(c, pair.number, fulcrum, False))
+            # a turn about the origin of a node moves the next one by its directors only
+            if not edge.spans or tree.coordinates[pair.number].centre != fulcrum:
+                pairs.append(Pair(c, pair.number, fulcrum, False))
         else:
             pairs.append(Pair(c, pair.number, Spot(c), True))
     for k in tree.own[c]:
         kind = tree.coordinates[k].kind
         if kind == "slide":
             pairs.append(Pair(c, k, None, False))
-        else:
+        elif kind != "stretch":
             sphere = kind == "sphere"
             pairs.append(Pair(c, k, edge.child_spot if sphere else Spot(c), not sphere))
     return pairs

@@ -229,12 +229,12 @@ def derive_configuration(system: System, history: History, t: Floats) -> None:
         "constraint_violation": diagnostics.constraint_violation(system, q, t)
     }
     series |= relative_series(system, q, v, t, turns)
+    y = diagnostics.constraint_points(system, history)
+    lam = series["multipliers"] = diagnostics.multipliers(system, y, history["constraint_force"])
     for beam in (s for s in system.structures if isinstance(s, Beam)):
         series[f"beam/{beam.name}/strain"] = diagnostics.section_strains(system, beam, q)
-        series[f"beam/{beam.name}/resultant"] = diagnostics.section_forces(system, beam, q)
-    y = diagnostics.constraint_points(system, history)
-    lam = diagnostics.multipliers(system, y, history["constraint_force"])
-    series["multipliers"] = lam
+        forces = diagnostics.section_forces(system, beam, q, multipliers=lam)
+        series[f"beam/{beam.name}/resultant"] = forces
     for name, (force, moment) in diagnostics.reactions(system, y, lam).items():
         series[f"joint/{name}/force"], series[f"joint/{name}/moment"] = force, moment
     rows = all_rows(system, q, t)

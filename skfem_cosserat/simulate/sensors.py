@@ -228,13 +228,22 @@ class SensorForce(SensorStrain):
     """Section forces ``(N, M)`` (N, N m) at a point of a beam, in the section's triad.
 
     On the face with outward normal +d3; the elastic part, as in ``diagnostics.evaluate``. For the
-    arguments see :class:`SensorStrain`.
+    arguments see :class:`SensorStrain`. Of a beam whose rung holds strains they are taken where
+    constraint forces act, as those of :class:`SensorReaction`.
     """
 
     unit = "N, N m"
 
+    def __init__(self, beam: Beam, s: float, part: str | None = None) -> None:
+        super().__init__(beam, s, part)
+        self.forces = bool(self.beam.rung.held)
+
     def values(self, system: System, window: Window) -> Floats:
         """See the base class."""
+        if self.forces:
+            lam = multipliers(system, window.points, window.force)
+            q = window.points[:, : system.rows].reshape(-1, system.n)
+            return self._point.section(system, window, q, lam).resultant[:, 0]
         return self._point.section(system, window).resultant[:, 0]
 
 
@@ -353,9 +362,16 @@ class _Point(Attached):
         assert self.place is not None
         return _place_positions(system, self.place, all_rows(system, window.q, window.t))
 
-    def section(self, system: System, window: Window) -> SectionValues:
+    def section(
+        self,
+        system: System,
+        window: Window,
+        q: Floats | None = None,
+        lam: Floats | None = None,
+    ) -> SectionValues:
         assert self.beam is not None
-        return evaluate(system, self.beam, window.q, self._elements, self._xi)
+        q = window.q if q is None else q
+        return evaluate(system, self.beam, q, self._elements, self._xi, multipliers=lam)
 
 
 def _place_positions(system: System, place: Place, rows: Floats) -> Floats:

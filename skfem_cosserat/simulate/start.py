@@ -209,6 +209,9 @@ def constraint_owner(system: System, row: int) -> str:
     for jr in system.joint_rows:
         if jr.rows.start <= row < jr.rows.stop:
             return jr.joint.label
+    for each in system.rung_rows:
+        if each.rows.start <= row < each.rows.stop:
+            return f"{each.beam.label}, {each.beam.rung!r}"
     frame = int(system.kinematics.frames[row // 6])
     return f"triad of {system.owner[frame].label}"
 

@@ -1,0 +1,165 @@
+"""Rungs: which strains of a beam are modelled, and which are held at their reference values.
+
+Each rung leaves out motions that a scene may not need, with their frequencies and unknowns:
+
+``rigid < inextensible and unshearable < unshearable < full``.
+
+Strains are held at the Gauss points of each element, p of them for an element of order p: there are
+as many as the nodes can follow. With one point more elements lock, with one fewer they have motions
+that strain nothing. What holds them are constraint forces: their multipliers are the stress
+resultants.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .errors import InputError
+from .law import Law
+from .types import Array, Floats
+
+__all__ = ["LawHeld", "Rung", "RungFull", "RungInextensible", "RungRigid", "RungUnshearable"]
+
+SOURCE = "Antman, Nonlinear Problems of Elasticity, 2nd ed. (2005), chapter 8"
+
+
+class Rung:
+    """What of a beam's strains is modelled; see the subclasses.
+
+    Parameters
+    ----------
+    torsion : bool
+        Whether the beam can be twisted. Without, K_3 keeps its reference value: for beams that
+        nothing twists, such as those of a plane scene. Not for beams whose ends are both held
+        against rotation about their line, nor for closed rings: there, no small motion out of the
+        plane leaves them untwisted, and scenes in the plane are in a singular position.
+
+    Attributes
+    ----------
+    held : tuple of int
+        Numbers of the strains ``(Gamma_1, Gamma_2, Gamma_3, K_1, K_2, K_3)`` that are held.
+    """
+
+    held: tuple[int, ...]
+    reference = SOURCE
+    _forces: tuple[int, ...] = ()
+
+    def __init__(self, torsion: bool = True) -> None:
+        if not isinstance(torsion, bool):
+            raise InputError("rung", f"torsion = {torsion!r}, expected True or False")
+        self.torsion = torsion
+        self.held = self._forces if torsion else (*self._forces, 5)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({'' if self.torsion else 'torsion=False'})"
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self) and vars(other) == vars(self)
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.torsion))
+
+
+class RungFull(Rung):
+    """All six strains: shear, extension, bending, torsion (Simo & Reissner). The default.
+
+    Examples
+    --------
+    >>> RungFull().held, RungFull(torsion=False).held
+    ((), (5,))
+    """
+
+
+class RungUnshearable(Rung):
+    """Cross sections stay normal to the line: Gamma_1 = Gamma_2 = 0 (Kirchhoff, extensible).
+
+    Leaves out shear waves, whose frequencies grow as 1/h without bound: rotations of nodes against
+    the line. Valid where shear strains are small against bending, that is for slender beams: the
+    error is of the order of ``EI/(GA L^2)``. Axial waves stay.
+
+    Examples
+    --------
+    >>> RungUnshearable().held
+    (0, 1)
+    """
+
+    _forces = (0, 1)
+
+
+class RungInextensible(Rung):
+    """Neither shear nor extension: Gamma = 0. Kirchhoff's inextensible rod, Euler's elastica.
+
+    Leaves out axial waves, too. Valid where no strain but that of bending and torsion matters: the
+    errors are of the order of ``EI/(GA L^2)`` and ``EI/(EA L^2)``. A straight beam held at both
+    ends cannot bend at all, since its ends would have to approach each other: a singular position,
+    of which a warning tells; :class:`RungUnshearable` is for that.
+
+    Examples
+    --------
+    >>> RungInextensible().held
+    (0, 1, 2)
+    """
+
+    _forces = (0, 1, 2)
+
+
+class RungRigid(Rung):
+    """No strain at all: the beam moves as one piece.
+
+    With the null space method it has the six unknowns of a body and exactly the inertia of the
+    beam it replaces; joints, loads, sensors and pictures keep their places on it, and its section
+    forces are multipliers. Its nodes keep their coordinates: where speed is what counts,
+    :meth:`Beam.rigid_body` gives the same body as one node. Valid where all frequencies of the
+    beam are far above those of interest; errors are of the order of one over its stiffness.
+
+    Examples
+    --------
+    >>> RungRigid().held
+    (0, 1, 2, 3, 4, 5)
+    """
+
+    _forces = (0, 1, 2, 3, 4, 5)
+
+    def __init__(self) -> None:
+        super().__init__()
+
+    def __repr__(self) -> str:
+        return "RungRigid()"
+
+
+def released(matrices: Floats, held: tuple[int, ...]) -> Floats:
+    """Section matrices (..., 6, 6) without what belongs to strains that are held."""
+    out = matrices.copy()
+    out[..., list(held), :] = 0
+    out[..., :, list(held)] = 0
+    return out
+
+
+class LawHeld(Law):
+    """A stored energy of which some strains are held: forces against these are multipliers.
+
+    Parameters
+    ----------
+    law : Law
+    held : tuple of int
+        Numbers of strains.
+    """
+
+    def __init__(self, law: Law, held: tuple[int, ...]) -> None:
+        super().__init__(law.stiffness)
+        self.law, self.held, self.noise = law, held, law.noise
+        self.scale = law.scale
+        self._free = np.ones(6)
+        self._free[list(held)] = 0
+
+    def energy(self, eps: Array) -> Array:
+        """See the base class."""
+        return self.law.energy(eps * self._free)
+
+    def stress(self, eps: Array) -> Array:
+        """See the base class; zero for the strains that are held."""
+        return self.law.stress(eps * self._free) * self._free
+
+    def tangent(self, eps: Array) -> Array:
+        """See the base class."""
+        return released(np.asarray(self.law.tangent(eps * self._free)), self.held)
