@@ -85,7 +85,7 @@ def slider_crank() -> Scene:
 
 
 def slack_cable() -> Scene:
-    """A steel wire of 1.5 mm, 1.2 m long between two points 1 m apart, a ball on it, let go."""
+    """A steel wire of 0.8 mm, 1.2 m long between two points 1 m apart, a ball on it, let go."""
     model = sc.Model()
     length, span = 1.2, 1.0
     # an arc of this length over this span: sin(x)/x = span/length for half its angle x
@@ -97,7 +97,7 @@ def slack_cable() -> Scene:
     mesh = sc.MeshCurve.init_arc(
         start, tangent, normal, radius, 2 * half, 16, name="cable", nodes={"mid": 0.5}
     )
-    wire = sc.SectionCircle(radius=0.75e-3, material=sc.Material(E=210e9, nu=0.3, rho=7850))
+    wire = sc.SectionCircle(radius=0.4e-3, material=sc.Material(E=210e9, nu=0.3, rho=7850))
     cable = model.add("cable", sc.Beam(mesh, wire, director=(0.0, 1.0, 0.0)))
     axis = (0.0, 1.0, 0.0)
     for side in ("start", "end"):

@@ -109,11 +109,14 @@ class Search:
         good = [n for n in ladder if self.predictor.time(n) <= 1.0]
         self.steps = min([*good, self.reference.steps])
         level = self.reference.coarse
-        proposal = self.event.proposal(
-            {name: self.event.pieces[name] * 2**k for name, k in level.items()}, ORDER, self.steps
-        )
-        self.event.trials.pop((proposal.key, None), None)  # its history is wanted
-        self.fine = self.event.run(proposal)
+        elements = {name: self.event.pieces[name] * 2**k for name, k in level.items()}
+        while True:
+            proposal = self.event.proposal(elements, ORDER, self.steps)
+            self.event.trials.pop((proposal.key, None), None)  # its history is wanted
+            self.fine = self.event.run(proposal)
+            if self.fine.ok or self.steps >= self.reference.steps:
+                break
+            self.steps *= 2
         if self.fine.ok and self.event.history is not None:
             self.pilot = look(proposal.system(self.event.model), self.event.history)
 
