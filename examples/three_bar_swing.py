@@ -71,7 +71,12 @@ def _mesh(elements: int) -> sc.MeshCurve:
     return sc.MeshCurve.init_line(*ends, int(elements), name="beam", nodes=names)
 
 
-def build(
+def build(*args: Any, **options: Any) -> sc.System:
+    """The scene of :func:`scene`, frozen."""
+    return scene(*args, **options).freeze()
+
+
+def scene(
     section: str = "published",
     elements: int = 20,
     rotation: NDArray[np.float64] | None = None,
@@ -81,7 +86,7 @@ def build(
     factor: float = 1.0,
     lumped: bool = False,
     rung: sc.Rung | None = None,
-) -> sc.System:
+) -> sc.Model:
     """The scene.
 
     Parameters
@@ -137,7 +142,7 @@ def build(
     model.add("mass", sc.MassPoint(mass, on=beam.node("mid")))
     pulse = sc.Table([0.0, end / 2, end], [0.0, peak, 0.0])
     model.add("pulse", sc.LoadForce(beam.node("mid"), Q @ (side_load, 1.0, 0.0), pulse))
-    return model.freeze()
+    return model
 
 
 def main(

@@ -1,6 +1,7 @@
 """Geometrically exact (Cosserat) beams and flexible multibody dynamics for scikit-fem."""
 
 from .adaptive import Adapted, adapt
+from .advice import Advice, advise
 from .beam import Beam
 from .body import MassPoint, RigidBody
 from .constraints import Multipliers, NullSpace
@@ -99,6 +100,7 @@ from .version import VERSION
 
 __all__ = [
     "Adapted",
+    "Advice",
     "ArcLength",
     "Asynchronous",
     "Beam",
@@ -208,6 +210,7 @@ __all__ = [
     "Table",
     "Variational",
     "adapt",
+    "advise",
     "branch",
     "buckling",
     "equilibrium",

@@ -110,7 +110,11 @@ class Advice:
             Without matplotlib.
         """
         figure = new_figure(6.4, 4.8)
-        axis = figure.subplots()
+        self.draw(figure.subplots())
+        return write_figure(figure, path)
+
+    def draw(self, axis: Any) -> None:
+        """Draw the chart on axes of matplotlib."""
         axis.set(xscale="log", yscale="log", xlabel="cost in s", ylabel="error / tolerance")
         done = [row for row in self.candidates if row["status"] == "ok" and row["error"] > 0]
         for k, kind in enumerate(sorted({row["rungs"] for row in done})):
@@ -138,7 +142,6 @@ class Advice:
                 )
         axis.grid(which="major", alpha=0.3)
         axis.legend(fontsize="x-small")
-        return write_figure(figure, path)
 
 
 def explained(advice: Advice, lines: Sequence[str], tolerance: dict[str, float]) -> str:

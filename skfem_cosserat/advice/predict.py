@@ -42,6 +42,7 @@ class Predictor:
         self.integrators: dict[str, tuple[float, float]] = {}
         self.treatments: dict[str, float] = {}
         self.scale = 1.0
+        self._fitted: tuple[int, tuple[float, float], dict[int, float]] = (-1, (0.0, 0.0), {})
         total = dict.fromkeys(event.beams, 0.0)
         for (name, level), d in reference.space.items():
             if level == reference.coarse[name]:
@@ -63,17 +64,10 @@ class Predictor:
         found = tail + sum(d for n, d in known.items() if n >= max(steps, first))
         return found * (first / min(steps, first)) ** 2
 
-    def space(self, order: int, elements: Mapping[str, int], models: Mapping[str, bool]) -> float:
-        """Error of meshes; `models` says which beams have one."""
+    def part(self, beam: str, order: int, per: float) -> float:
+        """Error that a beam contributes with so many elements a piece."""
         known = self.mesh.get(order, {})
-        if not known:
-            return np.inf
-        per = {name: elements[name] / self.event.pieces[name] for name in elements}
-        return sum(
-            self.share[name] * _between(known, per[name], 2 * order)
-            for name in elements
-            if models[name]
-        )
+        return self.share[beam] * _between(known, per, 2 * order) if known else np.inf
 
     def error(self, proposal: Proposal) -> float:
         """Of a proposal, in tolerances."""
@@ -82,17 +76,23 @@ class Predictor:
             for name, rung in proposal.rung.items()
             if str(rung) != "full"
         )
-        meshed = {name: rung.meshed for name, rung in proposal.rung.items()}
         factor = self.integrators.get(repr(proposal.integrator), (1.0, 1.0))[0]
-        space = self.space(proposal.order, proposal.elements, meshed) if any(meshed.values()) else 0
+        space = sum(
+            self.part(name, proposal.order, proposal.elements[name] / self.event.pieces[name])
+            for name, rung in proposal.rung.items()
+            if rung.meshed
+        )
         return self.scale * (rungs + space + factor * self.time(proposal.steps))
 
     def cost(self, proposal: Proposal) -> float:
         """Processor time (s) of a proposal: steps times iterations times what one takes."""
         factor = self.integrators.get(repr(proposal.integrator), (1.0, 1.0))[1]
         factor *= self.treatments.get(repr(proposal.treatment), 1.0)
-        base, slope = self._per_iteration()
-        iterations = self._iterations(proposal.steps)
+        count = len(self.event.trials)
+        if count != self._fitted[0]:
+            self._fitted = (count, self._per_iteration(), self._iterations())
+        _, (base, slope), found = self._fitted
+        iterations = found[min(found, key=lambda n: abs(np.log(n / proposal.steps)))]
         return factor * proposal.steps * iterations * (base + slope * proposal.nodes)
 
     def _plain(self) -> list[Trial]:
@@ -118,13 +118,12 @@ class Predictor:
         base, slope = nnls(np.array(rows), np.array(times))[0]
         return float(base), float(slope)
 
-    def _iterations(self, steps: int) -> float:
-        """Newton iterations a step, as in the runs with the nearest number of steps."""
+    def _iterations(self) -> dict[int, float]:
+        """Newton iterations a step, by number of steps."""
         found: dict[int, list[float]] = {}
         for trial in self._plain():
             found.setdefault(trial.proposal.steps, []).append(max(trial.iterations, 1.0))
-        nearest = min(found, key=lambda n: abs(np.log(n / steps)))
-        return float(np.median(found[nearest]))
+        return {steps: float(np.median(each)) for steps, each in found.items()}
 
 
 def _between(known: Mapping[int, float], m: float, order: int) -> float:

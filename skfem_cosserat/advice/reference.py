@@ -19,6 +19,8 @@ AIM = 0.1
 SMALL = 0.02
 #: a doubling of steps or elements must reduce differences by this factor at least
 FALLING = 1.5
+#: refinements beyond the aim to see an order
+AGAIN = 3
 #: levels of refinement at most
 MOST = 10
 #: steps are doubled so often to find a run that goes through
@@ -73,7 +75,7 @@ class _Refiner:
         self.time: dict[int, float] = {}
         self.space: dict[tuple[str, int], float] = {}
         self.doubts: list[str] = []
-        self.last_cost = 0.0
+        self.last_cost, self.tries = 0.0, 0
 
     def proposal(self, level: dict[str, int], steps: int) -> Proposal:
         elements = {name: self.event.pieces[name] * 2**k for name, k in level.items()}
@@ -93,7 +95,17 @@ class _Refiner:
         found = self._refine() if self._start() else None
         if found is None:
             return Reference(None, np.inf, dict(self.level), self.steps, doubts=self.doubts)
-        self._orders(found)
+        while bad := self._orders(found):
+            left = self.event.budget.allows(10 * self.last_cost) and not self._at_limit()
+            if self.doubts or not left or self.tries == AGAIN:
+                self.doubts += bad.values()
+                break
+            self.tries += 1
+            if "time" in bad:
+                self.steps *= 2
+            if "space" in bad:
+                self.level = self.up()
+            found = self._refine() or found
         found.doubts = self.doubts
         return found
 
@@ -194,8 +206,8 @@ class _Refiner:
             {"space difference": width},
         )
 
-    def _orders(self, found: Reference) -> None:
-        """Whether differences fall as they should, once more coarsely than the last ones."""
+    def _orders(self, found: Reference) -> dict[str, str]:
+        """Axes on which differences do not fall as they should, with what was seen."""
         gap = found.time[found.steps]
         falling = {"time": np.inf, "space": np.inf}
         if gap > SMALL:
@@ -210,18 +222,19 @@ class _Refiner:
             coarse = self.run(self.up(by=-1), 2 * found.steps)
             base = self.run(self.level, 2 * found.steps)
             falling["space"] = _factor(self.event.distance(coarse, base), width)
-        for axis, size in (("time", gap), ("space", width)):
-            if not falling[axis] >= FALLING:
-                self.doubts.append(
-                    f"no order observed in {axis}: the last refinement changed the quantities by"
-                    f" {size:.2g} tolerances, the one before by {falling[axis]:.2g} times that"
-                )
+        bad = {
+            axis: f"no order observed in {axis}: the last refinement changed the quantities by"
+            f" {size:.2g} tolerances, the one before by {falling[axis]:.2g} times that"
+            for axis, size in (("time", gap), ("space", width))
+            if not falling[axis] >= FALLING
+        }
         rest = sum(
             size / (min(falling[axis], 4.0) - 1.0) if falling[axis] > FALLING else 2 * size
             for axis, size in (("time", gap), ("space", width))
         )
         found.error = max(found.error, rest)
-        found.falling = falling
+        found.falling |= falling
+        return bad
 
 
 def _factor(before: float, last: float) -> float:

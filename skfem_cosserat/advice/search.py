@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
@@ -15,7 +15,7 @@ from .pilot import Pilot, look
 from .predict import Predictor
 from .proposal import Proposal
 from .reference import ORDER, Reference
-from .rungs import RUNGS, BeamFull, BeamModel
+from .rungs import RUNGS, BeamModel
 
 __all__ = ["Candidate", "Search"]
 
@@ -82,6 +82,7 @@ class Search:
         self.finest = self.reference.trial
         self.predictor = Predictor(self.event, self.reference)
         self._known: set[int] = set()
+        self.fragile: set[Hashable] = set()
 
     def go(self) -> None:
         """All stages, as long as the budget lasts."""
@@ -93,6 +94,7 @@ class Search:
         self._swaps()
         self._step_down()
         self._collect()
+        self._confirm()
 
     # -- what each axis does by itself -------------------------------------------------------------
 
@@ -109,11 +111,14 @@ class Search:
         good = [n for n in ladder if self.predictor.time(n) <= 1.0]
         self.steps = min([*good, self.reference.steps])
         level = self.reference.coarse
-        proposal = self.event.proposal(
-            {name: self.event.pieces[name] * 2**k for name, k in level.items()}, ORDER, self.steps
-        )
-        self.event.trials.pop((proposal.key, None), None)  # its history is wanted
-        self.fine = self.event.run(proposal)
+        elements = {name: self.event.pieces[name] * 2**k for name, k in level.items()}
+        while True:
+            proposal = self.event.proposal(elements, ORDER, self.steps)
+            self.event.trials.pop((proposal.key, None), None)  # its history is wanted
+            self.fine = self.event.run(proposal)
+            if self.fine.ok or self.steps >= self.reference.steps:
+                break
+            self.steps *= 2
         if self.fine.ok and self.event.history is not None:
             self.pilot = look(proposal.system(self.event.model), self.event.history)
 
@@ -186,7 +191,8 @@ class Search:
         coarser = proposal.steps < finest.steps and (
             not self.event.beams or proposal.nodes < finest.nodes
         )
-        return own.error + self.reference.error <= 1.0 and coarser
+        sound = proposal.key not in self.fragile
+        return own.error + self.reference.error <= 1.0 and coarser and sound
 
     def try_it(self, proposal: Proposal) -> Candidate:
         """Run a proposal and note what was predicted of it."""
@@ -203,10 +209,13 @@ class Search:
         names = list(self.event.beams)
         ladder = self._ladder()
         choices = [self._choices(name) for name in names]
+        meshes: dict[tuple[str, ...], list[tuple[int, dict[str, int]]]] = {}
         for rungs in product(*choices):
             models = dict(zip(names, rungs, strict=True))
-            meshes = list(self._distributions(models))
-            for order, elements in meshes:
+            meshed = tuple(name for name, rung in models.items() if rung.meshed)
+            if meshed not in meshes:
+                meshes[meshed] = list(self._distributions(meshed))
+            for order, elements in meshes[meshed]:
                 for steps in ladder:
                     yield self.event.proposal(elements, order, steps, models)
 
@@ -218,38 +227,26 @@ class Search:
         return steps or [self.reference.steps]
 
     def _choices(self, name: str) -> list[BeamModel]:
+        """The full beam, and the two cheapest of the others that may do."""
         known = self.predictor.rung
-        return [
-            rung
-            for rung in RUNGS
-            if isinstance(rung, BeamFull) or known.get((name, str(rung)), np.inf) <= HOPELESS
-        ]
+        good = [rung for rung in RUNGS[:-1] if known.get((name, str(rung)), np.inf) <= 1.0]
+        return [*good[:2], RUNGS[-1]]
 
-    def _distributions(
-        self, models: Mapping[str, BeamModel]
-    ) -> Iterator[tuple[int, dict[str, int]]]:
-        """Meshes that share an error among the beams."""
-        names = [name for name, rung in models.items() if rung.meshed]
+    def _distributions(self, names: Sequence[str]) -> Iterator[tuple[int, dict[str, int]]]:
+        """Meshes of the beams that have one, which share an error among them."""
+        per = dict.fromkeys(self.event.pieces, 1)
         if not names:
-            yield ORDERS[0], self.elements(1)
+            yield ORDERS[0], self.elements(per)
             return
         seen = set()
         for order in ORDERS:
-            for allowed in np.geomspace(2.0, 0.01, 24):
-                per = dict.fromkeys(models, 1)
+            errors = {
+                name: [(k, self.predictor.part(name, order, k)) for k in SIZES] for name in names
+            }
+            for allowed in np.geomspace(2.0, 0.01, 24) / len(names):
                 for name in names:
-                    flags = {each: each == name for each in models}
-                    per[name] = next(
-                        (
-                            size
-                            for size in SIZES
-                            if self.predictor.space(
-                                order, self.elements(dict.fromkeys(models, size)), flags
-                            )
-                            <= allowed / len(names)
-                        ),
-                        SIZES[-1],
-                    )
+                    fine = [k for k, error in errors[name] if error <= allowed]
+                    per[name] = fine[0] if fine else SIZES[-1]
                 key = (order, *per.values())
                 if key not in seen:
                     seen.add(key)
@@ -329,10 +326,30 @@ class Search:
             else:
                 return
 
+    def _confirm(self) -> None:
+        """With half the step it must go through, too: one step that does proves little."""
+        for _ in range(TRIES):
+            here = self.best
+            if here is None:
+                return
+            own = here.trial.proposal
+            finer = replace(own, steps=2 * own.steps, step=own.step / 2)
+            if not self._affordable(finer):
+                return
+            trial = self.event.run(finer)
+            self._note(trial)
+            if trial.status != "diverged":
+                return
+            self.notes.append(f"not robust, with half the step it fails: {own}")
+            self.fragile.add(own.key)
+            good = [each for each in self.candidates if self._good(each)]
+            self.best = min(good, key=lambda each: each.trial.cost_s, default=None)
+
     def _neighbours(self, own: Proposal) -> Iterator[Proposal]:
         """One thing coarser or simpler, or one coarser and another one finer."""
         if own.steps % 2 == 0 and own.steps // 2 >= self.event.base // 2:
-            yield replace(own, steps=own.steps // 2, step=2 * own.step)
+            for integrator in self.integrators:
+                yield replace(own, steps=own.steps // 2, step=2 * own.step, integrator=integrator)
         per = {name: own.elements[name] // p for name, p in self.event.pieces.items()}
         meshed = [name for name, rung in own.rung.items() if rung.meshed]
         for names in [meshed, *([name] for name in meshed if len(meshed) > 1)]:
