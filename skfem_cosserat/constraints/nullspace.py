@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..assembly import FrozenPattern, summation
 from ..kernels import null_space_blocks, skew, spin_gradient
 from ..linear import LinearSolver
 from ..model import System
@@ -15,6 +14,7 @@ from ..model.closure import Selected, continued
 from ..model.groups import Blocks, Parts
 from ..model.quadratic import sum_at
 from ..model.singular import Passages, way_on
+from ..pattern import FrozenPattern, summation
 from ..types import Array, Floats, IndexArray
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers, relative_size
 

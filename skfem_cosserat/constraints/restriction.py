@@ -10,11 +10,11 @@ import numpy as np
 from scipy.linalg import qr
 from scipy.sparse import coo_matrix, csr_matrix
 
-from ..assembly import FrozenPattern
 from ..drive import JointDrive
 from ..errors import InputError
 from ..kernels import cross
 from ..model import System
+from ..pattern import FrozenPattern
 from ..types import Array, Floats, IndexArray
 
 __all__ = ["Restriction"]

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..beam import Beam
 from ..errors import InputError
 from ..kernels import bilinear, null_space_blocks
+from ..kinds import is_beam
 from ..model import System
 from ..model.groups import BeamGroup
 from ..types import Array, Floats, IndexArray
@@ -139,7 +139,7 @@ def step_limit(system: System) -> StepLimit:
 
 
 def _named(system: System, group: BeamGroup, e: int) -> str:
-    for beam in (item for item in system.structures if isinstance(item, Beam)):
+    for beam in (item for item in system.structures if is_beam(item)):
         ids = group.slices.get(id(beam), slice(0, 0))
         if ids.start <= e < ids.stop:
             return f"element {e - ids.start} of {beam.label}"

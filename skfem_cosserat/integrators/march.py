@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..beam import Beam
 from ..constraints import Multipliers, Treatment
 from ..errors import Diverged, IncompatibleError
 from ..kernels import BeamElements, beam_force, beam_strain, beam_stress, cross
+from ..kinds import is_beam
 from ..log import logger
 from ..model import System
 from ..types import Floats, IndexArray
@@ -44,7 +44,7 @@ def check_scene(name: str, system: System, treatment: Treatment) -> None:
     if system.plane is not None:
         refuse(f"{system.plane!r}", "explicit steps move all nodes in space: freeze it without")
     for item in system.structures:
-        if isinstance(item, Beam) and not item.lumped:
+        if is_beam(item) and not item.lumped:
             refuse(item.label, "its mass matrix couples nodes: Beam(..., lumped=True) does not")
     for coupling in system.couplings.items:
         refuse(coupling.label, "springs, dampers and actuators are not kicks of elements")

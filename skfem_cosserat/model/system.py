@@ -10,19 +10,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from ..beam import Beam
 from ..coupling import Coupling
 from ..damping import RayleighDamping
 from ..drive import JointDrive
 from ..errors import InputError
 from ..frames import Place
 from ..joint import Joint
+from ..kinds import is_beam
 from ..load import Load
 from ..relative import Expression, Form, Product, Zero
 from ..types import Array, ArrayLike, Floats, IndexArray
@@ -53,6 +53,9 @@ from .loops import (
 from .plane import Plane
 from .quadratic import ConstraintBuilder, QuadraticConstraints, sum_at
 from .tree import End, Spot, build_tree
+
+if TYPE_CHECKING:
+    from ..beam import Beam
 
 __all__ = ["JointRows", "System"]
 
@@ -205,7 +208,7 @@ class System:
         alpha, beta = damping_factors(self.structures, dampings)
         drag, drags = assemble_mass(self.structures, self.first, self.rows, alpha)
         self.drag: csr_matrix | None = drag if alpha else None
-        beams = [item for item in self.structures if isinstance(item, Beam)]
+        beams = [item for item in self.structures if is_beam(item)]
         kinds: dict[object, list[tuple[Beam, int, int]]] = {}
         for b in sorted(beams, key=lambda b: b.basis.order):
             kinds.setdefault(b.basis.interpolation, []).append((b, *self.first[id(b)]))
