@@ -291,9 +291,8 @@ class System:
     @property
     def coordinates(self) -> int:
         """Coordinates that change: n, or those along the plane that all is confined to."""
-        if self.plane is None:
-            return self.n
-        return 2 * len(self.plane.moving(self._y0, self.origin_rows))
+        plane = self.plane
+        return self.n if plane is None else 2 * len(plane.moving(self._y0, self.origin_rows))
 
     # -- use -------------------------------------------------------------------------------------
 
@@ -321,8 +320,7 @@ class System:
         return {"n": self.n, "m": self.m, "rank": self.rank, "unknowns": self.unknowns}
 
     def __repr__(self) -> str:
-        names = ", ".join(f"{i.label}" for i in self.structures)
-        c = self.counts()
+        names, c = ", ".join(f"{i.label}" for i in self.structures), self.counts()
         return (
             f"<System of {names}; n = {c['n']}, m = {c['m']} (rank {c['rank']}),"
             f" unknowns {self.coordinates + c['rank']} with multipliers,"
