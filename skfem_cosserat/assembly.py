@@ -1,13 +1,11 @@
-"""Sparse patterns that are built once, forms of ready-made element arrays, error norms."""
+"""Forms of ready-made element arrays, error norms."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix
 from skfem import CellBasis, Functional
 from skfem.assembly.form.form import Form
 
@@ -19,113 +17,8 @@ __all__ = [
     "ElementForm",
     "ElementLoad",
     "ElementMatrix",
-    "FrozenPattern",
     "error_norms",
-    "summation",
 ]
-
-
-class FrozenPattern:
-    """Pattern of a sparse matrix, built once from the indices of all contributions.
-
-    Zeros are kept, so the pattern (and a symbolic factorisation that rests on it) does not
-    change with the values. Duplicates add up.
-
-    Parameters
-    ----------
-    rows, cols : (...)
-        Indices of the contributions, any shape (the same for both).
-    shape : (int, int)
-        Shape of the matrix.
-
-    Attributes
-    ----------
-    slot : (n,)
-        Place in ``data`` of each contribution, in the order of the flattened ``rows``.
-    indptr, indices
-        The compressed-column pattern, shared by all matrices.
-    nnz : int
-        Number of stored entries.
-    shape : (int, int)
-        Shape of the matrix.
-
-    Raises
-    ------
-    InputError
-        If the index arrays differ in shape, are no integers or leave the matrix.
-
-    Examples
-    --------
-    >>> pattern = FrozenPattern([0, 1, 1], [0, 1, 1], (2, 2))
-    >>> pattern.matrix([1.0, 2.0, 3.0]).toarray().tolist()
-    [[1.0, 0.0], [0.0, 5.0]]
-    """
-
-    def __init__(self, rows: ArrayLike, cols: ArrayLike, shape: tuple[int, int]) -> None:
-        self.shape = (int(shape[0]), int(shape[1]))
-        i = _indices("rows", rows, self.shape[0])
-        j = _indices("cols", cols, self.shape[1])
-        if np.shape(rows) != np.shape(cols):
-            raise InputError(
-                "argument cols", f"has shape {np.shape(cols)}, rows have {np.shape(rows)}"
-            )
-        keys, slot = np.unique(j * self.shape[0] + i, return_inverse=True)
-        column = keys // max(self.shape[0], 1)
-        counts = np.bincount(column, minlength=self.shape[1])
-        small = max(len(keys), *self.shape) < np.iinfo(np.int32).max
-        kind = np.int32 if small else np.int64
-        self.slot: IndexArray = slot.reshape(-1).astype(np.int64)
-        self.indices: Array = (keys - column * self.shape[0]).astype(kind)
-        self.indptr: Array = np.concatenate([[0], np.cumsum(counts)]).astype(kind)
-        self.nnz = len(keys)
-        for array in (self.slot, self.indices, self.indptr):
-            array.setflags(write=False)
-
-    def data(self, values: ArrayLike) -> Array:
-        """Stored entries (nnz,) of contributions in the order of the indices (any shape)."""
-        flat = np.asarray(values).reshape(-1)
-        if flat.shape != self.slot.shape:
-            raise InputError(
-                "argument values",
-                f"{flat.size} numbers for {self.slot.size} contributions of the pattern",
-            )
-        return np.asarray(self._sums @ flat)
-
-    @cached_property
-    def _sums(self) -> csr_matrix:
-        """Sums of contributions; a product with it is faster than ``bincount`` for many."""
-        return summation(self.slot, np.arange(len(self.slot)), (self.nnz, len(self.slot)))
-
-    def matrix(self, values: ArrayLike) -> csc_matrix:
-        """Matrix of contributions; explicit zeros are kept and the index arrays are shared."""
-        return self.assembled(self.data(values))
-
-    def assembled(self, data: Array) -> csc_matrix:
-        """Matrix of stored entries (nnz,), e.g. sums of several :meth:`data`."""
-        if np.shape(data) != (self.nnz,):
-            raise InputError("argument data", f"shape {np.shape(data)}, expected ({self.nnz},)")
-        out = csc_matrix((data, self.indices, self.indptr), shape=self.shape, copy=False)
-        out.has_sorted_indices = True
-        out.has_canonical_format = True
-        return out
-
-
-def summation(places: IndexArray, sources: IndexArray, shape: tuple[int, int]) -> csr_matrix:
-    """Matrix that adds the numbers at `sources` up at `places`, in the order given."""
-    return csr_matrix((np.ones(len(places)), (places, sources)), shape=shape)
-
-
-def _indices(name: str, values: ArrayLike, limit: int) -> IndexArray:
-    """Flat indices below a limit."""
-    array = np.asarray(values).reshape(-1)
-    if array.size == 0:
-        return np.zeros(0, dtype=np.int64)
-    if not np.issubdtype(array.dtype, np.integer):
-        raise InputError(f"argument {name}", f"has type {array.dtype}, expected integers")
-    if array.min() < 0 or array.max() >= limit:
-        bad = array.min() if array.min() < 0 else array.max()
-        raise InputError(f"argument {name}", f"index {bad} is not in 0 .. {limit - 1}")
-    return array.astype(np.int64)
 
 
 def _local_dofs(basis: Any) -> IndexArray:

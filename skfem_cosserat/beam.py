@@ -13,7 +13,7 @@ from .basis import DirectorBasis
 from .body import RigidBody
 from .element import Interpolation, InterpolationLobatto
 from .errors import InputError
-from .frames import Place, StructuralItem, Vertices, vector
+from .frames import LineItem, Place, Vertices, vector
 from .kernels import (
     BeamElements,
     beam_force,
@@ -35,7 +35,7 @@ __all__ = ["Beam"]
 NodalField = Callable[[Floats], ArrayLike] | ArrayLike | None
 
 
-class Beam(StructuralItem):
+class Beam(LineItem):
     """Beam, or network of beams, on a mesh of lines: every node is a frame of 12 coordinates.
 
     All twelve components are interpolated alike and directors are not re-orthonormalised between

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .beam import Beam
-from .body import MassPoint, RigidBody
 from .errors import InputError
-from .frames import Item
+from .frames import Item, StructuralItem
+from .kinds import is_beam
 from .types import ArrayLike, numbers
 
-__all__ = ["RayleighDamping"]
+if TYPE_CHECKING:
+    pass
 
-_STRUCTURES = Beam | RigidBody | MassPoint
+__all__ = ["RayleighDamping"]
 
 
 class RayleighDamping(Item):
@@ -51,7 +51,7 @@ class RayleighDamping(Item):
 
     Examples
     --------
-    >>> from skfem_cosserat import EnergyMomentum, Model, NullSpace, simulate
+    >>> from skfem_cosserat import EnergyMomentum, MassPoint, Model, NullSpace, simulate
     >>> model = Model()
     >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 0)))
     >>> drag = model.add("drag", RayleighDamping(mass=0.5))
@@ -148,7 +148,7 @@ class RayleighDamping(Item):
             raise InputError(self.label, f"items = {items!r}, expected items of the model")
         out = list(out)
         for k, item in enumerate(out):
-            if not isinstance(item, _STRUCTURES):
+            if not isinstance(item, StructuralItem):
                 what = item.label if isinstance(item, Item) else repr(item)
                 raise InputError(
                     self.label, f"items: {what}, expected a beam, rigid body or mass point"
@@ -157,7 +157,7 @@ class RayleighDamping(Item):
                 raise InputError(self.label, f"items: {item.label} is named twice")
         if not out:
             raise InputError(self.label, "items is empty: it does nothing; leave it out for all")
-        if self.stiffness and not any(isinstance(item, Beam) for item in out):
+        if self.stiffness and not any(is_beam(item) for item in out):
             raise InputError(
                 self.label,
                 f"stiffness = {self.stiffness:g} s damps beams, and items has none:"

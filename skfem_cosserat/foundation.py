@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from .beam import Beam
 from .coupling import Coupling, semidefinite
 from .errors import InputError
 from .frames import Item, Place, ground
+from .kinds import is_beam
 from .relative import displacement
 from .twin import Twins
 from .types import ArrayLike, Floats, numbers
+
+if TYPE_CHECKING:
+    from .beam import Beam
 
 __all__ = ["Foundation"]
 
@@ -62,7 +65,8 @@ class Foundation(Item):
     --------
     A guided rail that lies on its bed:
 
-    >>> from skfem_cosserat import JointPrismatic, LoadGravity, MeshCurve, Model, Section, static
+    >>> from skfem_cosserat import Beam, JointPrismatic, LoadGravity, MeshCurve, Model
+    >>> from skfem_cosserat import Section, static
     >>> section = Section([1e6, 1e6, 1e6, 50, 50, 50], mass=2.0, inertia=(1e-3, 1e-3))
     >>> model = Model()
     >>> mesh = MeshCurve.init_line((0, 0, 0), (3, 0, 0), 4)
@@ -85,7 +89,7 @@ class Foundation(Item):
         damping: float | ArrayLike = 0.0,
         part: str | None = None,
     ) -> None:
-        if not isinstance(beam, Beam):
+        if not is_beam(beam):
             raise InputError(self.label, f"beam is {type(beam).__name__}, expected a beam")
         self.beam, self.part = beam, part
         self.tensors = tuple(
@@ -118,7 +122,7 @@ class Foundation(Item):
         """See the base class; on the nodes that the beam has there."""
         other = copy(self)
         other.name, other.beam = None, twins.of(self.beam)
-        if not isinstance(other.beam, Beam):
+        if not is_beam(other.beam):
             raise InputError(self.label, f"acts on {other.beam.label}, expected a beam")
         other._supports = other._on_nodes()
         return other

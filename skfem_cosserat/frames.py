@@ -205,6 +205,13 @@ class StructuralItem(Item):
         raise NotImplementedError
 
 
+class LineItem(StructuralItem):
+    """What is modelled by elements along a line: a beam.
+
+    Known here, so that who asks for beams needs not import them, nor meshes and elements.
+    """
+
+
 @dataclass(frozen=True, eq=False)
 class Place(Attached):
     """A material point of an item, or a point of the ground.

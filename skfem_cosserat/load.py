@@ -7,15 +7,18 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from .beam import Beam
 from .errors import InputError
 from .frames import Item, Place, StructuralItem, vector
+from .kinds import is_beam
 from .twin import Twins
 from .types import ArrayLike, Floats, numbers
+
+if TYPE_CHECKING:
+    from .beam import Beam
 
 __all__ = [
     "Amplitude",
@@ -398,7 +401,7 @@ class LoadLine(Load):
 
     Examples
     --------
-    >>> from skfem_cosserat import MeshCurve, Section
+    >>> from skfem_cosserat import Beam, MeshCurve, Section
     >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
     >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4, name="boom"), section)
     >>> wind = LoadLine(beam, (3.0, 0, 0), amplitude=lambda t: 1 + t, part="boom")
@@ -415,7 +418,7 @@ class LoadLine(Load):
         part: str | None = None,
     ) -> None:
         super().__init__(value, amplitude, follower)
-        if not isinstance(beam, Beam):
+        if not is_beam(beam):
             raise InputError(self.label, f"acts on {type(beam).__name__}, expected a beam")
         self.beam, self.part = beam, part
         self.elements = beam.part(part)
@@ -423,7 +426,7 @@ class LoadLine(Load):
     def twin(self, twins: Twins) -> Self:
         """See the base class; on the elements that the part has there."""
         other = super().twin(twins)
-        if not isinstance(other.beam, Beam):
+        if not is_beam(other.beam):
             raise InputError(self.label, f"acts on {other.beam.label}, expected a beam")
         other.elements = other.beam.part(self.part)
         return other

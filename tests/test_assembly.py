@@ -6,11 +6,12 @@ import skfem
 from scipy.sparse import csc_matrix
 from skfem.assembly.form.coo_data import COOData
 
-from skfem_cosserat.assembly import ElementForm, ElementLoad, ElementMatrix, FrozenPattern
+from skfem_cosserat.assembly import ElementForm, ElementLoad, ElementMatrix
 from skfem_cosserat.assembly import error_norms as norms
 from skfem_cosserat.basis import DirectorBasis
 from skfem_cosserat.errors import InputError
 from skfem_cosserat.mesh import MeshCurve
+from skfem_cosserat.pattern import FrozenPattern
 
 
 def network():

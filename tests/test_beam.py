@@ -19,9 +19,9 @@ from skfem_cosserat import (
     State,
     Variational,
 )
-from skfem_cosserat.assembly import FrozenPattern
 from skfem_cosserat.constraints.base import group_pairs
 from skfem_cosserat.kernels import beam_tangent, null_space_blocks
+from skfem_cosserat.pattern import FrozenPattern
 
 ORDERS = [1, 2, 3, 4]
 

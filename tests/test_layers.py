@@ -23,11 +23,11 @@ PACKAGE = Path(__file__).resolve().parent.parent / NAME
 #: cycles. A name is a module or a folder of the package.
 LAYERS = (
     ("errors", "types", "log", "version", "figures"),
-    ("mesh", "element", "basis", "assembly"),
+    ("pattern", "mesh", "element", "basis", "assembly"),
     ("law", "section", "hyperelastic", "profile", "rung", "strain", "kernels"),
     (
-        *("frames", "relative", "beam", "body", "joint", "load", "coupling", "damping", "drive"),
-        *("foundation", "motion", "ramp", "twin"),
+        *("frames", "kinds", "relative", "beam", "body", "joint", "load", "coupling", "damping"),
+        *("drive", "foundation", "motion", "ramp", "twin"),
     ),
     ("model",),
     ("compiled", "linear", "newton"),

@@ -11,9 +11,9 @@ import pytest
 from helpers_scenes import lattice
 
 import skfem_cosserat as sc
-from skfem_cosserat.assembly import FrozenPattern
 from skfem_cosserat.integrators.stepper import Stepper, _Problem
 from skfem_cosserat.linear import LinearSolver, SingularMatrixError, ordering, solver
+from skfem_cosserat.pattern import FrozenPattern
 
 SOLVERS = {
     "dense": sc.SolverDense(),

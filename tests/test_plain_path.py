@@ -8,10 +8,10 @@ from helpers_scenes import everything, random_state, swing
 
 import skfem_cosserat as sc
 from skfem_cosserat import kernels
-from skfem_cosserat.assembly import FrozenPattern
 from skfem_cosserat.integrators import Stepper
 from skfem_cosserat.model import groups
 from skfem_cosserat.model.kinematics import combination
+from skfem_cosserat.pattern import FrozenPattern
 
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}

@@ -229,6 +229,32 @@ def test_roll_up(Q: np.ndarray, treatment: Any):
 
 
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
+def test_what_is_free_out_of_the_plane_only_is_held(treatment: Any):
+    """Between ball joints a beam can spin about its line: in space that is refused."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section(), order=2, director=(0, 0, 1)))
+    model.add("left", sc.JointSpherical(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    slide = sc.JointPointOnLine(sc.ground((1, 0, 0)), rod.node("rod.end"), (1, 0, 0))
+    model.add("right", slide)
+    model.add("load", sc.LoadForce(rod.node((0.5, 0, 0)), (0, -1e-3, 0)))
+    with pytest.raises(sc.InputError, match=r"about \(1, 0, 0\) .* is free"):
+        sc.static(model, treatment)
+    plane = model.freeze(planar=sc.Planar())
+    path = sc.static(plane, treatment)
+    sag = path["q"][-1][12 * rod.node((0.5, 0, 0)).vertex :][1]
+    exact = -1e-3 * (1 / (48 * D[3]) + 1 / (4 * D[1]))  # F L^3/(48 EI) + F L/(4 GA)
+    assert sag == pytest.approx(exact, rel=1e-8)
+    hanging = sc.Model()
+    bar = sc.RigidBody.box(2.0, (1.0, 0.1, 0.2), position=(0.5, 0, 0))
+    hanging.add("bar", bar)
+    hanging.add("ball", sc.JointSpherical(sc.ground((0, 0, 0)), bar.at((0, 0, 0))))
+    hanging.add("weight", sc.LoadGravity((0, -9.81, 0)))
+    with pytest.raises(sc.InputError, match=r"about \(0, 0, 1\) .* is free, 1 such"):
+        sc.static(hanging.freeze(planar=sc.Planar()), treatment)
+
+
+@pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 def test_elastica_beyond_its_critical_load(treatment: Any):
     """The column's way out of the plane is stiffer: both see the same bifurcation and branch."""
     Q = IDENTITY

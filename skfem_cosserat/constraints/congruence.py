@@ -8,8 +8,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from ..assembly import FrozenPattern, summation
 from ..model.quadratic import sum_at
+from ..pattern import FrozenPattern, summation
 from ..types import Floats, IndexArray
 
 __all__ = ["Congruence"]

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from ..assembly import FrozenPattern
 from ..kernels import cross, exp_quaternion, rotation_matrix
 from ..linear import LinearSolver
 from ..model import System
@@ -18,6 +17,7 @@ from ..model.groups import Blocks, Parts
 from ..model.loops import tree_values
 from ..model.quadratic import sum_at
 from ..model.singular import Passages, way_off
+from ..pattern import FrozenPattern
 from ..types import Array, Floats
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers, relative_size
 from .restriction import Restriction

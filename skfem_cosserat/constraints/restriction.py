@@ -10,15 +10,18 @@ import numpy as np
 from scipy.linalg import qr
 from scipy.sparse import coo_matrix, csr_matrix
 
-from ..assembly import FrozenPattern
 from ..drive import JointDrive
 from ..errors import InputError
+from ..frames import TOLERANCE
 from ..kernels import cross
 from ..model import System
+from ..pattern import FrozenPattern
 from ..types import Array, Floats, IndexArray
 
 __all__ = ["Restriction"]
 
+#: numbers of a triad's rows 11, 22, 33, 12, 13, 23 in which a director does not occur
+_WITHOUT = np.array([[1, 2, 5], [0, 2, 4], [0, 1, 3]])
 #: of rows that count as independent in the plane, relative
 RANK = 1e-9
 
@@ -108,7 +111,7 @@ class Restriction:
         system = self.system
         y = system.extend(system.q0, 0.0)
         G = (system.constraints.jacobian(y) @ self.along).tocsr()
-        kept = [_pick(G, np.arange(k, k + 6)) for k in range(0, system.internal, 6)]
+        kept = self._of_triads(G, y)
         held = (G @ self._rigid(y)).tocsr()
         loops = {id(joint) for joint in system.tree.loops}
         rows: dict[int, list[IndexArray]] = {}
@@ -130,6 +133,16 @@ class Restriction:
                 f" {system.kinematics.unknowns} unknowns of its joints: use NullSpace()",
             )
         return np.union1d(out, system.closure.rows)
+
+    def _of_triads(self, G: csr_matrix, y: Floats) -> list[IndexArray]:
+        """Rows of triads: those without the director along the normal, if one is."""
+        kin, plane = self.system.kinematics, self.system.plane
+        assert plane is not None
+        still = np.linalg.norm(kin.directors(y) @ plane.axes.T, axis=2) <= TOLERANCE
+        first = 6 * np.arange(len(still))
+        kept = [(first[still[:, k]][:, None] + others).ravel() for k, others in enumerate(_WITHOUT)]
+        oblique = first[~still.any(axis=1)]
+        return [*kept, *(_pick(G, np.arange(k, k + 6)) for k in oblique)]
 
     def _rigid(self, y: Floats) -> csr_matrix:
         """Rates (count, 3 a frame or 2 a point) of each vertex by itself, rotations by length."""

@@ -8,10 +8,10 @@ from threading import get_ident
 import numpy as np
 from scipy.linalg import qr
 
-from ..assembly import FrozenPattern
 from ..linear import LinearSolver
 from ..model import System
 from ..model.balance import amplitudes_at, balance
+from ..pattern import FrozenPattern
 from ..types import Array, Floats, IndexArray
 from .rowspace import dependent_rows, rows_touching
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from ..beam import Beam
 from ..errors import InputError
 from ..kernels import beam_energy, beam_strain, beam_strain_rate, beam_stress
+from ..kinds import is_beam
 from ..model import System
 from ..model.groups import BeamGroup
 from ..model.rungs import rung_of
@@ -19,6 +20,9 @@ from ..types import ArrayLike, Floats
 from .stacks import as_stack, as_times
 
 _CHUNK = 256  # states evaluated at once: bounds the memory
+
+if TYPE_CHECKING:
+    from ..beam import Beam
 
 __all__ = [
     "external_energy",
@@ -176,7 +180,7 @@ def strain_energy(system: System, q: ArrayLike) -> Floats:
 
     Examples
     --------
-    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
     >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
     >>> model = Model()
     >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)
@@ -189,7 +193,7 @@ def strain_energy(system: System, q: ArrayLike) -> Floats:
     """
     Q, single = as_stack(system, "q", q)
     out = np.zeros(len(Q))
-    for beam in (s for s in system.structures if isinstance(s, Beam)):
+    for beam in (s for s in system.structures if is_beam(s)):
         e = beam.elements
         eps = section_strains(system, beam, Q)
         out += np.einsum("neg,g,e->n", beam_energy(e, eps), e.weights, e.lengths)
@@ -307,7 +311,7 @@ def section_strains(system: System, beam: Beam, q: ArrayLike) -> Floats:
 
     Examples
     --------
-    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
     >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
     >>> model = Model()
     >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)
@@ -348,7 +352,7 @@ def section_strain_rates(system: System, beam: Beam, q: ArrayLike, v: ArrayLike)
 
     Examples
     --------
-    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
     >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
     >>> model = Model()
     >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)
@@ -456,7 +460,7 @@ def section_forces(
 
     Examples
     --------
-    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
     >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
     >>> model = Model()
     >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)

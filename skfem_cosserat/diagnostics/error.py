@@ -5,14 +5,15 @@ A richer system has elements of one order more on the same mesh, or each element
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.sparse.linalg import splu
 
-from ..beam import Beam
 from ..errors import InputError
+from ..kinds import is_beam
 from ..linear import SingularMatrixError
-from ..mesh.relate import places_in
 from ..model import System
 from ..model.balance import Amplitudes
 from ..types import ArrayLike, Floats, IndexArray
@@ -21,6 +22,9 @@ from .resultants import element_forces
 from .settle import inner_rows, settled
 from .tangent import reduced_tangent
 from .transfer import transfer
+
+if TYPE_CHECKING:
+    from ..beam import Beam
 
 __all__ = ["beam_of", "goal_shares", "missing_strains", "parents"]
 
@@ -61,7 +65,8 @@ def missing_strains(coarse: Beam, fine: System, beam: Beam, q: ArrayLike) -> Flo
     The curvature of a cantilever under an end force grows along it in proportion: an element of
     order 2 holds it, one of order 1 does not.
 
-    >>> from skfem_cosserat import JointFixed, LoadForce, MeshCurve, Model, Section, ground, static
+    >>> from skfem_cosserat import Beam, JointFixed, LoadForce, MeshCurve, Model, Section
+    >>> from skfem_cosserat import ground, static
     >>> section = Section([1e9, 1e9, 1e9, 100, 100, 100], mass=1.0, inertia=(1.0, 1.0))
     >>> model = Model()
     >>> mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 1, name="rod")
@@ -98,15 +103,17 @@ def missing_strains(coarse: Beam, fine: System, beam: Beam, q: ArrayLike) -> Flo
 def beam_of(system: System, name: str | None, label: str) -> Beam:
     """The beam of a name in a system."""
     for item in system.structures:
-        if isinstance(item, Beam) and item.name == name:
+        if is_beam(item) and item.name == name:
             return item
-    known = sorted(str(item.name) for item in system.structures if isinstance(item, Beam))
+    known = sorted(str(item.name) for item in system.structures if is_beam(item))
     raise InputError(label, f"is not in the system, which has the beams {known}")
 
 
 def _gauss_places(coarse: Beam, fine: Beam) -> tuple[IndexArray, Floats]:
     """Elements of `coarse` that hold those of `fine`, and places (ne, g) of its Gauss points."""
     parent = parents(coarse, fine)
+    from ..mesh.relate import places_in
+
     _, xi = places_in(coarse.mesh, fine.mesh, fine.basis.points)
     return parent, xi
 
@@ -121,6 +128,8 @@ def parents(coarse: Beam, fine: Beam) -> IndexArray:
     InputError
         If an element of `fine` reaches beyond one of `coarse`.
     """
+    from ..mesh.relate import places_in
+
     e, _ = places_in(coarse.mesh, fine.mesh, np.array([0.0, 1.0]))
     if (e[:, 0] != e[:, 1]).any():
         k = int(np.flatnonzero(e[:, 0] != e[:, 1])[0])
@@ -174,7 +183,8 @@ def goal_shares(
 
     Examples
     --------
-    >>> from skfem_cosserat import JointFixed, LoadForce, MeshCurve, Model, Section, ground, static
+    >>> from skfem_cosserat import Beam, JointFixed, LoadForce, MeshCurve, Model, Section
+    >>> from skfem_cosserat import ground, static
     >>> from skfem_cosserat.model.balance import amplitudes_at
     >>> section = Section([1e4, 1e4, 1e4, 100, 100, 100], mass=1.0, inertia=(1.0, 1.0))
     >>> def build(order):
@@ -202,7 +212,7 @@ def goal_shares(
     weight = (tangent.P @ z).reshape(-1, 3)
     rows = np.asarray(good, dtype=float).reshape(-1, 3)
     out = {}
-    for beam in (item for item in coarse.structures if isinstance(item, Beam)):
+    for beam in (item for item in coarse.structures if is_beam(item)):
         richer = beam_of(fine, beam.name, beam.label)
         forces = element_forces(coarse, beam, y[: coarse.rows], amplitudes.loads)
         passed = element_forces(fine, richer, rows, amplitudes.loads)

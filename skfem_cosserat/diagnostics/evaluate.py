@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..beam import Beam
 from ..errors import InputError
 from ..kernels import beam_stress
-from ..mesh.lookup import element_numbers
 from ..model import System
 from ..types import ArrayLike, Floats, IndexArray, numbers
 from .energy import group_of, held_forces
 from .stacks import as_stack
+
+if TYPE_CHECKING:
+    from ..beam import Beam
 
 __all__ = ["SectionValues", "evaluate"]
 
@@ -80,7 +81,7 @@ def evaluate(
 
     Examples
     --------
-    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
     >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
     >>> model = Model()
     >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)
@@ -140,6 +141,8 @@ def _own_rows(beam: Beam) -> IndexArray:
 
 
 def _places(beam: Beam, elements: ArrayLike, xi: ArrayLike) -> tuple[IndexArray, Floats]:
+    from ..mesh.lookup import element_numbers
+
     e = element_numbers(elements, len(beam.basis.connectivity))
     x = numbers(beam.label, "xi", xi)
     if x.shape not in ((), e.shape):

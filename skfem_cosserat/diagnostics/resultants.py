@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from ..beam import Beam
 from ..errors import InputError
 from ..kernels import director_force
 from ..load import Load, LoadGravity, LoadLine
@@ -13,6 +14,9 @@ from ..model.groups import BeamGroup
 from ..types import ArrayLike, Floats
 from .energy import group_of, held_forces
 from .stacks import as_stack, as_times
+
+if TYPE_CHECKING:
+    from ..beam import Beam
 
 __all__ = ["element_forces", "nodal_resultants"]
 
@@ -72,7 +76,7 @@ def nodal_resultants(
     --------
     A cantilever of one element, 2 m long, drawn by 100 N:
 
-    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
     >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
     >>> model = Model()
     >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.linalg import splu
 
-from ..beam import Beam
+from ..kinds import is_beam
 from ..model import System
 from ..model.balance import Amplitudes
 from ..types import Floats, IndexArray
@@ -87,7 +87,7 @@ def _missing(tangent: ReducedTangent, inertia: Floats | None) -> Floats:
 def inner_rows(system: System) -> IndexArray:
     """Rows (k, 4) of y of the nodes inside elements."""
     rows = [np.zeros((0, 4), dtype=np.int64)]
-    for beam in (item for item in system.structures if isinstance(item, Beam)):
+    for beam in (item for item in system.structures if is_beam(item)):
         inner = beam.basis.connectivity[:, 1:-1].ravel()
         rows.append(system.first[id(beam)][1] + 4 * inner[:, None] + np.arange(4))
     return np.concatenate(rows)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from ..beam import Beam
 from ..errors import InputError
-from ..mesh.relate import MEETS, places_in
+from ..kinds import is_beam
 from ..model import System
 from ..types import ArrayLike, Floats, IndexArray
 from .stacks import as_stack
+
+if TYPE_CHECKING:
+    from ..beam import Beam
 
 __all__ = ["new_rows", "spins", "transfer"]
 
@@ -52,7 +56,7 @@ def transfer(
 
     Examples
     --------
-    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
     >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
     >>> systems = []
     >>> for count in (1, 2):
@@ -83,7 +87,7 @@ def transfer(
         own, count = target.first[id(item)][1], _rows(item)
         row = source.first[id(other)][1]
         part = slice(row, row + _rows(other))
-        if isinstance(item, Beam) and isinstance(other, Beam):
+        if is_beam(item) and is_beam(other):
             values = _beam(other, item, y[:, part], ydot[:, part])
         elif count == _rows(other):
             values = (y[:, part], ydot[:, part])
@@ -102,10 +106,12 @@ def new_rows(source: System, target: System) -> IndexArray:
     MeshError
         If the meshes of a beam do not divide the same lines.
     """
-    known = {item.name: item for item in source.structures if isinstance(item, Beam)}
+    known = {item.name: item for item in source.structures if is_beam(item)}
     out = [np.zeros((0, 4), dtype=np.int64)]
-    for beam in (item for item in target.structures if isinstance(item, Beam)):
+    for beam in (item for item in target.structures if is_beam(item)):
         other, basis = known[beam.name], beam.basis
+        from ..mesh.relate import places_in
+
         e, x = places_in(other.mesh, beam.mesh, basis.interpolation.nodes)
         met = np.zeros(basis.n_nodes, dtype=bool)
         met[basis.connectivity] = _met(other, e, x)[0]
@@ -123,6 +129,8 @@ def _rows(item: object) -> int:
 def _beam(source: Beam, target: Beam, y: Floats, ydot: Floats) -> tuple[Floats, Floats]:
     """Rows (N, 4 nodes, 3) of the nodes of a beam, and their rates."""
     kind = target.basis.interpolation.nodes
+    from ..mesh.relate import places_in
+
     e, x = places_in(source.mesh, target.mesh, kind)
     nodes = target.basis.connectivity
     q, v = (a.reshape(len(a), -1, 4, 3) for a in (y, ydot))
@@ -190,4 +198,6 @@ def _met(beam: Beam, e: np.ndarray, x: Floats) -> tuple[np.ndarray, np.ndarray]:
     gaps = abs(x[..., None] - beam.basis.interpolation.nodes)
     nearest = gaps.argmin(axis=-1)
     node = np.take_along_axis(beam.basis.connectivity[e], nearest[..., None], axis=-1)[..., 0]
+    from ..mesh.relate import MEETS
+
     return gaps.min(axis=-1) <= MEETS, node

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..beam import Beam
 from ..errors import IncompatibleError, InputError
 from ..kernels import bilinear, null_space_blocks
+from ..kinds import is_beam
 from ..model import System
 from ..model.groups import BeamGroup
 from ..types import Array, Floats, IndexArray
@@ -57,7 +57,7 @@ class StepLimit(NamedTuple):
 def check_lumped(name: str, system: System) -> None:
     """Raise IncompatibleError if the mass matrix of a beam couples nodes; `name`: who minds."""
     for item in system.structures:
-        if isinstance(item, Beam) and not item.lumped:
+        if is_beam(item) and not item.lumped:
             reason = "its mass matrix couples nodes: Beam(..., lumped=True) does not"
             raise IncompatibleError(f"{name} with {item.label}", reason)
 
@@ -153,7 +153,7 @@ def step_limit(system: System) -> StepLimit:
 
 
 def _named(system: System, group: BeamGroup, e: int) -> str:
-    for beam in (item for item in system.structures if isinstance(item, Beam)):
+    for beam in (item for item in system.structures if is_beam(item)):
         ids = group.slices.get(id(beam), slice(0, 0))
         if ids.start <= e < ids.stop:
             return f"element {e - ids.start} of {beam.label}"

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..beam import Beam
 from ..constraints import Multipliers, Treatment
 from ..errors import Diverged, IncompatibleError
 from ..kernels import BeamElements, beam_force, beam_strain, beam_stress, cross
+from ..kinds import is_beam
 from ..log import logger
 from ..model import System
 from ..types import Floats, IndexArray
@@ -45,7 +45,7 @@ def check_scene(name: str, system: System, treatment: Treatment) -> None:
         refuse(f"{system.plane!r}", "explicit steps move all nodes in space: freeze it without")
     check_lumped(name, system)
     for item in system.structures:
-        if isinstance(item, Beam) and item.rung.held:
+        if is_beam(item) and item.rung.held:
             refuse(f"the {item.rung!r} of {item.label}", "strains are held by implicit steps only")
     for coupling in system.couplings.items:
         refuse(coupling.label, "springs, dampers and actuators are not kicks of elements")

@@ -6,10 +6,10 @@ import ctypes
 
 import numpy as np
 
-from ..assembly import FrozenPattern
 from ..compiled.plan import Plan
 from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
+from ..pattern import FrozenPattern
 from ..types import Floats, IndexArray
 
 __all__ = ["Rest"]

@@ -295,7 +295,8 @@ class Stepper:
             elif astray is not None:
                 report.reason = f"it has turned over: {astray}"
             elif report.converged:
-                self._check_motion(state, problem.y1, report.residual)
+                if self.system.moving:
+                    self._check_motion(state, problem.y1, report.residual)
                 return self._accept(state, problem, new_time, total, attempt, report)
             residuals.append(report.residuals)
             if best is None or report.residual < best.residual:

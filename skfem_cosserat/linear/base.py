@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from ..assembly import FrozenPattern
 from ..errors import CosseratError
+from ..pattern import FrozenPattern
 from ..types import Floats
 
 __all__ = ["Factors", "SingularMatrixError", "Solver"]

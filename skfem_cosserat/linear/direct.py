@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import get_lapack_funcs
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from ..assembly import FrozenPattern
+from ..pattern import FrozenPattern
 from ..types import Floats, IndexArray
 from .base import Factors, SingularMatrixError, Solver
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
-from ..assembly import FrozenPattern
+from ..pattern import FrozenPattern
 from ..types import IndexArray
 
 __all__ = [

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..assembly import FrozenPattern
 from ..errors import CosseratError
+from ..pattern import FrozenPattern
 from ..types import Array, Floats
 from .base import Factors, SingularMatrixError, Solver
 from .ordering import balanced

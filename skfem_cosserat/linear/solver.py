@@ -6,9 +6,9 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from ..assembly import FrozenPattern
 from ..errors import InputError
 from ..log import logger
+from ..pattern import FrozenPattern
 from ..types import Floats
 from .base import Factors, SingularMatrixError, Solver
 from .direct import Band, SolverBanded, SolverDense

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..beam import Beam
-from ..mesh.bends import gives_way, turns
+from ..kinds import is_beam
 from ..types import Floats
 from .system import System
 
@@ -35,7 +34,7 @@ def bent_elements(system: System, y: Floats) -> str | None:
     --------
     A straight beam of two linear elements, bent to a right angle by its end:
 
-    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
     >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
     >>> model = Model()
     >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 2)
@@ -48,8 +47,13 @@ def bent_elements(system: System, y: Floats) -> str | None:
     >>> bent_elements(system, y).partition(",")[0]
     "relative rotation between nodes 1 and 2 of beam 'boom' is 90 degrees"
     """
+    beams = [item for item in system.structures if is_beam(item)]
+    if not beams:
+        return None
+    from ..mesh.bends import gives_way, turns
+
     worst, text = 1.0, None
-    for beam in (s for s in system.structures if isinstance(s, Beam)):
+    for beam in beams:
         basis = beam.basis
         row = system.first[id(beam)][1]
         nodal = y[row : row + 4 * basis.n_nodes].reshape(-1, 4, 3)[:, 1:]

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..beam import Beam
 from ..kernels import (
     BeamElements,
     add_scalar,
@@ -32,6 +32,9 @@ from ..kernels import (
 from ..law import Law
 from ..types import Array, Floats, IndexArray
 from .inertia import Lump
+
+if TYPE_CHECKING:
+    from ..beam import Beam
 
 __all__ = ["BeamGroup", "Blocks", "Group", "Parts", "lump_group"]
 

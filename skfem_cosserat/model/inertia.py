@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
-from ..beam import Beam
 from ..body import MassPoint, RigidBody
 from ..damping import RayleighDamping
 from ..errors import InputError
+from ..kinds import is_beam
 from ..types import Floats, IndexArray
 
-__all__ = ["Lump", "Structure", "assemble_mass", "damping_factors"]
+if TYPE_CHECKING:
+    from ..beam import Beam
 
-Structure = Beam | RigidBody | MassPoint
+__all__ = ["Lump", "Structure", "assemble_mass", "damping_factors", "lumped"]
+
+Structure: TypeAlias = "Beam | RigidBody | MassPoint"
 
 #: Of a body or mass point: vertex, scalar mass (4, 4) or (1, 1), whether that is a frame's.
 Lump = tuple[int, Floats, bool]
@@ -52,22 +56,29 @@ def assemble_mass(
         mass_of_item = item.scalar_mass()
         if factors is not None:
             mass_of_item = factors.get(id(item), 0.0) * mass_of_item
-        if isinstance(item, Beam):
+        if is_beam(item):
             row = first[id(item)][1]
             nodes = item.basis.connectivity
             rows = row + 4 * nodes[:, :, None] + np.arange(4)
             add(rows.reshape(len(nodes), -1), mass_of_item)
             continue
-        host, node = (item, 0) if item.on is None else (item.on.item, item.on.vertex)
+        place = lumped(item).on
+        host, node = (item, 0) if place is None else (place.item, place.vertex)
         vertex, row = first[id(host)]
         framed = len(mass_of_item) == 4
         lumps.append((vertex + node, mass_of_item, framed))
-        step = 4 if framed or isinstance(host, Beam | RigidBody) else 1
+        step = 4 if framed or is_beam(host) or isinstance(host, RigidBody) else 1
         add(row + step * node + np.arange(len(mass_of_item))[None], mass_of_item[None])
     ij = (np.concatenate(i), np.concatenate(j))
     mass = coo_matrix((np.concatenate(c), ij), shape=(size, size)).tocsr()
     mass.eliminate_zeros()
     return mass, lumps
+
+
+def lumped(item: Structure) -> RigidBody | MassPoint:
+    """An item that is no beam."""
+    assert isinstance(item, RigidBody | MassPoint)
+    return item
 
 
 def damping_factors(
@@ -84,7 +95,7 @@ def damping_factors(
     beta: dict[int, float] = {}
     for damping in dampings:
         items = structures if damping.items is None else damping.items
-        beams = [item for item in items if isinstance(item, Beam)]
+        beams = [item for item in items if is_beam(item)]
         if not beams and not damping.mass:
             raise InputError(damping.label, "damps the stiffness of beams, and there are none")
         for item in items if damping.mass else ():

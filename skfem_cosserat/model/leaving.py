@@ -7,20 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..beam import Beam
 from ..body import MassPoint, RigidBody
 from ..coupling import Coupling, JointActuator, JointSpringDamper
 from ..errors import InputError
 from ..frames import TOLERANCE, Place
 from ..joint import Joint
 from ..kernels import cross, exp_quaternion, rotation_matrix
+from ..kinds import is_beam
 from ..law import Law
 from ..load import Load, LoadLine, LoadMoment
 from ..types import Floats
 from .couplings import Couplings
+from .inertia import lumped
 from .plane import Plane
 
 if TYPE_CHECKING:
+    from ..beam import Beam
     from .system import System
 
 __all__ = ["guard_of", "leaving", "places", "turned"]
@@ -44,7 +46,7 @@ def places(system: System) -> Iterator[tuple[str, Place]]:
         vertices = item.vertices()
         if vertices is not None:
             for k, x in enumerate(vertices.positions):
-                note = f" node {k}" if isinstance(item, Beam) else ""
+                note = f" node {k}" if is_beam(item) else ""
                 yield item.label, Place(item, k, x, np.zeros(3), None, note=note)
     for joint in system.joints:
         yield from ((joint.label, place) for place in (joint.a, joint.b))
@@ -66,7 +68,7 @@ def leaving(system: System, plane: Plane) -> Leaving:
     for item in system.structures:
         yield from _inertia(item, plane)
         yield from _velocity(item, plane)
-        if isinstance(item, Beam):
+        if is_beam(item):
             yield from _sections(item, plane)
     for joint in system.joints:
         yield from _freedom(joint, plane)
@@ -83,9 +85,9 @@ def leaving(system: System, plane: Plane) -> Leaving:
 def _inertia(item: Beam | RigidBody | MassPoint, plane: Plane) -> Leaving:
     """Centre and products of inertia of a body against its mirror image."""
     M = item.scalar_mass()
-    if isinstance(item, Beam) or len(M) == 1:
+    if is_beam(item) or len(M) == 1:
         return
-    host = item.on
+    host = lumped(item).on
     triad = host.triad if host is not None else item.vertices().triads[0]  # type: ignore[union-attr,index]
     assert triad is not None
     mirror = np.eye(4)

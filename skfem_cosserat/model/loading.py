@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -208,7 +209,9 @@ class Loading:
     # -- evaluation ------------------------------------------------------------------------------
 
     def averages(self, t0: float, t1: float) -> Floats:
-        """Exact means of all channels over a step."""
+        """Exact means of all channels over a step; what is constant is computed once."""
+        if self.constant:
+            return self._numbers
         return self.checked(self._each(lambda time: time.average(t0, t1)), t1)
 
     def values(self, t: float) -> Floats:
@@ -233,6 +236,22 @@ class Loading:
 
     def dead_force(self, amplitudes: Floats) -> Floats:
         """Generalised force (rows, 3) of the loads that do not depend on y."""
+        return self._constant_force if amplitudes is self._numbers else self._sum(amplitudes)
+
+    @cached_property
+    def _numbers(self) -> Floats:
+        """All channels where none depends on time."""
+        out = self.checked(self._each(lambda time: time.value(0.0)), 0.0)
+        out.setflags(write=False)
+        return out
+
+    @cached_property
+    def _constant_force(self) -> Floats:
+        out = self._sum(self._numbers)
+        out.setflags(write=False)
+        return out
+
+    def _sum(self, amplitudes: Floats) -> Floats:
         if not len(self._dead_times):
             return np.zeros((self._rows, 3))
         flat = self.dead.reshape(len(self.dead), -1)

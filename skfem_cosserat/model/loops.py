@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
-from ..beam import Beam
 from ..drive import JointDrive
 from ..errors import InputError
 from ..frames import Item
 from ..joint import Joint
 from ..kernels import cross, null_space_blocks
+from ..kinds import is_beam
 from ..log import logger
 from ..types import Floats, IndexArray
 from .chart import Chart
@@ -338,7 +338,7 @@ def _warn(system: Scene, before: Sequence[int], ranks: Sequence[int]) -> None:
         if more > rank
     ]
     rows = np.concatenate(lost)
-    held = any(isinstance(item, Beam) for item in loop_joints(system, rows))
+    held = any(is_beam(item) for item in loop_joints(system, rows))
     logger.warning(
         "the reference configuration is a singular position of the closed loop through the %s:"
         " %d of its constraint rows are independent there, %d beside it, which is what counts%s",

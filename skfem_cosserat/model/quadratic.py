@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from ..assembly import FrozenPattern
+from ..pattern import FrozenPattern
 from ..types import Array, Floats, IndexArray
 
 __all__ = ["ConstraintBuilder", "QuadraticConstraints", "Terms"]

@@ -10,15 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..beam import Beam
+from ..kinds import is_beam
 from ..types import Floats, IndexArray
 from .inertia import Structure
 from .quadratic import ConstraintBuilder
 from .tree import Span
+
+if TYPE_CHECKING:
+    from ..beam import Beam
 
 __all__ = ["RungRows", "add_rung_rows", "rung_of", "spans_of", "unheld_spans"]
 
@@ -84,7 +88,7 @@ def add_rung_rows(
     """Rows of all beams that hold strains; `first` vertex and row of y by ``id(item)``."""
     out = []
     for beam in structures:
-        if not isinstance(beam, Beam) or not beam.rung.held:
+        if not is_beam(beam) or not beam.rung.held:
             continue
         vertex, row = first[id(beam)]
         start = build.size

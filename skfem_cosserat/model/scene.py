@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TypeVar
+from typing import TypeVar, cast
 
-from ..beam import Beam
-from ..body import MassPoint, RigidBody
+from ..body import RigidBody
 from ..coupling import Coupling
 from ..damping import RayleighDamping
 from ..drive import JointDrive
@@ -14,9 +13,11 @@ from ..errors import InputError
 from ..foundation import Foundation
 from ..frames import Item, StructuralItem
 from ..joint import Joint
+from ..kinds import is_beam
 from ..load import Load
 from ..twin import Twins
 from ..types import ArrayLike
+from .inertia import Structure
 from .planarity import Planarity, confined, inspect
 from .plane import Planar
 from .system import System
@@ -61,6 +62,7 @@ class Model:
 
         Examples
         --------
+        >>> from skfem_cosserat import MassPoint
         >>> model = Model()
         >>> ball = model.add("ball", MassPoint(1.0))
         >>> model["ball"] is ball, list(model), len(model)
@@ -74,15 +76,7 @@ class Model:
             )
         if not isinstance(
             item,
-            Beam
-            | RigidBody
-            | MassPoint
-            | Joint
-            | JointDrive
-            | Load
-            | Coupling
-            | Foundation
-            | RayleighDamping,
+            StructuralItem | Joint | JointDrive | Load | Coupling | Foundation | RayleighDamping,
         ):
             raise InputError(
                 f"model, item {name!r}",
@@ -143,7 +137,7 @@ class Model:
         """As :meth:`with_items`, with what finds the twins of sensors and the like."""
         for name, item in items.items():
             old = self[name]
-            if not isinstance(old, Beam | RigidBody) or not isinstance(item, Beam | RigidBody):
+            if not all(is_beam(i) or isinstance(i, RigidBody) for i in (old, item)):
                 raise InputError(
                     f"model, item {name!r}",
                     f"the {item!r} instead of the {old.label}: expected a"
@@ -174,13 +168,14 @@ class Model:
 
         Examples
         --------
+        >>> from skfem_cosserat import MassPoint
         >>> model = Model()
         >>> ball = model.add("ball", MassPoint(1.0, position=(1, 2, 3)))
         >>> model.freeze().q0.tolist()
         [1.0, 2.0, 3.0]
         """
         items = list(self._items.values())
-        structures = [i for i in items if isinstance(i, Beam | RigidBody | MassPoint)]
+        structures = cast("list[Structure]", [i for i in items if isinstance(i, StructuralItem)])
         if not structures:
             raise InputError("model", "has no beam, body or mass point")
         known = {id(item) for item in items}

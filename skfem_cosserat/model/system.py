@@ -10,19 +10,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from ..beam import Beam
 from ..coupling import Coupling
 from ..damping import RayleighDamping
 from ..drive import JointDrive
 from ..errors import InputError
 from ..frames import Place
 from ..joint import Joint
+from ..kinds import is_beam
 from ..load import Load
 from ..relative import Expression, Form, Product, Zero
 from ..types import Array, ArrayLike, Floats, IndexArray
@@ -54,6 +54,9 @@ from .plane import Plane
 from .quadratic import ConstraintBuilder, QuadraticConstraints, sum_at
 from .rungs import RungRows, add_rung_rows, spans_of
 from .tree import End, Spot, build_tree
+
+if TYPE_CHECKING:
+    from ..beam import Beam
 
 __all__ = ["JointRows", "System"]
 
@@ -206,7 +209,7 @@ class System:
         alpha, beta = damping_factors(self.structures, dampings)
         drag, drags = assemble_mass(self.structures, self.first, self.rows, alpha)
         self.drag: csr_matrix | None = drag if alpha else None
-        beams = [item for item in self.structures if isinstance(item, Beam)]
+        beams = [item for item in self.structures if is_beam(item)]
         kinds: dict[object, list[tuple[Beam, int, int]]] = {}
         for b in sorted(beams, key=lambda b: b.basis.order):
             kinds.setdefault(b.basis.interpolation, []).append((b, *self.first[id(b)]))
@@ -288,9 +291,8 @@ class System:
     @property
     def coordinates(self) -> int:
         """Coordinates that change: n, or those along the plane that all is confined to."""
-        if self.plane is None:
-            return self.n
-        return 2 * len(self.plane.moving(self._y0, self.origin_rows))
+        plane = self.plane
+        return self.n if plane is None else 2 * len(plane.moving(self._y0, self.origin_rows))
 
     # -- use -------------------------------------------------------------------------------------
 
@@ -318,8 +320,7 @@ class System:
         return {"n": self.n, "m": self.m, "rank": self.rank, "unknowns": self.unknowns}
 
     def __repr__(self) -> str:
-        names = ", ".join(f"{i.label}" for i in self.structures)
-        c = self.counts()
+        names, c = ", ".join(f"{i.label}" for i in self.structures), self.counts()
         return (
             f"<System of {names}; n = {c['n']}, m = {c['m']} (rank {c['rank']}),"
             f" unknowns {self.coordinates + c['rank']} with multipliers,"

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..basis import gauss_rule
-from ..beam import Beam
-from ..element import Interpolation, shape_derivatives, shape_functions
+from ..kinds import is_beam
 from ..types import Floats
 from .groups import BeamGroup
 from .system import System
+
+if TYPE_CHECKING:
+    from ..element import Interpolation
 
 __all__ = ["overstretched", "tension_factor"]
 
@@ -51,7 +53,7 @@ def overstretched(system: System, y: Floats) -> str | None:
     --------
     A beam of two linear elements with EI = 500 N m^2 and h = 1 m, drawn by 2500 N:
 
-    >>> from skfem_cosserat import MeshCurve, Model, Section
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
     >>> section = Section([1e6, 1e6, 1e6, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
     >>> model = Model()
     >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 2)
@@ -71,7 +73,7 @@ def overstretched(system: System, y: Floats) -> str | None:
         for found in [_tension(group, y)]
         for beam, which in group.slices.items()
     }
-    for beam in (s for s in system.structures if isinstance(s, Beam)):
+    for beam in (s for s in system.structures if is_beam(s)):
         kind = beam.basis.interpolation
         if kind.points > kind.order:
             continue
@@ -122,6 +124,9 @@ def tension_factor(kind: Interpolation) -> float:
     >>> [round(tension_factor(InterpolationLobatto(p)), 9) for p in (1, 2)]
     [4.0, 24.0]
     """
+    from ..basis import gauss_rule
+    from ..element import shape_derivatives, shape_functions
+
     x, w = gauss_rule(kind.order + 1)
     slope = shape_derivatives(kind, x)
     x, v = gauss_rule(kind.points)

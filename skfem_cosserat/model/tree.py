@@ -29,14 +29,17 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..beam import Beam
 from ..joint import Joint
 from ..joint.base import Freedom
 from ..types import Floats
 from .plane import Plane
+
+if TYPE_CHECKING:
+    from ..beam import Beam
 
 __all__ = ["Coordinate", "Edge", "End", "Span", "Spot", "Tree", "build_tree"]
 

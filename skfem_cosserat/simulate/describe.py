@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import platform
-from typing import Any
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
-import skfem
 
 from .. import diagnostics
-from ..beam import Beam
 from ..body import MassPoint, RigidBody, ball_surface
 from ..diagnostics import Projection
 from ..diagnostics.relative import relative_series
 from ..diagnostics.stacks import all_rows
 from ..frames import Place
 from ..history import History
+from ..kinds import is_beam
 from ..model import System
+from ..model.inertia import lumped
 from ..types import Floats, IndexArray
 from ..version import VERSION
+
+if TYPE_CHECKING:
+    from ..beam import Beam
 
 __all__ = [
     "derive_configuration",
@@ -79,7 +83,7 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     meta: dict[str, Any] = {
         "versions": {
             "skfem_cosserat": VERSION,
-            "scikit-fem": skfem.__version__,
+            "scikit-fem": version("scikit-fem"),
             "numpy": np.__version__,
             "scipy": scipy.__version__,
             "python": platform.python_version(),
@@ -97,10 +101,10 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     }
     static: dict[str, Any] = {"reference": system.q0}
     for item in system.structures:
-        if isinstance(item, Beam):
+        if is_beam(item):
             meta["beams"].append(_describe_beam(system, item, static))
         else:
-            _describe_lump(system, item, meta, static)
+            _describe_lump(system, lumped(item), meta, static)
     for joint in system.joints:
         ends = {"a": joint.a.label, "b": joint.b.label}
         meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
@@ -231,7 +235,7 @@ def derive_configuration(system: System, history: History, t: Floats) -> None:
     series |= relative_series(system, q, v, t, turns)
     y = diagnostics.constraint_points(system, history)
     lam = series["multipliers"] = diagnostics.multipliers(system, y, history["constraint_force"])
-    for beam in (s for s in system.structures if isinstance(s, Beam)):
+    for beam in (s for s in system.structures if is_beam(s)):
         series[f"beam/{beam.name}/strain"] = diagnostics.section_strains(system, beam, q)
         forces = diagnostics.section_forces(system, beam, q, multipliers=lam)
         series[f"beam/{beam.name}/resultant"] = forces

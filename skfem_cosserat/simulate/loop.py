@@ -252,6 +252,8 @@ def _warn_of_elements(system: System, history: History) -> None:
 
     What is drawn too much folds up: of the end nothing may be seen any more.
     """
+    if not system.beam_groups:
+        return
     states = history["q"].reshape(len(history), -1, 3)
     if bent := bent_elements(system, states[-1]):
         logger.warning("t = %.6g s: %s", history.times[-1], bent)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from ..beam import Beam
 from ..diagnostics import SectionValues, evaluate, multipliers, reactions
 from ..diagnostics.stacks import all_rows
 from ..errors import InputError
@@ -16,9 +15,13 @@ from ..frames import Item, Place
 from ..history import HistoryWriter
 from ..integrators import State, Stepper, StepReport
 from ..joint import Joint
+from ..kinds import is_beam
 from ..model import System
 from ..twin import Attached, Twins
 from ..types import ArrayLike, Floats, numbers
+
+if TYPE_CHECKING:
+    from ..beam import Beam
 
 __all__ = [
     "Sensor",
@@ -211,7 +214,7 @@ class SensorStrain(Sensor):
     def twin(self, twins: Twins) -> Self:
         """See the base class; there must still be a beam."""
         other = super().twin(twins)
-        if not isinstance(other.beam, Beam):
+        if not is_beam(other.beam):
             raise InputError("sensor", f"the {self.beam.label} is a rigid body: it has no strains")
         return other
 
@@ -324,7 +327,7 @@ class _Point(Attached):
     def __init__(self, where: Place | Beam, s: float | None, part: str | None) -> None:
         self.beam: Beam | None = None
         self.place: Place | None = None
-        if isinstance(where, Beam):
+        if is_beam(where):
             if s is None:
                 raise InputError("sensor", f"s is missing: the arc length on the {where.label}")
             length = numbers("sensor", "s", s)
@@ -343,7 +346,7 @@ class _Point(Attached):
         other = super().twin(twins)
         if self.beam is not None:
             item = twins.of(self.beam)
-            if isinstance(item, Beam):
+            if is_beam(item):
                 other._elements, other._xi = item.along(self._s, self._part)
             else:  # a body that stands for it
                 x = self.beam.mesh.mapping().F(self._xi[None], self._elements)[:, 0, 0]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import null_space, qr
-from scipy.sparse import bmat, coo_matrix, csr_matrix, diags, vstack
+from scipy.sparse import bmat, coo_matrix, csr_matrix, diags, identity, kron, vstack
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
@@ -336,6 +336,10 @@ def _unheld(system: System, y: Floats, E: csr_matrix) -> Floats:
         blocks = system.mass_tangent(0.0)
         springs = blocks_matrix(system, [*blocks, system.couplings.stiffness(y)])
         parts.append(csr_matrix(springs @ E))
+    if system.plane is not None:  # there are no motions out of it
+        out_of = np.zeros((3, 6))
+        out_of[0, :3], out_of[1:, 3:] = system.plane.normal, system.plane.axes
+        parts.append(kron(identity(E.shape[1] // 6), out_of))
     matrix = vstack(parts).toarray()
     size = np.linalg.norm(matrix, axis=1)
     matrix = matrix[size > 1e-12 * size.max(initial=1e-300)]
