@@ -199,7 +199,7 @@ def test_stability_of_the_stiff_swing(tmp_path):
 
 @pytest.mark.slow
 def test_stability_of_the_stiff_swing_with_all_integrators(tmp_path):
-    """The most dissipative ones pass event X at 1e-2 and 3e-2 s; variational ones fail around it."""
+    """The most dissipative pass event X at 1e-2 and 3e-2 s; variational ones fail around it."""
     found = stability.main(True, (1e-2, 3e-2), (1.0,), resume=tmp_path / "cells")["map"]
     for name, cells in zip(found.axes["integrator"], found.cells[:, 0], strict=True):
         for cell in cells:
