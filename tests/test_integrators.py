@@ -107,6 +107,29 @@ def test_orders_of_compositions(scheme, base, band, treatment):
         assert abs(np.log2(d[0] / d[1]) - scheme.order) < band, name
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
+@pytest.mark.parametrize(
+    "scheme",
+    [
+        sc.Composition(sc.Variational()),
+        sc.Composition(sc.EnergyMomentum()),
+        sc.Composition(sc.Variational(), order=6),
+    ],
+    ids=repr,
+)
+def test_orders_of_compositions_with_beams(scheme, treatment):
+    """In q, v and multipliers, once the steps resolve the beam's vibrations."""
+    system, start = free_beam()
+    runs = [
+        sc.simulate(system, scheme, treatment, h, 0.1, start=start, at=[0.1])
+        for h in (0.01, 0.005, 0.0025)
+    ]
+    for name in ("q", "v", "multipliers"):
+        d = [np.linalg.norm(b[name][-1] - a[name][-1]) for a, b in pairwise(runs)]
+        assert np.log2(d[0] / d[1]) == pytest.approx(scheme.order, abs=0.3), name
+
+
 def test_energy_momentum_is_not_composed_to_order_six():
     """What its velocities have off the hidden constraints changes sign in each step."""
     with pytest.raises(sc.IncompatibleError, match="changes sign each step"):

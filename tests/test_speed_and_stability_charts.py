@@ -199,7 +199,7 @@ def test_stability_of_the_stiff_swing(tmp_path):
 
 @pytest.mark.slow
 def test_stability_of_the_stiff_swing_with_all_integrators(tmp_path):
-    """The dissipative ones pass event X at 3e-2 s; all variational ones fail around it."""
+    """The most dissipative pass event X at 1e-2 and 3e-2 s; variational ones fail around it."""
     found = stability.main(True, (1e-2, 3e-2), (1.0,), resume=tmp_path / "cells")["map"]
     for name, cells in zip(found.axes["integrator"], found.cells[:, 0], strict=True):
         for cell in cells:
@@ -209,8 +209,11 @@ def test_stability_of_the_stiff_swing_with_all_integrators(tmp_path):
                 assert cell.status == "blowup" and cell.time < 0.1, (name, cell)
             elif name == "energy-momentum":
                 assert cell.status == "ok" and cell.energy_error < 1e-10, (name, cell)
-            elif name.startswith(("generalized-alpha", "energy-decaying 0.05")):
-                assert cell.status in ("ok", "drift") and cell.time > 0.66, (name, cell)
+            elif name in ("generalized-alpha 0", "energy-decaying 0.05"):
+                assert cell.status == "drift" and cell.time > 0.66, (name, cell)
+        if name.startswith("generalized-alpha 0."):  # nothing bounds its energy
+            assert cells[0].status == "newton" and cells[0].energy_error > 5, (name, cells[0])
+            assert "a smaller rho_inf" in cells[0].reason
 
 
 def test_cells_that_would_take_too_long_stay_empty(monkeypatch):
