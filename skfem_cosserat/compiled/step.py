@@ -10,6 +10,7 @@ from .. import newton
 from ..types import Floats, IndexArray
 from . import numbers as n
 from .jit import call, call_beams, inlined, jit
+from .lanes import WIDTH, load, store
 
 __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
 
@@ -48,7 +49,9 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
         call(p[n.JOINT_MOVE], s, m, w, numbers, 0)
     y0, y1, mid, internal = w.y0, w.y1, w.mid, w.internal
     share = numbers[n.SHARE]
-    for r in range(len(y1)):
+    for k in range(y1.size // WIDTH):
+        store(mid, k, (1.0 - share) * load(y0, k) + share * load(y1, k))
+    for r in range(max(len(y1) - 1, 0), len(y1)):  # what may be left
         for c in range(3):
             mid[r, c] = (1.0 - share) * y0[r, c] + share * y1[r, c]
     for r in range(len(internal)):
