@@ -256,7 +256,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         "free": _ints(tree.free),
         "loose": _ints([v for v in tree.free if system.is_frame[v]]),
         "R": np.zeros((len(kin.row), 3, 3)),
-        "shift": np.zeros((count, 3)),
+        "triads": _ints(np.flatnonzero(system.is_frame)),
         "turn": np.zeros((count, 4)),
         "mass_data": mass.data,
         "mass_indices": mass.indices.astype(np.int64),

@@ -99,6 +99,7 @@ for _operation, _name in (
 
 def _pointer(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> Any:
     """Address of the entry at a flat place."""
+    assert kind.layout == "C", kind
     data = context.make_array(kind)(context, builder, array).data
     return builder.gep(data, [place])
 

@@ -32,7 +32,7 @@ TREE = (
         "free",
         "loose",
         "R",
-        "shift",
+        "triads",
         "turn",
         "swing",
         "followed",

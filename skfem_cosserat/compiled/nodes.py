@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..types import Floats
+from . import lanes
 from .elements import scalar_block
 from .jit import inlined, part
+from .lanes import WIDTH, put_rows, rows, store
 from .numbers import (
     CARRY_FORCE,
     CARRY_MASS,
@@ -27,15 +29,21 @@ from .numbers import (
     WEIGHT,
 )
 from .small import (
+    block,
+    chosen,
     combine,
-    compose,
+    composed,
     cross,
     directors,
     dot,
+    frames,
     plus,
     put,
+    put_frames,
+    quaternions,
     rotation,
     row,
+    turned,
 )
 
 __all__ = [
@@ -56,7 +64,7 @@ __all__ = [
 @part
 def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Zero increments; x are those to start with: flag 0 none, 1 the last, 2 extrapolated twice."""
-    x, total, last, before, shift, turn = w.x, w.total, w.last, w.before, s.shift, s.turn
+    x, total, last, before, turn = w.x, w.total, w.last, w.before, s.turn
     for v in range(x.shape[0]):
         for c in range(6):
             start = 0.0
@@ -67,40 +75,42 @@ def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             x[v, c] = start
             total[v, c] = 0.0
         turn[v, 0] = 1.0
-        for c in range(3):
-            shift[v, c] = 0.0
-            turn[v, 1 + c] = 0.0
+        for c in range(1, 4):
+            turn[v, c] = 0.0
     return 0.0
 
 
 @part
 def move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add up the increments x (nv, 6); the rows of y_1 of free vertices, and the ground's."""
-    y0, y1, ground1, x, shift, turn = w.y0, w.y1, w.ground1, w.x, s.shift, s.turn
+    y0, y1, ground1, x, total, turn = w.y0, w.y1, w.ground1, w.x, w.total, s.turn
     free, framed, first, followed, rotations = s.free, s.framed, s.row, s.followed, s.R
-    rows = len(y0) - len(ground1)
-    total = w.total
+    loose = s.loose
+    behind, count = len(y0) - len(ground1), len(loose)
     for v in range(x.shape[0]):
         for c in range(6):
             total[v, c] += x[v, c]
     for r in range(len(ground1)):
-        put(y1, rows + r, row(ground1, r))
+        put(y1, behind + r, row(ground1, r))
+    for k in range(0, count, WIDTH):
+        vs = chosen(loose, block(k, count))
+        own = chosen(first, vs)
+        theta, shift, q = rows(x, vs, 6, 2), rows(total, vs, 6, 0), rows(turn, vs, 4, 0)
+        q = composed(quaternions((theta[1], theta[2], theta[3])), q)
+        R = rotation(q[0], q[1], q[2], q[3])
+        put_rows(turn, vs, 4, 0, q)
+        at, D = frames(y0, own)
+        D = turned(R, D[0]), turned(R, D[1]), turned(R, D[2])
+        put_frames(y1, own, plus(at, (shift[0], shift[1], shift[2])), D)
     for k in range(len(free)):
         v = free[k]
-        r = first[v]
-        for c in range(3):
-            shift[v, c] += x[v, c]
-            y1[r, c] = y0[r, c] + shift[v, c]
-        if framed[v]:
-            compose((x[v, 3], x[v, 4], x[v, 5]), turn, v)
-            R = rotation(turn[v, 0], turn[v, 1], turn[v, 2], turn[v, 3])
-            if followed[v]:
-                for a in range(3):
-                    for b in range(3):
-                        rotations[v, a, b] = R[a][b]
-            for i in range(1, 4):
-                d = row(y0, r + i)
-                put(y1, r + i, (dot(R[0], d), dot(R[1], d), dot(R[2], d)))
+        if not framed[v]:
+            put(y1, first[v], plus(row(y0, first[v]), row(total, v)))
+        elif followed[v]:
+            H = rotation(turn[v, 0], turn[v, 1], turn[v, 2], turn[v, 3])
+            for a in range(3):
+                for b in range(3):
+                    rotations[v, a, b] = H[a][b]
     return 0.0
 
 
@@ -125,19 +135,28 @@ def mass_times(s: Any, y1: Floats, y0: Floats, factor: float, out: Floats) -> No
 @inlined
 def twist_force(s: Any, y: Floats, R: Floats, F: Floats, b: Floats) -> None:
     """``F = b = P_int(y)^T R`` (nv, 6)."""
-    first, framed = s.row, s.framed
+    first, framed, triads = s.row, s.framed, s.triads
+    count = len(triads)
+    for k in range(0, count, WIDTH):
+        vs = chosen(triads, block(k, count))
+        own = chosen(first, vs)
+        D = frames(y, own)[1]
+        f, G = frames(R, own)
+        u = plus(cross(D[0], G[0]), plus(cross(D[1], G[1]), cross(D[2], G[2])))
+        upper, lower = (f[0], f[1], f[2], u[0]), (f[2], u[0], u[1], u[2])
+        put_rows(F, vs, 6, 0, upper)
+        put_rows(F, vs, 6, 2, lower)
+        put_rows(b, vs, 6, 0, upper)
+        put_rows(b, vs, 6, 2, lower)
+    if count == len(first):
+        return
     for v in range(len(first)):
-        r = first[v]
-        u = (0.0, 0.0, 0.0)
-        if framed[v]:
-            u = cross(row(y, r + 1), row(R, r + 1))
-            u = plus(u, cross(row(y, r + 2), row(R, r + 2)))
-            u = plus(u, cross(row(y, r + 3), row(R, r + 3)))
-        for c in range(3):
-            F[v, c] = R[r, c]
-            F[v, 3 + c] = u[c]
-            b[v, c] = R[r, c]
-            b[v, 3 + c] = u[c]
+        if not framed[v]:
+            for c in range(3):
+                F[v, c] = R[first[v], c]
+                F[v, 3 + c] = 0.0
+                b[v, c] = R[first[v], c]
+                b[v, 3 + c] = 0.0
 
 
 @inlined
@@ -146,9 +165,12 @@ def step_balance(s: Any, w: Any, numbers: Floats, sized: bool) -> float:
     momentum, force = numbers[MOMENTUM], numbers[FORCE]
     R, inertia, p0, internal, external = w.R, w.momentum, w.p0, w.internal, w.external
     mass_times(s, w.y1, w.y0, numbers[MASS], inertia)
-    for r in range(R.shape[0]):
+    for k in range(R.size // WIDTH):
+        f = force * (lanes.load(internal, k) - lanes.load(external, k))
+        store(R, k, lanes.load(inertia, k) - momentum * lanes.load(p0, k) + f)
+    for r in range(max(R.shape[0] - 1, 0), R.shape[0]):  # what may be left
         for c in range(3):
-            f = force * internal[r, c] - force * external[r, c]
+            f = force * (internal[r, c] - external[r, c])
             R[r, c] = inertia[r, c] - momentum * p0[r, c] + f
     largest = 0.0
     if sized:

@@ -9,19 +9,24 @@ NUMBERS = (
     *("mass", "momentum", "force", "start", "end", "weight", "length"),
     *("rotation", "mixed", "reuse", "iterations", "largest", "increment", "negligible"),
     *("stagnation", "settled", "carry_mass", "carry_momentum", "carry_force"),
-    "share",
+    *("share", "worth"),
 )
 MASS, MOMENTUM, FORCE, START, END, WEIGHT, LENGTH = range(7)
 ROTATION, MIXED, REUSE, LIMIT, LARGEST, INCREMENT, NEGLIGIBLE = range(7, 14)
 STAGNATION, SETTLED, CARRY_MASS, CARRY_MOMENTUM, CARRY_FORCE = range(14, 19)
-SHARE = 19
+SHARE, WORTH = 19, 20
 
 #: what the loop over the iterations leaves behind for the next step: whether factors are kept, the
 #: contraction they gave last and the first increment of that step; how to start: from no
 #: increment, the last one or both extrapolated (0, 1, 2), and how many are known; of the step
-#: itself: iterations, residual, factorisations, work of the loads (J)
-RECORD = ("kept", "rate", "first", "start", "known", "iterations", "residual", "factored", "work")
-KEPT, RATE, FIRST, GUESS, KNOWN, ITERATIONS, RESIDUAL, FACTORED, WORK = range(len(RECORD))
+#: itself: iterations, residual, factorisations, work of the loads (J); steps with these factors
+#: and all their iterations
+RECORD = (
+    *("kept", "rate", "first", "start", "known", "iterations", "residual", "factored", "work"),
+    *("steps", "spent"),
+)
+KEPT, RATE, FIRST, GUESS, KNOWN, ITERATIONS, RESIDUAL, FACTORED, WORK = range(9)
+STEPS, SPENT = 9, 10
 
 #: functions that take ``(s, m, w, numbers, flag)``, and those that take ``(g, w, numbers, flag)``
 TREE_PARTS = (

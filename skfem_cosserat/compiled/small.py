@@ -9,7 +9,7 @@ import numpy as np
 
 from ..types import Floats, IndexArray
 from .jit import inlined
-from .lanes import rows
+from .lanes import largest, put_rows, rows
 
 __all__ = [
     "Places",
@@ -20,6 +20,7 @@ __all__ = [
     "chosen",
     "combine",
     "compose",
+    "composed",
     "cross",
     "directors",
     "dot",
@@ -28,7 +29,9 @@ __all__ = [
     "minus",
     "plus",
     "put",
+    "put_frames",
     "quaternion",
+    "quaternions",
     "rotation",
     "row",
     "times",
@@ -131,20 +134,40 @@ def quaternion(theta: Vector) -> Quaternion:
 
 
 @inlined
-def compose(theta: Vector, q: Floats, v: int) -> None:
-    """Turn the quaternion ``q_v`` by a rotation vector, and normalise it."""
-    a = quaternion(theta)
-    b0, b1, b2, b3 = q[v, 0], q[v, 1], q[v, 2], q[v, 3]
-    w = a[0] * b0 - a[1] * b1 - a[2] * b2 - a[3] * b3
-    x = a[0] * b1 + b0 * a[1] + a[2] * b3 - a[3] * b2
-    y = a[0] * b2 + b0 * a[2] + a[3] * b1 - a[1] * b3
-    z = a[0] * b3 + b0 * a[3] + a[1] * b2 - a[2] * b1
+def quaternions(theta: Vector) -> Quaternion:
+    """The same for lanes: those of a fraction of the angle, doubled again."""
+    square = dot(theta, theta)
+    half2 = 0.25 * square
+    doubled = 0
+    while largest(half2) >= 0.01 and doubled < 30:
+        half2 = 0.25 * half2
+        doubled += 1
+    w = 1 - half2 / 2 * (1 - half2 / 12 * (1 - half2 / 30 * (1 - half2 / 56)))
+    f = 0.5 - half2 / 12 * (1 - half2 / 20 * (1 - half2 / 42 * (1 - half2 / 72)))
+    f = f * 0.5**doubled
+    for _ in range(doubled):
+        w, f = w * w - f * f * square, 2.0 * w * f
+    return w, f * theta[0], f * theta[1], f * theta[2]
+
+
+@inlined
+def composed(a: Quaternion, b: Quaternion) -> Quaternion:
+    """Product of unit quaternions, normalised."""
+    w = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
+    x = a[0] * b[1] + b[0] * a[1] + a[2] * b[3] - a[3] * b[2]
+    y = a[0] * b[2] + b[0] * a[2] + a[3] * b[1] - a[1] * b[3]
+    z = a[0] * b[3] + b[0] * a[3] + a[1] * b[2] - a[2] * b[1]
     # both have length one to rounding: one step towards the inverse of a square root
     f = 1.5 - 0.5 * (w * w + x * x + y * y + z * z)
-    q[v, 0] = f * w
-    q[v, 1] = f * x
-    q[v, 2] = f * y
-    q[v, 3] = f * z
+    return f * w, f * x, f * y, f * z
+
+
+@inlined
+def compose(theta: Vector, q: Floats, v: int) -> None:
+    """Turn the quaternion ``q_v`` by a rotation vector, and normalise it."""
+    p = composed(quaternion(theta), (q[v, 0], q[v, 1], q[v, 2], q[v, 3]))
+    for c in range(4):
+        q[v, c] = p[c]
 
 
 @inlined
@@ -187,3 +210,11 @@ def frames(y: Floats, first: Places) -> tuple[Vector, Rotation]:
     a, b, c = rows(y, first, 3, 0), rows(y, first, 3, 4), rows(y, first, 3, 8)
     triad = (a[3], b[0], b[1]), (b[2], b[3], c[0]), (c[1], c[2], c[3])
     return (a[0], a[1], a[2]), triad
+
+
+@inlined
+def put_frames(y: Floats, first: Places, x: Vector, D: Rotation) -> None:
+    """Store what :func:`frames` loads."""
+    put_rows(y, first, 3, 0, (x[0], x[1], x[2], D[0][0]))
+    put_rows(y, first, 3, 4, (D[0][1], D[0][2], D[1][0], D[1][1]))
+    put_rows(y, first, 3, 8, (D[1][2], D[2][0], D[2][1], D[2][2]))

@@ -10,6 +10,7 @@ from .. import newton
 from ..types import Floats, IndexArray
 from . import numbers as n
 from .jit import call, call_beams, inlined, jit
+from .lanes import WIDTH, load, store
 
 __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
 
@@ -48,7 +49,9 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
         call(p[n.JOINT_MOVE], s, m, w, numbers, 0)
     y0, y1, mid, internal = w.y0, w.y1, w.mid, w.internal
     share = numbers[n.SHARE]
-    for r in range(len(y1)):
+    for k in range(y1.size // WIDTH):
+        store(mid, k, (1.0 - share) * load(y0, k) + share * load(y1, k))
+    for r in range(max(len(y1) - 1, 0), len(y1)):  # what may be left
         for c in range(3):
             mid[r, c] = (1.0 - share) * y0[r, c] + share * y1[r, c]
     for r in range(len(internal)):
@@ -143,6 +146,16 @@ def increment(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, ke
 
 
 @inlined
+def worn(numbers: Floats, record: Floats) -> bool:
+    """Whether new factors pay: the last step took more than the mean of all with these factors.
+
+    Their making counts as `worth` iterations: this mean is smallest where steps come to cost more.
+    """
+    steps = record[n.STEPS]
+    return steps > 0.0 and record[n.ITERATIONS] * steps > numbers[n.WORTH] + record[n.SPENT]
+
+
+@inlined
 def accepted(p: IndexArray, s: Any, m: Any, w: Any, numbers: Floats, record: Floats) -> bool:
     """Finish a step, and keep what the next one starts with; False: something has turned over."""
     record[n.WORK] = call(p[n.FINISH], s, m, w, numbers, 0)
@@ -176,6 +189,7 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
     if kept and left_over(record[n.FIRST], rate, settled) > reuse:
         kept = False
         record[n.RATE] = 0.8 * rate
+    kept = kept and not worn(numbers, record)
     start(p, s, m, w, g, numbers, int(record[n.GUESS]))
     size = evaluate(p, s, m, w, g, numbers, int(not kept))
     last, mixed, swept = np.inf, 0, 0.0
@@ -207,8 +221,9 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
                     kept, mixed, last = False, 0, before
                     continue
             further = left_over(length, rate, settled)
-            # a rate of steps before says nothing of factors that have grown old since
-            done = done or (further <= 0.0 and (count > 1 or length <= settled))
+            # a rate of steps before says nothing of factors that have grown old since, and that
+            # after an iteration with factors of its own is quadratic, once
+            done = done or (further <= 0.0 and (swept > 0.0 or length <= settled))
             swept += 1.0
             kept = further <= reuse or rate == UNKNOWN  # the next iteration will tell
             kept = kept and swept < reuse + 2.0
@@ -229,5 +244,9 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
             rate, swept = 0.0, 0.0
         if done and size <= WRONG:
             record[n.ITERATIONS], record[n.RESIDUAL] = count, size
+            if record[n.FACTORED] > 0.0:
+                record[n.STEPS], record[n.SPENT] = 0.0, 0.0
+            record[n.STEPS] += 1.0
+            record[n.SPENT] += count
             return accepted(p, s, m, w, numbers, record)
     return False

@@ -163,7 +163,7 @@ class CompiledScene:
             **{name: getattr(scheme, name) for name in ("mass", "momentum", "force", "share")},
             **dict(zip(("start", "end"), (0.5, 0.5) if scheme.ends else (0.0, 1.0), strict=True)),
             **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
-            **{"weight": weight, "length": system.length},
+            **{"weight": weight, "length": system.length, "worth": self.worth},
         }
         self._all = (
             *self._bind(weight, scheme.ends, static),
@@ -202,6 +202,14 @@ class CompiledScene:
     def linear(self) -> LinearSolver | None:
         """What solves for the vertices that elimination in blocks leaves, if there are any."""
         return None if self._rest is None else self._rest.solver
+
+    @property
+    def worth(self) -> float:
+        """How many iterations new factors cost, as measured; infinite: they are kept while they do.
+
+        Not measured where sparse solvers take the rest.
+        """
+        return np.inf if len(self.plan.rest) else 5.0
 
     @property
     def method(self) -> str:
@@ -447,6 +455,11 @@ class CompiledMultipliers(CompiledStep):
     def method(self) -> str:
         """See the base class."""
         return "blocks with multipliers"
+
+    @property
+    def worth(self) -> float:
+        """See the base class: not measured, so they are kept as long as they do."""
+        return np.inf
 
     def _prescribe(self) -> None:
         """See the base class; the first step starts where the tree follows the ground."""
