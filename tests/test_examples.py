@@ -57,3 +57,19 @@ def test_refinement_study(tmp_path):
         assert 0 < doubt < 0.1 * error
     names = {path.name for path in tmp_path.iterdir()}
     assert {"bend.csv", "swing_sudden.csv", "swing_growing.csv"} <= names
+
+
+def test_events(tmp_path):
+    """A chain that locks a joint and lets its ball go: energy and parabola to rounding."""
+    result = load("events").main(out=tmp_path / "events.png")
+    times, losses = result["times"], result["losses"]
+    assert list(times) == ["motor off", "knee locks", "ball let go"]
+    assert losses["knee locks"] > 0.1 > 1e6 * abs(losses["motor off"])
+    assert result["balance"] < 1e-9 and result["parabola"] < 1e-11
+    history = result["history"]
+    row = history.events[1].row
+    assert abs(history["joint/joint 2/angle"][row + 1 :]).max() < 1e-9
+    assert abs(history["joint/joint 2/angle_rate"][row + 1 :]).max() < 1e-9
+    fine = load("events").main(tolerance=1e-4)
+    assert fine["times"]["ball let go"] == pytest.approx(times["ball let go"], abs=2e-3)
+    assert (tmp_path / "events.png").stat().st_size > 1000

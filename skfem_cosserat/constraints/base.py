@@ -84,6 +84,10 @@ class BoundTreatment(ABC):
         return
 
     @abstractmethod
+    def rescale(self, ratio: float) -> None:
+        """The next step is `ratio` times as long as the last one: its guess follows suit."""
+
+    @abstractmethod
     def move_ground(self, ground1: Array) -> None:
         """Change the ground's rows at the end of the step; the increments so far are kept."""
 

@@ -151,6 +151,10 @@ class BoundMultipliers(BoundTreatment):
             self._q = self._q0 + self._inside.within(self._q - self._q0)
         self._multiplier = multiplier * self._keep
 
+    def rescale(self, ratio: float) -> None:
+        """See the base class; multipliers are kept as impulses."""
+        self.last = None if self.last is None else (ratio * self.last[0], ratio * self.last[1])
+
     def stay(self) -> None:
         """See the base class."""
         multiplier = self._multiplier

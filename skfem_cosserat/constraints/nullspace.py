@@ -197,6 +197,10 @@ class BoundNullSpace(BoundTreatment):
         if extrapolate and self.last is not None:
             self._add(self.last)
 
+    def rescale(self, ratio: float) -> None:
+        """See the base class."""
+        self.last = None if self.last is None else ratio * self.last
+
     def move_ground(self, ground1: Array) -> None:
         """See the base class."""
         self.chart.move_ground(ground1)

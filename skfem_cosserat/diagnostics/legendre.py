@@ -63,6 +63,8 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
         raise IncompatibleError(
             item, f"belong to the integrator {scheme.name!r}, the history was made with {name!r}"
         )
+    if "step_size" in history:
+        raise IncompatibleError(item, "are for steps of one size, those of this history vary")
     check_consecutive(history, item)
     q, _ = as_stack(system, "history", history["q"])
     times, h = history.times, float(history.meta["step"])

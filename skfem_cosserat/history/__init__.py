@@ -7,8 +7,17 @@ studies can read a run that was made on another computer, by another version, or
 from __future__ import annotations
 
 from .container import History
+from .event import EventRecord
 from .file import read_meta
 from .sensor import SensorRecord, Spectrum, spectrum
 from .writer import HistoryWriter
 
-__all__ = ["History", "HistoryWriter", "SensorRecord", "Spectrum", "read_meta", "spectrum"]
+__all__ = [
+    "EventRecord",
+    "History",
+    "HistoryWriter",
+    "SensorRecord",
+    "Spectrum",
+    "read_meta",
+    "spectrum",
+]

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..types import Array, Floats
 from .data import BASIC, check_basic, numbers, plain
+from .event import EventRecord
 from .file import load_file, save_file
 from .sensor import SensorRecord
 
@@ -100,6 +101,34 @@ class History:
         return out
 
     @property
+    def events(self) -> list[EventRecord]:
+        """Events of a run, in the order in which they happened."""
+        return [EventRecord(**event) for event in self.meta.get("events", [])]
+
+    @property
+    def segments(self) -> list[tuple[int, int]]:
+        """First row, and that after the last one, of each part with joints or loads of its own."""
+        starts = [min(s["row"], len(self)) for s in self.meta.get("segments", [{"row": 0}])]
+        return list(zip(starts, [*starts[1:], len(self)], strict=True))
+
+    def segment(self, k: int) -> History:
+        """One of the segments, as a history of its own: of one system.
+
+        Raises
+        ------
+        InputError
+            If there is no segment `k`.
+        """
+        segments = self.segments
+        if not -len(segments) <= k < len(segments):
+            raise InputError("argument k", f"got segment {k}, there are {len(segments)}")
+        meta = dict(self.meta)
+        about = meta.pop("segments", [{}])[k]
+        meta |= {name: about[name] for name in ("fingerprint",) if name in about}
+        rows = slice(*segments[k])
+        return History(meta, self.static, {name: s[rows] for name, s in self._series.items()})
+
+    @property
     def times(self) -> Floats:
         """Times of the recorded states ``(N,)`` in s."""
         return self._series["t"]
@@ -114,7 +143,11 @@ class History:
 
     def __repr__(self) -> str:
         span = f", t = {self.times[0]:g} ... {self.times[-1]:g} s" if len(self) else ""
-        return f"<History: {len(self)} states{span}, {len(self._series)} series, {self.status}>"
+        count = len(self.events)
+        what = f", {count} event{'s' * (count > 1)}" if count else ""
+        return (
+            f"<History: {len(self)} states{span}, {len(self._series)} series{what}, {self.status}>"
+        )
 
     def __contains__(self, name: object) -> bool:
         return name in self._series

@@ -110,6 +110,15 @@ def spectrum(times: ArrayLike, values: ArrayLike, window: str = "hann") -> Spect
     return Spectrum(np.asarray(np.fft.rfftfreq(len(t), step), dtype=float), lines)
 
 
+def _weights(at: Floats, order: int) -> Floats:
+    """Weights of values at these distances for a derivative at zero, exact for polynomials."""
+    size = float(abs(at).max())
+    powers = np.vander(at / size, increasing=True).T
+    wanted = np.zeros(len(at))
+    wanted[order] = (1.0, 1.0, 2.0)[order] / size**order
+    return np.asarray(np.linalg.solve(powers, wanted))
+
+
 @dataclass(frozen=True)
 class SensorRecord:
     """Values of a sensor at every step of a run.
@@ -137,14 +146,24 @@ class SensorRecord:
         return spectrum(self.times, self.values, window)
 
     def derivative(self, order: int) -> SensorRecord:
-        """First or second derivative by differences of second order, at the ends one-sided."""
+        """First or second derivative by differences of second order, at the ends one-sided.
+
+        Second derivatives where steps differ: of first order in their difference.
+        """
         t, x = self.times, self.values
         per = {1: "/s", 2: "/s^2"}[order]
         if len(t) < order + 2:
             return SensorRecord(t, np.full(x.shape, np.nan), self.unit + per)
         h = float((t[-1] - t[0]) / (len(t) - 1))
         out = np.empty_like(x)
-        if order == 1:
+        if abs(np.diff(t) - h).max() > 1e-6 * h:
+            for k in range(len(t)):
+                near = np.clip(k + np.arange(-1, 2), 0, len(t) - 1)
+                if order == 2 or k in (0, len(t) - 1):
+                    first = min(max(k - 1, 0), len(t) - 2 - order)
+                    near = first + np.arange(2 + order if k in (0, len(t) - 1) else 3)
+                out[k] = np.tensordot(_weights(t[near] - t[k], order), x[near], 1)
+        elif order == 1:
             out[1:-1] = (x[2:] - x[:-2]) / (2 * h)
             out[0] = (-3 * x[0] + 4 * x[1] - x[2]) / (2 * h)
             out[-1] = (3 * x[-1] - 4 * x[-2] + x[-3]) / (2 * h)

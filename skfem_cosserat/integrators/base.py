@@ -251,6 +251,8 @@ class Integrator(ABC):
     composed_to : int
         Highest order that symmetric compositions of its steps have; 0: it is not to be composed,
         since a step back does not undo a step, say.
+    fixed_step : str or None
+        Why its steps have to be all of one size; None: they need not.
     part, shares : Integrator and tuple of float
         The scheme whose steps one step is made of, and their sizes as shares of it; none: the step
         is one of its own.
@@ -260,6 +262,7 @@ class Integrator(ABC):
     order: int
     remembered: int = 0
     composed_to: int = 0
+    fixed_step: str | None = None
     part: Integrator | None = None
     shares: tuple[float, ...] = ()
     constraint_weight: float
@@ -304,6 +307,10 @@ class Integrator(ABC):
     def memory(self, evaluation: Evaluation) -> Floats | None:
         """What is carried on beside positions and momentum (k, n)."""
         return None
+
+    def resized(self, state: State, h: float) -> State:
+        """The state for a step of another size than the one that led to it."""
+        return state
 
     def start_force(self, system: System, state: State, h: float) -> Floats | None:
         """Constraint force (n,) at a state a run starts from; None: that of the step after it."""

@@ -99,6 +99,7 @@ class Composition(Integrator):
         # it is the longest of the steps that has to resolve the frequencies
         limit, longest = part.frequency_limit, max(abs(share) for share in half)
         self.frequency_limit = None if limit is None else limit / longest
+        self.fixed_step = part.fixed_step
         self.advice, self.conserves = part.advice, part.conserves
         source = {
             4: "Suzuki, Phys. Lett. A 146 (1990) 319",

@@ -26,6 +26,10 @@ class ExplicitScheme(Integrator):
     """What the explicit schemes have in common: no balance, no tangent, p = M v."""
 
     order = 2
+    fixed_step = (
+        "symplectic for steps of one size only (with steps that follow the motion its energy"
+        " drifts), and bound to the limit of its elements"
+    )
     constraint_weight = 0.0
     force_share = 1.0
     advice = "a step below the limit"

@@ -295,6 +295,23 @@ class CompiledStep(CompiledScene):
             self._all = (*others, self._viscous.beside(beams, numbers), numbers)
         self._rows = np.zeros(0, dtype=np.int64)
 
+    def resized(self, h: float) -> CompiledStep:
+        """The same for steps of another size; factors of matrices are not kept."""
+        scheme = self.integrator.scheme(h)
+        assert isinstance(scheme, Scheme)
+        changed = {name: getattr(scheme, name) for name in ("mass", "momentum", "force")}
+        carried = ("carry_mass", "carry_momentum", "carry_force")
+        changed |= dict(zip(carried, scheme.carry, strict=True))
+        for name, number in changed.items():
+            self._all[-1][NUMBERS.index(name)] = number
+        self.last, self._record[KEPT] = self._scaled_last(h / self.h), 0.0
+        self.h, self.scheme = h, scheme
+        return self
+
+    def _scaled_last(self, ratio: float) -> Any:
+        """What is known of the last step, for one whose size is `ratio` times its own."""
+        return None if self.last is None else ratio * self.last
+
     @property
     def looped(self) -> bool:
         """Whether there are closed loops."""
@@ -450,6 +467,19 @@ class CompiledMultipliers(CompiledStep):
         self._record[KNOWN] = self._record[GUESS] = float(value is not None)
         if value is not None:
             self._own.last.ravel()[:], self._own.last_one[:] = value
+
+    def resized(self, h: float) -> CompiledStep:
+        """See the base class; unscaled matrices have the step size in them: bound anew."""
+        if self._scaled:
+            return super().resized(h)
+        own = self.system, self.integrator, h, self.settings, self.plan
+        other = CompiledMultipliers(*own, scaled=False)
+        other.factorisations, other.last = self.factorisations, self._scaled_last(h / self.h)
+        return other
+
+    def _scaled_last(self, ratio: float) -> Any:
+        """See the base class."""
+        return None if self.last is None else tuple(ratio * part for part in self.last)
 
     @property
     def method(self) -> str:

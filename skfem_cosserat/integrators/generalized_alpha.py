@@ -172,6 +172,14 @@ class GeneralizedAlpha(Integrator):
         v = nearest_velocity(system, y, state.p, state.time)
         return v, accelerations(system, state.q, v, state.time, state.turns)[0]
 
+    def resized(self, state: State, h: float) -> State:
+        """See the base class: alpha is an acceleration a share of the step earlier or later."""
+        if state.memory is None or state.maker is None:
+            return state
+        memory = state.memory.copy()
+        memory[2] = memory[1] + h / state.maker[1] * (memory[2] - memory[1])
+        return replace(state, memory=memory, maker=(self.name, h))
+
     def start_force(self, system: System, state: State, h: float) -> Floats:
         """See the base class: what the accelerations leave of the balance."""
         if state.memory is None:

@@ -99,7 +99,7 @@ ATTEMPTS = ((True, False), (False, False), (False, True), (True, True))
 
 
 class Stepper:
-    """Solves step after step of fixed size.
+    """Solves step after step, of one size until :meth:`resize` changes it.
 
     Parameters
     ----------
@@ -168,6 +168,8 @@ class Stepper:
         _check_kind("settings", self.settings, NewtonSettings)
         #: name and step by which its states are known, and what a failed step is called by
         self.maker = integrator.name, self.h
+        #: whether states of the same scheme go on as they are after steps of other sizes
+        self.varying = False
         self._march = integrator.march(system, treatment, self.h, kernels, steps)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
         self.bound.large = False
@@ -225,6 +227,26 @@ class Stepper:
             return next(iter(self._stages.values())).method
         return self.bound.solver.method if self._fast is None else self._fast.method
 
+    def resize(self, h: float) -> None:
+        """Take steps of another size (s), of the same sign, from now on; not if explicit."""
+        self.varying = True
+        if h == self.h:
+            return
+        if self._march is not None:
+            raise IncompatibleError(f"{self.integrator!r} with another step", "its steps are fixed")
+        sign = -1 if self.h < 0 else 1
+        ratio, self.h = (
+            h / self.h,
+            sign * positive("argument step", "step", sign * h, " of seconds"),
+        )
+        self.maker = self.integrator.name, self.h
+        for share, stage in self._stages.items():
+            stage.resize(share * h)
+            stage.maker = self.maker
+        self.bound.rescale(ratio)
+        if self._fast is not None:
+            self._fast = self._fast.resized(h)
+
     def advance(self, state: State, time: float | None = None) -> StepReport:
         """Solve the step that follows `state`.
 
@@ -261,8 +283,11 @@ class Stepper:
         if state.maker is None:
             return state
         name, step = state.maker
-        if name == self.maker[0] and np.isclose(step, self.maker[1], rtol=1e-9, atol=0):
-            return state
+        if name == self.maker[0]:
+            if np.isclose(step, self.maker[1], rtol=1e-9, atol=0):
+                return state
+            if self.varying:
+                return self.integrator.resized(state, self.h)
         y = self.system.extend(state.q, state.time)
         v = nearest_velocity(self.system, y, state.p, state.time)
         p = np.asarray(self.system.mass @ v.reshape(-1, 3)).reshape(-1)

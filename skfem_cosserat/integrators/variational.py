@@ -76,6 +76,9 @@ class Variational(Integrator):
     name = "variational"
     order = 2
     composed_to = 6
+    fixed_step = (
+        "symplectic for steps of one size only: with steps that follow the motion its energy drifts"
+    )
     constraint_weight = 0.0
     force_share = 0.5
     start_share = 0.5

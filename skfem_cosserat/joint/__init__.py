@@ -2,6 +2,7 @@
 
 from .base import Freedom, Joint, Slide, Turn
 from .closed import JointFixed, JointRevolute, JointSpherical, JointUniversal
+from .locked import JointLocked
 from .open import (
     JointCylindrical,
     JointDistance,
@@ -16,6 +17,7 @@ __all__ = [
     "JointCylindrical",
     "JointDistance",
     "JointFixed",
+    "JointLocked",
     "JointPlanar",
     "JointPointOnLine",
     "JointPrismatic",

@@ -17,6 +17,7 @@ from ..joint import Joint
 from ..kernels import null_space_blocks
 from ..types import Floats, IndexArray
 from .closure import Closure
+from .ground import Placed
 from .groups import Group
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
@@ -65,10 +66,12 @@ class Scene(Protocol):
     unknowns: int
     rank: int
     m: int
+    placed: Placed | None
+    since: float
 
     @property
-    def q0(self) -> Floats:
-        """Reference configuration."""
+    def spanned(self) -> Floats:
+        """See :class:`System`."""
 
     @property
     def length(self) -> float:
@@ -101,7 +104,7 @@ def check_drives(drives: Sequence[JointDrive]) -> None:
 
 def check_mobility(system: Scene, doubt: str = "") -> None:
     """Something can move, or is moved by a drive; `doubt` is added to the message."""
-    if system.unknowns > 0 or system.moving:
+    if system.unknowns > 0 or system.moving or system.placed is not None:
         return
     raise InputError(
         "model",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from ..frames import Place
 from ..types import Floats
 from .plane import Plane
 
-__all__ = ["Ground"]
+__all__ = ["Ground", "Placed"]
 
 #: instants of which the rate is kept
 KEPT = 4096
@@ -99,3 +100,19 @@ class Ground:
                 break
             before, width = rate, width / 4
         return best, error
+
+
+class Placed(NamedTuple):
+    """Where the constraints of a scene are set up that has changed in a motion.
+
+    Attributes
+    ----------
+    q : (n,) array
+    t : float
+    ground : Ground
+        All frames there were, so that the rows of y stay what they are.
+    """
+
+    q: Floats
+    t: float
+    ground: Ground

@@ -115,7 +115,7 @@ def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
     unheld = unheld_spans(system.rung_rows, [span for span, _ in system.tree.spans])
     numbers = np.concatenate([none, *rows, unheld])
     system.closure = Closure(system.kinematics, system.constraints, numbers, system.length)
-    start = system.extend(system.q0, 0.0)
+    start = system.spanned
     there = system.closure.decide(start, tree_values(system, start))
     redundant = _beside(system, start, there)
     doubt = almost_redundant(system)
@@ -141,7 +141,7 @@ def almost_redundant(system: Scene) -> str:
 
 def closure_rows(system: Scene) -> Floats:
     """Independent closure rows (rank, K) in the reference configuration."""
-    y = system.extend(system.q0, 0.0)
+    y = system.spanned
     out = np.zeros((system.closure.rank, system.kinematics.unknowns))
     start = 0
     for s in system.closure.select(y, tree_values(system, y)):
@@ -261,10 +261,10 @@ def _check_motion(system: Scene) -> None:
     closure = system.closure
     if not system.moving or not len(closure.rows):
         return
-    start, now = system.extend(system.q0, 0.0), system.ground(0.0)
+    start, now = system.spanned, system.ground(system.since)
     chart = Chart(system.kinematics)
     chosen = closure.select(start, tree_values(system, start))
-    for t in (0.1 / 2**k for k in range(11)):
+    for t in (system.since + 0.1 / 2**k for k in range(11)):
         later = system.ground(t)
         if abs(later - now).max() > SMALL_MOTION * min(1.0, system.length):
             continue
@@ -312,7 +312,7 @@ def _beside(system: Scene, start: Floats, redundant: Redundant) -> Redundant:
     before = [c.rank for c in closure.components]
     best, ranks, where = redundant, before, start
     chart, random = Chart(system.kinematics), np.random.default_rng(0)
-    grounds = [system.ground(0.0), _moved_ground(system)]
+    grounds = [system.ground(system.since), _moved_ground(system)]
     for k in range(4):
         closure.decide(start, T)
         chart.begin(start, grounds[k % 2])
@@ -360,8 +360,8 @@ def _small_move(system: Scene, chosen: Sequence[Selected], random: np.random.Gen
 
 def _moved_ground(system: Scene) -> Floats:
     """The ground a little later."""
-    now = system.ground(0.0)
-    for t in (0.1 / 2**k for k in range(8)):
+    now = system.ground(system.since)
+    for t in (system.since + 0.1 / 2**k for k in range(8)):
         later = system.ground(t)
         if abs(later - now).max() < 2 * BESIDE * max(1.0, system.length):
             return later

@@ -35,7 +35,7 @@ from .checks import (
 )
 from .closure import SINGULAR
 from .couplings import Couplings
-from .ground import Ground
+from .ground import Ground, Placed
 from .groups import BeamGroup, Group, lump_group
 from .inertia import Structure, assemble_mass, damping_factors
 from .kinematics import Kinematics
@@ -112,9 +112,11 @@ class System:
         drives: Sequence[JointDrive] = (),
         couplings: Sequence[Coupling] = (),
         dampings: Sequence[RayleighDamping] = (),
+        placed: Placed | None = None,
     ) -> None:
+        self.placed, self.since = placed, 0.0 if placed is None else placed.t
         self.structures, self.joints, self.loads = list(structures), list(joints), list(loads)
-        self.drives, self._dampings = list(drives), list(dampings)
+        self.drives, self.dampings = list(drives), list(dampings)
         self._number()
         self._place_ground(couplings)
         self.mass, self.lumps = assemble_mass(self.structures, self.first, self.rows)
@@ -124,18 +126,16 @@ class System:
         check_joints([*self.joints, *self.drives], 0.0, self.length)
         check_drives(self.drives)
         self._constrain()
-        reference = self.extend(self._y0, 0.0)
-        self.couplings = Couplings(couplings, self.row_of, reference, self.rows)
+        self.couplings = Couplings(couplings, self.row_of, self.extend(self._y0, 0.0), self.rows)
         self.plane: Plane | None = None
         self._space: System | None = None
         self._span()
-        check_inertia(self, reference, closure_rows(self))
+        check_inertia(self, self.spanned, closure_rows(self))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled are the items: arrays, numbers by identity and caches are made anew."""
-        couplings = self.couplings.items
-        items = (self.structures, self.joints, self.loads, self.drives, couplings, self._dampings)
-        return _made, (items, self.plane)
+        items = self.structures, self.joints, self.loads, self.drives, self.couplings.items
+        return _made, ((*items, self.dampings, self.placed), self.plane)
 
     def within(self, plane: Plane) -> System:
         """The same scene, confined to a plane that nothing leaves; see :class:`Planar`."""
@@ -143,7 +143,7 @@ class System:
         out.__dict__.update(self.spatial.__dict__)
         out.plane, out._space, out.loading = plane, self.spatial, copy(self.loading)
         out.loading.guard = guard_of(self.loads, plane)
-        out._ground = self._ground.confined(plane, [drive.place for drive in self.drives])
+        out.grounds = self.grounds.confined(plane, [drive.place for drive in self.drives])
         out._span()
         return out
 
@@ -185,21 +185,22 @@ class System:
         self._y0, self._v0 = np.concatenate(y), np.concatenate(rates)
 
     def _place_ground(self, couplings: Sequence[Coupling]) -> None:
-        places = [place for joint in self.joints for place in (joint.a, joint.b)]
-        places += [place for coupling in couplings for place in (coupling.a, coupling.b)]
+        places = [place for item in (*self.joints, *couplings) for place in (item.a, item.b)]
         self._sides = [place.position for place in places]
-        self._ground = Ground([*places, *(drive.place for drive in self.drives)])
-        self.moving = self._ground.moving
-        self.total = self.rows + self._ground.rows
-        frames = np.arange(0, self._ground.rows, 4)
+        places += [drive.place for drive in self.drives]
+        self.grounds = Ground(places) if self.placed is None else self.placed.ground
+        self.moving = self.grounds.moving
+        self.total = self.rows + self.grounds.rows
+        frames = np.arange(0, self.grounds.rows, 4)
         self.vertex_rows = np.concatenate([self.origin_rows, self.rows + frames])
+        self.spanned = self.extend(self.q0 if self.placed is None else self.placed.q, self.since)
 
     def spot(self, place: Place) -> Spot:
         """Number of a place's vertex, with its material coordinates."""
         offset = tuple(float(X) for X in place.offset)
         if place.item is not None:
             return Spot(self.first[id(place.item)][0] + place.vertex, offset)  # type: ignore[arg-type]
-        return Spot(len(self.origin_rows) + self._ground.number(place), offset)  # type: ignore[arg-type]
+        return Spot(len(self.origin_rows) + self.grounds.number(place), offset)  # type: ignore[arg-type]
 
     def row_of(self, place: Place) -> int:
         """First row of y of a place's vertex."""
@@ -244,8 +245,7 @@ class System:
             ends = self.spot(item.a), self.spot(item.b)
             self.joint_rows.append(JointRows(item, slice(start, build.size), *ends))
         self.rung_rows: list[RungRows] = add_rung_rows(build, self.structures, self.first)
-        reference = self.extend(self._y0, 0.0)
-        self.constraints = QuadraticConstraints(build, reference, self.rows)
+        self.constraints = QuadraticConstraints(build, self.spanned, self.rows)
         self.m = build.size
         guard = ConstraintBuilder()
         self.guarded: list[Joint | JointDrive] = []
@@ -253,7 +253,7 @@ class System:
             for sheet in jr.joint.sheets():
                 self._add_row(guard, sheet)
                 self.guarded.append(jr.joint)
-        self.guards = QuadraticConstraints(guard, reference, self.rows)
+        self.guards = QuadraticConstraints(guard, self.spanned, self.rows)
 
     def terms(self, expression: Expression) -> list[tuple[int, float]]:
         """Rows of y and factors whose sum is the expression."""
@@ -407,15 +407,15 @@ class System:
 
     def ground(self, t: float) -> Floats:
         """Rows of the ground's frames at time `t`, (total - rows, 3)."""
-        return self._ground.at(t)
+        return self.grounds.at(t)
 
     def ground_rate(self, t: float) -> Floats:
         """Time derivative of :meth:`ground`."""
-        return self._ground.rate_and_error(t)[0]
+        return self.grounds.rate_and_error(t)[0]
 
     def ground_rate_and_error(self, t: float) -> tuple[Floats, float]:
         """Time derivative of :meth:`ground` by differences of the callables, and its error."""
-        return self._ground.rate_and_error(t)
+        return self.grounds.rate_and_error(t)
 
     def extend(self, q: Array, t: float) -> Array:
         """All rows ``y`` (total, 3): coordinates q (n,) and the ground at time t (s).

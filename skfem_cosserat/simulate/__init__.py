@@ -1,6 +1,26 @@
 """Integration in time: a generator of steps, and a simulation with a history on top of it."""
 
+from .actions import (
+    ActionFunction,
+    ActionLoad,
+    ActionLock,
+    ActionNone,
+    ActionRelease,
+    ActionStop,
+    ActionUnlock,
+)
+from .advise import StepAdvice, advise_step
+from .conditions import (
+    ConditionCoordinate,
+    ConditionEnergy,
+    ConditionFunction,
+    ConditionReaction,
+    ConditionSensor,
+    ConditionTime,
+)
+from .control import StepControl
 from .describe import derive_series, describe
+from .events import Event, after_events
 from .loop import simulate, steps
 from .sensors import (
     Sensor,
@@ -13,8 +33,23 @@ from .sensors import (
     SensorVelocity,
 )
 from .start import initial_state, project, restart
+from .view import View
 
 __all__ = [
+    "ActionFunction",
+    "ActionLoad",
+    "ActionLock",
+    "ActionNone",
+    "ActionRelease",
+    "ActionStop",
+    "ActionUnlock",
+    "ConditionCoordinate",
+    "ConditionEnergy",
+    "ConditionFunction",
+    "ConditionReaction",
+    "ConditionSensor",
+    "ConditionTime",
+    "Event",
     "Sensor",
     "SensorAcceleration",
     "SensorForce",
@@ -23,6 +58,11 @@ __all__ = [
     "SensorReaction",
     "SensorStrain",
     "SensorVelocity",
+    "StepAdvice",
+    "StepControl",
+    "View",
+    "advise_step",
+    "after_events",
     "derive_series",
     "describe",
     "initial_state",

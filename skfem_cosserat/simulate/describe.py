@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "derive_configuration",
+    "derive_segments",
     "derive_series",
     "describe",
     "fingerprint",
@@ -210,13 +212,44 @@ def derive_series(system: System, history: History) -> None:
         "angular_momentum_projected": diagnostics.angular_momentum(system, q, projected),
         "hidden_violation": diagnostics.hidden_violation(system, q, v, t),
     }
-    if "work_loads" in history:
-        work = sum(history[name] for name in ("work_loads", "work_actuators", "work_drives"))
-        balance = series["energy"] - work + history["dissipated"]
-        series["energy_balance"] = balance - balance[:1]
     for name, values in series.items():
         history.add_series(name, values)
+    _add_balance(history)
     derive_configuration(system, history, t)
+
+
+def derive_segments(systems: Sequence[System], history: History) -> None:
+    """The same for a run whose system changed, for each of its segments.
+
+    A series that a segment does not have, of a joint that is gone say, is NaN there. Multipliers
+    are in the order of their own system's rows, behind them NaN.
+    """
+    found: list[dict[str, Floats]] = []
+    for k, system in enumerate(systems):
+        part = history.segment(k)
+        basic = set(part)
+        if len(part):
+            derive_series(system, part)
+        found.append({name: part[name] for name in list(part) if name not in basic})
+    spans = history.segments
+    for name in dict.fromkeys(name for part in found for name in part):
+        shapes = [part[name].shape[1:] for part in found if name in part]
+        size = tuple(int(each) for each in np.max(shapes, axis=0)) if shapes[0] else ()
+        out = np.full((len(history), *size), np.nan)
+        for (start, stop), derived in zip(spans, found, strict=True):
+            if name in derived:
+                own = derived[name]
+                out[(slice(start, stop), *(slice(length) for length in own.shape[1:]))] = own
+        history.add_series(name, out)
+    _add_balance(history)
+
+
+def _add_balance(history: History) -> None:
+    """Energy less all work done since the start, and what was dissipated."""
+    if "work_loads" in history:
+        work = sum(history[name] for name in ("work_loads", "work_actuators", "work_drives"))
+        balance = history["energy"] - work + history["dissipated"]
+        history.add_series("energy_balance", balance - balance[:1])
 
 
 def derive_configuration(system: System, history: History, t: Floats) -> None:

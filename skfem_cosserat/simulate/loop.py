@@ -9,7 +9,7 @@ import numpy as np
 
 from ..constraints import Treatment
 from ..diagnostics import highest_frequency
-from ..errors import CosseratError, Diverged, InputError
+from ..errors import CosseratError, InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..linear import Solver
@@ -19,16 +19,18 @@ from ..model.bending import bent_elements
 from ..model.tension import overstretched
 from ..newton import NewtonSettings
 from ..types import positive
-from .describe import derive_series
+from .control import ControlledPace, StepControl
+from .describe import derive_segments, derive_series
+from .events import Event, Watch, checked_events
 from .interrupt import Interrupt
+from .pace import FixedPace, Maker, Pace
 from .progress import Progress
-from .recorder import Recorder
+from .recorder import Recorder, Wanted, numbered, timed
+from .run import Callback, Run
 from .sensors import Sensor
 from .start import checked_start, initial_state
 
 __all__ = ["simulate", "steps"]
-
-Callback = Callable[[StepReport], object]
 
 #: recorded states, evenly spread, at which the tension of elements is looked at
 LOOKS = 20
@@ -101,7 +103,7 @@ def simulate(
     system: System,
     integrator: Integrator,
     treatment: Treatment,
-    step: float,
+    step: float | StepControl,
     until: float,
     *,
     start: State | None = None,
@@ -115,13 +117,18 @@ def simulate(
     kernels: str = "auto",
     solver: Solver | None = None,
     sensors: Mapping[str, Sensor] | None = None,
+    events: Sequence[Event] | None = None,
 ) -> History:
     """Integrate a scene and return its history.
 
     Parameters
     ----------
-    system, integrator, treatment, step, start, settings
+    system, integrator, treatment, start, settings
         See :func:`steps`.
+    step : float or StepControl
+        Step size (s); or steps that follow from a tolerance, which end exactly at `until` and at
+        the times `at`: ``history.meta["step_control"]`` says how many there were and how many were
+        rejected, the series ``step_size`` how long they were.
     until : float
         End time (s); the last step ends at or before it (to rounding).
     every : int
@@ -149,6 +156,12 @@ def simulate(
     sensors : mapping of str to Sensor, optional
         Recorded at every step, whatever `every` and `at` say: ``history.sensors[name]`` has
         ``times``, ``values`` and ``spectrum()``.
+    events : list of Event, optional
+        What is to happen on conditions, located in time: ``history.events``. Their states are
+        recorded, whatever `every` and `at` say; steps are equal from one to the next, of the size
+        asked for or less, and end exactly at `until`. Where joints, loads or states
+        change, the row after that of the event has the same time; ``history.segments`` are the
+        rows of one system, series of joints that are not there are NaN.
     path : path, optional
         Stream the history to this file, block by block. An older file is replaced, but not by a
         run that goes on from a history.
@@ -178,21 +191,27 @@ def simulate(
     >>> history["q"][-1].round(12).tolist(), float(history["energy"][-1].round(12))
     ([0.5, 0.0, 0.0], 1.0)
     """
-    intended = _intended(step, until, start)
     show = Progress(progress, "t = {:.6g} s of {:.6g} s".format)
-    stepper = Stepper(
-        system, integrator, treatment, step, settings, kernels, intended, solver, show.say
-    )
+    first = _first_step(system, integrator, step, until, start)
+    intended = _intended(first, until, start)
+    eventful = events is not None
+    varying = eventful or isinstance(step, StepControl)
+    maker = Maker(integrator, treatment, settings, kernels, intended, solver, show.say, varying)
+    stepper = maker(system, first)
+    maker.kernels = stepper.choice.name
     state, count = _plan(system, start, stepper.h, until, every)
     state = stepper.own(state)
     _check_run(callbacks, path, state)
-    recorder = Recorder(system, stepper, state, count, every, at, path, sensors)
+    found = checked_events(events, integrator, system, state)
+    pace, wanted = _paced(step, maker, stepper, state, until, count, every, at, eventful)
+    recorder = Recorder(system, stepper, state, wanted, path, sensors, varying)
     _warn_if_unresolved(stepper)
     with recorder, Interrupt() as interrupt:
+        watch = Watch(found, maker, system, state) if found else None
+        run = Run(maker, pace, recorder, callbacks, lambda t: show(t, until), interrupt, watch)
         with show:
-            status, failure = _run(
-                stepper, state, count, recorder, callbacks, lambda t: show(t, until), interrupt
-            )
+            status, failure = run.go(state)
+        recorder.more = pace.summary()
         history = recorder.close(status, failure)
         if failure is not None:
             failure.history = history
@@ -200,7 +219,7 @@ def simulate(
             _warn_of_elements(system, history)
         if derive:
             interrupt.asked = True  # nothing is lost any more: end at once
-            _derive(system, history, path)
+            _derive(recorder, history, path)
     logger.info("%s: %d states up to t = %.6g s", status, len(history), history.times[-1])
     if failure is not None:
         raise failure
@@ -216,35 +235,43 @@ def _intended(step: float, until: float, start: State | None) -> int | None:
     return int(count) if isinstance(count, float) and 0 <= count < 1e15 else None
 
 
-def _run(
+def _first_step(
+    system: System,
+    integrator: Integrator,
+    step: float | StepControl,
+    until: float,
+    start: State | None,
+) -> float:
+    """The step asked for, or that which a controller begins with."""
+    if not isinstance(step, StepControl):
+        return step
+    if isinstance(integrator, Integrator):
+        step.check(integrator)
+    state, _ = _plan(system, start, 1.0, until, 1)
+    if not until > state.time:
+        raise InputError("argument until", f"{until!r} s, expected later than {state.time!r} s")
+    return step.sizes(until - state.time)[0]
+
+
+def _paced(
+    step: float | StepControl,
+    maker: Maker,
     stepper: Stepper,
     state: State,
+    until: float,
     count: int,
-    recorder: Recorder,
-    callbacks: Sequence[Callback],
-    show: Callable[[float], object],
-    interrupt: Interrupt,
-) -> tuple[str, Diverged | None]:
-    """The loop itself; gives the status it ended with."""
-    origin, status = state.time, "completed"
-    try:
-        for k in range(1, count + 1):
-            report = stepper.advance(state, origin + k * stepper.h)
-            recorder.take(report)
-            state = report.state
-            show(state.time)
-            answers = [callback(report) for callback in callbacks]  # all are called
-            if interrupt.asked:
-                return "interrupted", None
-            if any(isinstance(answer, bool | np.bool_) and answer for answer in answers):
-                status = "stopped"
-                break
-        recorder.look_ahead(state, state.time + stepper.h)
-    except KeyboardInterrupt:  # raised by a callback, or a second Ctrl-C
-        return "interrupted", None
-    except Diverged as error:
-        return "diverged", error
-    return status, None
+    every: int,
+    at: Sequence[float] | None,
+    eventful: bool,
+) -> tuple[Pace, Wanted]:
+    """How a run goes on in time, and which of its states are recorded."""
+    if isinstance(step, StepControl):
+        wanted = timed(state, until, every, at, exact=True)
+        return ControlledPace(step, maker, stepper, state, until, at or ()), wanted
+    if eventful:
+        wanted = timed(state, until, every, at, exact=False)
+        return FixedPace(stepper, state, count, until), wanted
+    return FixedPace(stepper, state, count), numbered(state, stepper.h, count, every, at)
 
 
 def _warn_of_elements(system: System, history: History) -> None:
@@ -281,11 +308,14 @@ def _warn_if_unresolved(stepper: Stepper) -> None:
         )
 
 
-def _derive(system: System, history: History, path: str | os.PathLike[str] | None) -> None:
+def _derive(recorder: Recorder, history: History, path: str | os.PathLike[str] | None) -> None:
     """Add the derived series; a history that ended badly is kept whatever they give."""
     try:
         with np.errstate(all="ignore"):
-            derive_series(system, history)
+            if len(recorder.segments) > 1:
+                derive_segments([segment.system for segment in recorder.segments], history)
+            else:
+                derive_series(recorder.system, history)
     except CosseratError as error:
         logger.warning("energies and reactions could not be derived: %s", error)
     except KeyboardInterrupt:

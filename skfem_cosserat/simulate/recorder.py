@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..diagnostics import Projection
 from ..errors import CosseratError, Diverged, InputError
-from ..history import History, HistoryWriter
+from ..history import EventRecord, History, HistoryWriter
 from ..integrators import State, Stepper, StepReport
 from ..log import logger
 from ..model import System
 from ..types import Floats, numbers
-from .describe import describe
+from .describe import describe, fingerprint
 from .sensors import Sensor, SensorBank, checked_sensors
 from .works import Works
 
-__all__ = ["Recorder", "take_along"]
+__all__ = ["Recorder", "Segment", "Wanted", "numbered", "take_along", "timed"]
+
+#: whether a state is to be recorded, by the state and the size of the step that led to it
+Wanted = Callable[[State, float], bool]
+
+
+class Segment(NamedTuple):
+    """Rows of a history from `row` on that belong to a system."""
+
+    row: int
+    system: System
+
 
 #: what the step after the last one may raise: it is beyond the run the user asked for
 _NO_STEP = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
@@ -39,16 +50,18 @@ class Recorder:
         system: System,
         stepper: Stepper,
         state: State,
-        count: int,
-        every: int,
-        at: Sequence[float] | None,
+        wanted: Wanted,
         path: str | os.PathLike[str] | None,
         sensors: Mapping[str, Sensor] | None = None,
+        varying: bool = False,
     ) -> None:
         self.system, self.stepper = system, stepper
-        self.wanted = _wanted(state, stepper.h, count, every, at)
-        self.first = state.index
-        self.open = False
+        self.wanted, self.open = wanted, False
+        #: steps may differ in size: it is recorded
+        self.varying = varying
+        self.segments, self.events = [Segment(0, system)], list[EventRecord]()
+        self.more: dict[str, Any] = {}
+        self._angles = [item.name for item in system.couplings.angles]
         meta, static = describe(system)
         meta |= {
             "integrator": stepper.integrator.name,
@@ -73,6 +86,7 @@ class Recorder:
         self.bank = SensorBank(bank, system, stepper, self.writer)
         self.bank.begin(state)
         self._before = state
+        self._rows = 0
         weight = stepper.integrator.constraint_weight
         #: whether a step's constraint force acts at its end, between both
         self._at_end, self._between = weight == 1, 0 < weight < 1
@@ -112,9 +126,11 @@ class Recorder:
             "residual": residual,
             **self.works.row(),
         }
-        if self.system.couplings.angles:
-            none = np.zeros(len(self.system.couplings.angles), dtype=np.int64)
+        if self._angles:
+            none = np.zeros(len(self._angles), dtype=np.int64)
             row["turns"] = none if state.turns is None else state.turns
+        if self.varying:
+            row["step_size"] = np.nan if state.maker is None else state.maker[1]
         if count := self.stepper.integrator.remembered:
             none = np.full((count, self.system.n), np.nan)
             row["memory"] = none if state.memory is None else state.memory
@@ -124,7 +140,7 @@ class Recorder:
 
     def _append(self, row: dict[str, Any]) -> None:
         self.writer.append(row)
-        self.open = True
+        self.open, self._rows = True, self._rows + 1
 
     def _amend(self, report: StepReport) -> None:
         self.works.finish(report)
@@ -150,11 +166,32 @@ class Recorder:
         state = self._before = report.state
         force = report.constraint_force if self._at_end else None
         row = self._row(state, report.iterations, report.attempts, report.residual, force)
-        if state.index - self.first in self.wanted:
+        if self.wanted(state, report.step):
             self._append(row)
             self.last = None
         else:
             self.last = row
+
+    def row_of_event(self) -> int:
+        """Number of the row of the present state, which is recorded."""
+        if self.last is not None:
+            self._append(self.last)
+            self.last = None
+        return self._rows - 1
+
+    def switch(
+        self, end: State, system: System, stepper: Stepper, state: State, loss: float
+    ) -> None:
+        """Go on with another state, and perhaps another system, at the same instant."""
+        self.look_ahead(end, end.time + self.stepper.h)
+        if system is not self.system:
+            self.segments.append(Segment(self._rows, system))
+        self.system, self.stepper = system, stepper
+        self.works.go_on(stepper.integrator, system, state, stepper.h, loss)
+        self.bank.go_on(system)
+        self._before = state
+        first = stepper.integrator.start_force(system, state, stepper.h)
+        self._append(self._row(state, 0, 1, 0.0, first))
 
     def look_ahead(self, state: State, time: float) -> None:
         """Momentum and constraint force of the last state belong to the step after it."""
@@ -197,12 +234,62 @@ class Recorder:
         }
         if failure is not None:
             extra["failure"] = str(failure)
+        if self.varying:
+            extra["events"] = [event._asdict() for event in self.events]
+        if len(self.segments) > 1:
+            extra["segments"] = [
+                {
+                    "row": segment.row,
+                    "fingerprint": fingerprint(segment.system),
+                    "joints": [joint.label for joint in segment.system.joints],
+                }
+                for segment in self.segments
+            ]
+        extra |= self.more
         self.writer.close(status, **extra)
         self.closed = self.writer.history()
         return self.closed
 
 
-def _wanted(state: State, h: float, count: int, every: int, at: Sequence[float] | None) -> set[int]:
+def numbered(state: State, h: float, count: int, every: int, at: Sequence[float] | None) -> Wanted:
+    """States of a run with equal steps: every k-th, or those nearest to given times."""
+    wanted, first = _numbers(state, h, count, every, at), state.index
+    return lambda state, h: state.index - first in wanted
+
+
+def timed(
+    state: State, until: float, every: int, at: Sequence[float] | None, exact: bool
+) -> Wanted:
+    """The same where steps may differ; `exact`: steps end at the given times."""
+    first = state.index
+    if at is None:
+        return lambda state, h: (state.index - first) % every == 0
+    times = np.sort(_times(at, state.time, until, every))
+
+    def wanted(state: State, h: float) -> bool:
+        half = 1e-9 * h if exact else 0.5 * h
+        return bool(((times > state.time - half) & (times <= state.time + half)).any())
+
+    return wanted
+
+
+def _times(at: Sequence[float], start: float, until: float, every: int) -> Floats:
+    if every != 1:
+        raise InputError("arguments every, at", f"{every} and {at}, expected only one of them")
+    times = numbers("argument at", "at", at)
+    if times.ndim != 1 or not np.isfinite(times).all():
+        raise InputError("argument at", f"{at!r}, expected a list of times")
+    outside = (times < start) | (times > until)
+    if outside.any():
+        raise InputError(
+            "argument at", f"time {float(times[outside][0])!r} s is outside of the run"
+        )
+    return times
+
+
+def _numbers(
+    state: State, h: float, count: int, every: int, at: Sequence[float] | None
+) -> set[int]:
     if at is not None and every != 1:
         raise InputError("arguments every, at", f"{every} and {at}, expected only one of them")
     if at is None:

@@ -34,6 +34,8 @@ __all__ = [
     "SensorStrain",
     "SensorVelocity",
     "checked_sensors",
+    "seen",
+    "seen_rate",
 ]
 
 #: states that are looked at together
@@ -403,10 +405,17 @@ class SensorBank:
         self, sensors: Mapping[str, Sensor], system: System, stepper: Stepper, writer: HistoryWriter
     ) -> None:
         self.sensors, self.system, self.writer = sensors, system, writer
-        self._weight, self._h = stepper.integrator.constraint_weight, stepper.h
+        self._weight = stepper.integrator.constraint_weight
         self._forces = any(sensor.forces for sensor in sensors.values())
         self._states: list[State] = []
+        self._shapes: dict[str, Floats] = {}
         self._steps: list[tuple[float, Floats, Floats]] = []
+
+    def go_on(self, system: System) -> None:
+        """The scene has changed; what its sensors saw before is written."""
+        if system is not self.system:
+            self.flush()
+            self.system = system
 
     def begin(self, state: State) -> None:
         """The state a run starts from."""
@@ -419,7 +428,7 @@ class SensorBank:
             return
         self._states.append(report.state)
         if self._forces:
-            point = start.time + self._weight * self._h
+            point = start.time + self._weight * report.step
             self._steps.append((point, report.constraint_point, report.constraint_force))
         if len(self._states) >= BLOCK:
             self.flush()
@@ -432,10 +441,23 @@ class SensorBank:
         arrays = {}
         for name, sensor in self.sensors.items():
             arrays[f"{name}/t"] = window.step_t if sensor.forces else window.t
-            arrays[f"{name}/x"] = sensor.values(self.system, window)
+            arrays[f"{name}/x"] = self._values(name, sensor, window)
         self._states.clear()
         self._steps.clear()
         self.writer.sense(arrays)
+
+    def _values(self, name: str, sensor: Sensor, window: Window) -> Floats:
+        """What a sensor sees; NaN where its joint has been released."""
+        here = {each.name for each in self.system.joints}
+        gone = [
+            each for each in sensor.items() if isinstance(each, Joint) and each.name not in here
+        ]
+        if not gone:
+            values = self._shapes[name] = sensor.values(self.system, window)
+            return values
+        count = len(window.step_t if sensor.forces else window.t)
+        known = self._shapes.get(name)
+        return np.full((count, *((6,) if known is None else known.shape[1:])), np.nan)
 
 
 def _window(
@@ -449,6 +471,22 @@ def _window(
         np.array([y for _, y, _ in steps]).reshape(-1, system.total, 3),
         np.array([f for _, _, f in steps]).reshape(-1, system.n),
     )
+
+
+def seen(system: System, state: State, sensor: Sensor) -> Floats:
+    """What a sensor without forces sees at one state."""
+    return np.asarray(sensor.values(system, _window(system, [state], []))[0])
+
+
+def seen_rate(system: System, state: State, v: Floats, sensor: Sensor) -> Floats:
+    """Rate of what a sensor sees, for a velocity v (n,): a central difference along the motion."""
+    speed = float(abs(v).max(initial=0.0))
+    s = 1e-5 * system.length / speed if speed > 0 else 1e-5
+    t = state.time + np.array([-s, s]) if state.time > s else state.time + np.array([0.0, 2 * s])
+    q = np.array([state.q + (each - state.time) * v for each in t])
+    none = _window(system, [], [])
+    before, after = sensor.values(system, none._replace(t=t, q=q))
+    return np.asarray((after - before) / (t[1] - t[0]))
 
 
 def checked_sensors(

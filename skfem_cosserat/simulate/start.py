@@ -13,6 +13,7 @@ from ..history import History
 from ..integrators import Integrator, State
 from ..model import System
 from ..types import ArrayLike, Floats, numbers
+from .control import StepControl
 from .describe import other_model, recorded_turns
 from .rates import with_joint_rates
 
@@ -225,7 +226,9 @@ def _checked(system: System, name: str, value: ArrayLike, item: str = "initial s
     return array
 
 
-def restart(system: System, history: History, integrator: Integrator, step: float) -> State:
+def restart(
+    system: System, history: History, integrator: Integrator, step: float | StepControl
+) -> State:
     """State to go on from the last one of a history.
 
     With the integrator and step of the history the run continues as if it had not stopped; with
@@ -236,14 +239,15 @@ def restart(system: System, history: History, integrator: Integrator, step: floa
     Parameters
     ----------
     system : System
-        Of the same model.
+        Of the same model; where events have changed it, that of the last state, which
+        :func:`after_events` gives.
     history : History
         Of a run, also one that diverged or was killed; ``history.truncated(k + 1)`` goes on from
         its state k.
     integrator : Integrator
         Of the run that goes on.
-    step : float
-        Its step size (s).
+    step : float or StepControl
+        Its step size (s), or control.
 
     Returns
     -------
@@ -266,11 +270,12 @@ def restart(system: System, history: History, integrator: Integrator, step: floa
     >>> simulate(system, scheme, NullSpace(), 0.05, until=1.0, start=start).times[[0, -1]].tolist()
     [0.5, 1.0]
     """
-    difference = other_model(system, history.meta.get("fingerprint", {}))
-    if difference:
-        raise HistoryError("history", f"belongs to another model: {difference}")
     if len(history) == 0:
         raise HistoryError("history", "has no state to go on from")
+    last = max(k for k, (first, _) in enumerate(history.segments) if first < len(history))
+    difference = other_model(system, history.segment(last).meta.get("fingerprint", {}))
+    if difference:
+        raise HistoryError("history", f"belongs to another model: {difference}")
     row = history.last()
     y = system.extend(np.array(row["q"]), float(row.get("load_factor", row["t"])))
     wrong = broken_constraint(system, y, 1e-6)
@@ -279,14 +284,16 @@ def restart(system: System, history: History, integrator: Integrator, step: floa
     # the end of a path of static(): loads and motions go on from its load factor
     t, index = float(row.get("load_factor", row["t"])), int(row["step"])
     q = np.array(row["q"])
-    maker = str(history.meta["integrator"]), float(history.meta["step"])
-    same = maker[0] == integrator.name and np.isclose(maker[1], step, rtol=1e-12, atol=0)
+    same = history.meta["integrator"] == integrator.name
+    size = float(row["step_size"]) if "step_size" in row else float(history.meta["step"])
+    if not isinstance(step, StepControl):
+        same = same and np.isclose(history.meta["step"], step, rtol=1e-12, atol=0)
     turns = recorded_turns(system, history)
     if same:
         memory = np.array(row["memory"]) if "memory" in row else None
         if memory is not None and np.isnan(memory).any():
             memory = None
-        fresh = bool(row["fresh"])
+        fresh, maker = bool(row["fresh"]), None if np.isnan(size) else (integrator.name, size)
         return State(t, index, q, np.array(row["carried"]), fresh, turns, memory, maker)
     p = np.array(row["p"])
     if not np.isfinite(p).all():

@@ -20,6 +20,10 @@ class Works:
     """
 
     def __init__(self, system: System, integrator: Integrator, state: State, h: float) -> None:
+        self._begin(system, integrator, state, h)
+        self.loads = self.actuators = self.dissipated = self.drives = 0.0
+
+    def _begin(self, system: System, integrator: Integrator, state: State, h: float) -> None:
         self._driven = bool(system.moving)
         one = integrator if integrator.part is None else integrator.part
         weight = one.constraint_weight
@@ -29,7 +33,13 @@ class Works:
         self._q = state.q
         self._last = one.start_force(system, state, h) if self._driven and self._before else None
         self._waiting: Floats | None = None
-        self.loads = self.actuators = self.dissipated = self.drives = 0.0
+
+    def go_on(
+        self, integrator: Integrator, system: System, state: State, h: float, loss: float
+    ) -> None:
+        """Another state or system follows, at the expense of an energy (J)."""
+        self._begin(system, integrator, state, h)
+        self.dissipated += loss
 
     def add(self, report: StepReport) -> None:
         """A step is done; :meth:`finish` has had its report before."""

@@ -1,0 +1,251 @@
+"""Step control: what a step may be wrong by, and the sizes that follow from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from ..errors import Diverged, IncompatibleError, InputError
+from ..integrators import Integrator, State, Stepper, StepReport
+from ..log import logger
+from ..types import positive
+from .estimate import Estimate
+from .pace import Maker, Pace
+
+__all__ = ["ControlledPace", "StepControl"]
+
+#: share of the step that the estimate asks for, and bounds of its change
+SAFETY, LEAST, MOST = 0.9, 0.2, 2.0
+#: steps are not changed for less than this: kept factors of matrices belong to a step size
+WORTHWHILE = 1.15
+#: exponents of the present and the last error (Gustafsson's proportional-integral control)
+PRESENT, BEFORE = 0.7, 0.3
+
+
+class StepControl:
+    """Steps as long as a tolerance allows; for the argument `step` of :func:`simulate`.
+
+    Steps come in pairs. Each pair is compared with one step of twice the size: of order p, it is
+    wrong by ``1/(2^p - 1)`` of their difference; where that changes, velocities are wrong. The
+    error, of positions by the extent of the scene and of directors as it is, the largest of all
+    nodes, may be ``tolerance`` times the pair's share of the run. Local errors of the whole run
+    thus add up to the tolerance at most; what becomes of them in the motion is not known: the true
+    error is of the tolerance's size in regular motion, and proportional to it. The pair goes on,
+    so what the scheme conserves is conserved.
+
+    Parameters
+    ----------
+    tolerance : float
+        Of the whole run: relative to the extent of the scene, and in rad.
+    first : float, optional
+        First step (s); default: a thousandth of the run.
+    smallest, largest : float, optional
+        Bounds of steps (s), but for those that end at a time asked for; default: 1e-9 of the run,
+        and a twentieth of it.
+    span : float, optional
+        Time (s) over which errors add up to the tolerance; default: the run's.
+
+    Raises
+    ------
+    InputError
+        If a number is not positive, or `smallest`, `first` and `largest` are not in this order.
+
+    Notes
+    -----
+    For schemes whose steps may vary: energy-momentum, energy-decaying, generalized-alpha.
+    Symplectic ones are refused; :func:`advise_step` finds the fixed step for a tolerance.
+    A step that cannot be solved counts as one that is too large. Proportional-integral control:
+    Gustafsson, ACM Trans. Math. Softw. 17 (1991) 533; error per unit step: Hairer, Norsett &
+    Wanner, Solving Ordinary Differential Equations I, II.4.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import EnergyMomentum, JointDistance, LoadGravity, MassPoint, Model
+    >>> from skfem_cosserat import NullSpace, ground, simulate
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(1.0, position=(1, 0, 0)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> gravity = model.add("gravity", LoadGravity((0, 0, -10.0)))
+    >>> run = model.freeze(), EnergyMomentum(), NullSpace()
+    >>> history = simulate(*run, step=StepControl(tolerance=1e-3), until=1.0)
+    >>> control = history.meta["step_control"]
+    >>> float(history.times[-1]), control["smallest"] < control["largest"] / 5
+    (1.0, True)
+    """
+
+    def __init__(
+        self,
+        tolerance: float,
+        first: float | None = None,
+        smallest: float | None = None,
+        largest: float | None = None,
+        *,
+        span: float | None = None,
+    ) -> None:
+        item = "step control"
+        self.tolerance = positive(item, "tolerance", tolerance)
+        given = {"first": first, "smallest": smallest, "largest": largest, "span": span}
+        sizes = {
+            name: None if value is None else positive(item, name, value, " of seconds")
+            for name, value in given.items()
+        }
+        self.first, self.smallest = sizes["first"], sizes["smallest"]
+        self.largest, self.span = sizes["largest"], sizes["span"]
+        order = [x for x in (self.smallest, self.first, self.largest) if x is not None]
+        if order != sorted(order):
+            raise InputError(
+                item,
+                f"smallest = {self.smallest}, first = {self.first}, largest = {self.largest},"
+                " expected them in ascending order",
+            )
+
+    def __repr__(self) -> str:
+        return f"StepControl(tolerance={self.tolerance:g})"
+
+    def check(self, integrator: Integrator) -> None:
+        """Raise IncompatibleError if the steps of a scheme must not vary."""
+        if integrator.fixed_step is not None:
+            raise IncompatibleError(
+                f"{integrator!r} with {self!r}",
+                f"the scheme is {integrator.fixed_step}; give a step, which advise_step() finds for"
+                " a tolerance, or take EnergyMomentum()",
+            )
+
+    def sizes(self, duration: float) -> tuple[float, float, float]:
+        """First, smallest and largest step (s) of a run."""
+        largest = duration / 20 if self.largest is None else self.largest
+        smallest = 1e-9 * duration if self.smallest is None else self.smallest
+        first = duration / 1000 if self.first is None else self.first
+        return max(smallest, min(first, largest)), smallest, largest
+
+
+class ControlledPace(Pace):
+    """Pairs of steps under control.
+
+    Parameters
+    ----------
+    control : StepControl
+    maker : Maker
+    stepper : Stepper
+        Of the pairs.
+    state : State
+        Start of the run.
+    until : float
+    at : sequence of float
+        Times that are to be met exactly.
+    """
+
+    def __init__(
+        self,
+        control: StepControl,
+        maker: Maker,
+        stepper: Stepper,
+        state: State,
+        until: float,
+        at: Sequence[float] = (),
+    ) -> None:
+        duration = until - state.time
+        self.control, self.maker = control, maker
+        self.span = duration if control.span is None else control.span
+        self.h, self.smallest, self.largest = control.sizes(duration)
+        self._targets = sorted({*(float(t) for t in at if t > state.time), float(until)})
+        self._order = stepper.integrator.order
+        self._estimate = Estimate(self._order)
+        self._counts = dict.fromkeys(("accepted", "rejected", "unsolved", "iterations"), 0)
+        self._used: list[float] = []
+        self._before = 1.0
+        self.begin(stepper, state)
+
+    def begin(self, stepper: Stepper, state: State) -> None:
+        """See the base class."""
+        self.stepper = stepper
+        self._coarse = self.maker(stepper.system, 2 * stepper.h)
+        self._held = False
+        self._estimate.begin()
+
+    def advance(self, state: State) -> list[StepReport]:
+        """See the base class: a pair of steps."""
+        while self._targets and self._targets[0] - state.time <= 1e-12 * self.span:
+            self._targets.pop(0)
+        if not self._targets:
+            return []
+        while True:
+            pair, end = self._pair(state.time)
+            try:
+                reports, error = self._try(state, pair, end)
+            except Diverged as failure:
+                self._counts["unsolved"] += 1
+                if pair <= 2 * self.smallest:
+                    raise
+                logger.info("%s: a smaller one is tried", failure)
+                self.h, self._held = max(pair / 8, self.smallest), True
+                continue
+            allowed = self.control.tolerance * pair / self.span
+            ratio = error / allowed
+            if ratio <= 1:
+                self._accept(pair, ratio)
+                return reports
+            self._reject(state, pair, ratio)
+
+    def _pair(self, time: float) -> tuple[float, float]:
+        """Size of a pair of steps, and its end: no step is left that is much smaller."""
+        left = self._targets[0] - time
+        if 2 * self.h >= left * (1 - 1e-9):
+            return left, self._targets[0]
+        pair = min(2 * self.h, left / 2)
+        return pair, time + pair
+
+    def _try(self, state: State, pair: float, end: float) -> tuple[list[StepReport], float]:
+        """Two steps and one of twice the size; what the two are wrong by."""
+        self._coarse.resize(pair)
+        whole = self._coarse.advance(state, end)
+        self.stepper.resize(pair / 2)
+        first = self.stepper.advance(state, state.time + pair / 2)
+        second = self.stepper.advance(first.state, end)
+        self._counts["iterations"] += whole.iterations + first.iterations + second.iterations
+        halves = state.q, first.state.q, second.state.q
+        chosen = self.stepper.system, state.time, pair, whole.state.q, halves
+        error = self._estimate.error(*chosen)
+        return [first, second], error
+
+    def _accept(self, pair: float, ratio: float) -> None:
+        self._counts["accepted"] += 2
+        self._estimate.accept()
+        self._used.append(pair / 2)
+        cut = pair < 2 * self.h * (1 - 1e-9)  # to end at a time asked for
+        last, self._before = self._before, max(ratio, 1e-4)
+        change = (SAFETY / self._before) ** (PRESENT / self._order)
+        change *= (last / SAFETY) ** (BEFORE / self._order)
+        change = min(max(change, LEAST), 1.0 if self._held else MOST)
+        self._held = False
+        if cut and change >= 1:
+            return
+        if not 1 / WORTHWHILE < change < WORTHWHILE:
+            self.h = min(max(change * pair / 2, self.smallest), self.largest)
+
+    def _reject(self, state: State, pair: float, ratio: float) -> None:
+        self._counts["rejected"] += 1
+        if pair <= 2 * self.smallest:
+            raise Diverged(
+                state.time,
+                state.index + 1,
+                ratio,
+                f"its error is {ratio:.3g} times what the tolerance of {self.control.tolerance:g}"
+                " allows for the smallest step",
+                f"a smaller one than {self.smallest:g} s, or a larger tolerance",
+            )
+        change = max(LEAST, SAFETY * (1 / ratio) ** (1 / self._order))
+        self.h, self._held = max(change * pair / 2, self.smallest), True
+
+    def summary(self) -> dict[str, Any]:
+        """See the base class."""
+        used = self._used or [self.h]
+        sizes = {"smallest": min(used), "largest": max(used)}
+        counts = {"tolerance": self.control.tolerance, **self._counts, **sizes}
+        counts["factorisations_check"] = self._coarse.factorisations
+        logger.info(
+            "step control: %d steps from %.3g to %.3g s, %d pairs rejected, %d not solved",
+            *(self._counts["accepted"], *sizes.values()),
+            *(self._counts["rejected"], self._counts["unsolved"]),
+        )
+        return {"step_control": counts}

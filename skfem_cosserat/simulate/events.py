@@ -1,0 +1,319 @@
+"""Events: what happens when a condition is met, and how it is found in time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import Diverged, IncompatibleError, InputError
+from ..history import History
+from ..integrators import Integrator, State, Stepper, StepReport
+from ..model import System
+from ..types import positive
+from .actions import Action, ActionFunction, ActionNone
+from .conditions import Condition, ConditionFunction
+from .pace import Maker
+from .view import View
+
+__all__ = ["Event", "Found", "Watch", "after_events", "checked_events"]
+
+#: what a time is located to, of the step
+LOCATED = 1e-10
+#: how often an event may happen within a step
+OFTEN = 20
+
+
+class Event:
+    """Something that happens when a number passes through zero.
+
+    The number is looked at after each step. Where its sign has changed, the step is repeated with
+    shorter ones until the time is known to `tolerance`: the state of an event is one of the scheme,
+    as any other. What passes through zero twice within a step is not seen.
+
+    Parameters
+    ----------
+    condition : Condition or callable
+        ``ConditionCoordinate``, ``ConditionSensor``, ``ConditionReaction``, ``ConditionEnergy``,
+        ``ConditionTime``, or a function ``(time, view) -> float``, see :class:`View`.
+    action : Action or callable, optional
+        ``ActionStop``, ``ActionLoad``, ``ActionLock``, ``ActionUnlock``, ``ActionRelease``, or a
+        function ``(time, view)`` that gives the model to go on with. Default: it is recorded.
+    direction : {0, 1, -1}
+        1: upwards only, -1: downwards only.
+    name : str
+    once : bool
+        It happens at the first time only; False: each time.
+    tolerance : float, optional
+        Of its time (s); default: 1e-10 of the step.
+
+    Raises
+    ------
+    InputError
+        For other arguments; before the run for items that are not in the system, and values that
+        are no finite numbers.
+
+    Examples
+    --------
+    A ball on a rod is let go at the lowest point:
+
+    >>> from skfem_cosserat import ActionRelease, ConditionSensor, EnergyMomentum, JointDistance
+    >>> from skfem_cosserat import LoadGravity, MassPoint, Model, NullSpace, SensorPosition
+    >>> from skfem_cosserat import ground, simulate
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(1.0, position=(-1, 0, 0)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), ball.place()))
+    >>> gravity = model.add("gravity", LoadGravity((0, 0, -10.0)))
+    >>> lowest = ConditionSensor(SensorPosition(ball.place()), level=0.0, component=0)
+    >>> run = model.freeze(), EnergyMomentum(), NullSpace(), 0.01, 1.0
+    >>> history = simulate(*run, events=[Event(lowest, ActionRelease(rod), name="let go")])
+    >>> event = history.events[0]
+    >>> event.name, event.action, round(event.time, 3), history.segments == [(0, 60), (60, 103)]
+    ('let go', 'ActionRelease(rod)', 0.586, True)
+    """
+
+    def __init__(
+        self,
+        condition: Condition | Callable[[float, View], float],
+        action: Action | Callable[[float, View], object] | None = None,
+        direction: int = 0,
+        name: str = "event",
+        once: bool = True,
+        tolerance: float | None = None,
+    ) -> None:
+        if not isinstance(name, str) or not name:
+            raise InputError("event", f"name = {name!r}, expected a non-empty string")
+        self.name, self.once = name, bool(once)
+        whole = isinstance(direction, int | np.integer) and not isinstance(direction, bool)
+        if not whole or direction not in (-1, 0, 1):
+            raise InputError(self.label, f"direction = {direction!r}, expected -1, 0 or 1")
+        if not isinstance(condition, Condition):
+            condition = ConditionFunction(condition)
+        self.condition: Condition = condition
+        self.direction = int(direction)
+        if action is None:
+            action = ActionNone()
+        self.action = action if isinstance(action, Action) else ActionFunction(action)
+        self.tolerance = (
+            None if tolerance is None else positive(self.label, "tolerance", tolerance, " of s")
+        )
+
+    @property
+    def label(self) -> str:
+        """How errors call it."""
+        return f"event {self.name!r}"
+
+    def value(self, view: View) -> float:
+        """Its condition's number, finite.
+
+        Raises
+        ------
+        InputError
+            If it is not.
+        """
+        try:
+            value = self.condition.value(view)
+        except InputError as error:
+            raise InputError(self.label, str(error)) from error
+        if not np.isfinite(value):
+            raise InputError(self.label, f"its condition is {value!r} at t = {view.time:.9g} s")
+        return value
+
+
+def checked_events(
+    events: Sequence[Event] | None, integrator: Integrator, system: System, state: State
+) -> list[Event]:
+    """Events that can be found in a run.
+
+    Raises
+    ------
+    InputError, IncompatibleError
+        If something is no event, names repeat, items are not in the system, or the scheme is
+        explicit.
+    """
+    item = "argument events"
+    if events is None:
+        return []
+    if not isinstance(events, Sequence):
+        raise InputError(item, f"{events!r}, expected a list of events")
+    names: set[str] = set()
+    for event in events:
+        if not isinstance(event, Event):
+            raise InputError(item, f"{event!r}, expected an Event")
+        if event.name in names:
+            raise InputError(item, f"two events are called {event.name!r}: give each a name")
+        names.add(event.name)
+        if integrator.fixed_step is not None and integrator.frequency_limit is None:
+            reason = "its steps are bound to the elements' limits and cannot be shortened"
+            raise IncompatibleError(f"{event.label} with {integrator!r}", reason)
+        for part in (event.condition, event.action):
+            try:
+                part.check(system)
+            except InputError as error:
+                raise InputError(event.label, str(error)) from error
+        event.value(View(system, state))
+    return list(events)
+
+
+class Found(NamedTuple):
+    """Events of one instant.
+
+    Attributes
+    ----------
+    report : StepReport
+        Of the step that ends there.
+    events : list of (Event, float)
+        With the values of their conditions.
+    """
+
+    report: StepReport
+    events: list[tuple[Event, float]]
+
+
+class Watch:
+    """Looks for events after each step of a run.
+
+    Parameters
+    ----------
+    events : list of Event
+    maker : Maker
+        Of the steppers that repeat a step.
+    system : System
+    state : State
+        Start of the run.
+    """
+
+    def __init__(self, events: list[Event], maker: Maker, system: System, state: State) -> None:
+        self.events, self.maker = list(events), maker
+        self._sides: dict[str, int] = {}
+        self._times: dict[str, list[float]] = {event.name: [] for event in events}
+        self._stepper: Stepper | None = None
+        self.go_on(system, state)
+
+    def go_on(self, system: System, state: State, found: Found | None = None) -> None:
+        """Begin at a state, after events that were found there."""
+        if found is not None:
+            done = [event for event, _ in found.events]
+            after = {event.name: -self._sides[event.name] for event in done}
+            self.events = [e for e in self.events if not (e.once and e in done)]
+        if self._stepper is not None and self._stepper.system is not system:
+            self._stepper = None
+        self.system, view = system, View(system, state)
+        self._values = {event.name: event.value(view) for event in self.events}
+        sides = {name: int(np.sign(value)) for name, value in self._values.items()}
+        # what is at zero there has passed it
+        before = self._sides | ({} if found is None else after)
+        for event, value in () if found is None else found.events:
+            if self._values.get(event.name) == value:
+                sides[event.name] = after[event.name]
+        self._sides = {name: side or before.get(name, 0) for name, side in sides.items()}
+
+    def look(self, state: State, report: StepReport) -> Found | None:
+        """The first events of a step that led from a state; None: there were none."""
+        view = View(self.system, report.state)
+        values = {event.name: event.value(view) for event in self.events}
+        met = [e for e in self.events if self._met(e, values[e.name])]
+        if not met:
+            self._keep(values)
+            return None
+        where = [self._located(event, state, report, values[event.name]) for event in met]
+        first = min(where, key=lambda each: each.state.time)
+        view = View(self.system, first.state)
+        there = [(event, event.value(view)) for event in self.events]
+        events = [(event, value) for event, value in there if self._met(event, value)]
+        for event, _ in events:
+            self._often(event, first.state, report.step)
+        return Found(first, events)
+
+    def _keep(self, values: dict[str, float]) -> None:
+        self._values = values
+        for name, value in values.items():
+            self._sides[name] = int(np.sign(value)) or self._sides[name]
+
+    def _met(self, event: Event, value: float) -> bool:
+        """Whether its number has passed through zero, in the direction asked for."""
+        before, period = self._sides[event.name], event.condition.period
+        if before in (0, event.direction):
+            return False
+        # just before it, as well: a step of rounding size would have no velocity
+        if before * value > LOCATED * max(before * (self._values[event.name] - value), 0.0):
+            return False
+        return period is None or abs(value - self._values[event.name]) < period / 2
+
+    def _located(self, event: Event, state: State, report: StepReport, value: float) -> StepReport:
+        """The step to the first state known to be past the event, to its tolerance."""
+        if self._stepper is None:
+            self._stepper = self.maker.changed(self.system, report.step)
+        side = self._sides[event.name]
+        a, b, fa, fb = 0.0, report.state.time - state.time, self._values[event.name], value
+        fa = fa if fa * side > 0 else side * 1e-300
+        best, width = report, LOCATED * b if event.tolerance is None else event.tolerance
+        width = max(width, 4 * np.spacing(abs(report.state.time)))
+        kept = 0
+        while b - a > width:
+            # false position, with a bisection where it gets stuck on one side
+            c = 0.5 * (a + b) if kept > 2 else b - fb * (b - a) / (fb - fa)
+            c = min(max(c, a + 0.5 * width), b - 0.5 * width)
+            self._stepper.resize(c)
+            trial = self._stepper.advance(state, state.time + c)
+            found = event.value(View(self.system, trial.state))
+            if found * side > 0:
+                kept = kept + 1 if kept > 0 else 1
+                a, fa = c, found
+                fb = fb / 2 if kept > 1 else fb  # the Illinois rule
+            else:
+                kept = kept - 1 if kept < 0 else -1
+                b, fb, best = c, found, trial
+                fa = fa / 2 if kept < -1 else fa
+            kept = 3 if abs(kept) > 3 else kept
+        return best
+
+    def _often(self, event: Event, state: State, step: float) -> None:
+        """Raise Diverged if an event repeats without end."""
+        times = self._times[event.name] = [
+            t for t in self._times[event.name] if t > state.time - step
+        ]
+        times.append(state.time)
+        if len(times) > OFTEN:
+            reason = f"{event.label} repeats at once: {OFTEN} times within {step:.3g} s"
+            advice = "let it happen once, or let its action change what its condition sees"
+            raise Diverged(state.time, state.index, float("nan"), reason, advice)
+
+
+def after_events(
+    system: System, history: History, events: Sequence[Event]
+) -> tuple[System, list[Event]]:
+    """The system at the end of a history, and the events that have still to happen.
+
+    Parameters
+    ----------
+    system : System
+        That the run began with.
+    history : History
+        Its states; events later than its last one have not happened yet.
+    events : list of Event
+        Those of the run. What they did to the system is done again, functions are called again.
+
+    Returns
+    -------
+    (System, list of Event)
+        For :func:`restart` and :func:`simulate`.
+
+    Raises
+    ------
+    InputError
+        If an event of the history is not among them.
+    """
+    named = {event.name: event for event in events}
+    done = [record for record in history.events if record.row < len(history)]
+    for record in done:
+        if record.name not in named:
+            known = f"expected those of the run; given: {sorted(named)}"
+            raise InputError("argument events", f"{record.name!r} is missing, {known}")
+        row = history.row(record.row)
+        state = State(record.time, record.step, row["q"], row["carried"])
+        changed = named[record.name].action.outcome(View(system, state)).system
+        system = system if changed is None else changed
+    happened = {record.name for record in done}
+    return system, [e for e in events if not (e.once and e.name in happened)]

@@ -1,0 +1,512 @@
+"""Events: located in time, and what they do to a scene."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import ellipk
+
+import skfem_cosserat as sc
+
+G = 10.0
+TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
+SCHEMES = [
+    sc.EnergyMomentum(),
+    sc.EnergyMomentum(stabilized=True),
+    sc.EnergyDecaying(chi=0.02),
+    sc.GeneralizedAlpha(0.8),
+    sc.Variational(),
+    sc.Composition(sc.EnergyMomentum()),
+]
+STEPS = {"equal": 5e-3, "controlled": sc.StepControl(1e-3)}
+#: those that may be controlled, both ways
+PACES = [(s, step) for s in SCHEMES[:5] for step in STEPS if step == "equal" or not s.fixed_step]
+
+
+def pendulum(rate=None):
+    """A ball on a rod of 1 m, let go horizontally, or at the lowest point with a velocity."""
+    model = sc.Model()
+    start = {"position": (-1, 0, 0)} if rate is None else {"velocity": (rate, 0, 0)}
+    bob = model.add("bob", sc.MassPoint(1.0, **({"position": (0, 0, -1)} | start)))
+    rod = model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
+    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    return model.freeze(), bob, rod
+
+
+def across(bob):
+    """The ball passes below the hinge."""
+    return sc.ConditionSensor(sc.SensorPosition(bob.place()), level=0.0, component=0)
+
+
+def bars():
+    """Two bars of 2 kg and 1 m on a hinge, in flight, one turning faster than the other."""
+    model = sc.Model()
+    size = 2.0, (1.0, 0.05, 0.05)
+    motion = [((-0.5, 0, 0), (0, 0.5, 0), (0, 0, 1.0)), ((0.5, 0, 0), (0, 2.5, 0), (0, 0, 3.0))]
+    left, right = (
+        model.add(name, sc.RigidBody.box(*size, position=x, velocity=v, angular_velocity=w))
+        for name, (x, v, w) in zip("ab", motion, strict=True)
+    )
+    middle = left.at((0, 0, 0)), right.at((0, 0, 0))
+    pin = model.add("pin", sc.JointRevolute(*middle, axis=(0, 0, 1)))
+    return model.freeze(), left, right, pin
+
+
+def _cross(a, b):
+    return a[0] * b[1] - a[1] * b[0]
+
+
+def loss_of(v, spins, angle):
+    """Energy that two equal bars lose when their hinge locks, by the momenta of the plane."""
+    m, r, J = 2.0, 0.5, 2.0 * (1 + 0.05**2) / 12
+    # centres seen from the hinge, the first bar along -x, the second turned by the angle
+    x = np.array([[-r, 0.0], [r * np.cos(angle), r * np.sin(angle)]])
+    centre = x.mean(0)
+    spin = sum(J * w + m * _cross(a - centre, b) for w, a, b in zip(spins, x, v, strict=True))
+    inertia = 2 * J + sum(m * (a - centre) @ (a - centre) for a in x)
+    mean = v.mean(0)
+    before = sum(J * w**2 + m * b @ b for w, b in zip(spins, v, strict=True)) / 2
+    return before - m * mean @ mean - spin**2 / inertia / 2
+
+
+# -- located ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("treatment", TREATMENTS)
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_located_in_the_discrete_solution(scheme, treatment):
+    """To 1e-10 s of the root of the same step as a function of its size; near the closed form."""
+    system, bob, _ = pendulum()
+    h = 5e-3
+    run = system, scheme, TREATMENTS[treatment], h, 0.7
+    history = sc.simulate(*run, events=[sc.Event(across(bob), name="lowest")], derive=False)
+    (event,) = history.events
+    assert history.times[-1] == 0.7 and history.times[event.row] == event.time
+    before = sc.simulate(*run[:4], event.time - event.time % h, events=[], derive=False)
+    assert before.times[-1] == pytest.approx(history.times[event.row - 1], abs=1e-12)
+    state = sc.restart(system, before, scheme, h)
+    stepper = sc.Stepper(*run[:4])
+
+    def x(size):
+        stepper.resize(size)
+        return stepper.advance(state).state.q[0]
+
+    exact = brentq(x, 1e-4 * h, h, xtol=1e-13)
+    assert event.time - state.time == pytest.approx(exact, abs=1e-10)
+    order = 1 if scheme.order == 1 else scheme.order
+    assert event.time == pytest.approx(
+        ellipk(0.5) / np.sqrt(G), abs={1: 1e-3, 2: 1e-4, 4: 1e-6}[order]
+    )
+
+
+@pytest.mark.parametrize(("scheme", "step"), PACES, ids=str)
+@pytest.mark.parametrize("treatment", TREATMENTS)
+def test_released_ball_flies_on_a_parabola(scheme, treatment, step):
+    """Let go at the lowest point: closed form from there on, energy without a jump."""
+    system, bob, rod = pendulum()
+    event = sc.Event(across(bob), sc.ActionRelease(rod), name="let go")
+    history = sc.simulate(system, scheme, TREATMENTS[treatment], STEPS[step], 1.0, events=[event])
+    (found,) = history.events
+    row = found.row + 1
+    assert history.times[row] == found.time and history.segments[1] == (row, len(history))
+    t = (history.times[row:] - found.time)[:, None]
+    q, v = history["q"][row], history["v"][row]
+    expected = q + v * t + np.array([0, 0, -G / 2]) * t**2
+    assert abs(history["q"][row:] - expected).max() < 1e-11
+    # velocities between nodes are off the hidden constraints by O(h^2): their energy is lost
+    assert abs(found.loss) < (1e-9 if step == "equal" else 1e-4)
+    if scheme.conserves.startswith("energy"):
+        assert abs(history["energy_balance"]).max() < 1e-11
+    assert np.isnan(history["joint/rod/force"][row:]).all()
+    assert np.isfinite(history["joint/rod/force"][:row]).all()
+
+
+def test_angle_counts_modulo_turns_and_directions():
+    """A wheel that goes round: only where the level is, not half a turn off."""
+    model = sc.Model()
+    wheel = model.add("wheel", sc.RigidBody.sphere(1.0, 1.0, angular_velocity=(0, 0, 5.0)))
+    pin = sc.JointRevolute(sc.ground((0, 0, 0)), wheel.at((0, 0, 0)), axis=(0, 0, 1))
+    model.add("pin", pin)
+    events = [
+        sc.Event(sc.ConditionCoordinate("pin", 2.0), once=False, name="passes"),
+        sc.Event(sc.ConditionCoordinate(pin, 2.0), direction=-1, name="never"),
+        sc.Event(lambda t, view: t - 0.7, name="of your own"),
+    ]
+    run = model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.01, 3.0
+    history = sc.simulate(*run, events=events)
+    rate = history["joint/pin/angle"][-1] / 3.0
+    times = [e.time for e in history.events if e.name == "passes"]
+    assert times == pytest.approx([(2.0 + 2 * np.pi * k) / rate for k in range(3)], abs=1e-5)
+    assert {e.name: e.time for e in history.events}["of your own"] == pytest.approx(0.7, abs=1e-12)
+    assert "never" not in [e.name for e in history.events]
+    assert np.ptp(np.diff(history.times[history.times > times[-1]])) < 1e-12
+
+
+def test_conditions_see_what_the_history_tells():
+    """Energy, reaction, rate and sensors, each at the level it is to reach."""
+    system, bob, rod = pendulum()
+    place = bob.place()
+    levels = {
+        "kinetic": sc.ConditionEnergy(4.0, kinetic=True),
+        "energy": sc.ConditionEnergy(5.0),
+        "tension": sc.ConditionReaction(rod, 15.0),
+        "speed": sc.ConditionSensor(sc.SensorVelocity(place), 3.0),
+        "time": sc.ConditionTime(0.123),
+    }
+    events = [sc.Event(condition, name=name) for name, condition in levels.items()]
+    run = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.55
+    history = sc.simulate(*run, events=events)
+    rows = {event.name: event.row for event in history.events}
+    assert set(rows) == set(levels)
+    energy, v = history["energy"], np.linalg.norm(history["v"], axis=1)
+    assert energy[rows["kinetic"]] == pytest.approx(4.0, abs=1e-4)
+    assert energy[rows["energy"]] == pytest.approx(5.0, abs=1e-4)
+    assert v[rows["speed"]] == pytest.approx(3.0, abs=1e-9)
+    # m (v^2/r + g cos) with v^2 = 2 g cos: the force is three times the weight's part
+    height = -history["q"][rows["tension"], 2]
+    assert 3 * G * height == pytest.approx(15.0, abs=1e-3)
+    assert history.times[rows["time"]] == pytest.approx(0.123, abs=1e-12)
+
+
+# -- what they do ----------------------------------------------------------------------------------
+
+
+def test_stop():
+    """The run ends at the event's state."""
+    system, bob, _ = pendulum()
+    event = sc.Event(across(bob), sc.ActionStop(), name="stop")
+    history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 2.0, events=[event])
+    assert history.status == "stopped" and history.times[-1] == history.events[0].time
+    assert abs(history["q"][-1, 0]) < 1e-10
+
+
+@pytest.mark.parametrize(("scheme", "step"), PACES, ids=str)
+@pytest.mark.parametrize("treatment", TREATMENTS)
+def test_two_bars_lock(scheme, treatment, step):
+    """Momenta are kept, the energy falls by the formula, the angle stays as it is."""
+    system, _, _, pin = bars()
+    event = sc.Event(sc.ConditionCoordinate(pin, 0.4), sc.ActionLock(pin), name="lock")
+    history = sc.simulate(system, scheme, TREATMENTS[treatment], STEPS[step], 0.5, events=[event])
+    (found,) = history.events
+    row = found.row
+    q, v = history["q"][row], history["v"][row]
+    first = [system.frame_place(name) for name in "ab"]
+    # rotated into the frame of the first bar
+    d = q[first[0] + 3 : first[0] + 6]
+    turn = np.array([[d[0], d[1]], [-d[1], d[0]]])
+    speeds = np.array([turn @ v[k : k + 2] for k in first])
+    spins = [
+        sum(np.cross(q[k + i : k + i + 3], v[k + i : k + i + 3])[2] for i in (3, 6, 9)) / 2
+        for k in first
+    ]
+    assert found.loss == pytest.approx(loss_of(speeds, spins, 0.4), rel=2e-3)
+    if scheme.conserves.startswith("linear and angular") or "energy, linear" in scheme.conserves:
+        assert abs(history["energy_balance"]).max() < 1e-10
+        for name in ("linear_momentum", "angular_momentum"):
+            assert np.ptp(history[name], axis=0).max() < 1e-10
+    jump = {
+        name: abs(history[name][row + 1] - history[name][row]).max()
+        for name in ("linear_momentum", "angular_momentum")
+    }
+    assert max(jump.values()) < 1e-10
+    assert abs(history["joint/pin/angle"][row + 1 :] - 0.4).max() < 1e-10
+    assert abs(history["joint/pin/angle_rate"][row + 1 :]).max() < 1e-10
+
+
+def test_exact_loss_where_velocities_are_on_the_constraints():
+    """Stabilized: to rounding."""
+    system, _, _, pin = bars()
+    event = sc.Event(sc.ConditionTime(0.2), sc.ActionLock(pin), name="lock")
+    run = system, sc.EnergyMomentum(stabilized=True), sc.NullSpace(), 5e-3, 0.3
+    history = sc.simulate(*run, events=[event])
+    (found,) = history.events
+    q, v = history["q"][found.row], history["v"][found.row]
+    d = q[3:6]
+    turn = np.array([[d[0], d[1]], [-d[1], d[0]]])
+    speeds = np.array([turn @ v[k : k + 2] for k in (0, 12)])
+    spins = [
+        sum(np.cross(q[k + i : k + i + 3], v[k + i : k + i + 3])[2] for i in (3, 6, 9)) / 2
+        for k in (0, 12)
+    ]
+    angle = history["joint/pin/angle"][found.row]
+    assert found.loss == pytest.approx(loss_of(speeds, spins, angle), rel=1e-10)
+
+
+@pytest.mark.parametrize("treatment", TREATMENTS)
+def test_lock_unlock_release(treatment):
+    """One after the other, restarts in between; the same as in one run."""
+    system, _, _, pin = bars()
+    events = [
+        sc.Event(sc.ConditionCoordinate("pin", 0.4), sc.ActionLock("pin"), name="lock"),
+        sc.Event(sc.ConditionTime(0.3), sc.ActionUnlock("pin"), name="unlock"),
+        sc.Event(sc.ConditionTime(0.4), sc.ActionRelease(pin), name="release"),
+    ]
+    for scheme in (sc.EnergyMomentum(), sc.GeneralizedAlpha(0.5)):
+        run = scheme, TREATMENTS[treatment], 0.01, 0.5
+        whole = sc.simulate(system, *run, events=events)
+        assert [e.name for e in whole.events] == ["lock", "unlock", "release"]
+        assert len(whole.segments) == 4
+        for rows in (whole.segments[1][1] - 1, whole.segments[2][1] - 1, whole.segments[3][1] - 2):
+            cut = whole.truncated(rows)
+            now, left = sc.after_events(system, cut, events)
+            start = sc.restart(now, cut, scheme, 0.01)
+            again = sc.simulate(now, *run, start=start, events=left)
+            assert [e.name for e in again.events] == [e.name for e in left]
+            assert np.allclose(again["q"][-1], whole["q"][-1], rtol=0, atol=1e-11)
+    with pytest.raises(sc.HistoryError, match="belongs to another model"):
+        sc.restart(system, cut, scheme, 0.01)
+
+
+@pytest.mark.parametrize("planar", [None, sc.Planar(normal=(0, 1, 0))], ids=["space", "plane"])
+@pytest.mark.parametrize("treatment", TREATMENTS)
+def test_nothing_is_left_to_move(treatment, planar):
+    """A pendulum that is locked to the ground hangs there: the moment of its weight."""
+    model = sc.Model()
+    bar = model.add("bar", sc.RigidBody.box(1.0, (1.0, 0.05, 0.05), position=(0.5, 0, 0)))
+    pin = sc.JointRevolute(sc.ground((0, 0, 0)), bar.at((0, 0, 0)), axis=(0, 1, 0))
+    model.add("pin", pin)
+    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    event = sc.Event(sc.ConditionCoordinate(pin, 0.5), sc.ActionLock(pin), name="lock")
+    run = model.freeze(planar), sc.EnergyMomentum(), TREATMENTS[treatment], 0.01, 0.6
+    history = sc.simulate(*run, events=[event])
+    row = history.events[0].row + 1
+    assert history["joint/pin/moment"][-1, 1] == pytest.approx(-0.5 * G * np.cos(0.5), abs=1e-9)
+    assert abs(history["q"][row:] - history["q"][row]).max() < 1e-14
+    assert history["energy"][-1] < 1e-20
+    assert abs(history["energy_balance"]).max() < 1e-12
+
+
+@pytest.mark.parametrize("treatment", TREATMENTS)
+def test_a_closed_loop_is_opened(treatment):
+    """A four-bar linkage loses a hinge, then its crank's end is locked; energy balances."""
+    points = np.array([[0, 0, 0], [0, 0.3, 0], [1.0, 0.8, 0], [1.0, 0, 0]])
+    model, ends = sc.Model(), [sc.ground(points[0])]
+    for name, a, b in zip(("crank", "coupler", "rocker"), points, points[1:], strict=False):
+        size = 0.05, 0.05, float(np.linalg.norm(b - a))
+        bar = sc.RigidBody.box(1.0, size, position=(a + b) / 2, triad=sc.triad(b - a))
+        model.add(name, bar)
+        ends += [bar.at(a), bar.at(b)]
+    ends.append(sc.ground(points[3]))
+    for k, (a, b) in enumerate(zip(ends[::2], ends[1::2], strict=True)):
+        model.add(f"pin {k}", sc.JointRevolute(a, b, axis=(0, 0, 1)))
+    system = model.freeze()
+    start = sc.initial_state(system, rates={"pin 0": 2.0})
+    events = [
+        sc.Event(sc.ConditionTime(0.1), sc.ActionRelease("pin 3"), name="open"),
+        sc.Event(sc.ConditionTime(0.2), sc.ActionLock("pin 1"), name="lock"),
+    ]
+    run = system, sc.EnergyMomentum(), TREATMENTS[treatment], 0.01, 0.3
+    history = sc.simulate(*run, start=start, events=events)
+    assert history.events[1].loss > 1e-3
+    assert abs(history["energy_balance"]).max() < 1e-11
+    assert history["constraint_violation"].max() < 1e-12
+
+
+@pytest.mark.parametrize("treatment", TREATMENTS)
+def test_a_beam_is_cut_loose(treatment):
+    """A rod hung up at both ends loses one of its hinges; momentum and energy go on."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="rod")
+    section = sc.SectionCircle(radius=0.02, material=sc.Material(E=2e6, nu=0.5, rho=1100))
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, order=2, director=(0, 1, 0)))
+    for name in ("start", "end"):
+        node = rod.node(f"rod.{name}")
+        model.add(name, sc.JointSpherical(sc.ground(node.position), node))
+    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    cut = sc.Event(sc.ConditionTime(0.02), sc.ActionRelease("end"), name="cut")
+    run = model.freeze(), sc.EnergyMomentum(), TREATMENTS[treatment], 2e-3, 0.06
+    history = sc.simulate(*run, events=[cut])
+    first = run[0].offset(rod.node("rod.end"))
+    end = history["q"][:, first : first + 3]
+    assert abs(end[: history.events[0].row + 1] - (1, 0, 0)).max() < 1e-12
+    assert end[-1, 2] < -1e-3
+    assert abs(history["energy_balance"]).max() < 1e-9
+    assert history.segment(1).meta["fingerprint"]["joints"] == ["spherical joint 'start'"]
+
+
+@pytest.mark.parametrize("treatment", TREATMENTS)
+@pytest.mark.parametrize("scheme", SCHEMES[:5], ids=repr)
+def test_load_switched_off(scheme, treatment):
+    """Momentum grows up to the event's time, exactly, and not after it."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(2.0))
+    push = model.add("push", sc.LoadForce(ball.place(), (3.0, 0, 0)))
+    later = model.add("later", sc.LoadForce(ball.place(), lambda t: (0, t, 0)))
+    events = [
+        sc.Event(sc.ConditionTime(0.4321), sc.ActionLoad(push, 0.0), name="off"),
+        sc.Event(sc.ConditionTime(0.6), sc.ActionLoad("later", 2.0), name="more"),
+        sc.Event(sc.ConditionTime(0.8), sc.ActionLoad(later, 0.0), name="none"),
+    ]
+    history = sc.simulate(model.freeze(), scheme, TREATMENTS[treatment], 0.01, 1.0, events=events)
+    p = history["linear_momentum"]
+    rows = [event.row for event in history.events]
+    # generalized-alpha integrates forces by the trapezoidal rule of its own, shifted by a share
+    close = 2e-2 if scheme.name.startswith("generalized") else 1e-10
+    assert p[rows[0]][0] == pytest.approx(3.0 * 0.4321, abs=close)
+    assert p[-1, 0] == pytest.approx(3.0 * 0.4321, abs=close)
+    assert p[-1, 1] == pytest.approx(0.6**2 / 2 + 2 * (0.8**2 - 0.6**2) / 2, abs=close)
+
+
+@pytest.mark.slow
+def test_compiled_kernels_are_bound_anew():
+    """The same numbers as with plain ones, across a switch and a lock."""
+    pytest.importorskip("numba")
+    system, _, _, pin = bars()
+    events = [sc.Event(sc.ConditionCoordinate(pin, 0.4), sc.ActionLock(pin), name="lock")]
+    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.5
+    plain, fast = (sc.simulate(*run, events=events, kernels=k) for k in ("numpy", "numba"))
+    assert fast.meta["kernels"] == "numba"
+    assert np.allclose(fast["q"], plain["q"], rtol=0, atol=1e-9)
+
+
+def test_function_gives_the_model_to_go_on_with():
+    """A second model with the gravity turned; and a state: a ball thrown back."""
+
+    def scene(g):
+        model = sc.Model()
+        model.add("ball", sc.MassPoint(1.0, position=(0, 0, 1)))
+        model.add("gravity", sc.LoadGravity(g))
+        return model
+
+    turn = sc.Event(sc.ConditionTime(0.1), lambda t, view: scene((5.0, 0, 0)), name="turn")
+    run = scene((0, 0, -G)).freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.2
+    history = sc.simulate(*run, events=[turn])
+    expected = 5.0 * 0.1**2 / 2, 0.0, 1 - G * 0.1**2 / 2 - G * 0.1 * 0.1
+    assert history["q"][-1] == pytest.approx(expected, abs=1e-10)
+
+    def back(time, view):
+        return sc.initial_state(view.system, view.q, -0.5 * view.v, time=time)
+
+    floor = sc.Event(lambda t, view: view.q[2], back, direction=-1, once=False, name="floor")
+    history = sc.simulate(*run[:3], 0.01, 0.85, events=[floor])
+    fall = np.sqrt(2 / G)
+    times = [event.time for event in history.events]
+    assert times == pytest.approx([fall, 2 * fall - 0 * fall][: len(times)], abs=1e-9)
+    assert history.events[0].loss == pytest.approx(0.75 * G, abs=1e-9)
+
+
+# -- several, and none -----------------------------------------------------------------------------
+
+
+def test_several_in_one_step():
+    """The earliest first, those of one instant together."""
+    system, _, _ = pendulum()
+    times = {"c": 0.0534, "a": 0.0512, "b": 0.0512, "d": 0.0999}
+    events = [sc.Event(sc.ConditionTime(t), name=name) for name, t in times.items()]
+    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.05, 0.2
+    history = sc.simulate(*run, events=events)
+    assert [event.name for event in history.events] == ["a", "b", "c", "d"]
+    assert [e.time for e in history.events] == pytest.approx(sorted(times.values()), abs=1e-10)
+
+
+def test_at_the_start_is_not_an_event():
+    """What starts at its level has not passed it: it does half a swing later."""
+    system, bob, _ = pendulum(rate=0.1)
+    event = sc.Event(across(bob), sc.ActionStop(), name="lowest")
+    history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 2.0, events=[event])
+    assert history.events[0].time == pytest.approx(np.pi / np.sqrt(G), rel=1e-3)
+
+
+def test_what_does_not_happen():
+    """No sign change: the run is complete, its list of events empty."""
+    system, bob, _ = pendulum()
+    high = sc.ConditionSensor(sc.SensorPosition(bob.place()), level=1.0, component=2)
+    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.05, 0.5
+    history = sc.simulate(*run, events=[sc.Event(high, sc.ActionStop())])
+    assert history.status == "completed" and history.events == []
+    plain = sc.simulate(*run)
+    assert np.array_equal(history["q"], plain["q"])
+
+
+def test_endless_repetition_is_an_error():
+    """A ball that is lifted by a hair's breadth each time it falls below the floor."""
+    model = sc.Model()
+    model.add("ball", sc.MassPoint(1.0, position=(0, 0, 0.1)))
+    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+
+    def lifted(time, view):
+        q = view.q + np.array([0, 0, 1e-9])
+        return sc.initial_state(view.system, q, view.v, time=time)
+
+    floor = sc.Event(lambda t, view: view.q[2], lifted, once=False, name="floor")
+    run = model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.02, 2.0
+    with pytest.raises(sc.Diverged, match="event 'floor' repeats at once: 20 times") as caught:
+        sc.simulate(*run, events=[floor])
+    assert caught.value.history.times[-1] == pytest.approx(np.sqrt(0.02), abs=1e-6)
+    assert len(caught.value.history.events) == 20
+
+
+def test_saved_and_loaded(tmp_path):
+    """Events and segments are in the file."""
+    system, bob, rod = pendulum()
+    event = sc.Event(across(bob), sc.ActionRelease(rod), name="let go")
+    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 1.0
+    history = sc.simulate(*run, events=[event], path=tmp_path / "run.history")
+    again = sc.History.load(tmp_path / "run.history")
+    assert again.events == history.events and again.segments == history.segments
+    assert np.array_equal(again["q"], history["q"])
+    assert "let go" in str(again.events[0]) and "ActionRelease(rod)" in str(again.events[0])
+
+
+def test_sensors_go_on():
+    """Across a release; the reaction of what is gone is NaN."""
+    system, bob, rod = pendulum()
+    event = sc.Event(across(bob), sc.ActionRelease(rod), name="let go")
+    sensors = {"x": sc.SensorPosition(bob.place()), "force": sc.SensorReaction(rod)}
+    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 1.0
+    seen = sc.simulate(*run, events=[event], sensors=sensors)
+    record, time = seen.sensors["force"], seen.events[0].time
+    assert np.isnan(record.values[record.times > time]).all()
+    assert np.isfinite(record.values[record.times < time]).all()
+    assert np.allclose(seen.sensors["x"].values[-1], seen["q"][-1])
+
+
+# -- what is refused -------------------------------------------------------------------------------
+
+
+def refused(events, words, error=sc.InputError, scheme=None):
+    system, _, _ = pendulum()
+    pair = (sc.EnergyMomentum() if scheme is None else scheme), sc.Multipliers()
+    with pytest.raises(error) as caught:
+        sc.simulate(system, *pair, 0.01, 1.0, events=events)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_bad_events():
+    """Clear errors before the run."""
+    refused([sc.Event(lambda t, view: np.nan, name="odd")], ["'odd'", "nan", "t = 0"])
+    refused([sc.Event(lambda t, view: view.q, name="odd")], ["'odd'", "shape (3,)"])
+    refused([sc.Event(sc.ConditionCoordinate("knee", 1.0), name="k")], ["'k'", "'knee'", "['rod']"])
+    refused([sc.Event(sc.ConditionTime(1.0), sc.ActionLock("knee"))], ["'knee'", "['rod']"])
+    refused([sc.Event(sc.ConditionTime(1.0), sc.ActionLoad("wind", 0.0))], ["'wind'", "gravity"])
+    refused([sc.Event(sc.ConditionTime(1.0))] * 2, ["two events", "'event'"])
+    refused(["stop"], ["expected an Event"])
+    refused(sc.Event(sc.ConditionTime(1.0)), ["expected a list"])
+    with pytest.raises(sc.InputError, match="direction = 2"):
+        sc.Event(sc.ConditionTime(1.0), direction=2)
+    with pytest.raises(sc.InputError, match="expected a Condition or a function"):
+        sc.Event(1.0)
+    with pytest.raises(sc.InputError, match="it has none"):
+        sc.Event(sc.ConditionCoordinate("rod", 1.0)).condition.check(pendulum()[0])
+
+
+def test_bad_events_in_a_run():
+    """NaN later on, a mass point that cannot be locked: the history so far is kept."""
+    system, _, rod = pendulum()
+    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 1.0
+    odd = sc.Event(lambda t, view: 1.0 if t < 0.5 else np.nan, name="odd")
+    with pytest.raises(sc.InputError, match=r"event 'odd': its condition is nan at t = 0\.5") as e:
+        sc.simulate(*run, events=[odd])
+    assert e.value.history.times[-1] == pytest.approx(0.49)
+    with pytest.raises(sc.IncompatibleError, match="lock of the distance joint 'rod'"):
+        sc.simulate(*run, events=[sc.Event(sc.ConditionTime(0.5), sc.ActionLock(rod))])
+    with pytest.raises(sc.InputError, match="is not locked"):
+        sc.simulate(*run, events=[sc.Event(sc.ConditionTime(0.5), sc.ActionUnlock(rod))])
+
+
+def test_explicit_schemes_are_refused():
+    """Their steps cannot be shortened: both are named."""
+    event = sc.Event(sc.ConditionTime(0.5), name="half")
+    refused([event], ["'half'", "Explicit(rounds=1)"], sc.IncompatibleError, sc.Explicit())
