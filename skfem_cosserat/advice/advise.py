@@ -151,8 +151,8 @@ def _chaos(event: Event, search: Search, seed: int) -> list[str]:
     growth = 0.0
     for name in event.quantities.names:
         one, other = fine.readings[name], nudged.readings[name]
-        if one.span > 0:
-            growth = max(growth, one.distance(other) / one.span / NUDGE)
+        size = max(one.span, event.quantities.tolerance[name])
+        growth = max(growth, one.distance(other) / size / NUDGE)
     search.growth = growth
     if growth <= CHAOS:
         return []
