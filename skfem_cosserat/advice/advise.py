@@ -16,7 +16,7 @@ from ..types import positive
 from .advice import Advice, explained
 from .event import NUDGE, Budget, Event, Start, check_start
 from .quantities import Quantities, Quantity
-from .reference import Reference, find_reference
+from .reference import ORDER, Reference, find_reference
 from .search import Candidate, Search
 
 __all__ = ["advise"]
@@ -151,8 +151,8 @@ def _chaos(event: Event, search: Search, seed: int) -> list[str]:
     growth = 0.0
     for name in event.quantities.names:
         one, other = fine.readings[name], nudged.readings[name]
-        if one.span > 0:
-            growth = max(growth, one.distance(other) / one.span / NUDGE)
+        size = max(one.span, event.quantities.tolerance[name])
+        growth = max(growth, one.distance(other) / size / NUDGE)
     search.growth = growth
     if growth <= CHAOS:
         return []
@@ -234,9 +234,13 @@ def _found(reference: Reference, search: Search) -> list[str]:
     )
     for (name, rung), error in search.predictor.rung.items():
         out.append(f"{name} as {rung}: {error:.2g} tolerances off")
+    for name, known in search.predictor.fine.items():
+        table = ", ".join(f"{size}: {error:.2g}" for size, error in sorted(known.items()))
+        out.append(f"{name} in elements of order {ORDER} a piece: tolerances off: {table}")
     for order, sizes in sorted(search.predictor.mesh.items()):
         table = ", ".join(f"{size}: {error:.2g}" for size, error in sorted(sizes.items()))
-        out.append(f"order {order}, elements a piece: tolerances off: {table}")
+        even = ", ".join(f"{name}: {k}" for name, k in search.predictor.even.items())
+        out.append(f"order {order}, times {even} elements a piece: tolerances off: {table}")
     table = ", ".join(f"{n}: {d:.2g}" for n, d in sorted(reference.time.items()))
     out.append(f"steps: tolerances that twice as many change: {table}")
     out.append(f"a nudge at the start grows {search.growth:.2g} times")

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from .event import Event, Trial
 from .proposal import Proposal
-from .reference import Reference
+from .reference import ORDER, Reference
 
-__all__ = ["Predictor"]
+__all__ = ["SIZES", "Predictor"]
+
+#: elements a piece that are looked at
+SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+#: error of the meshes that orders are compared with, in tolerances
+EVEN = 0.5
 
 
 class Predictor:
@@ -23,8 +29,8 @@ class Predictor:
 
     Attributes
     ----------
-    mesh : dict of int to dict of int to float
-        By order and number of elements a piece (all beams alike): error in tolerances.
+    mesh : dict of int to dict of float to float
+        By order, and by how many times the elements of `even` there are: error in tolerances.
     rung : dict of (str, str) to float
         By beam and rung: error in tolerances.
     integrators : dict of str to (float, float)
@@ -37,21 +43,27 @@ class Predictor:
 
     def __init__(self, event: Event, reference: Reference) -> None:
         self.event, self.reference = event, reference
-        self.mesh: dict[int, dict[int, float]] = {}
+        self.mesh: dict[int, dict[float, float]] = {}
         self.rung: dict[tuple[str, str], float] = {}
         self.integrators: dict[str, tuple[float, float]] = {}
         self.treatments: dict[str, float] = {}
         self.scale = 1.0
         self._fitted: tuple[int, tuple[float, float], dict[int, float]] = (-1, (0.0, 0.0), {})
-        total = dict.fromkeys(event.beams, 0.0)
-        for (name, level), d in reference.space.items():
-            if level == reference.coarse[name]:
-                total[name] = d
-        size = sum(total.values())
-        count = max(len(total), 1)
-        #: parts of the beams in errors of equal meshes; none is left out altogether
-        self.share = {
-            name: 0.9 * d / size + 0.1 / count if size else 1.0 / count for name, d in total.items()
+        #: by beam: error of references' elements by number a piece
+        self.fine: dict[str, dict[int, float]] = {name: {} for name in event.beams}
+        for name, found in self.fine.items():
+            levels = sorted(k for each, k in reference.space if each == name)
+            below = reference.space[name, levels[-1]] / 3
+            for level in reversed(levels):
+                below += reference.space[name, level]
+                found[2**level] = below
+        #: elements a piece for an error that beams share
+        self.even = {
+            name: next(
+                (k for k in SIZES if self.part(name, ORDER, k) <= EVEN / len(event.beams)),
+                SIZES[-1],
+            )
+            for name in event.beams
         }
 
     def time(self, steps: int) -> float:
@@ -66,8 +78,13 @@ class Predictor:
 
     def part(self, beam: str, order: int, per: float) -> float:
         """Error that a beam contributes with so many elements a piece."""
+        if order == ORDER:
+            return _between(self.fine[beam], per, 2 * order)
         known = self.mesh.get(order, {})
-        return self.share[beam] * _between(known, per, 2 * order) if known else np.inf
+        even = {name: self.part(name, ORDER, k) for name, k in self.even.items()}
+        total, count = sum(even.values()), len(even)
+        share = 0.9 * even[beam] / total + 0.1 / count if total else 1.0 / count
+        return share * _between(known, per / self.even[beam], 2 * order) if known else np.inf
 
     def error(self, proposal: Proposal) -> float:
         """Of a proposal, in tolerances."""
@@ -126,12 +143,12 @@ class Predictor:
         return {steps: float(np.median(each)) for steps, each in found.items()}
 
 
-def _between(known: Mapping[int, float], m: float, order: int) -> float:
+def _between(known: Mapping[Any, float], m: float, order: int) -> float:
     """Error at m elements a piece: straight in the logarithms, beyond them of the order known."""
-    sizes = np.array(sorted(n for n, d in known.items() if np.isfinite(d) and d > 0))
+    sizes = np.array([n for n, d in sorted(known.items()) if np.isfinite(d) and d > 0])
     if not len(sizes):
         return 0.0 if any(d == 0 for d in known.values()) else np.inf
-    errors = np.array([known[int(n)] for n in sizes])
+    errors = np.array([known[n] for n in sizes.tolist()])
     if m > sizes[-1]:
         return float(errors[-1] * (sizes[-1] / m) ** order)
     if m < sizes[0]:

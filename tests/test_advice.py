@@ -1,0 +1,250 @@
+"""The advisor keeps its tolerance, says when it cannot tell, and changes nothing."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+from helpers_advice import random_scene
+from scipy.integrate import solve_ivp
+
+import skfem_cosserat as sc
+from skfem_cosserat import InputError, SensorPosition, advise
+from skfem_cosserat.advice import rigid_body
+from skfem_cosserat.advice.predict import _between
+from skfem_cosserat.advice.quantities import Quantities, Reading
+
+STEEL = sc.SectionCircle(radius=5e-3, material=sc.Material(E=210e9, nu=0.3, rho=7850))
+
+
+def pendulum() -> sc.Model:
+    """A rod of steel that falls from the horizontal."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, STEEL, director=(0, 1, 0)))
+    start = rod.node("rod.start")
+    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), start, axis=(0, 1, 0)))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    return model
+
+
+def double_pendulum() -> sc.Model:
+    """Two bobs let go high up: chaos."""
+    model = sc.Model()
+    one = model.add("one", sc.MassPoint(1.0, position=(0.0, 0, 1.0)))
+    two = model.add("two", sc.MassPoint(1.0, position=(0.3, 0, 1.9)))
+    model.add("upper", sc.JointDistance(sc.ground((0, 0, 0)), one.place()))
+    model.add("lower", sc.JointDistance(one.place(), two.place()))
+    model.add("gravity", sc.LoadGravity((0.1, 0, -9.81)))
+    return model
+
+
+def tip_of_rod(system, state):
+    """Where the end of the rod is: from the angle of its first triad, whatever stands for it."""
+    item = next(each for each in system.structures if each.name == "rod")
+    first = system.first[id(item)][1]
+    rows = state.q.reshape(-1, 3)[first : first + 4]
+    start = np.concatenate([item.vertices().positions[:1], item.vertices().triads[0]])
+    along = start[1:] @ np.array([1.0, 0, 0])
+    return along @ rows[1:]
+
+
+def frozen(model: sc.Model) -> tuple:
+    """What must stay the same."""
+    system = model.freeze()
+    mass = system.mass.toarray().tobytes()
+    return list(model), [id(model[name]) for name in model], system.q0.tobytes(), mass
+
+
+def test_stiff_pendulum_is_rigid_and_as_exact_as_asked():
+    model = pendulum()
+    before = frozen(model)
+    tip = SensorPosition(model["rod"].node("rod.end"))
+    advice = advise(model, {"tip": tip}, 0.02, until=0.5)
+    assert frozen(model) == before
+    assert advice.confident, advice.reasons
+    assert str(advice.proposal.rung["rod"]) == "rigid"
+    assert advice.true_error + advice.reference_error <= 0.02
+    # a physical pendulum: theta'' = m g L/2 cos(theta) / J
+    r, m = 5e-3, 7850 * np.pi * 25e-6
+    inertia = m / 3 + m * r**2 / 4
+    found = solve_ivp(
+        lambda t, y: (y[1], m * 9.81 * 0.5 * np.cos(y[0]) / inertia), (0, 0.5), (0, 0),
+        rtol=1e-10, atol=1e-12, dense_output=True,
+    )  # fmt: skip
+    proposal = advice.proposal
+    made, twins = proposal.rebuilt(model)
+    history = sc.simulate(
+        made.freeze(planar=proposal.planar), proposal.integrator, proposal.treatment,
+        proposal.step, 0.5 * (1 + 1e-9), sensors={"tip": twins.of(tip)}, kernels="numpy",
+    )  # fmt: skip
+    record = history.sensors["tip"]
+    angle = found.sol(record.times)[0]
+    exact = np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=1)
+    error = np.linalg.norm(record.values - exact, axis=1).max()
+    assert error <= 0.02
+    # both know the bending that is left out to 3e-4 m only, one of them not at all
+    assert error == pytest.approx(advice.true_error, abs=advice.reference_error + 3.5e-4)
+    assert "rigid" in advice.explanation
+    assert "confident" in str(advice)
+
+
+def test_functions_and_tolerances_by_name(tmp_path):
+    model = pendulum()
+    wanted = {
+        "energy": lambda history: history["energy"] + history["external"],
+        "tip": tip_of_rod,
+    }
+    advice = advise(model, wanted, {"energy": 0.1, "tip": 0.05}, until=0.4, seed=3)
+    assert advice.confident, advice.reasons
+    for name, tolerance in (("energy", 0.1), ("tip", 0.05)):
+        assert 0 <= advice.true_error[name] <= tolerance
+        assert advice.reference_error[name] <= 0.2 * tolerance
+    advice.csv(tmp_path / "candidates.csv")
+    rows = list(csv.DictReader((tmp_path / "candidates.csv").open()))
+    assert len(rows) == len(advice.candidates)
+    assert [row["chosen"] for row in rows].count("True") == 1
+    pytest.importorskip("matplotlib")
+    advice.chart(tmp_path / "candidates.png")
+    assert (tmp_path / "candidates.png").stat().st_size > 10_000
+
+
+def test_chaos_is_told():
+    model = double_pendulum()
+    sensor = {"two": SensorPosition(model["two"].place())}
+    advice = advise(model, sensor, 1e-3, until=6.0, budget_s=10)
+    assert not advice.confident
+    assert advice.reasons
+
+
+def test_without_budget_it_cannot_tell():
+    model = pendulum()
+    advice = advise(model, {"tip": SensorPosition(model["rod"].node("rod.end"))}, 1e-4, 1e-3)
+    assert not advice.confident
+    assert "budget" in " ".join(advice.reasons)
+    if advice.proposal is None:
+        with pytest.raises(InputError, match="has no proposal"):
+            advice.build(model)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"model": 3}, "argument model: 3, expected a Model"),
+        ({"quantities": {}}, "argument quantities"),
+        ({"quantities": {"tip": 3}}, "quantity 'tip': is 3, expected a sensor"),
+        ({"quantities": {"tip": lambda a, b, c: 0}}, "takes 3 arguments"),
+        ({"tolerance": -1.0}, "argument tolerance"),
+        ({"tolerance": {"other": 1.0}}, "is for .*, expected"),
+        ({"budget_s": 0}, "argument budget_s"),
+        ({"seed": -1}, "argument seed"),
+        ({"until": 0.0}, "argument until"),
+        ({"start": 3}, "argument start: 3, expected a State"),
+        ({"integrators": ()}, "argument integrators"),
+        ({"base": 3}, "argument base"),
+    ],
+)
+def test_bad_arguments(change, message):
+    model = pendulum()
+    given = {"model": model, "tolerance": 0.1, "until": 0.1}
+    given["quantities"] = {"tip": SensorPosition(model["rod"].node("rod.end"))}
+    with pytest.raises(InputError, match=message):
+        advise(**given | change)
+
+
+def test_sensors_of_other_scenes_are_refused():
+    with pytest.raises(InputError, match="is not in this system"):
+        advise(pendulum(), {"tip": SensorPosition(pendulum()["rod"].node("rod.end"))}, 0.1)
+
+
+def test_rigid_body_of_a_curved_beam_has_its_momenta():
+    mesh = sc.MeshCurve.init_helix((1, 0, 0), (0, 0, 0), (0, 0, 1), 0.4, 0.6, 24)
+    omega = np.array([0.3, -0.2, 0.5])
+
+    def velocity(x):
+        return np.cross(omega, x) + (1, 2, 3)
+
+    beam = sc.Beam(mesh, STEEL, order=3, velocity=velocity, angular_velocity=omega)
+    bodies = []
+    for item in (rigid_body(beam), beam):
+        model = sc.Model()
+        model.add("one", item)
+        system = model.freeze()
+        state = sc.initial_state(system)
+        bodies.append(
+            [
+                sc.diagnostics.linear_momentum(system, state.p),
+                sc.diagnostics.angular_momentum(system, state.q, state.p),
+                sc.diagnostics.kinetic_energy(system, state.p),
+            ]
+        )
+    for one, other in zip(*bodies, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
+
+
+def test_readings_are_compared_at_instants_of_both():
+    fine, coarse = (np.linspace(0, 1, n + 1) for n in (16, 4))
+    a, b = Reading(np.sin(fine), fine), Reading(np.sin(coarse) + 0.1, coarse)
+    assert a.distance(b) == pytest.approx(0.1, abs=1e-14)
+    middles = fine[:-1] + 0.5 * fine[1]
+    assert Reading(np.sin(middles), middles).distance(b) == pytest.approx(0.1, abs=2e-6)
+    both = Quantities({"x": lambda h: 0, "y": lambda h: 0}, {"x": 1.0, "y": 0.1})
+    one = {"x": Reading(np.array(1.0)), "y": Reading(np.array(1.0))}
+    other = {"x": Reading(np.array(1.5)), "y": Reading(np.array(1.2))}
+    assert both.distance(one, other) == pytest.approx(2.0)
+
+
+def test_predictions_follow_powers():
+    known = {1: 16.0, 2: 1.0, 4: 1 / 16}
+    for m in (1, 2, 3, 4, 8):
+        assert _between(known, m, 4) == pytest.approx(16.0 / m**4, rel=1e-12)
+    assert _between({1: np.inf}, 2, 4) == np.inf
+
+
+def test_a_random_scene():
+    scene = random_scene(3)
+    before = frozen(scene.model)
+    advice = advise(scene.model, scene.quantities, scene.tolerance, until=scene.until)
+    assert frozen(scene.model) == before
+    assert advice.confident, advice.reasons
+    assert true_error(scene, advice) <= scene.tolerance
+
+
+def true_error(scene, advice) -> float:
+    """Of the proposal, against fine elements of another order and half the reference's step."""
+    best, reference = advice.proposal, advice.reference
+    readings = []
+    for proposal in (best, reference):
+        made, twins = proposal.rebuilt(scene.model)
+        step, planar = proposal.step, proposal.planar
+        if proposal is reference:
+            elements = {}
+            for name, count in proposal.elements.items():
+                beam = scene.model[name]
+                mesh = sc.mesh.divided(beam.mesh, 2 * count)
+                elements[name] = beam.on_mesh(mesh, 2)
+            made, twins = scene.model.rebuilt(elements)
+            step, planar = step / 2, None
+        sensors = {name: twins.of(each) for name, each in scene.quantities.items()}
+        history = sc.simulate(
+            made.freeze(planar=planar), proposal.integrator, proposal.treatment, step,
+            scene.until * (1 + 1e-9), sensors=sensors, derive=False, kernels="numpy",
+            every=10**6,
+        )  # fmt: skip
+        readings.append({k: Reading(r.values, r.times) for k, r in history.sensors.items()})
+    return max(readings[0][name].distance(readings[1][name]) for name in scene.quantities)
+
+
+@pytest.mark.slow
+def test_random_scenes_keep_their_tolerance():
+    confident = 0
+    for seed in range(10):
+        scene = random_scene(seed)
+        advice = advise(
+            scene.model, scene.quantities, scene.tolerance, 300.0, seed, until=scene.until
+        )
+        if advice.confident:
+            confident += 1
+            assert true_error(scene, advice) <= scene.tolerance, f"seed {seed}"
+    assert confident >= 8
