@@ -185,14 +185,14 @@ class System:
         self._y0, self._v0 = np.concatenate(y), np.concatenate(rates)
 
     def _place_ground(self, couplings: Sequence[Coupling]) -> None:
-        places = [place for item in (*self.joints, *couplings) for place in (item.a, item.b)]
+        places = [place for joint in self.joints for place in (joint.a, joint.b)]
+        places += [place for item in couplings for place in (item.a, item.b)]
         self._sides = [place.position for place in places]
         places += [drive.place for drive in self.drives]
         self.grounds = Ground(places) if self.placed is None else self.placed.ground
         self.moving = self.grounds.moving
         self.total = self.rows + self.grounds.rows
-        frames = np.arange(0, self.grounds.rows, 4)
-        self.vertex_rows = np.concatenate([self.origin_rows, self.rows + frames])
+        self.vertex_rows = np.r_[self.origin_rows, np.arange(self.rows, self.total, 4)]
         self.spanned = self.extend(self.q0 if self.placed is None else self.placed.q, self.since)
 
     def spot(self, place: Place) -> Spot:
