@@ -230,7 +230,6 @@ class Beam(LineItem):
 
         Examples
         --------
-        >>> from skfem_cosserat import Beam, MeshCurve, Section
         >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
         >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4, name="rod"), section)
         >>> finer = beam.refined([0, 3], order=3)
@@ -239,8 +238,13 @@ class Beam(LineItem):
         """
         return self.on_mesh(self.mesh.refined(marked), order)
 
-    def on_mesh(self, mesh: MeshCurve, order: int | Interpolation | None = None) -> Self:
-        """The same beam on another mesh of the same lines, finer or coarser.
+    def on_mesh(
+        self,
+        mesh: MeshCurve,
+        order: int | Interpolation | None = None,
+        rung: Rung | None = None,
+    ) -> Self:
+        """The same beam on another mesh of the same lines, finer or coarser, or on another rung.
 
         Parameters
         ----------
@@ -248,6 +252,8 @@ class Beam(LineItem):
             From :meth:`MeshCurve.refined` or :func:`skfem_cosserat.mesh.divided`.
         order : int or Interpolation, optional
             Of the elements; default: as it was.
+        rung : Rung, optional
+            Which strains are modelled; default: as it was.
 
         Returns
         -------
@@ -258,15 +264,12 @@ class Beam(LineItem):
         ------
         MeshError
             If the mesh does not divide the same lines in the same order.
-        InputError
-            As :meth:`refined`.
 
         Examples
         --------
-        >>> from skfem_cosserat import Beam, MeshCurve, Section
         >>> from skfem_cosserat.mesh import divided
         >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
-        >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 20, name="rod"), section)
+        >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 20), section)
         >>> len(beam.on_mesh(divided(beam.mesh, 2), order=3).vertices())
         7
         """
@@ -285,7 +288,7 @@ class Beam(LineItem):
             director=director,
             twist=twist,
             lumped=self.lumped,
-            rung=self.rung,
+            rung=self.rung if rung is None else rung,
         )
         e, xi = places_in(self.mesh, mesh, beam.basis.interpolation.nodes)
         shape, nodes = self.basis.shape(xi), self.basis.connectivity[e]
@@ -304,7 +307,6 @@ class Beam(LineItem):
 
         Examples
         --------
-        >>> from skfem_cosserat import Beam, MeshCurve, Section
         >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=3.0, inertia=(0.1, 0.2))
         >>> body = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4), section).rigid_body()
         >>> body.mass, body.center.round(12).tolist()   # along its d3
@@ -343,7 +345,6 @@ class Beam(LineItem):
         Examples
         --------
         >>> from skfem import asm
-        >>> from skfem_cosserat import Beam, MeshCurve, Section
         >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
         >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4), section)
         >>> float(abs(asm(beam.internal_force_form(), beam.basis, q=beam.reference)).max())
@@ -395,9 +396,9 @@ class Beam(LineItem):
                 )
             a = int(self.basis.connectivity[elements[e, k], near.argmin()])
         triad = self.triads[a].copy()
-        offset = triad @ (place.position - self.basis.nodes[a])
-        offset[abs(offset) < 1e-12 * self.mesh.size] = 0.0
-        return Place(self, a, place.position, offset, triad, None, place.note)
+        X = triad @ (place.position - self.basis.nodes[a])
+        X[abs(X) < 1e-12 * self.mesh.size] = 0.0
+        return Place(self, a, place.position, X, triad, None, place.note)
 
     def vertices(self) -> Vertices:
         """Its nodes."""

@@ -3,6 +3,6 @@
 from .advice import Advice
 from .advise import advise
 from .proposal import Proposal
-from .rungs import BeamFull, BeamModel, BeamRigid, rigid_body
+from .rungs import BeamFull, BeamHeld, BeamModel, BeamRigid
 
-__all__ = ["Advice", "BeamFull", "BeamModel", "BeamRigid", "Proposal", "advise", "rigid_body"]
+__all__ = ["Advice", "BeamFull", "BeamHeld", "BeamModel", "BeamRigid", "Proposal", "advise"]

@@ -31,8 +31,8 @@ class Predictor:
     ----------
     mesh : dict of int to dict of float to float
         By order, and by how many times the elements of `even` there are: error in tolerances.
-    rung : dict of (str, str) to float
-        By beam and rung: error in tolerances.
+    rung, rung_cost : dict of (str, str) to float
+        By beam and rung: error in tolerances, factor of costs.
     integrators : dict of str to (float, float)
         Factors of the errors in time and of costs.
     treatments : dict of str to float
@@ -45,6 +45,7 @@ class Predictor:
         self.event, self.reference = event, reference
         self.mesh: dict[int, dict[float, float]] = {}
         self.rung: dict[tuple[str, str], float] = {}
+        self.rung_cost: dict[tuple[str, str], float] = {}
         self.integrators: dict[str, tuple[float, float]] = {}
         self.treatments: dict[str, float] = {}
         self.scale = 1.0
@@ -105,6 +106,8 @@ class Predictor:
         """Processor time (s) of a proposal: steps times iterations times what one takes."""
         factor = self.integrators.get(repr(proposal.integrator), (1.0, 1.0))[1]
         factor *= self.treatments.get(repr(proposal.treatment), 1.0)
+        for name, rung in proposal.rung.items():
+            factor *= self.rung_cost.get((name, str(rung)), 1.0)
         count = len(self.event.trials)
         if count != self._fitted[0]:
             self._fitted = (count, self._per_iteration(), self._iterations())
@@ -121,6 +124,7 @@ class Predictor:
             if trial.ok
             and (repr(trial.proposal.integrator), repr(trial.proposal.treatment)) == plain
             and trial.proposal.planar is self.event.planar
+            and all(str(rung) in ("full", "rigid") for rung in trial.proposal.rung.values())
         ]
 
     def _per_iteration(self) -> tuple[float, float]:

@@ -30,6 +30,8 @@ HOPELESS = 4.0
 TRIES = 8
 #: a beam that bends by more (rad) is not tried as a rigid one
 RIGID = 0.2
+#: a beam that shears or extends by more is tried as the full one only
+HELD = 0.05
 
 
 @dataclass
@@ -141,11 +143,12 @@ class Search:
     def _rungs(self) -> None:
         """Errors of cheaper models of each beam, the others as they are."""
         for name in self.rng.permutation(list(self.event.beams)).tolist():
-            for rung in RUNGS[:-1]:
-                if not rung.meshed and self.pilot.bend.get(name, 0.0) > RIGID:
-                    self.notes.append(
-                        f"{name}: not tried as {rung}, it bends by {self.pilot.bend[name]:.2g} rad"
-                    )
+            beam = self.event.beams[name]
+            for rung in (each for each in RUNGS[:-1] if each.simpler(beam)):
+                if str(rung) == "rigid beam" and (name, "rigid") in self.predictor.rung:
+                    continue  # as a body it costs less
+                if told := self._told(name, rung):
+                    self.notes.append(f"{name}: not tried as {rung}, it {told}")
                     continue
                 proposal = replace(
                     self.fine.proposal, rung=dict(self.fine.proposal.rung) | {name: rung}
@@ -153,12 +156,23 @@ class Search:
                 if not self._affordable(proposal):
                     return
                 trial = self.event.run(proposal)
-                error = self.event.distance(trial, self.fine)
-                self.predictor.rung[name, str(rung)] = error
                 if not trial.ok:
                     self.notes.append(f"{name} as {rung}: {trial.status}, {trial.reason}")
+                if trial.status == "impossible":
+                    continue
+                error = self.event.distance(trial, self.fine)
+                self.predictor.rung[name, str(rung)] = error
+                if trial.ok and rung.meshed:
+                    self.predictor.rung_cost[name, str(rung)] = trial.cost_s / self.fine.cost_s
                 if error <= 0.1:
                     break
+
+    def _told(self, name: str, rung: BeamModel) -> str:
+        """Why the pilot run rules out a model of a beam; empty: it does not."""
+        bend, stretch = self.pilot.bend.get(name, 0.0), self.pilot.stretch.get(name, 0.0)
+        if "rigid" in str(rung) and bend > RIGID:
+            return f"bends by {bend:.2g} rad"
+        return f"is strained by {stretch:.2g}" if stretch > HELD else ""
 
     def _affordable(self, proposal: Proposal) -> bool:
         fits = self.event.budget.allows(2 * self.predictor.cost(proposal))
@@ -212,8 +226,6 @@ class Search:
         own = self._note(self.event.run(proposal, max(20 * predicted[1], 0.5)), predicted)
         if 0 < own.error < np.inf and 0 < predicted[0] < np.inf:
             self.predictor.scale *= float(np.clip(own.error / predicted[0], 0.25, 4.0))
-        elif not own.trial.ok:
-            self.predictor.scale *= 2.0
         return own
 
     def all(self) -> Iterator[Proposal]:
@@ -282,8 +294,11 @@ class Search:
             )
             if chosen is None or not self._affordable(chosen):
                 return
-            if self._good(self.try_it(chosen)):
+            own = self.try_it(chosen)
+            if self._good(own):
                 return
+            if not own.trial.ok:
+                self.predictor.scale *= 2.0
 
     def _swaps(self) -> None:
         """Other integrators and treatments in the best one's place."""
