@@ -32,7 +32,8 @@ from skfem_cosserat.compiled import plan
 from skfem_cosserat.compiled.numbers import ROTATION
 from skfem_cosserat.compiled.plan import Plan
 from skfem_cosserat.integrators import choice
-from skfem_cosserat.integrators.fast import CompiledStep, refusal
+from skfem_cosserat.integrators.fast import CompiledStep
+from skfem_cosserat.integrators.refused import refusal
 from skfem_cosserat.integrators.stepper import Stepper, _Problem
 from skfem_cosserat.linear import SingularMatrixError
 

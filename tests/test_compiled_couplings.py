@@ -10,7 +10,7 @@ from helpers_scenes import four_bar
 from test_couplings import INTEGRATORS, TREATMENTS, zoo
 
 import skfem_cosserat as sc
-from skfem_cosserat.integrators.fast import refusal
+from skfem_cosserat.integrators.refused import refusal
 
 pytest.importorskip("numba")
 integrators = pytest.mark.parametrize("integrator", INTEGRATORS)

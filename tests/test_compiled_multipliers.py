@@ -11,7 +11,8 @@ from test_compiled import INTEGRATORS, ORDERS, called, chain, crossing, moving, 
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled.numbers import ROTATION
-from skfem_cosserat.integrators.fast import CompiledMultipliers, refusal
+from skfem_cosserat.integrators.fast import CompiledMultipliers
+from skfem_cosserat.integrators.refused import refusal
 from skfem_cosserat.integrators.stepper import Stepper, _Problem
 
 pytest.importorskip("numba")

@@ -13,7 +13,7 @@ from test_static_references import scenes
 import skfem_cosserat as sc
 from skfem_cosserat.compiled import plan
 from skfem_cosserat.integrators.choice import choose
-from skfem_cosserat.integrators.fast import static_refusal
+from skfem_cosserat.integrators.refused import static_refusal
 from skfem_cosserat.statics import solver
 from skfem_cosserat.statics.fast import CompiledBalance, CompiledProblem
 from skfem_cosserat.statics.path import STATIC

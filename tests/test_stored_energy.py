@@ -12,7 +12,7 @@ from test_tangents import Step, worst
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
-from skfem_cosserat.integrators.fast import refusal, static_refusal
+from skfem_cosserat.integrators.refused import refusal, static_refusal
 from skfem_cosserat.law import LawQuadratic, difference
 from skfem_cosserat.model.tension import overstretched
 

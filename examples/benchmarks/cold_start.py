@@ -32,7 +32,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import measuring
 from measuring import INTEGRATORS, TREATMENTS
 
-from skfem_cosserat.integrators.fast import refusal
+from skfem_cosserat.integrators.refused import refusal
 
 HERE = Path(__file__).resolve().parent
 #: at most (s)

@@ -246,7 +246,6 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
             record[n.ITERATIONS], record[n.RESIDUAL] = count, size
             if record[n.FACTORED] > 0.0:
                 record[n.STEPS], record[n.SPENT] = 0.0, 0.0
-            record[n.STEPS] += 1.0
-            record[n.SPENT] += count
+            record[n.STEPS], record[n.SPENT] = record[n.STEPS] + 1.0, record[n.SPENT] + count
             return accepted(p, s, m, w, numbers, record)
     return False

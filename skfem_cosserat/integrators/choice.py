@@ -12,7 +12,7 @@ from ..linear import Solver
 from ..log import logger
 from ..model import System
 from .base import Integrator
-from .fast import refusal
+from .refused import refusal
 
 __all__ = ["Choice", "choose", "choose_kernels", "estimated_seconds"]
 

@@ -21,7 +21,7 @@ from ..compiled.numbers import (
     WORK,
 )
 from ..compiled.plan import Plan, plan_of
-from ..constraints import Multipliers, NullSpace, Treatment
+from ..constraints import Multipliers, Treatment
 from ..constraints.base import half_turn
 from ..linear import LinearSolver, Solver
 from ..model import System
@@ -29,7 +29,7 @@ from ..model.chart import Chart
 from ..newton import NewtonSettings
 from ..types import Floats, IndexArray
 from .base import Integrator, Scheme, State, StepWork
-from .coupled import Coupled, scalar
+from .coupled import Coupled
 from .rest import Rest
 from .viscous import Viscous, is_viscous
 
@@ -38,8 +38,6 @@ __all__ = [
     "CompiledScene",
     "CompiledStep",
     "compiled_step",
-    "refusal",
-    "static_refusal",
 ]
 
 
@@ -49,57 +47,6 @@ SHORT = 8
 _COMPILING = threading.Lock()
 #: addresses of the parts; what is constant, the elimination, what changes, and beams
 Bound = tuple[IndexArray, Any, Any, Any, Any]
-
-
-def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str | None:
-    """Why a scene cannot be stepped by compiled kernels; None: it can."""
-    if integrator.scheme(1.0) is None:
-        return f"the {integrator.name} integrator gives no scheme for compiled kernels"
-    looped = len(system.closure.rows) > 0
-    return _missing(
-        treatment,
-        (NullSpace, Multipliers),
-        {
-            "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
-            # whether motions agree around a loop is looked at in the general way only
-            "closed loops in prescribed motion": looped and bool(system.moving),
-            "springs on rotation vectors, bushings": not scalar(system.couplings),
-            **_everywhere(system),
-        },
-    )
-
-
-def static_refusal(system: System, treatment: Treatment, spin: object) -> str | None:
-    """Why equilibria of a scene cannot be found by compiled kernels; None: they can."""
-    return _missing(
-        treatment,
-        (NullSpace,),
-        {
-            "closed loops": len(system.closure.rows) > 0,
-            "springs, dampers and actuators": system.couplings.count > 0,
-            **_everywhere(system),
-            "a turning frame": spin is not None,
-        },
-    )
-
-
-def _everywhere(system: System) -> dict[str, bool]:
-    return {
-        "scenes confined to a plane": system.plane is not None,
-        "beams of several orders": len(system.beam_groups) > 1,
-        "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),
-        "rungs of beams": len(system.rung_rows) > 0,
-    }
-
-
-def _missing(
-    treatment: Treatment, kinds: tuple[type[Treatment], ...], reasons: dict[str, bool]
-) -> str | None:
-    """What there are no compiled kernels for, of treatments and of what a scene may have."""
-    if not isinstance(treatment, kinds):
-        return f"there are no compiled kernels for {treatment.name}"
-    found = [what for what, there in reasons.items() if there]
-    return f"there are no compiled kernels for {', '.join(found)}" if found else None
 
 
 def compiled_step(
@@ -120,7 +67,7 @@ def compiled_step(
 class CompiledScene:
     """Arrays and parts of one system for compiled kernels, with the null space method.
 
-    Needs numba; :func:`refusal` says for what there is none.
+    Needs numba; :mod:`.refused` says for what there is none.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..constraints import Treatment
 from ..integrators import Integrator, State, Stepper, StepReport
-from ..integrators.fast import refusal
+from ..integrators.refused import refusal
 from ..linear import Solver
 from ..model import System
 from ..newton import NewtonSettings

@@ -12,7 +12,7 @@ from ..errors import CosseratError
 from ..history import History
 from ..integrators import State
 from ..integrators.choice import choose, estimated_seconds
-from ..integrators.fast import static_refusal
+from ..integrators.refused import static_refusal
 from ..linear import Solver
 from ..load import Amplitude
 from ..log import logger

@@ -1,0 +1,61 @@
+"""What scenes compiled kernels refuse, and why."""
+
+from __future__ import annotations
+
+from ..constraints import Multipliers, NullSpace, Treatment
+from ..model import System
+from .base import Integrator
+from .coupled import scalar
+
+__all__ = ["refusal", "static_refusal"]
+
+
+def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str | None:
+    """Why a scene cannot be stepped by compiled kernels; None: it can."""
+    if integrator.scheme(1.0) is None:
+        return f"the {integrator.name} integrator gives no scheme for compiled kernels"
+    looped = len(system.closure.rows) > 0
+    return _missing(
+        treatment,
+        (NullSpace, Multipliers),
+        {
+            "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
+            # whether motions agree around a loop is looked at in the general way only
+            "closed loops in prescribed motion": looped and bool(system.moving),
+            "springs on rotation vectors, bushings": not scalar(system.couplings),
+            **_everywhere(system),
+        },
+    )
+
+
+def static_refusal(system: System, treatment: Treatment, spin: object) -> str | None:
+    """Why equilibria of a scene cannot be found by compiled kernels; None: they can."""
+    return _missing(
+        treatment,
+        (NullSpace,),
+        {
+            "closed loops": len(system.closure.rows) > 0,
+            "springs, dampers and actuators": system.couplings.count > 0,
+            **_everywhere(system),
+            "a turning frame": spin is not None,
+        },
+    )
+
+
+def _everywhere(system: System) -> dict[str, bool]:
+    return {
+        "scenes confined to a plane": system.plane is not None,
+        "beams of several orders": len(system.beam_groups) > 1,
+        "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),
+        "rungs of beams": len(system.rung_rows) > 0,
+    }
+
+
+def _missing(
+    treatment: Treatment, kinds: tuple[type[Treatment], ...], reasons: dict[str, bool]
+) -> str | None:
+    """What there are no compiled kernels for, of treatments and of what a scene may have."""
+    if not isinstance(treatment, kinds):
+        return f"there are no compiled kernels for {treatment.name}"
+    found = [what for what, there in reasons.items() if there]
+    return f"there are no compiled kernels for {', '.join(found)}" if found else None
