@@ -658,6 +658,14 @@ def test_straight_beam_held_at_both_ends_is_warned_of(caplog):
     assert "RungUnshearable" in caplog.text
 
 
+def test_long_beams_are_for_multipliers(caplog):
+    system = cantilever(sc.RungInextensible(), 1, 110).freeze()
+    sc.Stepper(system, sc.EnergyMomentum(), sc.Multipliers(), 1e-3)
+    assert not caplog.records
+    sc.Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3)
+    assert "full matrix of 330 unknowns; Multipliers() has a sparse one" in caplog.text
+
+
 def test_refined_beams_and_other_processes_keep_the_rung():
     rod = arc(sc.RungUnshearable(torsion=False))["rod"]
     assert rod.refined(1).rung == sc.RungUnshearable(torsion=False)
