@@ -408,6 +408,33 @@ def test_rotating_blade_to_the_trusted_digits(eta, flap, lag):
     assert found.omega == pytest.approx(expected, rel=2e-8)
 
 
+@pytest.mark.parametrize(("order", "limit"), [(1, 4.0), (2, 24.0)])
+@pytest.mark.parametrize("rung", RUNGS[:2])
+def test_taut_beams_give_way_where_full_ones_do(rung, order, limit, caplog):
+    """At ``limit EI/h^2``: rotations of nodes that the Gauss points do not see."""
+    section = sc.Section([1e6, 1e6, 1e6, 1, 1, 1.0], mass=1.0, inertia=(1e-3, 1e-3))
+    grows = []
+    for share in (0.95, 1.03):
+        tension = share * limit * 12**2
+        model = cantilever(rung, order, 12, section, (tension, 0, 0))
+        system = model.freeze()
+        q = system.q0.reshape(-1, 12)
+        if 2 not in rung.held:
+            q[:, 0] *= 1 + tension / 1e6
+        found = sc.modes(system, q.ravel(), 3, t=0.0)
+        grows.append(bool(found.growth.max() > 1))
+        assert (f"tension {tension:.3g} N" in caplog.text) == (share > 1)
+    assert grows == [False, True]
+    caplog.clear()
+    path = sc.static(model, control=sc.LoadControl(steps=1), watch=False)
+    assert f"tension {tension:.3g} N between nodes" in caplog.text
+    caplog.clear()
+    start = sc.initial_state(system, q=path["q"][-1])
+    arguments = sc.EnergyMomentum(), sc.NullSpace(), 1e-5
+    sc.simulate(system, *arguments, until=3e-5, start=start, kernels="numpy")
+    assert "elements in place of 12" in caplog.text
+
+
 # -- dynamics --------------------------------------------------------------------------------------
 
 SCENES = [
