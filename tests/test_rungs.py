@@ -144,7 +144,9 @@ def test_elastica_in_order_2p(order, elements):
         assert np.log2(coarse / fine) == pytest.approx(2 * order, abs=0.21)
 
 
-@pytest.mark.parametrize("treatment", TREATMENTS)
+@pytest.mark.parametrize(
+    "treatment", [TREATMENTS[0], pytest.param(TREATMENTS[1], marks=pytest.mark.slow)]
+)
 def test_bend_of_45_degrees_to_the_trusted_digits(treatment):
     section = sc.Section([1e5, 1e5, 1e5, 1e7 / 12, 1e7 / 12, 5e6 / 6], 1.0, (1e-3, 1e-3))
     errors = []
@@ -165,7 +167,7 @@ def test_bend_of_45_degrees_to_the_trusted_digits(treatment):
     assert np.log2(errors[1] / errors[2]) == pytest.approx(8, abs=0.5)
 
 
-@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_error_of_coarse_meshes_does_not_depend_on_slenderness(order):
     """Nothing locks: with EI = 1 the section's other stiffnesses do not count."""
     tips = []
@@ -490,7 +492,7 @@ def flying(rung, order=2, elements=3):
     return model
 
 
-@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("rung", [*RUNGS, *UNTWISTED])
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_energy_momentum_conserves(rung, order, treatment):
@@ -617,7 +619,10 @@ SWING = {
 }
 
 
-@pytest.mark.parametrize("integrator", [sc.EnergyMomentum(), sc.Variational()])
+@pytest.mark.parametrize(
+    "integrator",
+    [sc.EnergyMomentum(), pytest.param(sc.Variational(), marks=pytest.mark.slow)],
+)
 @pytest.mark.parametrize("name", list(SWING)[1:])
 def test_three_bar_swing_on_each_rung(name, integrator):
     rung, unknowns = SWING[name]
