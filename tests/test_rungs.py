@@ -440,7 +440,8 @@ def test_taut_beams_give_way_where_full_ones_do(rung, order, limit, caplog):
 # -- dynamics --------------------------------------------------------------------------------------
 
 SCENES = [
-    *[(branched, rung) for rung in (*RUNGS[:2], *UNTWISTED)],
+    *[(branched, rung) for rung in RUNGS[:2]],
+    *[pytest.param(branched, rung, marks=pytest.mark.slow) for rung in UNTWISTED],
     *[(looped, rung) for rung in (*RUNGS[:2], UNTWISTED[1])],
     *[(ring, rung) for rung in RUNGS[:2]],
 ]
@@ -471,7 +472,7 @@ OTHERS = (
 
 
 @pytest.mark.parametrize("integrator", OTHERS)
-@pytest.mark.parametrize("rung", [*RUNGS, UNTWISTED[1]])
+@pytest.mark.parametrize("rung", [*RUNGS, pytest.param(UNTWISTED[1], marks=pytest.mark.slow)])
 def test_every_implicit_integrator_takes_every_rung(rung, integrator):
     system = flying(rung).freeze()
     q, other = (
@@ -640,7 +641,11 @@ def test_three_bar_swing_on_each_rung(name, integrator):
     assert error < (5e-2 if name == "rigid" else 1e-3)
 
 
-@pytest.mark.parametrize("name", SWING)
+@pytest.mark.parametrize(
+    "name",
+    ["inextensible"]
+    + [pytest.param(n, marks=pytest.mark.slow) for n in SWING if n != "inextensible"],
+)
 def test_planar_swing_on_each_rung(name):
     """The same motion by half of the unknowns or less."""
     rung, _ = SWING[name]
