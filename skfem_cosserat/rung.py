@@ -8,6 +8,11 @@ Strains are held at the Gauss points of each element, p of them for an element o
 as many as the nodes can follow. With one point more elements lock, with one fewer they have motions
 that strain nothing. What holds them are constraint forces: their multipliers are the stress
 resultants.
+
+Each takes both treatments. The null space method eliminates the lines of beams whose elements form
+trees: positions follow from rotations (and stretches), which leaves half of the unknowns or fewer
+but fills their matrix; it is for tens of elements in a row. With multipliers there are more
+unknowns than for the full beam, in a narrow band: for long beams.
 """
 
 from __future__ import annotations

@@ -144,7 +144,9 @@ def test_elastica_in_order_2p(order, elements):
         assert np.log2(coarse / fine) == pytest.approx(2 * order, abs=0.21)
 
 
-@pytest.mark.parametrize("treatment", TREATMENTS)
+@pytest.mark.parametrize(
+    "treatment", [TREATMENTS[0], pytest.param(TREATMENTS[1], marks=pytest.mark.slow)]
+)
 def test_bend_of_45_degrees_to_the_trusted_digits(treatment):
     section = sc.Section([1e5, 1e5, 1e5, 1e7 / 12, 1e7 / 12, 5e6 / 6], 1.0, (1e-3, 1e-3))
     errors = []
@@ -165,7 +167,7 @@ def test_bend_of_45_degrees_to_the_trusted_digits(treatment):
     assert np.log2(errors[1] / errors[2]) == pytest.approx(8, abs=0.5)
 
 
-@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_error_of_coarse_meshes_does_not_depend_on_slenderness(order):
     """Nothing locks: with EI = 1 the section's other stiffnesses do not count."""
     tips = []
@@ -408,10 +410,38 @@ def test_rotating_blade_to_the_trusted_digits(eta, flap, lag):
     assert found.omega == pytest.approx(expected, rel=2e-8)
 
 
+@pytest.mark.parametrize(("order", "limit"), [(1, 4.0), (2, 24.0)])
+@pytest.mark.parametrize("rung", RUNGS[:2])
+def test_taut_beams_give_way_where_full_ones_do(rung, order, limit, caplog):
+    """At ``limit EI/h^2``: rotations of nodes that the Gauss points do not see."""
+    section = sc.Section([1e6, 1e6, 1e6, 1, 1, 1.0], mass=1.0, inertia=(1e-3, 1e-3))
+    grows = []
+    for share in (0.95, 1.03):
+        tension = share * limit * 12**2
+        model = cantilever(rung, order, 12, section, (tension, 0, 0))
+        system = model.freeze()
+        q = system.q0.reshape(-1, 12)
+        if 2 not in rung.held:
+            q[:, 0] *= 1 + tension / 1e6
+        found = sc.modes(system, q.ravel(), 3, t=0.0)
+        grows.append(bool(found.growth.max() > 1))
+        assert (f"tension {tension:.3g} N" in caplog.text) == (share > 1)
+    assert grows == [False, True]
+    caplog.clear()
+    path = sc.static(model, control=sc.LoadControl(steps=1), watch=False)
+    assert f"tension {tension:.3g} N between nodes" in caplog.text
+    caplog.clear()
+    start = sc.initial_state(system, q=path["q"][-1])
+    arguments = sc.EnergyMomentum(), sc.NullSpace(), 1e-5
+    sc.simulate(system, *arguments, until=3e-5, start=start, kernels="numpy")
+    assert "elements in place of 12" in caplog.text
+
+
 # -- dynamics --------------------------------------------------------------------------------------
 
 SCENES = [
-    *[(branched, rung) for rung in (*RUNGS[:2], *UNTWISTED)],
+    *[(branched, rung) for rung in RUNGS[:2]],
+    *[pytest.param(branched, rung, marks=pytest.mark.slow) for rung in UNTWISTED],
     *[(looped, rung) for rung in (*RUNGS[:2], UNTWISTED[1])],
     *[(ring, rung) for rung in RUNGS[:2]],
 ]
@@ -442,7 +472,7 @@ OTHERS = (
 
 
 @pytest.mark.parametrize("integrator", OTHERS)
-@pytest.mark.parametrize("rung", [*RUNGS, UNTWISTED[1]])
+@pytest.mark.parametrize("rung", [*RUNGS, pytest.param(UNTWISTED[1], marks=pytest.mark.slow)])
 def test_every_implicit_integrator_takes_every_rung(rung, integrator):
     system = flying(rung).freeze()
     q, other = (
@@ -463,7 +493,7 @@ def flying(rung, order=2, elements=3):
     return model
 
 
-@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("rung", [*RUNGS, *UNTWISTED])
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_energy_momentum_conserves(rung, order, treatment):
@@ -590,7 +620,10 @@ SWING = {
 }
 
 
-@pytest.mark.parametrize("integrator", [sc.EnergyMomentum(), sc.Variational()])
+@pytest.mark.parametrize(
+    "integrator",
+    [sc.EnergyMomentum(), pytest.param(sc.Variational(), marks=pytest.mark.slow)],
+)
 @pytest.mark.parametrize("name", list(SWING)[1:])
 def test_three_bar_swing_on_each_rung(name, integrator):
     rung, unknowns = SWING[name]
@@ -608,7 +641,11 @@ def test_three_bar_swing_on_each_rung(name, integrator):
     assert error < (5e-2 if name == "rigid" else 1e-3)
 
 
-@pytest.mark.parametrize("name", SWING)
+@pytest.mark.parametrize(
+    "name",
+    ["inextensible"]
+    + [pytest.param(n, marks=pytest.mark.slow) for n in SWING if n != "inextensible"],
+)
 def test_planar_swing_on_each_rung(name):
     """The same motion by half of the unknowns or less."""
     rung, _ = SWING[name]
@@ -656,6 +693,14 @@ def test_straight_beam_held_at_both_ends_is_warned_of(caplog):
     model.freeze()
     assert "singular position" in caplog.text
     assert "RungUnshearable" in caplog.text
+
+
+def test_long_beams_are_for_multipliers(caplog):
+    system = cantilever(sc.RungInextensible(), 1, 110).freeze()
+    sc.Stepper(system, sc.EnergyMomentum(), sc.Multipliers(), 1e-3)
+    assert not caplog.records
+    sc.Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3)
+    assert "full matrix of 330 unknowns; Multipliers() has a sparse one" in caplog.text
 
 
 def test_refined_beams_and_other_processes_keep_the_rung():

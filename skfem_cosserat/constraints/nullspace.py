@@ -9,6 +9,7 @@ import numpy as np
 
 from ..kernels import add_scalar, beam_geometric, null_space_blocks, skew, spin_gradient
 from ..linear import LinearSolver
+from ..log import logger
 from ..model import System
 from ..model.chart import Chart
 from ..model.closure import Selected, continued
@@ -32,6 +33,8 @@ QUADRATIC = 3e-8
 GUESSED = 1e-2
 #: smallest pivot of closing rows, relative, above which a position is regular for all purposes
 REGULAR = 1e-3
+#: entries of a matrix of elements without extension above which multipliers are far faster
+CROWDED = 90_000
 #: a correction this large means that the loop does not close near here
 FAR = 3.0
 
@@ -78,6 +81,13 @@ class BoundNullSpace(BoundTreatment):
         number[kin.frames] = np.arange(len(kin.frames))
         self._frames = [number[g.vertices] if g.framed else None for g in system.groups]
         self._make_pattern()
+        if kin.spans is not None and self.pattern.nnz > CROWDED:
+            logger.warning(
+                "%s: all of its rotations move what hangs on them, which makes a full matrix of %d"
+                " unknowns; Multipliers() has a sparse one",
+                " and ".join(sorted({span.label for span, _ in system.tree.spans})),
+                self.unknowns,
+            )
         turning = np.zeros(kin.unknowns, dtype=bool)
         turning[self.chart.rotating] = True
         self._turning = np.flatnonzero(turning)

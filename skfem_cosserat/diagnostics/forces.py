@@ -14,10 +14,18 @@ from ..integrators import Integrator, State, Stepper
 from ..linear import SingularMatrixError
 from ..model import System
 from ..model.system import JointRows
+from ..model.tension import overstretched
 from ..types import Floats
 from .stacks import as_stack, check_consecutive
 
-__all__ = ["condition_number", "constraint_points", "multipliers", "multipliers_at", "reactions"]
+__all__ = [
+    "condition_number",
+    "constraint_points",
+    "drawn_too_far",
+    "multipliers",
+    "multipliers_at",
+    "reactions",
+]
 
 
 def constraint_points(system: System, history: History) -> Floats:
@@ -96,6 +104,14 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
             except SingularMatrixError:  # dependent rows at this configuration; stays NaN
                 continue
     return out
+
+
+def drawn_too_far(system: System, y: Floats, force: Floats) -> str | None:
+    """:func:`overstretched`, with the tension that constraint forces (n,) carry at y (total, 3)."""
+    lam = None
+    if any(2 in rung.held for rung in system.rung_rows) and np.isfinite(force).all():
+        lam = multipliers(system, y[None], force[None])[0]
+    return overstretched(system, y, lam)
 
 
 def multipliers_at(

@@ -138,7 +138,7 @@ def resting(
     at = balance(system, y, amplitudes, turns=turns)
     tangent = reduced_tangent(system, y, amplitudes, at)
     error = _check_rest(system, tangent, tolerance)
-    if drawn := overstretched(system, y):
+    if drawn := overstretched(system, y, tangent.multipliers):
         logger.warning("argument state: %s", drawn)
     return Equilibrium(system, y, time, amplitudes, tangent, error)
 

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from ..kernels import cross, exp_quaternion, quaternion_product, rotation_matrix
 from ..types import Array, Floats, IndexArray
@@ -151,6 +152,7 @@ class Chart:
         if kin.spans is not None:
             self._exits = kin.spans.exits(tree)
             self._span_at = np.array([i for i, e in enumerate(edges) if e.spans], dtype=np.int64)
+            self._sums = _path_sums(edges, kin.row)
 
     # -- a step ----------------------------------------------------------------------------------
 
@@ -264,6 +266,10 @@ class Chart:
         y[kin.director_rows] = self._triads0 @ R.take(kin.frames, axis=0).transpose(0, 2, 1)
         if self._levels:
             arms = self._arms(y, R, swings)
+            if kin.spans is not None:  # trees along beams are deep
+                rows, roots, sums = self._sums
+                y[rows] = y[roots] + sums @ arms
+                return y
             for level in self._levels:
                 y[level.child_row] = y[level.parent_row] + arms[level.edge]
         return y
@@ -313,6 +319,20 @@ def _layers(
         if which:
             out.append((np.array(which, dtype=np.int64), np.array(ids, dtype=np.int64)))
     return out
+
+
+def _path_sums(edges: Sequence[Edge], row: IndexArray) -> tuple[IndexArray, IndexArray, csr_matrix]:
+    """Rows of y of the children, of the roots above them, and which edges lead there."""
+    path: dict[int, tuple[int, list[int]]] = {}
+    for k, e in enumerate(edges):
+        root, before = path.get(e.parent, (e.parent, []))
+        path[e.child] = root, [*before, k]
+    roots = np.array([path[e.child][0] for e in edges], dtype=np.int64)
+    numbers = [path[e.child][1] for e in edges]
+    starts = np.cumsum([0, *map(len, numbers)])
+    flat = np.concatenate([np.array(each, dtype=np.int64) for each in numbers])
+    sums = csr_matrix((np.ones(len(flat)), flat, starts), shape=(len(edges), len(edges)))
+    return row[[e.child for e in edges]], row[roots], sums
 
 
 _DIRECTORS = np.arange(1, 4)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
+from scipy.linalg.lapack import dgeqrf, dorgqr
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -260,7 +261,7 @@ class Closure:
         return out
 
     def _factor(self, c: Component, C: Array, local: IndexArray) -> Selected:
-        Q, R = np.linalg.qr(C[local].T, mode="complete")
+        Q, R = _complete_qr(C[local].T)
         rows = self.rows[c.rows[local]]
         return Selected(c, local, rows, R[: c.rank], Q[:, : c.rank], Q[:, c.rank :])
 
@@ -298,6 +299,20 @@ class Closure:
         """Constraint rows and multipliers that balance a force (K,) of the tree best."""
         size = self.magnitude[s.component.rows[s.local]]
         return s.rows, s.multipliers(force[s.component.columns]) / size
+
+
+def _complete_qr(A: Array) -> tuple[Array, Array]:
+    """Q (k, k) and R of A (k, r), by LAPACK without what numpy does around it."""
+    k, r = A.shape
+    if np.iscomplexobj(A) or not 0 < r <= k:
+        return np.linalg.qr(A, mode="complete")
+    factored, tau, _, failed = dgeqrf(A)
+    Q = np.zeros((k, k), order="F")
+    Q[:, :r] = factored
+    Q, _, wrong = dorgqr(Q, tau, overwrite_a=True)
+    assert failed == 0
+    assert wrong == 0
+    return Q, np.triu(factored)
 
 
 def continued(selected: Selected, before: Floats) -> Selected:

@@ -62,6 +62,11 @@ class RungRows:
         return np.array(self.held) >= 3
 
     @property
+    def can_bend(self) -> bool:
+        """Whether rotations that the Gauss points do not see are held by bending alone."""
+        return not {3, 4} & set(self.held)
+
+    @property
     def eliminable(self) -> bool:
         """Whether the rows of forces give the line of an element from its directors."""
         interpolation = self.beam.basis.interpolation

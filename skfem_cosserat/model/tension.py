@@ -10,6 +10,7 @@ import numpy as np
 from ..kinds import is_beam
 from ..types import Floats
 from .groups import BeamGroup
+from .rungs import rung_of
 from .system import System
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["overstretched", "tension_factor"]
 
 
-def overstretched(system: System, y: Floats) -> str | None:
+def overstretched(system: System, y: Floats, multipliers: Floats | None = None) -> str | None:
     """Elements whose tension is above what their bending stiffness can hold on this mesh.
 
     Parameters
@@ -26,6 +27,8 @@ def overstretched(system: System, y: Floats) -> str | None:
     system : System
     y : (rows or more, 3) array
         Configuration: the rows of a state q, or all rows from ``system.extend``.
+    multipliers : (m,) array, optional
+        Of the constraint rows there: with the tension of beams without extension.
 
     Returns
     -------
@@ -78,6 +81,9 @@ def overstretched(system: System, y: Floats) -> str | None:
         if kind.points > kind.order:
             continue
         force, stretch, present = drawn[id(beam)]
+        held = None if multipliers is None else rung_of(system.rung_rows, beam)
+        if held is not None and multipliers is not None and held.can_bend:
+            force = force + held.stress(multipliers)[:, :, 2] @ beam.elements.weights
         factor = tension_factor(kind)
         soft = np.array([_bending(s.stiffness) for s in beam.sections.values()])[beam.section_id]
         soft = np.where(np.isnan(present), soft, present)

@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from ..constraints import Treatment
-from ..diagnostics import highest_frequency
+from ..diagnostics import constraint_points, highest_frequency
+from ..diagnostics.forces import drawn_too_far
 from ..errors import CosseratError, InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper, StepReport
@@ -16,7 +17,6 @@ from ..linear import Solver
 from ..log import logger
 from ..model import System
 from ..model.bending import bent_elements
-from ..model.tension import overstretched
 from ..newton import NewtonSettings
 from ..types import positive
 from .control import ControlledPace, StepControl
@@ -284,8 +284,10 @@ def _warn_of_elements(system: System, history: History) -> None:
     states = history["q"].reshape(len(history), -1, 3)
     if bent := bent_elements(system, states[-1]):
         logger.warning("t = %.6g s: %s", history.times[-1], bent)
+    points = constraint_points(system, history) if system.rung_rows else states
     for k in np.unique(np.linspace(0, len(states) - 1, LOOKS).round().astype(int)):
-        if drawn := overstretched(system, states[k]):
+        force = history["constraint_force"][k]
+        if drawn := drawn_too_far(system, points[k], force):
             logger.warning("t = %.6g s: %s", history.times[k], drawn)
             break
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..diagnostics.forces import drawn_too_far
 from ..diagnostics.tangent import reduced_tangent
 from ..errors import Diverged
 from ..linear import SingularMatrixError
@@ -15,7 +16,6 @@ from ..log import logger
 from ..model import System
 from ..model.balance import balance
 from ..model.bending import bent_elements
-from ..model.tension import overstretched
 from ..newton import NewtonReport
 from ..simulate.interrupt import Interrupt
 from ..types import Floats
@@ -276,7 +276,7 @@ class Walk:
                 solver.neutral = self._idle
         rows = self.system.rows
         self._rate = (solution.point.y[:rows] - point.y[:rows]) / length
-        self._warn_of_elements(solution.point)
+        self._warn_of_elements(solution)
         asked = stage.accept(point, solution.point, length)
         if asked or self.control.all_points:
             force, report = solution.constraint_force, solution.report
@@ -386,13 +386,14 @@ class Walk:
         force, effort = found.constraint_force, self._effort()
         self._record(point, parameter, force, 0.0, found.kind, effort)
 
-    def _warn_of_elements(self, point: Point) -> None:
+    def _warn_of_elements(self, solution: Solution) -> None:
         """Say once that elements are bent or drawn farther than they can be on their own."""
+        point, force = solution.point, solution.constraint_force
         bent = None if self.bent else bent_elements(self.system, point.y)
         if bent is not None:
             self.bent = True
             logger.warning("load factor %.6g: %s", point.t, bent)
-        drawn = None if self.stretched else overstretched(self.system, point.y)
+        drawn = None if self.stretched else drawn_too_far(self.system, point.y, force)
         if drawn is not None:
             self.stretched = True
             logger.warning("load factor %.6g: %s", point.t, drawn)
