@@ -211,6 +211,28 @@ def undriven(model: sc.Model) -> sc.Model:
     return out
 
 
+@pytest.mark.parametrize("Q", [IDENTITY, TURNED], ids=["xy", "any"])
+@pytest.mark.parametrize(
+    ("rung", "unknowns"),
+    [(sc.RungInextensible(), 7), (sc.RungUnshearable(), 13), (sc.RungRigid(), 1)],
+)
+def test_rungs_in_a_plane(rung: Any, unknowns: int, Q: np.ndarray):
+    """7 rotations, and 6 stretches; hung on a pin."""
+    mesh = sc.MeshCurve.init_line(Q @ (0, 0, 0), Q @ (1.0, 0, 0), 3, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section(), order=2, director=Q[:, 2], rung=rung))
+    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), Q[:, 2]))
+    model.add("weight", sc.LoadGravity(Q @ (0, -9.81, 0)))
+    model.add("push", sc.LoadForce(rod.node("rod.end"), Q @ (0, 5.0, 0), lambda t: t))
+    system, plane = model.freeze(), model.freeze(planar=sc.Planar())
+    assert plane.unknowns == unknowns
+    for treatment in TREATMENTS:
+        for integrator in INTEGRATORS[:2]:
+            a, b = (sc.simulate(s, integrator, treatment, 1e-2, 0.05) for s in (system, plane))
+            assert difference(a, b) < 1e-12
+            assert difference(a, b, "beam/rod/resultant") < 1e-7
+
+
 # -- equilibria and vibrations ---------------------------------------------------------------------
 
 
