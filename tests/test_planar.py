@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import pickle
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +17,8 @@ from skfem_cosserat.diagnostics import momentum
 from skfem_cosserat.model.planarity import confined
 from tests.helpers_scenes import rotation as random_rotation
 from tests.helpers_scenes import swing
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples" / "benchmarks"))
 
 INTEGRATORS = [
     sc.EnergyMomentum(),
@@ -119,9 +124,15 @@ def linkage(Q: np.ndarray, roll: float = 0.0, rail: type = sc.JointPrismatic) ->
     return model
 
 
-@pytest.mark.parametrize("roll", [0.0, 0.4])
-@pytest.mark.parametrize("rail", [sc.JointPrismatic, sc.JointPlanar])
-@pytest.mark.parametrize("Q", PLANES, ids=["xy", "zx", "any"])
+@pytest.mark.parametrize(
+    ("Q", "rail", "roll"),
+    [
+        pytest.param(IDENTITY, sc.JointPrismatic, 0.0, id="xy"),
+        pytest.param(SIDEWAYS, sc.JointPlanar, 0.4, id="zx, oblique directors"),
+        pytest.param(TURNED, sc.JointPlanar, 0.0, id="any"),
+        pytest.param(TURNED, sc.JointPrismatic, 0.4, id="any, oblique directors"),
+    ],
+)
 def test_all_joints_and_forces_in_any_plane(Q: np.ndarray, rail: type, roll: float):
     """Also with directors that are oblique to the plane (`roll`)."""
     model = linkage(Q, roll, rail)
@@ -172,8 +183,8 @@ def test_driven_closed_loop(Q: np.ndarray, inner: type, treatment: Any):
     model = four_bar(Q, (outer, inner, outer, outer))
     system, plane = model.freeze(), model.freeze(planar=sc.Planar())
     assert plane.unknowns == 0
-    a, b = (sc.simulate(s, sc.EnergyMomentum(), treatment, 1e-2, 0.3) for s in (system, plane))
-    assert abs(a["joint/pin 3/angle"][-1]) > 0.1
+    a, b = (sc.simulate(s, sc.EnergyMomentum(), treatment, 1e-2, 0.12) for s in (system, plane))
+    assert abs(a["joint/pin 3/angle"][-1]) > 0.02
     for name in ("q", "energy", "joint/pin 3/angle", "work_drives"):
         assert difference(a, b, name) < 1e-11, name
     assert difference(a, b, "joint/motor/moment") < 1e-7
@@ -186,7 +197,7 @@ def test_free_closed_loop_of_spherical_joints():
     system, plane = model.freeze(), model.freeze(planar=sc.Planar())
     assert (system.unknowns, plane.unknowns) == (2, 1)
     for treatment in TREATMENTS:
-        a, b = (sc.simulate(s, sc.Variational(), treatment, 1e-2, 0.3) for s in (system, plane))
+        a, b = (sc.simulate(s, sc.Variational(), treatment, 1e-2, 0.12) for s in (system, plane))
         assert difference(a, b) < 1e-11
 
 
@@ -198,6 +209,28 @@ def undriven(model: sc.Model) -> sc.Model:
             item.name = None
             out.add(name, item)
     return out
+
+
+@pytest.mark.parametrize("Q", [IDENTITY, TURNED], ids=["xy", "any"])
+@pytest.mark.parametrize(
+    ("rung", "unknowns"),
+    [(sc.RungInextensible(), 7), (sc.RungUnshearable(), 13), (sc.RungRigid(), 1)],
+)
+def test_rungs_in_a_plane(rung: Any, unknowns: int, Q: np.ndarray):
+    """7 rotations, and 6 stretches; hung on a pin."""
+    mesh = sc.MeshCurve.init_line(Q @ (0, 0, 0), Q @ (1.0, 0, 0), 3, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section(), order=2, director=Q[:, 2], rung=rung))
+    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), Q[:, 2]))
+    model.add("weight", sc.LoadGravity(Q @ (0, -9.81, 0)))
+    model.add("push", sc.LoadForce(rod.node("rod.end"), Q @ (0, 5.0, 0), lambda t: t))
+    system, plane = model.freeze(), model.freeze(planar=sc.Planar())
+    assert plane.unknowns == unknowns
+    for treatment in TREATMENTS:
+        for integrator in INTEGRATORS[:2]:
+            a, b = (sc.simulate(s, integrator, treatment, 1e-2, 0.05) for s in (system, plane))
+            assert difference(a, b) < 1e-12
+            assert difference(a, b, "beam/rod/resultant") < 1e-7
 
 
 # -- equilibria and vibrations ---------------------------------------------------------------------
@@ -543,6 +576,41 @@ def test_prescribed_motion_out_of_the_plane():
         for p in (None, sc.Planar())
     )
     assert difference(a, b) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("name", "leaves"),
+    [
+        ("d01_flexible_pendulum", None),
+        ("d02_right_angle", "load 'force': [0.0, 0.0, 1.0] leaves the plane by 1"),
+        ("d03_flying_spaghetti", "load 'moment': [0.0, 0.5, 1.0] is off the normal by 0.5"),
+        ("d04_flying_spaghetti_2d", None),
+        (
+            "d06_fourbar",
+            "revolute joint 'C': its axis [0.0, -0.087155743, 0.996194698] is 5 ",
+        ),
+        ("d07_lateral_buckling", "beam 'link' node 0 at [1.0, 0.0001, 0.0] is "),
+        ("d08_rotating_shaft", "its prescribed motion leaves the plane at t = 0.001 s"),
+        ("d09_blade_spinup", None),
+    ],
+)
+def test_scenes_of_the_collection(name: str, leaves: str | None):
+    problem = importlib.import_module(f"collection.{name}").PROBLEM
+    found = sc.planarity(problem.build(None, 2, 1).system)
+    assert bool(found) == (leaves is None)
+    assert leaves is None or any(leaves in text for text in found.leaving), found
+
+
+def test_slider_crank_of_the_collection():
+    """D10: two beams, the crank is turned by a moving ground."""
+    problem = importlib.import_module("collection.d10_slider_crank").PROBLEM
+    system = problem.build(None, 2, 2).system
+    plane = confined(system, sc.Planar())
+    assert (system.unknowns, plane.unknowns) == (47, 24)
+    for treatment in TREATMENTS:
+        a, b = (sc.simulate(s, sc.EnergyMomentum(), treatment, 1e-2, 0.3) for s in (system, plane))
+        assert difference(a, b) < 1e-11
+        assert difference(a, b, "joint/motor/moment") < 1e-9 * abs(a["joint/motor/moment"]).max()
 
 
 def test_loads_that_leave_the_plane_later():

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 __all__ = ["Planarity", "confined", "inspect"]
 
 
+#: cosine above which an axis of space may be what is meant by a normal
+NEARLY = 0.99
+
+
 @dataclass(frozen=True, eq=False)
 class Planarity:
     """Whether a scene stays in a plane; true if it does.
@@ -96,7 +100,8 @@ def _candidates(system: System) -> list[Floats]:
     _, sizes, V = np.linalg.svd((x - x.mean(axis=0)) / system.length, full_matrices=False)
     sizes = np.append(sizes, np.zeros(3))[:3] / np.sqrt(len(x))
     if sizes[1] > 1e-6:
-        return [V[2]]
+        axis = np.eye(3)[np.argmax(abs(V[2]))]
+        return [V[2], axis] if abs(axis @ V[2]) > NEARLY else [V[2]]
     line = V[:1] if sizes[0] > 1e-6 else np.zeros((0, 3))
     along, about = [*np.zeros((0, 3))], [*np.eye(3)]
     for item in system.structures:

@@ -31,7 +31,8 @@ class Planar:
     For :meth:`Model.freeze`. Unknowns out of the plane are not there at all: two displacements and
     one rotation for each frame, and only the constraints that act in the plane. All results are
     those of the scene in space, to rounding; histories hold all coordinates. What is out of the
-    plane cannot be found, however: no modes, no bifurcations there.
+    plane cannot be found, however: no modes, no bifurcations there. There are no compiled kernels
+    and no explicit schemes for it.
 
     Parameters
     ----------

@@ -88,8 +88,8 @@ def static(
         Plain numpy kernels, or those compiled by numba (extra ``fast``), an order of magnitude
         faster; "auto" takes these where the work ahead is worth their compilation. The points are
         the same to rounding. There are none for multipliers, closed loops, springs, a turning
-        frame and beams of several orders. ``history.meta["kernels"]`` and ``["kernels_why"]`` say
-        what was taken, and why.
+        frame, beams of several orders and scenes confined to a plane. ``history.meta["kernels"]``
+        and ``["kernels_why"]`` say what was taken, and why.
     watch : bool
         Look for limit and bifurcation points on the way; they are recorded as points.
     callbacks : sequence of callable
