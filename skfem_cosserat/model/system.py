@@ -185,10 +185,10 @@ class System:
         self._y0, self._v0 = np.concatenate(y), np.concatenate(rates)
 
     def _place_ground(self, couplings: Sequence[Coupling]) -> None:
-        places = [place for item in (*self.joints, *couplings) for place in (item.a, item.b)]
-        self._sides = [place.position for place in places]
-        places += [drive.place for drive in self.drives]
-        self.grounds = Ground(places) if self.placed is None else self.placed.ground
+        places = [p for j in self.joints for p in (j.a, j.b)]
+        places += [p for c in couplings for p in (c.a, c.b)]
+        self._sides, drives = [p.position for p in places], [d.place for d in self.drives]
+        self.grounds = Ground([*places, *drives]) if self.placed is None else self.placed.ground
         self.moving = self.grounds.moving
         self.total = self.rows + self.grounds.rows
         frames = np.arange(0, self.grounds.rows, 4)
