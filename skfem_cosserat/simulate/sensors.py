@@ -34,8 +34,7 @@ __all__ = [
     "SensorStrain",
     "SensorVelocity",
     "checked_sensors",
-    "seen",
-    "seen_rate",
+    "window_of",
 ]
 
 #: states that are looked at together
@@ -437,7 +436,7 @@ class SensorBank:
         """Write what has been collected."""
         if not self._states and not self._steps:
             return
-        window = _window(self.system, self._states, self._steps)
+        window = window_of(self.system, self._states, self._steps)
         arrays = {}
         for name, sensor in self.sensors.items():
             arrays[f"{name}/t"] = window.step_t if sensor.forces else window.t
@@ -460,7 +459,7 @@ class SensorBank:
         return np.full((count, *((6,) if known is None else known.shape[1:])), np.nan)
 
 
-def _window(
+def window_of(
     system: System, states: Sequence[State], steps: Sequence[tuple[float, Floats, Floats]]
 ) -> Window:
     """What has been collected: states, and of steps instants, points and forces."""
@@ -471,22 +470,6 @@ def _window(
         np.array([y for _, y, _ in steps]).reshape(-1, system.total, 3),
         np.array([f for _, _, f in steps]).reshape(-1, system.n),
     )
-
-
-def seen(system: System, state: State, sensor: Sensor) -> Floats:
-    """What a sensor without forces sees at one state."""
-    return np.asarray(sensor.values(system, _window(system, [state], []))[0])
-
-
-def seen_rate(system: System, state: State, v: Floats, sensor: Sensor) -> Floats:
-    """Rate of what a sensor sees, for a velocity v (n,): a central difference along the motion."""
-    speed = float(abs(v).max(initial=0.0))
-    s = 1e-5 * system.length / speed if speed > 0 else 1e-5
-    t = state.time + np.array([-s, s]) if state.time > s else state.time + np.array([0.0, 2 * s])
-    q = np.array([state.q + (each - state.time) * v for each in t])
-    none = _window(system, [], [])
-    before, after = sensor.values(system, none._replace(t=t, q=q))
-    return np.asarray((after - before) / (t[1] - t[0]))
 
 
 def checked_sensors(
@@ -507,7 +490,7 @@ def checked_sensors(
         for each in sensor.items():
             if id(each) not in known:
                 raise InputError(item, f"the {each.label} of {name!r} is not in this system")
-    window = _window(system, [start], [])
+    window = window_of(system, [start], [])
     for sensor in sensors.values():
         if not sensor.forces:
             sensor.values(system, window)

@@ -18,7 +18,7 @@ from ..model import System
 from ..model.change import joint_of
 from ..model.couplings import Invariants, kind_of
 from ..types import Floats
-from .sensors import Sensor, seen, seen_rate
+from .sensors import Sensor, window_of
 
 __all__ = ["View"]
 
@@ -143,8 +143,24 @@ class View:
                 "sensor", f"{type(sensor).__name__} needs several states, which events do not have"
             )
         if sensor.derivative:
-            return seen_rate(self.system, self.state, self.v, sensor)
-        return seen(self.system, self.state, sensor)
+            return _seen_rate(self.system, self.state, self.v, sensor)
+        return _seen(self.system, self.state, sensor)
 
     def _joint(self, joint: Joint | str) -> Joint:
         return joint if isinstance(joint, Joint) else joint_of(self.system, joint)
+
+
+def _seen(system: System, state: State, sensor: Sensor) -> Floats:
+    """What a sensor without forces sees at one state."""
+    return np.asarray(sensor.values(system, window_of(system, [state], []))[0])
+
+
+def _seen_rate(system: System, state: State, v: Floats, sensor: Sensor) -> Floats:
+    """Rate of what a sensor sees, for a velocity v (n,): a central difference along the motion."""
+    speed = float(abs(v).max(initial=0.0))
+    s = 1e-5 * system.length / speed if speed > 0 else 1e-5
+    t = state.time + np.array([-s, s]) if state.time > s else state.time + np.array([0.0, 2 * s])
+    q = np.array([state.q + (each - state.time) * v for each in t])
+    none = window_of(system, [], [])
+    before, after = sensor.values(system, none._replace(t=t, q=q))
+    return np.asarray((after - before) / (t[1] - t[0]))
