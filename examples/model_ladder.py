@@ -159,7 +159,7 @@ def main(
         )
         print(f"== {name}\n{advices[name]}\n")
     if out is not None:
-        prepare_folder(out)
+        prepare_folder(Path(out))
         _write(advices, Path(out))
     return {name: _numbers(advice) for name, advice in advices.items()}
 

@@ -212,6 +212,19 @@ def true_error(scene, advice) -> float:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["soft swing", "slider-crank", "slack cable", "flying spaghetti"])
+def test_named_scenes_keep_their_tolerance(name):
+    import model_ladder
+
+    scene = model_ladder.SCENES[name]()
+    advice = advise(scene.model, scene.quantities, scene.tolerance, 300.0, until=scene.until)
+    assert advice.confident, advice.reasons
+    assert true_error(scene, advice) <= scene.tolerance
+    kind = {"slider-crank": "rigid"}.get(name)
+    assert kind is None or {str(rung) for rung in advice.proposal.rung.values()} == {kind}
+
+
+@pytest.mark.slow
 def test_random_scenes_keep_their_tolerance():
     confident = 0
     for seed in range(10):

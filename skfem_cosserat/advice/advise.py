@@ -110,8 +110,9 @@ def advise(
     if reference.trial is None:
         return _nothing(event, reference)
     search = Search(event, reference, integrators, treatments, np.random.default_rng(seed))
-    search.go()
+    search.look()
     reasons = [*reference.doubts, *_chaos(event, search, seed)]
+    search.go()
     return _advice(event, reference, search, reasons)
 
 
@@ -161,11 +162,12 @@ def _chaos(event: Event, search: Search, seed: int) -> list[str]:
 
 def _advice(event: Event, reference: Reference, search: Search, reasons: list[str]) -> Advice:
     best, wanted = search.best, event.quantities
-    reasons = [*reasons, *(note for note in search.notes if note == search.OUT)]
     if best is None:
         reasons.append("no candidate is within the tolerance")
     elif best.error + reference.error > 1.0:
         reasons.append("error and that of the reference are above the tolerance together")
+    elif not search.confirmed:
+        reasons.append("the budget ran out before the proposal was run with half its step")
     advice = Advice(
         best.trial.proposal if best else None,
         wanted.given(best.predicted_error if best else np.nan),

@@ -85,10 +85,11 @@ class Search:
         self.predictor = Predictor(self.event, self.reference)
         self._known: set[int] = set()
         self.fragile: set[Hashable] = set()
+        #: whether the best one goes through with half its step, too
+        self.confirmed = False
 
     def go(self) -> None:
-        """All stages, as long as the budget lasts."""
-        self._look()
+        """All stages after :meth:`look`, as long as the budget lasts."""
         self._meshes()
         self._rungs()
         self._collect()
@@ -107,7 +108,7 @@ class Search:
             for name, pieces in self.event.pieces.items()
         }
 
-    def _look(self) -> None:
+    def look(self) -> None:
         """The pilot: the coarser meshes of the reference, at the fewest steps that make sense."""
         ladder = sorted({*self.reference.time, self.reference.steps})
         good = [n for n in ladder if self.predictor.time(n) <= 1.0]
@@ -366,6 +367,7 @@ class Search:
             trial = self.event.run(finer)
             self._note(trial)
             if trial.status != "diverged":
+                self.confirmed = trial.ok
                 return
             self.notes.append(f"not robust, with half the step it fails: {own}")
             self.fragile.add(own.key)
