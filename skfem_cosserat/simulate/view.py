@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .. import diagnostics
-from ..beam import Beam
 from ..constraints.saddle import accelerations, hidden_rate, saddle_point
 from ..diagnostics.relative import rates
 from ..errors import InputError
@@ -19,6 +19,9 @@ from ..model.change import joint_of
 from ..model.couplings import Invariants, kind_of
 from ..types import Floats
 from .sensors import Sensor, window_of
+
+if TYPE_CHECKING:
+    from ..beam import Beam
 
 __all__ = ["View"]
 
