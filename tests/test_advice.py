@@ -110,6 +110,26 @@ def test_functions_and_tolerances_by_name(tmp_path):
     assert (tmp_path / "candidates.png").stat().st_size > 10_000
 
 
+def test_starts_are_carried_to_other_beams():
+    """From a given rate, as a function of the system or as a state of the model's own one."""
+    model = pendulum()
+    sensor = {"tip": SensorPosition(model["rod"].node("rod.end"))}
+    methods = {"integrators": [sc.EnergyMomentum()], "treatments": [sc.NullSpace()], "base": 16}
+
+    def start(system):
+        return sc.initial_state(system, rates={"pin": 5.0})
+
+    advices = [
+        advise(model, sensor, 0.02, until=0.2, start=each, **methods)
+        for each in (start, start(model.freeze()))
+    ]
+    for advice in advices:
+        assert advice.confident, advice.reasons
+        # a rate of the pin alone leaves the rest of a rod that bends nearly at rest
+        assert str(advice.proposal.rung["rod"]) != "rigid"
+        assert advice.true_error <= 0.02
+
+
 def test_chaos_is_told():
     model = double_pendulum()
     sensor = {"two": SensorPosition(model["two"].place())}

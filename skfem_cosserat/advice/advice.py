@@ -141,6 +141,7 @@ class Advice:
                     label="proposal",
                 )
         axis.grid(which="major", alpha=0.3)
+        axis.tick_params(axis="x", which="both", labelsize="x-small", rotation=45)
         axis.legend(fontsize="x-small")
 
 
