@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from itertools import product
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from scipy.integrate import solve_ivp
 
 import skfem_cosserat as sc
 from skfem_cosserat import InputError, SensorPosition, advise
+from skfem_cosserat.advice import BeamFull, BeamRigid
+from skfem_cosserat.advice.event import Budget, Event
 from skfem_cosserat.advice.predict import _between
 from skfem_cosserat.advice.quantities import Quantities, Reading
 
@@ -256,3 +259,48 @@ def test_random_scenes_keep_their_tolerance():
             confident += 1
             assert true_error(scene, advice) <= scene.tolerance, f"seed {seed}"
     assert confident >= 8
+
+
+def cheapest_of_grid(scene, advice) -> tuple[float, float]:
+    """Costs (s) of the proposal and of the cheapest good one of a grid, each the least of three.
+
+    Rigid or full beams in all combinations, orders 1 to 3, equal numbers of elements, steps and
+    both integrators.
+    """
+    event = Event(
+        scene.model,
+        Quantities(scene.quantities, scene.tolerance),
+        *(scene.until, None, "numpy", 32, Budget(None)),
+    )
+    reference = event.run(advice.reference)
+
+    def cost(proposal):
+        return min(event.again(event.run(proposal)) for _ in range(3))
+
+    good = []
+    for rungs in product((BeamRigid(), BeamFull()), repeat=len(event.beams)):
+        models = dict(zip(event.beams, rungs, strict=True))
+        meshed = any(rung.meshed for rung in rungs)
+        for order, per in product((1, 2, 3), (1, 2, 4, 6, 8, 12, 16)) if meshed else [(1, 1)]:
+            elements = {name: per * pieces for name, pieces in event.pieces.items()}
+            for steps, scheme in product(
+                (8, 16, 32, 64, 128, 256), (sc.EnergyMomentum(), sc.Variational())
+            ):
+                least = min((each.cost_s for each in good), default=np.inf)
+                proposal = event.proposal(elements, order, steps, models, scheme)
+                trial = event.run(proposal, 1.2 * least)
+                if trial.ok and event.distance(trial, reference) <= 1.0:
+                    good.append(trial)
+                if trial in good or trial.status == "stopped":
+                    break
+    good.sort(key=lambda each: each.cost_s)
+    return cost(advice.proposal), min(cost(each.proposal) for each in good[:4])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 5])
+def test_proposals_cost_at_most_twice_the_cheapest_of_a_grid(seed):
+    scene = random_scene(seed)
+    advice = advise(scene.model, scene.quantities, scene.tolerance, 300.0, seed, until=scene.until)
+    own, least = cheapest_of_grid(scene, advice)
+    assert own <= 2.0 * least

@@ -376,7 +376,7 @@ class Search:
 
     def _neighbours(self, own: Proposal) -> Iterator[Proposal]:
         """One thing coarser or simpler, or one coarser and another one finer."""
-        if own.steps % 2 == 0 and own.steps // 2 >= self.event.base // 2:
+        if own.steps % 2 == 0 and own.steps // 2 >= self.event.base // 4:
             for integrator in self.integrators:
                 yield replace(own, steps=own.steps // 2, step=2 * own.step, integrator=integrator)
         per = {name: own.elements[name] // p for name, p in self.event.pieces.items()}
