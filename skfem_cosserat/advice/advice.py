@@ -116,6 +116,7 @@ class Advice:
     def draw(self, axis: Any) -> None:
         """Draw the chart on axes of matplotlib."""
         axis.set(xscale="log", yscale="log", xlabel="cost in s", ylabel="error / tolerance")
+        axis.xaxis.set_minor_formatter(_few)  # costs seldom span a decade
         done = [row for row in self.candidates if row["status"] == "ok" and row["error"] > 0]
         for k, kind in enumerate(sorted({row["rungs"] for row in done})):
             own = [row for row in done if row["rungs"] == kind]
@@ -193,3 +194,8 @@ def _worth_telling(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             out.append(row)
             least = min(least, row["error"])
     return out + [row for row in rows if row["status"] != "ok"][:5]
+
+
+def _few(value: float, _place: object = None) -> str:
+    """Labels of ticks between powers of ten, those that have room."""
+    return f"{value:g}" if round(value / 10.0 ** np.floor(np.log10(value))) in (2, 5) else ""
