@@ -10,15 +10,19 @@ Run ``python examples/model_ladder.py --help`` for the choices.
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from three_bar_swing import scene as swing
 
 import skfem_cosserat as sc
 from skfem_cosserat.advice import Advice
 from skfem_cosserat.export import prepare_folder
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from three_bar_swing import scene as swing
 
 PICTURES = Path(__file__).resolve().parent / "pictures"
 GRAVITY = (0.0, 0.0, -9.81)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import sys
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +18,10 @@ from skfem_cosserat.advice import BeamFull, BeamRigid
 from skfem_cosserat.advice.event import Budget, Event
 from skfem_cosserat.advice.predict import _between
 from skfem_cosserat.advice.quantities import Quantities, Reading
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
+
+import model_ladder
 
 STEEL = sc.SectionCircle(radius=5e-3, material=sc.Material(E=210e9, nu=0.3, rho=7850))
 
@@ -237,8 +243,6 @@ def true_error(scene, advice) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["soft swing", "slider-crank", "slack cable", "flying spaghetti"])
 def test_named_scenes_keep_their_tolerance(name):
-    import model_ladder
-
     scene = model_ladder.SCENES[name]()
     advice = advise(scene.model, scene.quantities, scene.tolerance, 300.0, until=scene.until)
     assert advice.confident, advice.reasons

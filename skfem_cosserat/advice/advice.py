@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..figures import check_folder, new_figure, write_figure
 from ..model import Model
 from .pilot import Pilot
@@ -51,6 +52,12 @@ class Advice:
         All that as a table and sentences.
     spent_s : float
         Processor time of the advice (s).
+    until : float
+        How long the event is (s).
+    reference : Proposal or None
+        What errors were measured against.
+    pilot : Pilot
+        Energies, frequencies and bending of a pilot run.
     """
 
     proposal: Proposal | None
@@ -77,11 +84,9 @@ class Advice:
         Raises
         ------
         InputError
-            If it is not the model that was advised on.
+            If there is no proposal, or it is not the model that was advised on.
         """
         if self.proposal is None:
-            from ..errors import InputError
-
             raise InputError("advice", "has no proposal: " + "; ".join(self.reasons))
         return self.proposal.build(model)
 
