@@ -366,7 +366,7 @@ def test_cold_start(cold_start, tmp_path):
     result = cold_start.main(orders=(), repeats=1, out=tmp_path)
     (row,) = result["rows"]
     assert row["measure"] == "import" and row["limit"] == 1.0
-    assert 0.01 < row["seconds"] < 10
+    assert 0 < row["seconds"] < 10
     assert row["compiled"] is None  # nobody looked
     assert row["new_files"] == 0 and not row["numba_imported"]
     assert (tmp_path / "cold_start.csv").exists()

@@ -152,7 +152,7 @@ def growing(run: Callable[[int], object]) -> set[str]:
     """Modules of the package of which more functions are called the longer a run is."""
     found = []
     run(4)  # what is imported then is imported
-    for steps in (4, 12):
+    for steps in (24, 48):  # longer than the looks at some states at the end of a run
         profile = cProfile.Profile()
         profile.enable()
         run(steps)

@@ -120,7 +120,7 @@ class Model:
 
         Examples
         --------
-        >>> from skfem_cosserat import JointRevolute, MeshCurve, Section, ground
+        >>> from skfem_cosserat import Beam, JointRevolute, MeshCurve, Section, ground
         >>> from skfem_cosserat.mesh import divided
         >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
         >>> model = Model()

@@ -23,7 +23,7 @@ __all__ = ["CompiledBalance", "CompiledProblem"]
 #: a balance at rest as a step without masses, all of it taken at its end
 REST = Scheme(0.0, 0.0, 1.0, False, (0.0, 0.0, 0.0), share=1.0)
 #: increments of joints and of free vertices since the start
-STATE = ("shift", "turn", "value", "swing")
+STATE = ("turn", "value", "swing")
 
 
 class CompiledBalance(CompiledScene):
@@ -167,12 +167,16 @@ class CompiledBalance(CompiledScene):
 
     def save(self) -> tuple[Floats, ...]:
         """The increments so far."""
-        return tuple(self._tree[name].copy() for name in STATE)
+        return tuple(values.copy() for values in self._moved_by())
 
     def restore(self, saved: tuple[Floats, ...]) -> None:
         """Back to them."""
-        for name, values in zip(STATE, saved, strict=True):
-            self._tree[name][:] = values
+        for now, values in zip(self._moved_by(), saved, strict=True):
+            now[:] = values
+
+    def _moved_by(self) -> tuple[Floats, ...]:
+        """What has been moved by so far: in sum, and by what does not add up."""
+        return (self._a.total, *(self._tree[name] for name in STATE))
 
 
 class CompiledProblem(Problem):
