@@ -263,6 +263,7 @@ def run(scene, integrator, treatment):
 
 
 @scenes
+@pytest.mark.slow
 def test_rank_and_null_space_along_the_motion(scene):
     """Of the whole Jacobian, by singular values: at nodes and at midpoints.
 

@@ -264,6 +264,7 @@ CASES = {"s07": "curve", "s09": "load +e1", "s11": 90, "s13": "path", "s04": 0.0
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.slow) if n == "s06" else n for n in SMALL]
 )
+@pytest.mark.slow
 def test_treatments_agree(name):
     """To rounding, and no integrator, step or instants have any part in it."""
     family, case = FAMILIES[name], CASES.get(name)

@@ -43,6 +43,7 @@ integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
 SLOW = pytest.mark.slow
 #: compiling takes most of the time: the even orders are among the slow tests
 ORDERS = (1, pytest.param(2, marks=SLOW), 3, pytest.param(4, marks=SLOW))
+FIRST = (1, *(pytest.param(order, marks=SLOW) for order in (2, 3, 4)))
 
 
 # -- scenes ----------------------------------------------------------------------------------------

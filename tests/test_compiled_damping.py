@@ -44,7 +44,7 @@ def test_drag_at_random_states(integrator, treatment):
     compared(2, integrator, lambda order: tree(order, dragged))
 
 
-@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("order", [1, pytest.param(2, marks=pytest.mark.slow)])
 @treatments
 @integrators
 def test_runs_with_drag(integrator, treatment, order):
@@ -56,7 +56,7 @@ def test_runs_with_drag(integrator, treatment, order):
     assert lost.max() > 1e-3 and abs(compiled["dissipated"] - lost).max() < 1e-9 * lost.max()
 
 
-@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 @scenes
 @treatments
 @integrators

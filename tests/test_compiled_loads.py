@@ -70,7 +70,7 @@ def loaded(name, order=2):
     return tree(order, LOADS[name])
 
 
-@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 @treatments
 @integrators
 def test_residual_and_increment_at_random_states(integrator, treatment, order):
@@ -163,7 +163,7 @@ def test_momenta_grow_by_what_moments_and_forces_give(integrator, treatment):
     assert abs(run["linear_momentum"]).max() < 1e-12
 
 
-@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 @treatments
 @integrators
 def test_flying_spaghetti(integrator, treatment, order):

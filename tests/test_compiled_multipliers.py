@@ -7,7 +7,7 @@ import pytest
 import test_drives
 import test_joints
 from helpers_scenes import JOINTS, random_tree, swing
-from test_compiled import INTEGRATORS, ORDERS, called, chain, crossing, moving, tree
+from test_compiled import FIRST, INTEGRATORS, called, chain, crossing, moving, tree
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled.numbers import ROTATION
@@ -49,7 +49,7 @@ def assert_same(plain, compiled, tolerance=1e-10):
 
 
 @pytest.mark.parametrize("make", [tree, crossing])
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("order", FIRST)
 @integrators
 def test_residual_and_increment_at_random_states(order, integrator, make):
     """Of one iteration far from the solution, forces and the curvature of constraints at work."""
@@ -110,7 +110,7 @@ def compare(fast, problem, evaluate, matrix, increment, mixed):
 
 
 @pytest.mark.parametrize("make", [tree, crossing])
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("order", FIRST)
 @integrators
 def test_runs(order, integrator, make):
     assert_same(*both(make(order), integrator, 2e-3, 0.03))
@@ -165,7 +165,7 @@ def test_swing(integrator):
 
 
 @pytest.mark.parametrize("make", [tree, crossing])
-@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("order", FIRST)
 @integrators
 def test_kept_factors_lead_to_the_same_motion(order, integrator, make):
     system = make(order)

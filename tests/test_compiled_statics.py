@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 from helpers_scenes import SHAKE, lattice
-from test_compiled import ORDERS, crossing
+from test_compiled import FIRST, crossing
 from test_static_references import scenes
 
 import skfem_cosserat as sc
@@ -23,7 +23,7 @@ from skfem_cosserat.statics.schedule import Schedule
 from skfem_cosserat.statics.stability import FirmLook, inspect
 
 pytest.importorskip("numba")
-orders = pytest.mark.parametrize("order", ORDERS)
+orders = pytest.mark.parametrize("order", FIRST)
 
 
 def both(monkeypatch, system, **options):

@@ -227,6 +227,7 @@ def test_variational_energy_oscillates_without_drift(scene):
 
 
 @pytest.mark.parametrize("scene", ["beam", "hanging"])
+@pytest.mark.slow
 def test_variational_energy_of_a_violent_motion(scene):
     """Many modes that exchange energy: its error wanders, but falls with about h^2."""
     coarse, fine = (np.ptp(total_energy(scene, h, 2.0)) for h in (STEP / 2, STEP / 4))

@@ -536,6 +536,7 @@ def test_balance_of_energy(order):
     assert (np.diff(history["dissipated"]) >= 0).all()
 
 
+@pytest.mark.slow
 def test_balance_of_the_variational_scheme_is_of_second_order():
     errors = []
     for step in (0.002, 0.001):

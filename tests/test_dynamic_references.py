@@ -45,6 +45,7 @@ TWICE = {p: 2 * p for p in dynamic.ORDERS}
 
 @integrators
 @scenes
+@pytest.mark.slow
 def test_order_in_space(name, integrator):
     """2 p in positions and triads of element ends; with energy-momentum in all.
 

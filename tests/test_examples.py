@@ -42,6 +42,7 @@ def test_cantilever_on_an_elastic_foundation():
     assert tip == pytest.approx(2 * P * b / k * shape, rel=5e-4)
 
 
+@pytest.mark.slow
 def test_refinement_study(tmp_path):
     """Orders 2p in statics; a load that is there at once leaves none, one that grows does."""
     study = load("refinement_study")

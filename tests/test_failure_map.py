@@ -376,6 +376,7 @@ def test_diverged_without_residuals():
     assert sc.Diverged(0.0, 1, 1.0, "why", "what").residuals == []
 
 
+@pytest.mark.slow
 def test_judging_a_scene():
     """The plane swing is saved by its symmetry: a small side load makes the warning come true."""
     bad = failure_mechanism.judge(failure_mechanism.SIDE, 1e-2, 8.0)

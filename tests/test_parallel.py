@@ -764,6 +764,7 @@ def pid(seconds):
 # -- example ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_example():
     """Eight runs in two processes are those of one; the last one fails."""
     result = load("parallel_runs").main(until=0.02, elements=4)

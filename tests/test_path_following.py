@@ -31,7 +31,7 @@ def tip(history, place):
 
 
 @pytest.mark.parametrize(("order", "elements"), [(1, 16), (2, 8), (3, 4), (4, 4)])
-@pytest.mark.parametrize("side", [0.005, 0.02])
+@pytest.mark.parametrize("side", [0.005, pytest.param(0.02, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("until", [60.0, 80.0])
 def test_imperfect_column_bends_the_way_it_is_pushed(order, elements, side, until):
     """Past the critical load of the perfect one long steps can land on the other, unstable side."""

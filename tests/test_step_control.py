@@ -69,6 +69,7 @@ def test_true_error_follows_the_tolerance(scheme):
     assert ratio.min() > 0.2 and ratio.max() < 3
 
 
+@pytest.mark.slow
 def test_true_error_of_a_beam_follows_the_tolerance():
     """A soft rod in flight, against a scheme of order six."""
     system, end = rubber(), 0.1
@@ -190,6 +191,7 @@ def test_order_with_alternating_steps(scheme, treatment):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.15)
 
 
+@pytest.mark.slow
 def test_symplectic_energy_drifts_with_varied_steps_only():
     """Steps that follow the motion: the energy of the variational scheme goes away with time."""
 

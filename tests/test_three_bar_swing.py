@@ -118,6 +118,7 @@ def test_energy_momentum_keeps_the_energy_at_fine_steps(treatment):
     assert np.ptp(energy) < 1e-9 * energy[0]
 
 
+@pytest.mark.slow
 def test_variational_energy_oscillates_with_the_square_of_the_step():
     coarse, fine = (swing.main("variational", step=h) for h in (1e-2, 1e-3))
     for name in ("energy", "energy_midpoint"):
