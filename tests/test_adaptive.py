@@ -80,6 +80,7 @@ UNKNOWNS = {"bend": (90, 168, 384, 96), "frame": (120, 180, 384, 192)}
 
 
 @pytest.mark.parametrize("name", UNKNOWNS)
+@pytest.mark.slow
 def test_fewer_unknowns_than_uniform(example, name):
     """All end below the tolerance in the true error, the adaptive ones with far fewer unknowns."""
     ways = example[0][name]

@@ -119,6 +119,7 @@ def test_functions_and_tolerances_by_name(tmp_path):
     assert (tmp_path / "candidates.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_starts_are_carried_to_other_beams():
     """From a given rate, as a function of the system or as a state of the model's own one."""
     model = pendulum()

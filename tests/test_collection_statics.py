@@ -50,7 +50,13 @@ def within(row):
 QUICK = [name for name in ("s01", *FAMILIES) if FAMILIES[name].QUICK and name != "s06"]
 
 
-@pytest.mark.parametrize("name", dict.fromkeys(QUICK))
+LONGER = ("s02", "s04", "s05", "s07", "s09", "s10", "s11")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.slow] * (n in LONGER)) for n in dict.fromkeys(QUICK)],
+)
 def test_quick_cases(name):
     """Every number of the quick table is that of the reference."""
     rows = FAMILIES[name].rows()

@@ -547,6 +547,7 @@ def test_balance_of_the_variational_scheme_is_of_second_order():
 
 
 @integrators
+@pytest.mark.slow
 def test_second_order_in_the_step(integrator):
     runs = [damped_crossing(integrator, "null space", 1, step) for step in (0.004, 0.002, 0.001)]
     for name in ("q", "v", "dissipated", "beam/frame/resultant"):

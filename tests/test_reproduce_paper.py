@@ -250,6 +250,7 @@ def _lines(folder):
     return [line.split(" | ") for line in text.splitlines() if line.startswith("| ")]
 
 
+@pytest.mark.slow
 def test_every_published_number_is_in_the_report(small):
     folder, _ = small
     lines = {line[0].removeprefix("| ") + line[1] for line in _lines(folder)}
@@ -276,6 +277,7 @@ def test_every_published_number_is_in_the_report(small):
     assert {motion[name] for name in motion if name.startswith("event X")} == {"1.4"}
 
 
+@pytest.mark.slow
 def test_scene_is_computed_with_the_published_data(small):
     _, rows = record.read_csv(small[0] / "scene.csv")[1:]
     for quantity, published, computed, *_ in rows:
@@ -283,6 +285,7 @@ def test_scene_is_computed_with_the_published_data(small):
         assert float(computed) == pytest.approx(value, rel=1e-9), quantity
 
 
+@pytest.mark.slow
 def test_every_computed_number_names_its_run(small):
     folder, result = small
     text = (folder / "report.md").read_text(encoding="utf-8")
@@ -299,6 +302,7 @@ def test_every_computed_number_names_its_run(small):
     assert all(line[2] not in ("", "nan") for line in lines)
 
 
+@pytest.mark.slow
 def test_files_and_their_provenance(small):
     image = pytest.importorskip("matplotlib.image")
     folder, result = small
@@ -322,6 +326,7 @@ def test_files_and_their_provenance(small):
     assert np.array_equal(energy, run["energy"])
 
 
+@pytest.mark.slow
 def test_what_the_figures_show(small):
     data = small[1]["figures"]
     assert all(value < 1e-9 for value in data["momentum"].values())
