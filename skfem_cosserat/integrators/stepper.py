@@ -284,7 +284,7 @@ class Stepper:
             return state
         name, step = state.maker
         if name == self.maker[0]:
-            if np.isclose(step, self.maker[1], rtol=1e-9, atol=0):
+            if abs(step - self.maker[1]) <= 1e-9 * abs(self.maker[1]):
                 return state
             if self.varying:
                 return self.integrator.resized(state, self.h)
