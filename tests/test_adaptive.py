@@ -91,6 +91,7 @@ def test_fewer_unknowns_than_uniform(example, name):
     assert tuple(entry["unknowns"] for entry in ways.values()) == UNKNOWNS[name]
 
 
+@pytest.mark.slow
 def test_tables_of_the_example(example):
     result, folder = example
     rows = [x for x in (folder / "adaptive_mesh.csv").read_text().splitlines() if x[0] != "#"]
@@ -187,6 +188,7 @@ def test_quantity_on_a_path_of_its_own_control():
     assert np.linalg.norm(result.value[0] - exact) <= 1e-2
 
 
+@pytest.mark.slow
 def test_mesh_on_which_nothing_converges():
     """A linear element bends by 45 degrees at most: the order is raised, or all are halved."""
     case = scenes.CASES["bend"]

@@ -54,12 +54,18 @@ TOLERANCES = {
     "D10": {"pos": 1e-3, "quat": 1e-4},
 }
 
+#: with quick rows of some seconds
+LONGER = ("D02", "D03", "D07", "D08")
+
 
 def test_families_are_complete():
     assert set(FAMILIES) == set(TOLERANCES)
 
 
-@pytest.mark.parametrize("family", TOLERANCES)
+@pytest.mark.parametrize(
+    "family",
+    [pytest.param(f, marks=[pytest.mark.slow] * (f in LONGER)) for f in TOLERANCES],
+)
 def test_quick_rows(family):
     rows = FAMILIES[family].rows(quick=True)
     assert any(FAMILIES[family].QUICK[0] in row["case"] for row in rows)

@@ -54,7 +54,10 @@ def size(reference):
 # -- reference numbers -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize(
+    "family",
+    [pytest.param(f, marks=[pytest.mark.slow] * (f in ("R2", "R8"))) for f in FAMILIES],
+)
 def test_quick_rows(family):
     rows = FAMILIES[family].rows()
     assert rows

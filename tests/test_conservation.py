@@ -215,7 +215,7 @@ def total_energy(scene, step, until):
     return history["energy_projected"] + history["external"]
 
 
-@pytest.mark.parametrize("scene", ["top", "bouncing"])
+@pytest.mark.parametrize("scene", ["top", pytest.param("bouncing", marks=pytest.mark.slow)])
 def test_variational_energy_oscillates_without_drift(scene):
     energy = total_energy(scene, STEP, 12.0)
     first, *_, last = np.array_split(energy, 4)

@@ -599,6 +599,7 @@ def orders(errors):
     return np.log2(np.array(errors[:-1]) / errors[1:])
 
 
+@pytest.mark.slow
 def test_multipliers_at_equal_and_at_different_instants():
     """Both integrators differ by O(h^2) at equal instants, by O(h) half a step apart."""
     system = system_of("chain")

@@ -98,6 +98,7 @@ def test_order_in_space_of_the_spaghettis_velocities():
 # -- loads as given: against the reference --------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_loads_as_given_right_angle_cantilever():
     """Up to t = 2 with 8 cubic elements in a leg, and the energy that then stays."""
     found = dynamic.as_given("D2", EM, 3, 8, (1 / 40, 1 / 80, 1 / 160), 2.0)
@@ -105,6 +106,7 @@ def test_loads_as_given_right_angle_cantilever():
     assert found["energy"][-1] < 1e-5, found["energy"]
 
 
+@pytest.mark.slow
 @integrators
 def test_loads_as_given_spaghetti(integrator):
     found = dynamic.as_given("D3", integrator, 4, 8, (1 / 40, 1 / 80, 1 / 160), 2.5)
@@ -205,7 +207,9 @@ def test_spaghetti_momentum_and_centre_of_mass(integrator):
     assert abs(turn - turn[0]).max() < 1e-9 * abs(turn[0]).max()
 
 
-@pytest.mark.parametrize(("name", "end"), [("D2", 2.0), ("D3", 5.0)])
+@pytest.mark.parametrize(
+    ("name", "end"), [("D2", 2.0), pytest.param("D3", 5.0, marks=pytest.mark.slow)]
+)
 def test_energy_after_the_load(name, end):
     """Energy-momentum keeps it; the variational scheme lets it oscillate without drift."""
     system = dynamic.SCENES[name](8, 2).system

@@ -287,6 +287,7 @@ def test_alternating_rotations_grow_beyond_the_leapfrog_limit(force, h, grows):
     assert (np.diff(np.sign(theta[-half:, node, axis])) != 0).all()  # every step
 
 
+@pytest.mark.slow
 def test_mechanism_in_the_failing_swing():
     """Nodes alternate and their energy grows; the midpoints' energy does not notice."""
     m = failure_mechanism.mechanism()

@@ -33,6 +33,11 @@ DATA = json.loads((Path(__file__).parent / "data" / "rigid_references.json").rea
 INTEGRATORS = (sc.Variational, sc.EnergyMomentum)
 PAIRS = [(i, t) for i in INTEGRATORS for t in (sc.NullSpace, sc.Multipliers)]
 pairs = pytest.mark.parametrize(("integrator", "treatment"), PAIRS)
+#: of scenes that the collection runs as well: one of them quickly
+first_pair = pytest.mark.parametrize(
+    ("integrator", "treatment"),
+    [PAIRS[0], *(pytest.param(*pair, marks=pytest.mark.slow) for pair in PAIRS[1:])],
+)
 GRAVITY = (0, 0, -9.81)
 E3 = np.array([0.0, 0.0, 1.0])
 
@@ -231,7 +236,7 @@ def converge_windows(pair, h, times, **options):
     converge(system, pair, h, times, seen, reference, **options)
 
 
-@pairs
+@first_pair
 def test_four_bar_windows(integrator, treatment):
     """Past two singular positions."""
     converge_windows((integrator, treatment), 0.02, [1.0, 2.0], levels=3)
@@ -335,7 +340,7 @@ def converge_squeezer(pair, h, times, motor, levels=3):
     return limit
 
 
-@pairs
+@first_pair
 def test_squeezer(integrator, treatment):
     converge_squeezer((integrator, treatment), 2e-4, [0.005, 0.01], "actuator")
 
