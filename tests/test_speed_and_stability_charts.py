@@ -205,6 +205,20 @@ def test_numbers_of_the_swing_for_a_peer():
 
 
 @pytest.mark.slow
+def test_the_peers_themselves():
+    """The same scene: their errors fall as h^2 with the mesh, towards our reference."""
+    grid = speed.GRIDS["spaghetti", True]._replace(steps=(0.1,), meshes={1: (8,)})
+    more = {("spaghetti", True): grid._replace(peer_meshes=(8, 16, 32), peer_steps=(0.0125,))}
+    result = speed.main(True, 1, scenes=("spaghetti",), integrators=ONE, grids=more)
+    if result["missing"]:
+        pytest.skip(str(result["missing"]))
+    for group in (speed.EXUDYN, speed.ELASTICA):
+        rows = [row for row in result["rows"] if row["group"] == group][:3]
+        errors = [row["error_point"] for row in rows]
+        assert [a / b for a, b in pairwise(errors)] == pytest.approx([4, 4], rel=0.1)
+
+
+@pytest.mark.slow
 def test_the_swing_of_exudyn(monkeypatch):
     """All its mass, and paths that approach ours as h^2 with the mesh, with either radius."""
     try:
