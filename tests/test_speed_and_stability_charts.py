@@ -139,7 +139,7 @@ def test_peers_enter_the_table(alone, monkeypatch, tmp_path):
 def test_what_a_peer_says_when_it_fails(answer, status, monkeypatch):
     monkeypatch.setattr(speed.peer_calls, "ask", made_up([], status=answer))
     problem = speed.PROBLEMS["spaghetti", True]
-    found = speed.exudyn(problem, Path("python"), 1e-8, 8, 0.05)
+    found = speed.exudyn(problem, Path("python"), 1e-8, 0.9, 8, 0.05)
     assert found == {"status": status, "reason": answer}
     assert speed.elastica(problem, Path("python"), 8)["status"] == status
 
@@ -150,13 +150,58 @@ def test_a_path_without_the_instants(monkeypatch):
     assert found["status"] == "error" and "instants" in found["reason"]
 
 
-def test_a_peer_that_cannot_be_installed(monkeypatch):
-    def prepare(code, place):
-        raise speed.peer_calls.Unavailable("no wheel")
+def refuse(code, place):
+    """In the place of `peer_calls.prepare`, where nothing can be installed."""
+    raise speed.peer_calls.Unavailable("no wheel")
 
-    monkeypatch.setattr(speed.peer_calls, "prepare", prepare)
-    setups, missing = speed.peers(speed.GRIDS["spaghetti", True], None)
-    assert setups == [] and missing == {speed.EXUDYN: "no wheel", speed.ELASTICA: "no wheel"}
+
+def test_a_peer_that_cannot_be_installed(monkeypatch):
+    monkeypatch.setattr(speed.peer_calls, "prepare", refuse)
+    found = {name: speed.peers(name, speed.GRIDS[name, True], None) for name in speed.AXES}
+    none = {speed.EXUDYN: "no wheel"}
+    assert found == {"swing": ([], none), "spaghetti": ([], none | {speed.ELASTICA: "no wheel"})}
+
+
+def test_peers_that_were_not_run_are_rows_that_failed(monkeypatch, tmp_path):
+    """With the reason; they are not kept for a later run, and disturb neither table nor chart."""
+    monkeypatch.setattr(speed.peer_calls, "prepare", refuse)
+    grid = speed.GRIDS["swing", True]._replace(steps=(0.0125,), meshes={1: (4,)})
+    short = {"grids": {("swing", True): grid}, "integrators": ONE, "scenes": ("swing",)}
+    folders = {"out": tmp_path / "out", "resume": tmp_path / "kept"}
+    result = speed.main(True, 1, **short, **folders)
+    rows = {row["label"]: row for row in result["rows"] if row["group"] != speed.OURS}
+    assert {name: (row["status"], row["cost_s"]) for name, row in rows.items()} == {
+        speed.EXUDYN: ("error", None),
+        speed.ELASTICA: ("error", None),
+    }
+    assert rows[speed.EXUDYN]["reason"] == "no wheel"
+    assert "springs" in rows[speed.ELASTICA]["reason"]
+    assert speed.missed(result) == [f"{speed.EXUDYN}: not measured: no wheel"]
+    assert result["standing"]["swing"].levels == []
+    assert set(result["tables"]["swing"].failed) == {speed.EXUDYN, speed.ELASTICA}
+    kept = "".join(path.name for path in (tmp_path / "kept").rglob("*"))
+    assert "energy-momentum" in kept and "xudyn" not in kept
+    text = (tmp_path / "out" / "speed_accuracy_swing.csv").read_text()
+    assert "PyElastica" in text and "no wheel" in text
+    assert "no wheel" in speed.report(result)
+
+
+def test_numbers_of_the_swing_for_a_peer():
+    """In its axes: the plane of motion is that of the first two; the rod lies along the first."""
+    found = speed.numbers("swing")
+    assert json.loads(json.dumps(found)) == found
+    assert found["end"] == [0.72, 0, 0] and found["stiffness"][2:5] == [547500, 114.0625, 10.2656]
+    assert found["rotary"] == pytest.approx([1.7031, 0.1406, 1.5625])  # about axis, d1, d2
+    assert found["pulse"] == [[0, 0.125, 0.25], [0, 1e4, 0]] and found["point"] == 5
+    left, right = found["links"]
+    assert left["high"] == pytest.approx([0, 0.36, 0]) and left["mass"] == 0.01
+    assert right["high"] == pytest.approx([1.08, 0.36, 0])
+    for link in (left, right):  # a solid square pyramid: 3 h^2 / 80 and a^2 / 20 of its mass
+        along, across = 0.01 * (0.02**2 / 10), 0.01 * 0.02**2 / 20
+        across += 0.01 * 3 * np.linalg.norm(np.subtract(link["high"], link["low"])) ** 2 / 80
+        assert link["inertia"] == pytest.approx([along, across, across])
+        place = np.array(link["low"]) * 3 / 4 + np.array(link["high"]) / 4
+        assert link["position"] == pytest.approx(place.tolist())
 
 
 @pytest.mark.slow
@@ -171,6 +216,27 @@ def test_the_peers_themselves():
         rows = [row for row in result["rows"] if row["group"] == group][:3]
         errors = [row["error_point"] for row in rows]
         assert [a / b for a, b in pairwise(errors)] == pytest.approx([4, 4], rel=0.1)
+
+
+@pytest.mark.slow
+def test_the_swing_of_exudyn(monkeypatch):
+    """All its mass, and paths that approach ours as h^2 with the mesh, with either radius."""
+    try:
+        python = speed.peer_calls.prepare(speed.peer_calls.EXUDYN)
+    except speed.peer_calls.Unavailable as error:
+        pytest.skip(str(error))
+    answers, ask = [], speed.peer_calls.ask
+    kept = lambda *a, **k: answers.append(ask(*a, **k)) or answers[-1]  # noqa: E731
+    monkeypatch.setattr(speed.peer_calls, "ask", kept)
+    problem, fine = speed.PROBLEMS["swing", False], (4, 8, 1.5625e-3)
+    ours = speed.extrapolated(problem, sc.EnergyMomentum, fine, "numpy")["point"]
+    for radius in (0.9, 0.6):
+        paths = [speed.exudyn(problem, python, 1e-8, radius, n, 1.5625e-3) for n in (32, 64, 128)]
+        errors = [np.linalg.norm(path["point"] - ours, axis=1).max() for path in paths]
+        assert errors[0] < 4e-4
+        assert [a / b for a, b in pairwise(errors)] == pytest.approx([4, 4], rel=0.1)
+    masses = [answer["mass"] for answer in answers]
+    assert masses == pytest.approx([0.72 * 7500 + 5 + 2 * 0.01] * 6, rel=1e-12)
 
 
 # -- stability -------------------------------------------------------------------------------------

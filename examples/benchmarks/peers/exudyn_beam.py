@@ -1,4 +1,4 @@
-"""Adapter: a hinged or a free beam in Exudyn, one run, its cost and tip as JSON on stdout.
+"""Adapter: a beam in Exudyn, one run, its cost and tip as JSON on stdout.
 
 Runs in an environment that has Exudyn and not this package: all numbers of the scene come on the
 command line. Exudyn's build without range checks is taken (``sys.exudynFast``), one thread, its
@@ -26,7 +26,12 @@ def parser() -> argparse.ArgumentParser:
 
     And gravity, for a rod along the first axis on a hinge about the third; or, for a free rod in
     the plane of the first two axes, start and end, force and moment on its start, and the pulse,
-    times and factors, that both follow.
+    times and factors, that both follow. `rotary`: inertia of the section about its axis and about
+    its two directors, instead of inertia.
+
+    With links, too, force and moment push the middle of the rod, which has a point mass there. Each
+    holds an end (low) by a hinge about the third axis, and hangs on a ball joint (high): mass,
+    position of its centre, inertia about it (along the link, across it in the plane, out of it).
     """
     out = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     out.add_argument("--scene", required=True, type=json.loads, help="numbers, as JSON")
@@ -36,6 +41,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("--newton", choices=("full", "modified"), default="modified")
     out.add_argument("--solver", choices=SOLVERS, default="EigenSparse")
     out.add_argument("--tolerance", type=float, default=1e-8, help="of the residual, relative")
+    out.add_argument("--spectral-radius", type=float, default=0.9, help="of generalized-alpha")
     out.add_argument("--reuse-pattern", action="store_true", help="of the sparse factorisation")
     out.add_argument("--checked", action="store_true", help="the build with range checks")
     out.add_argument("--step", type=float, default=1e-3)
@@ -45,8 +51,37 @@ def parser() -> argparse.ArgumentParser:
     return out
 
 
-def exact_beam(mbs: Any, a: argparse.Namespace) -> list[int]:
-    """Geometrically exact beams, hinged or free; the numbers of the nodes."""
+def exact_beam(mbs: Any, a: argparse.Namespace) -> int:
+    """Geometrically exact beams: hinged, free, or on links; the node that is looked at."""
+    items: Any = import_module("exudyn.itemInterface")
+
+    s = a.scene
+    nodes = _beams(mbs, a)
+    marks = [mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=node)) for node in nodes]
+    if "links" in s:
+        middle = len(nodes) // 2
+        _hung(mbs, a, marks)
+        _pushed(mbs, marks[middle], s)
+        mbs.AddObject(items.ObjectRigidBody(nodeNumber=nodes[middle], mass=s["point"]))
+        return nodes[middle]
+    if "pulse" in s:
+        _pushed(mbs, marks[0], s)
+        return nodes[-1]
+    ground = mbs.AddObject(items.ObjectGround())
+    sides = [
+        mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=ground, localPosition=[0, 0, 0])),
+        marks[0],
+    ]
+    mbs.AddObject(items.GenericJoint(markerNumbers=sides, constrainedAxes=[1, 1, 1, 1, 1, 0]))
+    for k, marker in enumerate(marks):  # gravity, as the linear shape functions share it out
+        weight = s["mass"] * s["length"] / a.elements * (0.5 if k in (0, a.elements) else 1.0)
+        force = [weight * g for g in s["gravity"]]
+        mbs.AddLoad(items.Force(markerNumber=marker, loadVector=force))
+    return nodes[-1]
+
+
+def _beams(mbs: Any, a: argparse.Namespace) -> list[int]:
+    """The rod, without anything that holds or pushes it; its nodes."""
     import exudyn as exu
 
     items: Any = import_module("exudyn.itemInterface")
@@ -57,38 +92,56 @@ def exact_beam(mbs: Any, a: argparse.Namespace) -> list[int]:
     section.stiffnessMatrix = _diagonal([axial, shear1, shear2, twist, bend1, bend2])
     section.inertia = _diagonal(s.get("rotary") or [sum(s["inertia"]), *s["inertia"]])
     section.massPerLength = s["mass"]
-    kind = getattr(items, f"NodeRigidBody{a.node}")
     start, end = s.get("start", [0, 0, 0]), s.get("end", [s["length"], 0, 0])
-    turn = math.atan2(end[1] - start[1], end[0] - start[0])
-    rotation = [0, 0, turn]
-    if a.node == "EP":
-        rotation = [math.cos(turn / 2), 0, 0, math.sin(turn / 2)]
     places = [[p + (q - p) * k / n for p, q in zip(start, end, strict=True)] for k in range(n + 1)]
-    nodes = [mbs.AddNode(kind(referenceCoordinates=[*x, *rotation])) for x in places]
+    nodes = [_node(mbs, a, x, _turn(start, end)) for x in places]
     for pair in pairwise(nodes):
         beam = items.ObjectBeamGeometricallyExact(
             nodeNumbers=list(pair), length=s["length"] / n, sectionData=section
         )
         mbs.AddObject(beam)
-    if "pulse" in s:
-        _pushed(mbs, nodes[0], s)
-        return nodes
-    ground = mbs.AddObject(items.ObjectGround())
-    sides = [
-        mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=ground, localPosition=[0, 0, 0])),
-        mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=nodes[0])),
-    ]
-    mbs.AddObject(items.GenericJoint(markerNumbers=sides, constrainedAxes=[1, 1, 1, 1, 1, 0]))
-    for k, node in enumerate(nodes):  # gravity, as the linear shape functions share it out
-        weight = s["mass"] * s["length"] / n * (0.5 if k in (0, n) else 1.0)
-        marker = mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=node))
-        force = [weight * g for g in s["gravity"]]
-        mbs.AddLoad(items.Force(markerNumber=marker, loadVector=force))
     return nodes
 
 
-def _pushed(mbs: Any, node: int, s: dict[str, Any]) -> None:
-    """Force and moment on a node, which grow and fall with the pulse."""
+def _turn(start: list[float], end: list[float]) -> float:
+    """Angle of the way from one to the other about the third axis."""
+    return math.atan2(end[1] - start[1], end[0] - start[0])
+
+
+def _node(mbs: Any, a: argparse.Namespace, place: list[float], turn: float) -> int:
+    """A node of the kind asked for, turned about the third axis."""
+    kind = getattr(import_module("exudyn.itemInterface"), f"NodeRigidBody{a.node}")
+    rotation = [0, 0, turn]
+    if a.node == "EP":
+        rotation = [math.cos(turn / 2), 0, 0, math.sin(turn / 2)]
+    return int(mbs.AddNode(kind(referenceCoordinates=[*place, *rotation])))
+
+
+def _hung(mbs: Any, a: argparse.Namespace, marks: list[int]) -> None:
+    """Links: rigid, hinged about the third axis to an end of the rod, and on a ball joint above."""
+    items: Any = import_module("exudyn.itemInterface")
+
+    ground = mbs.AddObject(items.ObjectGround())
+    for link, own in zip(a.scene["links"], (marks[0], marks[-1]), strict=True):
+        turn = _turn(link["low"], link["high"])
+        node = _node(mbs, a, link["position"], turn)
+        body = mbs.AddObject(
+            items.ObjectRigidBody(
+                nodeNumber=node, mass=link["mass"], inertia=[*link["inertia"], 0, 0, 0]
+            )
+        )
+        below, above = (math.dist(link["position"], link[end]) for end in ("low", "high"))
+        low, high = (
+            mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=body, localPosition=[x, 0, 0]))
+            for x in (-below, above)
+        )
+        held = items.MarkerBodyRigid(bodyNumber=ground, localPosition=link["high"])
+        mbs.AddObject(items.ObjectJointRevoluteZ(markerNumbers=[low, own]))
+        mbs.AddObject(items.ObjectJointSpherical(markerNumbers=[mbs.AddMarker(held), high]))
+
+
+def _pushed(mbs: Any, marker: int, s: dict[str, Any]) -> None:
+    """Force and moment on a marker, which grow and fall with the pulse."""
     items: Any = import_module("exudyn.itemInterface")
 
     def factor(t: float) -> float:
@@ -101,13 +154,12 @@ def _pushed(mbs: Any, node: int, s: dict[str, Any]) -> None:
         scale = factor(t)
         return [scale * x for x in vector]
 
-    marker = mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=node))
     for kind, vector in ((items.Force, s["force"]), (items.Torque, s["moment"])):
         mbs.AddLoad(kind(markerNumber=marker, loadVector=vector, loadVectorUserFunction=now))
 
 
-def cable(mbs: Any, a: argparse.Namespace) -> list[int]:
-    """ANCF cables (neither shear nor torsion) on a hinge; the numbers of the nodes."""
+def cable(mbs: Any, a: argparse.Namespace) -> int:
+    """ANCF cables (neither shear nor torsion) on a hinge; the node that is looked at."""
     items: Any = import_module("exudyn.itemInterface")
 
     s, n = a.scene, a.elements
@@ -135,7 +187,7 @@ def cable(mbs: Any, a: argparse.Namespace) -> list[int]:
     for k in (0, 1, 2, 5):  # place, and the slope out of the plane of the hinge
         end = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=nodes[0], coordinate=k))
         mbs.AddObject(items.CoordinateConstraint(markerNumbers=[ground, end]))
-    return nodes
+    return int(nodes[-1])
 
 
 def _diagonal(values: list[float]) -> list[list[float]]:
@@ -151,6 +203,7 @@ def settings(a: argparse.Namespace, steps: int) -> Any:
     t.numberOfSteps, t.endTime = steps, a.step * steps
     t.newton.useModifiedNewton = a.newton == "modified"
     t.newton.relativeTolerance = a.tolerance
+    t.generalizedAlpha.spectralRadius = a.spectral_radius
     t.adaptiveStep = False  # steps of the size asked for, or none
     t.verboseMode = 0
     out.linearSolver.solverType = getattr(exu.LinearSolverType, a.solver)
@@ -162,6 +215,14 @@ def settings(a: argparse.Namespace, steps: int) -> Any:
     return out
 
 
+def _mass(mbs: Any, solver: Any) -> float:
+    """All mass that moves along the first axis (kg): a check of the scene."""
+    solver.ComputeMassMatrix(mbs)
+    matrix = solver.GetSystemMassMatrix()
+    first = [mbs.GetNodeODE2Index(k) for k in range(mbs.systemData.NumberOfNodes())]
+    return float(sum(matrix[i, k] for i in first for k in first))
+
+
 def run(a: argparse.Namespace) -> dict[str, Any]:
     """Time of a step and of a Newton iteration, their numbers, the tip."""
     if not a.checked:
@@ -171,10 +232,10 @@ def run(a: argparse.Namespace) -> dict[str, Any]:
     items: Any = import_module("exudyn.itemInterface")
 
     mbs = exu.SystemContainer().AddSystem()
-    nodes = {"exact": exact_beam, "cable": cable}[a.element](mbs, a)
+    watched = {"exact": exact_beam, "cable": cable}[a.element](mbs, a)
     position = exu.OutputVariableType.Position
     if a.sample > 0:
-        tip = {"nodeNumber": nodes[-1], "outputVariableType": position}
+        tip = {"nodeNumber": watched, "outputVariableType": position}
         sensor = mbs.AddSensor(items.SensorNode(**tip, storeInternal=True, writeToFile=False))
     mbs.Assemble()
     stamps: list[tuple[float, int, int]] = []
@@ -193,6 +254,7 @@ def run(a: argparse.Namespace) -> dict[str, Any]:
         return {"status": "the solver could not be set up"}
     done = solver.SolveSteps(mbs, own)
     end = time.process_time()
+    mass = _mass(mbs, solver) if a.element == "exact" else None
     solver.FinalizeSolver(mbs, own)
     if not done or not stamps:
         return {"status": f"stopped at {solver.it.currentTime:.6g} s"}
@@ -208,7 +270,8 @@ def run(a: argparse.Namespace) -> dict[str, Any]:
         "iterations_per_step": iterations / a.steps,
         "factorisations_per_step": jacobians / a.steps,
         "steps": a.steps,
-        "tip": [float(x) for x in mbs.GetNodeOutput(nodes[-1], position)],
+        "mass": mass,
+        "tip": [float(x) for x in mbs.GetNodeOutput(watched, position)],
         "path": path,
     }
 
