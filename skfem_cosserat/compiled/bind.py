@@ -240,7 +240,6 @@ def bound_plan(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         "size": _ints([len(system.tree.own[v]) for v in range(count)]),
         "to_parent": _ints(to_parent),
         "rest": _ints([plan.blocks, 0]),
-        "pivots": np.zeros((count, 6), dtype=np.int64),
     }
     return layout.plan(tuple(fields[name] for name in layout.PLAN)), fields
 

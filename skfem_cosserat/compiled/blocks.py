@@ -15,167 +15,105 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Floats, IndexArray
+from ..types import Floats
 from .jit import call_back, inlined, part
 from .lanes import WIDTH, add_product, put_product, put_rows, rows
+from .sixes import (
+    add_crossed,
+    add_times,
+    invert,
+    put_crossed,
+    put_times,
+    put_turned,
+    subtract_crossed,
+)
 from .small import Rotation, block, chosen, combine, directors, frames, times, turned
 
 __all__ = ["factor", "sweep"]
 
 
 @inlined
-def factor_block(A: Floats, k: int, pivots: IndexArray, v: int) -> bool:
-    """LU of block k in place, rows exchanged, diagonal inverted; False if a pivot vanishes."""
-    regular = True
-    for n in range(6):
-        p = n
-        big = abs(A[k, n, n])
-        for i in range(n + 1, 6):
-            if abs(A[k, i, n]) > big:
-                big = abs(A[k, i, n])
-                p = i
-        pivots[v, n] = p
-        if not big > 0.0:
-            regular = False
-        if p != n:
-            for c in range(6):
-                A[k, n, c], A[k, p, c] = A[k, p, c], A[k, n, c]
-        inverse = 1.0 / A[k, n, n]
-        A[k, n, n] = inverse
-        for i in range(n + 1, 6):
-            f = A[k, i, n] * inverse
-            A[k, i, n] = f
-            for c in range(n + 1, 6):
-                A[k, i, c] -= f * A[k, n, c]
-    return regular
+def invert_exchanging(A: Floats, k: int, W: Floats, inverse: Floats, v: int) -> float:
+    """``inverse_v = A_k^-T`` with exchange of rows; W is scratch.
 
-
-@inlined
-def solve_block(A: Floats, k: int, pivots: IndexArray, v: int, B: Floats, u: int) -> None:
-    """``B_u <- A_k^-1 B_u`` for a factorised block k."""
-    for n in range(6):
-        p = pivots[v, n]
-        if p != n:
-            for c in range(6):
-                B[u, n, c], B[u, p, c] = B[u, p, c], B[u, n, c]
-    for i in range(1, 6):
-        for n in range(i):
-            f = A[k, i, n]
-            for c in range(6):
-                B[u, i, c] -= f * B[u, n, c]
-    for i in range(5, -1, -1):
-        for n in range(i + 1, 6):
-            f = A[k, i, n]
-            for c in range(6):
-                B[u, i, c] -= f * B[u, n, c]
-        f = A[k, i, i]
-        for c in range(6):
-            B[u, i, c] *= f
-
-
-@inlined
-def premultiply(A: Floats, k: int, B: Floats, u: int, W: Floats) -> None:
-    """``B_u <- A_k B_u``; W is scratch."""
-    for i in range(6):
-        put_product(B, u, A, 6 * k + i, 1.0, W, i)
-    for i in range(6):
-        for c in range(6):
-            B[u, i, c] = W[0, i, c]
-
-
-@inlined
-def transpose(A: Floats, k: int) -> None:
-    """``A_k <- A_k^T``."""
-    for i in range(6):
-        for c in range(i):
-            A[k, i, c], A[k, c, i] = A[k, c, i], A[k, i, c]
-
-
-@inlined
-def subtract(A: Floats, k: int, left: int, right: int) -> None:
-    """``A_k -= A_left A_right``, row by row."""
-    for i in range(6):
-        add_product(A, right, A, 6 * left + i, -1.0, A, 6 * k + i)
-
-
-@inlined
-def passed_on(
-    A: Floats, k: int, X: Floats, e: int, count: int, left: bool, to: int, W: Floats
-) -> None:
-    """``A_to += A_k X_e``, or from the left ``A_to += X_e^T A_k``; into A_k itself if `to` is -1.
-
-    X_e has `count` columns that are not zero. W is scratch.
+    Gives the sign of the determinant, 0 if a pivot vanishes. It is rarely called: loops over
+    `size`, which no compiler knows, stay short.
     """
-    rows, columns = (count, 6) if left else (6, count)
-    for r in range(rows):
-        for c in range(columns):
-            s = 0.0
-            if left:
-                for t in range(6):
-                    s += X[e, t, r] * A[k, t, c]
-            else:
-                for t in range(6):
-                    s += A[k, r, t] * X[e, t, c]
-            if to >= 0:
-                A[to, r, c] += s
-            else:
-                W[0, r, c] = s
-    if to < 0:
-        for r in range(6):
-            for c in range(6):
-                A[k, r, c] = W[0, r, c] if r < rows and c < columns else 0.0
+    size = A.shape[1]
+    for r in range(size):
+        for c in range(size):
+            W[0, r, c] = A[k, r, c]
+            inverse[v, r, c] = 1.0 if r == c else 0.0
+    sign = 1.0
+    for n in range(size):
+        p = n
+        for i in range(n + 1, size):
+            if abs(W[0, i, n]) > abs(W[0, p, n]):
+                p = i
+        pivot = W[0, p, n]
+        if not abs(pivot) > 0.0:
+            return 0.0
+        if (pivot < 0.0) != (p != n):
+            sign = -sign
+        for c in range(size):
+            own, new = W[0, n, c], W[0, p, c] / pivot
+            W[0, p, c], W[0, n, c] = own, new
+            own, new = inverse[v, c, n], inverse[v, c, p] / pivot
+            inverse[v, c, p], inverse[v, c, n] = own, new
+        for i in range(size):
+            f = W[0, i, n] if i != n else 0.0
+            for c in range(size):
+                W[0, i, c] -= f * W[0, n, c]
+                inverse[v, c, i] -= f * inverse[v, c, n]
+    return sign
 
 
 @inlined
 def to_own_coordinates(m: Any, w: Any, t: int) -> None:
     """Rows and columns of pivot t, a child: from its twist to its joint's coordinates.
 
-    What its parent carries along goes to the parent's: all columns first, then all rows.
+    What its parent carries along goes to the parent's: all columns first, then all rows. Columns of
+    S behind the joint's coordinates are zero, as are rows of C.
     """
-    A, W = w.A, w.scratch
+    A = w.A
     v = m.order[t]
-    e = m.edge[v]
+    e, k = m.edge[v], m.diag[v]
     first = m.ptr[t]
     n = m.ptr[t + 1] - first
     u0 = m.update_ptr[t]
     p = m.parent_at[t]
-    for side in range(2):
-        left = side == 1
-        S, X = w.S_right, w.X_right
-        if left:
-            S, X = w.S_left, w.X_left
-        for j in range(n + 1):  # the last one is the pivot itself
-            own, parents = m.diag[v], -1
-            if j < n:
-                own = m.right[first + j] if left else m.down[first + j]
-                if p >= 0:
-                    parents = m.update[u0 + (p * n + j if left else j * n + p)]
-            elif p >= 0:
-                parents = m.down[first + p] if left else m.right[first + p]
-            if parents >= 0:
-                passed_on(A, own, X, e, 6, left, parents, W)
-            passed_on(A, own, S, e, m.size[v], left, -1, W)
-    C_child, C_parent, S, X = w.C_child, w.C_parent, w.S_right, w.X_right
-    for r in range(m.size[v]):
-        for c in range(6):
-            own, parents = 0.0, C_parent[e, r, c]
-            for i in range(6):
-                own += C_child[e, r, i] * S[e, i, c]
-                parents += C_child[e, r, i] * X[e, i, c]
-            A[m.diag[v], r, c] += own
-            if p >= 0:
-                A[m.right[first + p], r, c] += parents
+    S, X, C_child = w.S_right, w.X_right, w.C_child
+    for j in range(n + 1):  # the last one is the pivot itself
+        own = m.down[first + j] if j < n else k
+        if p >= 0:
+            to = m.update[u0 + j * n + p] if j < n else m.right[first + p]
+            if to >= 0:
+                add_times(A, own, X, e, A, to)
+        put_times(A, own, S, e, A, own)
+    for j in range(n + 1):
+        own = m.right[first + j] if j < n else k
+        if p >= 0:
+            to = m.update[u0 + p * n + j] if j < n else m.down[first + p]
+            if to >= 0:
+                add_crossed(w.X_left, e, A, own, A, to)
+        put_crossed(w.S_left, e, A, own, A, own)
+    add_times(C_child, e, S, e, A, k)
+    if p >= 0:
+        to = m.right[first + p]
+        add_times(C_child, e, X, e, A, to)
+        for r in range(6):
+            for c in range(6):
+                A[to, r, c] += w.C_parent[e, r, c]
     for i in range(m.size[v], 6):
-        A[m.diag[v], i, i] = 1.0
+        A[k, i, i] = 1.0
 
 
 @part
 def factor(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Factorise: 0 if a pivot vanishes, else 1."""
-    A, pivots, edge, diag, ptr = w.A, m.pivots, m.edge, m.diag, m.ptr
+    """Factorise: 0 if a pivot vanishes, else 1. Blocks of the diagonal stay as they are then."""
+    A, edge, diag, ptr = w.A, m.edge, m.diag, m.ptr
     order, right, down, start, update = m.order, m.right, m.down, m.update_ptr, m.update
     S, X, y1, frames, inverse = w.S_left, w.X_left, w.y1, w.frames, w.inverse
-    scratch = w.scratch
     for r in range(frames.shape[0]):
         for c in range(3):
             frames[r, c] = y1[r, c]
@@ -193,25 +131,19 @@ def factor(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             to_own_coordinates(m, w, t)
         if t >= blocks:
             continue
-        if not factor_block(A, diag[v], pivots, v):
-            regular = 0.0
-        for r in range(6):  # sweeps are products: triangular solutions take twice as long
-            for c in range(6):
-                inverse[v, r, c] = 1.0 if r == c else 0.0
-        solve_block(A, diag[v], pivots, v, inverse, v)
-        a0 = ptr[t]
-        n = ptr[t + 1] - a0
-        for j in range(n):
-            premultiply(inverse, v, A, right[a0 + j], scratch)
-        for i in range(n):
-            for j in range(n):
-                subtract(A, update[start[t] + i * n + j], down[a0 + i], right[a0 + j])
-        # sweeps take what a pivot passes on from its right-hand side at once, and columns
-        transpose(inverse, v)
-        for j in range(n):
-            transpose(A, down[a0 + j])
-            premultiply(inverse, v, A, down[a0 + j], scratch)
-            transpose(A, right[a0 + j])
+        if not invert(A, diag[v], inverse, v):
+            regular *= abs(invert_exchanging(A, diag[v], w.scratch, inverse, v))
+        # transposed, as sweeps take them: triangular solutions take twice as long as products, and
+        # what a pivot passes on from its right-hand side goes at once, by columns
+        a0, end = ptr[t], ptr[t + 1]
+        u = start[t]
+        for i in range(a0, end):
+            put_turned(inverse, v, A, down[i], A, down[i])
+            for j in range(a0, end):
+                subtract_crossed(A, down[i], A, right[j], A, update[u])
+                u += 1
+        for j in range(a0, end):
+            put_crossed(A, right[j], inverse, v, A, right[j])
     if solver != 0 and call_back(solver, 0) == 0.0:
         regular = 0.0
     return regular

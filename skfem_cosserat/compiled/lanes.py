@@ -287,7 +287,9 @@ def _product(add: bool) -> Any:
                 row = builder.load(builder.bitcast(row, six.as_pointer()), align=8)
                 term = builder.fmul(entry, row, flags=("contract",))
                 last = sums[r % 2]
-                sums[r % 2] = term if last is None else builder.fadd(last, term, ("contract",))
+                sums[r % 2] = (
+                    term if last is None else builder.fadd(last, term, flags=("contract",))
+                )
             total = builder.fadd(*sums)
             if add:
                 total = builder.fadd(builder.load(target, align=8), total)

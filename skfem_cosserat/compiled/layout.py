@@ -56,7 +56,7 @@ TREE = (
 #: blocks, and what is called back to solve for the rest (0: none)
 PLAN = (
     *("order", "edge", "parent", "size", "diag", "ptr", "neighbour", "right", "down"),
-    *("update_ptr", "update", "parent_at", "to_parent", "pivots", "rest"),
+    *("update_ptr", "update", "parent_at", "to_parent", "rest"),
 )
 #: constraints of joints as products and linear terms of rows of y, behind them those that only tell
 #: how things lie; multipliers (impulses) and what is kept of steps

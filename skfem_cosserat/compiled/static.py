@@ -13,7 +13,8 @@ import numpy as np
 
 from ..types import Floats, IndexArray
 from . import numbers as n
-from .jit import call, inlined, jit
+from .blocks import invert_exchanging
+from .jit import call, jit
 from .nodes import twist_force
 from .step import evaluate, matrix, start
 
@@ -102,10 +103,14 @@ def pivots(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, out: 
     from symmetric, and the sign of the determinant.
     """
     regular = matrix(p, s, m, w, g, numbers, 0)
-    S = np.empty((6, 6))
+    A, S, W, inverse = w.A, np.empty((6, 6)), w.scratch, w.inverse
     out[0], out[1], out[2], out[3], out[4] = 0.0, np.inf, 0.0, 0.0, 1.0
     for v in range(len(m.diag)):
-        out[4] *= factorised_block(w.A, m.diag[v], m.pivots, v, S)
+        k = m.diag[v]
+        out[4] *= invert_exchanging(A, k, W, inverse, v)
+        for i in range(6):
+            for c in range(6):
+                S[i, c] = A[k, i, c]
         for i in range(6):
             for r in range(i):
                 out[3] = max(out[3], abs(S[r, i] - S[i, r]))
@@ -119,24 +124,3 @@ def pivots(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, out: 
                 for c in range(i + 1, 6):
                     S[r, c] -= factor * 0.5 * (S[c, i] + S[i, c])
     return regular
-
-
-@inlined
-def factorised_block(A: Floats, k: int, pivots: IndexArray, v: int, S: Floats) -> float:
-    """S: block k as it was before it was factorised; gives the sign of its determinant."""
-    sign = 1.0
-    for r in range(6):
-        for c in range(6):
-            S[r, c] = 0.0
-            for i in range(min(r, c) + 1):
-                left = 1.0 if i == r else A[k, r, i]
-                S[r, c] += left / A[k, i, i] if i == c else left * A[k, i, c]
-    for i in range(5, -1, -1):
-        q = pivots[v, i]
-        if A[k, i, i] < 0.0:
-            sign = -sign
-        if q != i:
-            sign = -sign
-        for c in range(6):
-            S[i, c], S[q, c] = S[q, c], S[i, c]
-    return sign

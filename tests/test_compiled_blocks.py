@@ -1,0 +1,101 @@
+"""Products and inverses of blocks in vector registers against numpy's."""
+
+import numpy as np
+import pytest
+
+numba = pytest.importorskip("numba")
+blocks = pytest.importorskip("skfem_cosserat.compiled.blocks")
+sixes = pytest.importorskip("skfem_cosserat.compiled.sixes")
+EPS = np.finfo(float).eps
+
+
+def called(function):
+    """For Python to call."""
+    return numba.njit(lambda *arguments: function(*arguments))  # noqa: PLW0108
+
+
+def random_blocks(seed, count):
+    return np.random.default_rng(seed).standard_normal((count, 6, 6))
+
+
+@pytest.fixture(scope="module")
+def inverses():
+    """Transposed inverse without and with exchange of rows; what each says of the block."""
+    plain, exchanging = called(sixes.invert), called(blocks.invert_exchanging)
+
+    def both(M):
+        A, out = np.array([np.zeros((6, 6)), M]), np.zeros((2, 6, 6))
+        stable = plain(A, 1, out, 0)
+        sign = exchanging(A, 1, np.zeros((1, 6, 6)), out, 1)
+        assert np.array_equal(A[1], M, equal_nan=True)  # left as it is
+        return stable, sign, out[0].T, out[1].T
+
+    return both
+
+
+PRODUCTS = {
+    "put_times": lambda P, Q, R: P @ Q,
+    "put_turned": lambda P, Q, R: P @ Q.T,
+    "put_crossed": lambda P, Q, R: P.T @ Q,
+    "add_times": lambda P, Q, R: R + P @ Q,
+    "add_crossed": lambda P, Q, R: R + P.T @ Q,
+    "subtract_crossed": lambda P, Q, R: R - P.T @ Q,
+}
+
+
+@pytest.mark.parametrize("name", PRODUCTS)
+def test_products(name):
+    product, expected = called(getattr(sixes, name)), PRODUCTS[name]
+    for place in range(3):  # in the place of a factor as well
+        X = random_blocks(0, 3)
+        wanted = expected(X[0], X[1], X[place])
+        others = [k for k in range(3) if k != place]
+        kept = X[others]
+        product(X, 0, X, 1, X, place)
+        np.testing.assert_allclose(X[place], wanted, rtol=0, atol=20 * EPS)
+        assert np.array_equal(X[others], kept)
+
+
+def test_positive_definite_blocks_take_no_exchange(inverses):
+    """With small skew parts, in any units of rows and columns."""
+    rng = np.random.default_rng(1)
+    for M in random_blocks(2, 200):
+        M = M @ M.T + 0.02 * rng.standard_normal((6, 6)) + 0.1 * np.eye(6)
+        units = 10.0 ** rng.uniform(-5, 5, 6)
+        stable, sign, plain, _ = inverses(units[:, None] * M * units)
+        assert stable and sign == 1
+        wanted = np.linalg.inv(M)
+        allowed = 10 * EPS * np.linalg.cond(M) * abs(wanted).max()
+        np.testing.assert_allclose(units[:, None] * plain * units, wanted, rtol=0, atol=allowed)
+
+
+def test_what_is_stable_is_accurate_and_all_else_takes_exchanges(inverses):
+    stables = 0
+    for M in random_blocks(3, 500):
+        stable, sign, plain, exchanged = inverses(M)
+        wanted = np.linalg.inv(M)
+        allowed = 10 * EPS * np.linalg.cond(M) * abs(wanted).max()
+        np.testing.assert_allclose(exchanged, wanted, rtol=0, atol=allowed)
+        assert sign == np.sign(np.linalg.det(M))
+        stables += stable
+        if stable:
+            np.testing.assert_allclose(plain, wanted, rtol=0, atol=30 * allowed)
+    assert 50 < stables < 250
+
+
+@pytest.mark.parametrize(
+    ("block", "sign"),
+    [
+        (np.fliplr(np.eye(6)), -1),
+        (np.diag([1.0, 1, 1, 1, 1, 0]), 0),
+        (np.diag([0.0, 1, 1, 1, 1, 1]), 0),
+        (np.ones((6, 6)), 0),
+        (np.diag([1.0, 1, np.nan, 1, 1, 1]), 0),
+        (np.zeros((6, 6)), 0),
+    ],
+)
+def test_vanishing_pivots(inverses, block, sign):
+    stable, found, _, exchanged = inverses(block)
+    assert not stable and found == sign
+    if sign:
+        assert np.array_equal(exchanged, block)
