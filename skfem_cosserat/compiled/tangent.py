@@ -16,8 +16,21 @@ from .elements import Point, at_point
 from .jit import inlined, part
 from .lanes import WIDTH, add_rows, gather, load, pack, rows, store
 from .numbers import FORCE, MASS, SHARE, START, WEIGHT
-from .small import Places, Rotation, Vector, block, chosen, combine, cross, dot, minus, plus, times
-from .stresses import met, take, triple
+from .small import (
+    Places,
+    Rotation,
+    Vector,
+    block,
+    chosen,
+    combine,
+    counted,
+    cross,
+    dot,
+    minus,
+    plus,
+    times,
+)
+from .stresses import take, triple
 
 __all__ = ["beam_tangent"]
 
@@ -258,7 +271,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         es = block(e, ne)
         length = gather(lengths, es, 1, 0)
         inverse = 1.0 / length
-        once = pack((1.0, met(e + 1, ne), met(e + 2, ne), met(e + 3, ne)))
+        once = counted(e, ne)
         take(base, turned, rotations, es, mid, XB)
         take(base, turned, rotations, es, y1, XR)
         if early:
