@@ -93,6 +93,20 @@ def crossing(order, load=lambda model: None):
     return system
 
 
+def spokes(count):
+    """Beams of one element that all start at a vertex, the first one clamped at its end."""
+    rng = np.random.default_rng(count)
+    ends = rng.standard_normal((3, count))
+    points = np.hstack([np.zeros((3, 1)), ends / np.linalg.norm(ends, axis=0)])
+    t = np.array([np.zeros(count, dtype=int), np.arange(1, count + 1)])
+    mesh = sc.MeshCurve(points, t, _subdomains={f"s{k}": np.array([k]) for k in range(count)})
+    model = sc.Model()
+    beam = model.add("beam", sc.Beam(mesh, full_section(), director=(0.36, 0.48, 0.8)))
+    model.add("clamp", sc.JointFixed(sc.ground(points[:, 1]), beam.node(1)))
+    model.add("gravity", sc.LoadGravity((0.5, -0.3, -9.81)))
+    return model.freeze()
+
+
 def moving(system, seed=4):
     """A start with some speed."""
     v = np.random.default_rng(seed).standard_normal(system.n)
@@ -138,7 +152,18 @@ def called(function):
 @integrators
 def test_residual_and_increment_at_random_states(order, integrator, make):
     """Of one iteration far from the solution, with all parts of the tangent at work."""
-    system, h = make(order), 0.02
+    assert_same_iteration(make(order), integrator, order)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 9])
+@integrators
+def test_groups_of_elements_that_meet_at_a_vertex(integrator, count):
+    """Four elements at a time, and what is left, all add to the same block."""
+    assert_same_iteration(spokes(count), integrator, count)
+
+
+def assert_same_iteration(system, integrator, seed):
+    h = 0.02
     method, settings = INTEGRATORS[integrator], sc.NewtonSettings()
     state = moving(system)
     stepper = Stepper(system, method, sc.NullSpace(), h, kernels="numpy")
@@ -149,7 +174,7 @@ def test_residual_and_increment_at_random_states(order, integrator, make):
     *rest, numbers = fast._all
     whole = *rest, numbers.copy()
     whole[-1][ROTATION] = np.inf  # as found: not scaled down for its rotations
-    rng = np.random.default_rng(order)
+    rng = np.random.default_rng(seed)
     for mixed in (False, True):
         guess = 0.1 * rng.standard_normal(system.unknowns)
         bound = stepper.bound

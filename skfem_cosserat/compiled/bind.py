@@ -21,7 +21,6 @@ from . import (
     couplings,
     couplings_kkt,
     curvature,
-    elements,
     kkt,
     layout,
     loads,
@@ -29,6 +28,7 @@ from . import (
     loops,
     nodes,
     stresses,
+    tangent,
     tree,
 )
 from .bind_couplings import bound_couplings
@@ -129,7 +129,7 @@ def addresses(
 
 def part_named(name: str, multipliers: bool = False) -> Any:
     """The function of this name."""
-    modules = [nodes, tree, curvature, loops, blocks, stresses, elements, loads, couplings]
+    modules = [nodes, tree, curvature, loops, blocks, stresses, tangent, loads, couplings]
     if multipliers:
         modules = [kkt, constraints, stresses, loads_kkt, couplings_kkt]
     return next(vars(m)[name] for m in modules if name in m.__all__)

@@ -1,4 +1,4 @@
-"""Compiled tangent of beam elements in reduced coordinates.
+"""Interpolation in beam elements, and terms of their tangents, for compiled kernels.
 
 Strains are ``Gamma_i = d_i . phi'`` and ``K_i = (d_k . d_j' - d_j . d_k')/2``, (i, j, k) cyclic, as
 in :mod:`skfem_cosserat.strain`. X (nn, 4, 3) are the nodes of an element, directors those of the
@@ -13,15 +13,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from ..types import Floats, IndexArray
-from .jit import inlined, part
+from .jit import inlined
 from .lanes import load
-from .numbers import FORCE, MASS, SHARE, START, WEIGHT
-from .small import Rotation, Vector, combine, cross, dot, minus, plus, put, row, times
+from .small import Rotation, Vector, combine, dot, plus, put, times
 
-__all__ = ["Point", "add_geometric", "at_point", "beam_tangent", "scalar_block", "take"]
+__all__ = ["Point", "add_geometric", "at_point", "scalar_block", "take"]
 
 #: slope of the centre line, directors and their slopes
 Point = tuple[Vector, Rotation, Rotation]
@@ -74,34 +71,6 @@ def at_point(N: Any, dN: Any, inverse: float, X: Floats) -> Point:
             times(inverse, field(dN, X, 3)),
         ),
     )
-
-
-@inlined
-def turned_strain(Na: float, dNa: float, X: Floats, a: int, G: Point, B: Floats, k: int) -> None:
-    """Strains by the angular velocity of node a: (6, 3), in B_k. X is where P_int is taken.
-
-    By its velocity they are ``dNa d_i`` for Gamma_i and zero for K.
-    """
-    phi, d, e = G
-    hN = 0.5 * Na
-    hd = 0.5 * dNa
-    for i in range(3):
-        j = (i + 1) % 3
-        m = (i + 2) % 3
-        put3(B, k, i, times(Na, cross(node(X, a, 1 + i), phi)))
-        # what the directors j and m are crossed with
-        u = minus(times(hd, d[m]), times(hN, e[m]))
-        v = minus(times(hd, d[j]), times(hN, e[j]))
-        K = minus(cross(node(X, a, 1 + j), u), cross(node(X, a, 1 + m), v))
-        put3(B, k, 3 + i, K)
-
-
-@inlined
-def put3(B: Floats, k: int, i: int, v: Vector) -> None:
-    """``B_ki = v``."""
-    B[k, i, 0] = v[0]
-    B[k, i, 1] = v[1]
-    B[k, i, 2] = v[2]
 
 
 @inlined
@@ -161,110 +130,3 @@ def add_geometric(N: Any, dN: Any, weight: float, S: Floats, e: int, p: int, C: 
                 C[a, b, 1 + i, 0] += v * n
                 C[a, b, j, k] += (u - v) * m
                 C[a, b, k, j] -= (u - v) * m
-
-
-@inlined
-def times_stiffness(
-    D: Floats, diagonal: bool, e: int, factor: float, B: Floats, k: int, rows: int, T: Floats
-) -> None:
-    """``T = factor D_e B_k`` (6, 3); only as many rows of B_k are not zero.
-
-    Here and below sums come before stores: only so they go into vector registers, as what is stored
-    might overlap with what is read.
-    """
-    for i in range(6):
-        s = ZERO
-        if diagonal:
-            s = times(factor * D[e, i, i], node(B, k, i))
-        else:
-            for j in range(rows):
-                s = plus(s, times(factor * D[e, i, j], node(B, k, j)))
-        put(T, i, s)
-
-
-@inlined
-def left_rows(L: Floats, n: int, rows: int, r: int, T: Floats) -> Vector:
-    """Row r of ``L_n^T T``."""
-    s = ZERO
-    for i in range(rows):
-        s = plus(s, times(L[n, i, r], row(T, i)))
-    return s
-
-
-@part
-def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Add the blocks of all elements, in reduced coordinates, to their slots.
-
-    ``P(y_L)^T (mass M + share force (int B(q_mid)^T D B(y_S) ds + int S . C/l ds)) P(y_1)``: y_L is
-    where constraint forces act, y_S where the stresses come from; S are those, or with flag 1
-    predicted ones.
-    """
-    yB, yS, yL, yR = w.mid, w.mid, w.y0, w.y1
-    if numbers[START] != 0.0:
-        yS = w.y1
-    if numbers[WEIGHT] != 0.0:
-        yL = w.mid
-    S = g.S
-    if flag == 1:
-        S = g.predicted
-    A = w.A
-    mass, half = numbers[MASS], numbers[SHARE] * numbers[FORCE]
-    lengths, shapes, slopes, weights = g.lengths, g.N, g.dN, g.weights
-    masses, stiffness, slot = g.mass, g.stiffness, g.slot
-    base, turned, rotations = g.base, g.turned, g.rotations
-    section, diagonal = g.section, g.diagonal
-    ne, nn = base.shape
-    XB, XS, Z = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((3, 3))
-    XL, XR, C = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty((nn, nn, 4, 4))
-    D, L, Q = np.zeros((2, 6, 3)), np.empty((nn, 6, 3)), np.empty((nn, 3, 3))
-    B, T, H, P = np.empty((1, 6, 3)), np.empty((6, 3)), np.empty((3, 3)), np.empty((3, 3))
-    for e in range(ne):
-        inverse = 1.0 / lengths[e]
-        take(base, turned, rotations, e, yB, XB)
-        take(base, turned, rotations, e, yS, XS)
-        take(base, turned, rotations, e, yL, XL)
-        take(base, turned, rotations, e, yR, XR)
-        for a in range(nn):
-            for b in range(nn):
-                for r in range(4):
-                    for c in range(4):
-                        C[a, b, r, c] = mass * masses[e, a, b, r, c]
-        for p in range(len(shapes)):
-            N = shapes[p]
-            dN = slopes[p]
-            GB = at_point(N, dN, inverse, XB)
-            GS = at_point(N, dN, inverse, XS)
-            add_geometric(N, dN, half * weights[p], S, e, p, C)
-            factor = half * weights[p] * lengths[e]
-            for i in range(3):  # strains by velocities, but for the slope; zero for K
-                put3(D, 0, i, GB[1][i])
-                put3(D, 1, i, GS[1][i])
-            times_stiffness(stiffness, diagonal, section[e], factor, D, 1, 3, T)
-            for r in range(3):
-                put(H, r, left_rows(D, 0, 3, r, T))
-            for a in range(nn):
-                turned_strain(N[a], dN[a] * inverse, XL, a, GB, L, a)
-                for r in range(3):
-                    put3(Q, a, r, left_rows(L, a, 6, r, T))
-            for b in range(nn):
-                turned_strain(N[b], dN[b] * inverse, XR, b, GS, B, 0)
-                times_stiffness(stiffness, diagonal, section[e], factor, B, 0, 6, T)
-                for r in range(3):
-                    put(P, r, left_rows(D, 0, 3, r, T))
-                for a in range(nn):
-                    k = slot[e, a, b]
-                    left, right = dN[a] * inverse, dN[b] * inverse
-                    both = left * right
-                    for r in range(3):
-                        s = left_rows(L, a, 6, r, T)
-                        for c in range(3):
-                            A[k, r, c] += both * H[r, c]
-                            A[k, r, 3 + c] += left * P[r, c]
-                            A[k, 3 + r, c] += right * Q[a, r, c]
-                        A[k, 3 + r, 3] += s[0]
-                        A[k, 3 + r, 4] += s[1]
-                        A[k, 3 + r, 5] += s[2]
-        for a in range(nn):
-            for b in range(nn):
-                scalar_block(C, a, b, XL, XR, A, slot[e, a, b], Z)
-    return 0.0

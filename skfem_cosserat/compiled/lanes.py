@@ -23,7 +23,7 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, register_model
 
-__all__ = ["WIDTH", "add_rows", "gather", "largest", "load", "pack", "put_rows", "rows"]
+__all__ = ["WIDTH", "add_rows", "farther", "gather", "largest", "load", "pack", "put_rows", "rows"]
 __all__ += ["scatter", "store"]
 
 #: elements at a time: registers of 256 bits; where there are none, two of 128 bits
@@ -257,6 +257,20 @@ def largest(typing: Any, value: Any) -> Any:
         return out
 
     return types.float64(lanes), generate
+
+
+@intrinsic
+def farther(typing: Any, out: Any, value: Any) -> Any:
+    """The larger one of a number and the size of another, lane by lane; NaN counts as nothing."""
+
+    def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+        most, value = values
+        bits = ir.VectorType(_INDEX, WIDTH)
+        unsigned = ir.Constant(bits, [2**63 - 1] * WIDTH)
+        size = builder.bitcast(builder.and_(builder.bitcast(value, bits), unsigned), _VECTOR)
+        return builder.select(builder.fcmp_ordered(">", size, most), size, most)
+
+    return lanes(lanes, lanes), generate
 
 
 def _product(add: bool) -> Any:

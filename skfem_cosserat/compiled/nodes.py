@@ -13,7 +13,7 @@ from ..types import Floats
 from . import lanes
 from .elements import scalar_block
 from .jit import inlined, part
-from .lanes import WIDTH, put_rows, rows, store
+from .lanes import WIDTH, add_rows, put_rows, rows, store
 from .numbers import (
     CARRY_FORCE,
     CARRY_MASS,
@@ -33,8 +33,8 @@ from .small import (
     chosen,
     combine,
     composed,
+    counted,
     cross,
-    directors,
     dot,
     frames,
     plus,
@@ -43,6 +43,7 @@ from .small import (
     quaternions,
     rotation,
     row,
+    times,
     turned,
 )
 
@@ -172,19 +173,26 @@ def step_balance(s: Any, w: Any, numbers: Floats, sized: bool) -> float:
         for c in range(3):
             f = force * (internal[r, c] - external[r, c])
             R[r, c] = inertia[r, c] - momentum * p0[r, c] + f
-    largest = 0.0
-    if sized:
-        # one term, as in the variational scheme's evaluation
-        single = numbers[START] == 0.0 and numbers[SHARE] < 1.0
-        for r in range(R.shape[0]):
-            for c in range(3):
-                f = force * internal[r, c]
-                x = force * external[r, c]
-                if single:
-                    f, x = f - x, 0.0
-                most = max(abs(inertia[r, c]), abs(p0[r, c]), abs(f), abs(x))
-                if not most <= largest:
-                    largest = most
+    if not sized:
+        return 0.0
+    # one term, as in the variational scheme's evaluation
+    single = numbers[START] == 0.0 and numbers[SHARE] < 1.0
+    none = lanes.pack((0.0, 0.0, 0.0, 0.0))
+    most = none
+    for k in range(R.size // WIDTH):
+        f, x = force * lanes.load(internal, k), force * lanes.load(external, k)
+        if single:
+            f, x = f - x, f - x
+        # only the last of these waits for the entries before
+        here = lanes.farther(lanes.farther(none, lanes.load(inertia, k)), lanes.load(p0, k))
+        most = lanes.farther(most, lanes.farther(lanes.farther(here, f), x))
+    largest = lanes.largest(most)
+    for r in range(max(R.shape[0] - 1, 0), R.shape[0]):
+        for c in range(3):
+            f, x = force * internal[r, c], force * external[r, c]
+            if single:
+                f, x = f - x, 0.0
+            largest = max(largest, abs(inertia[r, c]), abs(p0[r, c]), abs(f), abs(x))
     return largest
 
 
@@ -267,22 +275,24 @@ def lump_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 def node_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add ``weight d(P_int^T R)`` of single nodes; flag 1: of the R with predicted stresses."""
     weight = numbers[WEIGHT]
-    A, y1, diag, first, framed = w.A, w.y1, m.diag, s.row, s.framed
-    R = w.R
+    A, y1, diag, first, triads, R = w.A, w.y1, m.diag, s.row, s.triads, w.R
     if flag == 1:
         R = w.R_mixed
-    for v in range(len(first)):
-        if not framed[v]:
-            continue
-        k = diag[v]
-        r = first[v]
-        D, F = directors(y1, r), directors(R, r)
+    count = len(triads)
+    for k in range(0, count, WIDTH):
+        vs = chosen(triads, block(k, count))
+        own, slots = chosen(first, vs), chosen(diag, vs)
+        f = weight * counted(k, count)
+        D, F = frames(y1, own)[1], frames(R, own)[1]
+        F = times(f, F[0]), times(f, F[1]), times(f, F[2])
         trace = dot(D[0], F[0]) + dot(D[1], F[1]) + dot(D[2], F[2])
-        for a in range(3):
-            g = combine((D[0][a], D[1][a], D[2][a]), F)
-            for b in range(3):
-                A[k, 3 + a, 3 + b] += weight * g[b]
-            A[k, 3 + a, 3 + a] -= weight * trace
+        g = combine((D[0][0], D[1][0], D[2][0]), F)
+        none = lanes.pack((0.0, 0.0, 0.0, 0.0))  # rows of four begin before the triad's
+        add_rows(A, slots, 36, 20, (none, g[0] - trace, g[1], g[2]))
+        g = combine((D[0][1], D[1][1], D[2][1]), F)
+        add_rows(A, slots, 36, 26, (none, g[0], g[1] - trace, g[2]))
+        g = combine((D[0][2], D[1][2], D[2][2]), F)
+        add_rows(A, slots, 36, 32, (none, g[0], g[1], g[2] - trace))
     return 0.0
 
 

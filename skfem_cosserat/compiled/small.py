@@ -9,7 +9,7 @@ import numpy as np
 
 from ..types import Floats, IndexArray
 from .jit import inlined
-from .lanes import largest, put_rows, rows
+from .lanes import largest, pack, put_rows, rows
 
 __all__ = [
     "Places",
@@ -21,6 +21,7 @@ __all__ = [
     "combine",
     "compose",
     "composed",
+    "counted",
     "cross",
     "directors",
     "dot",
@@ -196,6 +197,19 @@ def block(k: int, count: int) -> Places:
     """Numbers k and the three behind it; the last one instead of those that are not there."""
     last = count - 1
     return k, min(k + 1, last), min(k + 2, last), min(k + 3, last)
+
+
+@inlined
+def counted(k: int, count: int) -> float:
+    """Lanes of such a block: 1, but 0 where the last one is taken again."""
+    return pack(
+        (
+            1.0,
+            1.0 if k + 1 < count else 0.0,
+            1.0 if k + 2 < count else 0.0,
+            1.0 if k + 3 < count else 0.0,
+        )
+    )
 
 
 @inlined

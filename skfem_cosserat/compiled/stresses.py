@@ -14,17 +14,11 @@ import numpy as np
 from ..types import Floats, IndexArray
 from .elements import Point, at_point
 from .jit import inlined, part
-from .lanes import WIDTH, add_rows, gather, load, pack, rows, scatter, store
+from .lanes import WIDTH, add_rows, gather, load, rows, scatter, store
 from .numbers import END, SHARE, START
-from .small import Places, Vector, block, chosen, combine, dot, minus, times
+from .small import Places, Vector, block, chosen, combine, counted, dot, minus, times
 
 __all__ = ["beam_force", "beam_predicted", "beam_start"]
-
-
-@inlined
-def met(e: int, ne: int) -> float:
-    """1 for an element that is there, 0 where the last one is taken again."""
-    return 1.0 if e < ne else 0.0
 
 
 @inlined
@@ -190,7 +184,7 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         own = chosen(section, es)
         length = gather(lengths, es, 1, 0)
         inverse = 1.0 / length
-        once = pack((1.0, met(e + 1, ne), met(e + 2, ne), met(e + 3, ne)))
+        once = counted(e, ne)
         take(base, turned, rotations, es, mid, X)
         if flag == 0 and start != 0.0:
             take(base, turned, rotations, es, y1, Y)
