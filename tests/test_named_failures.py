@@ -71,6 +71,24 @@ def test_a_start_off_the_hidden_constraints_costs_a_force_like_1_by_h(scheme):
     assert along == pytest.approx([2 * 0.5] * 3, rel=0.02)
 
 
+def test_first_multiplier_of_the_variational_scheme_is_of_first_order():
+    """Of a ball whose rod pulls by m v^2/r = 1 N at the start; the next one is of second order."""
+    system, p = bob(velocity=(0, 0, 1.0)), np.array([0.0, 0.0, 1.0])
+    errors = []
+    for h in (4e-3, 2e-3, 1e-3):
+        run = system, sc.Variational(), sc.Multipliers(), h
+        pair = sc.steps(*run, start=sc.initial_state(system, p=p))
+        first, second = next(pair), next(pair)
+        # m v^2/r less the weight along the rod, at the place it acts: three times the way down
+        x = first.state.q
+        exact = p[2] ** 2 - 2 * G * x[2] - G * x[2]
+        pull = float(np.linalg.norm(second.constraint_force))
+        errors.append((abs(first.constraint_force[0] - 1.0), abs(pull - exact)))
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert orders[:, 0] == pytest.approx([1, 1], abs=0.1)
+    assert orders[:, 1] == pytest.approx([2, 2], abs=0.1)
+
+
 def test_multipliers_carry_an_error_of_rounding_by_h_squared():
     """A ball on its circle: the force is constant but for eps m r/h^2, whatever the treatment."""
     steps = np.array([1e-2, 1e-3, 1e-4, 1e-5])
