@@ -410,8 +410,8 @@ def main(result: dict[str, Any], out: str | Path, record: Record) -> list[Path]:
     ]
     parts += [
         "## Runs",
-        f"On {provenance['machine']}, {provenance['blas_threads']} thread of the linear algebra,"
-        f" kernels: {provenance['kernels']}. CPU ratios are of this machine and this moment.",
+        f"On {provenance['machine']}, {provenance['blas_threads']} thread of the linear algebra."
+        " CPU ratios are of this machine and this moment.",
         _table(("run", "what", "date", "wall time in s", "versions", "commit"), runs),
     ]
     path = out / "report.md"

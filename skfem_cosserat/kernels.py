@@ -43,8 +43,6 @@ __all__ = [
     "spin_gradient",
 ]
 
-NAME = "numpy"
-
 
 @dataclass(eq=False)
 class BeamElements:

@@ -16,6 +16,7 @@ __all__ = [
     "Floats",
     "IndexArray",
     "VectorLike",
+    "check_kind",
     "numbers",
     "positive",
     "real",
@@ -67,3 +68,9 @@ def positive(item: str, name: str, value: Any, unit: str = "") -> float:
     if not (np.isfinite(out) and out > 0):
         raise InputError(item, f"{name} = {value!r}, expected a positive finite number{unit}")
     return out
+
+
+def check_kind(item: str, value: object, kind: type, more: str = "") -> None:
+    """Raise InputError if a value is not of a type; `more` says where one comes from."""
+    if not isinstance(value, kind):
+        raise InputError(item, f"{value!r}, expected an object of type {kind.__name__}{more}")

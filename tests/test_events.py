@@ -8,6 +8,8 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 
 import skfem_cosserat as sc
+from skfem_cosserat.simulate.events import Watch
+from skfem_cosserat.simulate.locate import Point, dip
 
 G = 10.0
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
@@ -214,12 +216,30 @@ def test_two_bars_lock(scheme, treatment, step):
     assert abs(history["joint/pin/angle_rate"][row + 1 :]).max() < 1e-10
 
 
-def test_exact_loss_where_velocities_are_on_the_constraints():
-    """Stabilized: to rounding."""
+STABILIZED = [
+    sc.EnergyMomentum(stabilized=True),
+    sc.EnergyDecaying(rate=2.0, stabilized=True),
+    sc.GeneralizedAlpha(0.7, stabilized=True),
+    sc.Variational(stabilized=True),
+    sc.Composition(sc.Variational(stabilized=True)),
+]
+STABILIZED_PACES = [
+    (scheme, step, treatment)
+    for scheme in STABILIZED
+    for step, treatment in (("equal", "null space"), ("controlled", "multipliers"))
+    if step == "equal" or not scheme.fixed_step
+]
+
+
+@pytest.mark.parametrize(("scheme", "step", "treatment"), STABILIZED_PACES, ids=str)
+def test_exact_loss_where_velocities_are_on_the_constraints(scheme, step, treatment):
+    """Stabilized: to rounding, also with steps under control; constraints hold at all times."""
     system, _, _, pin = bars()
-    event = sc.Event(sc.ConditionTime(0.2), sc.ActionLock(pin), name="lock")
-    run = system, sc.EnergyMomentum(stabilized=True), sc.NullSpace(), 5e-3, 0.3
+    event = sc.Event(sc.ConditionCoordinate(pin, 0.35), sc.ActionLock(pin), name="lock")
+    run = system, scheme, TREATMENTS[treatment], STEPS[step], 0.3
     history = sc.simulate(*run, events=[event])
+    for name in ("constraint_violation", "hidden_violation"):
+        assert history[name].max() < 1e-14
     (found,) = history.events
     q, v = history["q"][found.row], history["v"][found.row]
     d = q[3:6]
@@ -460,6 +480,155 @@ def test_sensors_go_on():
     assert np.isnan(record.values[record.times > time]).all()
     assert np.isfinite(record.values[record.times < time]).all()
     assert np.allclose(seen.sensors["x"].values[-1], seen["q"][-1])
+
+
+# -- twice within a step ---------------------------------------------------------------------------
+
+
+def thrown(apex):
+    """A ball of 1 kg thrown upwards, at rest after a time (s) at G apex^2/2."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, velocity=(0, 0, G * apex)))
+    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    return model.freeze(), sc.SensorPosition(ball.place())
+
+
+#: of the step: where the ball is at rest, for how long it is above the level, half of it
+RESTS = {"first": 0.45, "second": 1.6, "later": 5.4}
+HALF = 0.3
+
+
+@pytest.mark.parametrize(
+    ("scheme", "rest", "direction"),
+    [
+        *((scheme, "later", 0) for scheme in SCHEMES),
+        *((SCHEMES[0], rest, direction) for rest in RESTS for direction in (0, 1, -1)),
+    ],
+    ids=str,
+)
+def test_threshold_is_touched_for_less_than_a_step(scheme, rest, direction):
+    """Both passages of a parabola that is below the level at all ends of steps: closed form."""
+    h = 0.02
+    apex = RESTS[rest] * h
+    system, height = thrown(apex)
+    level = G * (apex**2 - (HALF * h) ** 2) / 2
+    condition = sc.ConditionSensor(height, level, component=2)
+    event = sc.Event(condition, direction=direction, once=False, name="up there")
+    history = sc.simulate(system, scheme, sc.NullSpace(), h, 0.2, events=[event])
+    plain = sc.simulate(system, scheme, sc.NullSpace(), h, 0.2)
+    assert plain["q"][:, 2].max() < level
+    times = [apex - HALF * h, apex + HALF * h]
+    expected = {0: times, 1: times[:1], -1: times[1:]}[direction]
+    # generalized-alpha begins with the acceleration of its own instant: the same parabola
+    assert [e.time for e in history.events] == pytest.approx(expected, abs=1e-11)
+
+
+@pytest.mark.parametrize("rest", RESTS)
+@pytest.mark.parametrize("scheme", SCHEMES[::4], ids=repr)
+def test_threshold_is_just_not_touched(scheme, rest):
+    """A nanometre above the highest point; a nanometre below it is an event."""
+    h = 0.02
+    apex = RESTS[rest] * h
+    system, height = thrown(apex)
+    for gap, count in ((1e-9, 0), (-1e-9, 2)):
+        condition = sc.ConditionSensor(height, G * apex**2 / 2 + gap, component=2)
+        event = sc.Event(condition, once=False)
+        history = sc.simulate(system, scheme, sc.NullSpace(), h, 0.2, events=[event], derive=False)
+        assert len(history.events) == count
+
+
+def swinging():
+    """A bar on a hinge, let go at an angle of 1 rad; its hinge."""
+    model = sc.Model()
+    bar = model.add("bar", sc.RigidBody.box(1.0, (1.0, 0.05, 0.05), position=(0.5, 0, 0)))
+    pin = sc.JointRevolute(sc.ground((0, 0, 0)), bar.at((0, 0, 0)), axis=(0, 0, 1))
+    model.add("pin", pin)
+    model.add("gravity", sc.LoadGravity((G * np.cos(1.0), -G * np.sin(1.0), 0)))
+    return model.freeze(), pin
+
+
+@pytest.mark.parametrize("step", [0.05, sc.StepControl(0.02)], ids=str)
+def test_pendulum_grazes_an_angle_twice(step):
+    """At the end of each of two swings there and back, for less than a step; closed form.
+
+    The angle goes from 0 to -2 rad and back; seen from the lowest point, amplitude 1 rad.
+    """
+    system, pin = swinging()
+    run = system, sc.EnergyMomentum(), sc.NullSpace(), step
+    turns = sc.Event(sc.ConditionCoordinate(pin, 0.0, rate=True), once=False, name="turns")
+    found = sc.simulate(*run, 3.5, events=[turns], derive=False)
+    ends = [e.time for e in found.events]
+    period = 4 * ellipk(np.sin(0.5) ** 2) * np.sqrt((1 / 3 + 0.05**2 / 12) / (0.5 * G))
+    assert np.diff(ends) == pytest.approx([period / 2] * (len(ends) - 1), rel=5e-3)
+    # passed with the angular acceleration of the end, gravity's moment by the inertia
+    bend = 0.5 * G * np.sin(1.0) / (1 / 3 + 0.05**2 / 12)
+    sizes = np.diff(found.times)
+    half = 0.2 * float(sizes.min() if isinstance(step, float) else 0.02)
+    level = sc.ConditionCoordinate(pin, -2 + bend * half**2 / 2)
+    history = sc.simulate(*run, 3.5, events=[sc.Event(level, once=False)], derive=False)
+    there = [t for t in ends if round(t / (period / 2)) % 2]
+    assert len(there) == 2 and len(history.events) == 4
+    times = np.array([e.time for e in history.events]).reshape(2, 2)
+    assert np.ptp(times, axis=1) == pytest.approx([2 * half] * 2, rel=0.5)
+    assert times.mean(1) == pytest.approx(there, abs=0.5 * half)
+
+
+def test_bounces_shorter_than_a_step():
+    """Of a ball that keeps 30 % of its velocity: all times by the closed form."""
+    model = sc.Model()
+    model.add("ball", sc.MassPoint(1.0, position=(0, 0, 1)))
+    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+
+    def back(time, view):
+        return sc.initial_state(view.system, view.q, -0.3 * view.v, time=time)
+
+    floor = sc.Event(lambda t, view: view.q[2], back, direction=-1, once=False, name="floor")
+    flights = np.sqrt(2 / G) * np.array([1.0, *(2 * 0.3 ** np.arange(1, 7))])
+    expected = flights.cumsum()
+    until = expected[-1] + 1e-4
+    run = model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.05
+    history = sc.simulate(*run, until, events=[floor], derive=False)
+    assert flights[3] < 0.05
+    assert [e.time for e in history.events] == pytest.approx(expected, abs=1e-8)
+
+
+def test_passages_are_looked_for_only_where_they_may_be(monkeypatch):
+    """One step of another size, the first one's half, where the level is far; none for a time."""
+    sizes = []
+    solved = Watch.step
+
+    def step(self, state, size, like):
+        sizes.append(size)
+        return solved(self, state, size, like)
+
+    monkeypatch.setattr(Watch, "step", step)
+    system, height = thrown(0.1)
+    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.02, 0.2
+    sc.simulate(*run, events=[sc.Event(sc.ConditionTime(0.3))], derive=False)
+    assert sizes == []
+    far = sc.ConditionSensor(height, 0.051, component=2)  # the highest point is at 0.05 m
+    several = [sc.Event(far, name="far"), sc.Event(lambda t, view: 1.0, name="never")]
+    sc.simulate(*run, events=several, derive=False)
+    assert sizes == [0.01]
+
+
+@pytest.mark.parametrize("middle", [False, True])
+def test_lowest_point_of_a_function(middle):
+    """Below zero by 1e-9 of its height, with a third derivative; and by as much above it."""
+    for shift in (0.1, 0.3, 0.5, 0.7, 0.9):
+        for depth in (1e-9, -1e-9):
+
+            def f(x, shift=shift, depth=depth):
+                return np.expm1(x - shift) - (x - shift) - depth
+
+            def trial(x, f=f):
+                return f(x), x
+
+            before = None if middle else Point(-1.0, f(-1.0))
+            found = dip(trial, Point(0.0, f(0.0)), Point(1.0, f(1.0)), before)
+            assert (found is None) is (depth < 0)
+            if found is not None:
+                assert found[0].f < 0 and found[0].t == pytest.approx(shift, abs=1e-4)
 
 
 # -- what is refused -------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """Explicit and asynchronous schemes: order, momenta, joints, step limit, what they refuse."""
 
 import re
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -627,6 +628,41 @@ def test_limits_of_consistent_masses_are_refused():
     for bad in (-1.0, np.nan, "a"):
         with pytest.raises(sc.InputError, match="step"):
             sc.Asynchronous().counts(free_rod(), bad)
+
+
+@pytest.mark.parametrize("bad", [3, None, "rod", sc.Model()], ids=["3", "None", "text", "model"])
+def test_limits_of_what_is_no_system(bad):
+    """Named, with what was expected."""
+    said = "argument system.*expected an object of type System, as model.freeze"
+    counts = partial(sc.Asynchronous().counts, step=0.1)
+    for ask in (sc.Explicit.limit, sc.Asynchronous.limit, sc.Asynchronous.limits, counts):
+        with pytest.raises(sc.InputError, match=said):
+            ask(bad)
+    with pytest.raises(sc.InputError, match=said):
+        counts(bad, limits=[np.ones(3)])
+
+
+@pytest.mark.parametrize(
+    "limits", [3, [], [np.ones(5)], [np.zeros(6)], [[np.nan] * 6], ["a"], [np.ones(6)] * 2], ids=str
+)
+def test_bad_limits_of_elements(limits):
+    """Of another number of elements, or no positive numbers."""
+    with pytest.raises(sc.InputError, match=r"argument limits.*expected"):
+        sc.Asynchronous().counts(free_rod(), 0.1, limits)
+
+
+@pytest.mark.parametrize("scheme", [sc.Explicit(), sc.Asynchronous()], ids=repr)
+def test_what_would_be_ignored_is_refused(scheme):
+    """A solver, as there are no linear systems; multipliers unscaled: both sides are named."""
+    name = re.escape(repr(scheme))
+    with pytest.raises(sc.IncompatibleError, match=name + r" with SolverSuperLU\(\).*no linear"):
+        run(free_rod(), scheme, 1e-5, 1e-3, solver=sc.SolverSuperLU())
+    unscaled = sc.Multipliers(scaled=False)
+    said = name + r" with Multipliers\(scaled=False\).*take Multipliers\(\)"
+    with pytest.raises(sc.IncompatibleError, match=said):
+        sc.Stepper(free_rod(), scheme, unscaled, 1e-5)
+    with pytest.raises(sc.InputError, match="argument solver"):
+        run(free_rod(), scheme, 1e-5, 1e-3, solver="superlu")
 
 
 def test_treatment_and_arguments():

@@ -877,6 +877,23 @@ def test_energy_of_a_composed_variational_scheme_is_of_its_order():
         assert np.log2(error[0] / error[1]) == pytest.approx(scheme.order, abs=0.3)
 
 
+@pytest.mark.parametrize(
+    "scheme",
+    [sc.EnergyMomentum(stabilized=True), sc.Variational(stabilized=True)],
+    ids=repr,
+)
+def test_stabilized_schemes_have_plain_kernels_and_say_why(scheme):
+    """In the history; compiled ones that are asked for are refused by name."""
+    model = sc.Model()
+    model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
+    run = model.freeze(), scheme, sc.NullSpace(), 0.1
+    why = f"the {scheme.name} integrator gives no scheme for compiled kernels"
+    history = sc.simulate(*run, 10**6 * 0.1, callbacks=[lambda report: True])  # worth compiling
+    assert (history.meta["kernels"], history.meta["kernels_why"]) == ("numpy", why)
+    with pytest.raises(sc.InputError, match=why):
+        sc.simulate(*run, 1.0, kernels="numba")
+
+
 def test_stabilized_energy_momentum_holds_hidden_constraints_and_loses_little():
     system, start = double_pendulum()
     lost = []

@@ -316,7 +316,7 @@ def test_files_and_their_provenance(small):
         assert min(picture.shape[:2]) > 300 and picture[:, :, :3].std() > 0.02
     for path in folder.glob("*.csv"):
         notes, header, rows = record.read_csv(path)
-        assert {"versions", "machine", "commit", "kernels", "run"} <= set(notes)
+        assert {"versions", "machine", "commit", "run"} <= set(notes)
         assert set(notes["run"]) == {"title", "date", "seconds"}
         assert notes["versions"]["numpy"] == np.__version__
         assert rows and all(len(row) == len(header) for row in rows)

@@ -230,6 +230,40 @@ def test_csv(kinds, tmp_path):
     assert [row["kind"] for row in rows] == list(KINDS)
     assert [row["status"] for row in rows] == kinds.status[0].tolist()
     assert float(rows[2]["energy_error"]) == kinds.energy_error[0, 2]
+    assert not any(line.startswith("# kernels") for line in head)  # the rows say which ran
+
+
+@pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.Variational()], ids=repr)
+def test_kernels_that_ran_are_told(scheme, tmp_path):
+    """A column in both kinds of tables, as the history has it; of failed runs, too."""
+
+    def run(step, stiffness):
+        model = sc.Model()
+        ball = model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
+        model.add("spring", sc.SpringDamper(sc.ground((0, -1.0, 0)), ball.place(), stiffness))
+        more = {"callbacks": [stopped]} if stiffness > 50 else {}
+        return sc.simulate(model.freeze(), scheme, sc.NullSpace(), step, 10 * step, **more)
+
+    def stopped(report):
+        raise RuntimeError("enough")
+
+    found = sc.stability_map(run, {"step": (0.01,), "stiffness": (1.0, 100.0)})
+    assert found.status.tolist() == [["ok", "error"]]
+    assert [row["kernels"] for row in found.rows] == ["numpy", "numpy"]
+    text = found.csv(tmp_path / "map.csv").read_text()
+    assert ",seconds,kernels,reason\n" in text and ",numpy,RuntimeError: enough" in text
+    setups = [(str(k), partial(run, 0.01)) for k in (1.0, 100.0)]
+    setups += [("peer", lambda k: {"x": k, "cost_s": 1.0, "kernels": "other"})]
+    setups += [("mute", lambda k: {"x": k, "cost_s": 1.0}), ("raises", lambda k: 1 / 0)]
+    table = sc.work_precision(1.0, setups, {"x": 1.0}, {"x": reached})
+    kernels = {row["label"]: row["kernels"] for row in table.rows}
+    assert kernels == {"1.0": "numpy", "100.0": "numpy", "peer": "other", "mute": "", "raises": ""}
+    assert "# kernels" not in table.csv(tmp_path / "table.csv").read_text()
+
+
+def reached(result):
+    """A number, of whatever came."""
+    return result["x"] if isinstance(result, dict) else result["q"][-1, 0]
 
 
 def test_chart_with_the_explicit_limit(oscillator, tmp_path):

@@ -229,7 +229,11 @@ def test_rates_of_sensors_with_varying_steps():
 
 @pytest.mark.parametrize(
     "scheme",
-    [sc.Variational(), sc.Composition(sc.Variational()), sc.Explicit(), sc.Asynchronous()],
+    [
+        *(sc.Variational(), sc.Variational(stabilized=True)),
+        *(sc.Composition(sc.Variational()), sc.Composition(sc.Variational(stabilized=True))),
+        *(sc.Explicit(), sc.Asynchronous()),
+    ],
     ids=repr,
 )
 def test_symplectic_schemes_are_refused(scheme):

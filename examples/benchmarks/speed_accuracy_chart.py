@@ -197,6 +197,7 @@ def stepped(
         "newton_iterations": iterations,
         "factorisations": factorisations,
         "unknowns": stepper.bound.unknowns,
+        "kernels": stepper.choice.name,
     }
 
 

@@ -62,7 +62,7 @@ FINE, SAMPLES = {True: 5e-3, False: 1e-3}, 200
 TITLE = "three-bar swing: stiffness of the strip against the step in s"
 COLUMNS = (
     *("integrator", "factor", "step", "status", "time_s", "energy_error", "newton_residual"),
-    *("seconds",),
+    *("seconds", "kernels"),
 )
 
 

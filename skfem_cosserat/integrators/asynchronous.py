@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -10,9 +11,9 @@ from ..constraints import Treatment
 from ..errors import InputError
 from ..log import logger
 from ..model import System
-from ..types import Floats, IndexArray, positive, real, switch
+from ..types import Floats, IndexArray, numbers, positive, real, switch
 from .explicit import ExplicitScheme
-from .limit import element_limits
+from .limit import check_lumped, element_limits
 from .march import Marching, check_scene
 
 __all__ = ["Asynchronous"]
@@ -88,7 +89,15 @@ class Asynchronous(ExplicitScheme):
 
     @staticmethod
     def limits(system: System) -> list[Floats]:
-        """Largest stable step (ne,) in s of the elements of each beam group."""
+        """Largest stable step (ne,) in s of the elements of each beam group.
+
+        Raises
+        ------
+        InputError
+            If it is no system.
+        IncompatibleError
+            If the mass of a beam is not lumped.
+        """
         return element_limits(system)
 
     def counts(
@@ -100,11 +109,19 @@ class Asynchronous(ExplicitScheme):
         ----------
         limits : list of arrays, optional
             Default: :meth:`limits`.
+
+        Raises
+        ------
+        InputError
+            For other arguments.
+        IncompatibleError
+            If the mass of a beam is not lumped.
         """
         step = positive("argument step", "step", step, " of seconds")
+        chosen = self.limits(system) if limits is None else _checked(system, limits)
         counts = [
             np.maximum(1, np.ceil(step / (self.safety * each) * (1 - 1e-12))).astype(np.int64)
-            for each in (self.limits(system) if limits is None else limits)
+            for each in chosen
         ]
         while True:
             most = np.zeros(len(system.origin_rows), dtype=np.int64)
@@ -131,3 +148,16 @@ class Asynchronous(ExplicitScheme):
         method = f"explicit, {low} to {high} steps of each element, smallest limit {limit}"
         plan = partial(self.counts, system, h) if self.checked else None
         return Marching(self.name, system, h, 1, counts, method, kernels, steps, plan)
+
+
+def _checked(system: System, limits: object) -> list[Floats]:
+    """Limits of the elements of each beam group, as given."""
+    check_lumped("steps of the elements", system)
+    sizes = [len(group.vertices) for group in system.beam_groups]
+    expected = f"expected positive numbers (s) of {sizes} elements, as limits(system) gives them"
+    if not isinstance(limits, Sequence) or len(limits) != len(sizes):
+        raise InputError("argument limits", f"{limits!r}, {expected}")
+    out = [numbers("argument limits", "limits", each) for each in limits]
+    if any(each.shape != (n,) or not (each > 0).all() for each, n in zip(out, sizes, strict=True)):
+        raise InputError("argument limits", f"{limits!r}, {expected}")
+    return out

@@ -242,10 +242,10 @@ class Integrator(ABC):
         scheme itself sets no such limit.
     advice : str
         What to try beside a smaller step when a step cannot be solved.
-    conserves : str
-        In words.
-    reference : str
-        Where it comes from.
+    conserves, reference : str
+        In words, and where it comes from.
+    solves : bool
+        Whether there are linear systems to solve.
     remembered : int
         Rows of n numbers that a state carries on in its ``memory``.
     composed_to : int
@@ -263,6 +263,7 @@ class Integrator(ABC):
     remembered: int = 0
     composed_to: int = 0
     fixed_step: str | None = None
+    solves: bool = True
     part: Integrator | None = None
     shares: tuple[float, ...] = ()
     constraint_weight: float

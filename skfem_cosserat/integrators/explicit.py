@@ -30,6 +30,7 @@ class ExplicitScheme(Integrator):
         "symplectic for steps of one size only (with steps that follow the motion its energy"
         " drifts), and bound to the limit of its elements"
     )
+    solves = False
     constraint_weight = 0.0
     force_share = 1.0
     advice = "a step below the limit"
@@ -37,7 +38,15 @@ class ExplicitScheme(Integrator):
 
     @staticmethod
     def limit(system: System) -> StepLimit:
-        """Step (s) up to which all elements are stable, and what sets it; of lumped masses only."""
+        """Step (s) up to which all elements are stable, and what sets it.
+
+        Raises
+        ------
+        InputError
+            If it is no system.
+        IncompatibleError
+            If the mass of a beam is not lumped.
+        """
         return step_limit(system)
 
     def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:
@@ -85,7 +94,8 @@ class Explicit(ExplicitScheme):
     IncompatibleError
         Before the run, for what the scheme cannot do: beams with consistent mass, springs, dampers,
         drives, prescribed motion, closed loops of joints, damping, treatments other than
-        ``Multipliers()``, nodes without inertia about some axis.
+        ``Multipliers()``, also unscaled ones, nodes without inertia about some axis, solvers of
+        linear systems, of which there are none.
 
     Notes
     -----

@@ -11,13 +11,15 @@ from ..kernels import bilinear, null_space_blocks
 from ..kinds import is_beam
 from ..model import System
 from ..model.groups import BeamGroup
-from ..types import Array, Floats, IndexArray
+from ..types import Array, Floats, IndexArray, check_kind
 
-__all__ = ["LimitWatch", "StepLimit", "check_lumped", "element_limits", "step_limit"]
+__all__ = ["FROZEN", "LimitWatch", "StepLimit", "check_lumped", "element_limits", "step_limit"]
 
 #: growth of the rotation between two neighbouring nodes (rad) after which limits are looked at
 #: again: they fall by some 2 % meanwhile
 _GROWN = 0.02
+#: where a system comes from
+FROZEN = ", as model.freeze() makes it"
 _KINDS = ("shear", "shear", "axial", "bending", "bending", "torsion")
 
 
@@ -56,6 +58,7 @@ class StepLimit(NamedTuple):
 
 def check_lumped(name: str, system: System) -> None:
     """Raise IncompatibleError if the mass matrix of a beam couples nodes; `name`: who minds."""
+    check_kind("argument system", system, System, FROZEN)
     for item in system.structures:
         if is_beam(item) and not item.lumped:
             reason = "its mass matrix couples nodes: Beam(..., lumped=True) does not"
@@ -71,6 +74,8 @@ def element_limits(system: System) -> list[Floats]:
 
     Raises
     ------
+    InputError
+        If it is no system.
     IncompatibleError
         If the mass of a beam is not lumped.
     """

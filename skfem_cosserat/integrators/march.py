@@ -37,6 +37,9 @@ def check_scene(name: str, system: System, treatment: Treatment) -> None:
     if not isinstance(treatment, Multipliers):
         reason = "its joints keep multipliers of their own, nothing else is eliminated"
         raise IncompatibleError(f"{name} with {treatment!r}", f"take Multipliers(): {reason}")
+    if not treatment.scaled:
+        reason = "its joints are closed by projection, there is no matrix to scale"
+        raise IncompatibleError(f"{name} with {treatment!r}", f"take Multipliers(): {reason}")
 
     def refuse(what: str, reason: str) -> None:
         raise IncompatibleError(f"{name} with {what}", reason)

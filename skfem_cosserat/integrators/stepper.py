@@ -9,7 +9,7 @@ import numpy as np
 
 from ..constraints import BoundTreatment, Treatment
 from ..constraints.saddle import nearest_velocity
-from ..errors import Diverged, IncompatibleError, InputError
+from ..errors import Diverged, IncompatibleError
 from ..linear import LinearSolver, Solver, checked_solver
 from ..log import logger
 from ..model import System
@@ -17,22 +17,15 @@ from ..model.bending import bent_elements
 from ..model.singular import contradiction, dead_point
 from ..model.tension import overstretched
 from ..newton import NewtonReport, NewtonSettings, newton
-from ..types import Array, Floats, positive
+from ..types import Array, Floats, check_kind, positive
 from .base import Evaluation, Integrator, March, State, StepData, StepWork
 from .choice import Choice, choose_kernels
 from .fast import CompiledStep, compiled_step
+from .limit import FROZEN
 from .protocol import default_settings
 from .report import ComposedReport, Solved, StepReport
 
 __all__ = ["StepReport", "Stepper"]
-
-
-def _check_kind(name: str, value: object, kind: type) -> None:
-    if not isinstance(value, kind):
-        hint = ", as model.freeze() makes it" if kind is System else ""
-        raise InputError(
-            f"argument {name}", f"{value!r}, expected an object of type {kind.__name__}{hint}"
-        )
 
 
 class _Problem:
@@ -124,6 +117,8 @@ class Stepper:
     ------
     InputError
         If an argument is of another kind, or the step not positive.
+    IncompatibleError
+        If scheme, scene, treatment and solver do not go together.
     ImportError
         If numba, or the package of a solver, is asked for and not there.
 
@@ -157,23 +152,26 @@ class Stepper:
         *,
         backwards: bool = False,
     ) -> None:
-        _check_kind("system", system, System)
-        _check_kind("integrator", integrator, Integrator)
-        _check_kind("treatment", treatment, Treatment)
+        check_kind("argument system", system, System, FROZEN)
+        check_kind("argument integrator", integrator, Integrator)
+        check_kind("argument treatment", treatment, Treatment)
         self.system, self.integrator, self.treatment = system, integrator, treatment
         self.h = (-1 if backwards else 1) * positive(
             "argument step", "step", -h if backwards else h, " of seconds"
         )
         self.settings = default_settings() if settings is None else settings
-        _check_kind("settings", self.settings, NewtonSettings)
+        check_kind("argument settings", self.settings, NewtonSettings)
         #: name and step by which its states are known, and what a failed step is called by
         self.maker = integrator.name, self.h
         #: whether states of the same scheme go on as they are after steps of other sizes
         self.varying = False
+        if checked_solver(solver) is not None and not integrator.solves:
+            reason = "its steps are not solved for, there are no linear systems"
+            raise IncompatibleError(f"{integrator!r} with {solver!r}", reason)
         self._march = integrator.march(system, treatment, self.h, kernels, steps)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
         self.bound.large = False
-        if checked_solver(solver) is not None:
+        if solver is not None:
             self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
         self._first, self._warned = True, False
         self._fast: CompiledStep | None = None

@@ -33,9 +33,12 @@ class Condition(ABC):
     ----------
     period : float or None
         What it may jump by, such as angles by a full turn; None: it does not jump.
+    monotonic : bool
+        It passes through zero once at most.
     """
 
     period: float | None = None
+    monotonic: bool = False
 
     @abstractmethod
     def value(self, view: View) -> float:
@@ -76,6 +79,8 @@ class ConditionTime(Condition):
     time : float
         (s)
     """
+
+    monotonic = True
 
     def __init__(self, time: float) -> None:
         self.time = _level(time)

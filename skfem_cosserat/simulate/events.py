@@ -10,17 +10,17 @@ import numpy as np
 from ..errors import Diverged, IncompatibleError, InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper, StepReport
+from ..log import logger
 from ..model import System
 from ..types import positive
 from .actions import Action, ActionFunction, ActionNone
 from .conditions import Condition, ConditionFunction
+from .locate import LOCATED, Bracket, Point, Trial, dip, located
 from .pace import Maker
 from .view import View
 
 __all__ = ["Event", "Found", "Watch", "after_events", "checked_events"]
 
-#: what a time is located to, of the step
-LOCATED = 1e-10
 #: how often an event may happen within a step
 OFTEN = 20
 
@@ -30,7 +30,10 @@ class Event:
 
     The number is looked at after each step. Where its sign has changed, the step is repeated with
     shorter ones until the time is known to `tolerance`: the state of an event is one of the scheme,
-    as any other. What passes through zero twice within a step is not seen.
+    as any other. So it is where the number passes through zero and back within a step, if its
+    values at the ends of the last two steps (in the first step: and at its middle) tell: where
+    the parabola through them comes near zero, shorter steps look for the lowest point. What is
+    faster, say a vibration with few steps in its period, may not be seen.
 
     Parameters
     ----------
@@ -171,6 +174,26 @@ class Found(NamedTuple):
     events: list[tuple[Event, float]]
 
 
+class _Trials:
+    """Steps of other sizes in place of one of a run, each of them solved once."""
+
+    def __init__(self, watch: Watch, state: State, report: StepReport) -> None:
+        self.watch, self.state, self.report = watch, state, report
+        self.h = report.state.time - state.time
+        self._known: dict[float, StepReport] = {}
+
+    def of(self, event: Event) -> Trial:
+        """The number of an event at their ends."""
+
+        def trial(size: float) -> tuple[float, StepReport]:
+            if size not in self._known:
+                self._known[size] = self.watch.step(self.state, size, self.report.step)
+            report = self._known[size]
+            return event.value(View(self.watch.system, report.state)), report
+
+        return trial
+
+
 class Watch:
     """Looks for events after each step of a run.
 
@@ -201,6 +224,8 @@ class Watch:
             self._stepper = None
         self.system, view = system, View(system, state)
         self._values = {event.name: event.value(view) for event in self.events}
+        #: time and numbers at the start of the step before
+        self._earlier: tuple[float, dict[str, float]] | None = None
         sides = {name: int(np.sign(value)) for name, value in self._values.items()}
         # what is at zero there has passed it
         before = self._sides | ({} if found is None else after)
@@ -213,61 +238,114 @@ class Watch:
         """The first events of a step that led from a state; None: there were none."""
         view = View(self.system, report.state)
         values = {event.name: event.value(view) for event in self.events}
-        met = [e for e in self.events if self._met(e, values[e.name])]
-        if not met:
-            self._keep(values)
+        trials = _Trials(self, state, report)
+        brackets: dict[str, Bracket] = {}
+        for event in self.events:
+            bracket = self._bracket(event, trials, values[event.name])
+            if bracket is not None:
+                brackets[event.name] = bracket
+        if not brackets:
+            self._keep(state.time, values)
             return None
-        where = [self._located(event, state, report, values[event.name]) for event in met]
+        where = [
+            located(brackets[event.name], trials.of(event), self._width(event, report, trials.h))
+            for event in self.events
+            if event.name in brackets
+        ]
         first = min(where, key=lambda each: each.state.time)
-        view = View(self.system, first.state)
-        there = [(event, event.value(view)) for event in self.events]
-        events = [(event, value) for event, value in there if self._met(event, value)]
+        events = self._there(first, first.state.time - state.time, brackets)
         for event, _ in events:
             self._often(event, first.state, report.step)
         return Found(first, events)
 
-    def _keep(self, values: dict[str, float]) -> None:
-        self._values = values
+    def _there(
+        self, first: StepReport, size: float, brackets: dict[str, Bracket]
+    ) -> list[tuple[Event, float]]:
+        """Events that have happened at the end of a step of this size (s), and their numbers."""
+        view, events = View(self.system, first.state), []
+        for event in self.events:
+            value, side = event.value(view), self._sides[event.name]
+            bracket = brackets.get(event.name)
+            if bracket is not None and size > bracket.a.t:
+                side = bracket.side
+            if self._met(event, value, side):
+                self._sides[event.name] = side
+                events.append((event, value))
+        return events
+
+    def _keep(self, time: float, values: dict[str, float]) -> None:
+        self._earlier, self._values = (time, self._values), values
         for name, value in values.items():
             self._sides[name] = int(np.sign(value)) or self._sides[name]
 
-    def _met(self, event: Event, value: float) -> bool:
+    def _met(self, event: Event, value: float, before: int) -> bool:
         """Whether its number has passed through zero, in the direction asked for."""
-        before, period = self._sides[event.name], event.condition.period
         if before in (0, event.direction):
             return False
         # just before it, as well: a step of rounding size would have no velocity
         if before * value > LOCATED * max(before * (self._values[event.name] - value), 0.0):
             return False
-        return period is None or abs(value - self._values[event.name]) < period / 2
+        return not self._jumps(event, value)
 
-    def _located(self, event: Event, state: State, report: StepReport, value: float) -> StepReport:
-        """The step to the first state known to be past the event, to its tolerance."""
+    def _jumps(self, event: Event, value: float) -> bool:
+        """Whether an angle has passed the point half a turn from its level, where it jumps."""
+        period = event.condition.period
+        return period is not None and abs(value - self._values[event.name]) >= period / 2
+
+    def _bracket(self, event: Event, trials: _Trials, value: float) -> Bracket | None:
+        """Where its number passes through zero in the step to this value; None: nowhere."""
+        side, report = self._sides[event.name], trials.report
+        start = self._values[event.name]
+        a, b = Point(0.0, start if start * side > 0 else side * 1e-300), Point(trials.h, value)
+        if self._met(event, value, side):
+            return Bracket(side, a, b, report)
+        if not value * side > 0 or event.condition.monotonic or self._jumps(event, value):
+            return None
+        found = self._dip(event, trials, a, b)
+        if found is None:
+            return None
+        inside, there = found
+        if event.direction == side:  # the way back is asked for
+            return Bracket(-side, inside, b, report)
+        return Bracket(side, a, inside, there)
+
+    def _dip(
+        self, event: Event, trials: _Trials, a: Point, b: Point
+    ) -> tuple[Point, StepReport] | None:
+        """Where its number is on the other side between two points on the same one."""
+        side, before = self._sides[event.name], None
+        if self._earlier is not None:
+            time, values = self._earlier
+            before = Point(time - trials.state.time, side * values[event.name])
+            if self._jumps(event, values[event.name]):
+                return None
+        sized = trials.of(event)
+
+        def trial(size: float) -> tuple[float, StepReport]:
+            value, report = sized(size)
+            return side * value, report
+
+        try:
+            found = dip(trial, Point(a.t, side * a.f), Point(b.t, side * b.f), before)
+        except Diverged as error:  # the run itself has got over it
+            logger.debug("%s: a part of the step cannot be solved: %s", event.label, error)
+            return None
+        if found is None:
+            return None
+        point, report = found
+        return Point(point.t, side * point.f), report
+
+    def _width(self, event: Event, report: StepReport, h: float) -> float:
+        """What the time of an event is located to (s)."""
+        width = LOCATED * h if event.tolerance is None else event.tolerance
+        return max(width, 4 * float(np.spacing(abs(report.state.time))))
+
+    def step(self, state: State, size: float, like: float) -> StepReport:
+        """A step of any size (s) from a state; `like`: the size of those of the run."""
         if self._stepper is None:
-            self._stepper = self.maker.changed(self.system, report.step)
-        side = self._sides[event.name]
-        a, b, fa, fb = 0.0, report.state.time - state.time, self._values[event.name], value
-        fa = fa if fa * side > 0 else side * 1e-300
-        best, width = report, LOCATED * b if event.tolerance is None else event.tolerance
-        width = max(width, 4 * np.spacing(abs(report.state.time)))
-        kept = 0
-        while b - a > width:
-            # false position, with a bisection where it gets stuck on one side
-            c = 0.5 * (a + b) if kept > 2 else b - fb * (b - a) / (fb - fa)
-            c = min(max(c, a + 0.5 * width), b - 0.5 * width)
-            self._stepper.resize(c)
-            trial = self._stepper.advance(state, state.time + c)
-            found = event.value(View(self.system, trial.state))
-            if found * side > 0:
-                kept = kept + 1 if kept > 0 else 1
-                a, fa = c, found
-                fb = fb / 2 if kept > 1 else fb  # the Illinois rule
-            else:
-                kept = kept - 1 if kept < 0 else -1
-                b, fb, best = c, found, trial
-                fa = fa / 2 if kept < -1 else fa
-            kept = 3 if abs(kept) > 3 else kept
-        return best
+            self._stepper = self.maker.changed(self.system, like)
+        self._stepper.resize(size)
+        return self._stepper.advance(state, state.time + size)
 
     def _often(self, event: Event, state: State, step: float) -> None:
         """Raise Diverged if an event repeats without end."""

@@ -19,7 +19,7 @@ from .norms import OverTime
 from .orders import euclidean
 from .precision_table import PrecisionTable
 from .quantities import Quantities, Sample, aligned
-from .setups import Measured, Setup, as_setups, best_cost, counts, failure, measure, raised
+from .setups import Measured, Setup, as_setups, best_cost, counts, failure, measure, raised, ran
 from .truth import Truth
 
 __all__ = ["work_precision"]
@@ -291,7 +291,8 @@ class _Study:
         row |= counts(measured.result)
         row |= {f"error_{name}": errors.get(name) if state == "ok" else None for name in names}
         row |= {"status": state, "reason": reason, "group": setup.group, "series": setup.series}
-        return row | {"spent_s": outcome.seconds}
+        told = outcome.error if measured.result is None else measured.result
+        return row | {"spent_s": outcome.seconds, "kernels": ran(told)}
 
     def _notes(self) -> dict[str, Any]:
         given = self.truth.given

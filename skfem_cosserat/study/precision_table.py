@@ -37,7 +37,7 @@ class PrecisionTable:
         ``newton_iterations``, ``factorisations``, ``unknowns`` (None: not told), ``error_`` with
         the name of each quantity (None if it failed), ``status`` (``ok``, ``diverged``,
         ``newton``, ``timeout``, ``error``), ``reason``; and ``group``, ``series``, ``spent_s``
-        (time of all its runs).
+        (time of all its runs), ``kernels`` (that ran, empty: not told).
     reference_errors : dict
         Error of the reference itself by quantity; NaN if not known.
     notes : dict

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
+from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,6 @@ import numpy as np
 import scipy
 import skfem
 
-from .. import kernels
 from ..version import VERSION
 
 __all__ = ["provenance"]
@@ -31,14 +32,16 @@ def provenance(folder: str | os.PathLike[str] | None = None) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``versions`` by package, ``kernels``, ``commit`` (``-dirty`` with changes, ``unknown``
-        outside of a tree of git), ``machine``, ``blas_threads``.
+        ``versions`` by package, that of numba if it is installed, ``commit`` (``-dirty`` with
+        changes, ``unknown`` outside of a tree of git), ``machine``, ``blas_threads``. Which
+        kernels a run took is in its history: tables have a column for it.
 
     Examples
     --------
     >>> list(provenance())
-    ['versions', 'kernels', 'commit', 'machine', 'blas_threads']
+    ['versions', 'commit', 'machine', 'blas_threads']
     """
+    compiled = () if find_spec("numba") is None else ("numba",)
     return {
         "versions": {
             "skfem-cosserat": VERSION,
@@ -46,8 +49,8 @@ def provenance(folder: str | os.PathLike[str] | None = None) -> dict[str, Any]:
             "numpy": np.__version__,
             "scipy": scipy.__version__,
             "python": platform.python_version(),
+            **{name: version(name) for name in compiled},
         },
-        "kernels": kernels.NAME,
         "commit": _commit(Path.cwd() if folder is None else Path(folder)),
         "machine": f"{platform.system()} {platform.machine()}, {_processor()},"
         f" {os.cpu_count()} processors",

@@ -16,7 +16,7 @@ from ..history import History
 from ..types import positive
 from .limit import LATE, TimeLimit
 
-__all__ = ["STATUSES", "Measured", "Setup", "as_setups", "counts", "failure", "measure"]
+__all__ = ["STATUSES", "Measured", "Setup", "as_setups", "counts", "failure", "measure", "ran"]
 __all__ += ["setup_grid"]
 
 #: how a run of a setup can end
@@ -36,7 +36,7 @@ class Setup(NamedTuple):
     run : callable
         ``run(problem)`` gives a History, or a mapping with the quantities and, if there are any,
         ``cost_s``, ``newton_iterations``, ``factorisations``, ``unknowns``, ``status``,
-        ``reason``.
+        ``reason``, ``kernels``.
     timed : callable, optional
         The same work without what is only there to look at; it is timed instead of `run`.
     series : str
@@ -241,6 +241,14 @@ def counts(result: Any) -> dict[str, int | float | None]:
     elif isinstance(result, Mapping):
         found = result
     return {name: _count(found.get(name)) for name in COUNTS}
+
+
+def ran(result: Any) -> str:
+    """Kernels that ran, as a history, that of an error or a mapping tells; empty: not told."""
+    if isinstance(result, Exception):
+        result = getattr(result, "history", None)
+    found: Any = result.meta if isinstance(result, History) else result
+    return str(found.get("kernels", "")) if isinstance(found, Mapping) else ""
 
 
 def _count(value: Any) -> int | float | None:

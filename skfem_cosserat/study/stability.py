@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -20,6 +21,7 @@ from .fingerprint import identity
 from .levels import case_name, check_call
 from .limit import TimeLimit
 from .run import title_of
+from .setups import ran
 from .stability_table import Map
 from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 
@@ -159,7 +161,7 @@ def _cell(
         found = Verdict(found)
     if not isinstance(found, Verdict):
         raise InputError("argument outcome", f"gave {found!r}, expected a Verdict or its status")
-    return found
+    return replace(found, kernels=ran(history if error is None else error))
 
 
 def _check(outcome: Outcome) -> None:

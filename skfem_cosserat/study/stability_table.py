@@ -146,6 +146,7 @@ class Map:
                 "newton_residual": cell.newton_residual,
                 **cell.numbers,
                 "seconds": float(seconds),
+                "kernels": cell.kernels,
                 "reason": cell.reason,
             }
             for choice, cell, seconds in zip(

@@ -46,6 +46,8 @@ class Verdict:
         More about it.
     numbers : dict
         Others that you want to see as arrays over the axes.
+    kernels : str
+        Those that ran, as the history tells: ``numpy`` or ``numba``; empty if none came.
 
     Examples
     --------
@@ -59,6 +61,7 @@ class Verdict:
     newton_residual: float = float("nan")
     reason: str = ""
     numbers: Mapping[str, float] = field(default_factory=dict)
+    kernels: str = ""
 
 
 class JudgeEnergy:
