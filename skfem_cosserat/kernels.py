@@ -430,14 +430,15 @@ def _null_space_entries(nn: int) -> tuple[IndexArray, IndexArray, IndexArray, Fl
 
 # half of a vanishing angle: the sine of it over itself is one, also for complex steps
 _TINY = 1e-300
+_QUARTER = np.full((3, 1), 0.25)
 
 
 def exp_quaternion(theta: Array) -> Array:
     """Unit quaternions ``(w, x, y, z)`` (..., 4) of rotation vectors ``theta`` (..., 3)."""
-    half = np.sqrt((0.25 * theta * theta).sum(-1, keepdims=True) + _TINY)
+    half = np.sqrt((theta * theta) @ _QUARTER + _TINY)
     out = np.empty((*theta.shape[:-1], 4), dtype=theta.dtype)
-    out[..., :1] = np.cos(half)
-    out[..., 1:] = (0.5 * np.sin(half) / half) * theta
+    np.cos(half, out=out[..., :1])
+    np.multiply(np.sin(half) / (2 * half), theta, out=out[..., 1:])
     return out
 
 
@@ -474,10 +475,12 @@ def _outer(a: Array, b: Array) -> Array:
 
 
 def quaternion_product(a: Array, b: Array) -> Array:
-    """Product ``a b`` (..., 4): the rotation b, then a; normalised against drift."""
-    out = _outer(a, b) @ _PRODUCT
-    out /= np.sqrt((out * out).sum(-1, keepdims=True))
-    return out.reshape(np.broadcast(a, b).shape)
+    """Product ``a b`` (N, 4): the rotation b, then a.
+
+    Not normalised: an error of the length is one of second order in the angle for what
+    :func:`rotation_matrix` makes of it.
+    """
+    return _outer(a, b) @ _PRODUCT
 
 
 def rotation_matrix(quaternion: Array) -> Array:
