@@ -397,18 +397,21 @@ def spin_gradient(directors: Array, force: Array) -> Array:
 _LESS_TRACE = np.eye(9) - np.outer(np.eye(3), np.eye(3))
 
 
-def null_space_blocks(directors: Array) -> Array:
+def null_space_blocks(directors: Array, into: Array | None = None) -> Array:
     """Internal null space matrices ``P_int`` (69) of blocks of nodes (N, 12 nn, 6 nn).
 
     ``qdot = P_int (phidot, omega)`` for directors (N, nn, 3, 3), or (N, 3, 3) of single nodes:
-    rows ``[[I, 0], [0, -d1^], [0, -d2^], [0, -d3^]]`` of each node.
+    rows ``[[I, 0], [0, -d1^], [0, -d2^], [0, -d3^]]`` of each node. `into`: what an earlier call
+    for as many nodes gave, to be overwritten.
     """
     nn = 1 if directors.ndim == 3 else directors.shape[1]
     ones, where, part, sign = _null_space_entries(nn)
-    out = np.zeros((len(directors), 72 * nn * nn), dtype=directors.dtype)
-    out[:, ones] = 1
+    if into is None or into.dtype != directors.dtype:
+        into = np.zeros((len(directors), 12 * nn, 6 * nn), dtype=directors.dtype)
+        into.reshape(-1, 72 * nn * nn)[:, ones] = 1
+    out = into.reshape(-1, 72 * nn * nn)
     out[:, where] = directors.reshape(-1, 9 * nn).take(part, axis=1) * sign
-    return out.reshape(-1, 12 * nn, 6 * nn)
+    return into
 
 
 @cache

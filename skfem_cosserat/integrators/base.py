@@ -399,11 +399,6 @@ class Integrator(ABC):
         return StepWork(loads, done.actuators, done.dissipated + lost, done.ground)
 
 
-def largest(*terms: Array) -> float:
-    """Largest magnitude in any of the arrays."""
-    return float(abs(np.concatenate(terms)).max(initial=0.0))
-
-
 def damped_force(
     system: System, step: StepData, Bs: list[Array], elastic: list[Array], y1: Array
 ) -> tuple[Array, list[Array], Damping | None]:

@@ -44,6 +44,7 @@ class _Problem:
         self.evaluation: Evaluation | None = None
         self._mixed = stepper.settings.mixed
         self._stresses: list[Array] | None = None
+        self._sized: tuple[Floats, tuple[float, float]] | None = None
 
     def residual(self) -> float:
         y1 = self.treatment.configuration()
@@ -75,11 +76,14 @@ class _Problem:
         return np.asarray(direction - np.array(columns).T @ factors)
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
-        return self.treatment.sizes(increment)
+        # asked for twice: by Newton's method, and where the increment is applied
+        if self._sized is None or self._sized[0] is not increment:
+            self._sized = increment, self.treatment.sizes(increment)
+        return self._sized[1]
 
     def apply(self, increment: Floats) -> None:
         self._stresses = None
-        if self.treatment.sizes(increment)[0] > self._mixed and self.system.beam_groups:
+        if self.sizes(increment)[0] > self._mixed and self.system.beam_groups:
             change = self.treatment.push(increment, self._y_from)
             self._stresses = self.integrator.mixed(self.system, self.step, self._from, change)
         self.treatment.apply(increment)

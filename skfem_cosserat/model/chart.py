@@ -323,7 +323,9 @@ class Chart:
                 y[rows] = y[roots] + sums @ arms
                 return y
             for level in self._levels:
-                y[level.child_row] = y.take(level.parent_row, axis=0) + arms.take(level.edge, axis=0)
+                y[level.child_row] = y.take(level.parent_row, axis=0) + arms.take(
+                    level.edge, axis=0
+                )
         return y
 
     def _relative_rotations(self, rotations: Array) -> Array:
