@@ -101,7 +101,8 @@ class BeamElements:
         self.B_table = self.table.reshape(ng * 6 * k, k).T.copy()
         # C is the same for x, y and z: one number for each pair of coordinate vectors
         scalar = self.table.reshape(ng * 6, k // 3, 3, k // 3, 3)[:, :, 0, :, 0]
-        self.C_table = scalar.reshape(ng * 6, -1)
+        # times weights: weight l times the 1/l of C
+        self.C_table = np.repeat(self.weights, 6)[:, None] * scalar.reshape(ng * 6, -1)
         self.measure = (self.weights * self.lengths[:, None])[:, :, None]
         self.weighted_stiffness = self.measure[..., None] * self.stiffness[:, None]
         self.inverse_length = (1 / self.lengths)[:, None]
@@ -186,10 +187,12 @@ def beam_strain(elements: BeamElements, q: Array) -> tuple[Array, Array]:
     section = q if elements.rotations is None else _to_section(elements.rotations, q)
     B = (section * elements.inverse_length) @ elements.B_table
     B = B.reshape(ne, 6 * ng, k)
-    eps = 0.5 * (B @ section[:, :, None])
+    eps = (B @ section[:, :, None]).reshape(ne, ng, 6)
+    eps *= 0.5
+    eps -= elements.reference
     if elements.rotations is not None:
         B = _from_section(elements.rotations, B)
-    return eps.reshape(ne, ng, 6) - elements.reference, B
+    return eps, B
 
 
 def beam_stress(elements: BeamElements, eps: Array) -> Array:
@@ -276,9 +279,8 @@ def beam_geometric(elements: BeamElements, stress: Array) -> Array:
 
     The derivative of ``int B(q)^T S ds`` for fixed S is this times the identity of space.
     """
-    # weight l times the 1/l of C
-    S = (stress * elements.weights[:, None]).reshape(len(stress), -1)
     size = elements.table.shape[-1] // 3
+    S = stress.reshape(len(stress), -1)
     G = (S @ elements.C_table).reshape(len(S), size, size)
     if elements.rotations is None:
         return G

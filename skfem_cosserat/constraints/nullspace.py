@@ -37,6 +37,7 @@ REGULAR = 1e-3
 CROWDED = 90_000
 #: a correction this large means that the loop does not close near here
 FAR = 3.0
+_ZERO = np.zeros(1)
 
 
 class NullSpace(Treatment):
@@ -97,8 +98,10 @@ class BoundNullSpace(BoundTreatment):
             )
         turning = np.zeros(kin.unknowns, dtype=bool)
         turning[self.chart.rotating] = True
-        self._turning = np.flatnonzero(turning)
-        self._shifting = np.flatnonzero(~turning)
+        #: numbers of shifts, then of rotations, and where they begin
+        shifts = [*np.flatnonzero(~turning), kin.unknowns]
+        self._by_kind = np.array([*shifts, *np.flatnonzero(turning), kin.unknowns])
+        self._kinds = [0, len(shifts)]
         self._total: Array = np.zeros(kin.unknowns)
         self.last: Array | None = None
         self._enough = QUADRATIC
@@ -408,9 +411,10 @@ class BoundNullSpace(BoundTreatment):
         self._add(self._by_tree(increment))
 
     def _size(self, increment: Array) -> tuple[float, float]:
-        shift = largest(increment.take(self._shifting)) / self.system.length
-        turn = largest(increment.take(self._turning))
-        return max(shift, turn), turn
+        # zeros at the end of both, so that there are some
+        d = abs(np.concatenate([increment, _ZERO])).take(self._by_kind)
+        shift, turn = np.maximum.reduceat(d, self._kinds).tolist()
+        return max(shift / self.system.length, turn), turn
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
         """See the base class."""

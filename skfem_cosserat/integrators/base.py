@@ -456,11 +456,12 @@ def midpoint_tangent(
     """
     e = evaluation
     half = 0.5 * force
-    parts = [Parts(mass * g.scalar_mass) for g in system.groups]
+    parts = []
     for k, g in enumerate(system.beam_groups):
         beam = g.parts(e.Bs[k], e.B1s[k], e.stresses[k], half, half, moduli[k])
-        beam.scalar += parts[k].scalar
-        parts[k] = beam
+        beam.scalar += g.inertia(mass)
+        parts.append(beam)
+    parts += [Parts(g.inertia(mass)) for g in system.groups[len(parts) :]]
     blocks: list[Blocks] = [*parts]
     if system.damped or not system.loading.dead_only:
         full = [p.blocks() for p in parts]

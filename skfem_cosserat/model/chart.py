@@ -207,7 +207,7 @@ class Chart:
         _, self._hinge_axis, left, right = kin.combined(y0)
         swings = self.fixed.take(self.sphere_numbers[:, 0], axis=0)
         self._factors = np.concatenate([self._along, -swings, -self._hinge_free * self._hinge_axis])
-        self._track_axis = cross(left, right)
+        self._track_axis = cross(left, right) if len(left) else left
         self._stretches0 = np.zeros(0) if kin.spans is None else kin.spans.stretches(y0)
         self._set_ground(ground1)
         self.reset()
@@ -226,8 +226,8 @@ class Chart:
             a, b = self._tracks.ends(self.y0, ground1, self.kin.total)
             self._driven_track = b[:, 2] - a[:, 2]
         if self._levels:
-            now = ground1[self._ground_rows - (self.kin.total - len(ground1))]
-            turns = self.y0[self._ground_rows].transpose(0, 2, 1) @ now
+            now = ground1.take(self._ground_rows - (self.kin.total - len(ground1)), axis=0)
+            turns = self.y0.take(self._ground_rows, axis=0).transpose(0, 2, 1) @ now
             self._still = np.concatenate([turns, _ONE[None]])
 
     def _arms_of(self, edges: Sequence[Edge], y: Array) -> Array:
@@ -236,6 +236,8 @@ class Chart:
         def position(spot: Spot) -> Array:
             return sum(c * y[a] for a, c in self.kin.spot_terms(spot))
 
+        if not edges:
+            return np.zeros((0, 3))
         arms = [position(edge.child_spot) - position(edge.parent_spot) for edge in edges]
         return np.array(arms).reshape(-1, 3)
 
@@ -268,7 +270,7 @@ class Chart:
         """Compose with an increment (K,) of the tree's coordinates at the present configuration."""
         shift = increment.take(self.shift_numbers)
         self._shift = self._shift + (shift @ self._directions if self._flat else shift)
-        if len(self._turns):
+        if len(self.rotating):
             theta = increment.take(self._theta) * self._factors
             for second in self.sphere_numbers.T[1:]:
                 other = increment[second][:, None] * self.fixed[second]

@@ -367,7 +367,7 @@ class Kinematics:
                 cross(at1.left[on], cross(at.right[on], f))
                 + cross(at1.right[on], cross(f, at.left[on]))
             )
-        return np.concatenate([force[:0], *parts]).ravel()
+        return np.concatenate(parts).ravel() if parts else force[:0].ravel()
 
 
 def _plane(arm: Array) -> Floats:
