@@ -110,9 +110,11 @@ class Group:
 
     def inertia(self, factor: float) -> Floats:
         """``factor`` times the scalar mass (ne, r, r); not to be written to."""
-        if self._scaled[0] != factor:  # the same in all iterations
-            self._scaled = factor, factor * self.scalar_mass
-        return self._scaled[1]
+        known, mass = self._scaled
+        if known != factor:  # the same in all iterations
+            mass = factor * self.scalar_mass
+            self._scaled = factor, mass
+        return mass
 
     @property
     def dofs(self) -> IndexArray:
