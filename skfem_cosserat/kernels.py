@@ -99,7 +99,8 @@ class BeamElements:
         self.B_table = self.table.reshape(ng * 6 * k, k).T.copy()
         # C is the same for x, y and z: one number for each pair of coordinate vectors
         scalar = self.table.reshape(ng * 6, k // 3, 3, k // 3, 3)[:, :, 0, :, 0]
-        self.C_table = scalar.reshape(ng * 6, -1)
+        # times weights: weight l times the 1/l of C
+        self.C_table = np.repeat(self.weights, 6)[:, None] * scalar.reshape(ng * 6, -1)
         self.measure = (self.weights * self.lengths[:, None])[:, :, None]
         self.weighted_stiffness = self.measure[..., None] * self.stiffness[:, None]
         self.inverse_length = (1 / self.lengths)[:, None]
@@ -184,10 +185,12 @@ def beam_strain(elements: BeamElements, q: Array) -> tuple[Array, Array]:
     section = q if elements.rotations is None else _to_section(elements.rotations, q)
     B = (section * elements.inverse_length) @ elements.B_table
     B = B.reshape(ne, 6 * ng, k)
-    eps = 0.5 * (B @ section[:, :, None])
+    eps = (B @ section[:, :, None]).reshape(ne, ng, 6)
+    eps *= 0.5
+    eps -= elements.reference
     if elements.rotations is not None:
         B = _from_section(elements.rotations, B)
-    return eps.reshape(ne, ng, 6) - elements.reference, B
+    return eps, B
 
 
 def beam_stress(elements: BeamElements, eps: Array) -> Array:
@@ -274,9 +277,8 @@ def beam_geometric(elements: BeamElements, stress: Array) -> Array:
 
     The derivative of ``int B(q)^T S ds`` for fixed S is this times the identity of space.
     """
-    # weight l times the 1/l of C
-    S = (stress * elements.weights[:, None]).reshape(len(stress), -1)
     size = elements.table.shape[-1] // 3
+    S = stress.reshape(len(stress), -1)
     G = (S @ elements.C_table).reshape(len(S), size, size)
     if elements.rotations is None:
         return G
@@ -395,18 +397,21 @@ def spin_gradient(directors: Array, force: Array) -> Array:
 _LESS_TRACE = np.eye(9) - np.outer(np.eye(3), np.eye(3))
 
 
-def null_space_blocks(directors: Array) -> Array:
+def null_space_blocks(directors: Array, into: Array | None = None) -> Array:
     """Internal null space matrices ``P_int`` (69) of blocks of nodes (N, 12 nn, 6 nn).
 
     ``qdot = P_int (phidot, omega)`` for directors (N, nn, 3, 3), or (N, 3, 3) of single nodes:
-    rows ``[[I, 0], [0, -d1^], [0, -d2^], [0, -d3^]]`` of each node.
+    rows ``[[I, 0], [0, -d1^], [0, -d2^], [0, -d3^]]`` of each node. `into`: what an earlier call
+    for as many nodes gave, to be overwritten.
     """
     nn = 1 if directors.ndim == 3 else directors.shape[1]
     ones, where, part, sign = _null_space_entries(nn)
-    out = np.zeros((len(directors), 72 * nn * nn), dtype=directors.dtype)
-    out[:, ones] = 1
+    if into is None or into.dtype != directors.dtype:
+        into = np.zeros((len(directors), 12 * nn, 6 * nn), dtype=directors.dtype)
+        into.reshape(-1, 72 * nn * nn)[:, ones] = 1
+    out = into.reshape(-1, 72 * nn * nn)
     out[:, where] = directors.reshape(-1, 9 * nn).take(part, axis=1) * sign
-    return out.reshape(-1, 12 * nn, 6 * nn)
+    return into
 
 
 @cache
@@ -428,14 +433,15 @@ def _null_space_entries(nn: int) -> tuple[IndexArray, IndexArray, IndexArray, Fl
 
 # half of a vanishing angle: the sine of it over itself is one, also for complex steps
 _TINY = 1e-300
+_QUARTER = np.full((3, 1), 0.25)
 
 
 def exp_quaternion(theta: Array) -> Array:
     """Unit quaternions ``(w, x, y, z)`` (..., 4) of rotation vectors ``theta`` (..., 3)."""
-    half = np.sqrt((0.25 * theta * theta).sum(-1, keepdims=True) + _TINY)
+    half = np.sqrt((theta * theta) @ _QUARTER + _TINY)
     out = np.empty((*theta.shape[:-1], 4), dtype=theta.dtype)
-    out[..., :1] = np.cos(half)
-    out[..., 1:] = (0.5 * np.sin(half) / half) * theta
+    np.cos(half, out=out[..., :1])
+    np.multiply(np.sin(half) / (2 * half), theta, out=out[..., 1:])
     return out
 
 
@@ -472,10 +478,12 @@ def _outer(a: Array, b: Array) -> Array:
 
 
 def quaternion_product(a: Array, b: Array) -> Array:
-    """Product ``a b`` (..., 4): the rotation b, then a; normalised against drift."""
-    out = _outer(a, b) @ _PRODUCT
-    out /= np.sqrt((out * out).sum(-1, keepdims=True))
-    return out.reshape(np.broadcast(a, b).shape)
+    """Product ``a b`` (N, 4): the rotation b, then a.
+
+    Not normalised: an error of the length is one of second order in the angle for what
+    :func:`rotation_matrix` makes of it.
+    """
+    return _outer(a, b) @ _PRODUCT
 
 
 def rotation_matrix(quaternion: Array) -> Array:

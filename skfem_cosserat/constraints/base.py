@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from math import cos, isinf
 from typing import Any
 
 import numpy as np
@@ -20,10 +21,13 @@ from ..model import System
 from ..model.groups import Blocks
 from ..types import Array, Floats, IndexArray
 
-__all__ = ["BoundTreatment", "Treatment", "half_turn"]
+__all__ = ["BoundTreatment", "Treatment", "half_turn", "largest"]
 
 #: rotation in a step (rad) that counts as half a turn
 HALF_TURN = 3.12
+#: trace of that rotation
+SMALLEST = 1 + 2 * cos(HALF_TURN)
+_ONES = np.ones(9)
 
 
 class Treatment(ABC):
@@ -111,7 +115,7 @@ class BoundTreatment(ABC):
         """
 
     @abstractmethod
-    def relative(self, residual: Array, largest: float) -> float:
+    def relative(self, residual: Array, term: float) -> float:
         """Size of a residual against the largest term of the balance."""
 
     @abstractmethod
@@ -161,6 +165,8 @@ class BoundTreatment(ABC):
         """``y_c``, all rows."""
         if self.weight == 0:
             return self.y0
+        if self.weight == 0.5:
+            return 0.5 * (self.y0 + y1)
         return (1 - self.weight) * self.y0 + self.weight * y1
 
     y0: Array
@@ -173,18 +179,24 @@ def half_turn(system: System, y0: Array, y1: Array) -> str | None:
     for: forces without bound solve such a step, and its energy may be anything.
     """
     directors = system.kinematics.directors
-    traces = (directors(y0) * directors(y1)).sum(axis=(1, 2))
-    wrong = np.flatnonzero(traces < 1 + 2 * np.cos(HALF_TURN))
+    traces = (directors(y0) * directors(y1)).reshape(-1, 9) @ _ONES
+    wrong = np.flatnonzero(traces < SMALLEST)
     if not len(wrong):
         return None
     return f"{system.owner[int(system.kinematics.frames[wrong[0]])].label} by half a turn"
 
 
-def relative_size(size: float, largest: float) -> float:
+def largest(*terms: Array) -> float:
+    """Largest magnitude in any of the arrays; zero if they are empty."""
+    every = terms[0] if len(terms) == 1 else np.concatenate(terms)
+    return float(np.maximum.reduce(abs(every), axis=None)) if every.size else 0.0
+
+
+def relative_size(size: float, term: float) -> float:
     """Size of a residual against the largest term; infinite if the terms are."""
-    if np.isinf(largest):
+    if isinf(term):
         return float("inf")
-    return size / largest if largest > 0 else size
+    return size / term if term > 0 else size
 
 
 def group_pairs(system: System, dofs: list[IndexArray]) -> tuple[IndexArray, IndexArray]:

@@ -98,21 +98,22 @@ class Congruence:
             (shape[1], shape[1]),
         )
         slot, nnz = self.pattern.slot, self.pattern.nnz
-        self._passed = summation(slot[: len(passed)], passed, (nnz, len(I)))
-        self._places, self._place = np.unique(slot[len(passed) :], return_inverse=True)
+        # contributions that pass, then products: one sum of both
+        products = len(I) + np.arange(len(slot) - len(passed))
+        sources = np.concatenate([passed, products])
+        self._sum = summation(slot, sources, (nnz, len(I) + len(products)))
 
     def data(self, A: Floats, C: Floats, left: Floats, right: Floats) -> Floats:
         """Entries of the product in :attr:`pattern`."""
-        out = np.asarray(self._passed @ A)
-        values = []
+        values = [A]
         if len(self._source):
-            values.append(A[self._source] * left[self._left] * right[self._right])
+            both = left.take(self._left) * right.take(self._right)
+            values.append(A.take(self._source) * both)
         if len(self._extra):
-            values.append(C[self._extra] * right[self._extra_right])
+            values.append(C.take(self._extra) * right.take(self._extra_right))
         values += [full.product(A, left, right) for full in self._full]
-        if values:
-            out[self._places] += sum_at(self._place, np.concatenate(values), len(self._places))
-        return out
+        every = np.concatenate(values) if len(values) > 1 else A
+        return np.asarray(self._sum @ every)
 
 
 def _expand(

@@ -246,12 +246,12 @@ class BoundMultipliers(BoundTreatment):
         full = np.concatenate([gradient.reshape(-1), np.zeros(self.system.m)])
         return self._restricted(full)
 
-    def relative(self, residual: Array, largest: float) -> float:
+    def relative(self, residual: Array, term: float) -> float:
         """See the base class; constraints are compared with their own terms."""
         n = self._coordinates
         balance = float(abs(residual[:n]).max(initial=0.0))
         violation = float((abs(residual[n:]) / self._magnitude).max(initial=0.0))
-        return float(np.max([relative_size(balance, largest), violation]))  # NaN stays
+        return float(np.max([relative_size(balance, term), violation]))  # NaN stays
 
     def data(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class; with the columns' and rows' factors of this step."""

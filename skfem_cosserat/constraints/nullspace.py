@@ -18,7 +18,7 @@ from ..model.kinematics import Located
 from ..model.quadratic import sum_at
 from ..model.singular import Passages, way_on
 from ..types import Array, Floats
-from .base import BoundTreatment, Treatment, group_pairs, pair_numbers, relative_size
+from .base import BoundTreatment, Treatment, group_pairs, largest, pair_numbers, relative_size
 from .congruence import Congruence
 
 __all__ = ["NullSpace"]
@@ -37,6 +37,7 @@ REGULAR = 1e-3
 CROWDED = 90_000
 #: a correction this large means that the loop does not close near here
 FAR = 3.0
+_ZERO = np.zeros(1)
 
 
 class NullSpace(Treatment):
@@ -79,7 +80,14 @@ class BoundNullSpace(BoundTreatment):
         self.chart = Chart(kin)
         number = np.zeros(len(system.origin_rows), dtype=np.int64)
         number[kin.frames] = np.arange(len(kin.frames))
-        self._frames = [number[g.vertices] if g.framed else None for g in system.groups]
+        #: rows of y of the directors in each group's blocks
+        self._directors = [
+            kin.director_rows[number[g.vertices]] if g.framed else None for g in system.groups
+        ]
+        #: null space matrices where forces act and at the end of a step, overwritten
+        self._P: dict[bool, list[Array | None]] = {
+            left: [None] * len(system.groups) for left in (True, False)
+        }
         self._make_pattern()
         if kin.spans is not None and self.pattern.nnz > CROWDED:
             logger.warning(
@@ -90,14 +98,16 @@ class BoundNullSpace(BoundTreatment):
             )
         turning = np.zeros(kin.unknowns, dtype=bool)
         turning[self.chart.rotating] = True
-        self._turning = np.flatnonzero(turning)
-        self._shifting = np.flatnonzero(~turning)
+        #: numbers of shifts, then of rotations, and where they begin
+        shifts = [*np.flatnonzero(~turning), kin.unknowns]
+        self._by_kind = np.array([*shifts, *np.flatnonzero(turning), kin.unknowns])
+        self._kinds = [0, len(shifts)]
         self._total: Array = np.zeros(kin.unknowns)
         self.last: Array | None = None
         self._enough = QUADRATIC
         self._direction: list[Floats] | None = None
         self._passages = Passages(system)
-        self._P_left: list[Array] | None = None
+        self._P_left: list[Array | None] | None = None
         self._known: tuple[Array, Located, Array] | None = None
         #: of each kind of elements whose lines follow from directors: group, and which of its own
         self._spanned = [
@@ -277,30 +287,32 @@ class BoundNullSpace(BoundTreatment):
         force = self.kin.twist_force(self._left.y, gradient)
         return self._by_unknowns(self.kin.reduce(self._T_left, force))
 
-    def relative(self, residual: Array, largest: float) -> float:
+    def relative(self, residual: Array, term: float) -> float:
         """See the base class."""
         if self.trouble is not None:
             return float("inf")
-        return relative_size(float(abs(residual).max(initial=0.0)), largest)
+        return relative_size(largest(residual), term)
 
-    def _null_spaces(self, y: Array) -> list[Array]:
+    def _null_spaces(self, y: Array, left: bool) -> list[Array | None]:
         """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), and none of points."""
-        D = self.kin.directors(y)
-        return [
-            D[:0] if frames is None else null_space_blocks(D.take(frames, axis=0))
-            for frames in self._frames
-        ]
+        kept = self._P[left]
+        for k, rows in enumerate(self._directors):
+            if rows is not None:
+                kept[k] = null_space_blocks(y.take(rows, axis=0), kept[k])
+        return kept
 
     def _project(self, blocks: Sequence[Blocks], y1: Array) -> list[Array]:
         """Blocks by coordinates -> by twists, ``P_int(y_c)^T K P_int(y_1)``."""
         if self._P_left is None:
-            self._P_left = self._null_spaces(self._left.y)
-        out = []
-        for block, left, right in zip(blocks, self._P_left, self._null_spaces(y1), strict=True):
-            if isinstance(block, Parts):
-                K = block.between(left, right) if len(left) else block.blocks()
+            self._P_left = self._null_spaces(self._left.y, True)
+        P_right, out = self._null_spaces(y1, False), []
+        for block, left, right in zip(blocks, self._P_left, P_right, strict=True):
+            if left is None or right is None:
+                K = block.blocks() if isinstance(block, Parts) else block
+            elif isinstance(block, Parts):
+                K = block.between(left, right)
             else:
-                K = left.transpose(0, 2, 1) @ (block @ right) if len(left) else block
+                K = left.transpose(0, 2, 1) @ (block @ right)
             out.append(K.ravel())
         return out
 
@@ -355,7 +367,7 @@ class BoundNullSpace(BoundTreatment):
     def data(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class."""
         kin = self.kin
-        count = len(self._frames)
+        count = len(self._directors)
         force, curvature = self._twist_force, None
         if self.weight and self._loops:
             R, force, curvature = self._balanced(R)
@@ -399,10 +411,10 @@ class BoundNullSpace(BoundTreatment):
         self._add(self._by_tree(increment))
 
     def _size(self, increment: Array) -> tuple[float, float]:
-        d = abs(increment)
-        shift = d.take(self._shifting).max(initial=0.0) / self.system.length
-        turn = d.take(self._turning).max(initial=0.0)
-        return float(max(shift, turn)), float(turn)
+        # zeros at the end of both, so that there are some
+        d = abs(np.concatenate([increment, _ZERO])).take(self._by_kind)
+        shift, turn = np.maximum.reduceat(d, self._kinds).tolist()
+        return max(shift / self.system.length, turn), turn
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
         """See the base class."""

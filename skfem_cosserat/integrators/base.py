@@ -400,11 +400,6 @@ class Integrator(ABC):
         return StepWork(loads, done.actuators, done.dissipated + lost, done.ground)
 
 
-def largest(*terms: Array) -> float:
-    """Largest magnitude in any of the arrays."""
-    return float(abs(np.concatenate(terms)).max(initial=0.0))
-
-
 def damped_force(
     system: System, step: StepData, Bs: list[Array], elastic: list[Array], y1: Array
 ) -> tuple[Array, list[Array], Damping | None]:
@@ -462,11 +457,12 @@ def midpoint_tangent(
     """
     e = evaluation
     half = 0.5 * force
-    parts = [Parts(mass * g.scalar_mass) for g in system.groups]
+    parts = []
     for k, g in enumerate(system.beam_groups):
         beam = g.parts(e.Bs[k], e.B1s[k], e.stresses[k], half, half, moduli[k])
-        beam.scalar += parts[k].scalar
-        parts[k] = beam
+        beam.scalar += g.inertia(mass)
+        parts.append(beam)
+    parts += [Parts(g.inertia(mass)) for g in system.groups[len(parts) :]]
     blocks: list[Blocks] = [*parts]
     if system.damped or not system.loading.dead_only:
         full = [p.blocks() for p in parts]

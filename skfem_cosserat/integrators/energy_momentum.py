@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..constraints.base import largest
 from ..constraints.saddle import nearest_velocity
 from ..model import System
 from ..model.groups import BeamGroup, Blocks
@@ -18,7 +19,6 @@ from .base import (
     StepData,
     StepWork,
     damped_force,
-    largest,
     load_force,
     midpoint_tangent,
 )
@@ -123,7 +123,7 @@ class EnergyMomentum(Integrator):
         groups = system.beam_groups
         strains1 = system.strain(y1)
         # B is linear in q
-        Bs = [0.5 * (B0 + B1) for B0, (_, B1) in zip(step.B0s, strains1, strict=True)]
+        Bs = [_mean(B0, B1) for B0, (_, B1) in zip(step.B0s, strains1, strict=True)]
         both = enumerate(zip(groups, strains1, strict=True))
         stresses = [self.stress(g, step, k, eps) for k, (g, (eps, _)) in both]
         momentum = (2 / h) * (system.mass @ (y1[:rows] - step.y0[:rows]))
@@ -133,9 +133,10 @@ class EnergyMomentum(Integrator):
             coupled = system.couplings.discrete(step.couplings, mid, y1, self.decay(step))
             internal = internal + coupled.force[:rows]
         external = load_force(system, step, mid)
+        force, load = h * internal, h * external
         return MovedEvaluation(
-            momentum - 2 * step.p0 + h * (internal - external),
-            largest(momentum, step.p0, h * internal, h * external),
+            momentum - 2 * step.p0 + force - load,
+            largest(momentum, step.p0, force, load),
             momentum,
             mid,
             stresses,
@@ -207,3 +208,10 @@ class EnergyMomentum(Integrator):
     def node_momentum(self, p0: Floats, impulse: Floats, fresh: bool) -> Floats:
         """``M v_n``."""
         return p0
+
+
+def _mean(a: Array, b: Array) -> Array:
+    """``(a + b)/2``."""
+    out = a + b
+    out *= 0.5
+    return out

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..constraints.base import largest
 from ..constraints.saddle import accelerations, nearest_velocity, saddle_point
 from ..errors import InputError
 from ..model import System
@@ -19,7 +20,7 @@ from ..model.balance import (
 )
 from ..model.groups import Blocks
 from ..types import Array, Floats, IndexArray, real, switch
-from .base import Evaluation, Integrator, State, StepData, StepWork, largest
+from .base import Evaluation, Integrator, State, StepData, StepWork
 
 __all__ = ["GeneralizedAlpha"]
 

@@ -37,6 +37,7 @@ class _Problem:
         self.evaluation: Evaluation | None = None
         self._mixed = stepper.settings.mixed
         self._stresses: list[Array] | None = None
+        self._sized: tuple[Floats | None, tuple[float, float]] = None, (0.0, 0.0)
 
     def residual(self) -> float:
         y1 = self.treatment.configuration()
@@ -47,8 +48,7 @@ class _Problem:
 
     def direction(self) -> Floats:
         assert self.evaluation is not None
-        e = self._from = self.evaluation
-        self._y_from = self.y1
+        e, _ = self._from = self.evaluation, self.y1
         if self._stresses is not None:
             e = self.integrator.with_stresses(self.system, self.step, e, self._stresses)
             self.treatment.residual(e.R, self.y1)
@@ -68,13 +68,15 @@ class _Problem:
         return np.asarray(direction - np.array(columns).T @ factors)
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
-        return self.treatment.sizes(increment)
+        if self._sized[0] is not increment:  # asked for again where it is applied
+            self._sized = increment, self.treatment.sizes(increment)
+        return self._sized[1]
 
     def apply(self, increment: Floats) -> None:
         self._stresses = None
-        if self.treatment.sizes(increment)[0] > self._mixed and self.system.beam_groups:
-            change = self.treatment.push(increment, self._y_from)
-            self._stresses = self.integrator.mixed(self.system, self.step, self._from, change)
+        if self.sizes(increment)[0] > self._mixed and self.system.beam_groups:
+            change = self.treatment.push(increment, self._from[1])
+            self._stresses = self.integrator.mixed(self.system, self.step, self._from[0], change)
         self.treatment.apply(increment)
 
     def save(self) -> object:
@@ -233,10 +235,8 @@ class Stepper:
         if self._march is not None:
             raise IncompatibleError(f"{self.integrator!r} with another step", "its steps are fixed")
         sign = -1 if self.h < 0 else 1
-        ratio, self.h = (
-            h / self.h,
-            sign * positive("argument step", "step", sign * h, " of seconds"),
-        )
+        size = positive("argument step", "step", sign * h, " of seconds")
+        ratio, self.h = h / self.h, sign * size
         self.maker = self.integrator.name, self.h
         for share, stage in self._stages.items():
             stage.resize(share * h)

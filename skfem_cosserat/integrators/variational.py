@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..constraints.base import largest
 from ..constraints.saddle import nearest_velocity
 from ..model import System
 from ..model.groups import Blocks
@@ -17,7 +18,6 @@ from .base import (
     State,
     StepData,
     damped_force,
-    largest,
     load_force,
     midpoint_tangent,
 )

@@ -62,6 +62,8 @@ class Band:
     ----------
     order : (n,) int array
         Unknowns in the order of the rows.
+    position : (n,) int array
+        Row of each unknown.
     lower, upper : int
         Bandwidths.
     where : (nnz,) int array
@@ -72,8 +74,9 @@ class Band:
         n = pattern.shape[0]
         ones = pattern.assembled(np.ones(pattern.nnz))
         self.order: IndexArray = reverse_cuthill_mckee((ones + ones.T).tocsr(), symmetric_mode=True)
-        position = np.empty(n, dtype=np.int64)
-        position[self.order] = np.arange(n)
+        self.position: IndexArray = np.empty(n, dtype=np.int64)
+        self.position[self.order] = np.arange(n)
+        position = self.position
         cols = np.repeat(np.arange(n), np.diff(pattern.indptr))
         i, j = position[pattern.indices], position[cols]
         self.lower, self.upper = int((i - j).max(initial=0)), int((j - i).max(initial=0))
@@ -115,9 +118,6 @@ class _Banded(Factors):
 
     def solve(self, rhs: Floats) -> Floats:
         b = self._band
-        found = self._gbtrs(
-            self._lu, b.lower, b.upper, rhs[b.order], self._pivots, overwrite_b=True
-        )
-        out = np.empty_like(rhs)
-        out[b.order] = found[0]
-        return out
+        ordered = rhs.take(b.order, axis=0)
+        found = self._gbtrs(self._lu, b.lower, b.upper, ordered, self._pivots, overwrite_b=True)
+        return found[0].take(b.position, axis=0)

@@ -145,7 +145,7 @@ class LinearSolver:
         if out is None:
             self._take_over()
             out = self.factors.solve(rhs)
-        if not np.isfinite(out).all():
+        if not np.logical_and.reduce(np.isfinite(out), axis=None):
             raise SingularMatrixError("the iteration matrix is singular")
         return out
 

@@ -1,7 +1,8 @@
 """Nodal reparametrisation of a scene, from its spanning tree.
 
-``q_{n+1} = F_d(u, q_n)`` (61), where rotations are kept as unit quaternions during a step and
-Newton increments are composed with them: the derivative of q_{n+1} by an increment is
+``q_{n+1} = F_d(u, q_n)`` (61), where rotations are kept as unit quaternions during a step (their
+conjugates: directors are rows, which inverse rotations turn from the right) and Newton increments
+are composed with them: the derivative of q_{n+1} by an increment is
 ``P(q_{n+1})``, without the tangent of the exponential map. Finite relative motions are
 ``R_b = R_a exp(theta n_n)`` and ``x_b - x_a = R_a (r_n + s e_n)``, with axes n_n and slides e_n at
 the start of the step.
@@ -95,6 +96,23 @@ class Chart:
         self.rotating = np.concatenate(
             [self.turn_numbers.ravel(), self._hinges.numbers, self.sphere_numbers.ravel()]
         )
+        self._prepare_turns()
+
+    def _prepare_turns(self) -> None:
+        """Rotation vectors of free frames, arms on spheres and hinges: numbers and factors."""
+        # a driven hinge has a factor of zero
+        hinges = np.zeros(len(self.kin.guided), dtype=np.int64)
+        hinges[self._hinges.free] = self._hinges.numbers
+        self._hinge_free = np.zeros((len(hinges), 1))
+        self._hinge_free[self._hinges.free] = 1.0
+        single = np.concatenate([self.sphere_numbers[:, 0], hinges])
+        numbers = np.broadcast_to(self.turn_numbers, (len(self.turn_numbers), 3))
+        self._theta = np.concatenate([numbers, np.repeat(single[:, None], 3, axis=1)])
+        along = self._axes if self._flat else np.ones((1, 3))
+        self._along = -np.broadcast_to(along, (len(self.turn_numbers), 3))
+        #: first sphere, first hinge
+        self._sphere_first = len(self.turn_numbers)
+        self._hinge_first = self._sphere_first + len(self.sphere_numbers)
 
     def _prepare_rotations(self) -> None:
         """Relative rotation of each child: of one or two hinges, or none."""
@@ -108,6 +126,7 @@ class Chart:
         self._ground_rows = kin.row[self._grounds][:, None] + _DIRECTORS
         place = {e.child: i for i, e in enumerate(tree.edges)}
         turned = {e.child: i for i, e in enumerate(self._relative)}
+        self._prepare_order()
         levels: dict[int, list[Edge]] = {}
         for e in tree.edges:
             levels.setdefault(tree.depth[e.child], []).append(e)
@@ -129,6 +148,26 @@ class Chart:
                     relative=array([turned[e.child] for e in rs]),
                 )
             )
+
+    def _prepare_order(self) -> None:
+        """Where rotations and rows of y come from, those of children as yet from anywhere."""
+        kin, a = self.kin, len(self.turn_numbers) + len(self.sphere_numbers)
+        b = a + len(kin.guided)
+        #: by vertex: of turns, swings, hinges, then the ground's, then one
+        self._of_vertex = np.full(len(kin.row), b + len(self._grounds))
+        self._of_vertex[self._turn_vertices] = np.arange(len(self._turn_vertices))
+        self._of_vertex[self._grounds] = b + np.arange(len(self._grounds))
+        self._of_frame = self._of_vertex[kin.frames]
+        self._of_relative = np.full(len(self._relative), b + len(self._grounds))
+        if self._layers:
+            which, number = self._layers[0]
+            self._of_relative[which] = a + number
+        #: by row: of shifted rows, directors, ground
+        self._of_row = np.zeros(kin.total, dtype=np.int64)
+        rows = [self._shift_rows, kin.director_rows.ravel()]
+        rows.append(np.arange(len(kin.row_twist), kin.total))
+        rows_of = np.concatenate(rows)
+        self._of_row[rows_of] = np.arange(len(rows_of))
 
     def _prepare_positions(self) -> None:
         """``phi_child - phi_parent`` of each edge from directors, arms on spheres, slides."""
@@ -163,10 +202,12 @@ class Chart:
         self._triads0 = kin.directors(y0)
         self._shifted0 = y0.take(self._shift_rows, axis=0)
         self.fixed = kin.fixed_axes(y0)
-        self._arm = np.array([self._arm_of(e, y0) for e in self._sphere_edges]).reshape(-1, 3)
-        self._open_arm = np.array([self._arm_of(e, y0) for e in self._open_edges]).reshape(-1, 3)
+        self._arm = self._arms_of(self._sphere_edges, y0)
+        self._open_arm = self._arms_of(self._open_edges, y0)
         _, self._hinge_axis, left, right = kin.combined(y0)
-        self._track_axis = cross(left, right)
+        swings = self.fixed.take(self.sphere_numbers[:, 0], axis=0)
+        self._factors = np.concatenate([self._along, -swings, -self._hinge_free * self._hinge_axis])
+        self._track_axis = cross(left, right) if len(left) else left
         self._stretches0 = np.zeros(0) if kin.spans is None else kin.spans.stretches(y0)
         self._set_ground(ground1)
         self.reset()
@@ -179,26 +220,33 @@ class Chart:
             a, b = self._hinges.ends(self.y0, ground1, self.kin.total)
             sine = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
             self._driven_hinge = np.arctan2(sine, (a[:, :2] * b[:, :2]).sum(1))
+            axis = self._hinge_axis[self._hinges.where]
+            self._driven_turns = exp_quaternion(-self._driven_hinge[:, None] * axis)
         if len(self._tracks.where):
             a, b = self._tracks.ends(self.y0, ground1, self.kin.total)
             self._driven_track = b[:, 2] - a[:, 2]
         if self._levels:
-            now = ground1[self._ground_rows - (self.kin.total - len(ground1))]
-            self._ground_turns = now.transpose(0, 2, 1) @ self.y0[self._ground_rows]
+            now = ground1.take(self._ground_rows - (self.kin.total - len(ground1)), axis=0)
+            turns = self.y0.take(self._ground_rows, axis=0).transpose(0, 2, 1) @ now
+            self._still = np.concatenate([turns, _ONE[None]])
 
-    def _arm_of(self, edge: Edge, y: Array) -> Array:
+    def _arms_of(self, edges: Sequence[Edge], y: Array) -> Array:
+        """From the parent's spot to the child's (edges, 3)."""
+
         def position(spot: Spot) -> Array:
             return sum(c * y[a] for a, c in self.kin.spot_terms(spot))
 
-        return position(edge.child_spot) - position(edge.parent_spot)
+        if not edges:
+            return np.zeros((0, 3))
+        arms = [position(edge.child_spot) - position(edge.parent_spot) for edge in edges]
+        return np.array(arms).reshape(-1, 3)
 
     def reset(self) -> None:
         """Back to the start of the step: zero increments, driven ones at its end."""
         self._shift: Array = np.zeros((len(self.shift_numbers), 3))
-        # those of free rotations, then those of arms on spheres
-        self._turns: Array = _identity(len(self.turn_numbers) + len(self.sphere_numbers))
-        self._hinge: Array = np.zeros(len(self._hinge_axis))
-        self._hinge[self._hinges.where] = self._driven_hinge
+        # those of free rotations, of arms on spheres, of hinges
+        self._turns: Array = _identity(len(self._theta))
+        self._drive_hinges()
         self._track: Array = np.zeros(len(self._track_axis))
         self._track[self._tracks.where] = self._driven_track
         self._stretches: Array = self._stretches0
@@ -206,103 +254,100 @@ class Chart:
     def move_ground(self, ground1: Array) -> None:
         """Change the ground's rows at the end of the step; free increments stay as they are."""
         self._set_ground(ground1)
-        self._hinge = self._hinge.copy()
-        self._hinge[self._hinges.where] = self._driven_hinge
+        self._turns = self._turns.copy()
+        self._drive_hinges()
         self._track = self._track.copy()
         self._track[self._tracks.where] = self._driven_track
+
+    def _drive_hinges(self) -> None:
+        """Turn driven hinges to their end."""
+        if len(self._hinges.where):
+            turns = self._turns.astype(np.result_type(self._turns, self._driven_turns), copy=False)
+            turns[self._hinge_first + self._hinges.where] = self._driven_turns
+            self._turns = turns
 
     def add(self, increment: Array) -> None:
         """Compose with an increment (K,) of the tree's coordinates at the present configuration."""
         shift = increment.take(self.shift_numbers)
         self._shift = self._shift + (shift @ self._directions if self._flat else shift)
-        if len(self._turns):
-            theta = increment.take(self.turn_numbers)
-            if self._flat:
-                theta = theta @ self._axes
-            if len(self.sphere_numbers):
-                numbers = self.sphere_numbers
-                swings = (increment[numbers][:, :, None] * self.fixed[numbers]).sum(1)
-                theta = np.concatenate([theta, swings])
-            self._turns = quaternion_product(exp_quaternion(theta), self._turns)
-        self._hinge = self._hinges.moved(self._hinge, increment)
-        self._track = self._tracks.moved(self._track, increment)
+        if len(self.rotating):
+            theta = increment.take(self._theta) * self._factors
+            for second in self.sphere_numbers.T[1:]:
+                other = increment[second][:, None] * self.fixed[second]
+                theta[self._sphere_first : self._hinge_first] -= other
+            self._turns = quaternion_product(self._turns, exp_quaternion(theta))
+        if len(self._track):
+            self._track = self._tracks.moved(self._track, increment)
         if len(self._stretches):
             assert self.kin.spans is not None
             self._stretches = self._stretches + increment[self.kin.spans.numbers]
 
     def driven(self, coordinates: Sequence[Coordinate]) -> Floats:
         """Values of `coordinates` at the end of the step as far as drives prescribe them."""
-        values = dict(zip(map(id, self.kin.guided), np.real(self._hinge), strict=True))
-        values |= dict(zip(map(id, self.kin.sliding), np.real(self._track), strict=True))
-        return np.array([values[id(c)] if c.drive is not None else 0.0 for c in coordinates])
+        values: dict[int, float] = {}
+        for drives, cs, ends in (
+            (self._hinges, self.kin.guided, self._driven_hinge),
+            (self._tracks, self.kin.sliding, self._driven_track),
+        ):
+            values |= {id(cs[i]): end for i, end in zip(drives.where, np.real(ends), strict=True)}
+        return np.array([values.get(id(c), 0.0) for c in coordinates])
 
     def save(self) -> tuple[Array, ...]:
         """The increments of the step so far."""
-        return self._shift, self._turns, self._hinge, self._track, self._stretches
+        return self._shift, self._turns, self._track, self._stretches
 
     def restore(self, saved: tuple[Array, ...]) -> None:
         """Back to saved increments."""
-        self._shift, self._turns, self._hinge, self._track, self._stretches = saved
+        self._shift, self._turns, self._track, self._stretches = saved
 
     def configuration(self) -> Array:
         """``y_{n+1}`` (all rows)."""
         kin = self.kin
-        # every increment is added to the shifts, be there none
-        y = self.y0.astype(np.result_type(self.y0, self._shift))
-        y[len(y) - len(self._ground1) :] = self._ground1
-        y[self._shift_rows] = self._shifted0 + self._shift
-        if not len(kin.frames) and not self._levels:
-            return y
-        turns, swings, hinges = self._rotations()
-        R = np.empty((len(kin.row), 3, 3), dtype=y.dtype)
-        R[self._turn_vertices] = turns
+        rotations = rotation_matrix(self._turns)
         if self._levels:
-            R[self._grounds] = self._ground_turns
-            relative = self._relative_rotations(hinges)
+            all_of_them = np.concatenate([rotations, self._still])
+            R = all_of_them.take(self._of_vertex, axis=0)
+            relative = self._relative_rotations(all_of_them)
             for level in self._levels:
                 if len(level.child):
                     parents = R.take(level.parent, axis=0)
-                    R[level.child] = parents @ relative.take(level.relative, axis=0)
-        y[kin.director_rows] = self._triads0 @ R.take(kin.frames, axis=0).transpose(0, 2, 1)
+                    R[level.child] = relative.take(level.relative, axis=0) @ parents
+            turns = R.take(kin.frames, axis=0)
+        else:
+            turns = rotations.take(self._of_frame, axis=0)
+        directors = (self._triads0 @ turns).reshape(-1, 3)
+        parts = [self._shifted0 + self._shift, directors, self._ground1]
+        y = np.concatenate(parts).take(self._of_row, axis=0)
         if self._levels:
-            arms = self._arms(y, R, swings)
+            arms = self._arms(y, R, rotations[self._sphere_first : self._hinge_first])
             if kin.spans is not None:  # trees along beams are deep
                 rows, roots, sums = self._sums
                 y[rows] = y[roots] + sums @ arms
                 return y
             for level in self._levels:
-                y[level.child_row] = y[level.parent_row] + arms[level.edge]
+                y[level.child_row] = y.take(level.parent_row, axis=0) + arms.take(
+                    level.edge, axis=0
+                )
         return y
 
-    def _rotations(self) -> tuple[Array, Array, Array]:
-        """Of free frames, arms on spheres and hinges, in the step so far; one call for all."""
-        quaternions = self._turns
-        if len(self._hinge):
-            hinges = exp_quaternion(self._hinge[:, None] * self._hinge_axis)
-            quaternions = np.concatenate([quaternions, hinges])
-        R = rotation_matrix(quaternions)
-        a, b = len(self.turn_numbers), len(self._turns)
-        return R[:a], R[a:b], R[b:]
-
-    def _relative_rotations(self, hinges: Array) -> Array:
-        """``exp(alpha a_n) exp(beta b_n)`` of each child with a relative rotation."""
-        out = np.empty((len(self._relative), 3, 3), dtype=hinges.dtype)
-        out[:] = _ONE
-        for k, (which, number) in enumerate(self._layers):
-            out[which] = out[which] @ hinges[number] if k else hinges[number]
+    def _relative_rotations(self, rotations: Array) -> Array:
+        """``exp(alpha a_n) exp(beta b_n)`` of each child with a relative rotation, its inverse."""
+        out = rotations.take(self._of_relative, axis=0)
+        for which, number in self._layers[1:]:
+            out[which] = rotations[self._hinge_first + number] @ out[which]
         return out
 
     def _arms(self, y: Array, R: Array, swings: Array) -> Array:
         """``phi_child - phi_parent`` of each edge."""
-        out = (self._arm_factors * y.take(self._arm_rows, axis=0)).sum(1)
+        out = (self._arm_factors @ y.take(self._arm_rows, axis=0))[:, 0]
         if len(swings):
-            out[self._sphere_at] += (swings @ self._arm[:, :, None])[:, :, 0]
+            out[self._sphere_at] += (self._arm[:, None] @ swings)[:, 0]
         if len(self._open_at):
             arm = self._open_arm.astype(y.dtype)
             slide = self._track[:, None] * self._track_axis
             for which, number in self._slides:
                 arm[which] += slide[number]
-            out[self._open_at] += (R[self._guide] @ arm[:, :, None])[:, :, 0]
+            out[self._open_at] += (arm[:, None] @ R[self._guide])[:, 0]
         if self.kin.spans is not None:
             out[self._span_at] = self.kin.spans.arms(y, self._stretches)[self._exits]
         return out

@@ -106,6 +106,15 @@ class Group:
     def __post_init__(self) -> None:
         #: mass (ne, r, r) without the factor 1_3
         self.scalar_mass: Floats = self.mass[:, ::3, ::3].copy()
+        self._scaled: tuple[float, Floats] = 1.0, self.scalar_mass
+
+    def inertia(self, factor: float) -> Floats:
+        """``factor`` times the scalar mass (ne, r, r); not to be written to."""
+        known, mass = self._scaled
+        if known != factor:  # the same in all iterations
+            mass = factor * self.scalar_mass
+            self._scaled = factor, mass
+        return mass
 
     @property
     def dofs(self) -> IndexArray:

@@ -45,11 +45,11 @@ class Located:
 
 
 def combination(terms: Sequence[Sequence[tuple[int, float]]]) -> tuple[IndexArray, Floats]:
-    """Rows of y (k, r) and factors (k, r, 1) whose sums the terms are, zeros added."""
+    """Rows of y (k, r) and factors (k, 1, r) whose sums the terms are, zeros added."""
     size = max((len(t) for t in terms), default=0)
     full = [[*t, *[(0, 0.0)] * (size - len(t))] for t in terms]
     array = np.array(full, dtype=float).reshape(len(terms), size, 2)
-    return array[:, :, 0].astype(np.int64), array[:, :, 1:].copy()
+    return array[:, :, 0].astype(np.int64), array[:, None, :, 1].copy()
 
 
 class Kinematics:
@@ -148,9 +148,10 @@ class Kinematics:
         self.tracks = np.array([c.number for c in self.sliding], dtype=np.int64)
         hinge_of = {number: i for i, number in enumerate(self.hinges.tolist())}
         numbers = self.pair_number.tolist()
-        #: pairs that turn about hinges, and which
-        self._on_hinge = np.flatnonzero(np.isin(self.pair_number, self.hinges))
-        self._hinge_of = np.array([hinge_of[numbers[k]] for k in self._on_hinge], dtype=np.int64)
+        #: where axes of pairs are: among those that are fixed, then those of hinges
+        self._axis_of = np.array(
+            [len(both) + hinge_of[k] if k in hinge_of else k for k in numbers], dtype=np.int64
+        )
         turned: dict[int, list[tuple[int, int]]] = {}
         for k, p in enumerate(turning):
             if p.rotates:
@@ -239,7 +240,7 @@ class Kinematics:
     def combined(self, y: Array) -> tuple[Array, Array, Array, Array]:
         """Spots, axes of hinges, left and right vectors of slides at y."""
         rows, factors = self._combine
-        both = (factors * y.take(rows, axis=0)).sum(1)
+        both = (factors @ y.take(rows, axis=0))[:, 0]
         a, b = len(self.spots), len(self.hinges)
         c = a + b + len(self.tracks)
         return both[:a], both[a : a + b], both[a + b : c], both[c:]
@@ -260,10 +261,7 @@ class Kinematics:
         if not len(self.pair_number) and not len(self.slide_number):
             return Located(y, *(y[:0],) * 6)
         x, hinges, left, right = self.combined(y)
-        axis = fixed.take(self.pair_number, axis=0)
-        if len(self._on_hinge):
-            axis = axis.astype(x.dtype, copy=False)
-            axis[self._on_hinge] = hinges.take(self._hinge_of, axis=0)
+        axis = np.concatenate([fixed, hinges]).take(self._axis_of, axis=0)
         arm = x.take(self.pair_target, axis=0) - x.take(self.pair_centre, axis=0)
         if not len(self.slide_number):
             return Located(y, x, axis, arm, left, right, left)
@@ -276,7 +274,8 @@ class Kinematics:
             return self._T_constant
         axis = at.axis
         shift = cross(axis, at.arm)
-        parts = [self._T_constant, shift.ravel(), axis[self.pair_rotates].ravel()]
+        turn = axis.take(self.pair_rotates, axis=0)
+        parts = [self._T_constant, shift.ravel(), turn.ravel()]
         if len(self.slide_number):
             parts.append(at.slide.ravel())
         if self.spans is not None:
@@ -285,11 +284,11 @@ class Kinematics:
 
     def reduce(self, values: Array, twist_force: Array) -> Array:
         """``T^T t`` (unknowns,) from T's entries."""
-        return sum_at(self.T_cols, values * twist_force[self.T_rows], self.unknowns)
+        return sum_at(self.T_cols, values * twist_force.take(self.T_rows), self.unknowns)
 
     def expand(self, values: Array, rates: Array) -> Array:
         """``T nu`` (n_twist,) from T's entries."""
-        return sum_at(self.T_rows, values * rates[self.T_cols], self.n_twist)
+        return sum_at(self.T_rows, values * rates.take(self.T_cols), self.n_twist)
 
     def T_matrix(self, values: Array) -> csr_matrix:
         """T (n_twist, unknowns) from its entries."""
@@ -368,7 +367,7 @@ class Kinematics:
                 cross(at1.left[on], cross(at.right[on], f))
                 + cross(at1.right[on], cross(f, at.left[on]))
             )
-        return np.concatenate([force[:0], *parts]).ravel()
+        return np.concatenate(parts).ravel() if parts else force[:0].ravel()
 
 
 def _plane(arm: Array) -> Floats:

@@ -23,7 +23,7 @@ __all__ = ["ConstraintBuilder", "QuadraticConstraints", "Terms"]
 
 def sum_at(index: IndexArray, values: Array, size: int) -> Array:
     """Sums of `values` by `index` (size,), real or complex."""
-    if np.iscomplexobj(values):
+    if values.dtype.kind == "c":
         real = np.bincount(index, values.real, size)
         return real + 1j * np.bincount(index, values.imag, size)
     return np.bincount(index, values, size)

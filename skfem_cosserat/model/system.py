@@ -482,10 +482,10 @@ class System:
         """``sum int B^T S ds`` as rows (rows, 3)."""
         if not self.beam_groups:
             return np.zeros((self.rows, 3))
-        triples = zip(self.beam_groups, Bs, stresses, strict=True)
-        forces = [g.force(B, s).ravel() for g, B, s in triples]
-        # much less overhead than a sparse product
-        return sum_at(self._force_dofs, np.concatenate(forces), self.n).reshape(-1, 3)
+        groups = self.beam_groups
+        forces = [g.force(B, S).ravel() for g, B, S in zip(groups, Bs, stresses, strict=True)]
+        every = np.concatenate(forces) if len(forces) > 1 else forces[0]
+        return sum_at(self._force_dofs, every, self.n).reshape(-1, 3)
 
     @cached_property
     def _force_dofs(self) -> IndexArray:
