@@ -35,7 +35,8 @@ def test_runs(integrator, treatment, shaken):
     compared = COMPARED[treatment]
     system = zoo(3, moving=shaken, scalar=True)
     run = compared.both(system, integrator, 2e-3, 0.1)
-    compared.assert_same(*run)
+    # momenta to what stiff springs leave of them: with SuperLU plain ones differ by 6e-12
+    compared.assert_same(*run, tolerance=2e-11)
     plain, compiled = run
     for name in WORK:
         size = max(1e-3, abs(plain[name]).max())
