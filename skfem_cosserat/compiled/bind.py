@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..model import System
 from ..model.groups import BeamGroup, Group
-from ..model.tree import Coordinate, Edge, Spot
+from ..model.tree import Coordinate, Edge, Span, Spot
 from ..strain import strain_factors
 from ..types import Floats, IndexArray
 from . import (
@@ -27,6 +27,7 @@ from . import (
     loads_kkt,
     loops,
     nodes,
+    spans,
     stresses,
     tangent,
     tree,
@@ -36,7 +37,7 @@ from .following import following
 from .jit import address
 from .numbers import BEAM_PARTS, COUPLED, TREE_PARTS
 from .plan import Plan
-from .tree import AXIS, ROTATION, SLIDE, SPHERE
+from .tree import AXIS, ROTATION, SLIDE, SPHERE, STRETCH
 from .warm import cold, helped
 
 __all__ = [
@@ -66,6 +67,7 @@ _PLANNED = (
     "parent_at",
 )
 KINDS = {"rotation": ROTATION, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE}
+KINDS["stretch"] = STRETCH
 
 
 def parts_of(system: System, weight: float, ends: bool, static: bool = False) -> list[str]:
@@ -83,6 +85,8 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
         unused |= {name for name in TREE_PARTS if name.startswith("joint")}
     if not system.closure.rank:
         unused |= {name for name in TREE_PARTS if name.startswith("loop")}
+    if not weight or system.kinematics.spans is None:
+        unused.add("span_curvature")
     if not weight:
         unused |= {"joint_curvature", "node_matrix", "loop_curvature"}
     if system.frame_group is None and system.point_group is None:
@@ -129,7 +133,7 @@ def addresses(
 
 def part_named(name: str, multipliers: bool = False) -> Any:
     """The function of this name."""
-    modules = [nodes, tree, curvature, loops, blocks, stresses, tangent, loads, couplings]
+    modules = [nodes, tree, spans, curvature, loops, blocks, stresses, tangent, loads, couplings]
     if multipliers:
         modules = [kkt, constraints, stresses, loads_kkt, couplings_kkt]
     return next(vars(m)[name] for m in modules if name in m.__all__)
@@ -266,6 +270,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         **bound_lumps(system.frame_group, system.point_group),
         **bound_following(system, plan),
         **bound_couplings(system, plan),
+        **_spans(system, plan),
     }
     return layout.tree(tuple(fields[name] for name in layout.TREE)), fields
 
@@ -327,7 +332,7 @@ def _coordinates(system: System) -> dict[str, Any]:
     turning[[v for v in tree.free if system.is_frame[v]], 3:] = True
     for c, k in zip(own, numbers, strict=True):
         if k >= 0:
-            turning[c.vertex, k] = c.kind != "slide"
+            turning[c.vertex, k] = c.kind not in ("slide", "stretch")
     return {
         "value": np.zeros(len(own)),
         "driven": np.zeros(len(own)),
@@ -347,6 +352,33 @@ def _coordinates(system: System) -> dict[str, Any]:
         "centre_row": _ints([row[s.vertex] for s in centres]),
         "centre_offset": _vectors([s.offset for s in centres]),
         "centre_vertex": _ints([s.vertex if s.vertex < count else -1 for s in centres]),
+    }
+
+
+def _spans(system: System, plan: Plan) -> dict[str, Any]:
+    """Elements whose lines follow from their directors."""
+    number = np.full(len(system.tree.edges), -1)
+    reach, strain, turned, slots = [], [], [], []
+    for k, edge in enumerate(system.tree.edges):
+        span = edge.joint
+        if not edge.spans or not isinstance(span, Span):
+            continue
+        number[k] = len(reach)
+        places = [span.vertices.index(v) for v in (edge.parent, edge.child)]
+        elements = span.item.elements
+        reach.append((places[1] - places[0]) * elements.lengths[span.element])
+        strain.append(elements.reference[span.element, 0, :3])
+        turned.append(span.item.rotations[span.element][places])
+        both = edge.parent, edge.child
+        slots.append([[plan.slot[a, b] for b in both] for a in both])
+    rotations = np.array(turned, dtype=float).reshape(-1, 2, 3, 3)
+    return {
+        "span": number,
+        "span_reach": np.array(reach, dtype=float),
+        "span_strain": _vectors(strain),
+        "span_rotation": rotations,
+        "span_turned": (rotations != np.eye(3)).any((1, 2, 3)),
+        "span_slot": np.array(slots, dtype=np.int64).reshape(-1, 2, 2),
     }
 
 

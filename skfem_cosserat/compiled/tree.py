@@ -30,12 +30,14 @@ from .small import (
     times,
     turned,
 )
+from .spans import span_arm, span_maps, span_stretch
 
 __all__ = [
     "AXIS",
     "ROTATION",
     "SLIDE",
     "SPHERE",
+    "STRETCH",
     "axis",
     "joint_add",
     "joint_begin",
@@ -46,8 +48,8 @@ __all__ = [
     "spot",
 ]
 
-#: kinds of coordinates: absolute rotation, hinge, point on a sphere, slide
-ROTATION, AXIS, SPHERE, SLIDE = 1, 2, 3, 4
+#: kinds of coordinates: absolute rotation, hinge, point on a sphere, slide, stretch of an element
+ROTATION, AXIS, SPHERE, SLIDE, STRETCH = 1, 2, 3, 4, 5
 
 
 @inlined
@@ -92,6 +94,9 @@ def joint_begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             swing[e, 1 + c] = 0.0
         a = spot(y0, s.parent_row[e], row(s.parent_offset, e))
         put(arm0, e, minus(spot(y0, s.child_row[e], row(s.child_offset, e)), a))
+        for j in range(s.first[e], s.first[e + 1]):
+            if s.kind[j] == STRETCH:
+                value[j] = span_stretch(s, e, y0)
     return 0.0
 
 
@@ -108,7 +113,7 @@ def joint_add(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             o = own[j]
             if o < 0:
                 continue
-            if kinds[j] == AXIS or kinds[j] == SLIDE:
+            if kinds[j] == AXIS or kinds[j] == SLIDE or kinds[j] == STRETCH:
                 value[j] += x[v, o]
                 continue
             if kind == SPHERE and kinds[j] == ROTATION:
@@ -182,6 +187,13 @@ def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 def place_child(s: Any, e: int, y1: Floats) -> None:
     """Position of a child whose directors and whose parent are in place."""
     r = s.child_row[e]
+    if s.span[e] >= 0:
+        stretched = 0.0
+        for j in range(s.first[e], s.first[e + 1]):
+            if s.kind[j] == STRETCH:
+                stretched += s.value[j]
+        put(y1, r, plus(row(y1, s.parent_row[e]), span_arm(s, e, y1, stretched)))
+        return
     x = spot(y1, s.parent_row[e], row(s.parent_offset, e))
     put(y1, r, (0.0, 0.0, 0.0))
     x = minus(x, spot(y1, r, row(s.child_offset, e)))
@@ -221,7 +233,7 @@ def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
                 X[e, r, c] = 1.0 if r == c and r < 3 else 0.0
         for j in range(first[e], first[e + 1]):
             o = own[j]
-            if o < 0:
+            if o < 0 or kinds[j] == STRETCH:
                 continue
             if kinds[j] == SLIDE:
                 left, right = slide(s, j, y)
@@ -247,6 +259,8 @@ def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
             if s.relative[e]:
                 for c in range(3):
                     X[e, 3 + c, 3 + c] = 1.0
+        if s.span[e] >= 0:
+            span_maps(s, e, y, S, X, kinds, STRETCH)
 
 
 @inlined
