@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..model import System
 from ..model.groups import BeamGroup, Group
-from ..model.tree import Coordinate, Edge, Span, Spot
+from ..model.tree import Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..types import Floats, IndexArray
 from . import (
@@ -33,6 +33,7 @@ from . import (
     tree,
 )
 from .bind_couplings import bound_couplings
+from .bind_spans import bound_spans
 from .following import following
 from .jit import address
 from .numbers import BEAM_PARTS, COUPLED, TREE_PARTS
@@ -66,8 +67,7 @@ _PLANNED = (
     "update",
     "parent_at",
 )
-KINDS = {"rotation": ROTATION, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE}
-KINDS["stretch"] = STRETCH
+KINDS = {"rotation": ROTATION, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE, "stretch": STRETCH}
 
 
 def parts_of(system: System, weight: float, ends: bool, static: bool = False) -> list[str]:
@@ -270,7 +270,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         **bound_lumps(system.frame_group, system.point_group),
         **bound_following(system, plan),
         **bound_couplings(system, plan),
-        **_spans(system, plan),
+        **bound_spans(system, plan),
     }
     return layout.tree(tuple(fields[name] for name in layout.TREE)), fields
 
@@ -352,33 +352,6 @@ def _coordinates(system: System) -> dict[str, Any]:
         "centre_row": _ints([row[s.vertex] for s in centres]),
         "centre_offset": _vectors([s.offset for s in centres]),
         "centre_vertex": _ints([s.vertex if s.vertex < count else -1 for s in centres]),
-    }
-
-
-def _spans(system: System, plan: Plan) -> dict[str, Any]:
-    """Elements whose lines follow from their directors."""
-    number = np.full(len(system.tree.edges), -1)
-    reach, strain, turned, slots = [], [], [], []
-    for k, edge in enumerate(system.tree.edges):
-        span = edge.joint
-        if not edge.spans or not isinstance(span, Span):
-            continue
-        number[k] = len(reach)
-        places = [span.vertices.index(v) for v in (edge.parent, edge.child)]
-        elements = span.item.elements
-        reach.append((places[1] - places[0]) * elements.lengths[span.element])
-        strain.append(elements.reference[span.element, 0, :3])
-        turned.append(span.item.rotations[span.element][places])
-        both = edge.parent, edge.child
-        slots.append([[plan.slot[a, b] for b in both] for a in both])
-    rotations = np.array(turned, dtype=float).reshape(-1, 2, 3, 3)
-    return {
-        "span": number,
-        "span_reach": np.array(reach, dtype=float),
-        "span_strain": _vectors(strain),
-        "span_rotation": rotations,
-        "span_turned": (rotations != np.eye(3)).any((1, 2, 3)),
-        "span_slot": np.array(slots, dtype=np.int64).reshape(-1, 2, 2),
     }
 
 

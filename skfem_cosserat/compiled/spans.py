@@ -18,8 +18,20 @@ from ..types import Floats
 from .elements import scalar_block
 from .jit import inlined, part
 from .numbers import WEIGHT
-from .small import Rotation, Vector, combine, cross, directors, dot, increase, minus, plus
-from .small import put, row, times
+from .small import (
+    Rotation,
+    Vector,
+    combine,
+    cross,
+    directors,
+    dot,
+    increase,
+    minus,
+    plus,
+    put,
+    row,
+    times,
+)
 
 __all__ = ["span_arm", "span_curvature", "span_maps", "span_stretch"]
 
