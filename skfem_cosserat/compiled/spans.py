@@ -99,32 +99,41 @@ def span_arm(s: Any, e: int, y: Floats, stretched: float) -> Vector:
 
 
 @inlined
-def turning(reach: float, C: Rotation, d: Rotation, phi: Vector, omega: Vector) -> Vector:
-    """What an angular velocity of one node with directors d adds to the velocity of the arm."""
-    rate = dot(cross(omega, d[0]), phi), dot(cross(omega, d[1]), phi), dot(cross(omega, d[2]), phi)
-    return times(-0.5 * reach, combine(rate, C))
+def by_turns(reach: float, C: Rotation, d: Rotation, phi: Vector) -> Rotation:
+    """Rows of what an angular velocity of a node with directors d is multiplied with in the arm's.
+
+    C are the columns of ``D^-1``.
+    """
+    t = cross(d[0], phi), cross(d[1], phi), cross(d[2], phi)
+    f = -0.5 * reach
+    return (
+        times(f, combine((C[0][0], C[1][0], C[2][0]), t)),
+        times(f, combine((C[0][1], C[1][1], C[2][1]), t)),
+        times(f, combine((C[0][2], C[1][2], C[2][2]), t)),
+    )
 
 
 @inlined
 def span_maps(s: Any, e: int, y: Floats, S: Floats, X: Floats, kinds: Any, stretches: int) -> None:
-    """Add to S and X of a spherical joint between the nodes' origins what their turns move."""
-    k = s.span[e]
-    reach = s.span_reach[k]
+    """S and X of a child, in place of zeros but for the identity of X's velocities."""
+    reach, own, first = s.span_reach[s.span[e]], s.own, s.first
     a, b = sections(s, e, y)
     C, phi = inverse(middle(a, b)), slope(s, e, y)
+    E = by_turns(reach, C, a, phi)
     for c in range(3):
-        axis = (1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0)
-        v = turning(reach, C, a, phi, axis)
+        X[e, 0, 3 + c] = E[0][c]
+        X[e, 1, 3 + c] = E[1][c]
+        X[e, 2, 3 + c] = E[2][c]
+    E = by_turns(reach, C, b, phi)
+    for j in range(first[e], first[e + 1]):
+        o = own[j]
+        v, turn = times(reach, C[2]), (0.0, 0.0, 0.0)
+        if kinds[j] != stretches:
+            turn = row(s.axis, j)
+            v = dot(E[0], turn), dot(E[1], turn), dot(E[2], turn)
         for r in range(3):
-            X[e, r, 3 + c] += v[r]
-    for j in range(s.first[e], s.first[e + 1]):
-        o = s.own[j]
-        if kinds[j] == stretches:
-            v = times(reach, C[2])
-        else:
-            v = turning(reach, C, b, phi, row(s.axis, j))
-        for r in range(3):
-            S[e, r, o] += v[r]
+            S[e, r, o] = v[r]
+            S[e, 3 + r, o] = turn[r]
 
 
 @part

@@ -12,6 +12,7 @@ from typing import Any
 
 from ..types import Floats
 from .jit import inlined, part
+from .lanes import add_product, put_product
 from .numbers import WEIGHT
 from .small import (
     Rotation,
@@ -231,9 +232,12 @@ def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
             for c in range(6):
                 S[e, r, c] = 0.0
                 X[e, r, c] = 1.0 if r == c and r < 3 else 0.0
+        if s.span[e] >= 0:
+            span_maps(s, e, y, S, X, kinds, STRETCH)
+            continue
         for j in range(first[e], first[e + 1]):
             o = own[j]
-            if o < 0 or kinds[j] == STRETCH:
+            if o < 0:
                 continue
             if kinds[j] == SLIDE:
                 left, right = slide(s, j, y)
@@ -259,8 +263,6 @@ def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
             if s.relative[e]:
                 for c in range(3):
                     X[e, 3 + c, 3 + c] = 1.0
-        if s.span[e] >= 0:
-            span_maps(s, e, y, S, X, kinds, STRETCH)
 
 
 @inlined
@@ -270,15 +272,10 @@ def reduce(s: Any, w: Any, F: Floats, b: Floats) -> None:
     for e in range(len(child) - 1, -1, -1):
         v = child[e]
         p = parent[e]
-        for o in range(6):
-            t = 0.0
-            u = 0.0
-            for c in range(6):
-                t += S[e, c, o] * F[v, c]
-                u += X[e, c, o] * F[v, c]
-            b[v, o] = t
-            if p >= 0:
-                F[p, o] += u
+        put_product(S, e, F, v, 1.0, b, v)
+        if p >= 0:
+            add_product(X, e, F, v, 1.0, F, p)
+            for o in range(6):
                 b[p, o] = F[p, o]
 
 
