@@ -34,8 +34,9 @@ GUESSED = 1e-2
 #: smallest pivot of closing rows, relative, above which a position is regular for all purposes
 REGULAR = 1e-3
 #: share of the smallest pivot of closing rows that motions (rad, or relative to the scene) may use
-#: up before rows are chosen again: their entries change by no more than a few times as much
-CLEAR = 0.1
+#: up before rows are chosen again: they are products of two things that turn, so change by twice as
+#: much at most, and are more than half as far from singular then
+CLEAR = 0.2
 #: entries of a matrix of elements without extension above which multipliers are far faster
 CROWDED = 90_000
 #: a correction this large means that the loop does not close near here
