@@ -142,6 +142,7 @@ class CompiledScene:
         self._coordinates = [c for cs in bind.coordinates_of(system) for c in cs]
         self._drives = any(c.drive is not None for c in self._coordinates)
         self._chart = Chart(system.kinematics)
+        self._sizes = np.where(self._tree["turning"], 1.0, 1 / system.length)
         self._numbering = np.full(system.kinematics.unknowns, -1)
         for v, places in system.tree.own.items():
             self._numbering[places] = 6 * v + np.arange(len(places))
@@ -243,9 +244,7 @@ class CompiledStep(CompiledScene):
             *others, beams, numbers = self._all
             self._all = (*others, self._viscous.beside(beams, numbers), numbers)
         self._rows = np.zeros(0, dtype=np.int64)
-        # what coordinates count when motions are compared, and how far they went since rows of
-        # closed loops were chosen
-        self._sizes = np.where(self._tree["turning"], 1.0, 1 / system.length)
+        # how far coordinates went since rows of closed loops were chosen, and in the last step
         self._travelled = self._travel = np.inf
 
     def resized(self, h: float) -> CompiledStep:
