@@ -142,6 +142,16 @@ def test_closed_loops_are_looked_at_now_and_then():
     assert violation < 1e-12
 
 
+def test_automatic_choice_knows_that_plain_kernels_are_slow():
+    """With lines eliminated: fewer steps are enough for compiled kernels to pay."""
+    names = {}
+    for rung in (None, sc.RungInextensible()):
+        system = swing().scene("stiff", rung=rung).freeze()
+        stepper = sc.Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, steps=8000)
+        names[rung] = stepper.choice.name
+    assert names == {None: "numpy", sc.RungInextensible(): "numba"}
+
+
 def test_what_there_are_no_kernels_for():
     method = sc.EnergyMomentum()
     long = swing().scene("stiff", elements=BORDER, rung=sc.RungInextensible(torsion=False))
