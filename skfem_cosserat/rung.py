@@ -11,8 +11,10 @@ resultants.
 
 Each takes both treatments. The null space method eliminates the lines of beams whose elements form
 trees: positions follow from rotations (and stretches), which leaves half of the unknowns or fewer
-but fills their matrix; it is for tens of elements in a row. With multipliers there are more
-unknowns than for the full beam, in a narrow band: for long beams.
+but fills their matrix; with plain kernels it is for tens of elements in a row. Compiled kernels
+take linear elements one after the other like the joints of a tree, at a cost linear in their
+number. With multipliers there are more unknowns than for the full beam, in a narrow band: for long
+beams of higher order.
 """
 
 from __future__ import annotations

@@ -679,9 +679,9 @@ def test_bad_rungs_are_refused():
 
 
 def test_kernels_that_do_not_know_rungs_say_so():
-    system = cantilever(sc.RungInextensible(), 1, 2).freeze()
-    with pytest.raises(sc.InputError, match="rungs of beams"):
-        sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, until=2e-3, kernels="numba")
+    system, run = cantilever(sc.RungInextensible(), 1, 2).freeze(), (1e-3, 2e-3)
+    with pytest.raises(sc.InputError, match="rungs of beams with multipliers"):
+        sc.simulate(system, sc.EnergyMomentum(), sc.Multipliers(), *run, kernels="numba")
     model = arc(sc.RungInextensible(), lumped=True)
     with pytest.raises(sc.IncompatibleError, match="RungInextensible"):
         sc.simulate(model.freeze(), sc.Explicit(), sc.Multipliers(), 1e-5, until=2e-5)

@@ -27,16 +27,18 @@ from . import (
     loads_kkt,
     loops,
     nodes,
+    spans,
     stresses,
     tangent,
     tree,
 )
 from .bind_couplings import bound_couplings
+from .bind_spans import bound_spans
 from .following import following
 from .jit import address
 from .numbers import BEAM_PARTS, COUPLED, TREE_PARTS
 from .plan import Plan
-from .tree import AXIS, ROTATION, SLIDE, SPHERE
+from .tree import AXIS, ROTATION, SLIDE, SPHERE, STRETCH
 from .warm import cold, helped
 
 __all__ = [
@@ -65,7 +67,7 @@ _PLANNED = (
     "update",
     "parent_at",
 )
-KINDS = {"rotation": ROTATION, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE}
+KINDS = {"rotation": ROTATION, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE, "stretch": STRETCH}
 
 
 def parts_of(system: System, weight: float, ends: bool, static: bool = False) -> list[str]:
@@ -83,6 +85,8 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
         unused |= {name for name in TREE_PARTS if name.startswith("joint")}
     if not system.closure.rank:
         unused |= {name for name in TREE_PARTS if name.startswith("loop")}
+    if not weight or system.kinematics.spans is None:
+        unused.add("span_curvature")
     if not weight:
         unused |= {"joint_curvature", "node_matrix", "loop_curvature"}
     if system.frame_group is None and system.point_group is None:
@@ -129,7 +133,7 @@ def addresses(
 
 def part_named(name: str, multipliers: bool = False) -> Any:
     """The function of this name."""
-    modules = [nodes, tree, curvature, loops, blocks, stresses, tangent, loads, couplings]
+    modules = [nodes, tree, spans, curvature, loops, blocks, stresses, tangent, loads, couplings]
     if multipliers:
         modules = [kkt, constraints, stresses, loads_kkt, couplings_kkt]
     return next(vars(m)[name] for m in modules if name in m.__all__)
@@ -266,6 +270,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         **bound_lumps(system.frame_group, system.point_group),
         **bound_following(system, plan),
         **bound_couplings(system, plan),
+        **bound_spans(system, plan),
     }
     return layout.tree(tuple(fields[name] for name in layout.TREE)), fields
 
@@ -327,7 +332,7 @@ def _coordinates(system: System) -> dict[str, Any]:
     turning[[v for v in tree.free if system.is_frame[v]], 3:] = True
     for c, k in zip(own, numbers, strict=True):
         if k >= 0:
-            turning[c.vertex, k] = c.kind != "slide"
+            turning[c.vertex, k] = c.kind not in ("slide", "stretch")
     return {
         "value": np.zeros(len(own)),
         "driven": np.zeros(len(own)),

@@ -236,17 +236,12 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         e = edge[v]
         p = parent[v]
         if e >= 0:
-            for i in range(6):
-                # of a child: what eliminations before it have left
-                own, passed = 0.0, 0.0
-                for c in range(6):
-                    own += S_left[e, c, i] * extra[v, c]
-                    passed += X_left[e, c, i] * extra[v, c]
-                x[v, i] += own
-                if p >= 0 and edge[p] < 0:
-                    x[p, i] += passed
-                elif p >= 0:
-                    extra[p, i] += passed
+            # of a child: what eliminations before it have left
+            add_product(S_left, e, extra, v, 1.0, x, v)
+            if p >= 0 and edge[p] < 0:
+                add_product(X_left, e, extra, v, 1.0, x, p)
+            elif p >= 0:
+                add_product(X_left, e, extra, v, 1.0, extra, p)
         if t >= blocks:
             continue
         for j in range(ptr[t], ptr[t + 1]):

@@ -33,6 +33,8 @@ def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
             for c in range(6):
                 C_child[e, r, c] = 0.0
                 C_parent[e, r, c] = 0.0
+        if s.span[e] >= 0:  # nothing acts beyond, see span_curvature
+            continue
         if p >= 0 and s.framed[p]:
             moment_curvature(s, e, w.y1, f, A, m.diag[p], m.to_parent[e])
         for j in range(s.first[e], s.first[e + 1]):

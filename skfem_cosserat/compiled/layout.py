@@ -24,6 +24,10 @@ BEAMS = (
 FOLLOWING = ("moment_vertex", "moment_follows", "follower")
 #: force elements: integers, factors of laws, matrices of invariants
 COUPLINGS = ("coupling", "coupling_law", "coupling_forms")
+#: elements whose lines follow from their directors: of each edge which of them, or -1; length from
+#: parent to child, negative against the element; Gamma of the reference, rotations of the section
+#: at both, blocks of both
+SPANS = ("span", "span_reach", "span_strain", "span_rotation", "span_turned", "span_slot")
 #: vertices, edges (joints from parent to child) and their coordinates
 TREE = (
     *(
@@ -51,6 +55,7 @@ TREE = (
     *("loop_vertices", "triple", "lump_vertex", "lumps", "point_vertex", "point_masses"),
     *FOLLOWING,
     *COUPLINGS,
+    *SPANS,
 )
 #: the order of elimination, neighbours still to come, slots of blocks; how many are eliminated in
 #: blocks, and what is called back to solve for the rest (0: none)

@@ -100,8 +100,12 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
         call(p[n.COUPLE], s, m, w, numbers, 1)
     if p[n.LUMP_MATRIX]:
         call(p[n.LUMP_MATRIX], s, m, w, numbers, 0)
+    other = mixed
+    if p[n.SPAN_CURVATURE]:
+        call(p[n.SPAN_CURVATURE], s, m, w, numbers, mixed)
+        other = 1
     if p[n.NODE_MATRIX]:
-        call(p[n.NODE_MATRIX], s, m, w, numbers, mixed)
+        call(p[n.NODE_MATRIX], s, m, w, numbers, other)
     if p[n.JOINT_MAPS]:
         call(p[n.JOINT_MAPS], s, m, w, numbers, 1)
     if p[n.JOINT_CURVATURE]:

@@ -12,6 +12,7 @@ from typing import Any
 
 from ..types import Floats
 from .jit import inlined, part
+from .lanes import add_product, put_product
 from .numbers import WEIGHT
 from .small import (
     Rotation,
@@ -30,12 +31,14 @@ from .small import (
     times,
     turned,
 )
+from .spans import span_arm, span_maps, span_stretch
 
 __all__ = [
     "AXIS",
     "ROTATION",
     "SLIDE",
     "SPHERE",
+    "STRETCH",
     "axis",
     "joint_add",
     "joint_begin",
@@ -46,8 +49,8 @@ __all__ = [
     "spot",
 ]
 
-#: kinds of coordinates: absolute rotation, hinge, point on a sphere, slide
-ROTATION, AXIS, SPHERE, SLIDE = 1, 2, 3, 4
+#: kinds of coordinates: absolute rotation, hinge, point on a sphere, slide, stretch of an element
+ROTATION, AXIS, SPHERE, SLIDE, STRETCH = 1, 2, 3, 4, 5
 
 
 @inlined
@@ -92,6 +95,9 @@ def joint_begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             swing[e, 1 + c] = 0.0
         a = spot(y0, s.parent_row[e], row(s.parent_offset, e))
         put(arm0, e, minus(spot(y0, s.child_row[e], row(s.child_offset, e)), a))
+        for j in range(s.first[e], s.first[e + 1]):
+            if s.kind[j] == STRETCH:
+                value[j] = span_stretch(s, e, y0)
     return 0.0
 
 
@@ -108,7 +114,7 @@ def joint_add(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             o = own[j]
             if o < 0:
                 continue
-            if kinds[j] == AXIS or kinds[j] == SLIDE:
+            if kinds[j] == AXIS or kinds[j] == SLIDE or kinds[j] == STRETCH:
                 value[j] += x[v, o]
                 continue
             if kind == SPHERE and kinds[j] == ROTATION:
@@ -182,6 +188,13 @@ def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 def place_child(s: Any, e: int, y1: Floats) -> None:
     """Position of a child whose directors and whose parent are in place."""
     r = s.child_row[e]
+    if s.span[e] >= 0:
+        stretched = 0.0
+        for j in range(s.first[e], s.first[e + 1]):
+            if s.kind[j] == STRETCH:
+                stretched += s.value[j]
+        put(y1, r, plus(row(y1, s.parent_row[e]), span_arm(s, e, y1, stretched)))
+        return
     x = spot(y1, s.parent_row[e], row(s.parent_offset, e))
     put(y1, r, (0.0, 0.0, 0.0))
     x = minus(x, spot(y1, r, row(s.child_offset, e)))
@@ -219,6 +232,9 @@ def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
             for c in range(6):
                 S[e, r, c] = 0.0
                 X[e, r, c] = 1.0 if r == c and r < 3 else 0.0
+        if s.span[e] >= 0:
+            span_maps(s, e, y, S, X, kinds, STRETCH)
+            continue
         for j in range(first[e], first[e + 1]):
             o = own[j]
             if o < 0:
@@ -256,15 +272,10 @@ def reduce(s: Any, w: Any, F: Floats, b: Floats) -> None:
     for e in range(len(child) - 1, -1, -1):
         v = child[e]
         p = parent[e]
-        for o in range(6):
-            t = 0.0
-            u = 0.0
-            for c in range(6):
-                t += S[e, c, o] * F[v, c]
-                u += X[e, c, o] * F[v, c]
-            b[v, o] = t
-            if p >= 0:
-                F[p, o] += u
+        put_product(S, e, F, v, 1.0, b, v)
+        if p >= 0:
+            add_product(X, e, F, v, 1.0, F, p)
+            for o in range(6):
                 b[p, o] = F[p, o]
 
 

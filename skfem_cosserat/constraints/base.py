@@ -55,6 +55,8 @@ class BoundTreatment(ABC):
     notice: str | None = None
     #: whether all constraints that count as independent are so, by far, where the step starts
     regular: bool = True
+    #: motion (rad, or relative to the scene) within which no singular position can be
+    clearance: float = 0.0
     #: constraint rows that close loops in this step, independent of each other
     closing: IndexArray = np.zeros(0, dtype=np.int64)
     #: increments of the last step (each treatment its own), to start the next one with, or None

@@ -33,6 +33,10 @@ QUADRATIC = 3e-8
 GUESSED = 1e-2
 #: smallest pivot of closing rows, relative, above which a position is regular for all purposes
 REGULAR = 1e-3
+#: share of the smallest pivot of closing rows that motions (rad, or relative to the scene) may use
+#: up before rows are chosen again: they are products of two things that turn, so change by twice as
+#: much at most, and are more than half as far from singular then
+CLEAR = 0.2
 #: entries of a matrix of elements without extension above which multipliers are far faster
 CROWDED = 90_000
 #: a correction this large means that the loop does not close near here
@@ -175,7 +179,9 @@ class BoundNullSpace(BoundTreatment):
         """Independent closure rows at the start of the step."""
         T = self._tree_at(y0)[1]
         chosen = self.closure.select(y0, T)
-        self.regular = all((s.pivots > REGULAR).all() for s in chosen)
+        least = min(float(s.pivots.min(initial=1.0)) for s in chosen)
+        self.regular = least > REGULAR
+        self.clearance = CLEAR * least if self.regular else 0.0
         self.closing = np.concatenate([s.rows for s in chosen])
         if self.momentum is not None:
             self._passages, self._direction = Passages(self.system), None

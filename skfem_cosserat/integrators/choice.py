@@ -24,6 +24,9 @@ ITERATIONS = 3
 #: how much faster a step is with compiled kernels, for the warning where numba is missing: what
 #: was measured for 20 and for 2000 elements lies on both sides
 FACTOR = 15
+#: how much slower plain kernels are where lines of beams are eliminated: 4 to 7 times as measured
+#: for 20 elements, more for more
+ELIMINATED = 5
 LEAVES = (
     "there are no compiled kernels for multipliers where elimination fills in or leaves something"
     " to a solver that is asked for"
@@ -60,6 +63,8 @@ def choose_kernels(
 ) -> Choice:
     """See :func:`choose`; for a run of as many steps."""
     seconds = estimated_seconds(system, STEPS if steps is None else steps)
+    if system.kinematics.spans is not None and not isinstance(treatment, Multipliers):
+        seconds *= ELIMINATED
     refused = refusal(system, integrator, treatment)
     return choose(kernels, system, refused, seconds, solver, isinstance(treatment, Multipliers))
 

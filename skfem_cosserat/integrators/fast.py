@@ -43,6 +43,8 @@ __all__ = [
 
 #: iterations up to which no frame can have got to half a turn, where there are no closed loops
 SHORT = 8
+#: all turns of a step together (rad), and displacements against the scene, that are no half turn
+SHORT_WAY = 1.0
 #: threads compile one after the other: the second finds all there, and starts no helper of its own
 _COMPILING = threading.Lock()
 #: addresses of the parts; what is constant, the elimination, what changes, and beams
@@ -140,6 +142,7 @@ class CompiledScene:
         self._coordinates = [c for cs in bind.coordinates_of(system) for c in cs]
         self._drives = any(c.drive is not None for c in self._coordinates)
         self._chart = Chart(system.kinematics)
+        self._sizes = np.where(self._tree["turning"], 1.0, 1 / system.length)
         self._numbering = np.full(system.kinematics.unknowns, -1)
         for v, places in system.tree.own.items():
             self._numbering[places] = 6 * v + np.arange(len(places))
@@ -241,6 +244,8 @@ class CompiledStep(CompiledScene):
             *others, beams, numbers = self._all
             self._all = (*others, self._viscous.beside(beams, numbers), numbers)
         self._rows = np.zeros(0, dtype=np.int64)
+        # how far coordinates went since rows of closed loops were chosen, and in the last step
+        self._travelled = self._travel = np.inf
 
     def resized(self, h: float) -> CompiledStep:
         """The same for steps of another size; factors of matrices are not kept."""
@@ -266,7 +271,7 @@ class CompiledStep(CompiledScene):
 
     def close(self, rows: IndexArray) -> None:
         """Take these constraint rows, independent at the start of the step, to close the loops."""
-        rows = np.sort(rows)
+        rows, self._travelled = np.sort(rows), 0.0
         if not np.array_equal(rows, self._rows):
             from ..compiled import bind
 
@@ -274,6 +279,15 @@ class CompiledStep(CompiledScene):
             bind.choose_rows(self.system, self._tree, rows)
             self._a.mu[:] = 0.0
             self._record[KEPT] = 0.0
+
+    def due(self, state: State, clearance: float) -> bool:
+        """Whether the treatment has to choose rows that close the loops: it knows what is singular.
+
+        After a motion of length `clearance`, or from another state than the last.
+        """
+        if self._travelled >= clearance:
+            return True
+        return not np.array_equal(state.q, self._a.y1[: self.system.rows].ravel())
 
     @property
     def last(self) -> Any:
@@ -308,13 +322,22 @@ class CompiledStep(CompiledScene):
         self.factorisations += int(record[FACTORED])
         if self._rest is not None:
             self._rest.complain()
+        if self.looped:
+            moved = abs(self._a.total) * self._sizes
+            self._travelled += float(moved.max())
+            self._travel = float(moved.sum())
         if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
             self.last, record[KEPT], self._a.mu[:] = before, 0.0, 0.0
+            solved = False
+        if not solved:
+            self._travelled = np.inf
             return None
-        return (int(record[ITERATIONS]), float(record[RESIDUAL])) if solved else None
+        return int(record[ITERATIONS]), float(record[RESIDUAL])
 
     def _flipped(self) -> bool:
         """Whether a frame has turned by half a turn, where the midpoint tells nothing of it."""
+        if self.looped and self._travel < SHORT_WAY:
+            return False
         middle = 0.0 < self.integrator.constraint_weight < 1.0
         turned = (self.looped or middle) and half_turn(self.system, self._a.y0, self._a.y1)
         return bool(turned)

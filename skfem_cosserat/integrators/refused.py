@@ -9,6 +9,9 @@ from .coupled import scalar
 
 __all__ = ["refusal", "static_refusal"]
 
+#: rows around the elimination of the tree: each costs a sweep a step
+BORDER = 40
+
 
 def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str | None:
     """Why a scene cannot be stepped by compiled kernels; None: it can."""
@@ -24,6 +27,7 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
             "closed loops in prescribed motion": looped and bool(system.moving),
             "springs on rotation vectors, bushings": not scalar(system.couplings),
             **_everywhere(system),
+            **_rungs(system, treatment),
         },
     )
 
@@ -37,6 +41,7 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
             "closed loops": len(system.closure.rows) > 0,
             "springs, dampers and actuators": system.couplings.count > 0,
             **_everywhere(system),
+            "rungs of beams": len(system.rung_rows) > 0,
             "a turning frame": spin is not None,
         },
     )
@@ -47,7 +52,17 @@ def _everywhere(system: System) -> dict[str, bool]:
         "scenes confined to a plane": system.plane is not None,
         "beams of several orders": len(system.beam_groups) > 1,
         "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),
-        "rungs of beams": len(system.rung_rows) > 0,
+    }
+
+
+def _rungs(system: System, treatment: Treatment) -> dict[str, bool]:
+    held = len(system.rung_rows) > 0
+    curved = any(len(s.vertices) > 2 and not s.rigid for s, _ in system.tree.spans)
+    return {
+        "rungs of beams with multipliers": held and isinstance(treatment, Multipliers),
+        "rungs of beams of higher order than one": curved,
+        f"rungs of beams with more than {BORDER} rows that close loops or hold torsion": held
+        and system.closure.rank > BORDER,
     }
 
 

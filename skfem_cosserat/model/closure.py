@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
-from scipy.linalg.lapack import dgeqrf, dorgqr
+from scipy.linalg.lapack import dgeqp3, dgeqrf, dorgqr
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -249,8 +249,7 @@ class Closure:
         """Independent rows of each component at the start of a step."""
         out = []
         for c, C in zip(self.components, self.matrices(y, T), strict=True):
-            order = qr(C.T, mode="r", pivoting=True)[1]
-            out.append(self._factor(c, C, order[: c.rank]))
+            out.append(self._factor(c, C, _independent_first(C.T)[: c.rank]))
         return out
 
     def again(self, chosen: Sequence[Selected], y: Array, T: Array) -> list[Selected]:
@@ -299,6 +298,15 @@ class Closure:
         """Constraint rows and multipliers that balance a force (K,) of the tree best."""
         size = self.magnitude[s.component.rows[s.local]]
         return s.rows, s.multipliers(force[s.component.columns]) / size
+
+
+def _independent_first(A: Array) -> IndexArray:
+    """Order of the columns of A by QR with pivoting, by LAPACK alone as below."""
+    if np.iscomplexobj(A) or not A.size:
+        return np.asarray(qr(A, mode="r", pivoting=True)[1])
+    _, order, _, _, failed = dgeqp3(A)
+    assert failed == 0
+    return np.asarray(order - 1)
 
 
 def _complete_qr(A: Array) -> tuple[Array, Array]:

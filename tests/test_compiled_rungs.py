@@ -1,0 +1,166 @@
+"""Compiled kernels for rungs of beams against the plain ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers_scenes import full_section
+from test_compiled import (
+    assert_same,
+    both,
+    integrators,
+    moving,
+    test_residual_and_increment_at_random_states,
+)
+from test_rungs import cantilever, swing
+
+import skfem_cosserat as sc
+from skfem_cosserat import diagnostics
+from skfem_cosserat.integrators.fast import CompiledStep
+from skfem_cosserat.integrators.refused import BORDER, refusal
+
+# what is imported is no test of this module
+residual_and_increment = test_residual_and_increment_at_random_states
+del test_residual_and_increment_at_random_states
+
+RUNGS = (sc.RungInextensible(), sc.RungUnshearable(), sc.RungRigid())
+rungs = pytest.mark.parametrize("rung", RUNGS, ids=repr)
+
+
+def crooked(rung, order=1):
+    """A beam with corners that the tree runs along against its elements, and what hangs on it.
+
+    On a hinge a body, on that by a ball joint another beam, all in space.
+    """
+    points = [(0, 0, 0), (1, 0, 0), (1.3, 0.9, 0.2)]
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_polyline(points, 2, name="c")
+    first = sc.Beam(mesh, full_section(), order=order, director=(0, 0, 1), rung=rung)
+    first = model.add("first", first)
+    model.add("clamp", sc.JointFixed(sc.ground(points[2]), first.node("c.end")))
+    inertia = np.array([[0.5, 0.06, -0.04], [0.06, 0.6, 0.09], [-0.04, 0.09, 0.45]])
+    body = sc.RigidBody(1.5, inertia, center=(0.1, -0.2, 0.15), position=(-0.2, 0.1, 0))
+    body = model.add("body", body)
+    axis = (0.0, 0.6, 0.8)
+    model.add("hinge", sc.JointRevolute(first.node("c.start"), body.at(points[0]), axis))
+    end = np.array([-0.4, 0.0, 0.1])
+    mesh = sc.MeshCurve.init_line(end, end + (0, 0.5, 0), 3, name="tail")
+    other = sc.Beam(mesh, full_section(), order=order, director=(0, 0, 1), rung=rung)
+    other = model.add("tail", other)
+    model.add("ball", sc.JointSpherical(body.at(end), other.node("tail.start")))
+    model.add("gravity", sc.LoadGravity((0.5, -0.3, -9.81)))
+    return model.freeze()
+
+
+@integrators
+@rungs
+def test_residual_and_increment(rung, integrator):
+    """At random states, far from a solution: every part of the tangent."""
+    residual_and_increment(1, integrator, lambda order: crooked(rung, order))
+
+
+@integrators
+@rungs
+def test_runs_of_trees(rung, integrator):
+    assert_same(*both(crooked(rung), integrator, 2e-3, 0.06))
+
+
+@integrators
+@pytest.mark.parametrize("rung", [*RUNGS, sc.RungInextensible(torsion=False)], ids=repr)
+def test_runs_of_the_swing(rung, integrator):
+    """A closed loop through the beam, out of its plane, too; the forces that hold strains."""
+    system = swing().scene("stiff", elements=4, rung=rung, side_load=0.3).freeze()
+    assert system.closure.rank > 0
+    plain, compiled = (
+        sc.simulate(
+            system, integrator_of(integrator), sc.NullSpace(), 2e-3, 0.1,
+            kernels=kernels, settings=sc.NewtonSettings(reuse=0),
+        )
+        for kernels in ("numpy", "numba")
+    )  # fmt: skip
+    assert compiled.meta["kernels"] == "numba"
+    for name in ("q", "p", "carried"):
+        size = max(1.0, abs(plain[name]).max())
+        assert abs(compiled[name] - plain[name]).max() < 5e-12 * size, name
+    force, other = plain["constraint_force"][:-1], compiled["constraint_force"][:-1]
+    # stiff sections: forces are differences of large numbers
+    assert abs(force - other).max() < 1e-7 * abs(force).max()
+
+
+def integrator_of(name):
+    return {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}[name]
+
+
+@integrators
+def test_factors_are_kept(integrator):
+    """Over steps, turned with the frames: fewer matrices than iterations, the same motion."""
+    system = crooked(sc.RungInextensible())
+    start = moving(system)
+    ends, made = [], []
+    for reuse in (0, 4):
+        settings = sc.NewtonSettings(reuse=reuse)
+        method = integrator_of(integrator)
+        stepper = sc.Stepper(system, method, sc.NullSpace(), 1e-3, settings, kernels="numba")
+        state = start
+        for _ in range(100):
+            state = stepper.advance(state).state
+        ends.append(state.q)
+        made.append(stepper.factorisations)
+    assert abs(ends[1] - ends[0]).max() < 1e-11 * abs(ends[0]).max()
+    assert 2 * made[1] < made[0]
+
+
+def test_long_beams_cost_as_much_as_their_elements():
+    """Blocks and products of blocks, not a full matrix; same motion as with multipliers."""
+    made = {}
+    for count in (100, 200):
+        system = cantilever(sc.RungInextensible(), 1, count, load=(0, 30.0, 20.0)).freeze()
+        fast = CompiledStep(system, sc.EnergyMomentum(), 1e-2, sc.NewtonSettings())
+        made[count] = fast.plan.work, fast._a.A.shape[0]
+    assert made[200][0] - 2 * made[100][0] == pytest.approx(0, abs=3)
+    assert made[200][1] - 2 * made[100][1] == pytest.approx(0, abs=3)
+    runs = [
+        sc.simulate(system, sc.EnergyMomentum(), treatment, 1e-2, 0.05, kernels=kernels)
+        for treatment, kernels in ((sc.NullSpace(), "numba"), (sc.Multipliers(), "numpy"))
+    ]
+    assert abs(runs[0]["q"] - runs[1]["q"]).max() < 1e-10
+
+
+def test_closed_loops_are_looked_at_now_and_then():
+    """Rows that close them are chosen anew when the motion asks for it, not in each step."""
+    system = swing().scene("stiff", rung=sc.RungInextensible()).freeze()
+    stepper = sc.Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, kernels="numba")
+    looks = []
+    choose = stepper._begin
+    stepper._begin = lambda state: (looks.append(state.index), choose(state))[1]
+    state = sc.initial_state(system)
+    for _ in range(300):
+        state = stepper.advance(state).state
+    assert stepper.bound.clearance == pytest.approx(0.1, rel=0.5)
+    assert 2 < len(looks) < 30
+    violation = diagnostics.constraint_violation(system, state.q, state.time)
+    assert violation < 1e-12
+
+
+def test_automatic_choice_knows_that_plain_kernels_are_slow():
+    """With lines eliminated: fewer steps are enough for compiled kernels to pay."""
+    names = {}
+    for rung in (None, sc.RungInextensible()):
+        system = swing().scene("stiff", rung=rung).freeze()
+        stepper = sc.Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, steps=8000)
+        names[rung] = stepper.choice.name
+    assert names == {None: "numpy", sc.RungInextensible(): "numba"}
+
+
+def test_what_there_are_no_kernels_for():
+    method = sc.EnergyMomentum()
+    long = swing().scene("stiff", elements=BORDER, rung=sc.RungInextensible(torsion=False))
+    for system, treatment, what in (
+        (crooked(sc.RungInextensible(), 2), sc.NullSpace(), "higher order than one"),
+        (crooked(sc.RungInextensible()), sc.Multipliers(), "rungs of beams with multipliers"),
+        (long.freeze(), sc.NullSpace(), f"more than {BORDER} rows"),
+    ):
+        reason = refusal(system, method, treatment)
+        assert reason is not None
+        assert what in reason
+    assert refusal(crooked(sc.RungRigid(), 2), method, sc.NullSpace()) is None
