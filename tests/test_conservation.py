@@ -171,7 +171,9 @@ def test_gravity_leaves_the_momentum_about_its_axis(integrator, treatment):
 # -- energy --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("scene", ["beam", "tree", "body", "hanging"])
+@pytest.mark.parametrize(
+    "scene", ["beam", "tree", "body", pytest.param("hanging", marks=pytest.mark.slow)]
+)
 @treatments
 def test_energy_momentum_keeps_the_energy(scene, treatment):
     _, history = run(scene, "energy-momentum", treatment, STEP, 3.0)

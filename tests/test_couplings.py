@@ -509,7 +509,9 @@ def test_law_of_cables():
 # -- energy and momentum ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("moving", [False, True], ids=["rest", "moving"])
+@pytest.mark.parametrize(
+    "moving", [pytest.param(False, marks=pytest.mark.slow), True], ids=["rest", "moving"]
+)
 @treatments
 def test_energy_balance_of_energy_momentum(treatment, moving):
     """Springs, dampers, cables, bushings, actuators, loads by nothing left out; every 3rd step."""
@@ -538,7 +540,9 @@ def shaken():
     return model.freeze()
 
 
-@pytest.mark.parametrize("moving", [False, True], ids=["rest", "moving"])
+@pytest.mark.parametrize(
+    "moving", [pytest.param(False, marks=pytest.mark.slow), True], ids=["rest", "moving"]
+)
 def test_energy_balance_of_the_variational_scheme(moving):
     worst_of = []
     for h in (0.01, 0.005, 0.0025):

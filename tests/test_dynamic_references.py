@@ -119,6 +119,7 @@ def test_loads_as_given_pendulum(integrator):
     assert (found["position"] < 5e-6).all(), found["position"]
 
 
+@pytest.mark.slow
 @integrators
 def test_kinks_of_the_load_leave_positions_but_not_velocities_their_order(integrator):
     """Negative: the step is far above the period of the waves that start at the kinks."""

@@ -12,6 +12,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 
 import element_orders as orders
 
+pytestmark = pytest.mark.slow  # quickly, test_static_references sees orders
+
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):

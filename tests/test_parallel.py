@@ -401,6 +401,7 @@ def test_a_worker_that_dies_between_jobs_is_replaced(processes):
     assert processes.submit(math.sqrt, 9.0).result() == 3.0
 
 
+@pytest.mark.slow
 def test_a_broken_pool_is_an_outcome():
     """Jobs in it and after it say so; nothing is raised, and what was done is kept."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
@@ -433,6 +434,7 @@ def test_one_thread_each_and_the_own_environment_untouched(processes, monkeypatc
     assert dict(os.environ) == before
 
 
+@pytest.mark.slow
 def test_an_error_in_the_block_ends_the_workers():
     start, futures = time.perf_counter(), []
 
@@ -703,6 +705,7 @@ class Closing:
         return future
 
 
+@pytest.mark.slow
 def test_an_executor_that_is_closed_loses_no_outcome():
     """Its error went through, and what had been done was lost."""
     jobs = [sc.Job(f"{x}", math.sqrt, x) for x in (4.0, 9.0, 16.0)]

@@ -32,7 +32,7 @@ def tip(history, place):
 
 @pytest.mark.parametrize(("order", "elements"), [(1, 16), (2, 8), (3, 4), (4, 4)])
 @pytest.mark.parametrize("side", [0.005, pytest.param(0.02, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("until", [60.0, 80.0])
+@pytest.mark.parametrize("until", [60.0, pytest.param(80.0, marks=pytest.mark.slow)])
 def test_imperfect_column_bends_the_way_it_is_pushed(order, elements, side, until):
     """Past the critical load of the perfect one long steps can land on the other, unstable side."""
     model, end = column(side, order=order, elements=elements)
@@ -68,7 +68,7 @@ def test_critical_points_lie_in_their_steps(treatment):
 
 @treatments
 @pytest.mark.parametrize("mode", [0, 1])
-@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("sign", [1, pytest.param(-1, marks=pytest.mark.slow)])
 def test_round_column_buckles_in_a_plane(treatment, mode, sign):
     """Its plane of bending is free: nothing may turn it on the way."""
     model, end = column(EI=(20.0, 20.0))
@@ -110,7 +110,7 @@ def test_round_steel_column(treatment):
 
 
 @treatments
-@pytest.mark.parametrize("share", [0.999, 0.9999, 0.99999])
+@pytest.mark.parametrize("share", [0.999, pytest.param(0.9999, marks=pytest.mark.slow), 0.99999])
 def test_the_end_of_a_path_may_lie_just_below_a_limit_point(treatment, share):
     """One step leads over the crest: the end is on this side of it."""
     section = sc.Section.from_constants(

@@ -131,7 +131,9 @@ def spinning(joint, swap, w, m, r, **options):
 @integrators
 @treatments
 @swaps
-@pytest.mark.parametrize("joint", [sc.JointSpherical, sc.JointRevolute])
+@pytest.mark.parametrize(
+    "joint", [sc.JointSpherical, pytest.param(sc.JointRevolute, marks=pytest.mark.slow)]
+)
 def test_centripetal_force(integrator, treatment, swap, joint):
     """m w^2 r towards the joint, at nodes (variational) or midpoints; second order."""
     w, m, r = 2.0, 1.5, 0.6
