@@ -390,7 +390,7 @@ class BoundNullSpace(BoundTreatment):
             values.append(self._project_pairs(np.concatenate(pairs), y1))
         if self.weight:
             # derivative of P_int^T R
-            W = spin_gradient(kin.directors(y1), R.take(kin.director_rows, axis=0))
+            W = spin_gradient(kin.directors(y1), kin.directors(R))
             values.append((self.weight * W).ravel())
             if len(kin.tree.pairs):
                 extra = kin.curvature_values(self._left, right, force)

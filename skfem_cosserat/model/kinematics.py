@@ -85,6 +85,8 @@ class Kinematics:
         self.points = np.flatnonzero(~is_frame)
         self.frame_rows = row[self.frames]
         self.director_rows = self.frame_rows[:, None] + np.arange(1, 4)
+        #: frames only, one after the other: their rows are views then, without picking
+        self._framed = bool(is_frame.all() and (self.frame_rows == 4 * np.arange(nv)).all())
         self.frame_twist = self.twist_of[self.frames][:, None] + np.arange(6)
         self.point_twist = self.twist_of[self.points][:, None] + np.arange(3)
         # forces on frames and points, then moments: which make up a twist force, three by three
@@ -297,11 +299,17 @@ class Kinematics:
         return csr_matrix((values[self._order], indices, indptr), shape=shape)
 
     def directors(self, y: Array) -> Array:
-        """Directors (nf, 3, 3) of the frames, rows d1, d2, d3."""
+        """Directors (nf, 3, 3) of the frames, rows d1, d2, d3; not to be written to."""
+        if self._framed:
+            return y[: 4 * len(self.frames)].reshape(-1, 4, 3)[:, 1:]
         return y.take(self.director_rows, axis=0)
 
     def twist_force(self, y: Array, force: Array) -> Array:
         """``P_int(y)^T f``: force and moment of each vertex, (n_twist,) from (nv, 3)."""
+        if self._framed:
+            f = force[: 4 * len(self.frames)].reshape(-1, 4, 3)
+            moment = director_force(self.directors(y), f[:, 1:])
+            return np.concatenate([f[:, 0], moment], axis=1).ravel()
         parts = [
             force.take(self._force_rows, axis=0),
             director_force(self.directors(y), force.take(self.director_rows, axis=0)),
