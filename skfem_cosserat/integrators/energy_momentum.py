@@ -212,6 +212,8 @@ class EnergyMomentum(Integrator):
         """See the base class."""
         assert isinstance(evaluation, MovedEvaluation)
         done = super().work(system, step, evaluation, y1)
+        if not evaluation.lost:
+            return done
         return replace(done, dissipated=done.dissipated + evaluation.lost)
 
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:

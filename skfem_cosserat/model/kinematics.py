@@ -154,6 +154,17 @@ class Kinematics:
         self._axis_of = np.array(
             [len(both) + hinge_of[k] if k in hinge_of else k for k in numbers], dtype=np.int64
         )
+        # few pairs, all on hinges: spots, then axes and arms of pairs, in one product
+        self._few = not slides and len(turning) <= len(self.spots) and hinge_of.keys() >= {*numbers}
+        centres = [cs[p.number] for p in turning] if self._few else []
+        self._combine_few = combination(
+            [self.spot_terms(s) for s in self.spots]
+            + [self._axis_terms(c, c.axis) for c in centres]
+            + [
+                [*self.spot_terms(p.target), *((a, -f) for a, f in self.spot_terms(c.centre))]  # type: ignore[arg-type]
+                for p, c in zip(turning, centres, strict=False)
+            ]
+        )
         turned: dict[int, list[tuple[int, int]]] = {}
         for k, p in enumerate(turning):
             if p.rotates:
@@ -262,6 +273,12 @@ class Kinematics:
         """What all functions of the tree need at configuration y."""
         if not len(self.pair_number) and not len(self.slide_number):
             return Located(y, *(y[:0],) * 6)
+        if self._few:
+            rows, factors = self._combine_few
+            every = (factors @ y.take(rows, axis=0))[:, 0]
+            a = len(self.spots)
+            b = a + len(self.pair_number)
+            return Located(y, every[:a], every[a:b], every[b:], *(y[:0],) * 3)
         x, hinges, left, right = self.combined(y)
         axis = np.concatenate([fixed, hinges]).take(self._axis_of, axis=0)
         arm = x.take(self.pair_target, axis=0) - x.take(self.pair_centre, axis=0)
