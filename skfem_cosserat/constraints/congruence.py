@@ -16,6 +16,7 @@ __all__ = ["Congruence"]
 
 #: products of single entries above which parts that are full enough are multiplied as full matrices
 MANY = 40_000
+_UNIT = np.ones(1)
 
 
 @dataclass(eq=False)
@@ -85,6 +86,11 @@ class Congruence:
         self._source, self._left, self._right = _expand(I[rest], J[rest], rest, start, order)
         k, J2 = extra
         self._extra, _, self._extra_right = _expand(None, J2, np.arange(len(J2)), start, order)
+        # products of both kinds as one: entries of A, then of C; of T left, T right, then one
+        self._products = np.concatenate([self._source, len(I) + self._extra])
+        ones = np.full(len(self._extra), 2 * len(T_rows))
+        rights = len(T_rows) + np.concatenate([self._right, self._extra_right])
+        self._factors = np.stack([np.concatenate([self._left, ones]), rights])
         col = T_cols[order[start[:-1][identity]]] if identity.any() else np.zeros(0, dtype=int)
         number = np.full(shape[0], -1)
         number[identity] = col
@@ -106,11 +112,10 @@ class Congruence:
     def data(self, A: Floats, C: Floats, left: Floats, right: Floats) -> Floats:
         """Entries of the product in :attr:`pattern`."""
         values = [A]
-        if len(self._source):
-            both = left.take(self._left) * right.take(self._right)
-            values.append(A.take(self._source) * both)
-        if len(self._extra):
-            values.append(C.take(self._extra) * right.take(self._extra_right))
+        if len(self._products):
+            factors = np.concatenate([left, right, _UNIT]).take(self._factors)
+            AC = np.concatenate([A, C]) if len(self._extra) else A
+            values.append(AC.take(self._products) * factors[0] * factors[1])
         values += [full.product(A, left, right) for full in self._full]
         every = np.concatenate(values) if len(values) > 1 else A
         return np.asarray(self._sum @ every)

@@ -88,9 +88,9 @@ class BoundNullSpace(BoundTreatment):
         self._directors = [
             kin.director_rows[number[g.vertices]] if g.framed else None for g in system.groups
         ]
-        #: null space matrices where forces act and at the end of a step, overwritten
-        self._P: dict[bool, list[Array | None]] = {
-            left: [None] * len(system.groups) for left in (True, False)
+        #: null space matrices where forces act, at the end of a step, and both, overwritten
+        self._P: dict[str, list[Array | None]] = {
+            which: [None] * len(system.groups) for which in ("left", "right", "both")
         }
         self._make_pattern()
         if kin.spans is not None and self.pattern.nnz > CROWDED:
@@ -299,20 +299,29 @@ class BoundNullSpace(BoundTreatment):
             return float("inf")
         return relative_size(largest(residual), term)
 
-    def _null_spaces(self, y: Array, left: bool) -> list[Array | None]:
-        """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), and none of points."""
-        kept = self._P[left]
+    def _null_spaces(self, which: str, *ys: Array) -> list[list[Array | None]]:
+        """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), none of points; of all ys."""
+        kept = self._P[which]
         for k, rows in enumerate(self._directors):
             if rows is not None:
-                kept[k] = null_space_blocks(y.take(rows, axis=0), kept[k])
-        return kept
+                found = [y.take(rows, axis=0) for y in ys]
+                directors = np.concatenate(found) if len(ys) > 1 else found[0]
+                kept[k] = null_space_blocks(directors, kept[k])
+        if len(ys) == 1:
+            return [kept]
+        halves = [(None, None) if P is None else (P[: len(P) // 2], P[len(P) // 2 :]) for P in kept]
+        return [[half[i] for half in halves] for i in (0, 1)]
 
     def _project(self, blocks: Sequence[Blocks], y1: Array) -> list[Array]:
         """Blocks by coordinates -> by twists, ``P_int(y_c)^T K P_int(y_1)``."""
-        if self._P_left is None:
-            self._P_left = self._null_spaces(self._left.y, True)
-        P_right, out = self._null_spaces(y1, False), []
-        for block, left, right in zip(blocks, self._P_left, P_right, strict=True):
+        if self.weight:  # P_left changes as often as P_right
+            P_left, P_right = self._null_spaces("both", self._left.y, y1)
+        else:
+            if self._P_left is None:
+                (self._P_left,) = self._null_spaces("left", self._left.y)
+            (P_right,), P_left = self._null_spaces("right", y1), self._P_left
+        out = []
+        for block, left, right in zip(blocks, P_left, P_right, strict=True):
             if left is None or right is None:
                 K = block.blocks() if isinstance(block, Parts) else block
             elif isinstance(block, Parts):
@@ -390,7 +399,7 @@ class BoundNullSpace(BoundTreatment):
             values.append(self._project_pairs(np.concatenate(pairs), y1))
         if self.weight:
             # derivative of P_int^T R
-            W = spin_gradient(kin.directors(y1), R.take(kin.director_rows, axis=0))
+            W = spin_gradient(kin.directors(y1), kin.directors(R))
             values.append((self.weight * W).ravel())
             if len(kin.tree.pairs):
                 extra = kin.curvature_values(self._left, right, force)

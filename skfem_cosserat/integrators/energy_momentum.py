@@ -28,11 +28,17 @@ __all__ = ["EnergyMomentum"]
 
 @dataclass(eq=False)
 class EnergyMomentumStep(StepData):
-    """Strains, stresses and B at the start of a step; and v (rows, 3) where that is carried on."""
+    """Strains, stresses and B at the start of a step; and v (rows, 3) where that is carried on.
+
+    `given` (rows, 3) is what the balance takes off: momentum, and loads that do not depend on the
+    configuration if there are no others; `size` is its largest term.
+    """
 
     strains0: list[Array]
     stresses0: list[Array]
     B0s: list[Array]
+    given: Floats
+    size: float
     v0: Floats | None = None
 
 
@@ -101,11 +107,14 @@ class EnergyMomentum(Integrator):
         step = super().begin(system, state, h)
         strains = system.strain(step.y0)
         stresses = [g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)]
+        load = h * step.dead
         return EnergyMomentumStep(
             **vars(step),
             strains0=[eps for eps, _ in strains],
             stresses0=stresses,
             B0s=[B for _, B in strains],
+            given=2 * step.p0 + load if system.loading.dead_only else 2 * step.p0,
+            size=largest(step.p0, load),
             v0=self._velocity(system, state, step.y0) if self.remembered else None,
         )
 
@@ -133,10 +142,14 @@ class EnergyMomentum(Integrator):
             coupled = system.couplings.discrete(step.couplings, mid, y1, self.decay(step))
             internal = internal + coupled.force[:rows]
         external = load_force(system, step, mid)
-        force, load = h * internal, h * external
+        terms = [momentum, h * internal]
+        R = momentum + terms[1] - step.given
+        if not system.loading.dead_only:
+            terms.append(h * external)
+            R -= terms[2]
         return MovedEvaluation(
-            momentum - 2 * step.p0 + force - load,
-            largest(momentum, step.p0, force, load),
+            R,
+            max(largest(*terms), step.size),  # the first one if it is not a number
             momentum,
             mid,
             stresses,
@@ -199,6 +212,8 @@ class EnergyMomentum(Integrator):
         """See the base class."""
         assert isinstance(evaluation, MovedEvaluation)
         done = super().work(system, step, evaluation, y1)
+        if not evaluation.lost:
+            return done
         return replace(done, dissipated=done.dissipated + evaluation.lost)
 
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:

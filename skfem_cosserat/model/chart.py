@@ -93,10 +93,14 @@ class Chart:
         self._open_edges = [e for e in tree.edges if tree.slides.get(e.child)]
         self._prepare_rotations()
         self._prepare_positions()
+        self._prepare_ground()
         self.rotating = np.concatenate(
             [self.turn_numbers.ravel(), self._hinges.numbers, self.sphere_numbers.ravel()]
         )
         self._prepare_turns()
+        # increments that a step starts with, not to be written to
+        self._still_shift = np.zeros((len(self.shift_numbers), 3))
+        self._still_turns = _identity(len(self._theta))
 
     def _prepare_turns(self) -> None:
         """Rotation vectors of free frames, arms on spheres and hinges: numbers and factors."""
@@ -193,6 +197,40 @@ class Chart:
             self._span_at = np.array([i for i, e in enumerate(edges) if e.spans], dtype=np.int64)
             self._sums = _path_sums(edges, kin.row)
 
+    def _prepare_ground(self) -> None:
+        """Trees whose joints are all on the ground: turns and positions of children, directly.
+
+        While the ground does not turn, a child's rotation is that of its hinge.
+        """
+        kin, tree = self.kin, self.kin.tree
+        last = len(self.turn_numbers) + len(self.sphere_numbers) + len(kin.guided)
+        others = self._open_edges or len(self.sphere_numbers) or len(self._layers) > 1
+        self._hung = (
+            not others
+            and kin.spans is None
+            and bool(tree.edges)
+            and all(e.parent >= len(kin.twist_of) for e in tree.edges)
+        )
+        self._direct = False
+        if not self._hung:
+            return
+        (level,) = self._levels
+        of_vertex = self._of_vertex.copy()
+        of_vertex[level.child] = self._of_relative[level.relative]
+        # whatever does not turn comes after all that does
+        self._of_hung = np.minimum(of_vertex[kin.frames], last)
+        self._stiff = bool((self._of_hung == last).any())
+        self._hung_rows = level.child_row
+        terms = [
+            [
+                (int(kin.row[e.parent]), 1.0),
+                *kin.spot_terms(e.parent_spot)[1:],
+                *((a, -c) for a, c in kin.spot_terms(e.child_spot)[1:]),
+            ]
+            for e in tree.edges
+        ]
+        self._hung_from, self._hung_factors = combination([terms[k] for k in level.edge])
+
     # -- a step ----------------------------------------------------------------------------------
 
     def begin(self, y0: Array, ground1: Array) -> None:
@@ -225,7 +263,9 @@ class Chart:
         if len(self._tracks.where):
             a, b = self._tracks.ends(self.y0, ground1, self.kin.total)
             self._driven_track = b[:, 2] - a[:, 2]
-        if self._levels:
+        if self._hung:
+            self._direct = bool((self.y0[self.kin.total - len(ground1) :] == ground1).all())
+        if self._levels and not self._direct:
             now = ground1.take(self._ground_rows - (self.kin.total - len(ground1)), axis=0)
             turns = self.y0.take(self._ground_rows, axis=0).transpose(0, 2, 1) @ now
             self._still = np.concatenate([turns, _ONE[None]])
@@ -243,9 +283,9 @@ class Chart:
 
     def reset(self) -> None:
         """Back to the start of the step: zero increments, driven ones at its end."""
-        self._shift: Array = np.zeros((len(self.shift_numbers), 3))
+        self._shift: Array = self._still_shift
         # those of free rotations, of arms on spheres, of hinges
-        self._turns: Array = _identity(len(self._theta))
+        self._turns: Array = self._still_turns
         self._drive_hinges()
         self._track: Array = np.zeros(len(self._track_axis))
         self._track[self._tracks.where] = self._driven_track
@@ -254,7 +294,6 @@ class Chart:
     def move_ground(self, ground1: Array) -> None:
         """Change the ground's rows at the end of the step; free increments stay as they are."""
         self._set_ground(ground1)
-        self._turns = self._turns.copy()
         self._drive_hinges()
         self._track = self._track.copy()
         self._track[self._tracks.where] = self._driven_track
@@ -262,7 +301,7 @@ class Chart:
     def _drive_hinges(self) -> None:
         """Turn driven hinges to their end."""
         if len(self._hinges.where):
-            turns = self._turns.astype(np.result_type(self._turns, self._driven_turns), copy=False)
+            turns = self._turns.astype(np.result_type(self._turns, self._driven_turns))
             turns[self._hinge_first + self._hinges.where] = self._driven_turns
             self._turns = turns
 
@@ -272,10 +311,13 @@ class Chart:
         self._shift = self._shift + (shift @ self._directions if self._flat else shift)
         if len(self.rotating):
             theta = increment.take(self._theta) * self._factors
-            for second in self.sphere_numbers.T[1:]:
-                other = increment[second][:, None] * self.fixed[second]
-                theta[self._sphere_first : self._hinge_first] -= other
-            self._turns = quaternion_product(self._turns, exp_quaternion(theta))
+            if len(self.sphere_numbers):
+                for second in self.sphere_numbers.T[1:]:
+                    other = increment[second][:, None] * self.fixed[second]
+                    theta[self._sphere_first : self._hinge_first] -= other
+            turns = exp_quaternion(theta)
+            still = self._turns is self._still_turns
+            self._turns = turns if still else quaternion_product(self._turns, turns)
         if len(self._track):
             self._track = self._tracks.moved(self._track, increment)
         if len(self._stretches):
@@ -304,7 +346,11 @@ class Chart:
         """``y_{n+1}`` (all rows)."""
         kin = self.kin
         rotations = rotation_matrix(self._turns)
-        if self._levels:
+        if self._direct:
+            if self._stiff:
+                rotations = np.concatenate([rotations, _ONE[None]])
+            turns = rotations.take(self._of_hung, axis=0)
+        elif self._levels:
             all_of_them = np.concatenate([rotations, self._still])
             R = all_of_them.take(self._of_vertex, axis=0)
             relative = self._relative_rotations(all_of_them)
@@ -318,7 +364,10 @@ class Chart:
         directors = (self._triads0 @ turns).reshape(-1, 3)
         parts = [self._shifted0 + self._shift, directors, self._ground1]
         y = np.concatenate(parts).take(self._of_row, axis=0)
-        if self._levels:
+        if self._direct:
+            moved = self._hung_factors @ y.take(self._hung_from, axis=0)
+            y[self._hung_rows] = moved[:, 0]
+        elif self._levels:
             arms = self._arms(y, R, rotations[self._sphere_first : self._hinge_first])
             if kin.spans is not None:  # trees along beams are deep
                 rows, roots, sums = self._sums

@@ -85,6 +85,8 @@ class Kinematics:
         self.points = np.flatnonzero(~is_frame)
         self.frame_rows = row[self.frames]
         self.director_rows = self.frame_rows[:, None] + np.arange(1, 4)
+        #: frames only, one after the other: their rows are views then, without picking
+        self._framed = bool(is_frame.all() and (self.frame_rows == 4 * np.arange(nv)).all())
         self.frame_twist = self.twist_of[self.frames][:, None] + np.arange(6)
         self.point_twist = self.twist_of[self.points][:, None] + np.arange(3)
         # forces on frames and points, then moments: which make up a twist force, three by three
@@ -151,6 +153,17 @@ class Kinematics:
         #: where axes of pairs are: among those that are fixed, then those of hinges
         self._axis_of = np.array(
             [len(both) + hinge_of[k] if k in hinge_of else k for k in numbers], dtype=np.int64
+        )
+        # few pairs, all on hinges: spots, then axes and arms of pairs, in one product
+        self._few = not slides and len(turning) <= len(self.spots) and hinge_of.keys() >= {*numbers}
+        centres = [cs[p.number] for p in turning] if self._few else []
+        self._combine_few = combination(
+            [self.spot_terms(s) for s in self.spots]
+            + [self._axis_terms(c, c.axis) for c in centres]
+            + [
+                [*self.spot_terms(p.target), *((a, -f) for a, f in self.spot_terms(c.centre))]  # type: ignore[arg-type]
+                for p, c in zip(turning, centres, strict=False)
+            ]
         )
         turned: dict[int, list[tuple[int, int]]] = {}
         for k, p in enumerate(turning):
@@ -260,6 +273,12 @@ class Kinematics:
         """What all functions of the tree need at configuration y."""
         if not len(self.pair_number) and not len(self.slide_number):
             return Located(y, *(y[:0],) * 6)
+        if self._few:
+            rows, factors = self._combine_few
+            every = (factors @ y.take(rows, axis=0))[:, 0]
+            a = len(self.spots)
+            b = a + len(self.pair_number)
+            return Located(y, every[:a], every[a:b], every[b:], *(y[:0],) * 3)
         x, hinges, left, right = self.combined(y)
         axis = np.concatenate([fixed, hinges]).take(self._axis_of, axis=0)
         arm = x.take(self.pair_target, axis=0) - x.take(self.pair_centre, axis=0)
@@ -297,11 +316,17 @@ class Kinematics:
         return csr_matrix((values[self._order], indices, indptr), shape=shape)
 
     def directors(self, y: Array) -> Array:
-        """Directors (nf, 3, 3) of the frames, rows d1, d2, d3."""
+        """Directors (nf, 3, 3) of the frames, rows d1, d2, d3; not to be written to."""
+        if self._framed:
+            return y[: 4 * len(self.frames)].reshape(-1, 4, 3)[:, 1:]
         return y.take(self.director_rows, axis=0)
 
     def twist_force(self, y: Array, force: Array) -> Array:
         """``P_int(y)^T f``: force and moment of each vertex, (n_twist,) from (nv, 3)."""
+        if self._framed:
+            f = force[: 4 * len(self.frames)].reshape(-1, 4, 3)
+            moment = director_force(self.directors(y), f[:, 1:])
+            return np.concatenate([f[:, 0], moment], axis=1).ravel()
         parts = [
             force.take(self._force_rows, axis=0),
             director_force(self.directors(y), force.take(self.director_rows, axis=0)),
