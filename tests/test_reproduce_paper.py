@@ -235,7 +235,7 @@ def small(tmp_path_factory):
         patch.setattr(convergence, "LONG_STEPS", {True: (1e-3, 5e-4)})
         patch.setattr(convergence, "HORIZONS", {True: (0.05,)})
         folder = tmp_path_factory.mktemp("paper")
-        yield folder, paper.main(folder, quick=True)
+        return folder, paper.main(folder, quick=True)  # other tests take the steps as they are
 
 
 def _published(folder, section):
