@@ -279,7 +279,9 @@ def test_stability_of_the_stiff_swing_with_all_integrators(tmp_path):
             elif name in ("generalized-alpha 0", "energy-decaying 0.05"):
                 assert cell.status == "drift" and cell.time > 0.66, (name, cell)
         if name.startswith("generalized-alpha 0."):  # nothing bounds its energy
-            assert cells[0].status == "newton" and cells[0].energy_error > 5, (name, cells[0])
+            # above 10 E_0 or not when a step cannot be solved: that turns with rounding
+            assert cells[0].status in ("newton", "blowup"), (name, cells[0])
+            assert cells[0].energy_error > 5, (name, cells[0])
             assert "a smaller rho_inf" in cells[0].reason
 
 
