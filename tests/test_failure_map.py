@@ -343,7 +343,8 @@ def test_energy_momentum_passes_event_x_and_fails_by_the_solver_alone(runs):
 @pytest.mark.parametrize("integrator", ["variational", "energy-momentum"])
 def test_residual_histories_of_all_attempts_are_kept(runs, integrator):
     r = runs[integrator, 1e-1]
-    assert r["solver_failed_s"] > 2 and "4 attempts" in r["reason"]
+    # after event X; when, once the variational energy has blown up at 0.5 s, is up to rounding
+    assert r["solver_failed_s"] > 1 and "4 attempts" in r["reason"]
     assert len(r["residuals"]) == len(failure_report.ATTEMPTS) == 4
     for history in r["residuals"]:
         assert len(history) == 101 or not np.isfinite(history[-1])
