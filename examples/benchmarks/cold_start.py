@@ -20,7 +20,8 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import product
 from pathlib import Path
 from statistics import median
@@ -152,6 +153,20 @@ def starts(integrator: str, treatment: str, order: int, repeats: int) -> list[di
     return rows
 
 
+def all_rows(
+    orders: Sequence[int], integrators: Sequence[str], repeats: int
+) -> Iterator[dict[str, Any]]:
+    """Importing, then what has compiled kernels, with what each may take."""
+    cases: list[Callable[[], list[dict[str, Any]]]] = [partial(imports, repeats)]
+    for order, integrator, treatment in product(orders, integrators, TREATMENTS):
+        pair = INTEGRATORS[integrator](), TREATMENTS[treatment]()
+        if refusal(measuring.chain(ELEMENTS, order), *pair) is None:
+            cases.append(partial(starts, integrator, treatment, order, repeats))
+    for case in cases:
+        for row in case():
+            yield {**row, "limit": LIMITS[row["measure"]]}
+
+
 def main(
     quick: bool = True,
     orders: Sequence[int] | None = None,
@@ -178,17 +193,8 @@ def main(
         ``rows``, ``dgemm_gflops`` and where it was measured.
     """
     chosen = ((1,) if quick else (1, 2, 3, 4)) if orders is None else tuple(orders)
-    rows = imports(repeats)
-    for order, integrator, treatment in product(chosen, integrators, TREATMENTS):
-        pair = INTEGRATORS[integrator](), TREATMENTS[treatment]()
-        if refusal(measuring.chain(ELEMENTS, order), *pair) is None:
-            rows += starts(integrator, treatment, order, repeats)
-    for row in rows:
-        row["limit"] = LIMITS[row["measure"]]
-    result = {"rows": rows, **measuring.environment()}
-    if out is not None:
-        measuring.write(Path(out) / "cold_start.csv", result, COLUMNS)
-    return result
+    path = None if out is None else Path(out) / "cold_start.csv"
+    return measuring.collected(all_rows(chosen, integrators, repeats), path, COLUMNS)
 
 
 def missed(result: dict[str, Any]) -> list[str]:

@@ -176,20 +176,12 @@ def main(
         ``rows``, ``figures`` (ratio of the package's own choice on each lattice),
         ``dgemm_gflops`` and where it was measured.
     """
-    rows = [
-        row
-        for count, elements in lattices or (QUICK if quick else FULL)
-        for row in measured(count, elements, rounds)
-    ]
-    result = {
-        "rows": rows,
-        "figures": figures(rows),
-        "notes": {"packages": {p: version(p) for p in PACKAGES if find_spec(p) is not None}},
-        **measuring.environment(),
-    }
-    if out is not None:
-        measuring.write(Path(out) / "lattice.csv", result, COLUMNS)
-    return result
+    chosen = lattices or (QUICK if quick else FULL)
+    rows = (row for count, elements in chosen for row in measured(count, elements, rounds))
+    notes = {"packages": {p: version(p) for p in PACKAGES if find_spec(p) is not None}}
+    path = None if out is None else Path(out) / "lattice.csv"
+    result = measuring.collected(rows, path, COLUMNS, notes=notes)
+    return {**result, "figures": figures(result["rows"])}
 
 
 def figures(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:

@@ -36,7 +36,7 @@ from skfem_cosserat.newton import NewtonSettings
 
 __all__ = ["EXPLICIT", "FAMILIES", "INTEGRATORS", "METHODS", "TREATMENTS", "Run"]
 __all__ += ["advance", "chain", "command", "family_of", "full_newton"]
-__all__ += ["environment", "rubber", "table", "tip", "write"]
+__all__ += ["collected", "environment", "rubber", "table", "tip", "write"]
 
 #: those with compiled kernels of their own
 INTEGRATORS = {"energy-momentum": sc.EnergyMomentum, "variational": sc.Variational}
@@ -170,6 +170,31 @@ def write(path: Path, result: dict[str, Any], columns: Sequence[str]) -> None:
         lines = csv.DictWriter(file, columns, extrasaction="ignore", lineterminator="\n")
         lines.writeheader()
         lines.writerows(result["rows"])
+
+
+def collected(
+    rows: Iterable[dict[str, Any]], path: Path | None, columns: Sequence[str], **more: Any
+) -> dict[str, Any]:
+    """The rows as they are measured, with where that is: written anew after each.
+
+    An error in a late case loses none of the earlier ones.
+
+    Parameters
+    ----------
+    rows : iterable of dict
+        Each is measured when it is asked for.
+    path : path, optional
+        File for the table.
+    columns : sequence of str
+    more
+        Further entries of the result.
+    """
+    result = {"rows": [], **more, **environment()}
+    for row in rows:
+        result["rows"].append(row)
+        if path is not None:
+            write(path, result, columns)
+    return result
 
 
 def table(rows: Iterable[dict[str, Any]], columns: Sequence[str]) -> str:

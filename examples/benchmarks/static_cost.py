@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -134,17 +135,17 @@ def main(
     """
     sizes = elements or ((10, 100) if quick else (10, 100, 1000))
     runs = repeats or (5 if quick else 15)
-    rows: list[dict[str, Any]] = []
-    for load in loads:
-        for size in sizes:
-            system = cantilever(size, 1, load)
-            for kernels in ("numpy", "numba"):
-                fixed = {"scene": load, "elements": size, "order": 1}
-                rows.append({**fixed, **measured(system, kernels, runs)})
-    result = {"rows": rows, **measuring.environment()}
-    if out is not None:
-        measuring.write(Path(out) / "static_cost.csv", result, COLUMNS)
-    return result
+    path = None if out is None else Path(out) / "static_cost.csv"
+    return measuring.collected(series(loads, sizes, runs), path, COLUMNS)
+
+
+def series(loads: Sequence[str], sizes: Sequence[int], repeats: int) -> Iterator[dict[str, Any]]:
+    """A row for each load, size and kind of kernels."""
+    for load, size in product(loads, sizes):
+        system = cantilever(size, 1, load)
+        for kernels in ("numpy", "numba"):
+            fixed = {"scene": load, "elements": size, "order": 1}
+            yield {**fixed, **measured(system, kernels, repeats)}
 
 
 def figure(result: dict[str, Any]) -> float:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import product
 from pathlib import Path
 from statistics import median
@@ -134,6 +134,25 @@ def measured(
     }
 
 
+def series(
+    chosen: Iterable[tuple[str, int, int]], repeats: int, budget: float
+) -> Iterator[dict[str, Any]]:
+    """A row for each scene, integrator, treatment and kind of kernels."""
+    for scene, order, size in chosen:
+        system = SCENES[scene](size, order)
+        how = repeats, budget, *STEPS.get(scene, (STEP, 500))
+        own = sum(len(group.vertices) for group in system.beam_groups)
+        for integrator, treatment in product(INTEGRATORS, TREATMENTS):
+            pair = INTEGRATORS[integrator](), TREATMENTS[treatment]()
+            kinds = ["numpy"] if size <= 2000 else []
+            if choose_kernels("auto", system, *pair, 10**9).name == "numba":
+                kinds.insert(0, "numba")
+            fixed = (scene, own, order, integrator, treatment)
+            for kernels in kinds:
+                found = measured(system, *pair, kernels, *how)
+                yield {**dict(zip(COLUMNS, fixed, strict=False)), **found}
+
+
 def exponents(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     """Slopes of log(cost) against log(elements) for each series of large enough scenes."""
     out: dict[str, float] = {}
@@ -176,28 +195,10 @@ def main(
         measured.
     """
     sizes = tuple(elements or ((20, 200) if quick else (20, 200, 2000, 20000)))
-    rows: list[dict[str, Any]] = []
-    for scene, order, size in cases(scenes, orders, sizes):
-        system = SCENES[scene](size, order)
-        how = repeats, 0.3 if quick else 3.0, *STEPS.get(scene, (STEP, 500))
-        own = sum(len(group.vertices) for group in system.beam_groups)
-        for integrator, treatment in product(INTEGRATORS, TREATMENTS):
-            pair = INTEGRATORS[integrator](), TREATMENTS[treatment]()
-            kinds = ["numpy"] if size <= 2000 else []
-            if choose_kernels("auto", system, *pair, 10**9).name == "numba":
-                kinds.insert(0, "numba")
-            for kernels in kinds:
-                found = measured(system, *pair, kernels, *how)
-                fixed = (scene, own, order, integrator, treatment)
-                rows.append({**dict(zip(COLUMNS, fixed, strict=False)), **found})
-    result = {
-        "rows": rows,
-        "exponents": exponents(rows),
-        **measuring.environment(),
-    }
-    if out is not None:
-        measuring.write(Path(out) / "step_cost.csv", result, COLUMNS)
-    return result
+    rows = series(cases(scenes, orders, sizes), repeats, 0.3 if quick else 3.0)
+    path = None if out is None else Path(out) / "step_cost.csv"
+    result = measuring.collected(rows, path, COLUMNS)
+    return {**result, "exponents": exponents(result["rows"])}
 
 
 def missed(result: dict[str, Any]) -> list[str]:

@@ -183,11 +183,9 @@ def main(
         ``rows``, ``dgemm_gflops`` and where it was measured.
     """
     sizes = tuple(elements or ((20, 200) if quick else (20, 200, 2000)))
-    rows = [row for n in sizes for name in INTEGRATORS for row in profile(n, name)]
-    result: dict[str, Any] = {"rows": rows, **measuring.environment()}
-    if out is not None:
-        measuring.write(Path(out) / "step_profile.csv", result, COLUMNS)
-    return result
+    rows = (row for n in sizes for name in INTEGRATORS for row in profile(n, name))
+    path = None if out is None else Path(out) / "step_profile.csv"
+    return measuring.collected(rows, path, COLUMNS)
 
 
 def missed(result: dict[str, Any]) -> list[str]:
