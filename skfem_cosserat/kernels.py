@@ -37,6 +37,7 @@ __all__ = [
     "director_force",
     "exp_quaternion",
     "null_space_blocks",
+    "null_space_entries",
     "quaternion_product",
     "rotation_matrix",
     "skew",
@@ -397,25 +398,22 @@ def spin_gradient(directors: Array, force: Array) -> Array:
 _LESS_TRACE = np.eye(9) - np.outer(np.eye(3), np.eye(3))
 
 
-def null_space_blocks(directors: Array, into: Array | None = None) -> Array:
+def null_space_blocks(directors: Array) -> Array:
     """Internal null space matrices ``P_int`` (69) of blocks of nodes (N, 12 nn, 6 nn).
 
     ``qdot = P_int (phidot, omega)`` for directors (N, nn, 3, 3), or (N, 3, 3) of single nodes:
-    rows ``[[I, 0], [0, -d1^], [0, -d2^], [0, -d3^]]`` of each node. `into`: what an earlier call
-    for as many nodes gave, to be overwritten.
+    rows ``[[I, 0], [0, -d1^], [0, -d2^], [0, -d3^]]`` of each node.
     """
     nn = 1 if directors.ndim == 3 else directors.shape[1]
-    ones, where, part, sign = _null_space_entries(nn)
-    if into is None or into.dtype != directors.dtype:
-        into = np.zeros((len(directors), 12 * nn, 6 * nn), dtype=directors.dtype)
-        into.reshape(-1, 72 * nn * nn)[:, ones] = 1
-    out = into.reshape(-1, 72 * nn * nn)
+    ones, where, part, sign = null_space_entries(nn)
+    out = np.zeros((len(directors), 72 * nn * nn), dtype=directors.dtype)
+    out[:, ones] = 1
     out[:, where] = directors.reshape(-1, 9 * nn).take(part, axis=1) * sign
-    return into
+    return out.reshape(-1, 12 * nn, 6 * nn)
 
 
 @cache
-def _null_space_entries(nn: int) -> tuple[IndexArray, IndexArray, IndexArray, Floats]:
+def null_space_entries(nn: int) -> tuple[IndexArray, IndexArray, IndexArray, Floats]:
     """Places of ones and of ``-d^`` in P_int, flat; which number of d1, d2, d3 there, its sign."""
     off = np.array([(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)])
     node = np.arange(nn)[:, None]

@@ -10,7 +10,10 @@ from scipy.sparse import csc_matrix, csr_matrix
 from .errors import InputError
 from .types import Array, ArrayLike, IndexArray
 
-__all__ = ["FrozenPattern", "summation"]
+__all__ = ["FrozenPattern", "product_form", "summation"]
+
+#: rows up to which a full matrix is multiplied faster than a sparse one
+FULL_ROWS = 100
 
 
 class FrozenPattern:
@@ -101,6 +104,11 @@ class FrozenPattern:
 def summation(places: IndexArray, sources: IndexArray, shape: tuple[int, int]) -> csr_matrix:
     """Matrix that adds the numbers at `sources` up at `places`, in the order given."""
     return csr_matrix((np.ones(len(places)), (places, sources)), shape=shape)
+
+
+def product_form(matrix: csr_matrix) -> csr_matrix | Array:
+    """The matrix in the form in which products with it cost least: in full if it is small."""
+    return matrix.toarray() if max(matrix.shape) <= FULL_ROWS else matrix
 
 
 def _indices(name: str, values: ArrayLike, limit: int) -> IndexArray:

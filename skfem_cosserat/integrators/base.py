@@ -347,8 +347,14 @@ class Integrator(ABC):
         """The scheme in numbers, for a step size; None: it is none of those, and not compiled."""
         return None
 
-    def begin(self, system: System, state: State, h: float) -> StepData:
-        """Data of a step."""
+    def begin(
+        self, system: System, state: State, h: float, before: Evaluation | None = None
+    ) -> StepData:
+        """Data of a step.
+
+        `before`: the evaluation at the end of the step that led to `state`, if there was one: what
+        it has at hand is not computed again.
+        """
         t0 = state.time
         loading = system.loading
         amplitudes = loading.averages(t0, t0 + h)

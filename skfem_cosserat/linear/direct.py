@@ -105,12 +105,17 @@ class _Banded(Factors):
 
     def __init__(self, pattern: FrozenPattern, band: Band) -> None:
         self._n, self._band = pattern.shape[0], band
+        rows, cols = pattern.indices, np.repeat(np.arange(self._n), np.diff(pattern.indptr))
+        self._entries, self._diagonal = (rows, cols), np.flatnonzero(rows == cols)
+        self._scale: Floats | None = None
         self._gbtrf, self._gbtrs = get_lapack_funcs(("gbtrf", "gbtrs"), dtype=np.float64)
 
     def factor(self, data: Floats) -> None:
         b = self._band
+        if self._scale is None:
+            self._scale_by(data)
         flat = np.zeros(b.rows * self._n)
-        flat[b.where] = data
+        flat[b.where] = data * self._scales
         band = flat.reshape((b.rows, self._n), order="F")
         self._lu, self._pivots, info = self._gbtrf(band, b.lower, b.upper, overwrite_ab=True)
         if info != 0:
@@ -118,6 +123,19 @@ class _Banded(Factors):
 
     def solve(self, rhs: Floats) -> Floats:
         b = self._band
-        ordered = rhs.take(b.order, axis=0)
+        scale = self._scale if rhs.ndim == 1 else self._scale[:, None]
+        ordered = (scale * rhs).take(b.order, axis=0)
         found = self._gbtrs(self._lu, b.lower, b.upper, ordered, self._pivots, overwrite_b=True)
-        return found[0].take(b.position, axis=0)
+        return scale * found[0].take(b.position, axis=0)
+
+    def _scale_by(self, data: Floats) -> None:
+        """Powers of two that bring the diagonal of the first matrix to about one, on both sides.
+
+        Shifts and rotations differ by orders of magnitude: without, half of the columns have their
+        pivot elsewhere, and rows that are exchanged fill the band.
+        """
+        size = np.ones(self._n)
+        size[self._entries[0][self._diagonal]] = abs(data[self._diagonal])
+        size[~(np.isfinite(size) & (size > 0))] = 1.0
+        self._scale = np.exp2(np.round(-0.5 * np.log2(size)))
+        self._scales = self._scale[self._entries[0]] * self._scale[self._entries[1]]
