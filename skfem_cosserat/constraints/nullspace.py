@@ -15,8 +15,8 @@ from ..model.chart import Chart
 from ..model.closure import Selected, continued
 from ..model.groups import Blocks, Parts
 from ..model.kinematics import Located
-from ..model.quadratic import sum_at
 from ..model.singular import Passages, way_on
+from ..pattern import sum_at
 from ..types import Array, Floats
 from .base import BoundTreatment, Treatment, group_pairs, largest, pair_numbers, relative_size
 from .blocks import NullSpaceBlocks
@@ -397,11 +397,11 @@ class BoundNullSpace(BoundTreatment):
             if len(kin.tree.pairs):
                 extra = kin.curvature_values(self._left, right, force)
                 extra *= self.weight
-        out = self._congruence.data(np.concatenate(values), extra, self._T_left, T1)
+        out = self._congruence.data(values, extra, self._T_left, T1)
         if not self._loops:
             return out
         self._Z1 = self.closure.null_values(self._selected(y1, T1), self._ones)
-        return self._reduction.data(out, np.zeros(0), self._Z_left, self._Z1)
+        return self._reduction.data([out], np.zeros(0), self._Z_left, self._Z1)
 
     def scale_rows(self, residual: Array) -> Array:
         """No scaling."""

@@ -350,13 +350,8 @@ class Integrator(ABC):
     def begin(
         self, system: System, state: State, h: float, before: Evaluation | None = None
     ) -> StepData:
-        """Data of a step.
-
-        `before`: the evaluation at the end of the step that led to `state`, if there was one: what
-        it has at hand is not computed again.
-        """
-        t0 = state.time
-        loading = system.loading
+        """Data of a step; `before`: what was found at the end of the one that led to `state`."""
+        t0, loading = state.time, system.loading
         amplitudes = loading.averages(t0, t0 + h)
         y0 = system.extend(state.q, t0)
         coupled = system.couplings.count > 0

@@ -140,7 +140,7 @@ class EnergyMomentum(Integrator):
         Bs = [_mean(B0, B1) for B0, (_, B1) in zip(step.B0s, strains1, strict=True)]
         both = enumerate(zip(groups, strains1, strict=True))
         stresses = [self.stress(g, step, k, eps) for k, (g, (eps, _)) in both]
-        momentum = system.inertia @ (y1[:rows] - step.y0[:rows])
+        momentum = system.inertia.dot(y1[:rows] - step.y0[:rows])
         momentum *= 2 / h
         internal, stresses, damping = damped_force(system, step, Bs, stresses, y1)
         coupled = None

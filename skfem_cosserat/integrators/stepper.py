@@ -176,8 +176,7 @@ class Stepper:
         if solver is not None:
             self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
         self._first, self._warned = True, False
-        #: where the last step ended, if the general way led there, and what was found there
-        self._end: tuple[Floats, Evaluation] | None = None
+        self._end: tuple[Floats, Evaluation] | None = None  # of the last step: q, what was found
         self._fast: CompiledStep | None = None
         #: steppers by share of the step
         self._stages: dict[float, Stepper] = {}
@@ -387,9 +386,8 @@ class Stepper:
 
     def _begin(self, state: State) -> StepData:
         """Data of a step for the general way, and its treatment at its start."""
-        before, self._end = self._end, None
-        known = None if before is None or (before[0] != state.q).any() else before[1]
-        step = self.integrator.begin(self.system, state, self.h, known)
+        before = None if self._end is None or (self._end[0] != state.q).any() else self._end[1]
+        step = self.integrator.begin(self.system, state, self.h, before)
         self.bound.momentum = state.p if state.fresh or self._first else None
         self._first = False
         self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h)
@@ -491,8 +489,7 @@ class Stepper:
             report = self.advance(state)
         finally:
             self._fast = fast
-        step = self.integrator.begin(self.system, state, self.h)
-        bound = self.bound
+        step, bound = self.integrator.begin(self.system, state, self.h), self.bound
         problem = _Problem(self, step)
         problem.residual()
         assert problem.evaluation is not None

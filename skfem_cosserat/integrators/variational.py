@@ -126,7 +126,7 @@ class Variational(Integrator):
         strains = system.strain(mid)
         stresses = [g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)]
         Bs = [B for _, B in strains]
-        momentum = (system.inertia @ (y1[:rows] - step.y0[:rows])) / h
+        momentum = (system.inertia.dot(y1[:rows] - step.y0[:rows])) / h
         internal, stresses, damping = damped_force(system, step, Bs, stresses, y1)
         coupled = None
         if step.couplings is not None:

@@ -24,7 +24,7 @@ from ..frames import Place
 from ..joint import Joint
 from ..kinds import is_beam
 from ..load import Load
-from ..pattern import product_form
+from ..pattern import product_form, sum_at
 from ..relative import Expression, Form, Product, Zero
 from ..types import Array, ArrayLike, Floats, IndexArray
 from .checks import (
@@ -52,7 +52,7 @@ from .loops import (
     turned_over,
 )
 from .plane import Plane
-from .quadratic import ConstraintBuilder, QuadraticConstraints, sum_at
+from .quadratic import ConstraintBuilder, QuadraticConstraints
 from .rungs import RungRows, add_rung_rows, spans_of
 from .tree import End, Spot, build_tree
 
