@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from typing import Protocol
 
 import numpy as np
@@ -134,7 +135,7 @@ def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = Fals
         size = problem.residual()
         report.residuals.append(size)
         while report.iterations < limit:
-            if not np.isfinite(size):
+            if not isfinite(size):
                 report.reason = "the residual is not finite"
                 break
             try:
@@ -154,7 +155,7 @@ def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = Fals
             report.residuals.append(size)
             report.increments.append(length)
             logger.debug("Newton %d: increment %.3e residual %.3e", report.iterations, length, size)
-            if not capped and np.isfinite(size) and converged(report.increments, size, settings):
+            if not capped and isfinite(size) and converged(report.increments, size, settings):
                 report.converged = True
                 break
         else:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
 from .errors import InputError
 from .types import Array, ArrayLike, IndexArray
 
-__all__ = ["FrozenPattern", "summation"]
+__all__ = ["FrozenPattern", "product_form", "sum_at"]
+
+#: rows up to which a full matrix is multiplied faster than a sparse one
+FULL_ROWS = 100
 
 
 class FrozenPattern:
@@ -77,12 +78,7 @@ class FrozenPattern:
                 "argument values",
                 f"{flat.size} numbers for {self.slot.size} contributions of the pattern",
             )
-        return np.asarray(self._sums @ flat)
-
-    @cached_property
-    def _sums(self) -> csr_matrix:
-        """Sums of contributions; a product with it is faster than ``bincount`` for many."""
-        return summation(self.slot, np.arange(len(self.slot)), (self.nnz, len(self.slot)))
+        return sum_at(self.slot, flat, self.nnz)
 
     def matrix(self, values: ArrayLike) -> csc_matrix:
         """Matrix of contributions; explicit zeros are kept and the index arrays are shared."""
@@ -98,9 +94,17 @@ class FrozenPattern:
         return out
 
 
-def summation(places: IndexArray, sources: IndexArray, shape: tuple[int, int]) -> csr_matrix:
-    """Matrix that adds the numbers at `sources` up at `places`, in the order given."""
-    return csr_matrix((np.ones(len(places)), (places, sources)), shape=shape)
+def sum_at(index: IndexArray, values: Array, size: int) -> Array:
+    """Sums of `values` by `index` (size,), real or complex."""
+    if values.dtype.kind == "c":
+        real = np.bincount(index, values.real, size)
+        return real + 1j * np.bincount(index, values.imag, size)
+    return np.bincount(index, values, size)
+
+
+def product_form(matrix: csr_matrix) -> csr_matrix | Array:
+    """The matrix in the form in which products with it cost least: in full if it is small."""
+    return matrix.toarray() if max(matrix.shape) <= FULL_ROWS else matrix
 
 
 def _indices(name: str, values: ArrayLike, limit: int) -> IndexArray:

@@ -5,13 +5,15 @@ from collections import Counter
 import numpy as np
 import pytest
 from helpers_scenes import everything, random_state, swing
+from scipy.sparse import random as random_matrix
 
 import skfem_cosserat as sc
 from skfem_cosserat import kernels
+from skfem_cosserat.constraints.blocks import NullSpaceBlocks
 from skfem_cosserat.integrators import Stepper
 from skfem_cosserat.model import groups
 from skfem_cosserat.model.kinematics import combination
-from skfem_cosserat.pattern import FrozenPattern
+from skfem_cosserat.pattern import FrozenPattern, product_form
 
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
@@ -46,6 +48,52 @@ def test_strains_are_evaluated_once_a_residual(integrator, treatment, monkeypatc
     assert calls["beam_strain"] == n + 1 + start
     assert calls["beam_force"] == n + 1
     assert calls["beam_geometric"] == calls["bilinear"] == stepper.factorisations == n
+    # the next step starts where this one ended
+    calls.clear()
+    n = stepper.advance(report.state).iterations
+    assert calls["beam_strain"] == n + 1
+
+
+@pytest.mark.parametrize("integrator", [sc.EnergyMomentum(), sc.EnergyDecaying(chi=0.1)])
+def test_steps_go_on_from_any_state_as_a_new_stepper_does(integrator):
+    """What is kept of the end of a step is used after that step only."""
+    system = swing(4)
+
+    def stepper():
+        return Stepper(system, integrator, sc.NullSpace(), 1e-3, kernels="numpy")
+
+    one = stepper()
+    first = one.advance(sc.initial_state(system)).state
+    second = one.advance(first).state
+    for state in (first, second):  # the first one again: not where the last step ended
+        moved = stepper().advance(state).state
+        again = one.advance(state).state
+        assert abs(again.q - moved.q).max() < 1e-14 * system.length
+        # p = 2 M dq/h - p_0: rounding of q, divided by the step
+        rounding = 2 / 1e-3 * abs(system.mass).sum(axis=1).max() * 1e-14 * system.length
+        assert abs(again.p - moved.p).max() < rounding
+
+
+@pytest.mark.parametrize("dtype", [float, complex])
+@pytest.mark.parametrize("nodes", [1, 3])
+def test_null_space_matrices_by_known_places(nodes, dtype):
+    rng = np.random.default_rng(2)
+    frames = np.array([[3, 0, 2], [1, 3, 0]])[:, :nodes]
+    rows = 4 * frames[..., None] + np.arange(1, 4)
+    blocks = NullSpaceBlocks(rows, 16, 2)
+    for _ in range(2):  # written to again
+        y = rng.standard_normal((2, 16, 3)).astype(dtype)
+        wanted = [kernels.null_space_blocks(each[rows]) for each in y]
+        assert (blocks.at(y.reshape(-1)) == wanted).all()
+
+
+def test_products_with_small_and_with_large_matrices():
+    rng = np.random.default_rng(4)
+    for size in (4, 130):
+        matrix = random_matrix(size, size, 0.2, "csr", random_state=4)
+        v = rng.standard_normal((size, 3))
+        wanted = matrix.toarray() @ v
+        assert abs(product_form(matrix).dot(v) - wanted).max() < 1e-13
 
 
 @pytest.mark.parametrize("scene", SCENES)

@@ -27,6 +27,8 @@ __all__ = ["BoundTreatment", "Treatment", "half_turn", "largest"]
 HALF_TURN = 3.12
 #: trace of that rotation
 SMALLEST = 1 + 2 * cos(HALF_TURN)
+#: some component of a director changes by more in it: squares of all nine add up to 8 sin(a/2)^2
+NEAR = 0.9
 _ONES = np.ones(9)
 
 
@@ -180,6 +182,8 @@ def half_turn(system: System, y0: Array, y1: Array) -> str | None:
     Two of its directors vanish at the midpoint then, and with them all that constraints there ask
     for: forces without bound solve such a step, and its energy may be anything.
     """
+    if largest(y1 - y0) < NEAR:  # displacements, as those of directors
+        return None
     directors = system.kinematics.directors
     traces = (directors(y0) * directors(y1)).reshape(-1, 9) @ _ONES
     wrong = np.flatnonzero(traces < SMALLEST)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from ..model.quadratic import sum_at
-from ..pattern import FrozenPattern, summation
+from ..pattern import FrozenPattern, sum_at
 from ..types import Floats, IndexArray
 
 __all__ = ["Congruence"]
@@ -105,20 +105,23 @@ class Congruence:
         )
         slot, nnz = self.pattern.slot, self.pattern.nnz
         # contributions that pass, then products: one sum of both
-        products = len(I) + np.arange(len(slot) - len(passed))
+        given = len(I) + len(J2)
+        products = given + np.arange(len(slot) - len(passed))
         sources = np.concatenate([passed, products])
-        self._sum = summation(slot, sources, (nnz, len(I) + len(products)))
+        self._places = np.full(given + len(products), nnz)  # the last one: what is not used
+        self._places[sources] = slot
 
-    def data(self, A: Floats, C: Floats, left: Floats, right: Floats) -> Floats:
-        """Entries of the product in :attr:`pattern`."""
-        values = [A]
+    def data(self, A: Sequence[Floats], C: Floats, left: Floats, right: Floats) -> Floats:
+        """Entries of the product in :attr:`pattern`; A in one piece or more."""
+        every = np.concatenate([*A, C])
+        values = [every]
         if len(self._products):
             factors = np.concatenate([left, right, _UNIT]).take(self._factors)
-            AC = np.concatenate([A, C]) if len(self._extra) else A
-            values.append(AC.take(self._products) * factors[0] * factors[1])
-        values += [full.product(A, left, right) for full in self._full]
-        every = np.concatenate(values) if len(values) > 1 else A
-        return np.asarray(self._sum @ every)
+            values.append(every.take(self._products) * factors[0] * factors[1])
+        values += [full.product(every, left, right) for full in self._full]
+        if len(values) > 1:
+            every = np.concatenate(values)
+        return sum_at(self._places, every, self.pattern.nnz + 1)[:-1]
 
 
 def _expand(

@@ -15,9 +15,8 @@ from ..model.chart import Chart
 from ..model.closure import SINGULAR, Selected
 from ..model.groups import Blocks, Parts
 from ..model.loops import tree_values
-from ..model.quadratic import sum_at
 from ..model.singular import Passages, way_off
-from ..pattern import FrozenPattern
+from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers, relative_size
 from .restriction import Restriction

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..kernels import add_scalar, beam_geometric, null_space_blocks, skew, spin_gradient
+from ..kernels import add_scalar, beam_geometric, skew, spin_gradient
 from ..linear import LinearSolver
 from ..log import logger
 from ..model import System
@@ -15,10 +15,11 @@ from ..model.chart import Chart
 from ..model.closure import Selected, continued
 from ..model.groups import Blocks, Parts
 from ..model.kinematics import Located
-from ..model.quadratic import sum_at
 from ..model.singular import Passages, way_on
+from ..pattern import sum_at
 from ..types import Array, Floats
 from .base import BoundTreatment, Treatment, group_pairs, largest, pair_numbers, relative_size
+from .blocks import NullSpaceBlocks
 from .congruence import Congruence
 
 __all__ = ["NullSpace"]
@@ -84,13 +85,11 @@ class BoundNullSpace(BoundTreatment):
         self.chart = Chart(kin)
         number = np.zeros(len(system.origin_rows), dtype=np.int64)
         number[kin.frames] = np.arange(len(kin.frames))
-        #: rows of y of the directors in each group's blocks
-        self._directors = [
-            kin.director_rows[number[g.vertices]] if g.framed else None for g in system.groups
-        ]
+        rows = [kin.director_rows[number[g.vertices]] if g.framed else None for g in system.groups]
         #: null space matrices where forces act, at the end of a step, and both, overwritten
-        self._P: dict[str, list[Array | None]] = {
-            which: [None] * len(system.groups) for which in ("left", "right", "both")
+        self._P = {
+            which: [None if r is None else NullSpaceBlocks(r, kin.total, count) for r in rows]
+            for which, count in ((("both", 2),) if weight else (("left", 1), ("right", 1)))
         }
         self._make_pattern()
         if kin.spans is not None and self.pattern.nnz > CROWDED:
@@ -299,23 +298,17 @@ class BoundNullSpace(BoundTreatment):
             return float("inf")
         return relative_size(largest(residual), term)
 
-    def _null_spaces(self, which: str, *ys: Array) -> list[list[Array | None]]:
+    def _null_spaces(self, which: str, ys: Array) -> list[list[Array | None]]:
         """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), none of points; of all ys."""
-        kept = self._P[which]
-        for k, rows in enumerate(self._directors):
-            if rows is not None:
-                found = [y.take(rows, axis=0) for y in ys]
-                directors = np.concatenate(found) if len(ys) > 1 else found[0]
-                kept[k] = null_space_blocks(directors, kept[k])
-        if len(ys) == 1:
-            return [kept]
-        halves = [(None, None) if P is None else (P[: len(P) // 2], P[len(P) // 2 :]) for P in kept]
-        return [[half[i] for half in halves] for i in (0, 1)]
+        flat, kept = ys.reshape(-1), self._P[which]
+        found = [(None, None) if blocks is None else blocks.at(flat) for blocks in kept]
+        return [[P[i] for P in found] for i in range(2 if which == "both" else 1)]
 
     def _project(self, blocks: Sequence[Blocks], y1: Array) -> list[Array]:
         """Blocks by coordinates -> by twists, ``P_int(y_c)^T K P_int(y_1)``."""
         if self.weight:  # P_left changes as often as P_right
-            P_left, P_right = self._null_spaces("both", self._left.y, y1)
+            both = np.concatenate((self._left.y, y1))
+            P_left, P_right = self._null_spaces("both", both)
         else:
             if self._P_left is None:
                 (self._P_left,) = self._null_spaces("left", self._left.y)
@@ -382,7 +375,7 @@ class BoundNullSpace(BoundTreatment):
     def data(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class."""
         kin = self.kin
-        count = len(self._directors)
+        count = len(self.system.groups)
         force, curvature = self._twist_force, None
         if self.weight and self._loops:
             R, force, curvature = self._balanced(R)
@@ -404,11 +397,11 @@ class BoundNullSpace(BoundTreatment):
             if len(kin.tree.pairs):
                 extra = kin.curvature_values(self._left, right, force)
                 extra *= self.weight
-        out = self._congruence.data(np.concatenate(values), extra, self._T_left, T1)
+        out = self._congruence.data(values, extra, self._T_left, T1)
         if not self._loops:
             return out
         self._Z1 = self.closure.null_values(self._selected(y1, T1), self._ones)
-        return self._reduction.data(out, np.zeros(0), self._Z_left, self._Z1)
+        return self._reduction.data([out], np.zeros(0), self._Z_left, self._Z1)
 
     def scale_rows(self, residual: Array) -> Array:
         """No scaling."""

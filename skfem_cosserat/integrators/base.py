@@ -347,10 +347,11 @@ class Integrator(ABC):
         """The scheme in numbers, for a step size; None: it is none of those, and not compiled."""
         return None
 
-    def begin(self, system: System, state: State, h: float) -> StepData:
-        """Data of a step."""
-        t0 = state.time
-        loading = system.loading
+    def begin(
+        self, system: System, state: State, h: float, before: Evaluation | None = None
+    ) -> StepData:
+        """Data of a step; `before`: what was found at the end of the one that led to `state`."""
+        t0, loading = state.time, system.loading
         amplitudes = loading.averages(t0, t0 + h)
         y0 = system.extend(state.q, t0)
         coupled = system.couplings.count > 0

@@ -125,9 +125,11 @@ class EnergyDecaying(EnergyMomentum):
         """See the base class: there are no compiled kernels."""
         return None
 
-    def begin(self, system: System, state: State, h: float) -> StepData:
+    def begin(
+        self, system: System, state: State, h: float, before: Evaluation | None = None
+    ) -> StepData:
         """See the base class."""
-        step = super().begin(system, state, h)
+        step = super().begin(system, state, h, before)
         chi = self.chi if self.rate is None else min(1.0, self.rate * h)
         return _StepData(**vars(step), chi=chi)
 

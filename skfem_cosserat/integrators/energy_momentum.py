@@ -102,10 +102,15 @@ class EnergyMomentum(Integrator):
             return None
         return Scheme(2 / h, 2.0, h, ends=True, carry=(1.0, -1.0, 0.0))
 
-    def begin(self, system: System, state: State, h: float) -> StepData:
+    def begin(
+        self, system: System, state: State, h: float, before: Evaluation | None = None
+    ) -> StepData:
         """See the base class; the stresses at the start do not change in a step."""
-        step = super().begin(system, state, h)
-        strains = system.strain(step.y0)
+        step = super().begin(system, state, h, before)
+        if before is None:
+            strains = system.strain(step.y0)
+        else:
+            strains = list(zip(before.strains, before.B1s, strict=True))
         stresses = [g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)]
         load = h * step.dead
         return EnergyMomentumStep(
@@ -128,14 +133,15 @@ class EnergyMomentum(Integrator):
         """See the base class."""
         assert isinstance(step, EnergyMomentumStep)
         h, rows = step.h, system.rows
-        mid = 0.5 * (step.y0 + y1)
+        mid = _mean(step.y0, y1)
         groups = system.beam_groups
         strains1 = system.strain(y1)
         # B is linear in q
         Bs = [_mean(B0, B1) for B0, (_, B1) in zip(step.B0s, strains1, strict=True)]
         both = enumerate(zip(groups, strains1, strict=True))
         stresses = [self.stress(g, step, k, eps) for k, (g, (eps, _)) in both]
-        momentum = (2 / h) * (system.mass @ (y1[:rows] - step.y0[:rows]))
+        momentum = system.inertia.dot(y1[:rows] - step.y0[:rows])
+        momentum *= 2 / h
         internal, stresses, damping = damped_force(system, step, Bs, stresses, y1)
         coupled = None
         if step.couplings is not None:

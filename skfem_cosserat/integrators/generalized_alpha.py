@@ -127,7 +127,9 @@ class GeneralizedAlpha(Integrator):
         more = ", stabilized=True" if self.stabilized else ""
         return f"GeneralizedAlpha(rho_inf={self.rho_inf:g}{more})"
 
-    def begin(self, system: System, state: State, h: float) -> StepData:
+    def begin(
+        self, system: System, state: State, h: float, before: Evaluation | None = None
+    ) -> StepData:
         """See the base class; the first step starts with consistent accelerations."""
         t1 = state.time + h
         v0, a0, alpha0 = (row.reshape(-1, 3) for row in self._rates(system, state, h)[:3])

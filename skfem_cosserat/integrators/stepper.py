@@ -176,6 +176,7 @@ class Stepper:
         if solver is not None:
             self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
         self._first, self._warned = True, False
+        self._end: tuple[Floats, Evaluation] | None = None  # of the last step: q, what was found
         self._fast: CompiledStep | None = None
         #: steppers by share of the step
         self._stages: dict[float, Stepper] = {}
@@ -385,7 +386,8 @@ class Stepper:
 
     def _begin(self, state: State) -> StepData:
         """Data of a step for the general way, and its treatment at its start."""
-        step = self.integrator.begin(self.system, state, self.h)
+        before = None if self._end is None or (self._end[0] != state.q).any() else self._end[1]
+        step = self.integrator.begin(self.system, state, self.h, before)
         self.bound.momentum = state.p if state.fresh or self._first else None
         self._first = False
         self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h)
@@ -446,6 +448,7 @@ class Stepper:
             else self.system.couplings.turns(step.couplings, y1),
             memory=self.integrator.memory(evaluation),
         )
+        self._end = y1[: self.system.rows].reshape(-1), evaluation
         work = self.integrator.work(self.system, step, evaluation, y1)
         solved = Solved(self.system, self.integrator, self.h, state, y1, impulse)
         return StepReport(new, iterations, attempts, report.residual, work, solved)
@@ -486,8 +489,7 @@ class Stepper:
             report = self.advance(state)
         finally:
             self._fast = fast
-        step = self.integrator.begin(self.system, state, self.h)
-        bound = self.bound
+        step, bound = self.integrator.begin(self.system, state, self.h), self.bound
         problem = _Problem(self, step)
         problem.residual()
         assert problem.evaluation is not None

@@ -109,9 +109,11 @@ class Variational(Integrator):
             return None
         return Scheme(1 / h, 1.0, h / 2, ends=False, carry=(1.0, 0.0, -1.0))
 
-    def begin(self, system: System, state: State, h: float) -> StepData:
+    def begin(
+        self, system: System, state: State, h: float, before: Evaluation | None = None
+    ) -> StepData:
         """See the base class."""
-        step = super().begin(system, state, h)
+        step = super().begin(system, state, h, before)
         if not self.stabilized:
             return step
         moved = np.zeros(system.n) if state.memory is None else state.memory[0]
@@ -124,7 +126,7 @@ class Variational(Integrator):
         strains = system.strain(mid)
         stresses = [g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)]
         Bs = [B for _, B in strains]
-        momentum = (system.mass @ (y1[:rows] - step.y0[:rows])) / h
+        momentum = (system.inertia.dot(y1[:rows] - step.y0[:rows])) / h
         internal, stresses, damping = damped_force(system, step, Bs, stresses, y1)
         coupled = None
         if step.couplings is not None:

@@ -105,12 +105,18 @@ class _Banded(Factors):
 
     def __init__(self, pattern: FrozenPattern, band: Band) -> None:
         self._n, self._band = pattern.shape[0], band
+        rows, cols = pattern.indices, np.repeat(np.arange(self._n), np.diff(pattern.indptr))
+        self._entries, self._diagonal = (rows, cols), np.flatnonzero(rows == cols)
+        #: of rows and columns, in the order of the band; of the entries
+        self._scale, self._scales = np.zeros(0), np.zeros(0)
         self._gbtrf, self._gbtrs = get_lapack_funcs(("gbtrf", "gbtrs"), dtype=np.float64)
 
     def factor(self, data: Floats) -> None:
         b = self._band
+        if not len(self._scale):
+            self._scale_by(data)
         flat = np.zeros(b.rows * self._n)
-        flat[b.where] = data
+        flat[b.where] = data * self._scales
         band = flat.reshape((b.rows, self._n), order="F")
         self._lu, self._pivots, info = self._gbtrf(band, b.lower, b.upper, overwrite_ab=True)
         if info != 0:
@@ -118,6 +124,22 @@ class _Banded(Factors):
 
     def solve(self, rhs: Floats) -> Floats:
         b = self._band
+        scale = self._scale if rhs.ndim == 1 else self._scale[:, None]
         ordered = rhs.take(b.order, axis=0)
-        found = self._gbtrs(self._lu, b.lower, b.upper, ordered, self._pivots, overwrite_b=True)
-        return found[0].take(b.position, axis=0)
+        ordered *= scale
+        found = self._gbtrs(self._lu, b.lower, b.upper, ordered, self._pivots, overwrite_b=True)[0]
+        found *= scale
+        return found.take(b.position, axis=0)
+
+    def _scale_by(self, data: Floats) -> None:
+        """Powers of two that bring the diagonal of the first matrix to about one, on both sides.
+
+        Shifts and rotations differ by orders of magnitude: without, half of the columns have their
+        pivot elsewhere, and rows that are exchanged fill the band.
+        """
+        size = np.ones(self._n)
+        size[self._entries[0][self._diagonal]] = abs(data[self._diagonal])
+        size[~(np.isfinite(size) & (size > 0))] = 1.0
+        scale = np.exp2(np.round(-0.5 * np.log2(size)))
+        self._scales = scale[self._entries[0]] * scale[self._entries[1]]
+        self._scale = scale[self._band.order]

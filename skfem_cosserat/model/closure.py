@@ -19,9 +19,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from ..kernels import skew
+from ..pattern import sum_at
 from ..types import Array, Floats, IndexArray
 from .kinematics import Kinematics
-from .quadratic import QuadraticConstraints, sum_at
+from .quadratic import QuadraticConstraints
 
 __all__ = [
     "RANK_TOLERANCE",

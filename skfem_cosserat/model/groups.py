@@ -79,6 +79,19 @@ class Parts:
 Blocks = Array | Parts
 
 
+class _Multiple:
+    """Multiples of a constant array: a step has the same factor in all iterations."""
+
+    def __init__(self, array: Floats) -> None:
+        self._array, self._factor, self._multiple = array, 1.0, array
+
+    def by(self, factor: float) -> Floats:
+        """``factor`` times the array; not to be written to."""
+        if self._factor != factor:
+            self._factor, self._multiple = factor, factor * self._array
+        return self._multiple
+
+
 @dataclass(eq=False)
 class Group:
     """Blocks of one size.
@@ -106,15 +119,11 @@ class Group:
     def __post_init__(self) -> None:
         #: mass (ne, r, r) without the factor 1_3
         self.scalar_mass: Floats = self.mass[:, ::3, ::3].copy()
-        self._scaled: tuple[float, Floats] = 1.0, self.scalar_mass
+        self._inertia = _Multiple(self.scalar_mass)
 
     def inertia(self, factor: float) -> Floats:
         """``factor`` times the scalar mass (ne, r, r); not to be written to."""
-        known, mass = self._scaled
-        if known != factor:  # the same in all iterations
-            mass = factor * self.scalar_mass
-            self._scaled = factor, mass
-        return mass
+        return self._inertia.by(factor)
 
     @property
     def dofs(self) -> IndexArray:
@@ -214,6 +223,7 @@ class BeamGroup(Group):
             _viscosity(es, [0.0 if beta is None else beta.get(id(b), 0.0) for b, _, _ in beams]),
             *_laws(es),
         )
+        self._stiffness = _Multiple(self.elements.weighted_stiffness)
 
     def gather(self, y: Array) -> Array:
         """Rows of y of each element (ne, 12 nn)."""
@@ -273,8 +283,9 @@ class BeamGroup(Group):
     ) -> Parts:
         """The same as :meth:`tangent`, not multiplied out."""
         scalar = beam_geometric(self.elements, geometric * stress)
-        D = self.elements.weighted_stiffness if moduli is None else moduli
-        return Parts(scalar, left, right, material * D)
+        if moduli is None or moduli is self.elements.weighted_stiffness:
+            return Parts(scalar, left, right, self._stiffness.by(material))
+        return Parts(scalar, left, right, material * moduli)
 
     @property
     def viscous(self) -> bool:

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from ..kernels import cross, director_force
+from ..pattern import sum_at
 from ..relative import normals
 from ..types import Array, Floats, IndexArray
-from .quadratic import sum_at
 from .spans import Spans
 from .tree import Coordinate, Pair, Spot, Tree
 

@@ -15,18 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from ..pattern import FrozenPattern
+from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray
 
 __all__ = ["ConstraintBuilder", "QuadraticConstraints", "Terms"]
-
-
-def sum_at(index: IndexArray, values: Array, size: int) -> Array:
-    """Sums of `values` by `index` (size,), real or complex."""
-    if values.dtype.kind == "c":
-        real = np.bincount(index, values.real, size)
-        return real + 1j * np.bincount(index, values.imag, size)
-    return np.bincount(index, values, size)
 
 
 def _table(terms: Sequence[tuple[float, ...]], count: int) -> tuple[list[IndexArray], Floats]:

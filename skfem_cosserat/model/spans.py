@@ -21,8 +21,8 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from ..kernels import cross
+from ..pattern import sum_at
 from ..types import Array, Floats, IndexArray
-from .quadratic import sum_at
 from .tree import Span, Tree
 
 __all__ = ["Spans"]

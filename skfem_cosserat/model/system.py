@@ -24,6 +24,7 @@ from ..frames import Place
 from ..joint import Joint
 from ..kinds import is_beam
 from ..load import Load
+from ..pattern import product_form, sum_at
 from ..relative import Expression, Form, Product, Zero
 from ..types import Array, ArrayLike, Floats, IndexArray
 from .checks import (
@@ -51,7 +52,7 @@ from .loops import (
     turned_over,
 )
 from .plane import Plane
-from .quadratic import ConstraintBuilder, QuadraticConstraints, sum_at
+from .quadratic import ConstraintBuilder, QuadraticConstraints
 from .rungs import RungRows, add_rung_rows, spans_of
 from .tree import End, Spot, build_tree
 
@@ -79,7 +80,7 @@ class System:
         ``n - rank``, the unknowns of the null space method.
     q0, v0 : (n,) array
         Reference configuration (m, -) and initial velocity (m/s, 1/s).
-    mass : (n/3, n/3) sparse matrix
+    mass, inertia : (n/3, n/3) sparse matrix; the same in full if it is small, for products
         Constant mass matrix (64), (114) without the factor I_3 (kg, kg m, kg m^2).
     drag : (n/3, n/3) sparse matrix or None
         Drag against space per velocity, likewise (kg/s, ...), of Rayleigh damping.
@@ -120,6 +121,7 @@ class System:
         self._number()
         self._place_ground(couplings)
         self.mass, self.lumps = assemble_mass(self.structures, self.first, self.rows)
+        self.inertia = product_form(self.mass)
         self._group(dampings)
         places = self.first, self.rows, self.mass, self.origin_rows
         self.loading = Loading(self.loads, *places, self.beam_groups, self.frame_group)
@@ -178,8 +180,7 @@ class System:
                     y.append(vertices.triads[k])
                     rates.append(np.cross(vertices.angular_velocities[k], vertices.triads[k]))
                     row += 3
-        self.rows = row
-        self.n = 3 * row
+        self.rows, self.n = row, 3 * row
         self.origin_rows: IndexArray = np.array(rows, dtype=np.int64)
         self.is_frame = np.array(framed, dtype=bool)
         self._y0, self._v0 = np.concatenate(y), np.concatenate(rates)
@@ -266,8 +267,7 @@ class System:
         for p in (row,) if isinstance(row, Product) else row:
             amplitude = None
             if p.amplitude is not None:
-                place = int(self.vertex_rows[self.spot(p.amplitude.place).vertex])
-                amplitude = (place, p.amplitude.component)
+                amplitude = (self.row_of(p.amplitude.place), p.amplitude.component)
             build.add(self.terms(p.left), self.terms(p.right), p.factor, amplitude)
         build.end_row()
 
