@@ -10,6 +10,8 @@ energy-momentum at 2e-5 s.
 energy at midpoints has changed by more than 1 % since the pulse; ``timeout``; else ``ok``. Single
 steps of the variational scheme say little, as one may pass where its neighbours fail. What counts
 is the *contiguous range*: a step belongs to it if it and all smaller ones that were tried are ok.
+(Energy-momentum keeps the energy at nodes to rounding with all steps. That at midpoints, from
+differences of positions, then tells how well the motion is resolved.)
 
 *Errors*, all largest distances of the mass (m) up to the end. ``error_m`` is against the full beam
 with the same mesh, extrapolated from two small steps; ``model_error_m`` is that of the rung's own
