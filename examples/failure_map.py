@@ -21,6 +21,7 @@ import argparse
 import logging
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -47,12 +48,12 @@ BEYOND = 2000  # Newton iterations that a run goes on after a blow-up
 BLOCK = 64  # states whose energies are computed at once
 
 
-class _Watch:
+class Watch:
     """Energies and turning points of a run, computed block by block.
 
     Attributes
     ----------
-    series : list of (6, k) arrays
+    series : (6, N) array
         Time, energy at (q_n, p_n), energy at (q_{n-1}, q_n), angle of the right and of the left
         link, e2 coordinate of the mass; up to the blow-up.
     blown : bool
@@ -62,17 +63,15 @@ class _Watch:
     def __init__(self, system: sc.System, mean: bool, step: float) -> None:
         self.system, self.mean, self.step = system, mean, step
         links = [system.frame_place(f"{side} link") + 10 for side in ("right", "left")]
-        beam: Any = system.structures[0]
-        self._tips, self._mass = links, system.offset(beam.node("mid")) + 1
-        self.before: Floats = system.q0
-        self.block: list[tuple[float, Floats, Floats]] = []
-        self.series: list[Floats] = []
+        self._tips, self._mass = links, mass_place(system) + 1
+        self._series: list[Floats] = []
+        self.block: list[tuple[float, Floats, Floats, Floats]] = []
         self.reference: float | None = None
         self.blown = False
 
-    def take(self, state: sc.State, momentum: Floats) -> None:
-        """A state and p_n there."""
-        self.block.append((state.time, state.q, momentum))
+    def take(self, before: Floats, state: sc.State, momentum: Floats) -> None:
+        """A state, the coordinates q_{n-1} before it, and p_n there."""
+        self.block.append((state.time, before, state.q, momentum))
         if len(self.block) >= BLOCK:
             self.flush()
 
@@ -80,86 +79,162 @@ class _Watch:
         """Evaluate the block."""
         if not self.block or self.blown:
             return
-        t, q, p = (np.array(x) for x in zip(*self.block, strict=True))
+        t, before, q, p = (np.array(x) for x in zip(*self.block, strict=True))
         self.block = []
+        pairs = np.stack([before, q], axis=1).reshape(-1, q.shape[1])
         with np.errstate(all="ignore"):
             nodal = swing._energy(self.system, q, p)
-            pairs = np.vstack([self.before, q])
-            middle = diagnostics.midpoint_energy(self.system, pairs, self.step, self.mean)
-        self.before = q[-1]
+            middle = diagnostics.midpoint_energy(self.system, pairs, self.step, self.mean)[::2]
         tips = [np.arctan2(q[:, k + 1], q[:, k]) for k in self._tips]
         rows = np.array([t, nodal, middle, *tips, q[:, self._mass]])
         after = np.flatnonzero(t >= PULSE_END * (1 - 1e-12))
         if self.reference is None and len(after):
             self.reference = float(nodal[after[0]])
         bad = after[~(nodal[after] <= BLOW_UP * (self.reference or np.inf))]
-        self.series.append(rows[:, : bad[0] + 1] if len(bad) else rows)
+        self._series.append(rows[:, : bad[0] + 1] if len(bad) else rows)
         self.blown = len(bad) > 0
 
+    @property
+    def series(self) -> Floats:
+        """See the class."""
+        return np.concatenate(self._series, axis=1) if self._series else np.zeros((6, 0))
 
-def sail(
-    system: sc.System, integrator: Any, step: float, until: float, patience: float = 3600.0
-) -> dict[str, Any]:
-    """One run with the null space method.
+
+def mass_place(system: sc.System) -> int:
+    """Where the coordinates of the mass begin in q."""
+    beam: Any = system.structures[0]
+    return int(system.offset(beam.node("mid")))
+
+
+@dataclass(eq=False)
+class Passage:
+    """A run, and what each of its N solved steps took.
+
+    Attributes
+    ----------
+    outcome : str
+        ``completed``, ``energy blow-up``, ``Newton failed`` or ``stopped, still running``.
+    watch : Watch
+    path : (N, 3) array
+        The mass after each step (m).
+    iterations, attempts : (N,) int array
+    seconds : (N,) array
+        CPU time of each step (s).
+    good : int
+        Steps until a blow-up was seen, some more than there were until it.
+    error : Diverged or None
+        Of a step that could not be solved.
+    kernels : str
+    """
+
+    outcome: str
+    watch: Watch
+    path: Floats
+    iterations: NDArray[np.int64]
+    attempts: NDArray[np.int64]
+    seconds: Floats
+    good: int
+    error: sc.Diverged | None
+    kernels: str
+
+
+def march(
+    system: sc.System,
+    integrator: Any,
+    step: float,
+    count: int,
+    patience: float = 3600.0,
+    every: int = 1,
+    beyond: int = BEYOND,
+    **options: Any,
+) -> Passage:
+    """Solve as many steps with the null space method, until a step fails or energy blows up.
 
     Parameters
     ----------
     patience : float
         Wall time (s) after which a run is stopped, which is not counted as a failure.
+    every : int
+        Energies are looked at after as many steps.
+    beyond : int
+        Newton iterations that a run goes on after a blow-up.
+    **options
+        Of :class:`skfem_cosserat.Stepper`.
+    """
+    watch, place = Watch(system, integrator.name == "energy-momentum", step), mass_place(system)
+    stepper = sc.Stepper(system, integrator, sc.NullSpace(), step, SETTINGS, **options)
+    path: list[Floats] = []
+    took: list[tuple[int, int, float]] = []
+    outcome, error, good, spent = "completed", None, 0, 0
+    start, before, state = time.perf_counter(), system.q0, sc.initial_state(system)
+    try:
+        while len(took) < count and spent <= beyond:
+            begun = time.process_time()
+            report = stepper.advance(state, (state.index + 1) * step)
+            took.append((report.iterations, report.attempts, time.process_time() - begun))
+            if state.index and state.index % every == 0:
+                watch.take(before, state, report.momentum)
+            before, state = state.q, report.state
+            path.append(state.q[place : place + 3].copy())
+            if watch.blown:
+                spent += report.iterations
+            else:
+                good = len(took)
+            if time.perf_counter() - start > patience:
+                outcome = "stopped, still running"
+                break
+    except sc.Diverged as failure:
+        outcome, error = "Newton failed", failure
+    watch.flush()
+    iterations, attempts, times = np.array(took, dtype=float).reshape(-1, 3).T
+    return Passage(
+        "energy blow-up" if watch.blown else outcome,
+        watch,
+        np.array(path).reshape(-1, 3),
+        iterations.astype(int),
+        attempts.astype(int),
+        times,
+        good,
+        error,
+        stepper.choice.name,
+    )
+
+
+def sail(
+    system: sc.System, integrator: Any, step: float, until: float, patience: float = 3600.0
+) -> dict[str, Any]:
+    """One run, see :func:`march`.
 
     Returns
     -------
     dict
         The columns of the table, where ``end_s`` is the time of the blow-up, of the last solved
-        step, or the end; ``series`` (6, N) up to it: time, energy at (q_n, p_n), energy at
-        (q_{n-1}, q_n), angles of the right and left link, e2 coordinate of the mass; and
-        ``residuals``, lists of the scaled residuals of a failed step, one for each attempt.
+        step, or the end; ``series`` (6, N) up to it: see :class:`Watch`; and ``residuals``, lists
+        of the scaled residuals of a failed step, one for each attempt.
     """
-    watch = _Watch(system, integrator.name == "energy-momentum", step)
-    outcome, failed, reason, residuals = "completed", None, "", []
-    iterations = repeated = beyond = 0
     count = int(until / step * (1 + 1e-12) + 1e-9)
-    start, state = time.perf_counter(), sc.initial_state(system)
-    try:
-        for report in sc.steps(system, integrator, sc.NullSpace(), step, settings=SETTINGS):
-            if state.index:
-                watch.take(state, report.momentum)
-            state = report.state
-            beyond += report.iterations * watch.blown
-            if not watch.blown:
-                iterations += report.iterations
-                repeated += report.attempts > 1
-            if state.index >= count or beyond > BEYOND:
-                break
-            if time.perf_counter() - start > patience:
-                outcome = "stopped, still running"
-                break
-    except sc.Diverged as error:
-        outcome, failed = "Newton failed", error.time
-        reason, residuals = error.reason, error.residuals
+    start = time.perf_counter()
+    run = march(system, integrator, step, count, patience)
     wall = time.perf_counter() - start
-    watch.flush()
-    series = np.concatenate(watch.series, axis=1) if watch.series else np.zeros((6, 0))
-    if watch.blown:
-        outcome = "energy blow-up"
+    series, error = run.watch.series, run.error
     after = np.flatnonzero(series[0] >= PULSE_END * (1 - 1e-12))
-    end = float(series[0, -1]) if watch.blown else state.time
-    events = _events(series)
+    end = float(series[0, -1]) if run.watch.blown else len(run.path) * step
+    events = find_events(series)
     return {
         "integrator": integrator.name,
         "step_s": step,
-        "outcome": outcome,
+        "outcome": run.outcome,
         "end_s": end,
         **events,
         **_errors(series, after, events["period_s"]),
-        "solver_failed_s": failed,
+        "solver_failed_s": None if error is None else error.time,
         "steps": round(end / step),
-        "newton_iterations": iterations,
-        "steps_tried_again": repeated,
+        "newton_iterations": int(run.iterations[: run.good].sum()),
+        "steps_tried_again": int((run.attempts[: run.good] > 1).sum()),
         "wall_s": wall,
-        "reason": reason,
+        "reason": "" if error is None else error.reason,
         "series": series,
-        "residuals": residuals,
+        "residuals": [] if error is None else error.residuals,
     }
 
 
@@ -178,7 +253,7 @@ def _errors(
     return dict(zip(names, values, strict=True))
 
 
-def _events(series: Floats) -> dict[str, float | None]:
+def find_events(series: Floats) -> dict[str, float | None]:
     """X: the right link reverses; Y: the left one; and when the mass is back."""
     t, right, left, mass = series[0], *(np.unwrap(a) for a in series[3:5]), series[5]
     x = swing._event_x(t, right) if len(t) > 2 else None
