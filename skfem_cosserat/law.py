@@ -44,6 +44,8 @@ class Law(ABC):
 
     #: what rounding makes of an energy that vanishes (J/m)
     noise: float = 0.0
+    #: numbers of strains that are held, see :class:`skfem_cosserat.Rung`: it knows nothing of them
+    held: tuple[int, ...] = ()
 
     def __init__(self, stiffness: Floats) -> None:
         self.stiffness = stiffness

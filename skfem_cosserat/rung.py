@@ -7,7 +7,9 @@ Each rung leaves out motions that a scene may not need, with their frequencies a
 Strains are held at the Gauss points of each element, p of them for an element of order p: there are
 as many as the nodes can follow. With one point more elements lock, with one fewer they have motions
 that strain nothing. What holds them are constraint forces: their multipliers are the stress
-resultants.
+resultants. In histories of runs they are those of where constraint forces act, like reactions: at
+the midpoint of the step that follows with energy-momentum schemes, at the state itself with the
+variational one (:func:`skfem_cosserat.diagnostics.multipliers_at` gives either).
 
 Each takes both treatments. The null space method eliminates the lines of beams whose elements form
 trees: positions follow from rotations (and stretches), which leaves half of the unknowns or fewer
@@ -153,9 +155,10 @@ class LawHeld(Law):
     """
 
     def __init__(self, law: Law, held: tuple[int, ...]) -> None:
-        super().__init__(law.stiffness)
+        # what measures increments: without forces against strains that are held
+        own = np.isin(np.arange(6), held) * np.diag(law.stiffness)
+        super().__init__(released(law.stiffness, held) + np.diag(own))
         self.law, self.held, self.noise = law, held, law.noise
-        self.scale = law.scale
         self._free = np.ones(6)
         self._free[list(held)] = 0
 

@@ -290,7 +290,7 @@ def rung_jacobian(system, points=None):
         P[12 * a : 12 * a + 3, 6 * a : 6 * a + 3] = np.eye(3)
         for k, d in enumerate(triad):
             row = slice(12 * a + 3 * k + 3, 12 * a + 3 * k + 6)
-            P[row, 6 * a + 3 : 6 * a + 6] = -np.cross(np.eye(3), d).T
+            P[row, 6 * a + 3 : 6 * a + 6] = np.cross(np.eye(3), d).T
     return np.sqrt(weights)[:, None] * (G[numbers.ravel()] @ P)[:, 6:]
 
 

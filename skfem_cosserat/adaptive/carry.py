@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ..diagnostics import Projection, momentum
+from ..diagnostics.nearest import nearest_configuration
 from ..diagnostics.settle import settled
 from ..diagnostics.transfer import new_rows, spins, transfer
-from ..errors import HistoryError
+from ..errors import HistoryError, InputError
 from ..history import History
 from ..integrators import State
+from ..kinds import is_beam
 from ..model import System
 from ..model.balance import amplitudes_at, balance
 from ..simulate.describe import describe, other_model
@@ -31,17 +33,24 @@ _ITEMS = ("joint/", "coupling/", "amplitudes/")
 
 
 def carry_state(source: System, target: System, state: State) -> State:
-    """A state of one system in another one with refined meshes, or elements of another order.
+    """A state of one system in another one with other meshes, orders or rungs of its beams.
 
     Configuration and velocity go over by :func:`skfem_cosserat.diagnostics.transfer`: nodes that
     are in both systems keep them. New nodes are then brought into balance between those, with the
     loads and accelerations of that instant: left where they were interpolated, stiff motions
     (shear, extension) would get energy of their own.
 
+    Where beams of `target` hold strains (:class:`skfem_cosserat.Rung`) it is the nearest
+    configuration without these, the one that changes the other strains least, and the nearest
+    velocity in the kinetic energy; the centre of mass and the linear momentum of a scene in free
+    flight stay what they are. What `source` holds and `target` does not starts without strain:
+    its forces, which were multipliers, have to build up anew, and vibrations with them. Begin such
+    runs where these forces are small, or damp them.
+
     Parameters
     ----------
     source, target : System
-        Of the same scene, see :meth:`skfem_cosserat.Beam.refined`.
+        Of the same scene, see :meth:`skfem_cosserat.Beam.refined`; with any rungs.
     state : State
         Of `source`.
 
@@ -54,7 +63,8 @@ def carry_state(source: System, target: System, state: State) -> State:
     Raises
     ------
     InputError, MeshError
-        If the systems do not belong together.
+        If the systems do not belong together, or a beam is bent, drawn or twisted too far for what
+        it is to hold: named with both rungs.
 
     Examples
     --------
@@ -75,6 +85,7 @@ def carry_state(source: System, target: System, state: State) -> State:
     v = Projection(source)(state.q, state.p, state.time)[0]
     q, v = transfer(source, target, state.q, v)
     q, v = _settled(source, target, state.q, q, v, state.time)
+    q, v = _held(source, target, q, v, state.time)
     return State(state.time, state.index, q, momentum(target, v), True, state.turns)
 
 
@@ -120,6 +131,7 @@ def carry_history(source: System, target: System, history: History) -> History:
             q[-1] = y[: target.rows].ravel()
         else:
             q[-1], v[-1] = _settled(source, target, last, q[-1], v[-1], t)
+        q[-1], v[-1] = _held(source, target, q[-1], v[-1], t)
     p = momentum(target, v)
     count = len(history)
     meta, static = describe(target)
@@ -155,3 +167,29 @@ def _settled(
     spin = spins(y[rows], rates[rows])
     rates[rows[:, 1:]] = np.cross(spin[:, None], rest[rows[:, 1:]])
     return rest[: target.rows].ravel(), rates.ravel()
+
+
+def _held(source: System, target: System, q: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
+    """Without the strains that beams of the target hold.
+
+    Raises
+    ------
+    InputError
+        Naming a beam with its rungs in both systems.
+    """
+    if not target.rung_rows:
+        return q, v
+    y = target.extend(q, t)
+    found = nearest_configuration(target, y)
+    if found is None:
+        g = abs(target.constraints.values(y))
+        worst = max(target.rung_rows, key=lambda rows: float(g[rows.rows].max()))
+        known = {item.name: item.rung for item in source.structures if is_beam(item)}
+        raise InputError(
+            worst.beam.label,
+            f"its state with {known[worst.beam.name]!r} cannot be carried over to"
+            f" {worst.beam.rung!r}: no configuration near it is without the strains that the latter"
+            " holds",
+        )
+    q = found[: target.rows].ravel()
+    return q, Projection(target)(q, momentum(target, v), t)[0]

@@ -85,7 +85,8 @@ def overstretched(system: System, y: Floats, multipliers: Floats | None = None) 
         if held is not None and multipliers is not None and held.can_bend:
             force = force + held.stress(multipliers)[:, :, 2] @ beam.elements.weights
         factor = tension_factor(kind)
-        soft = np.array([_bending(s.stiffness) for s in beam.sections.values()])[beam.section_id]
+        sections = beam.sections.values()
+        soft = np.array([_bending(s.stiffness, beam.rung.held) for s in sections])[beam.section_id]
         soft = np.where(np.isnan(present), soft, present)
         limit = factor * soft / (beam.basis.lengths**2 * stretch.clip(1e-300))
         ratio = (force / limit).round(9)  # of equal ones the first is named
@@ -152,12 +153,20 @@ def _tension(group: BeamGroup, y: Floats) -> tuple[Floats, Floats, Floats]:
     strain, weights = group.strain(y)[0], group.elements.weights
     stretch = strain + group.elements.reference
     present = np.full(len(strain), np.nan)
-    for ids, _ in group.elements.stored:
+    for ids, law in group.elements.stored:
         mean = group.moduli(strain)[ids].sum(1) / group.elements.lengths[ids, None, None]
-        present[ids] = [_bending(D) for D in mean]
+        present[ids] = [_bending(D, law.held) for D in mean]
     return group.stress(strain)[:, :, 2] @ weights, stretch[:, :, 2] @ weights, present
 
 
-def _bending(stiffness: Floats) -> float:
-    """The smaller bending stiffness (N m^2) of a section (6, 6) that is free otherwise."""
-    return float(1 / np.linalg.eigvalsh(np.linalg.inv(stiffness)[3:5, 3:5])[-1])
+def _bending(stiffness: Floats, held: tuple[int, ...]) -> float:
+    """The smaller bending stiffness (N m^2) of a section (6, 6) that is free otherwise.
+
+    Of what is not held: without end if bending is.
+    """
+    if {3, 4} & set(held):
+        return np.inf
+    free = [k for k in range(6) if k not in held]
+    bending = [free.index(k) for k in (3, 4)]
+    compliance = np.linalg.inv(stiffness[np.ix_(free, free)])
+    return float(1 / np.linalg.eigvalsh(compliance[np.ix_(bending, bending)])[-1])
