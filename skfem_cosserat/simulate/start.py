@@ -93,7 +93,8 @@ def initial_state(
     time : float
         Start (s).
     tolerance : float
-        Largest relative violation of the constraints and the hidden constraints.
+        Largest relative violation of the constraints and the hidden constraints. (Runs start from
+        states with no more than 1e-6.)
     nu : (unknowns,) array, optional
         Reduced velocity instead of v or p: ``v = P(q) nu + qdot_prescribed`` with the null space
         matrix ``system.null_space(q, time)`` (m/s of translations, rad/s of rotations), see
