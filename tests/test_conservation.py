@@ -274,7 +274,8 @@ def test_time_can_be_turned_round(scene, integrator, treatment):
     """Both schemes are symmetric: with the momenta turned round they go back to the start."""
     system, history = run(scene, integrator, treatment, STEP, 0.3)
     end = history.last()
-    turned = sc.State(0.0, 0, end["q"], -end["p"], fresh=True)
+    maker = INTEGRATORS[integrator].name, STEP  # its momenta, not those of the hidden constraints
+    turned = sc.State(0.0, 0, end["q"], -end["p"], fresh=True, maker=maker)
     back = sc.simulate(
         system, INTEGRATORS[integrator], TREATMENTS[treatment], STEP, 0.3, start=turned
     )

@@ -222,6 +222,30 @@ def test_a_run_that_draws_too_much_later_says_when(caplog):
     assert 6e-3 < float(said[0].split()[2]) < 9e-3
 
 
+def test_a_run_folds_up_as_fast_as_modes_grow(caplog):
+    """Noise of 1e-9 rad doubles every 20 microseconds until nodes have turned; it is told first."""
+    system = wire(1, 12, TENSION).freeze()
+    q = drawn(system, STRETCH)[: system.rows].reshape(-1)
+    found = modes(system, q, 6)
+    assert not found.stable
+    v = np.zeros(system.n)
+    inner = system.origin_rows[1:-1]
+    v[3 * inner + 2] = 1e-6 * np.random.default_rng(0).standard_normal(len(inner))
+    start = initial_state(system, q=q, v=project(system, q, v))
+    caplog.clear()
+    run = system, EnergyMomentum(), NullSpace(), 2e-6, 8e-4
+    history = simulate(*run, start=start, derive=False, kernels="numpy")
+    tangents = history["q"].reshape(len(history), -1, 4, 3)[:, :, 3]
+    turned = np.linalg.norm(tangents - tangents[0], axis=2).max(1)
+    linear = (turned > 1e-7) & (turned < 1e-3)
+    rate = np.polyfit(history.times[linear], np.log(turned[linear]), 1)[0]
+    assert rate == pytest.approx(found.growth.max(), rel=0.02)
+    assert turned[-1] > 0.05
+    said = [r.getMessage() for r in caplog.records if "Gauss points do not see" in r.message]
+    assert len(said) == 1
+    assert said[0].startswith("t = 0 s: tension 100 N between nodes ")
+
+
 @pytest.mark.parametrize("treatment", [NullSpace(), Multipliers()], ids=["nullspace", "multiplier"])
 def test_a_failed_step_names_it(treatment):
     system = wire(2, 12, TENSION).freeze()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 from ..errors import InputError
@@ -12,7 +13,7 @@ from ..joint import Joint
 from ..load import Amplitude, Load, time_function
 from ..model import Model, System
 from ..model.change import joint_of, load_of, locked, released, unlocked, with_amplitude
-from .start import checked_start
+from .start import consistent_start
 from .view import View
 
 __all__ = [
@@ -197,5 +198,6 @@ class ActionFunction(Action):
                 f" {view.system.n} and {view.system.total}: stop here, and start a run of its own",
             )
         if state is not None:
-            checked_start(view.system if system is None else system, state)
+            now = replace(state, time=view.time)
+            consistent_start(view.system if system is None else system, now, "action: its state")
         return Outcome(system, state)

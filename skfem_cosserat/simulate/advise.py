@@ -16,7 +16,7 @@ from ..model import System
 from ..newton import NewtonSettings
 from ..types import Floats, positive
 from .estimate import distance
-from .start import checked_start, initial_state
+from .start import consistent_start, initial_state
 
 __all__ = ["StepAdvice", "advise_step"]
 
@@ -138,7 +138,7 @@ def advise_step(
     """
     item = "step advice"
     tolerance = positive(item, "tolerance", tolerance)
-    state = initial_state(system) if start is None else checked_start(system, start)
+    state = initial_state(system) if start is None else consistent_start(system, start)
     duration = positive(item, "until less the start", until - state.time, " of seconds")
     length = positive(item, "pilot", duration / 10 if pilot is None else pilot, " of seconds")
     if length > duration * (1 + 1e-12):

@@ -28,7 +28,7 @@ from .progress import Progress
 from .recorder import Recorder, Wanted, numbered, timed
 from .run import Callback, Run
 from .sensors import Sensor
-from .start import checked_start, initial_state
+from .start import consistent_start, initial_state
 
 __all__ = ["simulate", "steps"]
 
@@ -60,7 +60,8 @@ def steps(
         Step size (s).
     start : State, optional
         Default: :func:`initial_state`. One that another integrator or step led to starts anew from
-        its q and p, as with :func:`restart`.
+        its q and p, as with :func:`restart`. One that was put together (without a ``maker``) has to
+        fulfil the constraints, and its momentum the hidden ones.
     settings : NewtonSettings, optional
         When Newton's method stops.
     kernels : {"auto", "numpy", "numba"}
@@ -90,7 +91,7 @@ def steps(
     0.5
     """
     stepper = Stepper(system, integrator, treatment, step, settings, kernels, solver=solver)
-    state = initial_state(system) if start is None else stepper.own(checked_start(system, start))
+    state = initial_state(system) if start is None else stepper.own(consistent_start(system, start))
     origin, first = state.time, state.index
     while True:
         # t_n = t_0 + n h: no rounding adds up over many steps
@@ -348,7 +349,7 @@ def _plan(
     until = positive("argument until", "until", until, " of seconds")
     if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
         raise InputError("argument every", f"{every!r}, expected a positive integer")
-    state = initial_state(system) if start is None else checked_start(system, start)
+    state = initial_state(system) if start is None else consistent_start(system, start)
     count = int(np.floor((until - state.time) / step * (1 + 1e-12) + 1e-9))
     if count < 0:
         raise InputError("argument until", f"{until!r} s is before the start at {state.time!r} s")

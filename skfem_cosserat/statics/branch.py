@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..diagnostics import Projection
 from ..errors import HistoryError, InputError
 from ..history import History
 from ..integrators import State
@@ -167,7 +168,10 @@ def equilibrium(model: Model | System, history: History, index: int = -1) -> Sta
         raise InputError("argument index", f"{index!r}: the path has {len(history)} points")
     point = _point(system, history, index)
     q = point.y[: system.rows].reshape(-1)
-    return State(point.t, 0, q, np.zeros(system.n), turns=point.turns)
+    p = np.zeros(system.n)
+    if system.moving:  # what is driven moves
+        p = Projection(system)(q, p, point.t)[1]
+    return State(point.t, 0, q, p, turns=point.turns)
 
 
 def _frozen(model: Model | System) -> System:
