@@ -16,6 +16,8 @@ import skfem_cosserat as sc
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+pytest.importorskip("numba")
+
 from test_closed_loops import CHANGE_POINT, PARALLELOGRAM, linkage, spinning, warnings_of
 
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
