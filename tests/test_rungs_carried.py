@@ -179,6 +179,22 @@ def test_a_run_goes_on_without_what_does_not_matter():
     assert abs(path - other).max() < 2e-4
 
 
+def test_an_equilibrium_goes_on_on_another_rung():
+    """It is carried near to that of the rung, nearer than it was, and the path goes on there."""
+    stiffness = np.diag(SECTION.stiffness) * np.repeat([1e3, 1.0], 3)
+    section = sc.Section(stiffness, mass=1.0, inertia=(1e-3, 2e-3))
+    source, target = (
+        cantilever(rung, 2, 4, section, TIP).freeze() for rung in (None, sc.RungInextensible())
+    )
+    path, own = (sc.static(system) for system in (source, target))
+    start = sc.equilibrium(target, carry_history(source, target, path))
+    before, after = (abs(q - own["q"][-1]).max() for q in (path["q"][-1], start.q))
+    assert after < 0.1 * before
+    control = sc.LoadControl(until=1.5, steps=1)
+    on = sc.static(target, start=start, control=control)["q"][-1]
+    assert abs(on - sc.static(target, control=control)["q"][-1]).max() < 1e-12
+
+
 def test_what_cannot_be_held_is_refused():
     """Of a bent rod one end is drawn beyond what is its length without extension."""
 
