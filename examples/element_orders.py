@@ -10,14 +10,18 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
 import paper_record
 import static_scenes
-from numpy.typing import NDArray
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics

@@ -13,13 +13,17 @@ Needs matplotlib for the picture.
 from __future__ import annotations
 
 import argparse
+import sys
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import paper_record
 from numpy.typing import NDArray
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import paper_record
 
 import skfem_cosserat as sc
 from skfem_cosserat.basis import DirectorBasis

@@ -56,13 +56,13 @@ def bend(order: int, elements: int, load: str):
     return abs(found - BEND[load]).max()
 
 
-def quick_in_the_middle(cases, quick):
-    return [pytest.param(*c, marks=[] if c in quick else pytest.mark.slow) for c in cases]
-
-
+QUICK = [(bend, "450", 2), (bend, "600", 3)]
 STATIC = [
-    *((elastica, load, order) for load in ELASTICA for order in ORDERS),
-    *((bend, load, order) for load in BEND for order in ORDERS),
+    pytest.param(problem, load, order, marks=[] if quick else pytest.mark.slow)
+    for problem, loads in ((elastica, ELASTICA), (bend, BEND))
+    for load in loads
+    for order in ORDERS
+    for quick in [(problem, load, order) in QUICK]
 ]
 #: coarse enough to stay above rounding, fine enough for the slope
 MESHES = {
@@ -77,9 +77,7 @@ MESHES = {
 QUARTIC = {"1": (6, 8), "2": (6, 8), "5": (10, 12), "10": (12, 16)}
 
 
-@pytest.mark.parametrize(
-    ("problem", "load", "order"), quick_in_the_middle(STATIC, [(bend, "450", 2), (bend, "600", 3)])
-)
+@pytest.mark.parametrize(("problem", "load", "order"), STATIC)
 def test_tips_in_order_2p(problem, load, order):
     meshes = QUARTIC[load] if (problem, order) == (elastica, 4) else MESHES[problem, order]
     coarse, fine = (problem(order, count, load) for count in meshes)
@@ -87,9 +85,9 @@ def test_tips_in_order_2p(problem, load, order):
     assert slope == pytest.approx(2 * order, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("problem", "load"),
-    quick_in_the_middle([(elastica, load) for load in ELASTICA] + [(bend, p) for p in BEND], []),
+    ("problem", "load"), [*((elastica, load) for load in ELASTICA), *((bend, p) for p in BEND)]
 )
 def test_tips_to_the_trusted_digits(problem, load):
     assert problem(4, 24, load) < TRUSTED[problem.__name__]
@@ -114,10 +112,9 @@ def frequencies(case: str, order: int, elements: int):
     return abs(np.array([found.omega[flap > lag], found.omega[lag > flap]]) / wanted - 1)
 
 
-@pytest.mark.parametrize(
-    ("case", "order"),
-    quick_in_the_middle([(c, p) for c in BLADE for p in ORDERS], [("hub=0,eta=2", 2)]),
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("case", BLADE)
 def test_rotating_blade_in_order_2p(case, order):
     """All eight frequencies that rounding does not reach."""
     meshes = {1: (64, 128), 2: (32, 64), 3: (24, 48), 4: (16, 32)}[order]

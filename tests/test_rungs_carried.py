@@ -62,25 +62,23 @@ def centre(system, q):
 def test_every_rung_takes_states_of_every_other(before, after):
     """A rod in free flight, on its mesh and on another: on all constraints, in the same place."""
     source, state = moved(flying, RUNGS[before])
-    for elements in (3, 4):
-        target = flying(RUNGS[after], elements=elements).freeze()
-        if elements == 4:  # other nodes on the same line
-            rod = flying(None)["rod"]
-            model = sc.Model()
-            model.add("rod", rod.on_mesh(rod.mesh.refined([1]), 2, RUNGS[after] or sc.RungFull()))
-            target = model.freeze()
+    rod = source.structures[0]
+    for mesh in (rod.mesh, rod.mesh.refined([1])):
+        model = sc.Model()
+        model.add("rod", rod.on_mesh(mesh, 2, RUNGS[after] or sc.RungFull()))
+        target = model.freeze()
         carried = carry_state(source, target, state)
         g, hidden = violations(target, carried)
         assert g < 5e-12
         assert hidden < 1e-10
-        if elements == 3:
+        if mesh is rod.mesh:
             v = sc.Projection(source)(state.q, state.p)[0]
             p = diagnostics.linear_momentum(source, diagnostics.momentum(source, v))
             assert diagnostics.linear_momentum(target, carried.p) == pytest.approx(p, abs=1e-12)
             x = centre(source, state.q)
             assert centre(target, carried.q) == pytest.approx(x, abs=1e-12)
             held = set() if RUNGS[after] is None else set(RUNGS[after].held)
-            if held <= set(source.structures[0].rung.held):  # nothing to be left out
+            if held <= set(rod.rung.held):  # nothing to be left out
                 assert abs(carried.q - state.q).max() < 1e-12
         run = sc.simulate(
             target, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.04, start=carried, kernels="numpy"
@@ -179,6 +177,22 @@ def test_a_run_goes_on_without_what_does_not_matter():
     path, other = whole["q"][25:, end : end + 3], rest["q"][:, end : end + 3]
     assert abs(path - path[0]).max() > 0.05
     assert abs(path - other).max() < 2e-4
+
+
+def test_an_equilibrium_goes_on_on_another_rung():
+    """It is carried near to that of the rung, nearer than it was, and the path goes on there."""
+    stiffness = np.diag(SECTION.stiffness) * np.repeat([1e3, 1.0], 3)
+    section = sc.Section(stiffness, mass=1.0, inertia=(1e-3, 2e-3))
+    source, target = (
+        cantilever(rung, 2, 4, section, TIP).freeze() for rung in (None, sc.RungInextensible())
+    )
+    path, own = (sc.static(system) for system in (source, target))
+    start = sc.equilibrium(target, carry_history(source, target, path))
+    before, after = (abs(q - own["q"][-1]).max() for q in (path["q"][-1], start.q))
+    assert after < 0.1 * before
+    control = sc.LoadControl(until=1.5, steps=1)
+    on = sc.static(target, start=start, control=control)["q"][-1]
+    assert abs(on - sc.static(target, control=control)["q"][-1]).max() < 1e-12
 
 
 def test_what_cannot_be_held_is_refused():

@@ -66,7 +66,9 @@ def test_tangent_of_a_step(rung, integrator, treatment):
     assert abs(step.matrix() - step.derivative()).max() < 1e-8 * abs(step.matrix()).max()
 
 
-@pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
+@pytest.mark.parametrize(
+    "treatment", [TREATMENTS[0], pytest.param(TREATMENTS[1], marks=pytest.mark.slow)], ids=str
+)
 @one_quick
 def test_free_flight_keeps_momenta_and_energy(rung, treatment):
     model = flying(rung)

@@ -34,6 +34,13 @@ class Planar:
     plane cannot be found, however: no modes, no bifurcations there. There are no compiled kernels
     and no explicit schemes for it.
 
+    Scenes that are their own mirror image by pairs of items, on either side of a plane, are not
+    meant here, where each item is its own image: they are halved by leaving one half out. What the
+    mirror plane cuts is held by ``JointPlanar(ground(x), node, normal)``, with its normal: the node
+    stays in the plane and turns about the normal only, and the joint's force and moment are what
+    the other half passes on. Loads, masses and springs on the plane count half. Motions that are
+    not symmetric, modes and bifurcations among them, cannot be found then.
+
     Parameters
     ----------
     normal : (3,) array, optional
