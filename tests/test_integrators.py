@@ -836,11 +836,10 @@ def test_parts_of_the_momentum_along_constraints_do_not_move_the_variational_sch
     system, start = double_pendulum()
     G = system.constraints.jacobian(system.extend(start.q, 0.0))
     off = start.p + G.T @ np.random.default_rng(1).standard_normal(system.m)
-    run = system, sc.Variational(), NULL, 0.01, 0.2
-    runs = []
-    for p in (start.p, off):
-        state = sc.State(0.0, 0, start.q, p, maker=(sc.Variational().name, 0.01))
-        runs.append(sc.simulate(*run, start=state))
+    runs = [
+        sc.simulate(system, sc.Variational(), NULL, 0.01, 0.2, start=sc.State(0.0, 0, start.q, p))
+        for p in (start.p, off)
+    ]
     assert runs[1]["q"] == pytest.approx(runs[0]["q"], abs=1e-10)
     assert runs[1]["Qp"][1:] == pytest.approx(runs[0]["Qp"][1:], abs=1e-8)
 

@@ -11,6 +11,7 @@ from ..diagnostics import Projection
 from ..errors import HistoryError, InputError
 from ..history import History
 from ..integrators import Integrator, State
+from ..log import logger
 from ..model import System
 from ..types import ArrayLike, Floats, numbers
 from .control import StepControl
@@ -22,6 +23,10 @@ __all__ = ["initial_state", "project", "restart"]
 #: relative violation of constraints that a state may have which was put together, and one that
 #: steps led to: with loose settings they leave more
 GIVEN, SOLVED = 1e-6, 1e-3
+ALONG = (
+    "Constraints take what is along them in the first step; steps of a run lead on from their state"
+    " without this warning, and so does restart()"
+)
 
 
 def project(
@@ -229,7 +234,9 @@ def consistent_start(system: System, start: State, item: str = "argument start")
     """A state to step from: it belongs to the system, q and p fulfil what they have to.
 
     A state that steps led to has the momentum of their scheme, which may be off the hidden
-    constraints, and constraints as well as it was asked to solve them.
+    constraints, and constraints as well as it was asked to solve them. Another one whose momentum
+    is off them gets a warning: what the momentum has along ``G^T`` only adds to the first
+    multipliers, and momenta of the variational scheme, turned round for example, have such parts.
     """
     checked_start(system, start, item)
     made = start.maker is not None
@@ -240,8 +247,7 @@ def consistent_start(system: System, start: State, item: str = "argument start")
         return start
     wrong = broken_momentum(system, start.q, start.p, start.time, GIVEN)
     if wrong:
-        advice = "; a state of a run goes on as its steps gave it, or by restart()"
-        raise InputError(item, f"p at t = {start.time:g} s {wrong}{advice}")
+        logger.warning("%s: p at t = %g s %s. %s", item, start.time, wrong, ALONG)
     return start
 
 
