@@ -275,7 +275,7 @@ def reduce(s: Any, w: Any, F: Floats, b: Floats) -> None:
         put_product(S, e, F, v, 1.0, b, v)
         if p >= 0:
             add_product(X, e, F, v, 1.0, F, p)
-            for o in range(6):
+            for o in range(b.shape[1]):
                 b[p, o] = F[p, o]
 
 

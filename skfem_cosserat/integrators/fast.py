@@ -21,11 +21,11 @@ from ..compiled.numbers import (
     WORK,
 )
 from ..compiled.plan import Plan, plan_of
-from ..constraints import Multipliers, Treatment
 from ..constraints.base import half_turn
 from ..linear import LinearSolver, Solver
 from ..model import System
 from ..model.chart import Chart
+from ..model.tree import Coordinate
 from ..newton import NewtonSettings
 from ..types import Floats, IndexArray
 from .base import Integrator, Scheme, State, StepWork
@@ -33,12 +33,7 @@ from .coupled import Coupled
 from .rest import Rest
 from .viscous import Viscous, is_viscous
 
-__all__ = [
-    "CompiledMultipliers",
-    "CompiledScene",
-    "CompiledStep",
-    "compiled_step",
-]
+__all__ = ["CompiledMultipliers", "CompiledScene", "CompiledStep"]
 
 
 #: iterations up to which no frame can have got to half a turn, where there are no closed loops
@@ -46,24 +41,9 @@ SHORT = 8
 #: all turns of a step together (rad), and displacements against the scene, that are no half turn
 SHORT_WAY = 1.0
 #: threads compile one after the other: the second finds all there, and starts no helper of its own
-_COMPILING = threading.Lock()
+COMPILING = threading.Lock()
 #: addresses of the parts; what is constant, the elimination, what changes, and beams
 Bound = tuple[IndexArray, Any, Any, Any, Any]
-
-
-def compiled_step(
-    system: System,
-    integrator: Integrator,
-    treatment: Treatment,
-    h: float,
-    settings: NewtonSettings,
-    plan: Plan | None = None,
-    solver: Solver | None = None,
-) -> CompiledStep:
-    """Steps with one of the treatments; see :class:`CompiledStep`."""
-    if isinstance(treatment, Multipliers):
-        return CompiledMultipliers(system, integrator, h, settings, plan, treatment.scaled)
-    return CompiledStep(system, integrator, h, settings, plan, solver)
 
 
 class CompiledScene:
@@ -129,7 +109,7 @@ class CompiledScene:
 
         system, groups = self.system, self.system.beam_groups
         parts = bind.parts_of(system, weight, ends or is_viscous(system), static)
-        with _COMPILING, bind.compiling(system, parts):
+        with COMPILING, bind.compiling(system, parts):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
             w, self._arrays = bind.bound_work(system, self.plan)
@@ -139,14 +119,19 @@ class CompiledScene:
             A, x = self._arrays["A"], self._arrays["x"]
             self._rest = Rest(self.plan, planned["size"], A, x, self._solver)
             planned["rest"][1] = self._rest.address
-        self._coordinates = [c for cs in bind.coordinates_of(system) for c in cs]
-        self._drives = any(c.drive is not None for c in self._coordinates)
+        self._number([c for cs in bind.coordinates_of(system) for c in cs])
+        return table, s, m, w, g
+
+    def _number(self, coordinates: list[Coordinate]) -> None:
+        """Where the tree's coordinates are among those of the vertices."""
+        system, width = self.system, self._arrays["x"].shape[1]
+        self._coordinates = coordinates
+        self._drives = any(c.drive is not None for c in coordinates)
         self._chart = Chart(system.kinematics)
         self._sizes = np.where(self._tree["turning"], 1.0, 1 / system.length)
         self._numbering = np.full(system.kinematics.unknowns, -1)
         for v, places in system.tree.own.items():
-            self._numbering[places] = 6 * v + np.arange(len(places))
-        return table, s, m, w, g
+            self._numbering[places] = width * v + np.arange(len(places))
 
     @property
     def linear(self) -> LinearSolver | None:
@@ -191,9 +176,10 @@ class CompiledScene:
         a = self._a
         if self.system.kinematics.spheres or self._drives:
             self._chart.begin(a.y0.copy(), a.ground1.copy())
-            sphere = [k for k, c in enumerate(self._coordinates) if c.kind == "sphere"]
-            numbers = [self._coordinates[k].number for k in sphere]
-            self._tree["axis"][sphere] = self._chart.fixed[numbers]
+            if self.system.plane is None:  # else all axes are normal to it
+                sphere = [k for k, c in enumerate(self._coordinates) if c.kind == "sphere"]
+                numbers = [self._coordinates[k].number for k in sphere]
+                self._tree["axis"][sphere] = self._chart.fixed[numbers]
             self._tree["driven"][:] = self._chart.driven(self._coordinates)
 
 
@@ -273,12 +259,15 @@ class CompiledStep(CompiledScene):
         """Take these constraint rows, independent at the start of the step, to close the loops."""
         rows, self._travelled = np.sort(rows), 0.0
         if not np.array_equal(rows, self._rows):
-            from ..compiled import bind
-
             self._rows = rows
-            bind.choose_rows(self.system, self._tree, rows)
+            self._choose(rows)
             self._a.mu[:] = 0.0
             self._record[KEPT] = 0.0
+
+    def _choose(self, rows: IndexArray) -> None:
+        from ..compiled import bind
+
+        bind.choose_rows(self.system, self._tree, rows)
 
     def due(self, state: State, clearance: float) -> bool:
         """Whether the treatment has to choose rows that close the loops: it knows what is singular.
@@ -415,12 +404,12 @@ class CompiledMultipliers(CompiledStep):
 
         system, groups = self.system, self.system.beam_groups
         parts = bind_kkt.parts_of(system, ends or is_viscous(system))
-        with _COMPILING, bind.compiling(system, parts, multipliers=True):
+        with COMPILING, bind.compiling(system, parts, "multipliers"):
             s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self._h)
             m, _ = bind_kkt.bound_elimination(system, self.plan)
             w, self._arrays = bind_kkt.bound_steps(system, self.plan)
             g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
-            table = bind.addresses(parts, (s, m, w, g), multipliers=True)
+            table = bind.addresses(parts, (s, m, w, g), "multipliers")
         self._own = SimpleNamespace(**own)
         self._chart = Chart(system.kinematics)
         return table, s, m, w, g

@@ -20,7 +20,8 @@ from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, check_kind, positive
 from .base import Evaluation, Integrator, March, State, StepData, StepWork
 from .choice import Choice, choose_kernels
-from .fast import CompiledStep, compiled_step
+from .fast import CompiledStep
+from .fast_steps import compiled_step
 from .limit import FROZEN
 from .protocol import default_settings
 from .report import ComposedReport, Solved, StepReport
