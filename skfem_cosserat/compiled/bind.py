@@ -119,9 +119,7 @@ def compiling(
     return nullcontext()
 
 
-def addresses(
-    names: Sequence[str], structures: Sequence[Any], family: str = "tree"
-) -> IndexArray:
+def addresses(names: Sequence[str], structures: Sequence[Any], family: str = "tree") -> IndexArray:
     """Addresses of these parts, compiled if need be, at their places; 0 for all others.
 
     Parameters
@@ -241,6 +239,7 @@ def bound_beams(
 
 
 def nested(table: Floats) -> tuple[tuple[float, ...], ...]:
+    """As tuples: numbers are known when kernels are compiled."""
     return tuple(tuple(map(float, row)) for row in table)
 
 
@@ -487,10 +486,12 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
 
 
 def integers(numbers: Sequence[Any] | IndexArray) -> IndexArray:
+    """As the kernels take them."""
     return np.array(numbers, dtype=np.int64).reshape(len(numbers))
 
 
 def flags(values: Sequence[bool] | NDArray[np.bool_]) -> Any:
+    """As the kernels take them."""
     return np.array(values, dtype=bool).reshape(len(values))
 
 

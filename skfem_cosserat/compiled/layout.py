@@ -9,7 +9,16 @@ from numba.experimental import structref
 
 from .jit import jit
 
-__all__ = ["BEAMS", "CONSTRAINTS", "ELIMINATION", "FAMILIES", "PLAN", "PLANE_BEAMS", "PLANE_TREE", "ROWS"]
+__all__ = [
+    "BEAMS",
+    "CONSTRAINTS",
+    "ELIMINATION",
+    "FAMILIES",
+    "PLAN",
+    "PLANE_BEAMS",
+    "PLANE_TREE",
+    "ROWS",
+]
 __all__ += ["TREE", "WORK", "beams", "constraints", "elimination", "kind", "plan", "plane_beams"]
 __all__ += ["plane_tree", "rows", "tree", "work"]
 
@@ -117,14 +126,11 @@ ROWS = (
 #: vertices, edges and their coordinates in a plane; vertices of the ground come last
 PLANE_TREE = (
     *("rows", "framed", "free", "loose", "followed", "turn", "turning"),
-    *("child", "parent", "parent_at", "guide_at", "relative", "open", "arm0"),
-    *("child_offset", "parent_offset", "fulcrum", "fulcrum_offset"),
-    *("first", "kind", "own", "value", "driven", "sign", "slide", "slide0", "guide"),
-    *("target", "target_offset", "centre", "centre_offset"),
-    *("mass_data", "mass_indices", "mass_indptr"),
+    *("child", "parent", "edges", "arms", "coordinates", "along", "value", "driven"),
+    *("mass_blocks", "mass_indices", "mass_indptr"),
     *("lump_vertex", "lumps", "point_vertex", "point_masses"),
     *("products", "factors", "linear", "directions", "loop_constant", "loop_vertices"),
-    *("span", "span_reach", "span_strain", "span_rotation", "span_slot"),
+    "span_slot",
 )
 
 

@@ -85,6 +85,7 @@ class CompiledScene:
         self.plan = plan_of(system, solver is not None) if plan is None else plan
         self.factorisations = 0
         self._drag_factor = 0.0
+        self._factors: list[float] | None = None
         self._solver = solver
         self._rest: Rest | None = None
         numbers = {
@@ -162,12 +163,16 @@ class CompiledScene:
     def load(self, amplitudes: Floats) -> None:
         """Take these factors of the loads' channels."""
         a, moments, followers = self._a, self._moments, self._followers
-        amplitudes = np.append(amplitudes, self._drag_factor)
+        factors = amplitudes.tolist()
+        if factors == self._factors:  # a pulse that is over, most of the time
+            return
+        self._factors = factors
         self._dead = dead = self.system.loading.dead_force(amplitudes)
         if not self._evaluated:
             a.external[:] = dead
             return
         a.dead[:] = dead
+        amplitudes = np.append(amplitudes, self._drag_factor)
         a.moments[:] = amplitudes[moments.channels, None] * moments.values
         a.followers[:] = amplitudes[followers.channels, None, None] * followers.values
 
@@ -243,7 +248,7 @@ class CompiledStep(CompiledScene):
         for name, number in changed.items():
             self._all[-1][NUMBERS.index(name)] = number
         self.last, self._record[KEPT] = self._scaled_last(h / self.h), 0.0
-        self.h, self.scheme = h, scheme
+        self.h, self.scheme, self._factors = h, scheme, None
         return self
 
     def _scaled_last(self, ratio: float) -> Any:

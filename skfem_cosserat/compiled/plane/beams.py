@@ -17,7 +17,7 @@ from ..lanes import WIDTH, add_rows, gather, load, rows, scatter, store
 from ..numbers import END, SHARE, START
 from ..small import Places, Vector, block, chosen, counted, dot, minus, times
 from ..stresses import give, origins, triple
-from .pairs import Pair, crossed, inner, left, outer, plus, product, scaled
+from .pairs import Pair, crossed, left, outer, plus, product, scaled
 
 __all__ = ["Field", "at_point", "beam_finish", "beam_force", "beam_predicted", "beam_start", "take"]
 
@@ -75,7 +75,7 @@ def at_point(N: Any, dN: Any, inverse: float, X: Floats) -> Field:
 
 @inlined
 def strains(G: Field) -> Vector:
-    """gamma and kappa."""
+    """Gamma and kappa."""
     gamma = crossed(G[1], G[0])
     return gamma[0], gamma[1], outer(G[1], G[2])
 
@@ -157,7 +157,11 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
                 now = times(end, stresses(stiffness, own, eps))
                 if start != 0.0:
                     before = triple(S0, es, 3 * ng, 3 * p)
-                    now = now[0] + start * before[0], now[1] + start * before[1], now[2] + start * before[2]
+                    now = (
+                        now[0] + start * before[0],
+                        now[1] + start * before[1],
+                        now[2] + start * before[2],
+                    )
                 put_triple(S, es, 3 * ng, 3 * p, now)
             on = times(weights[p] * once * length, triple(S, es, 3 * ng, 3 * p))
             point_force(N[p], dN[p], inverse, G, on, F)

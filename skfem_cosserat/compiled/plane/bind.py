@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
 
 from ...model import System
 from ...model.groups import BeamGroup
@@ -15,10 +14,11 @@ from ...model.tree import Span, Spot
 from ...strain import strain_factors
 from ...types import Floats, IndexArray
 from .. import layout
-from ..bind import KINDS, coordinates_of, flags, followed, fulcrum_of, integers, nested
+from ..bind import KINDS, coordinates_of, followed, fulcrum_of, integers, nested
 from ..bind_spans import bound_spans
 from ..numbers import COUPLED
 from ..plan import Plan
+from . import places
 
 __all__ = ["Frames", "bound_beams", "bound_rows", "bound_tree", "bound_work", "choose_rows"]
 
@@ -81,10 +81,6 @@ class Frames:
         """Of a material point from the origin, by the unit vector."""
         return complex(self.director[spot.vertex] @ np.array(spot.offset))
 
-    def offsets(self, spots: Sequence[Spot]) -> Floats:
-        """Of material points (k, 2)."""
-        return pairs([self.offset(spot) for spot in spots])
-
     def gather(self, rows: int) -> csr_matrix:
         """From origins and unit vectors (2 nv) to rows of y; transposed and conjugated: forces."""
         r = np.arange(rows)
@@ -99,31 +95,25 @@ def pairs(numbers: Any) -> Floats:
     return np.ascontiguousarray(np.stack([z.real, z.imag], axis=-1))
 
 
-def real_csr(matrix: csr_matrix) -> csr_matrix:
-    """A complex matrix, for pairs of real numbers."""
+def _masses(matrix: csr_matrix) -> dict[str, Any]:
+    """A mass matrix by origins and unit vectors: blocks of pairs of vertices, by columns."""
     m = matrix.tocoo()
-    keep = abs(m.data) > 1e-15 * abs(m.data).max(initial=0.0)
-    row, col, z = m.row[keep], m.col[keep], m.data[keep]
-    rows = np.concatenate([2 * row, 2 * row, 2 * row + 1, 2 * row + 1])
-    cols = np.concatenate([2 * col, 2 * col + 1, 2 * col, 2 * col + 1])
-    data = np.concatenate([z.real, -z.imag, z.imag, z.real])
-    some = data != 0.0
-    shape = 2 * m.shape[0], 2 * m.shape[1]
-    return coo_matrix((data[some], (rows[some], cols[some])), shape=shape).tocsr()
-
-
-def csr_fields(matrix: csr_matrix) -> dict[str, Any]:
-    """Mass matrix by its arrays."""
+    rows = np.concatenate([2 * m.row, 2 * m.row, 2 * m.row + 1, 2 * m.row + 1])
+    cols = np.concatenate([2 * m.col, 2 * m.col + 1, 2 * m.col, 2 * m.col + 1])
+    data = np.concatenate([m.data.real, -m.data.imag, m.data.imag, m.data.real])
+    real = coo_matrix((data, (rows, cols)), shape=(2 * m.shape[0], 2 * m.shape[1]))
+    blocks = bsr_matrix(real, blocksize=(4, 4))
     return {
-        "mass_data": matrix.data,
-        "mass_indices": matrix.indices.astype(np.int64),
-        "mass_indptr": matrix.indptr.astype(np.int64),
+        "mass_blocks": np.ascontiguousarray(blocks.data.swapaxes(1, 2)),
+        "mass_indices": blocks.indices.astype(np.int64),
+        "mass_indptr": blocks.indptr.astype(np.int64),
     }
 
 
 def bound_rows(system: System, frames: Frames) -> tuple[Any, dict[str, Any]]:
     """What there is by rows of y in space; the structure, and its arrays by name."""
     total, rows, normal = system.total, system.rows, frames.plane.normal
+    mass = system.mass.tocsr()
     shapes = {
         **dict.fromkeys(("y0", "y1"), (total, 3)),
         **dict.fromkeys(("p0", "external", "R", "momentum", "internal", "carried"), (rows, 3)),
@@ -136,16 +126,16 @@ def bound_rows(system: System, frames: Frames) -> tuple[Any, dict[str, Any]]:
         "axes": np.ascontiguousarray(frames.plane.axes),
         "rest": frames.height[:, None] * normal,
         **{name: np.zeros(shape) for name, shape in shapes.items()},
-        **csr_fields(system.mass.tocsr()),
+        "mass_data": mass.data,
+        "mass_indices": mass.indices.astype(np.int64),
+        "mass_indptr": mass.indptr.astype(np.int64),
     }
     return layout.rows(tuple(fields[name] for name in layout.ROWS)), fields
 
 
-def bound_tree(
-    system: System, plan: Plan, frames: Frames, rows: Any
-) -> tuple[Any, dict[str, Any]]:
+def bound_tree(system: System, plan: Plan, frames: Frames, rows: Any) -> tuple[Any, dict[str, Any]]:
     """Vertices, edges and coordinates; the structure, and its arrays by name."""
-    tree, count = system.tree, frames.count
+    tree = system.tree
     gather = frames.gather(system.rows)
     mass = (gather.conj().T @ system.mass.tocsr() @ gather).tocsr()
     fields: dict[str, Any] = {
@@ -155,84 +145,83 @@ def bound_tree(
         "loose": integers([v for v in tree.free if system.is_frame[v]]),
         "followed": followed(system),
         "turn": np.zeros((len(frames.first), 2)),
-        **csr_fields(real_csr(mass)),
-        **_edges(system, frames),
+        **_masses(mass),
+        **_edges(system, plan, frames),
         **_coordinates(system, frames),
         **_lumps(system, frames),
         **_loops(system, plan, frames),
-        **_spans(system, plan, frames),
     }
-    assert len(fields["turn"]) >= count
     return layout.plane_tree(tuple(fields[name] for name in layout.PLANE_TREE)), fields
 
 
-def _edges(system: System, frames: Frames) -> dict[str, Any]:
-    edges, count = system.tree.edges, frames.count
-    turns = [system.tree.freedom(e.joint).turns for e in edges]
-    relative = [
-        turn is not None and bool(system.is_frame[e.child])
-        for e, turn in zip(edges, turns, strict=True)
-    ]
-    fulcrums = [fulcrum_of(e, r) for e, r in zip(edges, relative, strict=True)]
-    return {
-        "child": integers([e.child for e in edges]),
-        "parent": integers([e.parent if e.parent < count else -1 for e in edges]),
-        "parent_at": integers([e.parent for e in edges]),
-        "guide_at": integers([e.guide for e in edges]),
-        "relative": flags(relative),
-        "open": flags([bool(system.tree.slides.get(e.child)) for e in edges]),
-        "arm0": np.zeros((len(edges), 2)),
-        "child_offset": frames.offsets([e.child_spot for e in edges]),
-        "parent_offset": frames.offsets([e.parent_spot for e in edges]),
-        "fulcrum": integers([s.vertex for s in fulcrums]),
-        "fulcrum_offset": frames.offsets(fulcrums),
-    }
+def _edges(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
+    """Tables of joints and spans, see :mod:`.places`."""
+    tree, count = system.tree, frames.count
+    spans = _spans(system, plan, frames)
+    edges = np.zeros((len(tree.edges), len(places.EDGES)), dtype=np.int64)
+    arms = np.zeros((len(tree.edges), len(places.ARMS)))
+    last = 0
+    for k, (e, own) in enumerate(zip(tree.edges, coordinates_of(system), strict=True)):
+        relative = tree.freedom(e.joint).turns is not None and bool(system.is_frame[e.child])
+        fulcrum, inside = fulcrum_of(e, relative), e.parent < count
+        first, last = last, last + len(own)
+        edges[k] = (
+            *(e.child, e.parent if inside else -1, e.parent, e.guide, fulcrum.vertex),
+            *(spans["span"][k], first, last, system.is_frame[e.child], relative),
+            *(bool(tree.slides.get(e.child)), inside and system.is_frame[e.parent]),
+        )
+        for column, spot in (
+            (places.CHILD_SPOT, e.child_spot),
+            (places.PARENT_SPOT, e.parent_spot),
+            (places.FULCRUM_SPOT, fulcrum),
+        ):
+            put(arms, k, column, frames.offset(spot))
+        if (number := spans["span"][k]) >= 0:
+            arms[k, places.REACH] = spans["span_reach"][number]
+            put(arms, k, places.STRAIN, spans["strain"][number])
+            put(arms, k, places.SECTION_A, spans["turned"][number, 0])
+            put(arms, k, places.SECTION_B, spans["turned"][number, 1])
+    both = [np.ascontiguousarray(edges[:, k]) for k in (places.CHILD, places.PARENT)]
+    tables = {"edges": edges, "arms": arms, "child": both[0], "parent": both[1]}
+    return tables | {"span_slot": spans["span_slot"]}
+
+
+def put(table: Floats, k: int, column: int, z: complex) -> None:
+    """A complex number to two columns of a row."""
+    table[k, column : column + 2] = z.real, z.imag
 
 
 def _coordinates(system: System, frames: Frames) -> dict[str, Any]:
+    """Tables of coordinates, see :mod:`.places`."""
     tree = system.tree
     each = coordinates_of(system)
-    own = [c for cs in each for c in cs]
-    edges = [e for e, cs in zip(tree.edges, each, strict=True) for _ in cs]
-    targets = [
-        e.child_spot if c.kind == "sphere" else Spot(e.child)
-        for e, c in zip(edges, own, strict=True)
-    ]
-    centres = [Spot(c.vertex) if c.centre is None else c.centre for c in own]
-    numbers = [-1 if c.drive is not None else tree.own[c.vertex].index(c.number) for c in own]
+    both = [(e, c) for e, cs in zip(tree.edges, each, strict=True) for c in cs]
     turning = np.zeros((frames.count, 4), dtype=bool)
     turning[[v for v in tree.free if system.is_frame[v]], 2] = True
-    y, sign, slide = system.extend(system.q0, system.since), [], []
-    for c, k in zip(own, numbers, strict=True):
-        if k >= 0:
-            turning[c.vertex, k] = c.kind not in ("slide", "stretch")
-        axis, along = c.axis, 0j
-        if c.kind in ("axis", "slide"):
-            r = frames.first[c.guide]
-            axis = c.axis @ y[r + 1 : r + 4]
+    coordinates = np.zeros((len(both), len(places.COORDINATES)), dtype=np.int64)
+    along = np.zeros((len(both), len(places.ALONG)))
+    y = system.extend(system.q0, system.since)
+    for j, (e, c) in enumerate(both):
+        target = e.child_spot if c.kind == "sphere" else Spot(e.child)
+        centre = Spot(c.vertex) if c.centre is None else c.centre
+        own = -1 if c.drive is not None else tree.own[c.vertex].index(c.number)
+        if own >= 0:
+            turning[c.vertex, own] = c.kind not in ("slide", "stretch")
+        guide = max(c.guide, 0)
+        coordinates[j] = KINDS[c.kind], own, guide, target.vertex, centre.vertex
+        axis, d = c.axis, y[frames.first[guide] + 1 : frames.first[guide] + 4]
+        if c.kind in ("axis", "slide"):  # material
+            axis = c.axis @ d
+        along[j, places.SIGN] = axis @ frames.plane.normal
         if c.kind == "slide":
-            direction = np.cross(axis, np.asarray(c.right) @ y[r + 1 : r + 4])
-            d = frames.flat(y[r + 1 : r + 4])  # = k e
-            e = (frames.director[c.guide].conj() @ d) / 2
-            along = complex(frames.flat(direction) * e.conj())
-        sign.append(float(axis @ frames.plane.normal))
-        slide.append(along)
-    return {
-        "value": np.zeros(len(own)),
-        "driven": np.zeros(len(own)),
-        "turning": turning,
-        "first": np.concatenate([[0], np.cumsum([len(cs) for cs in each])]).astype(np.int64),
-        "kind": integers([KINDS[c.kind] for c in own]),
-        "own": integers(numbers),
-        "sign": np.array(sign),
-        "slide": pairs(slide),
-        "slide0": np.zeros((len(own), 2)),
-        "guide": integers([max(c.guide, 0) for c in own]),
-        "target": integers([s.vertex for s in targets]),
-        "target_offset": frames.offsets(targets),
-        "centre": integers([s.vertex for s in centres]),
-        "centre_offset": frames.offsets(centres),
-    }
+            e0 = (frames.director[guide].conj() @ frames.flat(d)) / 2
+            direction = frames.flat(np.cross(axis, np.asarray(c.right) @ d))
+            put(along, j, places.SLIDE, complex(direction * e0.conj()))
+        put(along, j, places.TARGET_SPOT, frames.offset(target))
+        put(along, j, places.CENTRE_SPOT, frames.offset(centre))
+    zero = np.zeros(len(both))
+    tables = {"turning": turning, "coordinates": coordinates, "along": along}
+    return tables | {"value": zero, "driven": zero.copy()}
 
 
 def _lumps(system: System, frames: Frames) -> dict[str, Any]:
@@ -313,11 +302,7 @@ def _spans(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
     edges = [e for e in system.tree.edges if e.spans and isinstance(e.joint, Span)]
     ends = np.array([(e.parent, e.child) for e in edges], dtype=np.int64).reshape(-1, 2)
     turned, section = sections_of(space["span_rotation"], frames.director[ends])
-    return {
-        **{name: space[name] for name in ("span", "span_reach", "span_slot")},
-        "span_strain": pairs((section * space["span_strain"]).sum(-1)),
-        "span_rotation": pairs(turned),
-    }
+    return space | {"strain": (section * space["span_strain"]).sum(-1), "turned": turned}
 
 
 def sections_of(rotations: Floats, director: Complex) -> tuple[Complex, Complex]:

@@ -9,6 +9,7 @@ from ..blocks import solve_blocks
 from ..jit import inlined, part
 from ..lanes import load, pack, store
 from .pairs import arrow, crossed, point, product, put_pair
+from .places import CHILD, FRAMED
 
 __all__ = ["sweep"]
 
@@ -26,7 +27,7 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     See :func:`skfem_cosserat.compiled.blocks.sweep`: factors that were kept are turned.
     """
     b, x, twist, extra, now, then = w.b, w.x, w.twist, w.extra, w.y1, w.frames
-    loose, child, framed, none = s.loose, s.child, s.framed, pack((0.0, 0.0, 0.0, 0.0))
+    loose, edges, none = s.loose, s.edges, pack((0.0, 0.0, 0.0, 0.0))
     for v in range(len(x)):
         store(x, v, -1.0 * load(b, v))
         store(extra, v, none)
@@ -39,7 +40,7 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             v = loose[k]
             turn(x, v, then, now)
             put_pair(twist, v, 0, point(x, v))
-        for e in range(len(child)):
-            if framed[child[e]]:
-                turn(twist, child[e], then, now)
+        for e in range(len(edges)):
+            if edges[e, FRAMED]:
+                turn(twist, edges[e, CHILD], then, now)
     return 0.0

@@ -111,15 +111,15 @@ def move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 @inlined
 def inertia(s: Any, y1: Floats, y0: Floats, factor: float, out: Floats) -> None:
-    """``factor M (y1 - y0)``, entries of M by numbers of y."""
-    first, columns, entries = s.mass_indptr, s.mass_indices, s.mass_data
+    """``factor M (y1 - y0)``, M by blocks of four columns."""
+    first, vertices, blocks = s.mass_indptr, s.mass_indices, s.mass_blocks
     for v in range(len(out)):
-        for c in range(4):
-            u = 0.0
-            for k in range(first[4 * v + c], first[4 * v + c + 1]):
-                i, j = columns[k] >> 2, columns[k] & 3
-                u += entries[k] * (y1[i, j] - y0[i, j])
-            out[v, c] = factor * u
+        u = lanes.pack((0.0, 0.0, 0.0, 0.0))
+        for k in range(first[v], first[v + 1]):
+            j = vertices[k]
+            for c in range(4):
+                u = u + (factor * (y1[j, c] - y0[j, c])) * load(blocks, 4 * k + c)
+        store(out, v, u)
 
 
 @inlined

@@ -15,9 +15,9 @@ Pair = tuple[float, float]
 
 
 @inlined
-def pair(a: Floats, k: int) -> Pair:
-    """``a_k``."""
-    return a[k, 0], a[k, 1]
+def pair(a: Floats, k: int, c: int) -> Pair:
+    """``a_k``, from column c on."""
+    return a[k, c], a[k, c + 1]
 
 
 @inlined
@@ -95,9 +95,9 @@ def over(a: Pair, b: Pair) -> Pair:
 
 
 @inlined
-def spot(y: Floats, v: int, offsets: Floats, k: int) -> Pair:
-    """Position of a material point of vertex v: its k-th offset is a multiple of e."""
-    return plus(point(y, v), product(pair(offsets, k), arrow(y, v)))
+def spot(y: Floats, v: int, offset: Pair) -> Pair:
+    """Position of a material point, whose offset is a multiple of e."""
+    return plus(point(y, v), product(offset, arrow(y, v)))
 
 
 @inlined

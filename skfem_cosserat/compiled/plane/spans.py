@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...types import Floats
+from ...types import Floats, IndexArray
 from ..jit import inlined, part
 from ..numbers import WEIGHT
+from ..tree import STRETCH
 from .pairs import (
     Pair,
     add_scaled,
@@ -26,28 +27,34 @@ from .pairs import (
     product,
     scaled,
 )
+from .places import (
+    CHILD,
+    FIRST,
+    KIND,
+    LAST,
+    OWN,
+    PARENT_AT,
+    REACH,
+    SECTION_A,
+    SECTION_B,
+    SPAN,
+    STRAIN,
+)
 
 __all__ = ["span_arm", "span_curvature", "span_maps", "span_stretch"]
 
 
 @inlined
-def section(s: Any, k: int, side: int, e: Pair) -> Pair:
-    """Unit vector of the section at a node, from that of the node."""
-    return product((s.span_rotation[k, side, 0], s.span_rotation[k, side, 1]), e)
+def sections(edges: IndexArray, arms: Floats, e: int, y: Floats) -> tuple[Pair, Pair]:
+    """Unit vectors of the section at the parent and at the child."""
+    a, b = arrow(y, edges[e, PARENT_AT]), arrow(y, edges[e, CHILD])
+    return product(pair(arms, e, SECTION_A), a), product(pair(arms, e, SECTION_B), b)
 
 
 @inlined
-def sections(s: Any, e: int, y: Floats) -> tuple[Pair, Pair]:
-    """Those at the parent and at the child."""
-    k = s.span[e]
-    a, b = arrow(y, s.parent_at[e]), arrow(y, s.child[e])
-    return section(s, k, 0, a), section(s, k, 1, b)
-
-
-@inlined
-def between(s: Any, e: int, y: Floats) -> Pair:
+def between(edges: IndexArray, e: int, y: Floats) -> Pair:
     """From parent to child."""
-    return minus(point(y, s.child[e]), point(y, s.parent_at[e]))
+    return minus(point(y, edges[e, CHILD]), point(y, edges[e, PARENT_AT]))
 
 
 @inlined
@@ -57,44 +64,45 @@ def conjugate(a: Pair) -> Pair:
 
 
 @inlined
-def span_stretch(s: Any, e: int, y: Floats) -> float:
+def span_stretch(edges: IndexArray, arms: Floats, e: int, y: Floats) -> float:
     """Axial strain."""
-    k = s.span[e]
-    a, b = sections(s, e, y)
-    line = scaled(0.5 / s.span_reach[k], between(s, e, y))
-    return inner(plus(a, b), line) - s.span_strain[k, 0]
+    a, b = sections(edges, arms, e, y)
+    line = scaled(0.5 / arms[e, REACH], between(edges, e, y))
+    return inner(plus(a, b), line) - arms[e, STRAIN]
 
 
 @inlined
-def span_arm(s: Any, e: int, y: Floats, stretched: float) -> Pair:
+def span_arm(edges: IndexArray, arms: Floats, e: int, y: Floats, stretched: float) -> Pair:
     """From parent to child, whose unit vectors are in place, with this axial strain."""
-    k = s.span[e]
-    a, b = sections(s, e, y)
-    strain = s.span_strain[k, 0] + stretched, s.span_strain[k, 1]
-    return over(scaled(2.0 * s.span_reach[k], strain), conjugate(plus(a, b)))
+    a, b = sections(edges, arms, e, y)
+    strain = arms[e, STRAIN] + stretched, arms[e, STRAIN + 1]
+    return over(scaled(2.0 * arms[e, REACH], strain), conjugate(plus(a, b)))
 
 
 @inlined
-def by_turn(arm: Pair, a: Pair, both: Pair) -> Pair:
-    """Velocity of the child by the angular velocity of a node with the unit vector a."""
-    return left(over(product(arm, conjugate(a)), conjugate(both)))
-
-
-@inlined
-def span_maps(s: Any, e: int, y: Floats, S: Floats, X: Floats, kinds: Any, stretches: int) -> None:
+def span_maps(
+    edges: IndexArray,
+    arms: Floats,
+    coordinates: IndexArray,
+    e: int,
+    y: Floats,
+    S: Floats,
+    X: Floats,
+) -> None:
     """S and X of a child, in place of zeros but for the identity of X's velocities."""
-    own, first = s.own, s.first
-    a, b = sections(s, e, y)
-    both, arm = plus(a, b), between(s, e, y)
-    u = by_turn(arm, a, both)
+    a, b = sections(edges, arms, e, y)
+    # by the angular velocity of a node with the unit vector a: i arm conj(a) / conj(a + b)
+    inverse = over((1.0, 0.0), conjugate(plus(a, b)))
+    turned = product(left(between(edges, e, y)), inverse)
+    u = crossed(a, turned)
     X[e, 2] = u[0]
     X[e, 6] = u[1]
-    for j in range(first[e], first[e + 1]):
-        o = own[j]
-        if kinds[j] == stretches:
-            u, turning = over((2.0 * s.span_reach[s.span[e]], 0.0), conjugate(both)), 0.0
+    for j in range(edges[e, FIRST], edges[e, LAST]):
+        o = coordinates[j, OWN]
+        if coordinates[j, KIND] == STRETCH:
+            u, turning = scaled(2.0 * arms[e, REACH], inverse), 0.0
         else:
-            u, turning = by_turn(arm, b, both), 1.0
+            u, turning = crossed(b, turned), 1.0
         S[e, o] = u[0]
         S[e, 4 + o] = u[1]
         S[e, 8 + o] = turning
@@ -107,43 +115,41 @@ def span_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     See :func:`skfem_cosserat.compiled.spans.span_curvature`. Takes ``w.F`` (flag 1: with the
     predicted stresses), leaves the balance without these forces in ``w.R_mixed``.
     """
-    F, R, weight = w.F, w.R_mixed, numbers[WEIGHT]
+    F, R, R0, weight = w.F, w.R_mixed, w.R, numbers[WEIGHT]
     if flag == 1:
         F = w.F_mixed
     else:
         for v in range(len(R)):
             for c in range(4):
-                R[v, c] = w.R[v, c]
-    mid, y1, A, slot, spans, child = w.mid, w.y1, w.A, s.span_slot, s.span, s.child
-    for e in range(len(child)):
-        k = spans[e]
+                R[v, c] = R0[v, c]
+    mid, y1, A, slot, edges, arms = w.mid, w.y1, w.A, s.span_slot, s.edges, s.arms
+    none = (0.0, 0.0)
+    for e in range(len(edges)):
+        k = edges[e, SPAN]
         if k < 0:
             continue
-        v, p = child[e], s.parent_at[e]
-        a, b = sections(s, e, mid)
-        reach, arm = s.span_reach[k], between(s, e, mid)
-        f = point(F, v)
+        v, p = edges[e, CHILD], edges[e, PARENT_AT]
+        a, b = sections(edges, arms, e, mid)
+        c, d = sections(edges, arms, e, y1)
+        reach, f = arms[e, REACH], point(F, v)
         mu = over(scaled(2.0 * reach, f), plus(a, b))
-        take_off(R, p, 0, scaled(-1.0, f))
-        take_off(R, v, 0, f)
-        on_both = scaled(0.5 / reach, product(arm, conjugate(mu)))
-        take_off(R, p, 2, crossed((s.span_rotation[k, 0, 0], s.span_rotation[k, 0, 1]), on_both))
-        take_off(R, v, 2, crossed((s.span_rotation[k, 1, 0], s.span_rotation[k, 1, 1]), on_both))
+        on_both = scaled(0.5 / reach, product(between(edges, e, mid), conjugate(mu)))
+        take_off(R, p, scaled(-1.0, f), crossed(pair(arms, e, SECTION_A), on_both))
+        take_off(R, v, f, crossed(pair(arms, e, SECTION_B), on_both))
         n = scaled(-0.5 * weight / reach, mu)
-        c, d = sections(s, e, y1)
-        none = (0.0, 0.0)
-        for i in range(2):
-            L = a if i == 0 else b
-            for j in range(2):
-                T = c if j == 0 else d
-                xe = n if i == 1 else scaled(-1.0, n)
-                ex = n if j == 1 else scaled(-1.0, n)
-                add_scaled(0.0, xe, conjugate(ex), none, L, T, A, slot[k, i, j])
+        other, back = scaled(-1.0, n), conjugate(n)
+        back_other = scaled(-1.0, back)
+        add_scaled(0.0, other, back_other, none, a, c, A, slot[k, 0, 0])
+        add_scaled(0.0, other, back, none, a, d, A, slot[k, 0, 1])
+        add_scaled(0.0, n, back_other, none, b, c, A, slot[k, 1, 0])
+        add_scaled(0.0, n, back, none, b, d, A, slot[k, 1, 1])
     return 0.0
 
 
 @inlined
-def take_off(R: Floats, v: int, c: int, f: Pair) -> None:
-    """``R_v -= f``, from column c on."""
-    R[v, c] -= f[0]
-    R[v, c + 1] -= f[1]
+def take_off(R: Floats, v: int, f: Pair, on_arrow: Pair) -> None:
+    """Forces on the origin and the unit vector of a frame off R."""
+    R[v, 0] -= f[0]
+    R[v, 1] -= f[1]
+    R[v, 2] -= on_arrow[0]
+    R[v, 3] -= on_arrow[1]

@@ -11,12 +11,12 @@ import numpy as np
 
 from ...types import Floats
 from ..jit import inlined, part
-from ..lanes import WIDTH, add_rows, gather, load, pack, rows, store
+from ..lanes import WIDTH, add_rows, gather, load, rows, store
 from ..numbers import FORCE, MASS, SHARE, START, WEIGHT
 from ..small import Places, Rotation, Vector, block, chosen, counted, dot, times
 from ..stresses import triple
 from .beams import Field, at_point, take, two
-from .pairs import Pair, crossed, inner, left, plus, product, scaled
+from .pairs import Pair, crossed, inner, left, product, scaled
 
 __all__ = ["beam_tangent"]
 
@@ -134,7 +134,12 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
                 k = 12 * (u * nn + v)
                 places = slot[es[0], u, v], slot[es[1], u, v], slot[es[2], u, v], slot[es[3], u, v]
                 for i in range(0, 12, 4):
-                    four = load(a, k + i), load(a, k + i + 1), load(a, k + i + 2), load(a, k + i + 3)
+                    four = (
+                        load(a, k + i),
+                        load(a, k + i + 1),
+                        load(a, k + i + 2),
+                        load(a, k + i + 3),
+                    )
                     add_rows(A, places, 12, i, four)
     return 0.0
 

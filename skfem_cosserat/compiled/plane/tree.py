@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...types import Floats
+from ...types import Floats, IndexArray
 from ..jit import inlined, part
 from ..numbers import WEIGHT
 from ..tree import AXIS, ROTATION, SLIDE, SPHERE, STRETCH
@@ -27,6 +27,34 @@ from .pairs import (
     spot,
     turn_by,
 )
+from .places import (
+    ARM,
+    CARRIED,
+    CENTRE,
+    CENTRE_SPOT,
+    CHILD,
+    CHILD_SPOT,
+    FIRST,
+    FRAMED,
+    FULCRUM,
+    FULCRUM_SPOT,
+    GUIDE,
+    GUIDE_AT,
+    KIND,
+    LAST,
+    OPEN,
+    OWN,
+    PARENT,
+    PARENT_AT,
+    PARENT_SPOT,
+    RELATIVE,
+    SIGN,
+    SLIDE0,
+    SPAN,
+    TARGET,
+    TARGET_SPOT,
+)
+from .places import SLIDE as DIRECTION
 from .spans import span_arm, span_maps, span_stretch
 
 __all__ = ["joint_add", "joint_begin", "joint_curvature", "joint_maps", "joint_move"]
@@ -35,73 +63,86 @@ __all__ = ["joint_add", "joint_begin", "joint_curvature", "joint_maps", "joint_m
 @part
 def joint_begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Start of a step: arms and slides; zero increments, driven ones at their end."""
-    y0, arm0, value, driven, first, kinds = w.y0, s.arm0, s.value, s.driven, s.first, s.kind
+    y0, edges, arms, coordinates, along = w.y0, s.edges, s.arms, s.coordinates, s.along
+    value, driven = s.value, s.driven
     for j in range(len(value)):
         value[j] = driven[j]
-        if kinds[j] == SLIDE:
-            put_pair(s.slide0, j, 0, product(pair(s.slide, j), arrow(y0, s.guide[j])))
-    for e in range(len(arm0)):
-        a = spot(y0, s.parent_at[e], s.parent_offset, e)
-        put_pair(arm0, e, 0, minus(spot(y0, s.child[e], s.child_offset, e), a))
-        for j in range(first[e], first[e + 1]):
-            if kinds[j] == STRETCH:
-                value[j] = span_stretch(s, e, y0)
+        if coordinates[j, KIND] == SLIDE:
+            u = product(pair(along, j, DIRECTION), arrow(y0, coordinates[j, GUIDE]))
+            put_pair(along, j, SLIDE0, u)
+    for e in range(len(edges)):
+        a = spot(y0, edges[e, PARENT_AT], pair(arms, e, PARENT_SPOT))
+        b = spot(y0, edges[e, CHILD], pair(arms, e, CHILD_SPOT))
+        put_pair(arms, e, ARM, minus(b, a))
+        for j in range(edges[e, FIRST], edges[e, LAST]):
+            if coordinates[j, KIND] == STRETCH:
+                value[j] = span_stretch(edges, arms, e, y0)
     return 0.0
 
 
 @part
 def joint_add(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add increments x of the children's own coordinates."""
-    x, value, first, own, child = w.x, s.value, s.first, s.own, s.child
-    for e in range(len(child)):
-        for j in range(first[e], first[e + 1]):
-            if own[j] >= 0:
-                value[j] += x[child[e], own[j]]
+    x, value, edges, coordinates = w.x, s.value, s.edges, s.coordinates
+    for e in range(len(edges)):
+        for j in range(edges[e, FIRST], edges[e, LAST]):
+            if coordinates[j, OWN] >= 0:
+                value[j] += x[edges[e, CHILD], coordinates[j, OWN]]
     return 0.0
 
 
 @part
 def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Frames of y_1 of all children, behind those of free vertices and the ground."""
-    y0, y1, turn, value, sign = w.y0, w.y1, s.turn, s.value, s.sign
-    child, framed, first, kinds, relative = s.child, s.framed, s.first, s.kind, s.relative
-    for e in range(len(child)):
-        v = child[e]
-        if framed[v]:
+    y0, y1, turn, value, edges, arms = w.y0, w.y1, s.turn, s.value, s.edges, s.arms
+    coordinates, along = s.coordinates, s.along
+    for e in range(len(edges)):
+        v = edges[e, CHILD]
+        if edges[e, FRAMED]:
             theta = 0.0
-            for j in range(first[e], first[e + 1]):
-                if kinds[j] == AXIS or kinds[j] == ROTATION:
-                    theta += sign[j] * value[j]
+            for j in range(edges[e, FIRST], edges[e, LAST]):
+                if coordinates[j, KIND] == AXIS or coordinates[j, KIND] == ROTATION:
+                    theta += along[j, SIGN] * value[j]
             by = turn_by(theta)
-            if relative[e]:
-                by = product(by, pair(turn, s.parent_at[e]))
+            if edges[e, RELATIVE]:
+                by = product(by, pair(turn, edges[e, PARENT_AT], 0))
             put_pair(turn, v, 0, by)
             put_pair(y1, v, 2, product(by, arrow(y0, v)))
-        put_pair(y1, v, 0, position(s, e, y1))
+        if edges[e, SPAN] >= 0:
+            stretched = 0.0
+            for j in range(edges[e, FIRST], edges[e, LAST]):
+                if coordinates[j, KIND] == STRETCH:
+                    stretched += value[j]
+            x = plus(point(y1, edges[e, PARENT_AT]), span_arm(edges, arms, e, y1, stretched))
+        else:
+            x = position(edges, arms, coordinates, along, value, turn, e, y1)
+        put_pair(y1, v, 0, x)
     return 0.0
 
 
 @inlined
-def position(s: Any, e: int, y1: Floats) -> Pair:
-    """Origin of a child whose unit vector and whose parent are in place."""
-    kinds, value, first = s.kind, s.value, s.first
-    if s.span[e] >= 0:
-        stretched = 0.0
-        for j in range(first[e], first[e + 1]):
-            if kinds[j] == STRETCH:
-                stretched += value[j]
-        return plus(point(y1, s.parent_at[e]), span_arm(s, e, y1, stretched))
-    x = spot(y1, s.parent_at[e], s.parent_offset, e)
-    x = minus(x, product(pair(s.child_offset, e), arrow(y1, s.child[e])))
-    if s.open[e]:
-        arm = pair(s.arm0, e)
-        for j in range(first[e], first[e + 1]):
-            if kinds[j] == SLIDE:
-                arm = plus(arm, scaled(value[j], pair(s.slide0, j)))
-        return plus(x, product(arm, pair(s.turn, s.guide_at[e])))
-    for j in range(first[e], first[e + 1]):
-        if kinds[j] == SPHERE:
-            x = plus(x, product(turn_by(value[j]), pair(s.arm0, e)))
+def position(
+    edges: IndexArray,
+    arms: Floats,
+    coordinates: IndexArray,
+    along: Floats,
+    value: Floats,
+    turn: Floats,
+    e: int,
+    y1: Floats,
+) -> Pair:
+    """Origin of a child on a joint whose unit vector and whose parent are in place."""
+    x = spot(y1, edges[e, PARENT_AT], pair(arms, e, PARENT_SPOT))
+    x = minus(x, product(pair(arms, e, CHILD_SPOT), arrow(y1, edges[e, CHILD])))
+    if edges[e, OPEN]:
+        arm = pair(arms, e, ARM)
+        for j in range(edges[e, FIRST], edges[e, LAST]):
+            if coordinates[j, KIND] == SLIDE:
+                arm = plus(arm, scaled(value[j], pair(along, j, SLIDE0)))
+        return plus(x, product(arm, pair(turn, edges[e, GUIDE_AT], 0)))
+    for j in range(edges[e, FIRST], edges[e, LAST]):
+        if coordinates[j, KIND] == SPHERE:
+            x = plus(x, product(turn_by(value[j]), pair(arms, e, ARM)))
     return x
 
 
@@ -120,40 +161,47 @@ def joint_maps(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 @inlined
 def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
     """S and X: a child's twist is X t_parent + S nu."""
-    child, parent, framed, first, kinds, own = s.child, s.parent, s.framed, s.first, s.kind, s.own
-    for e in range(len(child)):
+    edges, arms, coordinates, along = s.edges, s.arms, s.coordinates, s.along
+    for e in range(len(edges)):
         for k in range(12):
             S[e, k] = 0.0
             X[e, k] = 0.0
         X[e, 0] = 1.0
         X[e, 5] = 1.0
-        if s.span[e] >= 0:
-            span_maps(s, e, y, S, X, kinds, STRETCH)
+        if edges[e, SPAN] >= 0:
+            span_maps(edges, arms, coordinates, e, y, S, X)
             continue
-        for j in range(first[e], first[e + 1]):
-            o = own[j]
+        for j in range(edges[e, FIRST], edges[e, LAST]):
+            o, kind = coordinates[j, OWN], coordinates[j, KIND]
             if o < 0:
                 continue
-            if kinds[j] == SLIDE:
-                u, turning = product(pair(s.slide, j), arrow(y, s.guide[j])), 0.0
+            if kind == SLIDE:
+                u = product(pair(along, j, DIRECTION), arrow(y, coordinates[j, GUIDE]))
+                turning = 0.0
             else:
-                arm = minus(
-                    spot(y, s.target[j], s.target_offset, j),
-                    spot(y, s.centre[j], s.centre_offset, j),
-                )
-                u, turning = scaled(s.sign[j], left(arm)), s.sign[j]
-                if kinds[j] == SPHERE or not framed[child[e]]:
+                u = scaled(along[j, SIGN], left(lever(coordinates, along, j, y)))
+                turning = along[j, SIGN]
+                if kind == SPHERE or not edges[e, FRAMED]:
                     turning = 0.0
             S[e, o] = u[0]
             S[e, 4 + o] = u[1]
             S[e, 8 + o] = turning
-        p = parent[e]
-        if p >= 0 and framed[p]:
-            u = left(minus(spot(y, s.fulcrum[e], s.fulcrum_offset, e), point(y, p)))
+        if edges[e, CARRIED]:
+            f = spot(y, edges[e, FULCRUM], pair(arms, e, FULCRUM_SPOT))
+            u = left(minus(f, point(y, edges[e, PARENT])))
             X[e, 2] = u[0]
             X[e, 6] = u[1]
-            if s.relative[e]:
+            if edges[e, RELATIVE]:
                 X[e, 10] = 1.0
+
+
+@inlined
+def lever(coordinates: IndexArray, along: Floats, j: int, y: Floats) -> Pair:
+    """From the point that a coordinate turns about to the one that it moves."""
+    return minus(
+        spot(y, coordinates[j, TARGET], pair(along, j, TARGET_SPOT)),
+        spot(y, coordinates[j, CENTRE], pair(along, j, CENTRE_SPOT)),
+    )
 
 
 @part
@@ -165,81 +213,75 @@ def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
     weight, C_child, C_parent, F = numbers[WEIGHT], w.C_child, w.C_parent, w.F
     if flag == 1:
         F = w.F_mixed
-    y1, mid, A, diag = w.y1, w.mid, w.A, m.diag
-    for e in range(len(s.child)):
-        v, p = s.child[e], s.parent[e]
+    y1, A, diag, to_parent, framed = w.y1, w.A, m.diag, m.to_parent, s.framed
+    edges, arms, coordinates, along = s.edges, s.arms, s.coordinates, s.along
+    for e in range(len(edges)):
+        v = edges[e, CHILD]
         for k in range(12):
             C_child[e, k] = 0.0
             C_parent[e, k] = 0.0
-        if s.span[e] >= 0:  # nothing acts beyond, see span_curvature
+        if edges[e, SPAN] >= 0:  # nothing acts beyond, see span_curvature
             continue
         f = scaled(weight, point(F, v))
-        if p >= 0 and s.framed[p]:
-            parent_curvature(s, e, y1, f, A, diag[p], m.to_parent[e])
-        for j in range(s.first[e], s.first[e + 1]):
-            o = s.own[j]
+        if edges[e, CARRIED]:
+            own = diag[edges[e, PARENT]]
+            parent_curvature(edges, arms, framed, e, y1, f, A, own, to_parent[e])
+        for j in range(edges[e, FIRST], edges[e, LAST]):
+            o = coordinates[j, OWN]
             if o < 0:
                 continue
-            if s.kind[j] == SLIDE:
-                guide = s.guide[j]
-                g = outer(f, product(pair(s.slide, j), arrow(y1, guide)))
+            if coordinates[j, KIND] == SLIDE:
+                guide = coordinates[j, GUIDE]
+                # of the direction times f
+                g = outer(product(pair(along, j, DIRECTION), arrow(y1, guide)), f)
                 if guide == v:
-                    C_child[e, 4 * o + 2] += 0.0 - g
+                    C_child[e, 4 * o + 2] += g
                 elif guide < len(diag):
-                    C_parent[e, 4 * o + 2] += 0.0 - g
+                    C_parent[e, 4 * o + 2] += g
                 continue
-            # of sign (target - centre) x f
-            g = scaled(-s.sign[j], left(f))
-            add_motion(C_child, C_parent, e, o, v, s.target[j], s.target_offset, j, g, y1, s.framed)
-            g = scaled(-1.0, g)
-            add_motion(C_child, C_parent, e, o, v, s.centre[j], s.centre_offset, j, g, y1, s.framed)
+            # of the sign times lever x f
+            g = scaled(-along[j, SIGN], left(f))
+            for side in range(2):
+                u, offset = coordinates[j, TARGET], pair(along, j, TARGET_SPOT)
+                if side == 1:
+                    u, offset = coordinates[j, CENTRE], pair(along, j, CENTRE_SPOT)
+                    g = scaled(-1.0, g)
+                if u >= len(diag):
+                    continue
+                turning = inner(g, left(product(offset, arrow(y1, u)))) if framed[u] else 0.0
+                if u == v:
+                    add_row(C_child, e, o, g, turning)
+                else:
+                    add_row(C_parent, e, o, g, turning)
     return 0.0
 
 
 @inlined
-def add_motion(
-    C_child: Floats,
-    C_parent: Floats,
-    e: int,
-    o: int,
-    v: int,
-    u: int,
-    offsets: Floats,
-    j: int,
-    g: Pair,
-    y1: Floats,
-    framed: Any,
-) -> None:
-    """Row o of own coordinates: g times the motion of a point of u, the child v or the parent."""
-    if u >= len(framed):
-        return
-    turning = 0.0
-    if framed[u]:
-        turning = inner(g, left(product(pair(offsets, j), arrow(y1, u))))
-    if u == v:
-        C_child[e, 4 * o] += g[0]
-        C_child[e, 4 * o + 1] += g[1]
-        C_child[e, 4 * o + 2] += turning
-    else:
-        C_parent[e, 4 * o] += g[0]
-        C_parent[e, 4 * o + 1] += g[1]
-        C_parent[e, 4 * o + 2] += turning
+def add_row(C: Floats, e: int, o: int, g: Pair, turning: float) -> None:
+    """Add to row o of block e."""
+    C[e, 4 * o] += g[0]
+    C[e, 4 * o + 1] += g[1]
+    C[e, 4 * o + 2] += turning
 
 
 @inlined
 def parent_curvature(
-    s: Any, e: int, y1: Floats, f: Pair, A: Floats, own: int, other: int
+    edges: IndexArray,
+    arms: Floats,
+    framed: Any,
+    e: int,
+    y1: Floats,
+    f: Pair,
+    A: Floats,
+    own: int,
+    other: int,
 ) -> None:
     """Of the moment ``(x_fulcrum - phi_p) x f`` on a parent."""
-    u = s.fulcrum[e]
-    arm = product(pair(s.fulcrum_offset, e), arrow(y1, u))
+    u = edges[e, FULCRUM]
+    arm = product(pair(arms, e, FULCRUM_SPOT), arrow(y1, u))
     g = scaled(-1.0, left(f))
-    if u == s.parent[e]:
+    if u == edges[e, PARENT]:
         A[own, 10] += inner(g, left(arm))
         return
-    A[other, 8] += g[0]
-    A[other, 9] += g[1]
-    A[own, 8] -= g[0]
-    A[own, 9] -= g[1]
-    if s.framed[u]:
-        A[other, 10] += inner(g, left(arm))
+    add_row(A, other, 2, g, inner(g, left(arm)) if framed[u] else 0.0)
+    add_row(A, own, 2, scaled(-1.0, g), 0.0)
