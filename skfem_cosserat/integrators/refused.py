@@ -69,9 +69,6 @@ def _plane(system: System, treatment: Treatment) -> dict[str, bool]:
         "springs, dampers and actuators in a plane": system.couplings.count > 0,
         "viscous sections and drag in a plane": system.damped,
         "prescribed motion in a plane": bool(system.moving),
-        "beams in a plane of higher order than one": any(
-            g.vertices.shape[1] > 2 for g in system.beam_groups
-        ),
         "beams in a plane whose sections are turned out of it": _oblique(system),
     }
 

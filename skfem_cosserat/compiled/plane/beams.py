@@ -249,13 +249,13 @@ def beam_finish(g: Any, w: Any, numbers: Floats, flag: int) -> float:
                 # half of m_h k_j - m_j k_h
                 m_j = 0.5 * dot(triple(resultants, own, 18, 9 + 3 * j), on)
                 m_h = 0.5 * dot(triple(resultants, own, 18, 9 + 3 * h), on)
-                r = (
+                bending = (
                     m_h * gather(director, own, 6, 2 * j) - m_j * gather(director, own, 6, 2 * h),
                     m_h * gather(director, own, 6, 2 * j + 1)
                     - m_j * gather(director, own, 6, 2 * h + 1),
                 )
-                here = plus(scaled(n, phi), scaled(-1.0, product(r, slope)))
-                there = scaled(inverse, product(r, d))
+                here = plus(scaled(n, phi), scaled(-1.0, product(bending, slope)))
+                there = scaled(inverse, product(bending, d))
                 for a in range(nn):
                     f = plus(scaled(N[p][a], here), scaled(dN[p][a], there))
                     add_vector(F, 12 * a + 3 + 3 * i, axes, f)

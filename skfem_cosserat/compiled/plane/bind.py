@@ -85,7 +85,7 @@ class Frames:
         """From origins and unit vectors (2 nv) to rows of y; transposed and conjugated: forces."""
         r = np.arange(rows)
         column = 2 * self.vertex[:rows] + (self.place[:rows] > 0)
-        values = np.array([self.factor(k) for k in r], dtype=complex)
+        values = np.array([self.factor(int(k)) for k in r], dtype=np.complex128)
         return csr_matrix((values, (r, column)), shape=(rows, 2 * self.count))
 
 

@@ -174,11 +174,11 @@ def rates_of(s: Any, y1: Floats, twist: Floats, out: Floats) -> None:
         if r < 0:
             continue
         a, i, b, j = table[t, LEFT], table[t, LEFT_PLACE], table[t, RIGHT], table[t, RIGHT_PLACE]
-        k = pair(factors, t, 0)
+        factor = pair(factors, t, 0)
         if a < len(twist):
-            out[r] += inner(rate_of(y1, twist, a, i), product(k, half(y1, b, j)))
+            out[r] += inner(rate_of(y1, twist, a, i), product(factor, half(y1, b, j)))
         if b < len(twist):
-            out[r] += inner(half(y1, a, i), product(k, rate_of(y1, twist, b, j)))
+            out[r] += inner(half(y1, a, i), product(factor, rate_of(y1, twist, b, j)))
     for t in range(len(linear)):
         r, v = linear[t, 0], linear[t, 1]
         if r >= 0 and v < len(twist):

@@ -41,25 +41,25 @@ def along(axes: Floats, a: Floats, r: int) -> Pair:
 
 
 @inlined
-def gathered(o: Any, a: Floats, r: int, v: int) -> Pair:
+def gathered(axes: Floats, director: Floats, a: Floats, r: int, v: int) -> Pair:
     """``sum conj(k_i) a_i`` over the directors of vertex v, whose first row is r."""
-    axes, director = o.axes, o.director
     z = (0.0, 0.0)
-    if o.framed[v]:
-        for i in range(3):
-            k = director[v, i, 0], director[v, i, 1]
-            z = plus(z, crossed(k, along(axes, a, r + 1 + i)))
+    for i in range(3):
+        k = director[v, i, 0], director[v, i, 1]
+        z = plus(z, crossed(k, along(axes, a, r + 1 + i)))
     return z
 
 
 @inlined
-def take_frame(o: Any, a: Floats, r: int, v: int, y: Floats, k: int) -> None:
+def take_frame(
+    axes: Floats, director: Floats, framed: Any, a: Floats, r: int, v: int, y: Floats, k: int
+) -> None:
     """Frame k of y from rows in space; e of length one to rounding, whatever it was."""
-    e = gathered(o, a, r, v)
-    # |k_1|^2 + |k_2|^2 + |k_3|^2 = 2; then one step to the inverse of a square root
-    f = 0.5 * (1.5 - 0.125 * inner(e, e))
-    put_pair(y, k, 0, along(o.axes, a, r))
-    put_pair(y, k, 2, scaled(f, e))
+    put_pair(y, k, 0, along(axes, a, r))
+    if framed[v]:
+        e = gathered(axes, director, a, r, v)
+        # |k_1|^2 + |k_2|^2 + |k_3|^2 = 2; then one step to the inverse of a square root
+        put_pair(y, k, 2, scaled(0.5 * (1.5 - 0.125 * inner(e, e)), e))
 
 
 @part
@@ -67,19 +67,21 @@ def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Start of a step: increments to start with, and what there is in space, in the plane."""
     start_increments(w, flag)
     o = s.rows
-    first, axes, y, p, f = o.first, o.axes, w.y0, w.p0, w.external
-    y0, p0, external, ground1, moved = o.y0, o.p0, o.external, o.ground1, w.ground1
+    first, axes, director, framed = o.first, o.axes, o.director, o.framed
+    y, p, f, moved = w.y0, w.p0, w.external, w.ground1
+    y0, p0, external, ground1 = o.y0, o.p0, o.external, o.ground1
     for v in range(len(p)):
         r = first[v]
-        take_frame(o, y0, r, v, y, v)
+        take_frame(axes, director, framed, y0, r, v, y, v)
         put_pair(p, v, 0, along(axes, p0, r))
-        put_pair(p, v, 2, gathered(o, p0, r, v))
         put_pair(f, v, 0, along(axes, external, r))
-        put_pair(f, v, 2, gathered(o, external, r, v))
+        if framed[v]:
+            put_pair(p, v, 2, gathered(axes, director, p0, r, v))
+            put_pair(f, v, 2, gathered(axes, director, external, r, v))
     count = len(p)
     for v in range(count, len(y)):
-        take_frame(o, y0, first[v], v, y, v)
-        take_frame(o, ground1, first[v] - len(p0), v, moved, v - count)
+        take_frame(axes, director, framed, y0, first[v], v, y, v)
+        take_frame(axes, director, framed, ground1, first[v] - len(p0), v, moved, v - count)
     return 0.0
 
 
@@ -201,19 +203,25 @@ def predict_changes(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
     return 0.0
 
 
+@inlined
+def put_row(axes: Floats, rest: Floats, z: Pair, a: Floats, r: int) -> None:
+    """Row r in space from what it is in the plane, and along the normal."""
+    for c in range(3):
+        a[r, c] = rest[r, c] + z[0] * axes[0, c] + z[1] * axes[1, c]
+
+
 @part
 def finish(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Rows of y_1 and of R in space, momentum carried on; gives the work of the loads."""
     o, y = s.rows, w.y1
     first, axes, framed, director, y1, rest = o.first, o.axes, o.framed, o.director, o.y1, o.rest
     for v in range(len(first)):
-        for i in range(4 if framed[v] else 1):
-            r = first[v] + i
-            z = point(y, v)
-            if i > 0:
-                z = product((director[v, i - 1, 0], director[v, i - 1, 1]), arrow(y, v))
-            for c in range(3):
-                y1[r, c] = rest[r, c] + z[0] * axes[0, c] + z[1] * axes[1, c]
+        r = first[v]
+        put_row(axes, rest, point(y, v), y1, r)
+        if framed[v]:
+            for i in range(3):
+                k = director[v, i, 0], director[v, i, 1]
+                put_row(axes, rest, product(k, arrow(y, v)), y1, r + 1 + i)
     own = o.mass_indptr, o.mass_indices, o.mass_data
     mass_times(own[0], own[1], own[2], y1, o.y0, numbers[MASS], o.momentum)
     sum_balance(o, numbers, False)

@@ -120,8 +120,8 @@ def span_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         F = w.F_mixed
     else:
         for v in range(len(R)):
-            for c in range(4):
-                R[v, c] = R0[v, c]
+            for i in range(4):
+                R[v, i] = R0[v, i]
     mid, y1, A, slot, edges, arms = w.mid, w.y1, w.A, s.span_slot, s.edges, s.arms
     none = (0.0, 0.0)
     for e in range(len(edges)):

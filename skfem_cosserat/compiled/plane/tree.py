@@ -115,35 +115,18 @@ def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                     stretched += value[j]
             x = plus(point(y1, edges[e, PARENT_AT]), span_arm(edges, arms, e, y1, stretched))
         else:
-            x = position(edges, arms, coordinates, along, value, turn, e, y1)
+            x = spot(y1, edges[e, PARENT_AT], pair(arms, e, PARENT_SPOT))
+            x = minus(x, product(pair(arms, e, CHILD_SPOT), arrow(y1, v)))
+            slid = pair(arms, e, ARM)
+            for j in range(edges[e, FIRST], edges[e, LAST]):
+                if coordinates[j, KIND] == SLIDE:
+                    slid = plus(slid, scaled(value[j], pair(along, j, SLIDE0)))
+                elif coordinates[j, KIND] == SPHERE:
+                    x = plus(x, product(turn_by(value[j]), pair(arms, e, ARM)))
+            if edges[e, OPEN]:
+                x = plus(x, product(slid, pair(turn, edges[e, GUIDE_AT], 0)))
         put_pair(y1, v, 0, x)
     return 0.0
-
-
-@inlined
-def position(
-    edges: IndexArray,
-    arms: Floats,
-    coordinates: IndexArray,
-    along: Floats,
-    value: Floats,
-    turn: Floats,
-    e: int,
-    y1: Floats,
-) -> Pair:
-    """Origin of a child on a joint whose unit vector and whose parent are in place."""
-    x = spot(y1, edges[e, PARENT_AT], pair(arms, e, PARENT_SPOT))
-    x = minus(x, product(pair(arms, e, CHILD_SPOT), arrow(y1, edges[e, CHILD])))
-    if edges[e, OPEN]:
-        arm = pair(arms, e, ARM)
-        for j in range(edges[e, FIRST], edges[e, LAST]):
-            if coordinates[j, KIND] == SLIDE:
-                arm = plus(arm, scaled(value[j], pair(along, j, SLIDE0)))
-        return plus(x, product(arm, pair(turn, edges[e, GUIDE_AT], 0)))
-    for j in range(edges[e, FIRST], edges[e, LAST]):
-        if coordinates[j, KIND] == SPHERE:
-            x = plus(x, product(turn_by(value[j]), pair(arms, e, ARM)))
-    return x
 
 
 @part
@@ -233,11 +216,11 @@ def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
             if coordinates[j, KIND] == SLIDE:
                 guide = coordinates[j, GUIDE]
                 # of the direction times f
-                g = outer(product(pair(along, j, DIRECTION), arrow(y1, guide)), f)
+                moment = outer(product(pair(along, j, DIRECTION), arrow(y1, guide)), f)
                 if guide == v:
-                    C_child[e, 4 * o + 2] += g
+                    C_child[e, 4 * o + 2] += moment
                 elif guide < len(diag):
-                    C_parent[e, 4 * o + 2] += g
+                    C_parent[e, 4 * o + 2] += moment
                 continue
             # of the sign times lever x f
             g = scaled(-along[j, SIGN], left(f))
