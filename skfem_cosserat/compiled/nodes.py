@@ -386,11 +386,15 @@ def finish(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 def better(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Keep the increments of the step; 2 if going on from the last two had been the better start.
 
-    Flag: how many were known before.
+    Flag: how many were known before. ``w.found`` is the largest of them and their sum, of
+    displacements relative to the scene.
     """
-    total, last, before = w.total, w.last, w.before
+    total, last, before, turning, found = w.total, w.last, w.before, s.turning, w.found
     once = 0.0
     twice = 0.0
+    farthest = 0.0
+    path = 0.0
+    inverse = 1.0 / numbers[LENGTH]
     for v in range(total.shape[0]):
         for c in range(total.shape[1]):
             change = total[v, c] - last[v, c]
@@ -399,4 +403,9 @@ def better(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             twice += change * change
             before[v, c] = last[v, c]
             last[v, c] = total[v, c]
+            way = abs(total[v, c]) * (1.0 if turning[v, c] else inverse)
+            farthest = max(farthest, way)
+            path += way
+    found[0] = farthest
+    found[1] = path
     return 2.0 if flag > 1 and twice < once else 1.0

@@ -129,7 +129,6 @@ class CompiledScene:
         self._coordinates = coordinates
         self._drives = any(c.drive is not None for c in coordinates)
         self._chart = Chart(system.kinematics)
-        self._sizes = np.where(self._tree["turning"], 1.0, 1 / system.length)
         self._numbering = np.full(system.kinematics.unknowns, -1)
         for v, places in system.tree.own.items():
             self._numbering[places] = width * v + np.arange(len(places))
@@ -235,6 +234,9 @@ class CompiledStep(CompiledScene):
             *others, beams, numbers = self._all
             self._all = (*others, self._viscous.beside(beams, numbers), numbers)
         self._rows = np.zeros(0, dtype=np.int64)
+        #: whether there are closed loops; configuration at the end of the last step, as given away
+        self.looped = len(self._a.mu) > 0
+        self.end: Floats | None = None
         # how far coordinates went since rows of closed loops were chosen, and in the last step
         self._travelled = self._travel = np.inf
 
@@ -254,11 +256,6 @@ class CompiledStep(CompiledScene):
     def _scaled_last(self, ratio: float) -> Any:
         """What is known of the last step, for one whose size is `ratio` times its own."""
         return None if self.last is None else ratio * self.last
-
-    @property
-    def looped(self) -> bool:
-        """Whether there are closed loops."""
-        return len(self._a.mu) > 0
 
     def close(self, rows: IndexArray) -> None:
         """Take these constraint rows, independent at the start of the step, to close the loops."""
@@ -281,6 +278,8 @@ class CompiledStep(CompiledScene):
         """
         if self._travelled >= clearance:
             return True
+        if state.q is self.end:
+            return False
         return not np.array_equal(state.q, self._a.y1[: self.system.rows].ravel())
 
     @property
@@ -311,17 +310,18 @@ class CompiledStep(CompiledScene):
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
         self._begin(state)
-        record, before = self._record, self.last if self.looped else None
+        record = self._record
+        known = self.looped and record[KNOWN] > 0.0
         solved = self._step.solve(*self._all, record)
         self.factorisations += int(record[FACTORED])
         if self._rest is not None:
             self._rest.complain()
         if self.looped:
-            moved = abs(self._a.total) * self._sizes
-            self._travelled += float(moved.max())
-            self._travel = float(moved.sum())
+            farthest, self._travel = self._a.found.tolist()
+            self._travelled += farthest
         if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
-            self.last, record[KEPT], self._a.mu[:] = before, 0.0, 0.0
+            self.last = self._a.before.ravel()[self._numbering] if known else None
+            record[KEPT], self._a.mu[:] = 0.0, 0.0
             solved = False
         if not solved:
             self._travelled = np.inf

@@ -455,9 +455,8 @@ class Stepper:
         self, fast: CompiledStep, state: State, time: float, iterations: int, residual: float
     ) -> StepReport:
         y1, rows = fast.y1, self.system.rows
-        new = State(
-            time, state.index + 1, y1[:rows].ravel(), fast.carried().ravel(), False, fast.turns()
-        )
+        fast.end = y1[:rows].ravel()
+        new = State(time, state.index + 1, fast.end, fast.carried().ravel(), False, fast.turns())
         self._first = False
         solved = Solved(self.system, self.integrator, self.h, state, y1, fast.impulse)
         return StepReport(new, iterations, 1, residual, fast.work(), solved)
