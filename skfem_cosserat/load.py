@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -92,6 +93,11 @@ class Table:
             raise InputError("table of time", f"not finite: {self.times}, {self.values}")
         if (np.diff(self.times) <= 0).any():
             raise InputError("table of time", f"times do not increase: {self.times.tolist()}")
+        # plain numbers: most steps ask for two values between two kinks
+        self._kinks: list[float] = self.times.tolist()
+        self._ends = float(self.values[0]), float(self.values[-1])
+        slopes = np.diff(self.values) / np.diff(self.times)
+        self._lines = list(zip(self.values[:-1].tolist(), slopes.tolist(), strict=True))
 
     def value(self, t: float) -> float:
         """Linear interpolation."""
@@ -99,10 +105,19 @@ class Table:
 
     def average(self, t0: float, t1: float) -> float:
         """Exact mean: the trapezoidal rule between all kinks."""
-        inside = self.times[(self.times > t0) & (self.times < t1)]
-        t = np.concatenate([[t0], inside, [t1]])
+        first, last = bisect_right(self._kinks, t0), bisect_left(self._kinks, t1)
+        if first == last:  # no kink inside, as in most steps
+            return 0.5 * (self._between(first, t0) + self._between(first, t1))
+        t = np.concatenate([[t0], self.times[first:last], [t1]])
         f = np.interp(t, self.times, self.values)
         return float(((f[1:] + f[:-1]) / 2 * np.diff(t)).sum() / (t1 - t0))
+
+    def _between(self, k: int, t: float) -> float:
+        """Value between the kinks number k - 1 and k, or beyond the table."""
+        if k in (0, len(self._kinks)):
+            return self._ends[k > 0]
+        value, slope = self._lines[k - 1]
+        return value + slope * (t - self._kinks[k - 1])
 
 
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(8)

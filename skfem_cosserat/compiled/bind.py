@@ -51,6 +51,11 @@ __all__ = [
     "choose_rows",
     "compiling",
     "coordinates_of",
+    "flags",
+    "followed",
+    "fulcrum_of",
+    "integers",
+    "nested",
     "part_named",
     "parts_of",
     "signature",
@@ -95,6 +100,8 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
         unused.add("beam_start")
     if not system.beam_groups:
         unused |= {*BEAM_PARTS, *(() if static else ("predict_changes",))}
+    if system.plane is None:
+        unused.add("beam_finish")
     if not static and system.loading.dead_only and system.drag is None:
         unused.add("load")
     if static or not system.couplings.count:
@@ -103,40 +110,45 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
 
 
 def compiling(
-    system: System, names: Sequence[str], multipliers: bool = False
+    system: System, names: Sequence[str], family: str = "tree"
 ) -> AbstractContextManager[None]:
     """While these parts and the structures they take are compiled, with help on an empty cache."""
     order = system.beam_groups[0].vertices.shape[1] - 1 if system.beam_groups else 1
-    if cold([part_named(names[0], multipliers)]):
-        return helped(order, names, multipliers)
+    if cold([part_named(names[0], family)]):
+        return helped(order, names, family)
     return nullcontext()
 
 
-def addresses(
-    names: Sequence[str], structures: Sequence[Any], multipliers: bool = False
-) -> IndexArray:
+def addresses(names: Sequence[str], structures: Sequence[Any], family: str = "tree") -> IndexArray:
     """Addresses of these parts, compiled if need be, at their places; 0 for all others.
 
     Parameters
     ----------
     structures : (tree, plan, work, beams)
-    multipliers : bool
-        Those for steps with multipliers, whose structures are (constraints, elimination, work,
-        beams).
+        With multipliers (constraints, elimination, work, beams).
+    family : {"tree", "plane", "multipliers"}
+        Null space method in space, in a plane, or steps with multipliers.
     """
     kinds = [*map(typeof, structures)]
-    found = {
-        name: address(part_named(name, multipliers), *signature(name, kinds)) for name in names
-    }
+    found = {name: address(part_named(name, family), *signature(name, kinds)) for name in names}
     return np.array([found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)])
 
 
-def part_named(name: str, multipliers: bool = False) -> Any:
+def part_named(name: str, family: str = "tree") -> Any:
     """The function of this name."""
     modules = [nodes, tree, spans, curvature, loops, blocks, stresses, tangent, loads, couplings]
-    if multipliers:
+    if family == "multipliers":
         modules = [kkt, constraints, stresses, loads_kkt, couplings_kkt]
+    if family == "plane":
+        modules = [*plane_parts(), *modules]
     return next(vars(m)[name] for m in modules if name in m.__all__)
+
+
+def plane_parts() -> list[Any]:
+    """What parts for scenes in a plane are in, beside those that take any."""
+    from .plane import beams, blocks, loops, nodes, spans, tangent, tree
+
+    return [nodes, tree, spans, loops, blocks, beams, tangent]
 
 
 def signature(name: str, kinds: Sequence[Any]) -> list[Any]:
@@ -206,8 +218,8 @@ def bound_beams(
     slots = [[[plan.slot[a, b] for b in vs] for a in vs] for vs in group.vertices.tolist()]
     S = np.zeros((ne, ng, 6))
     fields = {
-        "N": _tuples(N),
-        "dN": _tuples(dN),
+        "N": nested(N),
+        "dN": nested(dN),
         "weights": tuple(map(float, elements.weights)),
         "base": np.ascontiguousarray(system.origin_rows[group.vertices]),
         "slot": np.array(slots, dtype=np.int64),
@@ -226,7 +238,8 @@ def bound_beams(
     return layout.beams(tuple(fields[name] for name in layout.BEAMS)), fields
 
 
-def _tuples(table: Floats) -> tuple[tuple[float, ...], ...]:
+def nested(table: Floats) -> tuple[tuple[float, ...], ...]:
+    """As tuples: numbers are known when kernels are compiled."""
     return tuple(tuple(map(float, row)) for row in table)
 
 
@@ -239,11 +252,11 @@ def bound_plan(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
     ]
     fields: dict[str, Any] = {
         **{name: getattr(plan, name) for name in _PLANNED},
-        "edge": _ints(edge),
-        "parent": _ints(parent),
-        "size": _ints([len(system.tree.own[v]) for v in range(count)]),
-        "to_parent": _ints(to_parent),
-        "rest": _ints([plan.blocks, 0]),
+        "edge": integers(edge),
+        "parent": integers(parent),
+        "size": integers([len(system.tree.own[v]) for v in range(count)]),
+        "to_parent": integers(to_parent),
+        "rest": integers([plan.blocks, 0]),
     }
     return layout.plan(tuple(fields[name] for name in layout.PLAN)), fields
 
@@ -256,10 +269,10 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
     fields: dict[str, Any] = {
         "row": np.ascontiguousarray(kin.row[:count]),
         "framed": np.array(system.is_frame, dtype=bool),
-        "free": _ints(tree.free),
-        "loose": _ints([v for v in tree.free if system.is_frame[v]]),
+        "free": integers(tree.free),
+        "loose": integers([v for v in tree.free if system.is_frame[v]]),
         "R": np.zeros((len(kin.row), 3, 3)),
-        "triads": _ints(np.flatnonzero(system.is_frame)),
+        "triads": integers(np.flatnonzero(system.is_frame)),
         "turn": np.zeros((count, 4)),
         "mass_data": mass.data,
         "mass_indices": mass.indices.astype(np.int64),
@@ -281,36 +294,36 @@ def _edges(system: System) -> dict[str, Any]:
     relative = [
         e.joint.freedom().turns is not None and bool(system.is_frame[e.child]) for e in edges
     ]
-    fulcrums = [_fulcrum(e, r) for e, r in zip(edges, relative, strict=True)]
+    fulcrums = [fulcrum_of(e, r) for e, r in zip(edges, relative, strict=True)]
     return {
         "swing": np.zeros((len(edges), 4)),
-        "followed": _followed(system),
-        "child": _ints([e.child for e in edges]),
-        "parent": _ints([e.parent if e.parent < count else -1 for e in edges]),
-        "child_row": _ints([row[e.child] for e in edges]),
-        "parent_row": _ints([row[e.parent] for e in edges]),
-        "parent_frame": _ints([e.parent for e in edges]),
-        "guide_frame": _ints([e.guide for e in edges]),
-        "relative": _flags(relative),
-        "sphere": _flags([e.joint.freedom().sphere for e in edges]),
-        "open": _flags([bool(tree.slides.get(e.child)) for e in edges]),
+        "followed": followed(system),
+        "child": integers([e.child for e in edges]),
+        "parent": integers([e.parent if e.parent < count else -1 for e in edges]),
+        "child_row": integers([row[e.child] for e in edges]),
+        "parent_row": integers([row[e.parent] for e in edges]),
+        "parent_frame": integers([e.parent for e in edges]),
+        "guide_frame": integers([e.guide for e in edges]),
+        "relative": flags(relative),
+        "sphere": flags([e.joint.freedom().sphere for e in edges]),
+        "open": flags([bool(tree.slides.get(e.child)) for e in edges]),
         "child_offset": _vectors([e.child_spot.offset for e in edges]),
         "parent_offset": _vectors([e.parent_spot.offset for e in edges]),
         "arm0": np.zeros((len(edges), 3)),
-        "fulcrum_row": _ints([row[s.vertex] for s in fulcrums]),
+        "fulcrum_row": integers([row[s.vertex] for s in fulcrums]),
         "fulcrum_offset": _vectors([s.offset for s in fulcrums]),
-        "fulcrum_vertex": _ints([s.vertex if s.vertex < count else -1 for s in fulcrums]),
+        "fulcrum_vertex": integers([s.vertex if s.vertex < count else -1 for s in fulcrums]),
     }
 
 
-def _followed(system: System) -> Any:
+def followed(system: System) -> Any:
     """Vertices whose rotation a joint asks for."""
-    followed = np.zeros(len(system.kinematics.row), dtype=bool)
-    followed[[v for e in system.tree.edges for v in (e.parent, e.guide)]] = True
-    return followed
+    found = np.zeros(len(system.kinematics.row), dtype=bool)
+    found[[v for e in system.tree.edges for v in (e.parent, e.guide)]] = True
+    return found
 
 
-def _fulcrum(edge: Edge, relative: bool) -> Spot:
+def fulcrum_of(edge: Edge, relative: bool) -> Spot:
     """The point of a child that moves as if fixed to its parent."""
     if relative:
         return Spot(edge.child)
@@ -339,19 +352,19 @@ def _coordinates(system: System) -> dict[str, Any]:
         "turning": turning,
         "triple": _triples(system, each),
         "first": np.concatenate([[0], np.cumsum([len(cs) for cs in each])]).astype(np.int64),
-        "kind": _ints([KINDS[c.kind] for c in own]),
-        "own": _ints(numbers),
+        "kind": integers([KINDS[c.kind] for c in own]),
+        "own": integers(numbers),
         "axis": _vectors([c.axis for c in own]),
         "right": _vectors([np.zeros(3) if c.right is None else c.right for c in own]),
         "axis0": np.zeros((len(own), 3)),
-        "guide_row": _ints([row[c.guide] if c.guide >= 0 else 0 for c in own]),
-        "guide_vertex": _ints([c.guide if c.guide < count else -1 for c in own]),
-        "target_row": _ints([row[s.vertex] for s in targets]),
+        "guide_row": integers([row[c.guide] if c.guide >= 0 else 0 for c in own]),
+        "guide_vertex": integers([c.guide if c.guide < count else -1 for c in own]),
+        "target_row": integers([row[s.vertex] for s in targets]),
         "target_offset": _vectors([s.offset for s in targets]),
-        "target_vertex": _ints([s.vertex for s in targets]),
-        "centre_row": _ints([row[s.vertex] for s in centres]),
+        "target_vertex": integers([s.vertex for s in targets]),
+        "centre_row": integers([row[s.vertex] for s in centres]),
         "centre_offset": _vectors([s.offset for s in centres]),
-        "centre_vertex": _ints([s.vertex if s.vertex < count else -1 for s in centres]),
+        "centre_vertex": integers([s.vertex if s.vertex < count else -1 for s in centres]),
     }
 
 
@@ -384,8 +397,8 @@ def _loops(system: System, plan: Plan) -> dict[str, Any]:
         "loop_linear": np.array(linear, dtype=np.int64).reshape(-1, 4),
         "loop_linear_factors": np.array(own, dtype=float),
         "loop_constant": np.zeros(system.closure.rank),
-        "loop_vertices": _ints(sorted(vertices - {-1})),
-        "loop_numbers": (_ints(number), _ints(linear_number)),
+        "loop_vertices": integers(sorted(vertices - {-1})),
+        "loop_numbers": (integers(number), integers(linear_number)),
     }
 
 
@@ -419,11 +432,11 @@ def bound_lumps(frames: Group | None, points: Group | None) -> dict[str, Any]:
         blocks = group.mass.reshape(len(group.mass), size, 3, size, 3)
         return np.ascontiguousarray(blocks[:, :, 0, :, 0])
 
-    none = _ints([])
+    none = integers([])
     return {
-        "lump_vertex": none if frames is None else _ints(frames.vertices[:, 0]),
+        "lump_vertex": none if frames is None else integers(frames.vertices[:, 0]),
         "lumps": np.zeros((0, 4, 4)) if frames is None else scalar(frames, 4),
-        "point_vertex": none if points is None else _ints(points.vertices[:, 0]),
+        "point_vertex": none if points is None else integers(points.vertices[:, 0]),
         "point_masses": np.zeros(0) if points is None else scalar(points, 1)[:, 0, 0].copy(),
     }
 
@@ -433,8 +446,8 @@ def bound_following(system: System, plan: Plan) -> dict[str, Any]:
     moments, rows = system.loading.moments, system.origin_rows
     pairs = [(rows[v], rows[u], plan.slot[v, u]) for v, u in following(system).vertices.tolist()]
     return {
-        "moment_vertex": _ints(moments.vertices),
-        "moment_follows": _flags(moments.follows),
+        "moment_vertex": integers(moments.vertices),
+        "moment_follows": flags(moments.follows),
         "follower": np.array(pairs, dtype=np.int64).reshape(-1, 3),
     }
 
@@ -472,11 +485,13 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
     return layout.work(tuple(arrays.values())), arrays
 
 
-def _ints(numbers: Sequence[Any] | IndexArray) -> IndexArray:
+def integers(numbers: Sequence[Any] | IndexArray) -> IndexArray:
+    """As the kernels take them."""
     return np.array(numbers, dtype=np.int64).reshape(len(numbers))
 
 
-def _flags(values: Sequence[bool] | NDArray[np.bool_]) -> Any:
+def flags(values: Sequence[bool] | NDArray[np.bool_]) -> Any:
+    """As the kernels take them."""
     return np.array(values, dtype=bool).reshape(len(values))
 
 

@@ -31,7 +31,8 @@ def parts_of(system: System, ends: bool) -> list[str]:
     if system.couplings.count:
         names.append("couple")
     if system.beam_groups:
-        names += BEAM_PARTS if ends else BEAM_PARTS[1:]
+        unused = {"beam_finish"} if ends else {"beam_finish", "beam_start"}
+        names += [name for name in BEAM_PARTS if name not in unused]
     return names
 
 

@@ -1,11 +1,11 @@
 """Compiled block elimination on the graph of vertices: linear in the length of chains and trees.
 
-All blocks are 6x6: vertices with fewer unknowns are filled up with ones on the diagonal. Where a
-vertex hangs on a joint, its rows and columns are those of its twist until its turn comes: then they
-are turned into its joint's own coordinates, and what its parent carries along goes to the parent
-(the articulated-body recursion, inside a factorisation). In lattices the last vertices, from
-``m.rest[0]`` on, are not eliminated: their blocks and right-hand sides only get into their joints'
-coordinates, and a sparse solver takes them, called back at ``m.rest[1]``. Parts take
+All blocks are 6x6, in a plane 3x3: vertices with fewer unknowns are filled up with ones on the
+diagonal. Where a vertex hangs on a joint, its rows and columns are those of its twist until its
+turn comes: then they are turned into its joint's own coordinates, and what its parent carries along
+goes to the parent (the articulated-body recursion, inside a factorisation). In lattices the last
+vertices, from ``m.rest[0]`` on, are not eliminated: their blocks and right-hand sides only get into
+their joints' coordinates, and a sparse solver takes them, called back at ``m.rest[1]``. Parts take
 ``(s, m, w, numbers, flag)`` as those of :mod:`.tree`.
 """
 
@@ -17,19 +17,28 @@ import numpy as np
 
 from ..types import Floats
 from .jit import call_back, inlined, part
-from .lanes import WIDTH, add_product, put_product, put_rows, rows
+from .lanes import WIDTH, add_product, load, put_product, put_rows, rows, store
 from .sixes import (
+    add_block,
     add_crossed,
     add_times,
+    entry,
     invert,
     put_crossed,
+    put_entry,
     put_times,
     put_turned,
     subtract_crossed,
 )
 from .small import Rotation, block, chosen, combine, directors, frames, times, turned
 
-__all__ = ["factor", "sweep"]
+__all__ = ["factor", "solve_blocks", "sweep"]
+
+
+@inlined
+def side(A: Floats) -> int:
+    """Rows of a block; no constant, so that loops over them stay short."""
+    return A.shape[1] if A.ndim == 3 else A.shape[1] // 4
 
 
 @inlined
@@ -39,32 +48,36 @@ def invert_exchanging(A: Floats, k: int, W: Floats, inverse: Floats, v: int) -> 
     Gives the sign of the determinant, 0 if a pivot vanishes. It is rarely called: loops over
     `size`, which no compiler knows, stay short.
     """
-    size = A.shape[1]
+    size = side(A)
     for r in range(size):
         for c in range(size):
-            W[0, r, c] = A[k, r, c]
-            inverse[v, r, c] = 1.0 if r == c else 0.0
+            put_entry(W, 0, r, c, entry(A, k, r, c))
+            put_entry(inverse, v, r, c, 1.0 if r == c else 0.0)
+        if size == 3:  # rows end with a zero
+            put_entry(inverse, v, r, 3, 0.0)
     sign = 1.0
     for n in range(size):
         p = n
         for i in range(n + 1, size):
-            if abs(W[0, i, n]) > abs(W[0, p, n]):
+            if abs(entry(W, 0, i, n)) > abs(entry(W, 0, p, n)):
                 p = i
-        pivot = W[0, p, n]
+        pivot = entry(W, 0, p, n)
         if not abs(pivot) > 0.0:
             return 0.0
         if (pivot < 0.0) != (p != n):
             sign = -sign
         for c in range(size):
-            own, new = W[0, n, c], W[0, p, c] / pivot
-            W[0, p, c], W[0, n, c] = own, new
-            own, new = inverse[v, c, n], inverse[v, c, p] / pivot
-            inverse[v, c, p], inverse[v, c, n] = own, new
+            own, new = entry(W, 0, n, c), entry(W, 0, p, c) / pivot
+            put_entry(W, 0, p, c, own)
+            put_entry(W, 0, n, c, new)
+            own, new = entry(inverse, v, c, n), entry(inverse, v, c, p) / pivot
+            put_entry(inverse, v, c, p, own)
+            put_entry(inverse, v, c, n, new)
         for i in range(size):
-            f = W[0, i, n] if i != n else 0.0
+            f = entry(W, 0, i, n) if i != n else 0.0
             for c in range(size):
-                W[0, i, c] -= f * W[0, n, c]
-                inverse[v, c, i] -= f * inverse[v, c, n]
+                put_entry(W, 0, i, c, entry(W, 0, i, c) - f * entry(W, 0, n, c))
+                put_entry(inverse, v, c, i, entry(inverse, v, c, i) - f * entry(inverse, v, c, n))
     return sign
 
 
@@ -101,11 +114,9 @@ def to_own_coordinates(m: Any, w: Any, t: int) -> None:
     if p >= 0:
         to = m.right[first + p]
         add_times(C_child, e, X, e, A, to)
-        for r in range(6):
-            for c in range(6):
-                A[to, r, c] += w.C_parent[e, r, c]
-    for i in range(m.size[v], 6):
-        A[k, i, i] = 1.0
+        add_block(w.C_parent, e, A, to)
+    for i in range(m.size[v], side(A)):
+        put_entry(A, k, i, i, 1.0)
 
 
 @part
@@ -115,14 +126,12 @@ def factor(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     order, right, down, start, update = m.order, m.right, m.down, m.update_ptr, m.update
     S, X, y1, frames, inverse = w.S_left, w.X_left, w.y1, w.frames, w.inverse
     for r in range(frames.shape[0]):
-        for c in range(3):
+        for c in range(frames.shape[1]):
             frames[r, c] = y1[r, c]
     S_kept, X_kept = w.S_kept, w.X_kept
-    for e in range(S.shape[0]):
-        for r in range(6):
-            for c in range(6):
-                S_kept[e, r, c] = S[e, r, c]
-                X_kept[e, r, c] = X[e, r, c]
+    for k in range(S.size // WIDTH):
+        store(S_kept, k, load(S, k))
+        store(X_kept, k, load(X, k))
     regular = 1.0
     blocks, solver = m.rest[0], m.rest[1]
     for t in range(len(order)):
@@ -225,12 +234,33 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     Flag 1: with factors kept from before. Each vertex takes its part of them along, turned with its
     frame: so they are out of date by strains only, not by rotations.
     """
+    begin_sweep(s, w, flag)
+    solve_blocks(m, w)
+    if flag == 1:
+        turn_back(s, m, w)
+    return 0.0
+
+
+@inlined
+def twist_of(S: Floats, X: Floats, e: int, x: Floats, v: int, p: int, twist: Floats) -> None:
+    """Twist of a child from its own coordinates and, if it is not -1, that of its parent."""
+    for r in range(side(S)):
+        own = 0.0
+        for c in range(side(S)):
+            own += entry(S, e, r, c) * x[v, c]
+            if p >= 0:
+                own += entry(X, e, r, c) * twist[p, c]
+        twist[v, r] = own
+
+
+@inlined
+def solve_blocks(m: Any, w: Any) -> None:
+    """From the right-hand side in x to own coordinates x, and twists of the vertices."""
     A, x, twist, extra = w.A, w.x, w.twist, w.extra
     order, edge, ptr, neighbour = m.order, m.edge, m.ptr, m.neighbour
     right, down, parent, inverse = m.right, m.down, m.parent, w.inverse
     S_left, X_left, S, X = w.S_kept, w.X_kept, w.S_right, w.X_right
     blocks, solver = m.rest[0], m.rest[1]
-    begin_sweep(s, w, flag)
     for t in range(len(order)):
         v = order[t]
         e = edge[v]
@@ -259,17 +289,8 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             for j in range(ptr[t], ptr[t + 1]):
                 add_product(A, right[j], twist, neighbour[j], -1.0, x, v)
         e = edge[v]
-        p = parent[v]
-        for r in range(6):
-            if e < 0:
+        if e < 0:
+            for r in range(x.shape[1]):
                 twist[v, r] = x[v, r]
-                continue
-            own = 0.0
-            for c in range(6):
-                own += S[e, r, c] * x[v, c]
-                if p >= 0:
-                    own += X[e, r, c] * twist[p, c]
-            twist[v, r] = own
-    if flag == 1:
-        turn_back(s, m, w)
-    return 0.0
+        else:
+            twist_of(S, X, e, x, v, parent[v], twist)

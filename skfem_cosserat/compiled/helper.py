@@ -13,27 +13,47 @@ from ..beam import Beam
 from ..frames import ground
 from ..joint import JointRevolute
 from ..mesh import MeshCurve
-from ..model import Model
+from ..model import Model, Planar, System
 from ..section import Material, SectionCircle
 from . import bind, bind_kkt, layout, step
 from .jit import address
-from .plan import plan_of
+from .plan import Plan, plan_of
+from .plane import bind as plane
 
 __all__ = ["main"]
 
 
-def main(order: int, names: Sequence[str], multipliers: bool = False) -> None:
+def main(order: int, names: Sequence[str], family: str = "tree") -> None:
     """Compile the loop over a step, then parts from the last to the first."""
     # only types are needed: the constructors take seconds to compile
-    for name in ("beams", "constraints", "elimination", "plan", "tree", "work"):
+    for name in layout.FAMILIES:
         setattr(layout, name, partial(layout.kind, name))
     model = Model()
     mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 1, name="rod")
     rod = model.add("rod", Beam(mesh, SectionCircle(0.01, Material(1e6, 0.3, 1e3)), order=order))
     model.add("hinge", JointRevolute(ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1)))
-    system = model.freeze()
-    plan = plan_of(system, whole=multipliers)
-    if multipliers:
+    system = model.freeze(planar=Planar() if family == "plane" else None)
+    plan = plan_of(system, whole=family == "multipliers")
+    kinds = kinds_of(system, plan, family)
+    numbers, places = typeof(np.zeros(0)), typeof(np.zeros(0, dtype=np.int64))
+    compiled: Any = step.solve
+    compiled.compile((places, *kinds, numbers, numbers))
+    for name in reversed(names):
+        address(bind.part_named(name, family), *bind.signature(name, kinds))
+
+
+def kinds_of(system: System, plan: Plan, family: str) -> list[Any]:
+    """Types of the structures of a system."""
+    if family == "plane":
+        frames = plane.Frames(system)
+        rows, fields = plane.bound_rows(system, frames)
+        return [
+            plane.bound_tree(system, plan, frames, rows)[0],
+            bind.bound_plan(system, plan)[0],
+            plane.bound_work(system, plan, frames)[0],
+            plane.bound_beams(system, system.beam_groups[0], plan, frames, fields)[0],
+        ]
+    if family == "multipliers":
         own = (
             bind_kkt.bound_constraints(system, plan, True, 1.0)[0],
             bind_kkt.bound_elimination(system, plan)[0],
@@ -45,9 +65,4 @@ def main(order: int, names: Sequence[str], multipliers: bool = False) -> None:
             bind.bound_plan(system, plan)[0],
             bind.bound_work(system, plan)[0],
         )
-    kinds = *own, bind.bound_beams(system, system.beam_groups[0], plan)[0]
-    numbers, places = typeof(np.zeros(0)), typeof(np.zeros(0, dtype=np.int64))
-    compiled: Any = step.solve
-    compiled.compile((places, *kinds, numbers, numbers))
-    for name in reversed(names):
-        address(bind.part_named(name, multipliers), *bind.signature(name, kinds))
+    return [*own, bind.bound_beams(system, system.beam_groups[0], plan)[0]]

@@ -30,7 +30,7 @@ def _stamp() -> str:
     """Of all sources that are compiled."""
     digest = hashlib.sha256()
     folder = Path(__file__).parent
-    for path in [*sorted(folder.glob("*.py")), folder.parent / "newton.py"]:
+    for path in [*sorted(folder.rglob("*.py")), folder.parent / "newton.py"]:
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
@@ -40,7 +40,7 @@ STAMP = _stamp()
 
 
 class _Cache(FunctionCache):
-    """Compiled code on disk that is valid as long as no file of this folder changes."""
+    """Compiled code on disk that is valid as long as no file in this folder changes."""
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         return (*super()._index_key(sig, codegen), STAMP)

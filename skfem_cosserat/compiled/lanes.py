@@ -23,6 +23,8 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, register_model
 
+from .sixes import shape_of
+
 __all__ = ["WIDTH", "add_rows", "farther", "gather", "largest", "load", "pack", "put_rows", "rows"]
 __all__ += ["scatter", "store"]
 
@@ -275,7 +277,8 @@ def farther(typing: Any, out: Any, value: Any) -> Any:
 
 def _product(add: bool) -> Any:
     def typed(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
-        six = ir.VectorType(ir.DoubleType(), 6)
+        side, width = shape_of(A)
+        wide = ir.VectorType(ir.DoubleType(), width)
 
         def entries(
             context: Any, builder: Any, kind: Any, array: Any, place: Any, size: int
@@ -285,20 +288,20 @@ def _product(add: bool) -> Any:
             )
 
         def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
-            block = entries(context, builder, kind.args[0], values[0], values[1], 36)
-            given = entries(context, builder, kind.args[2], values[2], values[3], 6)
-            target = entries(context, builder, kind.args[5], values[5], values[6], 6)
-            target = builder.bitcast(target, six.as_pointer())
-            undefined = ir.Constant(six, ir.Undefined)
-            zeros = ir.Constant(ir.VectorType(_LANE, 6), [0] * 6)
+            block = entries(context, builder, kind.args[0], values[0], values[1], side * width)
+            given = entries(context, builder, kind.args[2], values[2], values[3], width)
+            target = entries(context, builder, kind.args[5], values[5], values[6], width)
+            target = builder.bitcast(target, wide.as_pointer())
+            undefined = ir.Constant(wide, ir.Undefined)
+            zeros = ir.Constant(ir.VectorType(_LANE, width), [0] * width)
             sums: list[Any] = [None, None]
-            for r in range(6):
+            for r in range(side):
                 entry = builder.load(builder.gep(given, [ir.Constant(_INDEX, r)]))
                 entry = builder.fmul(entry, values[4])
                 entry = builder.insert_element(undefined, entry, ir.Constant(_LANE, 0))
                 entry = builder.shuffle_vector(entry, undefined, zeros)
-                row = builder.gep(block, [ir.Constant(_INDEX, 6 * r)])
-                row = builder.load(builder.bitcast(row, six.as_pointer()), align=8)
+                row = builder.gep(block, [ir.Constant(_INDEX, width * r)])
+                row = builder.load(builder.bitcast(row, wide.as_pointer()), align=8)
                 term = builder.fmul(entry, row, flags=("contract",))
                 last = sums[r % 2]
                 sums[r % 2] = (
@@ -318,7 +321,7 @@ def _product(add: bool) -> Any:
 
 @intrinsic
 def add_product(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
-    """``out_v += sign A_k^T x_u``, of blocks (6, 6)."""
+    """``out_v += sign A_k^T x_u``, of blocks as in :mod:`.sixes`."""
     return _product(True)(typing, A, k, x, u, sign, out, v)
 
 

@@ -9,8 +9,18 @@ from numba.experimental import structref
 
 from .jit import jit
 
-__all__ = ["BEAMS", "CONSTRAINTS", "ELIMINATION", "PLAN", "TREE", "WORK"]
-__all__ += ["beams", "constraints", "elimination", "kind", "plan", "tree", "work"]
+__all__ = [
+    "BEAMS",
+    "CONSTRAINTS",
+    "ELIMINATION",
+    "FAMILIES",
+    "PLAN",
+    "PLANE_BEAMS",
+    "PLANE_TREE",
+    "ROWS",
+]
+__all__ += ["TREE", "WORK", "beams", "constraints", "elimination", "kind", "plan", "plane_beams"]
+__all__ += ["plane_tree", "rows", "tree", "work"]
 
 #: elements of one interpolation: shape functions and slopes at Gauss points as tuples, so that
 #: their numbers are known when compiling; first rows of y of the nodes; slots of the blocks
@@ -101,6 +111,27 @@ WORK = (
     *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
     *("dead", "moments", "followers", "coupled"),
 )
+#: of scenes in a plane: elements, and in the end what makes rows of y in space of their forces
+PLANE_BEAMS = (
+    *("N", "dN", "weights", "base", "slot", "lengths", "section", "stiffness", "reference", "mass"),
+    *("rotations", "turned", "S0", "S", "predicted"),
+    *("axes", "director", "resultants", "frames", "triads", "out"),
+)
+#: what there is by rows of y in space: first rows of the vertices, their directors by unit vectors,
+#: axes of the plane, what is normal to it
+ROWS = (
+    *("first", "framed", "director", "axes", "rest", "y0", "y1", "ground1", "p0", "external"),
+    *("R", "momentum", "internal", "carried", "mass_data", "mass_indices", "mass_indptr"),
+)
+#: vertices, edges and their coordinates in a plane; vertices of the ground come last
+PLANE_TREE = (
+    *("rows", "framed", "free", "loose", "followed", "turn", "turning"),
+    *("child", "parent", "edges", "arms", "coordinates", "along", "value", "driven"),
+    *("mass_blocks", "mass_indices", "mass_indptr"),
+    *("lump_vertex", "lumps", "point_vertex", "point_masses"),
+    *("products", "factors", "linear", "directions", "loop_constant", "loop_vertices"),
+    "span_slot",
+)
 
 
 class _Type(types.StructRef):
@@ -138,6 +169,21 @@ class _WorkType(_Type):
     pass
 
 
+@structref.register
+class _PlaneBeamsType(_Type):
+    pass
+
+
+@structref.register
+class _RowsType(_Type):
+    pass
+
+
+@structref.register
+class _PlaneTreeType(_Type):
+    pass
+
+
 class _Beams(structref.StructRefProxy):
     pass
 
@@ -162,29 +208,40 @@ class _Work(structref.StructRefProxy):
     pass
 
 
-for _proxy, _kind, _fields in (
-    (_Beams, _BeamsType, BEAMS),
-    (_Tree, _TreeType, TREE),
-    (_Plan, _PlanType, PLAN),
-    (_Constraints, _ConstraintsType, CONSTRAINTS),
-    (_Elimination, _EliminationType, ELIMINATION),
-    (_Work, _WorkType, WORK),
-):
-    structref.define_proxy(_proxy, _kind, list(_fields))
+class _PlaneBeams(structref.StructRefProxy):
+    pass
+
+
+class _Rows(structref.StructRefProxy):
+    pass
+
+
+class _PlaneTree(structref.StructRefProxy):
+    pass
+
+
+#: type, proxy and fields of each kind of structure
+FAMILIES = {
+    "beams": (_BeamsType, _Beams, BEAMS),
+    "tree": (_TreeType, _Tree, TREE),
+    "plan": (_PlanType, _Plan, PLAN),
+    "constraints": (_ConstraintsType, _Constraints, CONSTRAINTS),
+    "elimination": (_EliminationType, _Elimination, ELIMINATION),
+    "work": (_WorkType, _Work, WORK),
+    "plane_beams": (_PlaneBeamsType, _PlaneBeams, PLANE_BEAMS),
+    "rows": (_RowsType, _Rows, ROWS),
+    "plane_tree": (_PlaneTreeType, _PlaneTree, PLANE_TREE),
+}
+for _family, _proxy, _fields in FAMILIES.values():
+    structref.define_proxy(_proxy, _family, list(_fields))
 
 
 def kind(name: str, values: Any) -> Any:
     """Type of a structure, such as "beams" or "work", of these fields."""
-    made = {
-        "beams": (_BeamsType, BEAMS),
-        "tree": (_TreeType, TREE),
-        "plan": (_PlanType, PLAN),
-        "constraints": (_ConstraintsType, CONSTRAINTS),
-        "elimination": (_EliminationType, ELIMINATION),
-        "work": (_WorkType, WORK),
-    }
-    family, fields = made[name]
-    return family([(f, typeof(value)) for f, value in zip(fields, values, strict=True)])
+    family, _, fields = FAMILIES[name]
+    own = zip(fields, values, strict=True)
+    # of a structure inside another one its type is all there is
+    return family([(f, v if isinstance(v, types.Type) else typeof(v)) for f, v in own])
 
 
 # compiled, since only so the constructors are kept on disk
@@ -224,3 +281,21 @@ def elimination(values: Any) -> Any:
 def work(values: Any) -> Any:
     """Structure of the fields :data:`WORK`."""
     return _Work(*values)
+
+
+@jit
+def plane_beams(values: Any) -> Any:
+    """Structure of the fields :data:`PLANE_BEAMS`."""
+    return _PlaneBeams(*values)
+
+
+@jit
+def rows(values: Any) -> Any:
+    """Structure of the fields :data:`ROWS`."""
+    return _Rows(*values)
+
+
+@jit
+def plane_tree(values: Any) -> Any:
+    """Structure of the fields :data:`PLANE_TREE`."""
+    return _PlaneTree(*values)

@@ -19,6 +19,7 @@ from .numbers import WEIGHT
 from .small import cross, dot, put, row
 
 __all__ = ["loop_correct", "loop_curvature", "loop_force", "loop_keep", "loop_row", "loop_schur"]
+__all__ += ["add_impulses", "correct", "keep_motion", "put_aside"]
 
 #: columns of the table of products ``c y_left . y_right``: row of the border (-1: of none, it
 #: depends on others where the step starts), rows of y, their vertices (-1: ground) and places in
@@ -80,17 +81,24 @@ def clear_rows(s: Any, f: Floats) -> None:
             put(f, r + i, (0.0, 0.0, 0.0))
 
 
-@part
-def loop_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Add the increment of mu, its forces on R and on vertices, and what the loops gape by."""
-    mu, change, closing, gap, y1, R = w.mu, w.mu_change, w.closing, w.gap, w.y1, w.R
-    y = w.y0
-    if numbers[WEIGHT] != 0.0:
-        y = w.mid
+@inlined
+def add_impulses(s: Any, w: Any) -> None:
+    """Add the increment of mu; what rows gape by begins with their constants."""
+    mu, change, gap = w.mu, w.mu_change, w.gap
     for k in range(len(mu)):
         mu[k] += change[k]
         change[k] = 0.0
         gap[k] = -s.loop_constant[k]
+
+
+@part
+def loop_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Add the increment of mu, its forces on R and on vertices, and what the loops gape by."""
+    mu, closing, gap, y1, R = w.mu, w.closing, w.gap, w.y1, w.R
+    y = w.y0
+    if numbers[WEIGHT] != 0.0:
+        y = w.mid
+    add_impulses(s, w)
     clear_rows(s, closing)
     add_forces(s, y, mu, closing)
     for k in range(len(s.loop_vertices)):
@@ -139,24 +147,31 @@ def loop_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     return 0.0
 
 
-@part
-def loop_row(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Force of row `flag` alone on the vertices, instead of the residual; which is kept."""
-    b, F, kept, unit, force = w.b, w.F, w.b_kept, w.mu_change, w.change
+@inlined
+def put_aside(w: Any, flag: int) -> None:
+    """The residual, in place of which row `flag` alone comes: its impulse is one."""
+    b, F, kept, unit = w.b, w.F, w.b_kept, w.mu_change
     for v in range(b.shape[0]):
-        for c in range(6):
+        for c in range(b.shape[1]):
             if flag == 0:
                 kept[v, c] = b[v, c]
             b[v, c] = 0.0
             F[v, c] = 0.0
+    for k in range(len(unit)):
+        unit[k] = 1.0 if k == flag else 0.0
+
+
+@part
+def loop_row(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Force of row `flag` alone on the vertices, instead of the residual; which is kept."""
+    unit, force = w.mu_change, w.change
+    put_aside(w, flag)
     y = w.y0
     if numbers[WEIGHT] != 0.0:
         y = w.mid
-    for k in range(len(unit)):
-        unit[k] = 1.0 if k == flag else 0.0
     clear_rows(s, force)
     add_forces(s, y, unit, force)
-    twist_forces(s, y, force, F, b)
+    twist_forces(s, y, force, w.F, w.b)
     unit[flag] = 0.0
     return 0.0
 
@@ -188,17 +203,23 @@ def rates_of(s: Any, y1: Floats, twist: Floats, out: Floats) -> None:
         out[linear[t, 0]] += s.loop_linear_factors[t] * rate[linear[t, 2]]
 
 
+@inlined
+def keep_motion(w: Any, flag: int) -> None:
+    """Keep the motion by row `flag`, and what it does to all rows, which is in ``w.gap_rate``."""
+    x, twist, border, turning, rates = w.x, w.twist, w.border, w.border_twist, w.gap_rate
+    for v in range(x.shape[0]):
+        for c in range(x.shape[1]):
+            border[flag, v, c] = -x[v, c]
+            turning[flag, v, c] = -twist[v, c]
+    for k in range(len(rates)):
+        w.schur[k, flag] = -rates[k]
+
+
 @part
 def loop_keep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Keep the motion by row `flag`, and what it does to all rows: a column of the small matrix."""
-    x, twist, border, turning, rates = w.x, w.twist, w.border, w.border_twist, w.gap_rate
-    for v in range(x.shape[0]):
-        for c in range(6):
-            border[flag, v, c] = -x[v, c]
-            turning[flag, v, c] = -twist[v, c]
-    rates_of(s, w.y1, twist, rates)
-    for k in range(len(rates)):
-        w.schur[k, flag] = -rates[k]
+    rates_of(s, w.y1, w.twist, w.gap_rate)
+    keep_motion(w, flag)
     return 0.0
 
 
@@ -237,16 +258,15 @@ def loop_schur(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """The residual back in its place; 0 in a singular position."""
     b, kept, rates = w.b, w.b_kept, w.gap_rate
     for v in range(b.shape[0]):
-        for c in range(6):
+        for c in range(b.shape[1]):
             b[v, c] = kept[v, c]
     return 1.0 if solved(w.schur, len(rates), rates, w.schur_scratch) else 0.0
 
 
-@part
-def loop_correct(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """From the increment of the tree to that of the closed loops, and of mu."""
+@inlined
+def correct(w: Any) -> None:
+    """From the increment of the tree, whose rates are in ``w.mu_change``, to that of all."""
     x, twist, border, turning, change = w.x, w.twist, w.border, w.border_twist, w.mu_change
-    rates_of(s, w.y1, twist, change)
     for k in range(len(change)):
         change[k] += w.gap[k]
     if not solved(w.schur, len(change), change, w.schur_scratch):
@@ -254,7 +274,14 @@ def loop_correct(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     for k in range(len(change)):
         f = change[k]
         for v in range(x.shape[0]):
-            for c in range(6):
+            for c in range(x.shape[1]):
                 x[v, c] -= f * border[k, v, c]
                 twist[v, c] -= f * turning[k, v, c]
+
+
+@part
+def loop_correct(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """From the increment of the tree to that of the closed loops, and of mu."""
+    rates_of(s, w.y1, w.twist, w.mu_change)
+    correct(w)
     return 0.0

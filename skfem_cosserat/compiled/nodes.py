@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Floats
+from ..types import Floats, IndexArray
 from . import lanes
 from .elements import scalar_block
 from .jit import inlined, part
@@ -62,12 +62,12 @@ __all__ = [
 ]
 
 
-@part
-def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+@inlined
+def start_increments(w: Any, flag: int) -> None:
     """Zero increments; x are those to start with: flag 0 none, 1 the last, 2 extrapolated twice."""
-    x, total, last, before, turn = w.x, w.total, w.last, w.before, s.turn
+    x, total, last, before = w.x, w.total, w.last, w.before
     for v in range(x.shape[0]):
-        for c in range(6):
+        for c in range(x.shape[1]):
             start = 0.0
             if flag == 1:
                 start = last[v, c]
@@ -75,6 +75,14 @@ def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                 start = 2.0 * last[v, c] - before[v, c]
             x[v, c] = start
             total[v, c] = 0.0
+
+
+@part
+def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Zero increments, and those to start with; see :func:`start_increments`."""
+    start_increments(w, flag)
+    turn = s.turn
+    for v in range(turn.shape[0]):
         turn[v, 0] = 1.0
         for c in range(1, 4):
             turn[v, c] = 0.0
@@ -116,9 +124,16 @@ def move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
-def mass_times(s: Any, y1: Floats, y0: Floats, factor: float, out: Floats) -> None:
-    """``factor M (y1 - y0)``."""
-    first, columns, entries = s.mass_indptr, s.mass_indices, s.mass_data
+def mass_times(
+    first: IndexArray,
+    columns: IndexArray,
+    entries: Floats,
+    y1: Floats,
+    y0: Floats,
+    factor: float,
+    out: Floats,
+) -> None:
+    """``factor M (y1 - y0)``, the mass matrix by rows of y."""
     for r in range(out.shape[0]):
         u = (0.0, 0.0, 0.0)
         for k in range(first[r], first[r + 1]):
@@ -163,9 +178,16 @@ def twist_force(s: Any, y: Floats, R: Floats, F: Floats, b: Floats) -> None:
 @inlined
 def step_balance(s: Any, w: Any, numbers: Floats, sized: bool) -> float:
     """R of the step without constraint forces; if asked, the largest of its terms."""
+    own = s.mass_indptr, s.mass_indices, s.mass_data
+    mass_times(own[0], own[1], own[2], w.y1, w.y0, numbers[MASS], w.momentum)
+    return sum_balance(w, numbers, sized)
+
+
+@inlined
+def sum_balance(w: Any, numbers: Floats, sized: bool) -> float:
+    """R from its terms, inertia among them; if asked, the largest of them."""
     momentum, force = numbers[MOMENTUM], numbers[FORCE]
     R, inertia, p0, internal, external = w.R, w.momentum, w.p0, w.internal, w.external
-    mass_times(s, w.y1, w.y0, numbers[MASS], inertia)
     for k in range(R.size // WIDTH):
         f = force * (lanes.load(internal, k) - lanes.load(external, k))
         store(R, k, lanes.load(inertia, k) - momentum * lanes.load(p0, k) + f)
@@ -225,7 +247,7 @@ def size(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     b = w.b
     out = 0.0
     for v in range(b.shape[0]):
-        for c in range(6):
+        for c in range(b.shape[1]):
             a = abs(b[v, c])
             if not a <= out:
                 out = a
@@ -235,11 +257,9 @@ def size(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 @part
 def clear(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """All blocks zero."""
-    A = w.A
-    for k in range(A.shape[0]):
-        for i in range(6):
-            for c in range(6):
-                A[k, i, c] = 0.0
+    A, none = w.A, lanes.pack((0.0, 0.0, 0.0, 0.0))
+    for k in range(A.size // WIDTH):
+        store(A, k, none)
     return 0.0
 
 
@@ -307,7 +327,7 @@ def cap(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     shift = 0.0
     turn = 0.0
     for v in range(x.shape[0]):
-        for c in range(6):
+        for c in range(x.shape[1]):
             a = abs(x[v, c])
             if turning[v, c]:
                 if not a <= turn:
@@ -319,7 +339,7 @@ def cap(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     found[0] = turn
     found[1] = 1.0 if factor * out > numbers[MIXED] else 0.0
     for v in range(x.shape[0]):
-        for c in range(6):
+        for c in range(x.shape[1]):
             x[v, c] *= factor
             twist[v, c] *= factor
     return out
@@ -341,7 +361,7 @@ def predict_changes(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
 
 @inlined
 def carried_on(w: Any, numbers: Floats) -> float:
-    """Momentum carried on; gives the work of the loads along the step."""
+    """Momentum carried on; gives the work of the loads along the step. Takes rows of y."""
     y0, y1, p0, carried, inertia = w.y0, w.y1, w.p0, w.carried, w.momentum
     internal, external = w.internal, w.external
     mass, momentum = numbers[CARRY_MASS], numbers[CARRY_MOMENTUM]
@@ -366,17 +386,26 @@ def finish(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 def better(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Keep the increments of the step; 2 if going on from the last two had been the better start.
 
-    Flag: how many were known before.
+    Flag: how many were known before. ``w.found`` is the largest of them and their sum, of
+    displacements relative to the scene.
     """
-    total, last, before = w.total, w.last, w.before
+    total, last, before, turning, found = w.total, w.last, w.before, s.turning, w.found
     once = 0.0
     twice = 0.0
+    farthest = 0.0
+    path = 0.0
+    inverse = 1.0 / numbers[LENGTH]
     for v in range(total.shape[0]):
-        for c in range(6):
+        for c in range(total.shape[1]):
             change = total[v, c] - last[v, c]
             once += change * change
             change += before[v, c] - last[v, c]
             twice += change * change
             before[v, c] = last[v, c]
             last[v, c] = total[v, c]
+            way = abs(total[v, c]) * (1.0 if turning[v, c] else inverse)
+            farthest = max(farthest, way)
+            path += way
+    found[0] = farthest
+    found[1] = path
     return 2.0 if flag > 1 and twice < once else 1.0

@@ -21,6 +21,7 @@ __all__ = [
     "combine",
     "compose",
     "composed",
+    "cosines",
     "counted",
     "cross",
     "directors",
@@ -35,6 +36,7 @@ __all__ = [
     "quaternions",
     "rotation",
     "row",
+    "series",
     "times",
     "turned",
 ]
@@ -121,12 +123,20 @@ def turned(R: Rotation, a: Vector) -> Vector:
 
 
 @inlined
+def series(square: float) -> tuple[float, float]:
+    """``cos a`` and ``sin a / a`` from a small ``a^2``, to rounding below 0.01."""
+    w = 1 - square / 2 * (1 - square / 12 * (1 - square / 30 * (1 - square / 56)))
+    f = 1 - square / 6 * (1 - square / 20 * (1 - square / 42 * (1 - square / 72)))
+    return w, f
+
+
+@inlined
 def quaternion(theta: Vector) -> Quaternion:
     """Unit quaternion (w, x, y, z) of a rotation vector."""
     half2 = 0.25 * dot(theta, theta)
-    if half2 < 0.01:  # to rounding
-        w = 1 - half2 / 2 * (1 - half2 / 12 * (1 - half2 / 30 * (1 - half2 / 56)))
-        f = 0.5 - half2 / 12 * (1 - half2 / 20 * (1 - half2 / 42 * (1 - half2 / 72)))
+    if half2 < 0.01:
+        w, f = series(half2)
+        f = 0.5 * f
     else:
         half = np.sqrt(half2)
         w = np.cos(half)
@@ -135,19 +145,25 @@ def quaternion(theta: Vector) -> Quaternion:
 
 
 @inlined
-def quaternions(theta: Vector) -> Quaternion:
-    """The same for lanes: those of a fraction of the angle, doubled again."""
-    square = dot(theta, theta)
-    half2 = 0.25 * square
+def cosines(square: float) -> tuple[float, float]:
+    """The same for lanes of any size: those of a fraction of the angle, doubled again."""
+    part = square
     doubled = 0
-    while largest(half2) >= 0.01 and doubled < 30:
-        half2 = 0.25 * half2
+    while largest(part) >= 0.01 and doubled < 30:
+        part = 0.25 * part
         doubled += 1
-    w = 1 - half2 / 2 * (1 - half2 / 12 * (1 - half2 / 30 * (1 - half2 / 56)))
-    f = 0.5 - half2 / 12 * (1 - half2 / 20 * (1 - half2 / 42 * (1 - half2 / 72)))
+    w, f = series(part)
     f = f * 0.5**doubled
     for _ in range(doubled):
         w, f = w * w - f * f * square, 2.0 * w * f
+    return w, f
+
+
+@inlined
+def quaternions(theta: Vector) -> Quaternion:
+    """The same for lanes."""
+    w, f = cosines(0.25 * dot(theta, theta))
+    f = 0.5 * f
     return w, f * theta[0], f * theta[1], f * theta[2]
 
 

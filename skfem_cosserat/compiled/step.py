@@ -54,8 +54,8 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
     for r in range(max(len(y1) - 1, 0), len(y1)):  # what may be left
         for c in range(3):
             mid[r, c] = (1.0 - share) * y0[r, c] + share * y1[r, c]
-    for r in range(len(internal)):
-        for c in range(3):
+    for r in range(internal.shape[0]):
+        for c in range(internal.shape[1]):
             internal[r, c] = 0.0
     if p[n.BEAM_FORCE]:
         call_beams(p[n.BEAM_FORCE], g, w, numbers, 0)
@@ -85,8 +85,8 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
     if mixed and p[n.PREDICT_CHANGES]:
         # R and the forces of subtrees with the predicted stresses: multipliers take none
         force = w.R_mixed
-        for r in range(len(force)):
-            for c in range(3):
+        for r in range(force.shape[0]):
+            for c in range(force.shape[1]):
                 force[r, c] = 0.0
         call_beams(p[n.BEAM_FORCE], g, w, numbers, 1)
         if p[n.COUPLE]:
@@ -160,8 +160,12 @@ def worn(numbers: Floats, record: Floats) -> bool:
 
 
 @inlined
-def accepted(p: IndexArray, s: Any, m: Any, w: Any, numbers: Floats, record: Floats) -> bool:
+def accepted(
+    p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats
+) -> bool:
     """Finish a step, and keep what the next one starts with; False: something has turned over."""
+    if p[n.BEAM_FINISH]:
+        call_beams(p[n.BEAM_FINISH], g, w, numbers, 0)
     record[n.WORK] = call(p[n.FINISH], s, m, w, numbers, 0)
     if np.isnan(record[n.WORK]):
         return False
@@ -251,5 +255,5 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
             if record[n.FACTORED] > 0.0:
                 record[n.STEPS], record[n.SPENT] = 0.0, 0.0
             record[n.STEPS], record[n.SPENT] = record[n.STEPS] + 1.0, record[n.SPENT] + count
-            return accepted(p, s, m, w, numbers, record)
+            return accepted(p, s, m, w, g, numbers, record)
     return False

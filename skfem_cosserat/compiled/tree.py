@@ -194,21 +194,21 @@ def place_child(s: Any, e: int, y1: Floats) -> None:
             if s.kind[j] == STRETCH:
                 stretched += s.value[j]
         put(y1, r, plus(row(y1, s.parent_row[e]), span_arm(s, e, y1, stretched)))
-        return
-    x = spot(y1, s.parent_row[e], row(s.parent_offset, e))
-    put(y1, r, (0.0, 0.0, 0.0))
-    x = minus(x, spot(y1, r, row(s.child_offset, e)))
-    if s.sphere[e]:
-        q = s.swing
-        R = rotation(q[e, 0], q[e, 1], q[e, 2], q[e, 3])
-        x = plus(x, turned(R, row(s.arm0, e)))
-    if s.open[e]:
-        arm = row(s.arm0, e)
-        for j in range(s.first[e], s.first[e + 1]):
-            if s.kind[j] == SLIDE:
-                arm = plus(arm, times(s.value[j], row(s.axis0, j)))
-        x = plus(x, combine(arm, columns(s.R, s.guide_frame[e])))
-    put(y1, r, x)
+    else:  # no early return: with two of them arrays are counted as often as they are used
+        x = spot(y1, s.parent_row[e], row(s.parent_offset, e))
+        put(y1, r, (0.0, 0.0, 0.0))
+        x = minus(x, spot(y1, r, row(s.child_offset, e)))
+        if s.sphere[e]:
+            q = s.swing
+            R = rotation(q[e, 0], q[e, 1], q[e, 2], q[e, 3])
+            x = plus(x, turned(R, row(s.arm0, e)))
+        if s.open[e]:
+            arm = row(s.arm0, e)
+            for j in range(s.first[e], s.first[e + 1]):
+                if s.kind[j] == SLIDE:
+                    arm = plus(arm, times(s.value[j], row(s.axis0, j)))
+            x = plus(x, combine(arm, columns(s.R, s.guide_frame[e])))
+        put(y1, r, x)
 
 
 @part
@@ -275,7 +275,7 @@ def reduce(s: Any, w: Any, F: Floats, b: Floats) -> None:
         put_product(S, e, F, v, 1.0, b, v)
         if p >= 0:
             add_product(X, e, F, v, 1.0, F, p)
-            for o in range(6):
+            for o in range(b.shape[1]):
                 b[p, o] = F[p, o]
 
 

@@ -32,7 +32,7 @@ def cold(functions: Sequence[Any]) -> bool:
 
 
 @contextmanager
-def helped(order: int, names: Sequence[str], multipliers: bool = False) -> Iterator[None]:
+def helped(order: int, names: Sequence[str], family: str = "tree") -> Iterator[None]:
     """While parts are compiled, in this order, a helper compiles them in reverse.
 
     Parameters
@@ -41,10 +41,10 @@ def helped(order: int, names: Sequence[str], multipliers: bool = False) -> Itera
         Of the beam elements.
     names : sequence of str
         Of the parts.
-    multipliers : bool
-        Those for steps with multipliers.
+    family : str
+        Of the parts, see :func:`.bind.addresses`.
     """
-    arguments = f"{order}, {[*names]}, {multipliers}"
+    arguments = f"{order}, {[*names]}, {family!r}"
     code = f"from skfem_cosserat.compiled.helper import main; main({arguments})"
     helper = None
     # embedded in another program, the executable may be anything

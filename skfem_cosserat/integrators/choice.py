@@ -28,8 +28,8 @@ FACTOR = 15
 #: for 20 elements, more for more
 ELIMINATED = 5
 LEAVES = (
-    "there are no compiled kernels for multipliers where elimination fills in or leaves something"
-    " to a solver that is asked for"
+    "there are no compiled kernels for multipliers, or in a plane, where elimination fills in or"
+    " leaves something to a solver that is asked for"
 )
 SWITCHED_OFF = "numba does not compile: NUMBA_DISABLE_JIT is set"
 #: number of steps taken for granted where none is given
@@ -148,4 +148,4 @@ def _hindrance() -> str | None:
 def _plan(system: System, solver: Solver | None, multipliers: bool) -> Plan | None:
     """Elimination; None if it leaves to a sparse solver what compiled kernels do not give it."""
     plan = plan_of(system, solver is not None, multipliers)
-    return None if multipliers and len(plan.rest) else plan
+    return None if (multipliers or system.plane is not None) and len(plan.rest) else plan

@@ -21,11 +21,11 @@ from ..compiled.numbers import (
     WORK,
 )
 from ..compiled.plan import Plan, plan_of
-from ..constraints import Multipliers, Treatment
 from ..constraints.base import half_turn
 from ..linear import LinearSolver, Solver
 from ..model import System
 from ..model.chart import Chart
+from ..model.tree import Coordinate
 from ..newton import NewtonSettings
 from ..types import Floats, IndexArray
 from .base import Integrator, Scheme, State, StepWork
@@ -33,12 +33,7 @@ from .coupled import Coupled
 from .rest import Rest
 from .viscous import Viscous, is_viscous
 
-__all__ = [
-    "CompiledMultipliers",
-    "CompiledScene",
-    "CompiledStep",
-    "compiled_step",
-]
+__all__ = ["CompiledMultipliers", "CompiledScene", "CompiledStep"]
 
 
 #: iterations up to which no frame can have got to half a turn, where there are no closed loops
@@ -46,24 +41,9 @@ SHORT = 8
 #: all turns of a step together (rad), and displacements against the scene, that are no half turn
 SHORT_WAY = 1.0
 #: threads compile one after the other: the second finds all there, and starts no helper of its own
-_COMPILING = threading.Lock()
+COMPILING = threading.Lock()
 #: addresses of the parts; what is constant, the elimination, what changes, and beams
 Bound = tuple[IndexArray, Any, Any, Any, Any]
-
-
-def compiled_step(
-    system: System,
-    integrator: Integrator,
-    treatment: Treatment,
-    h: float,
-    settings: NewtonSettings,
-    plan: Plan | None = None,
-    solver: Solver | None = None,
-) -> CompiledStep:
-    """Steps with one of the treatments; see :class:`CompiledStep`."""
-    if isinstance(treatment, Multipliers):
-        return CompiledMultipliers(system, integrator, h, settings, plan, treatment.scaled)
-    return CompiledStep(system, integrator, h, settings, plan, solver)
 
 
 class CompiledScene:
@@ -105,6 +85,7 @@ class CompiledScene:
         self.plan = plan_of(system, solver is not None) if plan is None else plan
         self.factorisations = 0
         self._drag_factor = 0.0
+        self._factors: list[float] | None = None
         self._solver = solver
         self._rest: Rest | None = None
         numbers = {
@@ -129,7 +110,7 @@ class CompiledScene:
 
         system, groups = self.system, self.system.beam_groups
         parts = bind.parts_of(system, weight, ends or is_viscous(system), static)
-        with _COMPILING, bind.compiling(system, parts):
+        with COMPILING, bind.compiling(system, parts):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
             w, self._arrays = bind.bound_work(system, self.plan)
@@ -139,14 +120,18 @@ class CompiledScene:
             A, x = self._arrays["A"], self._arrays["x"]
             self._rest = Rest(self.plan, planned["size"], A, x, self._solver)
             planned["rest"][1] = self._rest.address
-        self._coordinates = [c for cs in bind.coordinates_of(system) for c in cs]
-        self._drives = any(c.drive is not None for c in self._coordinates)
+        self._number([c for cs in bind.coordinates_of(system) for c in cs])
+        return table, s, m, w, g
+
+    def _number(self, coordinates: list[Coordinate]) -> None:
+        """Where the tree's coordinates are among those of the vertices."""
+        system, width = self.system, self._arrays["x"].shape[1]
+        self._coordinates = coordinates
+        self._drives = any(c.drive is not None for c in coordinates)
         self._chart = Chart(system.kinematics)
-        self._sizes = np.where(self._tree["turning"], 1.0, 1 / system.length)
         self._numbering = np.full(system.kinematics.unknowns, -1)
         for v, places in system.tree.own.items():
-            self._numbering[places] = 6 * v + np.arange(len(places))
-        return table, s, m, w, g
+            self._numbering[places] = width * v + np.arange(len(places))
 
     @property
     def linear(self) -> LinearSolver | None:
@@ -177,12 +162,16 @@ class CompiledScene:
     def load(self, amplitudes: Floats) -> None:
         """Take these factors of the loads' channels."""
         a, moments, followers = self._a, self._moments, self._followers
-        amplitudes = np.append(amplitudes, self._drag_factor)
+        factors = amplitudes.tolist()
+        if factors == self._factors:  # a pulse that is over, most of the time
+            return
+        self._factors = factors
         self._dead = dead = self.system.loading.dead_force(amplitudes)
         if not self._evaluated:
             a.external[:] = dead
             return
         a.dead[:] = dead
+        amplitudes = np.append(amplitudes, self._drag_factor)
         a.moments[:] = amplitudes[moments.channels, None] * moments.values
         a.followers[:] = amplitudes[followers.channels, None, None] * followers.values
 
@@ -191,9 +180,10 @@ class CompiledScene:
         a = self._a
         if self.system.kinematics.spheres or self._drives:
             self._chart.begin(a.y0.copy(), a.ground1.copy())
-            sphere = [k for k, c in enumerate(self._coordinates) if c.kind == "sphere"]
-            numbers = [self._coordinates[k].number for k in sphere]
-            self._tree["axis"][sphere] = self._chart.fixed[numbers]
+            if self.system.plane is None:  # else all axes are normal to it
+                sphere = [k for k, c in enumerate(self._coordinates) if c.kind == "sphere"]
+                numbers = [self._coordinates[k].number for k in sphere]
+                self._tree["axis"][sphere] = self._chart.fixed[numbers]
             self._tree["driven"][:] = self._chart.driven(self._coordinates)
 
 
@@ -244,6 +234,9 @@ class CompiledStep(CompiledScene):
             *others, beams, numbers = self._all
             self._all = (*others, self._viscous.beside(beams, numbers), numbers)
         self._rows = np.zeros(0, dtype=np.int64)
+        #: whether there are closed loops; configuration at the end of the last step, as given away
+        self.looped = len(self._a.mu) > 0
+        self.end: Floats | None = None
         # how far coordinates went since rows of closed loops were chosen, and in the last step
         self._travelled = self._travel = np.inf
 
@@ -257,28 +250,26 @@ class CompiledStep(CompiledScene):
         for name, number in changed.items():
             self._all[-1][NUMBERS.index(name)] = number
         self.last, self._record[KEPT] = self._scaled_last(h / self.h), 0.0
-        self.h, self.scheme = h, scheme
+        self.h, self.scheme, self._factors = h, scheme, None
         return self
 
     def _scaled_last(self, ratio: float) -> Any:
         """What is known of the last step, for one whose size is `ratio` times its own."""
         return None if self.last is None else ratio * self.last
 
-    @property
-    def looped(self) -> bool:
-        """Whether there are closed loops."""
-        return len(self._a.mu) > 0
-
     def close(self, rows: IndexArray) -> None:
         """Take these constraint rows, independent at the start of the step, to close the loops."""
         rows, self._travelled = np.sort(rows), 0.0
         if not np.array_equal(rows, self._rows):
-            from ..compiled import bind
-
             self._rows = rows
-            bind.choose_rows(self.system, self._tree, rows)
+            self._choose(rows)
             self._a.mu[:] = 0.0
             self._record[KEPT] = 0.0
+
+    def _choose(self, rows: IndexArray) -> None:
+        from ..compiled import bind
+
+        bind.choose_rows(self.system, self._tree, rows)
 
     def due(self, state: State, clearance: float) -> bool:
         """Whether the treatment has to choose rows that close the loops: it knows what is singular.
@@ -287,6 +278,8 @@ class CompiledStep(CompiledScene):
         """
         if self._travelled >= clearance:
             return True
+        if state.q is self.end:
+            return False
         return not np.array_equal(state.q, self._a.y1[: self.system.rows].ravel())
 
     @property
@@ -317,17 +310,18 @@ class CompiledStep(CompiledScene):
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
         self._begin(state)
-        record, before = self._record, self.last if self.looped else None
+        record = self._record
+        known = self.looped and record[KNOWN] > 0.0
         solved = self._step.solve(*self._all, record)
         self.factorisations += int(record[FACTORED])
         if self._rest is not None:
             self._rest.complain()
         if self.looped:
-            moved = abs(self._a.total) * self._sizes
-            self._travelled += float(moved.max())
-            self._travel = float(moved.sum())
+            farthest, self._travel = self._a.found.tolist()
+            self._travelled += farthest
         if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
-            self.last, record[KEPT], self._a.mu[:] = before, 0.0, 0.0
+            self.last = self._a.before.ravel()[self._numbering] if known else None
+            record[KEPT], self._a.mu[:] = 0.0, 0.0
             solved = False
         if not solved:
             self._travelled = np.inf
@@ -415,12 +409,12 @@ class CompiledMultipliers(CompiledStep):
 
         system, groups = self.system, self.system.beam_groups
         parts = bind_kkt.parts_of(system, ends or is_viscous(system))
-        with _COMPILING, bind.compiling(system, parts, multipliers=True):
+        with COMPILING, bind.compiling(system, parts, "multipliers"):
             s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self._h)
             m, _ = bind_kkt.bound_elimination(system, self.plan)
             w, self._arrays = bind_kkt.bound_steps(system, self.plan)
             g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
-            table = bind.addresses(parts, (s, m, w, g), multipliers=True)
+            table = bind.addresses(parts, (s, m, w, g), "multipliers")
         self._own = SimpleNamespace(**own)
         self._chart = Chart(system.kinematics)
         return table, s, m, w, g

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..constraints import Multipliers, NullSpace, Treatment
+from ..frames import TOLERANCE
 from ..model import System
 from .base import Integrator
 from .coupled import scalar
@@ -28,6 +31,7 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
             "springs on rotation vectors, bushings": not scalar(system.couplings),
             **_everywhere(system),
             **_rungs(system, treatment),
+            **_plane(system, treatment),
         },
     )
 
@@ -41,6 +45,7 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
             "closed loops": len(system.closure.rows) > 0,
             "springs, dampers and actuators": system.couplings.count > 0,
             **_everywhere(system),
+            "scenes confined to a plane": system.plane is not None,
             "rungs of beams": len(system.rung_rows) > 0,
             "a turning frame": spin is not None,
         },
@@ -49,10 +54,38 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
 
 def _everywhere(system: System) -> dict[str, bool]:
     return {
-        "scenes confined to a plane": system.plane is not None,
         "beams of several orders": len(system.beam_groups) > 1,
         "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),
     }
+
+
+def _plane(system: System, treatment: Treatment) -> dict[str, bool]:
+    """What there is for scenes in space only."""
+    if system.plane is None:
+        return {}
+    return {
+        "scenes confined to a plane with multipliers": isinstance(treatment, Multipliers),
+        "moments and forces that follow the motion in a plane": not system.loading.dead_only,
+        "springs, dampers and actuators in a plane": system.couplings.count > 0,
+        "viscous sections and drag in a plane": system.damped,
+        "prescribed motion in a plane": bool(system.moving),
+        "beams in a plane whose sections are turned out of it": _oblique(system),
+    }
+
+
+def _oblique(system: System) -> bool:
+    """Whether third directors of sections leave the plane, or others differ in an element."""
+    assert system.plane is not None
+    y = system.extend(system.q0, system.since)
+    for g in system.beam_groups:
+        d = y[system.origin_rows[g.vertices][:, :, None] + np.arange(1, 4)]
+        if g.elements.rotations is not None:
+            d = g.elements.rotations @ d
+        rise = d @ system.plane.normal
+        off = max(abs(rise[..., 2]).max(), abs(rise - rise[:, :1]).max())
+        if off > TOLERANCE:
+            return True
+    return False
 
 
 def _rungs(system: System, treatment: Treatment) -> dict[str, bool]:

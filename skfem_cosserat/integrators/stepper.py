@@ -20,7 +20,8 @@ from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, check_kind, positive
 from .base import Evaluation, Integrator, March, State, StepData, StepWork
 from .choice import Choice, choose_kernels
-from .fast import CompiledStep, compiled_step
+from .fast import CompiledStep
+from .fast_steps import compiled_step
 from .limit import FROZEN
 from .protocol import default_settings
 from .report import ComposedReport, Solved, StepReport
@@ -457,9 +458,8 @@ class Stepper:
         self, fast: CompiledStep, state: State, time: float, iterations: int, residual: float
     ) -> StepReport:
         y1, rows = fast.y1, self.system.rows
-        new = State(
-            time, state.index + 1, y1[:rows].ravel(), fast.carried().ravel(), False, fast.turns()
-        )
+        fast.end = y1[:rows].ravel()
+        new = State(time, state.index + 1, fast.end, fast.carried().ravel(), False, fast.turns())
         self._first = False
         solved = Solved(self.system, self.integrator, self.h, state, y1, fast.impulse)
         return StepReport(new, iterations, 1, residual, fast.work(), solved)

@@ -252,10 +252,13 @@ class Loading:
         return out
 
     def _sum(self, amplitudes: Floats) -> Floats:
-        if not len(self._dead_times):
-            return np.zeros((self._rows, 3))
-        flat = self.dead.reshape(len(self.dead), -1)
-        return (amplitudes[self._dead_times] @ flat).reshape(-1, 3)
+        channels, flat = self._flat
+        return (amplitudes.take(channels) @ flat).reshape(-1, 3)
+
+    @cached_property
+    def _flat(self) -> tuple[IndexArray, Floats]:
+        """Channels of the dead loads, and each load in a row."""
+        return self.dead_channels, self.dead.reshape(len(self.dead), 3 * self._rows)
 
     def force(self, y: Array, amplitudes: Floats) -> Array:
         """Generalised force (rows, 3) of the loads that depend on y (follower forces, moments)."""

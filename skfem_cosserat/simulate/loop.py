@@ -145,7 +145,8 @@ def simulate(
         faster after 10 to 20 s of compilation, which is kept on disk. "auto" takes them if numba
         is installed, the estimated time with numpy is above 25 s and there are some: not for
         springs on rotation vectors, bushings, beams of several orders, closed loops in prescribed
-        motion or with multipliers, scenes confined to a plane. ``history.meta["kernels"]`` and
+        motion or with multipliers, scenes confined to a plane with multipliers, loads that follow
+        the motion, force elements, damping or prescribed motion. ``history.meta["kernels"]`` and
         ``["kernels_why"]`` say what was taken, and why. They keep factors of matrices over
         iterations and steps as long as these contract well, see :class:`NewtonSettings`.
     solver : Solver, optional

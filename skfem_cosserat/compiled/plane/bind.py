@@ -1,0 +1,421 @@
+"""From a frozen system that is confined to a plane to the arrays of the compiled kernels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
+
+from ...model import System
+from ...model.groups import BeamGroup
+from ...model.tree import Span, Spot
+from ...strain import strain_factors
+from ...types import Floats, IndexArray
+from .. import layout
+from ..bind import KINDS, coordinates_of, followed, fulcrum_of, integers, nested
+from ..bind_spans import bound_spans
+from ..numbers import COUPLED
+from ..plan import Plan
+from . import places
+
+__all__ = ["Frames", "bound_beams", "bound_rows", "bound_tree", "bound_work", "choose_rows"]
+
+Complex = NDArray[np.complex128]
+
+
+class Frames:
+    """Vertices of a system in its plane, those of the ground last: directors by one unit vector.
+
+    Parameters
+    ----------
+    system : System
+        Confined to a plane.
+
+    Attributes
+    ----------
+    first : (nv + ng,) int array
+        First row of y of each vertex.
+    framed : (nv + ng,) bool array
+    director : (nv + ng, 3) complex array
+        ``k_i`` of ``d_i = k_i e``; e is along the last director that lies in the plane.
+    height : (total,) array
+        Components of the rows of y along the normal, which never change.
+    vertex, place : (total,) int arrays
+        Vertex of each row of y, and where it is there: 0 the origin.
+    """
+
+    def __init__(self, system: System) -> None:
+        plane = system.plane
+        assert plane is not None
+        self.plane, self.count = plane, len(system.origin_rows)
+        self.first = np.ascontiguousarray(system.kinematics.row)
+        size = len(self.first)
+        self.framed = np.ones(size, dtype=bool)
+        self.framed[: self.count] = system.is_frame
+        y = system.extend(system.q0, system.since)
+        self.height = y @ plane.normal
+        self.vertex = np.zeros(system.total, dtype=np.int64)
+        self.place = np.zeros(system.total, dtype=np.int64)
+        self.director = np.zeros((size, 3), dtype=complex)
+        for v, r in enumerate(self.first):
+            for i in range(4 if self.framed[v] else 1):
+                self.vertex[r + i], self.place[r + i] = v, i
+            if self.framed[v]:
+                d = self.flat(y[r + 1 : r + 4])
+                inside = np.flatnonzero(abs(d) > abs(d).max() - 1e-9)[-1]
+                self.director[v] = d * (d[inside] / abs(d[inside])).conj()
+
+    def flat(self, vectors: Floats) -> Complex:
+        """Vectors (..., 3) in the plane (...)."""
+        both = vectors @ self.plane.axes.T
+        return np.asarray(both[..., 0] + 1j * both[..., 1])
+
+    def factor(self, row: int) -> complex:
+        """What the origin or the unit vector is multiplied with in a row of y."""
+        i = int(self.place[row])
+        return complex(self.director[self.vertex[row], i - 1]) if i else 1.0 + 0j
+
+    def offset(self, spot: Spot) -> complex:
+        """Of a material point from the origin, by the unit vector."""
+        return complex(self.director[spot.vertex] @ np.array(spot.offset))
+
+    def gather(self, rows: int) -> csr_matrix:
+        """From origins and unit vectors (2 nv) to rows of y; transposed and conjugated: forces."""
+        r = np.arange(rows)
+        column = 2 * self.vertex[:rows] + (self.place[:rows] > 0)
+        values = np.array([self.factor(int(k)) for k in r], dtype=np.complex128)
+        return csr_matrix((values, (r, column)), shape=(rows, 2 * self.count))
+
+
+def pairs(numbers: Any) -> Floats:
+    """Complex numbers (...) as pairs (..., 2)."""
+    z = np.array(numbers, dtype=complex)
+    return np.ascontiguousarray(np.stack([z.real, z.imag], axis=-1))
+
+
+def _masses(matrix: csr_matrix) -> dict[str, Any]:
+    """A mass matrix by origins and unit vectors: blocks of pairs of vertices, by columns."""
+    m = matrix.tocoo()
+    rows = np.concatenate([2 * m.row, 2 * m.row, 2 * m.row + 1, 2 * m.row + 1])
+    cols = np.concatenate([2 * m.col, 2 * m.col + 1, 2 * m.col, 2 * m.col + 1])
+    data = np.concatenate([m.data.real, -m.data.imag, m.data.imag, m.data.real])
+    real = coo_matrix((data, (rows, cols)), shape=(2 * m.shape[0], 2 * m.shape[1]))
+    blocks = bsr_matrix(real, blocksize=(4, 4))
+    return {
+        "mass_blocks": np.ascontiguousarray(blocks.data.swapaxes(1, 2)),
+        "mass_indices": blocks.indices.astype(np.int64),
+        "mass_indptr": blocks.indptr.astype(np.int64),
+    }
+
+
+def bound_rows(system: System, frames: Frames) -> tuple[Any, dict[str, Any]]:
+    """What there is by rows of y in space; the structure, and its arrays by name."""
+    total, rows, normal = system.total, system.rows, frames.plane.normal
+    mass = system.mass.tocsr()
+    shapes = {
+        **dict.fromkeys(("y0", "y1"), (total, 3)),
+        **dict.fromkeys(("p0", "external", "R", "momentum", "internal", "carried"), (rows, 3)),
+        "ground1": (total - rows, 3),
+    }
+    fields: dict[str, Any] = {
+        "first": frames.first,
+        "framed": frames.framed,
+        "director": pairs(frames.director),
+        "axes": np.ascontiguousarray(frames.plane.axes),
+        "rest": frames.height[:, None] * normal,
+        **{name: np.zeros(shape) for name, shape in shapes.items()},
+        "mass_data": mass.data,
+        "mass_indices": mass.indices.astype(np.int64),
+        "mass_indptr": mass.indptr.astype(np.int64),
+    }
+    return layout.rows(tuple(fields[name] for name in layout.ROWS)), fields
+
+
+def bound_tree(system: System, plan: Plan, frames: Frames, rows: Any) -> tuple[Any, dict[str, Any]]:
+    """Vertices, edges and coordinates; the structure, and its arrays by name."""
+    tree = system.tree
+    gather = frames.gather(system.rows)
+    mass = (gather.conj().T @ system.mass.tocsr() @ gather).tocsr()
+    fields: dict[str, Any] = {
+        "rows": rows,
+        "framed": np.array(system.is_frame, dtype=bool),
+        "free": integers(tree.free),
+        "loose": integers([v for v in tree.free if system.is_frame[v]]),
+        "followed": followed(system),
+        "turn": np.zeros((len(frames.first), 2)),
+        **_masses(mass),
+        **_edges(system, plan, frames),
+        **_coordinates(system, frames),
+        **_lumps(system, frames),
+        **_loops(system, plan, frames),
+    }
+    return layout.plane_tree(tuple(fields[name] for name in layout.PLANE_TREE)), fields
+
+
+def _edges(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
+    """Tables of joints and spans, see :mod:`.places`."""
+    tree, count = system.tree, frames.count
+    spans = _spans(system, plan, frames)
+    edges = np.zeros((len(tree.edges), len(places.EDGES)), dtype=np.int64)
+    arms = np.zeros((len(tree.edges), len(places.ARMS)))
+    last = 0
+    for k, (e, own) in enumerate(zip(tree.edges, coordinates_of(system), strict=True)):
+        relative = tree.freedom(e.joint).turns is not None and bool(system.is_frame[e.child])
+        fulcrum, inside = fulcrum_of(e, relative), e.parent < count
+        first, last = last, last + len(own)
+        edges[k] = (
+            *(e.child, e.parent if inside else -1, e.parent, e.guide, fulcrum.vertex),
+            *(spans["span"][k], first, last, system.is_frame[e.child], relative),
+            *(bool(tree.slides.get(e.child)), inside and system.is_frame[e.parent]),
+        )
+        for column, spot in (
+            (places.CHILD_SPOT, e.child_spot),
+            (places.PARENT_SPOT, e.parent_spot),
+            (places.FULCRUM_SPOT, fulcrum),
+        ):
+            put(arms, k, column, frames.offset(spot))
+        if (number := spans["span"][k]) >= 0:
+            arms[k, places.REACH] = spans["span_reach"][number]
+            put(arms, k, places.STRAIN, spans["strain"][number])
+            put(arms, k, places.SECTION_A, spans["turned"][number, 0])
+            put(arms, k, places.SECTION_B, spans["turned"][number, 1])
+    both = [np.ascontiguousarray(edges[:, k]) for k in (places.CHILD, places.PARENT)]
+    tables = {"edges": edges, "arms": arms, "child": both[0], "parent": both[1]}
+    return tables | {"span_slot": spans["span_slot"]}
+
+
+def put(table: Floats, k: int, column: int, z: complex) -> None:
+    """A complex number to two columns of a row."""
+    table[k, column : column + 2] = z.real, z.imag
+
+
+def _coordinates(system: System, frames: Frames) -> dict[str, Any]:
+    """Tables of coordinates, see :mod:`.places`."""
+    tree = system.tree
+    each = coordinates_of(system)
+    both = [(e, c) for e, cs in zip(tree.edges, each, strict=True) for c in cs]
+    turning = np.zeros((frames.count, 4), dtype=bool)
+    turning[[v for v in tree.free if system.is_frame[v]], 2] = True
+    coordinates = np.zeros((len(both), len(places.COORDINATES)), dtype=np.int64)
+    along = np.zeros((len(both), len(places.ALONG)))
+    y = system.extend(system.q0, system.since)
+    for j, (e, c) in enumerate(both):
+        target = e.child_spot if c.kind == "sphere" else Spot(e.child)
+        centre = Spot(c.vertex) if c.centre is None else c.centre
+        own = -1 if c.drive is not None else tree.own[c.vertex].index(c.number)
+        if own >= 0:
+            turning[c.vertex, own] = c.kind not in ("slide", "stretch")
+        guide = max(c.guide, 0)
+        coordinates[j] = KINDS[c.kind], own, guide, target.vertex, centre.vertex
+        axis, d = c.axis, y[frames.first[guide] + 1 : frames.first[guide] + 4]
+        if c.kind in ("axis", "slide"):  # material
+            axis = c.axis @ d
+        along[j, places.SIGN] = axis @ frames.plane.normal
+        if c.kind == "slide":
+            e0 = (frames.director[guide].conj() @ frames.flat(d)) / 2
+            direction = frames.flat(np.cross(axis, np.asarray(c.right) @ d))
+            put(along, j, places.SLIDE, complex(direction * e0.conj()))
+        put(along, j, places.TARGET_SPOT, frames.offset(target))
+        put(along, j, places.CENTRE_SPOT, frames.offset(centre))
+    zero = np.zeros(len(both))
+    tables = {"turning": turning, "coordinates": coordinates, "along": along}
+    return tables | {"value": zero, "driven": zero.copy()}
+
+
+def _lumps(system: System, frames: Frames) -> dict[str, Any]:
+    """Masses of single frames, by origin and unit vector, and of mass points."""
+    lumps, vertices = np.zeros((0, 4), dtype=complex), integers([])
+    if (group := system.frame_group) is not None:
+        vertices = integers(group.vertices[:, 0])
+        scalar = group.mass.reshape(-1, 4, 3, 4, 3)[:, :, 0, :, 0]
+        lumps = _reduced(scalar, frames.director[vertices], frames.director[vertices])
+    none, points = np.zeros(0), system.point_group
+    return {
+        "lump_vertex": vertices,
+        "lumps": pairs(lumps),
+        "point_vertex": integers([] if points is None else points.vertices[:, 0]),
+        "point_masses": none if points is None else points.mass[:, 0, 0].copy(),
+    }
+
+
+def _reduced(scalar: Floats, left: Complex, right: Complex) -> Complex:
+    """Scalar masses (..., 4, 4) by origins and unit vectors (..., 4): xx, xe, ex, ee."""
+    xe = (scalar[..., 0, 1:] * right).sum(-1)
+    ex = (scalar[..., 1:, 0] * left.conj()).sum(-1)
+    ee = (left.conj()[..., :, None] * scalar[..., 1:, 1:] * right[..., None, :]).sum((-1, -2))
+    return np.stack([scalar[..., 0, 0] + 0j, xe, ex, ee], axis=-1)
+
+
+def _loops(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
+    """Rows of joints that close loops, as lists of terms; none is chosen yet."""
+    rows, count = set(system.closure.rows.tolist()), frames.count
+    terms = system.constraints.terms()
+    constant = np.array(terms.constant, dtype=float)
+    products, factors, number = [], [], []
+    for k, a, b, c in zip(*terms[:4], strict=True):
+        if k not in rows:
+            continue
+        constant[k] -= c * frames.height[a] * frames.height[b]
+        u, v = int(frames.vertex[a]), int(frames.vertex[b])
+        inside = u < count and v < count
+        slots = (plan.slot[u, v], plan.slot[v, u]) if inside else (-1, -1)
+        places = int(frames.place[a] > 0), int(frames.place[b] > 0)
+        products.append((-1, u, places[0], v, places[1], *slots))
+        factors.append(c * frames.factor(a).conjugate() * frames.factor(b))
+        number.append(k)
+    linear, directions, linear_number = [], [], []
+    axes = frames.flat(np.eye(3))
+    for k, a, c in zip(terms.linear_row, terms.linear, terms.linear_factor, strict=True):
+        for component in range(3):
+            if k + component in rows:
+                constant[k + component] -= c * frames.height[a] * frames.plane.normal[component]
+                linear.append((-1, int(frames.vertex[a]), int(frames.place[a] > 0)))
+                directions.append(c * frames.factor(a).conjugate() * axes[component])
+                linear_number.append(k + component)
+    vertices = {v for row in products for v in (row[1], row[3])} | {row[1] for row in linear}
+    return {
+        "products": np.array(products, dtype=np.int64).reshape(-1, 7),
+        "factors": pairs(factors).reshape(-1, 2),
+        "linear": np.array(linear, dtype=np.int64).reshape(-1, 3),
+        "directions": pairs(directions).reshape(-1, 2),
+        "loop_constant": np.zeros(system.closure.rank),
+        "loop_vertices": integers(sorted(v for v in vertices if v < count)),
+        "loop_numbers": (integers(number), integers(linear_number), constant),
+    }
+
+
+def choose_rows(system: System, fields: dict[str, Any], rows: IndexArray) -> None:
+    """Take these constraint rows (rank,) as the border, in the arrays of :func:`bound_tree`."""
+    place = np.full(system.m, -1)
+    place[rows] = np.arange(len(rows))
+    products, linear, constant = fields["loop_numbers"]
+    fields["products"][:, 0] = place[products]
+    fields["linear"][:, 0] = place[linear]
+    fields["loop_constant"][:] = constant[rows]
+
+
+def _spans(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
+    """Elements whose lines follow from their directors."""
+    space = bound_spans(system, plan)
+    edges = [e for e in system.tree.edges if e.spans and isinstance(e.joint, Span)]
+    ends = np.array([(e.parent, e.child) for e in edges], dtype=np.int64).reshape(-1, 2)
+    turned, section = sections_of(space["span_rotation"], frames.director[ends])
+    return space | {"strain": (section * space["span_strain"]).sum(-1), "turned": turned}
+
+
+def sections_of(rotations: Floats, director: Complex) -> tuple[Complex, Complex]:
+    """Unit vectors of sections at nodes (ne, nn) by those of the nodes, and ``k_i`` (ne, 3).
+
+    From rotations (ne, nn, 3, 3) and directors of nodes (ne, nn, 3): sections of an element have
+    the same constants at all of its nodes, as nothing of it leaves the plane.
+    """
+    own = (rotations @ director[..., None])[..., 0]
+    turned = own[..., 2] / abs(own[..., 2])
+    return turned, np.asarray((own * turned[..., None].conj())[:, 0])
+
+
+def bound_beams(
+    system: System, group: BeamGroup | None, plan: Plan, frames: Frames, rows: dict[str, Any]
+) -> tuple[Any, dict[str, Any]]:
+    """One group of elements, or none; the structure, and its arrays by name."""
+    common = {"axes": rows["axes"], "out": rows["internal"]}
+    if group is None:
+        sizes = {"stiffness": (3, 3), "reference": (1, 3), "mass": (2, 2, 4, 2)}
+        sizes |= {"rotations": (2, 2), "director": (3, 2), "resultants": (6, 3)}
+        sizes |= {"triads": (2, 3, 3), **dict.fromkeys(("S0", "S", "predicted"), (1, 3))}
+        fields = {name: np.zeros((0, *size)) for name, size in sizes.items()} | common
+        fields |= {"N": ((0.5, 0.5),), "dN": ((-1.0, 1.0),), "weights": (1.0,)}
+        fields |= dict.fromkeys(("base", "frames"), np.zeros((0, 2), dtype=np.int64))
+        fields |= {"slot": np.zeros((0, 2, 2), dtype=np.int64), "lengths": np.zeros(0)}
+        fields |= {"section": np.zeros(0, dtype=np.int64), "turned": False}
+        return layout.plane_beams(tuple(fields[name] for name in layout.PLANE_BEAMS)), fields
+    elements = group.elements
+    ne, nn = group.vertices.shape
+    ng = len(elements.points)
+    N, dN = strain_factors(elements.table)
+    turned = elements.rotations is not None
+    triads = np.broadcast_to(np.eye(3), (ne, nn, 3, 3))
+    if elements.rotations is not None:
+        triads = elements.rotations
+    rotations, k = sections_of(triads, frames.director[group.vertices])
+    scalar = group.mass.reshape(ne, nn, 4, 3, nn, 4, 3)[:, :, :, 0, :, :, 0]
+    Q = np.zeros((ne, nn, 4, 4))  # by section directors: those of the node are Q^T times them
+    Q[:, :, 0, 0], Q[:, :, 1:, 1:] = 1, triads
+    mass = np.einsum("eaij,eajbk,eblk->eabil", Q, scalar, Q)
+    left = np.broadcast_to(k[:, None, None], (ne, nn, nn, 3))
+    strain = np.zeros((ne, 6, 3))  # Gamma and K by gamma and kappa
+    strain[:, :3, 0], strain[:, :3, 1] = k.real, k.imag
+    j, h = [1, 2, 0], [2, 0, 1]
+    strain[:, 3:, 2] = -(k[:, h].conj() * k[:, j]).imag
+    forces = elements.stiffness @ strain
+    stiffness = strain.swapaxes(1, 2) @ forces
+    reference = np.einsum("egi,eij->egj", elements.reference, strain)
+    sections = np.concatenate(
+        [stiffness.reshape(ne, 9), (forces @ inverse(stiffness)).reshape(ne, 18)]
+        + [pairs(k).reshape(ne, 6)],
+        axis=1,
+    )
+    kinds, section = np.unique(sections, axis=0, return_inverse=True)
+    slots = [[[plan.slot[a, b] for b in vs] for a in vs] for vs in group.vertices.tolist()]
+    fields = {
+        "N": nested(N),
+        "dN": nested(dN),
+        "weights": tuple(map(float, elements.weights)),
+        "base": np.ascontiguousarray(group.vertices),
+        "slot": np.array(slots, dtype=np.int64),
+        "lengths": np.ascontiguousarray(elements.lengths),
+        "section": section.reshape(ne),
+        "stiffness": np.ascontiguousarray(kinds[:, :9]).reshape(-1, 3, 3),
+        "resultants": np.ascontiguousarray(kinds[:, 9:27]).reshape(-1, 6, 3),
+        "director": np.ascontiguousarray(kinds[:, 27:]).reshape(-1, 3, 2),
+        "reference": np.ascontiguousarray(reference),
+        "mass": pairs(_reduced(mass, left, left)),
+        "rotations": pairs(rotations),
+        "turned": turned,
+        "frames": np.ascontiguousarray(system.origin_rows[group.vertices]),
+        "triads": np.ascontiguousarray(triads),
+        **{name: np.zeros((ne, ng, 3)) for name in ("S0", "S", "predicted")},
+        **common,
+    }
+    return layout.plane_beams(tuple(fields[name] for name in layout.PLANE_BEAMS)), fields
+
+
+def inverse(D: Floats) -> Floats:
+    """Pseudoinverses of stiffness matrices (ne, 3, 3): stresses of held strains stay zero."""
+    size = np.sqrt(np.einsum("eii->ei", D))
+    f = 1 / np.where(size > 0, size, 1.0)
+    scaled = f[:, :, None] * D * f[:, None, :]
+    return np.asarray(f[:, :, None] * np.linalg.pinv(scaled, hermitian=True) * f[:, None, :])
+
+
+def bound_work(system: System, plan: Plan, frames: Frames) -> tuple[Any, dict[str, Floats]]:
+    """What changes during a step; the structure, and its arrays by name."""
+    size, count = len(frames.first), frames.count
+    edges, loops = len(system.tree.edges), system.closure.rank
+    shapes: dict[str, tuple[int, ...]] = {
+        **dict.fromkeys(("y0", "y1", "mid"), (size, 4)),
+        **dict.fromkeys(("p0", "external", "R", "momentum", "internal", "carried"), (count, 4)),
+        **dict.fromkeys(("R_mixed", "change", "closing", "frames"), (count, 4)),
+        "ground1": (size - count, 4),
+        **dict.fromkeys(("F", "F_mixed", "b", "x", "total", "last", "extra", "twist"), (count, 4)),
+        "before": (count, 4),
+        "found": (2,),
+        "A": (len(plan.slot), 12),
+        "inverse": (count, 12),
+        **dict.fromkeys(
+            ("S_left", "X_left", "S_right", "X_right", "S_kept", "X_kept"), (edges, 12)
+        ),
+        **dict.fromkeys(("C_child", "C_parent"), (edges, 12)),
+        **dict.fromkeys(("mu", "mu_change", "gap", "gap_rate"), (loops,)),
+        "b_kept": (count if loops else 0, 4),
+        **dict.fromkeys(("border", "border_twist"), (loops, count, 4)),
+        **dict.fromkeys(("schur", "schur_scratch"), (loops, loops)),
+        "scratch": (1, 12),
+        **dict.fromkeys(("dead", "moments"), (0, 3)),
+        "followers": (0, 4, 4),
+        "coupled": (0, COUPLED),
+    }
+    arrays = {name: np.zeros(shapes[name]) for name in layout.WORK}
+    return layout.work(tuple(arrays.values())), arrays
