@@ -297,3 +297,40 @@ def test_limit_of_full_beams_is_that_of_the_diagnostics():
     assert 0.95 < omega / diagnostics.constraint_frequency(system, q, force) < 1
     assert shape.shape == (system.rows, 3)
     rung_theory.kind(system, q.reshape(-1, 3), shape)
+
+
+# -- a part of the large table ---------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_the_rung_takes_longer_steps_of_the_variational_scheme():
+    """To 1.5 s the full beam fails with 1e-4 s; the rung does where theory says it should."""
+    pytest.importorskip("numba")
+    plan, ends = rung_table.PLANS[False], (1.5,)
+    limits = {}
+    for rung in SMALL:
+        system = rung_table.scene(rung, plan.meshes[0])
+        limits[rung] = rung_theory.driven(system, 2e-4, ends, 700, "auto")["limit_s to 1.5 s"]
+    assert limits["full"] < 0.5 * limits["inextensible"]
+    for rung, step, passes in (
+        ("inextensible", 0.7, True),
+        ("inextensible", 2.0, False),
+        ("full", 2.0, False),
+    ):
+        found = rung_table.cell(rung, "variational", step * limits[rung], ends, plan)
+        (found,) = found["rows"]
+        assert (found["status"] == "ok") == passes, (rung, step, found)
+        assert found["kernels"] == "numba" and (found["time_s"] == 1.5) == passes
+
+
+@pytest.mark.slow
+def test_the_rung_needs_no_repeated_solves():
+    """Of energy-momentum, at steps with which the full beam needs some or fails."""
+    pytest.importorskip("numba")
+    plan, ends = rung_table.PLANS[False], (1.5,)
+    for step in (4.642e-2, 1e-2, 4.642e-3):
+        rows = [rung_table.cell(r, "energy-momentum", step, ends, plan)["rows"][0] for r in SMALL]
+        full, rung = rows
+        assert rung_report.unrepeated([rung]) == step and rung_report.unrepeated([full]) is None
+        assert rung["iterations_per_step"] < full["iterations_per_step"]
+        assert rung["energy_error"] < 1e-10

@@ -199,9 +199,10 @@ def chart(result: Row, path: Path) -> None:
         _chart_outcomes(axes[0, k], result, integrator)
         _chart_errors(axes[1, k], result, integrator, end)
         axes[0, k].set_title(integrator)
+    axes[0, 0].invert_xaxis()  # of all panels
     axes[0, 0].set_ylabel("time reached in s")
     axes[1, 0].set_ylabel(f"error of the mass to {end:g} s in m")
-    axes[0, -1].legend(fontsize="x-small", loc="upper right")
+    axes[0, -1].legend(fontsize="x-small", loc="center left")
     axes[1, -1].legend(fontsize="x-small", loc="lower left")
     figure.savefig(path, dpi=120)
 
@@ -229,17 +230,18 @@ def _chart_outcomes(axis: Any, result: Row, integrator: str) -> None:
         where = (0.02, last * (1.06 + 0.14 * j))
         axis.annotate(text, where, xycoords=("axes fraction", "data"), size=7)
     axis.set(xscale="log", ylim=(0, last * (1.05 + 0.14 * len(result["ends"]))))
-    axis.invert_xaxis()
 
 
 def _chart_errors(axis: Any, result: Row, integrator: str, end: float) -> None:
     for rung, colour in COLOURS.items():
         rows = chosen(result, rung=rung, integrator=integrator, until_s=end)
-        rows = sorted((r for r in rows if r["status"] == "ok"), key=lambda row: row["step_s"])
-        steps = [r["step_s"] for r in rows]
+        rows = sorted((r for r in rows if ended(r)), key=lambda row: row["step_s"])
         if not rows:
             continue
-        axis.plot(steps, [r["error_m"] for r in rows], "o-", color=colour, ms=4, label=rung)
+        steps, errors = [r["step_s"] for r in rows], [r["error_m"] for r in rows]
+        ok = [r["status"] == "ok" for r in rows]
+        axis.plot(steps, errors, "D-", color=colour, ms=3, mfc="none", label=rung)
+        axis.plot(steps, errors, "o", color=colour, ms=5, markevery=ok)
         axis.plot(steps, [r["time_error_m"] for r in rows], ":", color=colour, lw=1)
         axis.axhline(rows[0]["mesh_error_m"], color=colour, ls="--", lw=0.8)
     axis.plot([], [], ":", color="0.3", lw=1, label="error in time alone")
