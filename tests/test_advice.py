@@ -267,39 +267,52 @@ def test_random_scenes_keep_their_tolerance():
 
 
 def cheapest_of_grid(scene, advice) -> tuple[float, float]:
-    """Costs (s) of the proposal and of the cheapest good one of a grid, each the least of three.
+    """Costs (s) of the proposal and of the cheapest good one of a grid, each the least of five.
 
     Rigid or full beams in all combinations, orders 1 to 3, equal numbers of elements, steps and
-    both integrators.
+    both integrators. Runs that cost 1.2 times as much as the cheapest so far, the proposal among
+    them, are stopped, and so are meshes on which the fewest steps cost as much: infinite if no
+    other is as cheap.
     """
     event = Event(
         scene.model,
         Quantities(scene.quantities, scene.tolerance),
         *(scene.until, None, "numpy", 32, Budget(None)),
     )
-    reference = event.run(advice.reference)
-
-    def cost(proposal):
-        return min(event.again(event.run(proposal)) for _ in range(3))
-
-    good = []
+    reference, own = event.run(advice.reference), event.run(advice.proposal)
+    least, good = own.cost_s, []
     for rungs in product((BeamRigid(), BeamFull()), repeat=len(event.beams)):
         models = dict(zip(event.beams, rungs, strict=True))
         meshed = any(rung.meshed for rung in rungs)
-        for order, per in product((1, 2, 3), (1, 2, 4, 6, 8, 12, 16)) if meshed else [(1, 1)]:
-            elements = {name: per * pieces for name, pieces in event.pieces.items()}
-            for steps, scheme in product(
-                (8, 16, 32, 64, 128, 256), (sc.EnergyMomentum(), sc.Variational())
-            ):
-                least = min((each.cost_s for each in good), default=np.inf)
-                proposal = event.proposal(elements, order, steps, models, scheme)
-                trial = event.run(proposal, 1.2 * least)
-                if trial.ok and event.distance(trial, reference) <= 1.0:
-                    good.append(trial)
-                if trial in good or trial.status == "stopped":
+        for order in (1, 2, 3) if meshed else [1]:
+            for per in (1, 2, 4, 6, 8, 12, 16) if meshed else [1]:
+                found = _fewest_steps(event, models, order, per, reference, 1.2 * least)
+                if found is None:
                     break
+                good += found
+                least = min([least, *(each.cost_s for each in found)])
     good.sort(key=lambda each: each.cost_s)
-    return cost(advice.proposal), min(cost(each.proposal) for each in good[:4])
+    costs = np.array([[event.again(each) for each in [own, *good[:4]]] for _ in range(5)])
+    least = costs.min(axis=0)  # side by side: clocks of shared machines drift
+    return least[0], least[1:].min(initial=np.inf)
+
+
+def _fewest_steps(event, models, order, per, reference, limit):
+    """The runs with the fewest steps that are good; None if the fewest of all cost too much."""
+    elements = {name: per * pieces for name, pieces in event.pieces.items()}
+    stopped = 0  # one alone may be a step that takes many iterations
+    for steps in (8, 16, 32, 64, 128, 256):
+        good = []
+        for scheme in (sc.EnergyMomentum(), sc.Variational()):
+            trial = event.run(event.proposal(elements, order, steps, models, scheme), limit)
+            if trial.ok and event.distance(trial, reference) <= 1.0:
+                good.append(trial)
+            stopped += trial.status == "stopped"
+        if stopped >= 2 and not good:
+            return None if steps == 8 else []
+        if good:
+            return good
+    return []
 
 
 @pytest.mark.slow
