@@ -71,7 +71,8 @@ def advise(
     integrators, treatments : sequence
         To choose from, the first one first.
     kernels : str
-        See :func:`simulate`.
+        See :func:`simulate`; costs are those with these, without compiling. With "numba" nothing is
+        confined to a plane, as there are no compiled kernels for that.
     base : int
         The smallest number of steps; others are that many times a power of two.
 

@@ -124,7 +124,7 @@ class Predictor:
             trial
             for trial in self.event.plain
             if trial.ok
-            and (repr(trial.proposal.integrator), repr(trial.proposal.treatment)) == plain
+            and trial.proposal.method == plain
             and trial.proposal.planar is self.event.planar
             and all(str(rung) in ("full", "rigid") for rung in trial.proposal.rung.values())
         ]

@@ -60,9 +60,14 @@ class Proposal:
         return (rungs, meshes, order, self.planar is None)
 
     @property
+    def method(self) -> Hashable:
+        """Equal for equal integrators and treatments."""
+        return repr(self.integrator), repr(self.treatment)
+
+    @property
     def key(self) -> Hashable:
         """Equal for equal proposals."""
-        return (self.scene, repr(self.integrator), repr(self.treatment), self.steps)
+        return self.scene, self.method, self.steps
 
     def count(self, beam: str) -> int:
         """Elements of a beam; zero if it is rigid."""

@@ -154,14 +154,10 @@ class Search:
     def _rungs(self) -> None:
         """Errors of cheaper models of each beam, the others as they are."""
         for name in self.rng.permutation(list(self.event.beams)).tolist():
-            beam = self.event.beams[name]
-            for rung in (each for each in RUNGS[:-1] if each.simpler(beam)):
-                if rung.untwisted and self.event.planar is not None:
-                    continue  # nothing twists in a plane
-                if str(rung) == "rigid beam" and (name, "rigid") in self.predictor.rung:
-                    continue  # as a body it costs less
-                if told := self._told(name, rung):
-                    self.notes.append(f"{name}: not tried as {rung}, it {told}")
+            told: dict[str, list[str]] = {}
+            for rung in self._simpler(name):
+                if why := self._told(name, rung):
+                    told.setdefault(why, []).append(str(rung))
                     continue
                 proposal = replace(
                     self.fine.proposal, rung=dict(self.fine.proposal.rung) | {name: rung}
@@ -179,6 +175,17 @@ class Search:
                     self.predictor.rung_cost[name, str(rung)] = trial.cost_s / self.fine.cost_s
                 if error <= 0.1:
                     break
+            for why, rungs in told.items():
+                self.notes.append(f"{name}: not tried as {', '.join(rungs)}: it {why}")
+
+    def _simpler(self, name: str) -> Iterator[BeamModel]:
+        """Models of a beam with less than it has, the simplest first."""
+        for rung in (each for each in RUNGS[:-1] if each.simpler(self.event.beams[name])):
+            if rung.untwisted and self.event.planar is not None:
+                continue  # nothing twists in a plane
+            if str(rung) == "rigid beam" and (name, "rigid") in self.predictor.rung:
+                continue  # as a body it costs less
+            yield rung
 
     def _told(self, name: str, rung: BeamModel) -> str:
         """Why the pilot run rules out a model of a beam; empty: it does not."""
