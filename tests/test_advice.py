@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import sys
+from functools import cache
 from itertools import product
 from pathlib import Path
 
@@ -140,6 +142,44 @@ def test_starts_are_carried_to_other_beams():
         assert advice.true_error <= 0.02
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("twist", [0.0, 0.02])
+def test_beams_go_without_torsion_only_where_nothing_twists_them(twist):
+    """An arm that is bent both ways at once, and turned about its line or not."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (0.5, 0, 0), 2, name="arm")
+    section = sc.SectionCircle(radius=8e-3, material=sc.Material(E=1e8, nu=0.3, rho=1200))
+    arm = model.add("arm", sc.Beam(mesh, section, director=(0, 1, 0)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), arm.node("arm.start")))
+    tip, pulse = arm.node("arm.end"), sc.Table([0.0, 0.1, 0.2], [0.0, 1.0, 0.0])
+    model.add("push", sc.LoadForce(tip, (0, 0.05, 0), pulse))
+    model.add("gravity", sc.LoadGravity((0, 0, -1.0)))
+    if twist:
+        model.add("twist", sc.LoadMoment(tip, (twist, 0, 0), pulse))
+    methods = {"integrators": [sc.EnergyMomentum()], "treatments": [sc.NullSpace()], "base": 16}
+    advice = advise(model, {"tip": SensorPosition(tip)}, 2e-3, until=0.2, **methods)
+    assert advice.confident, advice.reasons
+    untwisted = [row["error"] for row in advice.candidates if "untwisted" in row["rungs"]]
+    if twist:
+        assert not untwisted
+        assert "of its strain energy in torsion" in advice.explanation
+    else:
+        assert untwisted
+        assert min(untwisted) <= 0.5
+
+
+@pytest.mark.slow
+def test_compiled_kernels_are_asked_in_space_without_the_time_they_take_to_compile():
+    pytest.importorskip("numba")
+    model = pendulum()
+    tip = SensorPosition(model["rod"].node("rod.end"))
+    advice = advise(model, {"tip": tip}, 0.02, until=0.3, kernels="numba", base=16)
+    assert advice.confident, advice.reasons
+    assert not any(row["planar"] for row in advice.candidates)
+    costs = [row["cost_s"] for row in advice.candidates if row["status"] == "ok"]
+    assert max(costs) < 2.0
+
+
 def test_chaos_is_told():
     model = double_pendulum()
     sensor = {"two": SensorPosition(model["two"].place())}
@@ -252,14 +292,19 @@ def test_named_scenes_keep_their_tolerance(name):
     assert kind is None or {str(rung) for rung in advice.proposal.rung.values()} == {kind}
 
 
+@cache
+def advised(seed):
+    """A random scene and the advice on it."""
+    scene = random_scene(seed)
+    kept = advise(scene.model, scene.quantities, scene.tolerance, 300.0, seed, until=scene.until)
+    return scene, kept
+
+
 @pytest.mark.slow
 def test_random_scenes_keep_their_tolerance():
     confident = 0
     for seed in range(10):
-        scene = random_scene(seed)
-        advice = advise(
-            scene.model, scene.quantities, scene.tolerance, 300.0, seed, until=scene.until
-        )
+        scene, advice = advised(seed)
         if advice.confident:
             confident += 1
             assert true_error(scene, advice) <= scene.tolerance, f"seed {seed}"
@@ -267,45 +312,69 @@ def test_random_scenes_keep_their_tolerance():
 
 
 def cheapest_of_grid(scene, advice) -> tuple[float, float]:
-    """Costs (s) of the proposal and of the cheapest good one of a grid, each the least of three.
+    """Costs (s) of the proposal and of the cheapest good one of a grid, each the least of five.
 
     Rigid or full beams in all combinations, orders 1 to 3, equal numbers of elements, steps and
-    both integrators.
+    both integrators. What cannot come out as the cheapest is left out: beams that are worse than
+    two tolerances off as rigid ones by themselves, what would cost more than 1.2 times the
+    cheapest so far, the proposal among them, and fewer steps where more of them are worse than
+    four tolerances off. The second cost is infinite if nothing is left.
     """
     event = Event(
         scene.model,
         Quantities(scene.quantities, scene.tolerance),
         *(scene.until, None, "numpy", 32, Budget(None)),
     )
-    reference = event.run(advice.reference)
-
-    def cost(proposal):
-        return min(event.again(event.run(proposal)) for _ in range(3))
-
-    good = []
-    for rungs in product((BeamRigid(), BeamFull()), repeat=len(event.beams)):
+    reference, own = event.run(advice.reference), event.run(advice.proposal)
+    least, good, bound = own.cost_s, [], _bound(advice.candidates)
+    kinds = [_kinds(event, name, advice.reference, reference) for name in event.beams]
+    for rungs, order, per in product(product(*kinds), (1, 2, 3), (1, 2, 4, 8, 12)):
         models = dict(zip(event.beams, rungs, strict=True))
-        meshed = any(rung.meshed for rung in rungs)
-        for order, per in product((1, 2, 3), (1, 2, 4, 6, 8, 12, 16)) if meshed else [(1, 1)]:
-            elements = {name: per * pieces for name, pieces in event.pieces.items()}
-            for steps, scheme in product(
-                (8, 16, 32, 64, 128, 256), (sc.EnergyMomentum(), sc.Variational())
-            ):
-                least = min((each.cost_s for each in good), default=np.inf)
+        if (order, per) != (1, 1) and not any(rung.meshed for rung in rungs):
+            continue
+        elements = {name: per * pieces for name, pieces in event.pieces.items()}
+        for steps in (256, 128, 64, 32, 16, 8):
+            near = False
+            for scheme in (sc.EnergyMomentum(), sc.Variational()):
                 proposal = event.proposal(elements, order, steps, models, scheme)
+                if bound(proposal) > 1.2 * least:
+                    near = True
+                    continue
                 trial = event.run(proposal, 1.2 * least)
-                if trial.ok and event.distance(trial, reference) <= 1.0:
+                error = event.distance(trial, reference)
+                near |= trial.status == "stopped" or error <= 4.0
+                if error <= 1.0:
                     good.append(trial)
-                if trial in good or trial.status == "stopped":
-                    break
+                    least = min(least, trial.cost_s)
+            if not near:
+                break
     good.sort(key=lambda each: each.cost_s)
-    return cost(advice.proposal), min(cost(each.proposal) for each in good[:4])
+    costs = np.array([[event.again(each) for each in [own, *good[:4]]] for _ in range(5)])
+    best = costs.min(axis=0)  # side by side: clocks of shared machines drift
+    return best[0], best[1:].min(initial=np.inf)
+
+
+def _bound(rows):
+    """A function of a proposal: what it costs (s) at least, from what others have cost."""
+    done = [row for row in rows if row["status"] == "ok"]
+    nodes = [
+        sum(int(n) * int(row["order"] or 0) + 1 for n in row["elements"].split(",")) for row in done
+    ]
+    each = [row["cost_s"] / row["steps"] / row["iterations"] for row in done]
+    slope = max(0.0, np.polyfit(nodes, each, 1)[0])
+    base = min(cost - slope * n for cost, n in zip(each, nodes, strict=True))
+    fewest = min(row["iterations"] for row in done)
+    return lambda own: 0.8 * own.steps * fewest * max(base + slope * own.nodes, 0.5 * min(each))
+
+
+def _kinds(event, name, finest, reference):
+    rigid = dataclasses.replace(finest, rung=dict(finest.rung) | {name: BeamRigid()})
+    near = event.distance(event.run(rigid), reference) <= 2.0
+    return (BeamRigid(), BeamFull()) if near else (BeamFull(),)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [3, 5])
+@pytest.mark.parametrize("seed", [3, 5, 8])
 def test_proposals_cost_at_most_twice_the_cheapest_of_a_grid(seed):
-    scene = random_scene(seed)
-    advice = advise(scene.model, scene.quantities, scene.tolerance, 300.0, seed, until=scene.until)
-    own, least = cheapest_of_grid(scene, advice)
+    own, least = cheapest_of_grid(*advised(seed))
     assert own <= 2.0 * least

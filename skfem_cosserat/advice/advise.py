@@ -14,7 +14,7 @@ from ..integrators import EnergyMomentum, Integrator, Variational
 from ..model import Model
 from ..types import positive
 from .advice import Advice, explained
-from .event import NUDGE, Budget, Event, Start, check_start
+from .event import NUDGE, PATIENCE, Budget, Event, Start, check_start
 from .quantities import Quantities, Quantity
 from .reference import ORDER, Reference, find_reference
 from .search import Candidate, Search
@@ -71,7 +71,8 @@ def advise(
     integrators, treatments : sequence
         To choose from, the first one first.
     kernels : str
-        See :func:`simulate`.
+        See :func:`simulate`; costs are those with these, without compiling. With "numba" nothing is
+        confined to a plane, as there are no compiled kernels for that.
     base : int
         The smallest number of steps; others are that many times a power of two.
 
@@ -146,7 +147,7 @@ def _chaos(event: Event, search: Search, seed: int) -> list[str]:
     fine = search.fine
     if not fine.ok or not event.budget.allows(2 * fine.cost_s):
         return ["the budget ran out before a nudged run could show whether the scene is chaotic"]
-    nudged = event.run(replace(fine.proposal, planar=None), 20 * fine.cost_s, seed)
+    nudged = event.run(replace(fine.proposal, planar=None), PATIENCE * fine.cost_s, seed)
     if not nudged.ok:
         return [f"a nudge of {NUDGE:g} at the start makes the run fail ({nudged.reason})"]
     growth = 0.0
@@ -190,7 +191,7 @@ def _advice(event: Event, reference: Reference, search: Search, reasons: list[st
 
 def _nothing(event: Event, reference: Reference) -> Advice:
     nan = event.quantities.given(np.nan)
-    rows = [_row(Candidate(each, np.inf), None) for each in event.trials.values()]
+    rows = [_row(Candidate(each, np.inf), None) for each in event.plain]
     advice = Advice(None, nan, nan, nan, np.nan, np.nan, False, reference.doubts, rows)
     advice.spent_s, advice.until = event.budget.spent, event.until
     advice.explanation = explained(advice, [], event.quantities.tolerance)

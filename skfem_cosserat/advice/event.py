@@ -39,6 +39,8 @@ Start: TypeAlias = State | Callable[[System], State] | None
 
 #: no run takes longer than so many times what it was expected to
 PATIENCE = 20.0
+#: so many frozen scenes are kept
+KEPT = 8
 
 
 @dataclass
@@ -151,9 +153,12 @@ class Event:
             name: divided(beam.mesh, 1, self.keep[name]).nelements
             for name, beam in self.beams.items()
         }
-        self.planar = self._plane()
-        self.trials: dict[Hashable, Trial] = {}
+        # in a plane there are no compiled kernels
+        self.planar = None if kernels == "numba" else self._plane()
+        self.trials: dict[tuple[Hashable, int | None], Trial] = {}
         self.history: History | None = None
+        self._compiled: set[Hashable] = set()
+        self._kept: dict[Hashable, tuple[System, dict[str, Any]]] = {}
 
     def _plane(self) -> Planar | None:
         """The plane of the scene and its start, if it stays in one."""
@@ -223,21 +228,28 @@ class Event:
             self.trials[key] = self._run(proposal, min(limit, self.budget.left), seed)
         return self.trials[key]
 
+    @property
+    def plain(self) -> list[Trial]:
+        """All that have been run from the start as it is, not from one beside it."""
+        return [trial for (_, seed), trial in self.trials.items() if seed is None]
+
     def again(self, trial: Trial) -> float:
         """Cost (s) of a trial that is run once more."""
-        other = self._run(trial.proposal, 20 * trial.cost_s, None)
+        other = self._run(trial.proposal, PATIENCE * trial.cost_s, None)
         return other.cost_s if other.ok else trial.cost_s
 
     def _run(self, proposal: Proposal, limit: float, seed: int | None) -> Trial:
         trial = Trial(proposal)
         try:
             with _quiet(trial.warnings):
-                model, twins = proposal.rebuilt(self.model)
-                system = model.freeze(planar=proposal.planar)
+                system, sensors = self.built(proposal)
                 trial.unknowns = system.unknowns
                 start = self.begin(system, None if seed is None else (NUDGE, seed))
-                sensors = {k: twins.of(s) for k, s in self.quantities.sensors.items()}
-                history, trial.cost_s = self._simulate(system, start, proposal, sensors, limit)
+                run = system, start, proposal, sensors, limit
+                history, trial.cost_s = self._simulate(*run)
+                if history.meta["kernels"] == "numba" and proposal.method not in self._compiled:
+                    self._compiled.add(proposal.method)  # takes longer than a run, but once only
+                    history, trial.cost_s = self._simulate(*run)
                 trial.iterations = float(np.mean(history["newton_iterations"][1:]))
                 if history.status == "interrupted":
                     raise KeyboardInterrupt
@@ -255,6 +267,18 @@ class Event:
         if trial.ok and not all(each.finite for each in trial.readings.values()):
             trial.status, trial.reason = "diverged", "numbers are not finite"
         return trial
+
+    def built(self, proposal: Proposal) -> tuple[System, dict[str, Any]]:
+        """The scene of a proposal and its sensors; the last ones are kept, as steps vary most."""
+        found = self._kept.pop(proposal.scene, None)
+        if found is None:
+            model, twins = proposal.rebuilt(self.model)
+            sensors = {k: twins.of(s) for k, s in self.quantities.sensors.items()}
+            found = model.freeze(planar=proposal.planar), sensors
+        self._kept[proposal.scene] = found
+        if len(self._kept) > KEPT:
+            del self._kept[next(iter(self._kept))]
+        return found
 
     def _simulate(
         self,

@@ -53,6 +53,11 @@ class Pilot:
     seen: dict[str, float] = field(default_factory=dict)
     constraint_force: float = 0.0
 
+    def share(self, beam: str, part: str) -> float:
+        """Part of a beam's strain energy that is shear, axial, bending or torsion."""
+        parts = self.energy.get(beam, {})
+        return parts.get(part, 0.0) / (sum(parts.values()) or 1.0)
+
     def lines(self, step: float) -> list[str]:
         """Sentences about the scene, the frequencies against a step (s)."""
         out = [

@@ -11,10 +11,12 @@ from .event import Event, Trial
 from .proposal import Proposal
 from .reference import ORDER, Reference
 
-__all__ = ["SIZES", "Predictor"]
+__all__ = ["HOPELESS", "SIZES", "Predictor"]
 
 #: elements a piece that are looked at
 SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+#: what is predicted to be worse than this is not tried (in tolerances)
+HOPELESS = 4.0
 #: error of the meshes that orders are compared with, in tolerances
 EVEN = 0.5
 
@@ -120,9 +122,9 @@ class Predictor:
         plain = ("EnergyMomentum()", "NullSpace()")
         return [
             trial
-            for trial in self.event.trials.values()
+            for trial in self.event.plain
             if trial.ok
-            and (repr(trial.proposal.integrator), repr(trial.proposal.treatment)) == plain
+            and trial.proposal.method == plain
             and trial.proposal.planar is self.event.planar
             and all(str(rung) in ("full", "rigid") for rung in trial.proposal.rung.values())
         ]
@@ -140,9 +142,12 @@ class Predictor:
         return float(base), float(slope)
 
     def _iterations(self) -> dict[int, float]:
-        """Newton iterations a step, by number of steps."""
+        """Newton iterations a step, by number of steps, of runs that are not too far off."""
         found: dict[int, list[float]] = {}
-        for trial in self._plain():
+        plain, finest = self._plain(), self.reference.trial
+        assert finest is not None
+        near = [each for each in plain if self.event.distance(each, finest) <= HOPELESS]
+        for trial in near or plain:
             found.setdefault(trial.proposal.steps, []).append(max(trial.iterations, 1.0))
         return {steps: float(np.median(each)) for steps, each in found.items()}
 

@@ -52,13 +52,22 @@ class Proposal:
     planar: Planar | None = None
 
     @property
-    def key(self) -> Hashable:
-        """Equal for equal proposals."""
+    def scene(self) -> Hashable:
+        """Equal for proposals of the same scene, however it is integrated."""
         meshes = tuple((name, self.count(name)) for name in self.rung)
         rungs = tuple((name, str(rung)) for name, rung in self.rung.items())
         order = self.order if any(rung.meshed for rung in self.rung.values()) else 0
-        methods = (repr(self.integrator), repr(self.treatment), self.steps)
-        return (rungs, meshes, order, *methods, self.planar is None)
+        return (rungs, meshes, order, self.planar is None)
+
+    @property
+    def method(self) -> Hashable:
+        """Equal for equal integrators and treatments."""
+        return repr(self.integrator), repr(self.treatment)
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for equal proposals."""
+        return self.scene, self.method, self.steps
 
     def count(self, beam: str) -> int:
         """Elements of a beam; zero if it is rigid."""

@@ -1,4 +1,4 @@
-"""Models of a beam from the cheapest to the full one, and the item each of them is."""
+"""Models of a beam from the simplest to the full one, and the item each of them is."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from ..beam import Beam
 from ..frames import StructuralItem
 from ..mesh import divided
-from ..rung import Rung, RungInextensible, RungRigid, RungUnshearable
+from ..rung import Rung, RungFull, RungInextensible, RungRigid, RungUnshearable
 
 __all__ = ["RUNGS", "BeamFull", "BeamHeld", "BeamModel", "BeamRigid"]
 
@@ -21,6 +21,14 @@ class BeamModel(ABC):
 
     #: whether there is a mesh to choose
     meshed = True
+
+    #: numbers of the strains that are left out, see :class:`skfem_cosserat.Rung`
+    held: tuple[int, ...] = ()
+
+    @property
+    def untwisted(self) -> bool:
+        """Whether it bends but does not twist."""
+        return 5 in self.held and not {3, 4} & set(self.held)
 
     @abstractmethod
     def item(self, beam: Beam, elements: int, order: int, keep: Keep) -> StructuralItem:
@@ -50,6 +58,7 @@ class BeamRigid(BeamModel):
     """
 
     meshed = False
+    held = RungRigid().held
 
     def __str__(self) -> str:
         return "rigid"
@@ -68,17 +77,19 @@ class BeamHeld(BeamModel):
 
     Examples
     --------
-    >>> str(BeamHeld(RungInextensible()))
-    'inextensible'
+    >>> str(BeamHeld(RungInextensible())), str(BeamHeld(RungFull(torsion=False)))
+    ('inextensible', 'untwisted full')
     """
 
     def __init__(self, rung: Rung) -> None:
         self.rung = rung
+        self.held = rung.held
 
     def __str__(self) -> str:
         if isinstance(self.rung, RungRigid):
             return "rigid beam"
-        return type(self.rung).__name__.removeprefix("Rung").lower()
+        name = type(self.rung).__name__.removeprefix("Rung").lower()
+        return name if self.rung.torsion else f"untwisted {name}"
 
     def item(self, beam: Beam, elements: int, order: int, keep: Keep) -> StructuralItem:
         """See the base class."""
@@ -106,11 +117,14 @@ class BeamFull(BeamModel):
         return beam.on_mesh(divided(beam.mesh, elements, keep), order)
 
 
-#: Cheapest first.
+#: Those with the fewest motions first.
 RUNGS: tuple[BeamModel, ...] = (
     BeamRigid(),
     BeamHeld(RungRigid()),
+    BeamHeld(RungInextensible(torsion=False)),
     BeamHeld(RungInextensible()),
+    BeamHeld(RungUnshearable(torsion=False)),
     BeamHeld(RungUnshearable()),
+    BeamHeld(RungFull(torsion=False)),
     BeamFull(),
 )

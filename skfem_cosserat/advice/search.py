@@ -10,9 +10,9 @@ import numpy as np
 
 from ..constraints import Treatment
 from ..integrators import Integrator
-from .event import Event, Trial
+from .event import PATIENCE, Event, Trial
 from .pilot import Pilot, look
-from .predict import SIZES, Predictor
+from .predict import HOPELESS, SIZES, Predictor
 from .proposal import Proposal
 from .reference import ORDER, Reference
 from .rungs import RUNGS, BeamModel
@@ -24,14 +24,16 @@ ORDERS = (1, 2, 3)
 MORE = {1: (3, 6, 12), 2: (1, 2, 4)}
 #: predicted errors may be this part of the tolerance for a first try
 SAFETY = 0.8
-#: what is predicted to be worse than this is not tried (in tolerances)
-HOPELESS = 4.0
+#: costs that are closer than this factor are taken again
+CLOSE = 1.6
 #: candidates that are tried before the search goes on from what is known
 TRIES = 8
 #: a beam that bends by more (rad) is not tried as a rigid one
 RIGID = 0.2
 #: a beam that shears or extends by more is tried as the full one only
 HELD = 0.05
+#: a beam with a larger part of its strain energy in torsion is not tried without
+TWISTED = 0.02
 
 
 @dataclass
@@ -109,21 +111,29 @@ class Search:
         }
 
     def look(self) -> None:
-        """The pilot: the coarser meshes of the reference, at the fewest steps that make sense."""
-        ladder = sorted({*self.reference.time, self.reference.steps})
-        good = [n for n in ladder if self.predictor.time(n) <= 1.0]
-        self.steps = min([*good, self.reference.steps])
-        level = self.reference.coarse
+        """The pilot: the coarser meshes of the reference, at the fewest steps that make sense.
+
+        Differences in time that were found on meshes coarser than these count no longer.
+        """
+        level, time = self.reference.coarse, self.reference.time
         elements = {name: self.event.pieces[name] * 2**k for name, k in level.items()}
-        while True:
-            proposal = self.event.proposal(elements, ORDER, self.steps)
-            self.event.trials.pop((proposal.key, None), None)  # its history is wanted
-            self.fine = self.event.run(proposal)
-            if self.fine.ok or self.steps >= self.reference.steps:
+        self.steps = self.reference.steps
+        self.fine = self.event.run(self.event.proposal(elements, ORDER, self.steps))
+        for stale in [n for n in time if n < self.steps]:
+            del time[stale]
+        while self.steps % 2 == 0 and self.steps // 2 >= self.event.base:
+            proposal = self.event.proposal(elements, ORDER, self.steps // 2)
+            if not self.event.budget.allows(2 * self.fine.cost_s):
                 break
-            self.steps *= 2
-        if self.fine.ok and self.event.history is not None:
-            self.pilot = look(proposal.system(self.event.model), self.event.history)
+            coarser = self.event.run(proposal)
+            time[self.steps // 2] = self.event.distance(coarser, self.fine)
+            if self.predictor.time(self.steps // 2) > 1.0:
+                break
+            self.fine, self.steps = coarser, self.steps // 2
+        if self.fine.ok and self.event.budget.allows(2 * self.fine.cost_s):
+            self.fine.cost_s = min(self.fine.cost_s, self.event.again(self.fine))
+            assert self.event.history is not None
+            self.pilot = look(self.event.built(self.fine.proposal)[0], self.event.history)
 
     def _meshes(self) -> None:
         """Errors of lower orders, with more elements than the highest needs."""
@@ -144,12 +154,10 @@ class Search:
     def _rungs(self) -> None:
         """Errors of cheaper models of each beam, the others as they are."""
         for name in self.rng.permutation(list(self.event.beams)).tolist():
-            beam = self.event.beams[name]
-            for rung in (each for each in RUNGS[:-1] if each.simpler(beam)):
-                if str(rung) == "rigid beam" and (name, "rigid") in self.predictor.rung:
-                    continue  # as a body it costs less
-                if told := self._told(name, rung):
-                    self.notes.append(f"{name}: not tried as {rung}, it {told}")
+            told: dict[str, list[str]] = {}
+            for rung in self._simpler(name):
+                if why := self._told(name, rung):
+                    told.setdefault(why, []).append(str(rung))
                     continue
                 proposal = replace(
                     self.fine.proposal, rung=dict(self.fine.proposal.rung) | {name: rung}
@@ -167,13 +175,29 @@ class Search:
                     self.predictor.rung_cost[name, str(rung)] = trial.cost_s / self.fine.cost_s
                 if error <= 0.1:
                     break
+            for why, rungs in told.items():
+                self.notes.append(f"{name}: not tried as {', '.join(rungs)}: it {why}")
+
+    def _simpler(self, name: str) -> Iterator[BeamModel]:
+        """Models of a beam with less than it has, the simplest first."""
+        for rung in (each for each in RUNGS[:-1] if each.simpler(self.event.beams[name])):
+            if rung.untwisted and self.event.planar is not None:
+                continue  # nothing twists in a plane
+            if str(rung) == "rigid beam" and (name, "rigid") in self.predictor.rung:
+                continue  # as a body it costs less
+            yield rung
 
     def _told(self, name: str, rung: BeamModel) -> str:
         """Why the pilot run rules out a model of a beam; empty: it does not."""
         bend, stretch = self.pilot.bend.get(name, 0.0), self.pilot.stretch.get(name, 0.0)
-        if "rigid" in str(rung) and bend > RIGID:
+        twist = self.pilot.share(name, "torsion")
+        if {3, 4} & set(rung.held) and bend > RIGID:
             return f"bends by {bend:.2g} rad"
-        return f"is strained by {stretch:.2g}" if stretch > HELD else ""
+        if {0, 1, 2} & set(rung.held) and stretch > HELD:
+            return f"is strained by {stretch:.2g}"
+        if rung.untwisted and twist > TWISTED:
+            return f"has {100 * twist:.2g} % of its strain energy in torsion"
+        return ""
 
     def _affordable(self, proposal: Proposal) -> bool:
         fits = self.event.budget.allows(2 * self.predictor.cost(proposal))
@@ -185,7 +209,7 @@ class Search:
 
     def _collect(self) -> None:
         """Everything that has been run is a candidate; the cheapest good one is the best."""
-        for trial in list(self.event.trials.values()):
+        for trial in sorted(self.event.plain, key=lambda each: (not each.ok, each.cost_s)):
             if id(trial) not in self._known:
                 own = trial.proposal
                 self._note(trial, (self.predictor.error(own), self.predictor.cost(own)))
@@ -205,7 +229,7 @@ class Search:
         """Whether it costs less, both taken again if they are close: clocks are noisy."""
         for _ in range(2):
             ratio = own.trial.cost_s / best.trial.cost_s
-            if ratio < 0.7 or ratio > 3.0 or not self._affordable(own.trial.proposal):
+            if not 1 / CLOSE < ratio < CLOSE or not self._affordable(own.trial.proposal):
                 break
             for each in (own, best):
                 again = self.event.again(each.trial)
@@ -224,7 +248,7 @@ class Search:
     def try_it(self, proposal: Proposal) -> Candidate:
         """Run a proposal and note what was predicted of it."""
         predicted = self.predictor.error(proposal), self.predictor.cost(proposal)
-        own = self._note(self.event.run(proposal, max(20 * predicted[1], 0.5)), predicted)
+        own = self._note(self.event.run(proposal, max(PATIENCE * predicted[1], 0.5)), predicted)
         if 0 < own.error < np.inf and 0 < predicted[0] < np.inf:
             self.predictor.scale *= float(np.clip(own.error / predicted[0], 0.25, 4.0))
         return own
