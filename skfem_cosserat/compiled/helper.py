@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from ..joint import JointRevolute
 from ..mesh import MeshCurve
 from ..model import Model
 from ..section import Material, SectionCircle
-from . import bind, bind_kkt, layout, step
+from . import bind, bind_kkt, step
 from .jit import address
 from .plan import plan_of
 
@@ -24,9 +23,6 @@ __all__ = ["main"]
 
 def main(order: int, names: Sequence[str], multipliers: bool = False) -> None:
     """Compile the loop over a step, then parts from the last to the first."""
-    # only types are needed: the constructors take seconds to compile
-    for name in ("beams", "constraints", "elimination", "plan", "tree", "work"):
-        setattr(layout, name, partial(layout.kind, name))
     model = Model()
     mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 1, name="rod")
     rod = model.add("rod", Beam(mesh, SectionCircle(0.01, Material(1e6, 0.3, 1e3)), order=order))
@@ -45,7 +41,7 @@ def main(order: int, names: Sequence[str], multipliers: bool = False) -> None:
             bind.bound_plan(system, plan)[0],
             bind.bound_work(system, plan)[0],
         )
-    kinds = *own, bind.bound_beams(system, system.beam_groups[0], plan)[0]
+    kinds = [*map(typeof, own), typeof(bind.bound_beams(system, system.beam_groups[0], plan)[0])]
     numbers, places = typeof(np.zeros(0)), typeof(np.zeros(0, dtype=np.int64))
     compiled: Any = step.solve
     compiled.compile((places, *kinds, numbers, numbers))

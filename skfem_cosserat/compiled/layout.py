@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from numba import typeof, types
-from numba.experimental import structref
-
-from .jit import jit
+from .structure import Structure
 
 __all__ = ["BEAMS", "CONSTRAINTS", "ELIMINATION", "PLAN", "TREE", "WORK"]
-__all__ += ["beams", "constraints", "elimination", "kind", "plan", "tree", "work"]
+__all__ += ["beams", "constraints", "elimination", "plan", "tree", "work"]
 
 #: elements of one interpolation: shape functions and slopes at Gauss points as tuples, so that
 #: their numbers are known when compiling; first rows of y of the nodes; slots of the blocks
@@ -103,124 +101,31 @@ WORK = (
 )
 
 
-class _Type(types.StructRef):
-    def preprocess_fields(self, fields: Any) -> Any:
-        return tuple((name, types.unliteral(kind)) for name, kind in fields)
-
-
-@structref.register
-class _BeamsType(_Type):
-    pass
-
-
-@structref.register
-class _TreeType(_Type):
-    pass
-
-
-@structref.register
-class _PlanType(_Type):
-    pass
-
-
-@structref.register
-class _ConstraintsType(_Type):
-    pass
-
-
-@structref.register
-class _EliminationType(_Type):
-    pass
-
-
-@structref.register
-class _WorkType(_Type):
-    pass
-
-
-class _Beams(structref.StructRefProxy):
-    pass
-
-
-class _Tree(structref.StructRefProxy):
-    pass
-
-
-class _Plan(structref.StructRefProxy):
-    pass
-
-
-class _Constraints(structref.StructRefProxy):
-    pass
-
-
-class _Elimination(structref.StructRefProxy):
-    pass
-
-
-class _Work(structref.StructRefProxy):
-    pass
-
-
-for _proxy, _kind, _fields in (
-    (_Beams, _BeamsType, BEAMS),
-    (_Tree, _TreeType, TREE),
-    (_Plan, _PlanType, PLAN),
-    (_Constraints, _ConstraintsType, CONSTRAINTS),
-    (_Elimination, _EliminationType, ELIMINATION),
-    (_Work, _WorkType, WORK),
-):
-    structref.define_proxy(_proxy, _kind, list(_fields))
-
-
-def kind(name: str, values: Any) -> Any:
-    """Type of a structure, such as "beams" or "work", of these fields."""
-    made = {
-        "beams": (_BeamsType, BEAMS),
-        "tree": (_TreeType, TREE),
-        "plan": (_PlanType, PLAN),
-        "constraints": (_ConstraintsType, CONSTRAINTS),
-        "elimination": (_EliminationType, ELIMINATION),
-        "work": (_WorkType, WORK),
-    }
-    family, fields = made[name]
-    return family([(f, typeof(value)) for f, value in zip(fields, values, strict=True)])
-
-
-# compiled, since only so the constructors are kept on disk
-
-
-@jit
-def beams(values: Any) -> Any:
+def beams(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`BEAMS`."""
-    return _Beams(*values)
+    return Structure("beams", BEAMS, values)
 
 
-@jit
-def tree(values: Any) -> Any:
+def tree(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`TREE`."""
-    return _Tree(*values)
+    return Structure("tree", TREE, values)
 
 
-@jit
-def plan(values: Any) -> Any:
+def plan(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`PLAN`."""
-    return _Plan(*values)
+    return Structure("plan", PLAN, values)
 
 
-@jit
-def constraints(values: Any) -> Any:
+def constraints(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`CONSTRAINTS`."""
-    return _Constraints(*values)
+    return Structure("constraints", CONSTRAINTS, values)
 
 
-@jit
-def elimination(values: Any) -> Any:
+def elimination(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`ELIMINATION`."""
-    return _Elimination(*values)
+    return Structure("elimination", ELIMINATION, values)
 
 
-@jit
-def work(values: Any) -> Any:
+def work(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`WORK`."""
-    return _Work(*values)
+    return Structure("work", WORK, values)

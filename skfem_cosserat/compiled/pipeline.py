@@ -1,0 +1,141 @@
+"""What numba does to compile a kernel: only what kernels need.
+
+Most of the time to compile goes into many small functions, so whatever is done to each of them
+counts. Left out are passes for what no kernel has, such as closures; machine code of functions that
+are only compiled into others; and finding anew what the same operation gives for the same types.
+"""
+
+from __future__ import annotations
+
+import copy
+import operator
+from types import SimpleNamespace
+from typing import Any
+
+from numba.core import types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.compiler_machinery import PassManager
+
+__all__ = ["Inlining", "Pipeline"]
+
+#: passes, as numba calls them, for closures, contexts, generators of code by literals, errors with
+#: arguments and expressions of whole arrays; checks and reports
+NEEDLESS = {
+    *("with_lifting", "inline_closure_likes", "make_function_op_code_to_jit_function"),
+    *("inline_inlinables", "inline_overloads", "Rewrite dynamic raises", "nopython_rewrites"),
+    *("find_literally", "literal_unroll", "LiteralPropagation"),
+    *("nopython_supported_feature_validation", "annotate_types", "dump_parfor_diagnostics"),
+}
+#: passes of which the first run does
+ONCE = "dead_branch_prune"
+
+_OPERATOR = type(operator.add)
+#: what operators give, by operator and types of the operands
+_found: dict[Any, Any] = {}
+
+
+class _Passes(PassManager):
+    """Runs passes without times, checks and reports in between."""
+
+    def _runPass(self, index: int, made: Any, state: Any) -> None:
+        made.analysis = self._analysis
+        made.run_initialization(state)
+        made.run_pass(state)
+        made.run_finalizer(state)
+
+
+class _Library(JITCodeLibrary):
+    """Machine code of a kernel."""
+
+    def _optimize_functions(self, module: Any) -> None:
+        module.data_layout = self._codegen._data_layout
+        for function in module.functions:
+            if not function.is_declaration:
+                manager, builder = self._codegen._function_pass_manager()
+                manager.run(function, builder)
+
+
+class _Inlined(_Library):
+    """Code that is only ever compiled into other code, and optimised and translated there."""
+
+    def finalize(self) -> None:
+        """Bring together what is called."""
+        self._raise_if_finalized()
+        for library in dict.fromkeys(self._linking_libraries):
+            self._reload_init.update(library._reload_init)
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """None: it is nowhere in memory."""
+        return 0
+
+    @property
+    def codegen(self) -> Any:
+        """Nothing to set in memory."""
+        return SimpleNamespace(set_env=lambda name, env: None)
+
+
+class Pipeline(Compiler):
+    """Of kernels that are called."""
+
+    library = _Library
+
+    def compile_extra(self, function: Any) -> Any:
+        """Compile a function of Python."""
+        state = self.state
+        state.library = self.library(state.targetctx.codegen(), function.__qualname__)
+        state.library.enable_object_caching()
+        state.typingctx = _remembering(state.typingctx)
+        return super().compile_extra(function)
+
+    def define_pipelines(self) -> list[PassManager]:
+        """Numba's own, less what is needless."""
+        (plain,) = super().define_pipelines()
+        passes = _Passes("kernel")
+        seen = set()
+        for made, text in plain.passes:
+            name = made.name()
+            if name not in NEEDLESS and not (name == ONCE and name in seen):
+                passes.passes.append((made, text))
+            seen.add(name)
+        passes.finalize()
+        return [passes]
+
+
+class Inlining(Pipeline):
+    """Of functions that are compiled into kernels; they take and give arrays as Python owns them.
+
+    They count no references, so they cannot make arrays.
+    """
+
+    library = _Inlined
+
+    def compile_extra(self, function: Any) -> Any:
+        """Compile a function of Python."""
+        made = super().compile_extra(function)
+        model = self.state.targetctx.data_model_manager[made.signature.return_type]
+        if model.contains_nrt_meminfo():
+            raise TypeError(f"{function.__qualname__} is inlined and gives an array")
+        return made
+
+
+def _remembering(context: Any) -> Any:
+    """The typing context, which finds what an operator gives once."""
+    plain, own = context.resolve_function_type, copy.copy(context)
+
+    def resolve(function: Any, args: Any, kws: Any) -> Any:
+        if (
+            kws
+            or not isinstance(function, types.Function)
+            or not isinstance(function.typing_key, _OPERATOR)
+        ):
+            return plain(function, args, kws)
+        key = function, tuple(args)
+        if key not in _found:
+            _found[key] = plain(function, args, kws)
+        return _found[key]
+
+    own.resolve_function_type = resolve
+    return own
