@@ -16,6 +16,8 @@ from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import PassManager
+from numba.core.datamodel import models
+from numba.extending import register_model
 
 __all__ = ["Inlining", "Pipeline"]
 
@@ -30,9 +32,8 @@ NEEDLESS = {
 #: passes of which the first run does
 ONCE = "dead_branch_prune"
 
-_OPERATOR = type(operator.add)
-#: what operators give, by operator and types of the operands
-_found: dict[Any, Any] = {}
+_BUILTIN = type(operator.add)
+_operators: dict[Any, _Operator] = {}
 
 
 class _Passes(PassManager):
@@ -87,7 +88,7 @@ class Pipeline(Compiler):
         state = self.state
         state.library = self.library(state.targetctx.codegen(), function.__qualname__)
         state.library.enable_object_caching()
-        state.typingctx = _remembering(state.typingctx)
+        state.typingctx = state.targetctx.typing_context = _remembering(state.typingctx)
         return super().compile_extra(function)
 
     def define_pipelines(self) -> list[PassManager]:
@@ -121,21 +122,38 @@ class Inlining(Pipeline):
         return made
 
 
+class _Operator(types.Function):
+    """One of Python's operators: what it gives for the same types is found once."""
+
+    def __init__(self, plain: Any) -> None:
+        super().__init__(plain.templates)
+        self._found: dict[Any, Any] = {}
+
+    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+        """Signature for arguments of these types."""
+        context = getattr(context, "plain", context)
+        if kws:
+            return super().get_call_type(context, args, kws)
+        key = tuple(args)
+        if key not in self._found:
+            self._found[key] = super().get_call_type(context, args, kws)
+        return self._found[key]
+
+
+register_model(_Operator)(models.OpaqueModel)
+
+
 def _remembering(context: Any) -> Any:
-    """The typing context, which finds what an operator gives once."""
-    plain, own = context.resolve_function_type, copy.copy(context)
+    """A typing context whose operators remember."""
+    own = copy.copy(context)
 
-    def resolve(function: Any, args: Any, kws: Any) -> Any:
-        if (
-            kws
-            or not isinstance(function, types.Function)
-            or not isinstance(function.typing_key, _OPERATOR)
-        ):
-            return plain(function, args, kws)
-        key = function, tuple(args)
-        if key not in _found:
-            _found[key] = plain(function, args, kws)
-        return _found[key]
+    def resolve(value: Any) -> Any:
+        kind = context.resolve_value_type(value)
+        if not isinstance(value, _BUILTIN) or not isinstance(kind, types.Function):
+            return kind
+        if kind not in _operators:
+            _operators[kind] = _Operator(kind)
+        return _operators[kind]
 
-    own.resolve_function_type = resolve
+    own.plain, own.resolve_value_type = context, resolve
     return own
