@@ -49,10 +49,9 @@ def gradients(
 
 
 @inlined
-def couple_start(s: Any, w: Any) -> None:
-    """Invariants and coordinates at the start of the step."""
+def couple_start(s: Any, w: Any, G: Floats) -> None:
+    """Invariants and coordinates at the start of the step; G (1, 8, 3) or more is scratch."""
     y0, places, forms, state = w.y0, s.coupling, s.coupling_forms, w.coupled
-    G = np.empty((1, ROWS, 3))
     for c in range(len(places)):
         for k in range(2):
             state[c, PI0 + k] = gradients(forms, places, c, k, y0, G, 0)
@@ -61,17 +60,19 @@ def couple_start(s: Any, w: Any) -> None:
 
 
 @inlined
-def couple_force(s: Any, w: Any, numbers: Floats, flag: int) -> None:
-    """Flag 0: evaluate, and add to the internal force; 2: add to that of predicted stresses."""
+def couple_force(s: Any, w: Any, numbers: Floats, flag: int, G: Floats) -> None:
+    """Flag 0: evaluate, and add to the internal force; 2: add to that of predicted stresses.
+
+    3: at the start of the step. G (3, 8, 3) or more is scratch.
+    """
     if flag == 3:
-        couple_start(s, w)
+        couple_start(s, w, G)
         return
     y0, y1, mid, places, forms, state = w.y0, w.y1, w.mid, s.coupling, s.coupling_forms, w.coupled
     out = w.internal
     if flag == 2:
         out = w.R_mixed
     rows = out.shape[0]
-    G = np.empty((3, ROWS, 3))
     for c in range(len(places)):
         kind = places[c, KIND]
         a = gradients(forms, places, c, 0, mid, G, 0)
@@ -119,13 +120,24 @@ def put_twist(places: IndexArray, c: int, y: Floats, U: Floats, F: Floats, j: in
 
 
 @inlined
-def couple_tangent(s: Any, w: Any, numbers: Floats) -> None:
-    """Add ``force P(y_L)^T df/dy_1 P(y_1)``."""
+def put_node(y: Floats, r: int, X: Floats, i: int) -> None:
+    """``X_0i = y_r``."""
+    for c in range(3):
+        X[0, i, c] = y[r, c]
+
+
+@part
+def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Force elements: 0, 2 and 3 see :func:`couple_force`; 1: ``force P(y_L)^T df/dy_1 P(y_1)``."""
+    G = np.empty((4, ROWS, 3))
+    if flag != 1:
+        couple_force(s, w, numbers, flag, G)
+        return 0.0
     A, places, forms, state, share = w.A, s.coupling, s.coupling_forms, w.coupled, numbers[SHARE]
     force, yL = numbers[FORCE], w.y0
     if numbers[WEIGHT] != 0.0:
         yL = w.mid
-    G, U, F = np.empty((4, ROWS, 3)), np.empty((ROWS, 3)), np.empty((4, 2, 6))
+    U, F = np.empty((ROWS, 3)), np.empty((4, 2, 6))
     C, V = np.empty((1, 1, 4, 4)), np.empty((3, 3))
     L, R = np.empty((1, 4, 3)), np.empty((1, 4, 3))
     for c in range(len(places)):
@@ -156,20 +168,4 @@ def couple_tangent(s: Any, w: Any, numbers: Floats) -> None:
                         f = state[c, S] * forms[c, 0, a, b] + state[c, S + 1] * forms[c, 1, a, b]
                         C[0, 0, i, j] = force * share * f
                 scalar_block(C, 0, 0, L, R, A, slot, V)
-
-
-@inlined
-def put_node(y: Floats, r: int, X: Floats, i: int) -> None:
-    """``X_0i = y_r``."""
-    for c in range(3):
-        X[0, i, c] = y[r, c]
-
-
-@part
-def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Force elements: 0 and 2 see :func:`couple_force`; 1: tangent; 3: at the start of a step."""
-    if flag == 1:
-        couple_tangent(s, w, numbers)
-    else:
-        couple_force(s, w, numbers, flag)
     return 0.0

@@ -17,11 +17,12 @@ __all__ = ["couple"]
 @part
 def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Force elements: 0 and 2 see :mod:`.couplings`; 1: ``force df/dy_1``; 3: at the start."""
+    G, rows = np.empty((4, 2 * SIDE, 3)), 2 * SIDE
     if flag != 1:
-        couple_force(s, w, numbers, flag)
+        couple_force(s, w, numbers, flag, G)
         return 0.0
     A, places, forms, state, share = w.A, s.coupling, s.coupling_forms, w.coupled, numbers[SHARE]
-    force, G, rows = numbers[FORCE], np.empty((4, 2 * SIDE, 3)), 2 * SIDE
+    force = numbers[FORCE]
     for c in range(len(places)):
         for k in range(2):
             gradients(forms, places, c, k, w.mid, G, k)

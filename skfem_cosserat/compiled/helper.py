@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from ..joint import JointRevolute
 from ..mesh import MeshCurve
 from ..model import Model, Planar, System
 from ..section import Material, SectionCircle
-from . import bind, bind_kkt, layout, step
+from . import bind, bind_kkt, step
 from .jit import address
 from .plan import Plan, plan_of
 from .plane import bind as plane
@@ -25,16 +24,13 @@ __all__ = ["main"]
 
 def main(order: int, names: Sequence[str], family: str = "tree") -> None:
     """Compile the loop over a step, then parts from the last to the first."""
-    # only types are needed: the constructors take seconds to compile
-    for name in layout.FAMILIES:
-        setattr(layout, name, partial(layout.kind, name))
     model = Model()
     mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 1, name="rod")
     rod = model.add("rod", Beam(mesh, SectionCircle(0.01, Material(1e6, 0.3, 1e3)), order=order))
     model.add("hinge", JointRevolute(ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1)))
     system = model.freeze(planar=Planar() if family == "plane" else None)
     plan = plan_of(system, whole=family == "multipliers")
-    kinds = kinds_of(system, plan, family)
+    kinds = [typeof(each) for each in structures_of(system, plan, family)]
     numbers, places = typeof(np.zeros(0)), typeof(np.zeros(0, dtype=np.int64))
     compiled: Any = step.solve
     compiled.compile((places, *kinds, numbers, numbers))
@@ -42,8 +38,8 @@ def main(order: int, names: Sequence[str], family: str = "tree") -> None:
         address(bind.part_named(name, family), *bind.signature(name, kinds))
 
 
-def kinds_of(system: System, plan: Plan, family: str) -> list[Any]:
-    """Types of the structures of a system."""
+def structures_of(system: System, plan: Plan, family: str) -> list[Any]:
+    """Structures of a system that the parts are given."""
     if family == "plane":
         frames = plane.Frames(system)
         rows, fields = plane.bound_rows(system, frames)

@@ -21,6 +21,8 @@ from numba.core import cgutils
 from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 
+from .pipeline import Inlining, Pipeline
+
 __all__ = ["STAMP", "address", "call", "call_back", "call_beams", "inlined", "jit", "part"]
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
@@ -57,8 +59,16 @@ class _Cache(FunctionCache):
 def _compiled(function: Kernel, keep: bool, **options: bool) -> Any:
     """IEEE arithmetic as in numpy; kept on disk or not."""
     made: Any = njit(
-        function, error_model="numpy", boundscheck=False, no_cfunc_wrapper=True, **options
+        function,
+        error_model="numpy",
+        boundscheck=False,
+        no_cfunc_wrapper=True,
+        pipeline_class=Pipeline if keep else Inlining,
+        **options,
     )
+    template = made.get_call_template
+    # not once more for each literal argument: the optimiser finds them anyway
+    made.get_call_template = lambda args, kws: template(tuple(map(types.unliteral, args)), kws)
     if keep:
         with suppress(RuntimeError):  # no folder to write to: compiled in every process
             made._cache = _Cache(function)
@@ -83,8 +93,9 @@ def part(function: Kernel) -> Kernel:
 
 
 def inlined(function: Kernel) -> Kernel:
-    """For parts to call: compiled into them."""
-    return cast(Kernel, _compiled(function, False, no_cpython_wrapper=True, forceinline=True))
+    """For parts to call: compiled into them. They take arrays, but make none."""
+    made = _compiled(function, False, no_cpython_wrapper=True, forceinline=True, _nrt=False)
+    return cast(Kernel, made)
 
 
 def address(function: Any, *kinds: Any) -> int:

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from numba import typeof, types
-from numba.experimental import structref
-
-from .jit import jit
+from .structure import Structure
 
 __all__ = [
     "BEAMS",
     "CONSTRAINTS",
     "ELIMINATION",
-    "FAMILIES",
     "PLAN",
     "PLANE_BEAMS",
     "PLANE_TREE",
     "ROWS",
 ]
-__all__ += ["TREE", "WORK", "beams", "constraints", "elimination", "kind", "plan", "plane_beams"]
+__all__ += ["TREE", "WORK", "beams", "constraints", "elimination", "plan", "plane_beams"]
 __all__ += ["plane_tree", "rows", "tree", "work"]
 
 #: elements of one interpolation: shape functions and slopes at Gauss points as tuples, so that
@@ -134,168 +131,46 @@ PLANE_TREE = (
 )
 
 
-class _Type(types.StructRef):
-    def preprocess_fields(self, fields: Any) -> Any:
-        return tuple((name, types.unliteral(kind)) for name, kind in fields)
-
-
-@structref.register
-class _BeamsType(_Type):
-    pass
-
-
-@structref.register
-class _TreeType(_Type):
-    pass
-
-
-@structref.register
-class _PlanType(_Type):
-    pass
-
-
-@structref.register
-class _ConstraintsType(_Type):
-    pass
-
-
-@structref.register
-class _EliminationType(_Type):
-    pass
-
-
-@structref.register
-class _WorkType(_Type):
-    pass
-
-
-@structref.register
-class _PlaneBeamsType(_Type):
-    pass
-
-
-@structref.register
-class _RowsType(_Type):
-    pass
-
-
-@structref.register
-class _PlaneTreeType(_Type):
-    pass
-
-
-class _Beams(structref.StructRefProxy):
-    pass
-
-
-class _Tree(structref.StructRefProxy):
-    pass
-
-
-class _Plan(structref.StructRefProxy):
-    pass
-
-
-class _Constraints(structref.StructRefProxy):
-    pass
-
-
-class _Elimination(structref.StructRefProxy):
-    pass
-
-
-class _Work(structref.StructRefProxy):
-    pass
-
-
-class _PlaneBeams(structref.StructRefProxy):
-    pass
-
-
-class _Rows(structref.StructRefProxy):
-    pass
-
-
-class _PlaneTree(structref.StructRefProxy):
-    pass
-
-
-#: type, proxy and fields of each kind of structure
-FAMILIES = {
-    "beams": (_BeamsType, _Beams, BEAMS),
-    "tree": (_TreeType, _Tree, TREE),
-    "plan": (_PlanType, _Plan, PLAN),
-    "constraints": (_ConstraintsType, _Constraints, CONSTRAINTS),
-    "elimination": (_EliminationType, _Elimination, ELIMINATION),
-    "work": (_WorkType, _Work, WORK),
-    "plane_beams": (_PlaneBeamsType, _PlaneBeams, PLANE_BEAMS),
-    "rows": (_RowsType, _Rows, ROWS),
-    "plane_tree": (_PlaneTreeType, _PlaneTree, PLANE_TREE),
-}
-for _family, _proxy, _fields in FAMILIES.values():
-    structref.define_proxy(_proxy, _family, list(_fields))
-
-
-def kind(name: str, values: Any) -> Any:
-    """Type of a structure, such as "beams" or "work", of these fields."""
-    family, _, fields = FAMILIES[name]
-    own = zip(fields, values, strict=True)
-    # of a structure inside another one its type is all there is
-    return family([(f, v if isinstance(v, types.Type) else typeof(v)) for f, v in own])
-
-
-# compiled, since only so the constructors are kept on disk
-
-
-@jit
-def beams(values: Any) -> Any:
+def beams(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`BEAMS`."""
-    return _Beams(*values)
+    return Structure("beams", BEAMS, values)
 
 
-@jit
-def tree(values: Any) -> Any:
+def tree(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`TREE`."""
-    return _Tree(*values)
+    return Structure("tree", TREE, values)
 
 
-@jit
-def plan(values: Any) -> Any:
+def plan(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`PLAN`."""
-    return _Plan(*values)
+    return Structure("plan", PLAN, values)
 
 
-@jit
-def constraints(values: Any) -> Any:
+def constraints(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`CONSTRAINTS`."""
-    return _Constraints(*values)
+    return Structure("constraints", CONSTRAINTS, values)
 
 
-@jit
-def elimination(values: Any) -> Any:
+def elimination(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`ELIMINATION`."""
-    return _Elimination(*values)
+    return Structure("elimination", ELIMINATION, values)
 
 
-@jit
-def work(values: Any) -> Any:
+def work(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`WORK`."""
-    return _Work(*values)
+    return Structure("work", WORK, values)
 
 
-@jit
-def plane_beams(values: Any) -> Any:
+def plane_beams(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`PLANE_BEAMS`."""
-    return _PlaneBeams(*values)
+    return Structure("plane_beams", PLANE_BEAMS, values)
 
 
-@jit
-def rows(values: Any) -> Any:
+def rows(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`ROWS`."""
-    return _Rows(*values)
+    return Structure("rows", ROWS, values)
 
 
-@jit
-def plane_tree(values: Any) -> Any:
+def plane_tree(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`PLANE_TREE`."""
-    return _PlaneTree(*values)
+    return Structure("plane_tree", PLANE_TREE, values)
