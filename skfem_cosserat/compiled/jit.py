@@ -19,6 +19,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
 from numba.core.caching import FunctionCache
+from numba.core.runtime import rtsys
 from numba.extending import intrinsic
 
 from .pipeline import Inlining, Pipeline
@@ -48,9 +49,15 @@ class _Cache(FunctionCache):
         return (*super()._index_key(sig, codegen), STAMP)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Code from the disk; files that were cut short or damaged are made anew."""
+        """Code from the disk; files that were cut short or damaged are made anew.
+
+        Numba would get ready to compile first, which takes as long as all else.
+        """
         try:
-            return super().load_overload(sig, target_context)
+            rtsys.initialize(target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
+            return None  # such an error
         except (UnpicklingError, EOFError, ValueError, LookupError, AttributeError, TypeError):
             self.flush()
             return None

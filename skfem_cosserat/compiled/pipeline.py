@@ -12,6 +12,7 @@ import operator
 from types import SimpleNamespace
 from typing import Any
 
+from llvmlite.binding import parse_assembly
 from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
@@ -56,9 +57,23 @@ class _Library(JITCodeLibrary):
                 manager, builder = self._codegen._function_pass_manager()
                 manager.run(function, builder)
 
+    def serialize_using_object_code(self) -> Any:
+        """Machine code, and instead of all that it was made of the names in it."""
+        self._ensure_finalized()
+        names = [function.name for function in self.get_defined_functions()]
+        stubs = [f'define void @"{name}"() {{ unreachable }}' for name in names]
+        bitcode = parse_assembly("\n".join(stubs)).as_bitcode()
+        return self.name, "object", (self._get_compiled_object(), bitcode)
+
+    def _get_module_for_linking(self) -> Any:
+        raise TypeError(f"{self.name} is called by other compiled code, but is not to be inlined")
+
 
 class _Inlined(_Library):
     """Code that is only ever compiled into other code, and optimised and translated there."""
+
+    def _get_module_for_linking(self) -> Any:
+        return JITCodeLibrary._get_module_for_linking(self)
 
     def finalize(self) -> None:
         """Bring together what is called."""
