@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -239,6 +240,17 @@ class CompiledStep(CompiledScene):
         self.end: Floats | None = None
         # how far coordinates went since rows of closed loops were chosen, and in the last step
         self._travelled = self._travel = np.inf
+        self._solve = self._entry()
+
+    def _entry(self) -> Callable[..., bool]:
+        """The compiled loop for these structures: called as it is, it asks for no types again."""
+        from ..compiled import bind
+
+        kinds = tuple(bind.typeof(each) for each in (*self._all, self._record))
+        loop: Any = self._step.solve
+        loop.compile(kinds)
+        entry: Callable[..., bool] = loop.overloads[kinds].entry_point
+        return entry
 
     def resized(self, h: float) -> CompiledStep:
         """The same for steps of another size; factors of matrices are not kept."""
@@ -312,7 +324,7 @@ class CompiledStep(CompiledScene):
         self._begin(state)
         record = self._record
         known = self.looped and record[KNOWN] > 0.0
-        solved = self._step.solve(*self._all, record)
+        solved = self._solve(*self._all, record)
         self.factorisations += int(record[FACTORED])
         if self._rest is not None:
             self._rest.complain()
