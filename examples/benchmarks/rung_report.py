@@ -156,12 +156,14 @@ def missed(result: Row) -> list[str]:
 
 
 def _said(each: Row) -> str:
-    value = "not measured" if each["value"] is None else f"{each['value']:.3g}"
+    asked = f"asked {each['of']} {each['limit']}"
+    if each["value"] is None:
+        return f"{each['figure']}: not measured, {asked}"
     more = ""
     if each.get("best") is not None:
         calm = "" if each.get("ok") is None else f"; {each['ok']:.3g} where both are ok"
         more = f" (best {each['best']:.3g}{calm}; {each['steps']})"
-    return f"{each['figure']}: {value} of the full beam's{more}, asked {each['of']} {each['limit']}"
+    return f"{each['figure']}: {each['value']:.3g} of the full beam's{more}, {asked}"
 
 
 def report(result: Row) -> str:

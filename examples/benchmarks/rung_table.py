@@ -20,7 +20,7 @@ four and eight times as many elements, extrapolated, against that on the mesh, a
 step. Each comes with an error of its own, from a coarser pair of steps or meshes.
 
 *Costs.* Table: CPU time of the steps alone. What is compared with the full beam is measured apart,
-in turns (rung_table.cost.csv): ratios of short stretches of steps, of which the median counts.
+in turns (rung_table.costs.csv): ratios of short stretches of steps, of which the median counts.
 
 *Theory*, rung_table.theory.csv: see rung_theory.py.
 
@@ -411,7 +411,8 @@ def main(
     quick : bool
         Two steps, the first 0.3 s, few elements, plain kernels.
     out : path, optional
-        Folder for rung_table.csv, .cost.csv, .theory.csv and, where matplotlib is there, .png.
+        Folder for rung_table.csv, .costs.csv, .ranges.csv, .theory.csv and, where matplotlib is
+        there, .png.
     resume : path, optional
         Folder in which each part is kept, to go on after an interruption.
     rungs : sequence of str

@@ -18,6 +18,11 @@ where H_k is the second derivative of constraint k: omega_c^2 is the largest eig
 ``P^T sum lambda H P`` against ``P^T M P``. For the full beam that is
 :func:`skfem_cosserat.diagnostics.constraint_frequency`; with strains that are held, their
 multipliers are among the lambda, and b moves the line as well.
+
+On the stiff swing what is driven the most alternates from node to node, too, whatever is held: no
+rung but the rigid one takes it away. Holding shear leaves it nearly as it is. Without extension it
+moves the line a little (the share of rotations in its kinetic energy falls from 1 to 0.6 until
+1.5 s, 0.8 until a full period), and omega_c is 2.9 and 5 times smaller than the full beam's.
 """
 
 from __future__ import annotations
