@@ -87,6 +87,8 @@ class Search:
         self.predictor = Predictor(self.event, self.reference)
         self._known: set[int] = set()
         self.fragile: set[Hashable] = set()
+        #: steps that proposals are predicted with, at least; fewer ones are tried from the best
+        self.fewest = self.event.base
         #: whether the best one goes through with half its step, too
         self.confirmed = False
 
@@ -126,6 +128,10 @@ class Search:
             if not self.event.budget.allows(2 * self.fine.cost_s):
                 break
             coarser = self.event.run(proposal)
+            if not coarser.ok:
+                self.fewest = self.steps
+                self.notes.append(f"the pilot fails with {proposal.steps} steps: {coarser.reason}")
+                break
             time[self.steps // 2] = self.event.distance(coarser, self.fine)
             if self.predictor.time(self.steps // 2) > 1.0:
                 break
@@ -269,11 +275,12 @@ class Search:
                     yield self.event.proposal(elements, order, steps, models)
 
     def _ladder(self) -> list[int]:
-        base, steps = self.event.base, []
-        while base <= self.reference.steps:
-            steps.append(base)
-            base *= 2
-        return steps or [self.reference.steps]
+        steps, most = self.event.base, self.reference.steps
+        found = []
+        while steps <= most:
+            found.append(steps)
+            steps *= 2
+        return [each for each in found if each >= self.fewest] or [most]
 
     def _choices(self, name: str) -> list[BeamModel]:
         """The full beam, and the two cheapest of the others that may do."""
