@@ -89,8 +89,8 @@ class Search:
         self.fragile: set[Hashable] = set()
         #: steps that proposals are predicted with, at least; fewer ones are tried from the best
         self.fewest = self.event.base
-        #: whether the best one goes through with half its step, too
-        self.confirmed = False
+        #: whether the best one is being run with half its step, and goes through with it, too
+        self.confirming = self.confirmed = False
 
     def go(self) -> None:
         """All stages after :meth:`look`, as long as the budget lasts."""
@@ -206,7 +206,11 @@ class Search:
         return ""
 
     def _affordable(self, proposal: Proposal) -> bool:
-        fits = self.event.budget.allows(2 * self.predictor.cost(proposal))
+        """Whether there is time for it, and for the run that confirms the best one after that."""
+        cost = self.predictor.cost(proposal)
+        if self.best is not None and not self.confirming:
+            cost += self.predictor.cost(_halved(self.best.trial.proposal))
+        fits = self.event.budget.allows(2 * cost)
         if not fits and self.OUT not in self.notes:
             self.notes.append(self.OUT)
         return fits
@@ -387,12 +391,13 @@ class Search:
 
     def _confirm(self) -> None:
         """With half the step it must go through, too: one step that does proves little."""
+        self.confirming = True
         for _ in range(TRIES):
             here = self.best
             if here is None:
                 return
             own = here.trial.proposal
-            finer = replace(own, steps=2 * own.steps, step=own.step / 2)
+            finer = _halved(own)
             if not self._affordable(finer):
                 return
             trial = self.event.run(finer)
@@ -430,3 +435,8 @@ class Search:
             for other in RUNGS[: RUNGS.index(rung)]:
                 if self.predictor.rung.get((name, str(other)), np.inf) <= HOPELESS:
                     yield replace(own, rung=dict(own.rung) | {name: other})
+
+
+def _halved(proposal: Proposal) -> Proposal:
+    """With half the step."""
+    return replace(proposal, steps=2 * proposal.steps, step=proposal.step / 2)
