@@ -247,8 +247,8 @@ class Event:
                 start = self.begin(system, None if seed is None else (NUDGE, seed))
                 run = system, start, proposal, sensors, limit
                 history, trial.cost_s = self._simulate(*run)
-                if history.meta["kernels"] == "numba" and proposal.method not in self._compiled:
-                    self._compiled.add(proposal.method)  # takes longer than a run, but once only
+                if history.meta["kernels"] == "numba" and proposal.kind not in self._compiled:
+                    self._compiled.add(proposal.kind)  # takes longer than a run, but once only
                     history, trial.cost_s = self._simulate(*run)
                 trial.iterations = float(np.mean(history["newton_iterations"][1:]))
                 if history.status == "interrupted":

@@ -65,6 +65,12 @@ class Proposal:
         return repr(self.integrator), repr(self.treatment)
 
     @property
+    def kind(self) -> Hashable:
+        """Equal for proposals that are stepped by the same code, whatever their meshes."""
+        order = self.order if any(rung.meshed for rung in self.rung.values()) else 0
+        return frozenset(str(rung) for rung in self.rung.values()), order, self.method
+
+    @property
     def key(self) -> Hashable:
         """Equal for equal proposals."""
         return self.scene, self.method, self.steps

@@ -87,8 +87,10 @@ class Search:
         self.predictor = Predictor(self.event, self.reference)
         self._known: set[int] = set()
         self.fragile: set[Hashable] = set()
-        #: whether the best one goes through with half its step, too
-        self.confirmed = False
+        #: steps that proposals are predicted with, at least; fewer ones are tried from the best
+        self.fewest = self.event.base
+        #: whether the best one is being run with half its step, and goes through with it, too
+        self.confirming = self.confirmed = False
 
     def go(self) -> None:
         """All stages after :meth:`look`, as long as the budget lasts."""
@@ -126,6 +128,10 @@ class Search:
             if not self.event.budget.allows(2 * self.fine.cost_s):
                 break
             coarser = self.event.run(proposal)
+            if not coarser.ok:
+                self.fewest = self.steps
+                self.notes.append(f"the pilot fails with {proposal.steps} steps: {coarser.reason}")
+                break
             time[self.steps // 2] = self.event.distance(coarser, self.fine)
             if self.predictor.time(self.steps // 2) > 1.0:
                 break
@@ -200,7 +206,11 @@ class Search:
         return ""
 
     def _affordable(self, proposal: Proposal) -> bool:
-        fits = self.event.budget.allows(2 * self.predictor.cost(proposal))
+        """Whether there is time for it, and for the run that confirms the best one after that."""
+        cost = self.predictor.cost(proposal)
+        if self.best is not None and not self.confirming:
+            cost += self.predictor.cost(_halved(self.best.trial.proposal))
+        fits = self.event.budget.allows(2 * cost)
         if not fits and self.OUT not in self.notes:
             self.notes.append(self.OUT)
         return fits
@@ -269,11 +279,12 @@ class Search:
                     yield self.event.proposal(elements, order, steps, models)
 
     def _ladder(self) -> list[int]:
-        base, steps = self.event.base, []
-        while base <= self.reference.steps:
-            steps.append(base)
-            base *= 2
-        return steps or [self.reference.steps]
+        steps, most = self.event.base, self.reference.steps
+        found = []
+        while steps <= most:
+            found.append(steps)
+            steps *= 2
+        return [each for each in found if each >= self.fewest] or [most]
 
     def _choices(self, name: str) -> list[BeamModel]:
         """The full beam, and the two cheapest of the others that may do."""
@@ -380,12 +391,13 @@ class Search:
 
     def _confirm(self) -> None:
         """With half the step it must go through, too: one step that does proves little."""
+        self.confirming = True
         for _ in range(TRIES):
             here = self.best
             if here is None:
                 return
             own = here.trial.proposal
-            finer = replace(own, steps=2 * own.steps, step=own.step / 2)
+            finer = _halved(own)
             if not self._affordable(finer):
                 return
             trial = self.event.run(finer)
@@ -423,3 +435,8 @@ class Search:
             for other in RUNGS[: RUNGS.index(rung)]:
                 if self.predictor.rung.get((name, str(other)), np.inf) <= HOPELESS:
                     yield replace(own, rung=dict(own.rung) | {name: other})
+
+
+def _halved(proposal: Proposal) -> Proposal:
+    """With half the step."""
+    return replace(proposal, steps=2 * proposal.steps, step=proposal.step / 2)
