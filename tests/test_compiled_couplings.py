@@ -7,6 +7,7 @@ import pytest
 import test_compiled
 import test_compiled_multipliers
 from helpers_scenes import four_bar
+from test_compiled_damping import assert_resized
 from test_couplings import INTEGRATORS, TREATMENTS, zoo
 
 import skfem_cosserat as sc
@@ -42,6 +43,13 @@ def test_runs(integrator, treatment, shaken):
         size = max(1e-3, abs(plain[name]).max())
         assert abs(compiled[name] - plain[name]).max() < 1e-9 * size, name
     assert compiled["turns"].tolist() == plain["turns"].tolist()
+
+
+@treatments
+@integrators
+def test_steps_of_other_sizes(integrator, treatment):
+    """Dampers know the size of the step."""
+    assert_resized(zoo(scalar=True), integrator, treatment)
 
 
 @treatments

@@ -69,6 +69,35 @@ def test_runs(integrator, treatment, make, order):
     assert lost.max() > 1e-3 and abs(compiled["dissipated"] - lost).max() < 1e-9 * lost.max()
 
 
+@pytest.mark.parametrize("add", [viscous, dragged])
+@treatments
+@integrators
+def test_steps_of_other_sizes(integrator, treatment, add):
+    """What resists knows the size of the step: rates are differences over it."""
+    assert_resized(tree(1, add), integrator, treatment)
+
+
+def assert_resized(system, integrator, treatment):
+    """Steps of two sizes in turns, compiled and plain."""
+    exact = sc.NewtonSettings(reuse=0)
+    found = []
+    for kernels in ("numpy", "numba"):
+        own = system, INTEGRATORS[integrator], TREATMENTS[treatment], 1e-3, exact
+        stepper = sc.Stepper(*own, kernels=kernels)
+        stepper.resize(1e-3)  # others follow
+        state, work = moving(system), []
+        for k in range(12):
+            stepper.resize((1 + k % 3) * 1e-3)
+            report = stepper.advance(state)
+            state = report.state
+            work.append(report.work.dissipated)
+        found.append((state, work))
+    (a, lost), (b, other) = found
+    assert abs(a.q - b.q).max() < 1e-11 * abs(a.q).max()
+    assert abs(a.p - b.p).max() < 1e-10 * abs(a.p).max()
+    assert max(lost) > 0 and other == pytest.approx(lost, abs=1e-9 * max(lost))
+
+
 @treatments
 @integrators
 def test_kept_factors(integrator, treatment):

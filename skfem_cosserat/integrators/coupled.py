@@ -30,11 +30,15 @@ class Coupled:
     """
 
     def __init__(self, couplings: Couplings, columns: Floats, h: float) -> None:
-        self._couplings, self._columns, self._h = couplings, columns, h
-        columns[:, STEP] = h
+        self._couplings, self._columns = couplings, columns
+        self.resize(h)
         number = {id(item): k for k, item in enumerate(couplings.items)}
         self._driven = [number[id(item)] for item in couplings.owners]
         self._angles = [number[id(item)] for item in couplings.angles]
+
+    def resize(self, h: float) -> None:
+        """Take steps of another size (s)."""
+        self._h = self._columns[:, STEP] = h
 
     def begin(self, state: State) -> None:
         """Forces of actuators, and full turns at the start of a step."""

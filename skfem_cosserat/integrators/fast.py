@@ -226,14 +226,10 @@ class CompiledStep(CompiledScene):
         self.integrator, self.h = integrator, h
         self._step = step
         self._record = np.zeros(len(RECORD))
-        self._loaded = False
-        # a velocity is 2 (y_mid - y_0)/h: a force that follows, and a dead one
-        self._drag_factor = -2 / h
         self._coupled = Coupled(system.couplings, self._a.coupled, h)
-        self._viscous = Viscous(system, self.plan, h) if is_viscous(system) else None
-        if self._viscous is not None:
-            *others, beams, numbers = self._all
-            self._all = (*others, self._viscous.beside(beams, numbers), numbers)
+        self._elastic = self._all[-2]
+        self._viscous: Viscous | None = None
+        self._resist(h)
         self._rows = np.zeros(0, dtype=np.int64)
         #: whether there are closed loops; configuration at the end of the last step, as given away
         self.looped = len(self._a.mu) > 0
@@ -241,6 +237,15 @@ class CompiledStep(CompiledScene):
         # how far coordinates went since rows of closed loops were chosen, and in the last step
         self._travelled = self._travel = np.inf
         self._solve = self._entry()
+
+    def _resist(self, h: float) -> None:
+        """Drag and viscous sections in steps of this size."""
+        # a velocity is 2 (y_mid - y_0)/h: a force that follows, and a dead one
+        self._drag_factor, self._loaded = -2 / h, False
+        if is_viscous(self.system):
+            self._viscous = Viscous(self.system, self.plan, h)
+            *others, _, numbers = self._all
+            self._all = (*others, self._viscous.beside(self._elastic, numbers), numbers)
 
     def _entry(self) -> Callable[..., bool]:
         """The compiled loop for these structures: called as it is, it asks for no types again."""
@@ -263,6 +268,8 @@ class CompiledStep(CompiledScene):
             self._all[-1][NUMBERS.index(name)] = number
         self.last, self._record[KEPT] = self._scaled_last(h / self.h), 0.0
         self.h, self.scheme, self._factors = h, scheme, None
+        self._coupled.resize(h)
+        self._resist(h)
         return self
 
     def _scaled_last(self, ratio: float) -> Any:
