@@ -21,9 +21,8 @@ import argparse
 import logging
 import sys
 import time
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,8 +105,7 @@ def mass_place(system: sc.System) -> int:
     return int(system.offset(beam.node("mid")))
 
 
-@dataclass(eq=False)
-class Passage:
+class Passage(NamedTuple):
     """A run, and what each of its N solved steps took.
 
     Attributes
