@@ -345,7 +345,9 @@ def test_the_order_of_joints_does_not_matter(scene, seed, integrator):
 # -- motion ----------------------------------------------------------------------------------------
 
 
-@scenes
+@pytest.mark.parametrize(
+    "scene", [pytest.param(s, marks=[pytest.mark.slow] * s.startswith("free")) for s in SCENES]
+)
 @integrators
 def test_both_treatments_give_the_same_motion(scene, integrator):
     one, two = (run(scene, integrator, treatment) for treatment in TREATMENTS)

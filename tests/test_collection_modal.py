@@ -28,7 +28,9 @@ def values(module, case):
     return {name: np.array(x, dtype=float) for name, x in entry.items()}
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize(
+    "family", [pytest.param(f, marks=[pytest.mark.slow] * (f != "M1")) for f in FAMILIES]
+)
 def test_quick_rows(family):
     rows = FAMILIES[family].rows()
     assert {row["case"] for row in rows} == set(FAMILIES[family].QUICK)

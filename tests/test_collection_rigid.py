@@ -56,7 +56,10 @@ def size(reference):
 
 @pytest.mark.parametrize(
     "family",
-    [pytest.param(f, marks=[pytest.mark.slow] * (f in ("R2", "R8"))) for f in FAMILIES],
+    [
+        pytest.param(f, marks=[pytest.mark.slow] * (f in ("R1", "R2", "R5", "R6", "R8")))
+        for f in FAMILIES
+    ],
 )
 def test_quick_rows(family):
     rows = FAMILIES[family].rows()

@@ -252,6 +252,7 @@ def test_where_there_are_none():
     assert refusal(tree(1), sc.EnergyMomentum(), MULTIPLIERS) is None
 
 
+@pytest.mark.slow
 @integrators
 def test_restart(integrator):
     system = tree(2)

@@ -200,6 +200,7 @@ def snap(system):
     return sc.equilibrium(system, bent), factors
 
 
+@pytest.mark.slow
 def test_snap_through_by_arc_length(monkeypatch):
     """Through both limit points, where the side push overcomes the column and where it is over."""
     system, _ = column(3, (0, 1.0, 0))

@@ -601,7 +601,7 @@ def test_rest_is_that_of_the_undamped_scene(integrator):
 
 
 @integrators
-@pytest.mark.parametrize("central", [False, True])
+@pytest.mark.parametrize("central", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_section_forces_with_the_viscous_part(integrator, central):
     """Second order by the recorded velocities and by central differences, in both schemes."""
     system, found = crossing(1), []

@@ -60,6 +60,7 @@ def test_refinement_study(tmp_path):
     assert {"bend.csv", "swing_sudden.csv", "swing_growing.csv"} <= names
 
 
+@pytest.mark.slow
 def test_events(tmp_path):
     """A chain that locks a joint and lets its ball go: energy and parabola to rounding."""
     result = load("events").main(out=tmp_path / "events.png")

@@ -119,6 +119,7 @@ def test_load_steps_end_at_a_limit_point():
 # -- S8: arch --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_arch():
     """Compliance extrapolated to zero; the mesh leaves 7e-9."""
     data = DATA["S8"]

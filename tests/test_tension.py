@@ -83,7 +83,7 @@ def lowest(kind, elements, force, part):
 
 
 # ----------------------------------------------------------------------- the limit
-@pytest.mark.parametrize("p", [1, 2, 3, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("p", [1, 2, *(pytest.param(p, marks=pytest.mark.slow) for p in (3, 4))])
 def test_stability_is_lost_at_the_limit(p):
     """Clamped ends raise the limit by 1 % at 16 elements and about a quarter of that at 32."""
     found = {}
