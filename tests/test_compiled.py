@@ -471,6 +471,13 @@ def test_threads_compile_one_after_the_other(monkeypatch):
     assert [each.result().method for each in made] == ["blocks"] * 3 and most == [1, 1, 1]
 
 
+def test_versions_of_numba_are_those_of_the_package():
+    """What pip installs is what the kernels are built on."""
+    text = (Path(__file__).parents[1] / "pyproject.toml").read_text()
+    first, last = (f"{major}.{minor}" for major, minor in choice.VERSIONS)
+    assert f'"numba>={first},<{last};' in text
+
+
 def test_without_numba(monkeypatch, caplog):
     monkeypatch.setattr(choice, "find_spec", lambda name: None)
     system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
@@ -489,9 +496,14 @@ def test_without_numba(monkeypatch, caplog):
     ("code", "variables", "why"),
     [
         ("raise ImportError('numba needs an older numpy')", {}, "numba cannot be imported: numba "),
+        (
+            "__version__, config = '0.60.0', None",
+            {},
+            "numba 0.60.0 is installed, compiled kernels need 0.63 to below 0.69",
+        ),
         (None, {"NUMBA_DISABLE_JIT": "1"}, "numba does not compile: NUMBA_DISABLE_JIT is set"),
     ],
-    ids=["broken", "switched off"],
+    ids=["broken", "too old", "switched off"],
 )
 def test_a_numba_that_does_not_work(code, variables, why, tmp_path):
     """Long runs, which did not ask for it, ended with its ImportError or a RecursionError."""

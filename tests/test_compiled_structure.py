@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("numba")
 
+import numba
 from numba import typeof
 
 from skfem_cosserat.compiled import structure
@@ -91,3 +92,25 @@ def test_inlined_functions_give_no_arrays_and_parts_are_not_inlined() -> None:
         same(np.zeros(2))
     with pytest.raises(Exception, match="whole is called by other compiled code"):
         calls(1.0)
+
+
+def test_functions_of_others_compile_as_ever() -> None:
+    """The pipeline is that of kernels alone: closures, arrays and exceptions work beside it."""
+
+    @jit
+    def twice(x: float) -> float:
+        return x + x
+
+    @numba.njit
+    def users(a: Any, n: int) -> Any:
+        def shifted(x: Any) -> Any:
+            return x + n
+
+        if n < 0:
+            raise ValueError(n)
+        return shifted(a) * np.array([k + 1.0 for k in range(len(a))])
+
+    assert twice(1.5) == 3.0
+    assert users(np.ones(3), 1).tolist() == [2.0, 4.0, 6.0]
+    with pytest.raises(ValueError, match="-1"):
+        users(np.ones(3), -1)

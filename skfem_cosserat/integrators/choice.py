@@ -32,6 +32,8 @@ LEAVES = (
     " leaves something to a solver that is asked for"
 )
 SWITCHED_OFF = "numba does not compile: NUMBA_DISABLE_JIT is set"
+#: versions of numba, from and below, whose passes compiled/pipeline.py is built on
+VERSIONS = (0, 63), (0, 69)
 #: number of steps taken for granted where none is given
 STEPS = 1000
 
@@ -139,9 +141,13 @@ def _hindrance() -> str | None:
     if find_spec("numba") is None:
         return "numba is not installed"
     try:
-        from numba import config
+        from numba import __version__, config
     except (ImportError, OSError) as error:  # one that does not go with this numpy, say
         return f"numba cannot be imported: {error}"
+    first, last = VERSIONS
+    if not first <= tuple(map(int, __version__.split(".")[:2])) < last:
+        span = " to below ".join(f"{major}.{minor}" for major, minor in VERSIONS)
+        return f"numba {__version__} is installed, compiled kernels need {span}"
     return SWITCHED_OFF if config.DISABLE_JIT else None
 
 
