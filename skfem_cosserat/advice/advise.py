@@ -72,7 +72,7 @@ def advise(
         To choose from, the first one first.
     kernels : str
         See :func:`simulate`; costs are those with these, without compiling. With "numba" nothing is
-        confined to a plane, as there are no compiled kernels for that.
+        confined to a plane, where compiled kernels take fewer scenes.
     base : int
         The smallest number of steps; others are that many times a power of two.
 

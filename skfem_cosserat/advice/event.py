@@ -153,7 +153,7 @@ class Event:
             name: divided(beam.mesh, 1, self.keep[name]).nelements
             for name, beam in self.beams.items()
         }
-        # in a plane there are no compiled kernels
+        # compiled kernels take fewer scenes in a plane than in space
         self.planar = None if kernels == "numba" else self._plane()
         self.trials: dict[tuple[Hashable, int | None], Trial] = {}
         self.history: History | None = None
