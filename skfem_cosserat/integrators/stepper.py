@@ -197,7 +197,7 @@ class Stepper:
                 stage.maker = self.maker
             return
         if self.choice.name == "numba":
-            text = "kernels are compiled, 10 to 20 s at the first time, or read from the cache"
+            text = "kernels are compiled, some 10 s at the first time, or read from the cache"
             logger.info(text)
             if announce is not None:
                 announce(text)

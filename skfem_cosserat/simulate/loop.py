@@ -142,7 +142,7 @@ def simulate(
         True: one line on stderr, kept up to date; a callable gets (time, until) after each step.
     kernels : {"auto", "numpy", "numba"}
         Plain numpy kernels, or those compiled by numba (extra ``fast``), six to 35 times
-        faster after 10 to 20 s of compilation, which is kept on disk. "auto" takes them if numba
+        faster after some 10 s of compilation, which is kept on disk. "auto" takes them if numba
         is installed, the estimated time with numpy is above 25 s and there are some: not for
         springs on rotation vectors, bushings, beams of several orders, closed loops in prescribed
         motion or with multipliers, scenes confined to a plane with multipliers, loads that follow
