@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import logging
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -372,6 +373,21 @@ def test_mixed_iteration_solves_steps_that_newton_alone_cannot():
     residuals = caught.value.residuals
     assert [len(x) for x in residuals] == [21, 21, 101, 101]
     assert min(map(min, residuals)) == caught.value.residual
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("step", "stops"), [(1e-1, 0.2), (3e-2, 0.69), (1e-2, 0.81)])
+def test_newton_alone_stops_where_the_mixed_iteration_passes_event_x(step, stops):
+    """With 100 iterations in each of four attempts."""
+    arguments = sc.EnergyMomentum(), sc.NullSpace(), step, 1.2
+    settings = replace(failure_mechanism.SETTINGS, mixed=np.inf)
+    with pytest.raises(sc.Diverged, match="after 4 attempts") as caught:
+        sc.simulate(swing.build("stiff"), *arguments, derive=False, settings=settings)
+    assert caught.value.time == pytest.approx(stops, abs=1.01 * step)
+    mixed = sc.simulate(
+        swing.build("stiff"), *arguments, derive=False, settings=failure_mechanism.SETTINGS
+    )
+    assert mixed.times[-1] > 1.19
 
 
 def test_diverged_without_residuals():
