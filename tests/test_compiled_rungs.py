@@ -16,6 +16,7 @@ from test_rungs import cantilever, swing
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
+from skfem_cosserat.constraints import nullspace
 from skfem_cosserat.integrators.fast import CompiledStep
 from skfem_cosserat.integrators.refused import BORDER, refusal
 
@@ -126,20 +127,56 @@ def test_long_beams_cost_as_much_as_their_elements():
     assert abs(runs[0]["q"] - runs[1]["q"]).max() < 1e-10
 
 
-def test_closed_loops_are_looked_at_now_and_then():
-    """Rows that close them are chosen anew when the motion asks for it, not in each step."""
+def test_closed_loops_are_looked_at_now_and_then(monkeypatch):
+    """Rows that close them are looked at when the motion asks for it, not in each step.
+
+    And only chosen anew where they have come closer to each other, which they do not here.
+    """
     system = swing().scene("stiff", rung=sc.RungInextensible()).freeze()
     stepper = sc.Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, kernels="numba")
-    looks = []
-    choose = stepper._begin
-    stepper._begin = lambda state: (looks.append(state.index), choose(state))[1]
+    chosen, looks = [], []
+    choose, clear = stepper._begin, stepper.bound.clear
+    stepper._begin = lambda state: (chosen.append(state.index), choose(state))[1]
+    stepper.bound.clear = lambda rows: (looks.append(rows), clear(rows))[1]
     state = sc.initial_state(system)
     for _ in range(300):
         state = stepper.advance(state).state
     assert stepper.bound.clearance == pytest.approx(0.1, rel=0.5)
-    assert 2 < len(looks) < 30
+    assert chosen == [0] and 2 < len(looks) < 30
+    monkeypatch.setattr(nullspace, "HALF", 2.0)  # never twice as independent as at the start
+    for _ in range(100):
+        state = stepper.advance(state).state
+    assert 1 < len(chosen) < 20
     violation = diagnostics.constraint_violation(system, state.q, state.time)
     assert violation < 1e-12
+
+
+@pytest.mark.parametrize("planar", [None, sc.Planar()])
+def test_rows_that_kernels_tell_are_those_of_the_closed_loops(planar):
+    """Against their Jacobian in the tree's coordinates, where the step begins or half-way."""
+    system = swing().scene("stiff", rung=sc.RungInextensible()).freeze(planar)
+    for integrator in (sc.Variational(), sc.EnergyMomentum()):
+        stepper = sc.Stepper(system, integrator, sc.NullSpace(), 1e-5, kernels="numba")
+        told = []
+        stepper.bound.clear = lambda rows, told=told: bool(told.append(rows))
+        state = sc.initial_state(system)
+        for _ in range(5):
+            state = stepper.advance(state).state
+        stepper.bound.clearance = 0.0
+        stepper.advance(state)
+        kinematics, closure = system.kinematics, system.closure
+        y = system.extend(state.q, state.time)
+        T = kinematics.T_values(kinematics.locate(y, stepper.bound.chart.fixed))
+        (component,), (C,) = closure.components, closure.matrices(y, T)
+        rows = [closure.rows.tolist().index(k) for k in np.sort(stepper.bound.closing)]
+        size = closure.magnitude[rows][:, None] / component.scale
+        expected = np.zeros_like(told[0])
+        expected[:, component.columns] = C[rows] * size
+        assert abs(told[0] - expected).max() < 1e-6 * abs(expected).max()
+        (selected,) = stepper.bound._chosen
+        assert closure.independence([selected], told[0]) == pytest.approx(
+            selected.pivots.min(), rel=1e-5
+        )
 
 
 def test_automatic_choice_knows_that_plain_kernels_are_slow():

@@ -473,7 +473,7 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
         **dict.fromkeys(("C_child", "C_parent"), (edges, 6, 6)),
         **dict.fromkeys(("mu", "mu_change", "gap", "gap_rate"), (loops,)),
         **{"closing": (rows, 3), "b_kept": (count if loops else 0, 6)},
-        **dict.fromkeys(("border", "border_twist"), (loops, count, 6)),
+        **dict.fromkeys(("border", "border_twist", "border_row"), (loops, count, 6)),
         **dict.fromkeys(("schur", "schur_scratch"), (loops, loops)),
         "scratch": (1, 6, 6),
         "dead": (rows, 3),

@@ -94,6 +94,7 @@ WORK = (
     *("y0", "p0", "external", "ground1", "y1", "mid", "R", "momentum", "internal"),
     *("R_mixed", "change", "F", "F_mixed", "b", "x", "total", "last", "extra", "twist", "A"),
     *("mu", "mu_change", "gap", "gap_rate", "closing", "b_kept", "border", "border_twist"),
+    "border_row",
     *(
         "schur",
         "schur_scratch",

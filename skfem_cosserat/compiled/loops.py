@@ -205,12 +205,14 @@ def rates_of(s: Any, y1: Floats, twist: Floats, out: Floats) -> None:
 
 @inlined
 def keep_motion(w: Any, flag: int) -> None:
-    """Keep the motion by row `flag`, and what it does to all rows, which is in ``w.gap_rate``."""
+    """Keep row `flag`, the motion by it and what it does to all rows: that is in ``w.gap_rate``."""
     x, twist, border, turning, rates = w.x, w.twist, w.border, w.border_twist, w.gap_rate
+    b, row_kept = w.b, w.border_row
     for v in range(x.shape[0]):
         for c in range(x.shape[1]):
             border[flag, v, c] = -x[v, c]
             turning[flag, v, c] = -twist[v, c]
+            row_kept[flag, v, c] = b[v, c]
     for k in range(len(rates)):
         w.schur[k, flag] = -rates[k]
 

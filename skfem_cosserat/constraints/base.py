@@ -80,6 +80,16 @@ class BoundTreatment(ABC):
     def guess(self, extrapolate: bool) -> None:
         """Go to the start of the iteration: last step's increment again, or none."""
 
+    def clear(self, rows: Floats) -> bool:
+        """Whether the rows that close loops are still independent by far; `clearance` is as now.
+
+        Parameters
+        ----------
+        rows : (r, K) array
+            Those of :attr:`closing` by the coordinates of the tree, as they were lately.
+        """
+        return False
+
     def stay(self) -> None:
         """Go to where the step started, with the constraint forces found last."""
         self.guess(False)

@@ -38,6 +38,8 @@ REGULAR = 1e-3
 #: up before rows are chosen again: they are products of two things that turn, so change by twice as
 #: much at most, and are more than half as far from singular then
 CLEAR = 0.2
+#: share of it that may be left before others may do better
+HALF = 0.5
 #: entries of a matrix of elements without extension above which multipliers are far faster
 CROWDED = 90_000
 #: a correction this large means that the loop does not close near here
@@ -178,7 +180,7 @@ class BoundNullSpace(BoundTreatment):
         """Independent closure rows at the start of the step."""
         T = self._tree_at(y0)[1]
         chosen = self.closure.select(y0, T)
-        least = min(float(s.pivots.min(initial=1.0)) for s in chosen)
+        least = self._least = min(float(s.pivots.min(initial=1.0)) for s in chosen)
         self.regular = least > REGULAR
         self.clearance = CLEAR * least if self.regular else 0.0
         self.closing = np.concatenate([s.rows for s in chosen])
@@ -191,6 +193,14 @@ class BoundNullSpace(BoundTreatment):
             for k, s in enumerate(chosen)
         ]
         self._direction = [s.Q2 for s in self._chosen]
+
+    def clear(self, rows: Floats) -> bool:
+        """See the base class."""
+        least = self.closure.independence(self._chosen, rows)
+        if not least > HALF * self._least:
+            return False
+        self.clearance = CLEAR * least
+        return True
 
     def _selected(self, y: Array, T: Array) -> list[Selected]:
         if y is self.y0:

@@ -22,7 +22,7 @@ from ..compiled.numbers import (
     WORK,
 )
 from ..compiled.plan import Plan, plan_of
-from ..constraints.base import half_turn
+from ..constraints.base import BoundTreatment, half_turn
 from ..linear import LinearSolver, Solver
 from ..model import System
 from ..model.chart import Chart
@@ -235,7 +235,7 @@ class CompiledStep(CompiledScene):
         self.looped = len(self._a.mu) > 0
         self.end: Floats | None = None
         # how far coordinates went since rows of closed loops were chosen, and in the last step
-        self._travelled = self._travel = np.inf
+        self._travelled = self._travel = self._farthest = np.inf
         self._solve = self._entry()
 
     def _resist(self, h: float) -> None:
@@ -290,16 +290,21 @@ class CompiledStep(CompiledScene):
 
         bind.choose_rows(self.system, self._tree, rows)
 
-    def due(self, state: State, clearance: float) -> bool:
+    def due(self, state: State, bound: BoundTreatment) -> bool:
         """Whether the treatment has to choose rows that close the loops: it knows what is singular.
 
-        After a motion of length `clearance`, or from another state than the last.
+        From another state than the last; or after a motion of length `clearance`, if those that
+        there are have come too close to each other, too.
         """
-        if self._travelled >= clearance:
+        here = state.q is self.end or np.array_equal(state.q, self._a.y1.ravel()[: state.q.size])
+        if not here or not np.isfinite(self._travelled):
             return True
-        if state.q is self.end:
-            return False
-        return not np.array_equal(state.q, self._a.y1[: self.system.rows].ravel())
+        if self._travelled >= bound.clearance:
+            rows = self._a.border_row.reshape(len(self._rows), -1)[:, self._numbering]
+            if not bound.clear(rows):
+                return True
+            self._travelled = self._farthest  # they are from within the last step
+        return self._travelled >= bound.clearance
 
     @property
     def last(self) -> Any:
@@ -336,8 +341,8 @@ class CompiledStep(CompiledScene):
         if self._rest is not None:
             self._rest.complain()
         if self.looped:
-            farthest, self._travel = self._a.found.tolist()
-            self._travelled += farthest
+            self._farthest, self._travel = self._a.found.tolist()
+            self._travelled += self._farthest
         if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
             self.last = self._a.before.ravel()[self._numbering] if known else None
             record[KEPT], self._a.mu[:] = 0.0, 0.0

@@ -296,7 +296,7 @@ class Stepper:
     def _solve(self, state: State, new_time: float) -> StepReport:
         step: StepData | None = None
         if self._fast is not None:
-            if self._fast.looped and self._fast.due(state, self.bound.clearance):
+            if self._fast.looped and self._fast.due(state, self.bound):
                 step = self._begin(state)
                 self._fast.close(self.bound.closing)
             if self.bound.regular:

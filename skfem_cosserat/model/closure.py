@@ -250,7 +250,7 @@ class Closure:
         """Independent rows of each component at the start of a step."""
         out = []
         for c, C in zip(self.components, self.matrices(y, T), strict=True):
-            out.append(self._factor(c, C, _independent_first(C.T)[: c.rank]))
+            out.append(self._factor(c, C, _pivoted(C.T)[0][: c.rank]))
         return out
 
     def again(self, chosen: Sequence[Selected], y: Array, T: Array) -> list[Selected]:
@@ -264,6 +264,21 @@ class Closure:
         Q, R = _complete_qr(C[local].T)
         rows = self.rows[c.rows[local]]
         return Selected(c, local, rows, R[: c.rank], Q[:, : c.rank], Q[:, c.rank :])
+
+    def independence(self, chosen: Sequence[Selected], rows: Floats) -> float:
+        """Smallest pivot of chosen rows, relative to the largest of their component.
+
+        From values of all of them (rank, K) by the tree's coordinates, sorted by their numbers.
+        """
+        place = np.argsort(np.argsort(np.concatenate([s.rows for s in chosen])))
+        least, first = 1.0, 0
+        for s in chosen:
+            c, own = s.component, place[first : first + len(s.rows)]
+            first += len(s.rows)
+            C = rows[own[:, None], c.columns] * c.scale / self.magnitude[c.rows[s.local]][:, None]
+            pivots = abs(_pivoted(C.T)[1])
+            least = min(least, float(pivots.min(initial=1.0) / pivots.max(initial=1e-300)))
+        return least
 
     def null_matrix(self, selected: list[Selected]) -> Floats:
         """Z (K, K - rank), dense, in the numbering of :meth:`null_pattern`."""
@@ -301,13 +316,14 @@ class Closure:
         return s.rows, s.multipliers(force[s.component.columns]) / size
 
 
-def _independent_first(A: Array) -> IndexArray:
-    """Order of the columns of A by QR with pivoting, by LAPACK alone as below."""
+def _pivoted(A: Array) -> tuple[IndexArray, Array]:
+    """Order of the columns of A by QR with pivoting, and diagonal of R, by LAPACK as below."""
     if np.iscomplexobj(A) or not A.size:
-        return np.asarray(qr(A, mode="r", pivoting=True)[1])
-    _, order, _, _, failed = dgeqp3(A)
+        R, order = qr(A, mode="r", pivoting=True)
+        return order, np.diagonal(R)
+    factored, order, _, _, failed = dgeqp3(A)
     assert failed == 0
-    return np.asarray(order - 1)
+    return np.asarray(order - 1), np.diagonal(factored)
 
 
 def _complete_qr(A: Array) -> tuple[Array, Array]:

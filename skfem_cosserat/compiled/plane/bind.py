@@ -410,7 +410,7 @@ def bound_work(system: System, plan: Plan, frames: Frames) -> tuple[Any, dict[st
         **dict.fromkeys(("C_child", "C_parent"), (edges, 12)),
         **dict.fromkeys(("mu", "mu_change", "gap", "gap_rate"), (loops,)),
         "b_kept": (count if loops else 0, 4),
-        **dict.fromkeys(("border", "border_twist"), (loops, count, 4)),
+        **dict.fromkeys(("border", "border_twist", "border_row"), (loops, count, 4)),
         **dict.fromkeys(("schur", "schur_scratch"), (loops, loops)),
         "scratch": (1, 12),
         **dict.fromkeys(("dead", "moments"), (0, 3)),
