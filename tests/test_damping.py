@@ -600,8 +600,15 @@ def test_rest_is_that_of_the_undamped_scene(integrator):
 # -- results -------------------------------------------------------------------------------------
 
 
-@integrators
-@pytest.mark.parametrize("central", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.parametrize(
+    ("integrator", "central"),
+    [
+        ("energy-momentum", True),
+        pytest.param("variational", True, marks=pytest.mark.slow),
+        pytest.param("energy-momentum", False, marks=pytest.mark.slow),
+        pytest.param("variational", False, marks=pytest.mark.slow),
+    ],
+)
 def test_section_forces_with_the_viscous_part(integrator, central):
     """Second order by the recorded velocities and by central differences, in both schemes."""
     system, found = crossing(1), []

@@ -45,7 +45,9 @@ def test_imperfect_column_bends_the_way_it_is_pushed(order, elements, side, unti
     assert tip(short, end)[-1] == pytest.approx(tip(path, end)[-1], abs=1e-9)
 
 
-@treatments
+@pytest.mark.parametrize(
+    "treatment", [sc.NullSpace(), pytest.param(sc.Multipliers(), marks=pytest.mark.slow)]
+)
 def test_critical_points_lie_in_their_steps(treatment):
     """A portal frame that sways in its plane passes two motions out of it, in order and once."""
     section = sc.Section([4e8, 4e8, 1e9, 2e6, 2e6, 1e6], mass=20.0, inertia=(0.1, 0.1))

@@ -152,7 +152,9 @@ def test_turning_axis_of_a_hinge(integrator, treatment):
     assert abs(torque[np.isfinite(torque)]).max() < 1e-9
 
 
-@integrators
+@pytest.mark.parametrize(
+    "integrator", [sc.EnergyMomentum, pytest.param(sc.Variational, marks=pytest.mark.slow)]
+)
 def test_spun_up_beam_reaches_its_steady_stretch(integrator):
     """Slow spin-up of a stiff-in-bending beam; stretch L (tan(kL)/(kL) - 1), k = w (m/EA)^(1/2)."""
     L, EA, mass, w, T = 1.0, 400.0, 1.0, 6.0, 4.0
@@ -190,8 +192,15 @@ def test_spun_up_beam_reaches_its_steady_stretch(integrator):
 # -- work ------------------------------------------------------------------------------------------
 
 
-@integrators
-@treatments
+@pytest.mark.parametrize(
+    ("integrator", "treatment"),
+    [
+        (sc.EnergyMomentum, sc.NullSpace),
+        pytest.param(sc.Variational, sc.NullSpace, marks=pytest.mark.slow),
+        pytest.param(sc.EnergyMomentum, sc.Multipliers, marks=pytest.mark.slow),
+        pytest.param(sc.Variational, sc.Multipliers, marks=pytest.mark.slow),
+    ],
+)
 def test_work_of_the_drive_is_the_energy_gained(integrator, treatment):
     """Integral of reaction power F.v + M.w over the drive's motion, with gravity; O(h^2)."""
     errors = []

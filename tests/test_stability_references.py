@@ -38,7 +38,7 @@ def bifurcation(scene, until, treatment=sc.NullSpace):
 @pytest.mark.parametrize(
     ("scene", "direction", "until"),
     [
-        (scenes.lee_frame(10, 3), (1, 0, 0), 40.0),
+        pytest.param(scenes.lee_frame(10, 3), (1, 0, 0), 40.0, marks=pytest.mark.slow),
         (scenes.toggle(4, 3), (0, -1, 0), 0.7),
         (scenes.arch(12, 4), (0, -1, 0), 115.0),
     ],
@@ -94,7 +94,7 @@ def test_toggle_limit_points(treatment):
         assert -scene.displacement(history, entry["state"])[1] == pytest.approx(w, rel=1e-8)
 
 
-@pytest.mark.parametrize("half", [True, False])
+@pytest.mark.parametrize("half", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_toggle_curve(half):
     """By displacement control; with both members the symmetric path is kept."""
     scene = scenes.toggle(8, 4, half=half)
@@ -131,7 +131,9 @@ def test_arch():
     assert found["Pcr"] == pytest.approx(data["P"], rel=1e-8)
 
 
-@pytest.mark.parametrize("treatment", ["null-space", "multipliers"])
+@pytest.mark.parametrize(
+    "treatment", ["null-space", pytest.param("multipliers", marks=pytest.mark.slow)]
+)
 def test_arch_with_either_treatment(treatment):
     found = s08.main(data={"EA": 4e6, "GA": 4e6}, order=4, elements=16, treatment=treatment)
     assert found["Pcr"] == pytest.approx(896.811, abs=2e-3)

@@ -374,7 +374,9 @@ def test_limit_point_under_load_control(treatment):
     assert on["load_factor"][-1] == pytest.approx(10.0)
 
 
-@treatments
+@pytest.mark.parametrize(
+    "treatment", [sc.NullSpace(), pytest.param(sc.Multipliers(), marks=pytest.mark.slow)]
+)
 def test_fixed_steps_may_snap(treatment):
     """Automatic steps stop before a limit point; steps that are forced land behind it."""
     model, _ = arch()

@@ -54,7 +54,10 @@ def caught():
 # -- what comes out --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.GeneralizedAlpha(0.8)])
+@pytest.mark.parametrize(
+    "scheme",
+    [sc.EnergyMomentum(), pytest.param(sc.GeneralizedAlpha(0.8), marks=pytest.mark.slow)],
+)
 def test_true_error_follows_the_tolerance(scheme):
     """Over three decades in proportion, and of the same size (closed form)."""
     errors, tolerances = [], [1e-2, 1e-3, 1e-4, 1e-5]

@@ -95,10 +95,11 @@ def test_callable_load_vector(integrator):
     assert abs(history["p"][-1] - exact).max() < 1e-13
 
 
-def test_averages_find_a_jump_wherever_it_is():
+@pytest.mark.parametrize("count", [8, pytest.param(60, marks=pytest.mark.slow)])
+def test_averages_find_a_jump_wherever_it_is(count):
     """Also between the last quadrature point and the end; at bounded cost with noise."""
     rng = np.random.default_rng(1)
-    for gap in (*rng.uniform(0, 0.1, 30), *10 ** rng.uniform(-7, -2, 30)):
+    for gap in (*rng.uniform(0, 0.1, count // 2), *10 ** rng.uniform(-7, -2, count // 2)):
         at = 0.1 - gap
         jump = sc.FunctionOfTime(lambda t, at=at: 3.0 * (t > at))
         kink = sc.FunctionOfTime(lambda t, at=at: max(0.0, t - at))

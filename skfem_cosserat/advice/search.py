@@ -26,6 +26,8 @@ MORE = {1: (3, 6, 12), 2: (1, 2, 4)}
 SAFETY = 0.8
 #: costs that are closer than this factor are taken again
 CLOSE = 1.6
+#: of costs that are closer than this factor, more than clocks can tell, the simpler beams' counts
+ALIKE = 1.15
 #: candidates that are tried before the search goes on from what is known
 TRIES = 8
 #: a beam that bends by more (rad) is not tried as a rigid one
@@ -244,7 +246,12 @@ class Search:
             for each in (own, best):
                 again = self.event.again(each.trial)
                 each.trial.cost_s = min(each.trial.cost_s, again)
-        return own.trial.cost_s < best.trial.cost_s
+        alike = 1.0
+        if _simpler_beams(own.trial.proposal, best.trial.proposal):
+            alike = ALIKE
+        elif _simpler_beams(best.trial.proposal, own.trial.proposal):
+            alike = 1 / ALIKE
+        return own.trial.cost_s < alike * best.trial.cost_s
 
     def _good(self, own: Candidate) -> bool:
         """Within the tolerance, whatever the error of the reference, and coarser than that."""
@@ -435,6 +442,12 @@ class Search:
             for other in RUNGS[: RUNGS.index(rung)]:
                 if self.predictor.rung.get((name, str(other)), np.inf) <= HOPELESS:
                     yield replace(own, rung=dict(own.rung) | {name: other})
+
+
+def _simpler_beams(a: Proposal, b: Proposal) -> bool:
+    """Whether a beam of the first is simpler than in the second, and none is less simple."""
+    places = [(RUNGS.index(a.rung[name]), RUNGS.index(b.rung[name])) for name in a.rung]
+    return a.rung != b.rung and all(i <= j for i, j in places)
 
 
 def _halved(proposal: Proposal) -> Proposal:
