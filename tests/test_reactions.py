@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers_scenes import TENSOR, everything
+from helpers_scenes import TENSOR, everything, four_bar
+from scipy.linalg import block_diag
 
 import skfem_cosserat as sc
 
@@ -223,3 +224,57 @@ def test_treatments_give_the_same_reactions(integrator, order):
         for f, g in zip(reaction(one, joint.name), reaction(two, joint.name), strict=True):
             assert abs(f - g).max() < 1e-9 * size, joint.name
     assert abs(one["constraint_force"] - two["constraint_force"])[:-1].max() < 1e-9 * size
+
+
+def driven_crank():
+    """A drive, whose constraint row has a number of the ground as its factor, and a free body."""
+    model = sc.Model()
+    crank = model.add("crank", sc.RigidBody(2.5, TENSOR, position=(0.3, 0, 0)))
+    pin = model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), crank.at((0, 0, 0)), (0, 0, 1)))
+    model.add("motor", sc.JointDrive(pin, lambda t: 0.3 * t**2))
+    bob = model.add("bob", sc.MassPoint(1.0, (0.6, 0, -1.0)))
+    model.add("rod", sc.JointDistance(crank.at((0.6, 0, 0)), bob.place()))
+    return model.freeze()
+
+
+@pytest.mark.parametrize(
+    "made",
+    [lambda: everything(1), driven_crank, lambda: four_bar((sc.JointRevolute,) * 4).freeze()],
+)
+def test_many_states_at_once_give_what_each_gives_alone(made):
+    """Also where the rows of one depend on each other, and where forces are not known."""
+    system, rng = made(), np.random.default_rng(2)
+    y = np.array([system.extend(system.q0, t) for t in np.linspace(0, 1, 7)])
+    y[:, : system.rows] += 0.1 * rng.standard_normal((7, system.rows, 3))
+    G = [system.constraints.jacobian(each).toarray() for each in y]
+    stacked = system.constraints.jacobians(y).toarray()
+    assert np.array_equal(stacked, block_diag(*G))
+    v = rng.standard_normal(system.n)
+    assert np.allclose(system.constraints.rate(y[0], v), G[0] @ v, rtol=0, atol=1e-12)
+    lam = rng.standard_normal((7, system.m))
+    force = np.array([each.T @ row for each, row in zip(G, lam, strict=True)])
+    force[3, 0] = np.nan
+    y[5, :4] = 0.0  # no directors
+    found = sc.diagnostics.multipliers(system, y, force)
+    assert np.isnan(found[[3, 5]]).all()
+    for k in (0, 1, 2, 4, 6):
+        alone = sc.diagnostics.multipliers(system, y[k : k + 1], force[k : k + 1])[0]
+        assert np.allclose(found[k], alone, rtol=0, atol=1e-9)
+        if not len(system.closure.rows):  # else redundant ones, which agree on constraints only
+            assert np.allclose(found[k], lam[k], rtol=0, atol=1e-8)
+    # the wrench of a joint: what all of its rows do to side B, by virtual motions of it
+    forces = sc.diagnostics.reactions(system, y[:2], lam[:2])
+    for jr in system.joint_rows:
+        f = -(G[0][jr.rows].T @ lam[0, jr.rows]).reshape(-1, 3)
+        on_b = jr.b.vertex < len(system.origin_rows)
+        r = int(system.vertex_rows[jr.b.vertex if on_b else jr.a.vertex])
+        force, moment = (w[0] if on_b else -w[0] for w in forces[jr.joint.name])
+        b = int(system.vertex_rows[jr.b.vertex])
+        x = y[0, b] + np.array(jr.b.offset) @ y[0, b + 1 : b + 4] if any(jr.b.offset) else y[0, b]
+        assert np.allclose(force, f[r], rtol=0, atol=1e-12)
+        for axis in np.eye(3):  # power of a rotation about the point on B
+            rate = np.cross(axis, y[0, r : r + 4] - np.outer([1, 0, 0, 0], x))
+            framed = system.is_frame[jr.b.vertex if on_b else jr.a.vertex]
+            rows = 4 if framed else 1
+            power = (f[r : r + rows] * rate[:rows]).sum()
+            assert power == pytest.approx(axis @ moment, abs=1e-11)

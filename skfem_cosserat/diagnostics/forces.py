@@ -7,11 +7,10 @@ from typing import Literal
 import numpy as np
 
 from ..constraints import Treatment
-from ..constraints.rowspace import RowSpace
+from ..constraints.rowspace import stacked_multipliers
 from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper
-from ..linear import SingularMatrixError
 from ..model import System
 from ..model.system import JointRows
 from ..model.tension import overstretched
@@ -96,14 +95,7 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     >>> multipliers(model.freeze(), y[None], np.array([[0.0, 0, -20.0]])).tolist()
     [[20.0]]
     """
-    out = np.full((len(y), system.m), np.nan)
-    for k, (row, f) in enumerate(zip(y, force, strict=True)):
-        if system.m and np.isfinite(f).all():
-            try:
-                out[k] = RowSpace(system, row).multipliers(f)
-            except SingularMatrixError:  # dependent rows at this configuration; stays NaN
-                continue
-    return out
+    return stacked_multipliers(system, y, force)
 
 
 def drawn_too_far(system: System, y: Floats, force: Floats) -> str | None:
@@ -208,32 +200,29 @@ def reactions(system: System, y: Floats, lam: Floats) -> dict[str, tuple[Floats,
     >>> (force + 0.0).tolist()
     [[0.0, 0.0, 20.0]]
     """
-    forces = {jr.joint.name or "": np.empty((len(y), 2, 3)) for jr in system.joint_rows}
-    for k, (row, multiplier) in enumerate(zip(y, lam, strict=True)):
-        G = system.constraints.jacobian(row).tocsr()
-        for jr in system.joint_rows:
-            forces[jr.joint.name or ""][k] = _wrench(
-                system, jr, row, -(G[jr.rows].T @ multiplier[jr.rows]).reshape(-1, 3)
-            )
-    return {name: (f[:, 0], f[:, 1]) for name, f in forces.items()}
+    return {jr.joint.name or "": _wrenches(system, jr, y, lam) for jr in system.joint_rows}
 
 
-def _wrench(system: System, jr: JointRows, y: Floats, f: Floats) -> Floats:
-    """Force and moment from the generalised force f (rows, 3) of one joint.
+def _wrenches(system: System, jr: JointRows, y: Floats, lam: Floats) -> tuple[Floats, Floats]:
+    """Forces and moments (N, 3) of one joint.
 
     The balance reads ``... + G^T lambda = 0``, so a joint acts with ``-G^T lambda``; if side B is
     the ground, the reaction of side A, about the same point of B, is turned round.
     """
     on_b = jr.b.vertex < len(system.origin_rows)
     vertex, sign = (jr.b.vertex, 1.0) if on_b else (jr.a.vertex, -1.0)
-    b = int(system.vertex_rows[jr.b.vertex])
-    x = y[b] + sum(X * y[b + i + 1] for i, X in enumerate(jr.b.offset) if X != 0)
-    r = int(system.vertex_rows[vertex])
-    force = f[r]
-    moment = np.cross(y[r] - x, force)
-    if system.is_frame[vertex]:
-        moment += np.cross(y[r + 1 : r + 4], f[r + 1 : r + 4]).sum(0)
-    return sign * np.array([force, moment])
+    b, r = int(system.vertex_rows[jr.b.vertex]), int(system.vertex_rows[vertex])
+    rows = 4 if system.is_frame[vertex] else 1
+    constraints = system.constraints
+    own = (constraints.rows >= jr.rows.start) & (constraints.rows < jr.rows.stop)
+    own &= (constraints.cols >= 3 * r) & (constraints.cols < 3 * (r + rows))
+    which = np.flatnonzero(own)
+    parts = constraints.contributions(which, y) * lam[:, constraints.rows[which]]
+    place = constraints.cols[which] - 3 * r == np.arange(3 * rows)[:, None]
+    f = -sign * (parts @ place.T).reshape(len(y), rows, 3)
+    x = y[:, b] + sum(X * y[:, b + i + 1] for i, X in enumerate(jr.b.offset) if X != 0)
+    arms = np.concatenate([(y[:, r] - x)[:, None], y[:, r + 1 : r + rows]], axis=1)
+    return f[:, 0], np.cross(arms, f).sum(1)
 
 
 def condition_number(

@@ -206,7 +206,7 @@ def hidden_violation(system: System, q: ArrayLike, v: ArrayLike, t: ArrayLike = 
     out = np.empty(len(Q))
     for k, (row, rate, s) in enumerate(zip(Q, V, as_times(t, len(Q)), strict=True)):
         y = system.extend(row, float(s))
-        hidden = system.constraints.jacobian(y) @ rate + ground_part(system, y, float(s))
+        hidden = system.constraints.rate(y, rate) + ground_part(system, y, float(s))
         out[k] = abs(hidden).max(initial=0.0)
     return out[0] if single else out
 
@@ -251,7 +251,7 @@ def momentum_violation(system: System, q: ArrayLike, p: ArrayLike, t: ArrayLike 
     for k, (row, force, s) in enumerate(zip(Q, P, as_times(t, len(Q)), strict=True)):
         y = system.extend(row, float(s))
         rate = inverse(force.reshape(-1, 3)).reshape(-1)
-        hidden = system.constraints.jacobian(y) @ rate + ground_part(system, y, float(s))
+        hidden = system.constraints.rate(y, rate) + ground_part(system, y, float(s))
         out[k] = abs(hidden[kept]).max(initial=0.0)
     return out[0] if single else out
 

@@ -190,6 +190,28 @@ class QuadraticConstraints:
         values = np.concatenate([self._linear_values, scaled.ravel()])
         return values if self._all_inside else values.take(self.inside)
 
+    def contributions(self, which: IndexArray, y: Floats) -> Floats:
+        """Those to G at ``(rows, cols)[which]`` (N, k), for a stack y (N, total, 3)."""
+        plain, count = len(self._linear_values), len(self._pk)
+        out = np.empty((len(y), len(which)))
+        product = which >= plain
+        out[:, ~product] = self._linear_values[which[~product]]
+        each, component = np.divmod(which[product] - plain, 3)
+        factor = np.broadcast_to(self._pc[:, 0], (len(y), count))
+        if len(self._driven):
+            factor = factor.copy()
+            factor[:, self._driven] *= y[:, self._drive_row, self._drive_component]
+        out[:, product] = factor[:, each % count] * y[:, self._other[each], component]
+        return out
+
+    def rate(self, y: Array, v: Array) -> Array:
+        """``G(y) v`` (m,)."""
+        return sum_at(self.G_rows, self.jacobian_values(y) * v.take(self.G_cols), self.size)
+
+    def jacobians(self, y: Floats) -> csc_matrix:
+        """``G`` of a stack y (N, total, 3), one behind the other on the diagonal (N m, N n)."""
+        return self._pattern.diagonal(self.contributions(self.inside, y))
+
     def jacobian(self, y: Array) -> csc_matrix:
         """``G(y)`` (m, n) by the free coordinates."""
         return self._pattern.matrix(self.jacobian_values(y))
