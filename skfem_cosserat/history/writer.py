@@ -15,6 +15,9 @@ from .container import History
 from .data import check_basic, numbers, plain
 from .file import FileWriter, load_file
 
+#: types of single numbers in rows as they are
+_PLAIN = {float: np.dtype(np.float64), int: np.dtype(np.int64)}
+
 
 class HistoryWriter:
     """Record states one after the other.
@@ -104,17 +107,18 @@ class HistoryWriter:
             Naming the entry that does not fit the first row, or if the writer is closed.
         """
         self._check_open()
-        values = {name: numbers(value, f"row entry {name!r}") for name, value in row.items()}
-        if not self._rows:
-            self._allocate(values)
-        if values.keys() != self._buffer.keys():
-            odd = sorted(values.keys() ^ self._buffer.keys())
-            raise InputError(
-                f"row entry {odd[0]!r}",
-                f"{'is new' if odd[0] in values else 'is missing'}; all rows have the same entries",
-            )
-        for name, value in values.items():
-            self._check(name, value)
+        values = row
+        if not self._fit(row) or row.keys() != self._buffer.keys():
+            values = {name: numbers(value, f"row entry {name!r}") for name, value in row.items()}
+            if not self._rows:
+                self._allocate(values)
+            if values.keys() != self._buffer.keys():
+                odd = sorted(values.keys() ^ self._buffer.keys())
+                found = "is new" if odd[0] in values else "is missing"
+                text = f"{found}; all rows have the same entries"
+                raise InputError(f"row entry {odd[0]!r}", text)
+            for name, value in values.items():
+                self._check(name, value)
         if self._fill == self._block:
             self._flush()
         for name, value in values.items():
@@ -139,11 +143,13 @@ class HistoryWriter:
         self._check_open()
         if not self._rows:
             raise InputError("history writer", "there is no row to amend yet")
-        values = {name: numbers(value, f"row entry {name!r}") for name, value in fields.items()}
-        for name, value in values.items():
-            if name not in self._buffer:
-                raise InputError(f"row entry {name!r}", "is not in the row that is to be amended")
-            self._check(name, value)
+        values = fields
+        if not self._fit(fields):
+            values = {name: numbers(value, f"row entry {name!r}") for name, value in fields.items()}
+            for name, value in values.items():
+                if name not in self._buffer:
+                    raise InputError(f"row entry {name!r}", "is not in the row to be amended")
+                self._check(name, value)
         for name, value in values.items():
             self._buffer[name][self._fill - 1] = value
 
@@ -220,6 +226,20 @@ class HistoryWriter:
     def _check_open(self) -> None:
         if self._closed:
             raise InputError("history writer", "is closed already")
+
+    def _fit(self, row: Mapping[str, Any]) -> bool:
+        """Whether all entries are plainly as in the first row: what else may do takes longer."""
+        for name, value in row.items():
+            model, kind = self._buffer.get(name), type(value)
+            if model is None:
+                return False
+            if kind is np.ndarray:
+                fits = value.dtype is model.dtype and value.shape == model.shape[1:]
+            else:
+                fits = model.ndim == 1 and _PLAIN.get(kind) is model.dtype
+            if not fits:
+                return False
+        return True
 
     def _check(self, name: str, value: Array) -> None:
         model = self._buffer[name]
