@@ -46,8 +46,15 @@ class TimeFunction(Protocol):
         """Mean over [t0, t1]."""
 
 
+def settled(time: TimeFunction) -> float:
+    """Time (s) from which a function is known not to change; infinite if that is not known."""
+    return float(getattr(time, "settled", np.inf))
+
+
 class Constant:
     """A number that does not change."""
+
+    settled = -np.inf
 
     def __init__(self, number: float) -> None:
         self.number = float(number)
@@ -96,6 +103,7 @@ class Table:
         # plain numbers: most steps ask for two values between two kinks
         self._kinks: list[float] = self.times.tolist()
         self._ends = float(self.values[0]), float(self.values[-1])
+        self.settled = float(self.times[-1])
         slopes = np.diff(self.values) / np.diff(self.times)
         self._lines = list(zip(self.values[:-1].tolist(), slopes.tolist(), strict=True))
 

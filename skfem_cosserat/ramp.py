@@ -31,6 +31,7 @@ class _Ramp(ABC):
             raise InputError("ramp", f"end = {end!r} s, expected it after begin = {begin!r} s")
         self.begin, self.end = float(begin), float(end)
         self.first, self.last = float(first), float(last)
+        self.settled = self.end
 
     def __repr__(self) -> str:
         numbers = f"{self.begin:g}, {self.end:g}, first={self.first:g}, last={self.last:g}"

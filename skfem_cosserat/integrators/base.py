@@ -83,8 +83,7 @@ class State:
         return f"State(time={self.time!r}, index={self.index}, n={n}, fresh={self.fresh})"
 
 
-@dataclass(frozen=True)
-class StepWork:
+class StepWork(NamedTuple):
     """Work done in a step (J): by what enters the energy balance beside kinetic and stored energy.
 
     Attributes

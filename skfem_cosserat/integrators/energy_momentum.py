@@ -220,7 +220,7 @@ class EnergyMomentum(Integrator):
         done = super().work(system, step, evaluation, y1)
         if not evaluation.lost:
             return done
-        return replace(done, dissipated=done.dissipated + evaluation.lost)
+        return done._replace(dissipated=done.dissipated + evaluation.lost)
 
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """``M v_{n+1} = 2 M dq/h - M v_n``."""

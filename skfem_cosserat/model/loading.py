@@ -12,7 +12,16 @@ from scipy.sparse import csr_matrix
 
 from ..errors import InputError
 from ..kernels import cross, skew
-from ..load import Constant, Load, LoadForce, LoadGravity, LoadLine, LoadMoment, TimeFunction
+from ..load import (
+    Constant,
+    Load,
+    LoadForce,
+    LoadGravity,
+    LoadLine,
+    LoadMoment,
+    TimeFunction,
+    settled,
+)
 from ..types import Array, Floats, IndexArray
 from .groups import BeamGroup, Group
 
@@ -110,6 +119,8 @@ class Loading:
                     self._dead_times.append(channel)
         self.dead = np.array(dead).reshape(len(dead), rows, 3)
         self.constant = all(isinstance(t, Constant) for t in self.times)
+        #: time (s) from which no channel changes
+        self.settled = max(map(settled, self.times), default=-np.inf)
         self.dead_only = not self._followers and not moments
         #: what looks at the factors of all channels at a time (s): whether they leave a plane
         self.guard: Callable[[Floats, float], None] | None = None
@@ -209,9 +220,11 @@ class Loading:
     # -- evaluation ------------------------------------------------------------------------------
 
     def averages(self, t0: float, t1: float) -> Floats:
-        """Exact means of all channels over a step; what is constant is computed once."""
+        """Exact means of all channels over a step; computed once where nothing changes."""
         if self.constant:
             return self._numbers
+        if min(t0, t1) >= self.settled:  # a pulse that is over: the same array each time
+            return self._last
         return self.checked(self._each(lambda time: time.average(t0, t1)), t1)
 
     def values(self, t: float) -> Floats:
@@ -244,6 +257,12 @@ class Loading:
         out = self.checked(self._each(lambda time: time.value(0.0)), 0.0)
         out.setflags(write=False)
         return out
+
+    @cached_property
+    def _last(self) -> Floats:
+        """All channels from where they are settled on."""
+        t = self.settled
+        return self.checked(self._each(lambda time: time.value(t)), t)
 
     @cached_property
     def _constant_force(self) -> Floats:
