@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from typing import Any
 
 # before numpy is loaded: threads of BLAS only slow down the many small products
@@ -13,21 +14,33 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import pytest
 
+from skfem_cosserat.integrators import choice
+
+WORTHWHILE = choice.WORTHWHILE
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--kernels",
         choices=("auto", "numba"),
         default="auto",
-        help="numba: compiled kernels in all tests wherever there are some",
+        help="numba: compiled kernels wherever there are some, but in tests of the plain ones",
     )
 
 
 def pytest_configure(config: pytest.Config) -> None:
     if config.getoption("--kernels") == "numba":
-        from skfem_cosserat.integrators import choice
-
         choice.WORTHWHILE = 0.0
+
+
+@pytest.fixture(autouse=True)
+def _plain(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Tests of plain kernels: of which kernels are chosen, of iterations, of the last digits."""
+    asked = choice.WORTHWHILE
+    if request.node.get_closest_marker("plain"):
+        choice.WORTHWHILE = WORTHWHILE
+    yield
+    choice.WORTHWHILE = asked
 
 
 SHOT = """

@@ -214,6 +214,7 @@ def test_steady_precession_at_another_tilt(case, theta):
     assert found["psi"] == pytest.approx(w * np.array(found["t"]), abs=1e-11)
 
 
+@pytest.mark.plain
 def test_free_body_returns_after_its_period():
     """Elliptic functions; first integrals in the body."""
     data = {"I": (1.0, 1.7, 2.5), "Omega0": (0.4, -1.1, 0.9)}

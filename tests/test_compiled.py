@@ -425,6 +425,7 @@ def test_the_iteration_matrix_is_that_of_the_plain_kernels(integrator, treatment
 # -- which kernels ---------------------------------------------------------------------------------
 
 
+@pytest.mark.plain
 def test_short_runs_take_numpy():
     system = tree(1)
     run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05, derive=False)
@@ -478,6 +479,7 @@ def test_versions_of_numba_are_those_of_the_package():
     assert f'"numba>={first},<{last};' in text
 
 
+@pytest.mark.plain
 def test_without_numba(monkeypatch, caplog):
     monkeypatch.setattr(choice, "find_spec", lambda name: None)
     system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())

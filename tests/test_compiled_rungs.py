@@ -179,6 +179,7 @@ def test_rows_that_kernels_tell_are_those_of_the_closed_loops(planar):
         )
 
 
+@pytest.mark.plain
 def test_automatic_choice_knows_that_plain_kernels_are_slow():
     """With lines eliminated: fewer steps are enough for compiled kernels to pay."""
     names = {}

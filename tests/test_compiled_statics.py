@@ -291,6 +291,7 @@ def test_pivots_against_eigenvalues(turned):
 # -- which kernels ---------------------------------------------------------------------------------
 
 
+@pytest.mark.plain
 def test_short_studies_take_numpy():
     path = sc.static(scenes.bend(4, 1).system, derive=False)
     assert path.meta["kernels"] == "numpy"

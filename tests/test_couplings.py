@@ -443,6 +443,7 @@ def thrown(cable=True, damping=0.3):
     return model.freeze()
 
 
+@pytest.mark.plain
 @integrators
 def test_slack_cable_is_not_there(integrator):
     history = simulate(thrown(), integrator, 0.005, 4.0)

@@ -436,6 +436,7 @@ def test_drag_on_a_free_body(integrator):
     assert np.log2(deviations[0] / deviations[1]) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.plain
 @integrators
 def test_drag_on_some_items_only(integrator):
     model = sc.Model()
@@ -502,6 +503,7 @@ def damped_crossing(integrator, treatment, order, step=0.01, damped=True):
     return run(crossing(order, damped), integrator, step, 0.4, treatment)
 
 
+@pytest.mark.plain
 @pytest.mark.parametrize("order", [1, 3])
 @integrators
 def test_both_treatments_give_the_same_motion(integrator, order):
@@ -511,6 +513,7 @@ def test_both_treatments_give_the_same_motion(integrator, order):
     assert one["newton_iterations"].max() <= 6
 
 
+@pytest.mark.plain
 @integrators
 def test_few_iterations_with_strong_viscosity(integrator):
     """Stiff and bent far in each step: large increments predict the viscous stresses, too."""

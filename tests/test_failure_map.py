@@ -360,6 +360,7 @@ def plain_run(mixed: float) -> sc.History:
     return sc.simulate(swing.build("stiff"), *arguments, derive=False, settings=settings)
 
 
+@pytest.mark.plain
 def test_mixed_iteration_solves_steps_that_newton_alone_cannot():
     """And takes half the iterations where both succeed."""
     mixed = plain_run(1e-3)

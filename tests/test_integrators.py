@@ -492,6 +492,7 @@ def test_parts_that_do_not_turn_leave_the_others_alone():
     assert runs[0]["q"] == pytest.approx(runs[1]["q"], abs=1e-11)
 
 
+@pytest.mark.plain
 def test_a_residual_that_does_not_vanish_is_no_solution(monkeypatch):
     """A balance with jumps: it converges by its increments, but asks for more of them."""
     model = sc.Model()

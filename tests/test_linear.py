@@ -259,6 +259,7 @@ def test_forced_in_runs(name, treatment):
         break
 
 
+@pytest.mark.plain
 def test_forced_on_paths():
     system = lattice(3)
     found = [

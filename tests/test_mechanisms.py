@@ -85,6 +85,7 @@ def test_driven_slider_crank_follows_its_closed_form(integrator, treatment):
     assert history["joint/shaft/angle"][-1] > np.pi  # past both dead centres of the slider
 
 
+@pytest.mark.plain
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_drive_between_free_bodies_keeps_their_momenta(integrator):
     model = sc.Model()

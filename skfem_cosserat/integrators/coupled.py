@@ -46,6 +46,7 @@ class Coupled:
             averages = self._couplings.averages(state.time, state.time + self._h)
             self._columns[self._driven, AMPLITUDE] = averages[:-1]
         if self._angles:
+            self._couplings.check_turns(state.turns)
             self._columns[self._angles, TURNS] = 0 if state.turns is None else state.turns
 
     def turns(self) -> IndexArray | None:

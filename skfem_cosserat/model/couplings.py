@@ -466,13 +466,17 @@ class Couplings:
             ]
         return out
 
-    def _values(self, y: Floats, turns: IndexArray | None) -> list[tuple[Floats, Floats]]:
-        """(pi, xi) of each group."""
-        out, first = [], 0
+    def check_turns(self, turns: IndexArray | None) -> None:
+        """Raises InputError if there are not as many as angles."""
         if turns is not None and np.shape(turns)[-1:] != (len(self.angles),):
             raise InputError(
                 "turns of angles", f"shape {np.shape(turns)}, expected (..., {len(self.angles)})"
             )
+
+    def _values(self, y: Floats, turns: IndexArray | None) -> list[tuple[Floats, Floats]]:
+        """(pi, xi) of each group."""
+        out, first = [], 0
+        self.check_turns(turns)
         for g in self._groups:
             pi = g.invariants.values(y)
             xi = g.kind.value(pi)
