@@ -268,6 +268,7 @@ def expected():
     return out
 
 
+@pytest.mark.plain
 def test_outcomes_in_order_and_a_failure_apart(executor, expected):
     told = []
     outcomes = sc.run_all(batch(), executor, progress=lambda *args: told.append(args))
@@ -291,6 +292,7 @@ def test_outcomes_in_order_and_a_failure_apart(executor, expected):
     assert sorted(outcome.name for _, _, outcome in told) == [f"run {k}" for k in range(5)]
 
 
+@pytest.mark.plain
 def test_other_verbs_are_jobs_too(processes):
     model = pendulum_rod()
     pull = sc.DisplacementControl(tip(model), (0, 1, 0), 0.1)
@@ -543,6 +545,7 @@ def test_a_local_function_and_an_object_that_cannot_travel():
     assert sc.run_all([sc.Job("a", local)])[0].value == 1
 
 
+@pytest.mark.plain
 def test_ready_objects_and_module_functions_travel(processes):
     """A table, and a function at the top level of a module, also with parameters."""
     for amplitude in (sc.Table([0, 1], [0, 2]), waving, partial(pow, 2.0)):

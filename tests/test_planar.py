@@ -49,6 +49,7 @@ def difference(a: sc.History, b: sc.History, name: str = "q") -> float:
 # -- motion ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.plain
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 @pytest.mark.parametrize("integrator", INTEGRATORS, ids=str)
 def test_swing_moves_as_in_space(integrator: Any, treatment: Any):

@@ -233,6 +233,7 @@ def test_csv(kinds, tmp_path):
     assert not any(line.startswith("# kernels") for line in head)  # the rows say which ran
 
 
+@pytest.mark.plain
 @pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.Variational()], ids=repr)
 def test_kernels_that_ran_are_told(scheme, tmp_path):
     """A column in both kinds of tables, as the history has it; of failed runs, too."""

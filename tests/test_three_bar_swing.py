@@ -151,6 +151,7 @@ def test_physical_section_the_variational_scheme_fails_and_says_so():
     assert other["diverged_at"] is None and len(other["times"]) == 501
 
 
+@pytest.mark.plain
 def test_contract():
     result = swing.main("energy-momentum", "multipliers", 1e-2, 0.3)
     N = 31
