@@ -160,6 +160,7 @@ def march(
         Of :class:`skfem_cosserat.Stepper`.
     """
     watch, place = Watch(system, integrator.name == "energy-momentum", step), mass_place(system)
+    options = {"steps": count, **options}  # long runs are worth compiling for
     stepper = sc.Stepper(system, integrator, sc.NullSpace(), step, SETTINGS, **options)
     path: list[Floats] = []
     took: list[tuple[int, int, float]] = []
