@@ -10,6 +10,7 @@ import numpy as np
 
 from ..constraints import Treatment
 from ..integrators import Integrator
+from ..types import Floats
 from .event import PATIENCE, Event, Trial
 from .pilot import Pilot, look
 from .predict import HOPELESS, SIZES, Predictor
@@ -24,8 +25,12 @@ ORDERS = (1, 2, 3)
 MORE = {1: (3, 6, 12), 2: (1, 2, 4)}
 #: predicted errors may be this part of the tolerance for a first try
 SAFETY = 0.8
-#: costs that are closer than this factor are taken again
-CLOSE = 1.6
+#: costs that are closer than this factor are taken again: so much a busy machine may change them
+CLOSE = 2.0
+#: costs of runs that took turns are told apart by this factor at once
+CLEAR = 1.4
+#: so many are run in turn at last
+FINALISTS = 4
 #: of costs that are closer than this factor, more than clocks can tell, the simpler beams' counts
 ALIKE = 1.15
 #: candidates that are tried before the search goes on from what is known
@@ -103,6 +108,7 @@ class Search:
         self._swaps()
         self._step_down()
         self._collect()
+        self._finals()
         self._confirm()
 
     # -- what each axis does by itself -------------------------------------------------------------
@@ -139,7 +145,7 @@ class Search:
                 break
             self.fine, self.steps = coarser, self.steps // 2
         if self.fine.ok and self.event.budget.allows(2 * self.fine.cost_s):
-            self.fine.cost_s = min(self.fine.cost_s, self.event.again(self.fine))
+            self.event.again(self.fine)
             assert self.event.history is not None
             self.pilot = look(self.event.built(self.fine.proposal)[0], self.event.history)
 
@@ -238,20 +244,45 @@ class Search:
         return own
 
     def _cheaper(self, own: Candidate, best: Candidate) -> bool:
-        """Whether it costs less, both taken again if they are close: clocks are noisy."""
-        for _ in range(2):
-            ratio = own.trial.cost_s / best.trial.cost_s
-            if not 1 / CLOSE < ratio < CLOSE or not self._affordable(own.trial.proposal):
+        """Whether it costs less; if they are close, in runs that take turns."""
+        costs = np.array([own.trial.cost_s, best.trial.cost_s])
+        if own.trial.pace is not best.trial.pace and 1 / CLOSE < costs[0] / costs[1] < CLOSE:
+            costs = self._in_turn([own, best], 2)
+        return bool(costs[0] < _alike(own, best) * costs[1])
+
+    def _in_turn(self, candidates: Sequence[Candidate], rounds: int) -> Floats:
+        """Least costs (s) of a few in rounds of all of them: what slows one slows all.
+
+        Rounds end early when costs are apart by more than clocks err, and without budget.
+        """
+        costs = np.array([each.trial.cost_s for each in candidates])
+        for k in range(rounds):
+            if not all(self._affordable(each.trial.proposal) for each in candidates):
                 break
-            for each in (own, best):
-                again = self.event.again(each.trial)
-                each.trial.cost_s = min(each.trial.cost_s, again)
-        alike = 1.0
-        if _simpler_beams(own.trial.proposal, best.trial.proposal):
-            alike = ALIKE
-        elif _simpler_beams(best.trial.proposal, own.trial.proposal):
-            alike = 1 / ALIKE
-        return own.trial.cost_s < alike * best.trial.cost_s
+            again = np.array([self.event.again(each.trial) for each in candidates])
+            costs = again if k == 0 else np.minimum(costs, again)
+            if costs.max() > CLEAR * costs.min():
+                break
+        return costs
+
+    def _finals(self) -> None:
+        """The best once more, in turn with the cheapest of other scenes and methods.
+
+        All the others were compared with whatever was the best then.
+        """
+        if self.best is None:
+            return
+        least: dict[int, Candidate] = {id(self.best.trial.pace): self.best}
+        for each in sorted(filter(self._good, self.candidates), key=_cost):
+            if each.trial.cost_s < CLOSE * self.best.trial.cost_s:
+                least.setdefault(id(each.trial.pace), each)
+        last = list(least.values())[:FINALISTS]
+        costs = self._in_turn(last, 3)
+        k = int(costs.argmin())
+        for i, each in enumerate(last):
+            if costs[i] < _alike(each, last[k]) * costs[k]:
+                k = i
+        self.best = last[k]
 
     def _good(self, own: Candidate) -> bool:
         """Within the tolerance, whatever the error of the reference, and coarser than that."""
@@ -385,7 +416,8 @@ class Search:
             )
             own = self.predictor.cost(here.trial.proposal)
             for cost, each in ranked:
-                if each.key in tried or cost > 0.97 * own:
+                simpler = _simpler_beams(each, here.trial.proposal)
+                if each.key in tried or cost > (ALIKE if simpler else 0.97) * own:
                     continue
                 tried.add(each.key)
                 if not self._affordable(each):
@@ -415,7 +447,7 @@ class Search:
             self.notes.append(f"not robust, with half the step it fails: {own}")
             self.fragile.add(own.key)
             good = [each for each in self.candidates if self._good(each)]
-            self.best = min(good, key=lambda each: each.trial.cost_s, default=None)
+            self.best = min(good, key=_cost, default=None)
 
     def _neighbours(self, own: Proposal) -> Iterator[Proposal]:
         """One thing coarser or simpler, or one coarser and another one finer."""
@@ -442,6 +474,17 @@ class Search:
             for other in RUNGS[: RUNGS.index(rung)]:
                 if self.predictor.rung.get((name, str(other)), np.inf) <= HOPELESS:
                     yield replace(own, rung=dict(own.rung) | {name: other})
+
+
+def _cost(candidate: Candidate) -> float:
+    return candidate.trial.cost_s
+
+
+def _alike(own: Candidate, other: Candidate) -> float:
+    """The factor of the other one's cost that an own one must stay below to be preferred."""
+    if _simpler_beams(own.trial.proposal, other.trial.proposal):
+        return ALIKE
+    return 1 / ALIKE if _simpler_beams(other.trial.proposal, own.trial.proposal) else 1.0
 
 
 def _simpler_beams(a: Proposal, b: Proposal) -> bool:
