@@ -14,10 +14,11 @@ from ..integrators import EnergyMomentum, Integrator, Variational
 from ..model import Model
 from ..types import positive
 from .advice import Advice, explained
+from .candidate import Candidate
 from .event import NUDGE, PATIENCE, Budget, Event, Start, check_start
 from .quantities import Quantities, Quantity
 from .reference import ORDER, Reference, find_reference
-from .search import Candidate, Search
+from .search import Search
 
 __all__ = ["advise"]
 

@@ -11,6 +11,7 @@ import numpy as np
 from ..constraints import Treatment
 from ..integrators import Integrator
 from ..types import Floats
+from .candidate import ALIKE, Candidate, alike, cost_of, simpler_beams
 from .event import PATIENCE, Event, Trial
 from .pilot import Pilot, look
 from .predict import HOPELESS, SIZES, Predictor
@@ -18,7 +19,7 @@ from .proposal import Proposal
 from .reference import ORDER, Reference
 from .rungs import RUNGS, BeamModel
 
-__all__ = ["Candidate", "Search"]
+__all__ = ["Search"]
 
 ORDERS = (1, 2, 3)
 #: elements of lower orders for one of the highest
@@ -31,8 +32,6 @@ CLOSE = 2.0
 CLEAR = 1.4
 #: so many are run in turn at last
 FINALISTS = 4
-#: of costs that are closer than this factor, more than clocks can tell, the simpler beams' counts
-ALIKE = 1.15
 #: candidates that are tried before the search goes on from what is known
 TRIES = 8
 #: a beam that bends by more (rad) is not tried as a rigid one
@@ -41,26 +40,6 @@ RIGID = 0.2
 HELD = 0.05
 #: a beam with a larger part of its strain energy in torsion is not tried without
 TWISTED = 0.02
-
-
-@dataclass
-class Candidate:
-    """A proposal with what was predicted and what came out.
-
-    Attributes
-    ----------
-    trial : Trial
-    error : float
-        Difference from the reference, in tolerances; infinite if it failed.
-    predicted_error : float
-        In tolerances; not a number if nothing was predicted.
-    predicted_cost_s : float
-    """
-
-    trial: Trial
-    error: float
-    predicted_error: float = np.nan
-    predicted_cost_s: float = np.nan
 
 
 @dataclass
@@ -248,7 +227,7 @@ class Search:
         costs = np.array([own.trial.cost_s, best.trial.cost_s])
         if own.trial.pace is not best.trial.pace and 1 / CLOSE < costs[0] / costs[1] < CLOSE:
             costs = self._in_turn([own, best], 2)
-        return bool(costs[0] < _alike(own, best) * costs[1])
+        return bool(costs[0] < alike(own, best) * costs[1])
 
     def _in_turn(self, candidates: Sequence[Candidate], rounds: int) -> Floats:
         """Least costs (s) of a few in rounds of all of them: what slows one slows all.
@@ -273,14 +252,14 @@ class Search:
         if self.best is None:
             return
         least: dict[int, Candidate] = {id(self.best.trial.pace): self.best}
-        for each in sorted(filter(self._good, self.candidates), key=_cost):
+        for each in sorted(filter(self._good, self.candidates), key=cost_of):
             if each.trial.cost_s < CLOSE * self.best.trial.cost_s:
                 least.setdefault(id(each.trial.pace), each)
         last = list(least.values())[:FINALISTS]
         costs = self._in_turn(last, 3)
         k = int(costs.argmin())
         for i, each in enumerate(last):
-            if costs[i] < _alike(each, last[k]) * costs[k]:
+            if costs[i] < alike(each, last[k]) * costs[k]:
                 k = i
         self.best = last[k]
 
@@ -375,25 +354,36 @@ class Search:
                 self.predictor.scale *= 2.0
 
     def _swaps(self) -> None:
-        """Other integrators and treatments in the best one's place."""
+        """Other integrators and treatments in the best one's place, and in a simpler one's.
+
+        Simpler beams may win with another treatment: rigid bodies in a loop leave few unknowns to
+        the null space, which takes long to find.
+        """
         if self.best is None:
             return
-        start = self.best
-        plain = start.trial.proposal
-        for integrator in self.integrators:
-            self._swap(start, replace(plain, integrator=integrator))
-        if plain.planar is not None:  # small scenes may be as fast in space
-            self._swap(self.best, replace(self.best.trial.proposal, planar=None))
-        plain = self.best.trial.proposal
-        for treatment in self.treatments:
-            self._swap(self.best, replace(plain, treatment=treatment))
+        self._swaps_of(self.best)
+        best = self.best
+        for each in sorted(filter(self._good, self.candidates), key=cost_of):
+            near = each.trial.cost_s < CLOSE * best.trial.cost_s
+            if near and simpler_beams(each.trial.proposal, best.trial.proposal):
+                self._swaps_of(each)
+                return
 
-    def _swap(self, start: Candidate, proposal: Proposal) -> None:
+    def _swaps_of(self, here: Candidate) -> None:
+        for integrator in self.integrators:
+            here = self._swap(here, replace(here.trial.proposal, integrator=integrator))
+        if here.trial.proposal.planar is not None:  # small scenes may be as fast in space
+            here = self._swap(here, replace(here.trial.proposal, planar=None))
+        for treatment in self.treatments:
+            here = self._swap(here, replace(here.trial.proposal, treatment=treatment))
+
+    def _swap(self, start: Candidate, proposal: Proposal) -> Candidate:
+        """The better one of a candidate and of a proposal that is run now."""
         if proposal.key == start.trial.proposal.key or not self._affordable(proposal):
-            return
+            return start
         own = self.try_it(proposal)
         if not own.trial.ok:
-            return
+            return start
         cost = own.trial.cost_s / start.trial.cost_s
         before = start.trial.proposal
         if proposal.integrator is not before.integrator:
@@ -401,6 +391,7 @@ class Search:
             self.predictor.integrators[repr(proposal.integrator)] = (error, cost)
         elif proposal.treatment is not before.treatment:
             self.predictor.treatments[repr(proposal.treatment)] = cost
+        return own if own is self.best or (self._good(own) and cost < 1.0) else start
 
     # -- down --------------------------------------------------------------------------------------
 
@@ -416,7 +407,7 @@ class Search:
             )
             own = self.predictor.cost(here.trial.proposal)
             for cost, each in ranked:
-                simpler = _simpler_beams(each, here.trial.proposal)
+                simpler = simpler_beams(each, here.trial.proposal)
                 if each.key in tried or cost > (ALIKE if simpler else 0.97) * own:
                     continue
                 tried.add(each.key)
@@ -447,7 +438,7 @@ class Search:
             self.notes.append(f"not robust, with half the step it fails: {own}")
             self.fragile.add(own.key)
             good = [each for each in self.candidates if self._good(each)]
-            self.best = min(good, key=_cost, default=None)
+            self.best = min(good, key=cost_of, default=None)
 
     def _neighbours(self, own: Proposal) -> Iterator[Proposal]:
         """One thing coarser or simpler, or one coarser and another one finer."""
@@ -474,23 +465,6 @@ class Search:
             for other in RUNGS[: RUNGS.index(rung)]:
                 if self.predictor.rung.get((name, str(other)), np.inf) <= HOPELESS:
                     yield replace(own, rung=dict(own.rung) | {name: other})
-
-
-def _cost(candidate: Candidate) -> float:
-    return candidate.trial.cost_s
-
-
-def _alike(own: Candidate, other: Candidate) -> float:
-    """The factor of the other one's cost that an own one must stay below to be preferred."""
-    if _simpler_beams(own.trial.proposal, other.trial.proposal):
-        return ALIKE
-    return 1 / ALIKE if _simpler_beams(other.trial.proposal, own.trial.proposal) else 1.0
-
-
-def _simpler_beams(a: Proposal, b: Proposal) -> bool:
-    """Whether a beam of the first is simpler than in the second, and none is less simple."""
-    places = [(RUNGS.index(a.rung[name]), RUNGS.index(b.rung[name])) for name in a.rung]
-    return a.rung != b.rung and all(i <= j for i, j in places)
 
 
 def _halved(proposal: Proposal) -> Proposal:
