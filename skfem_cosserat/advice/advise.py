@@ -48,6 +48,10 @@ def advise(
     cheapest sum of their errors below the tolerance is run; from there the search goes to cheaper
     neighbours as long as they are good. The model itself never changes.
 
+    Whatever else the machine does changes times, not iterations: costs are those times the least
+    that one has taken with that scene and method, and close ones are compared in runs that take
+    turns.
+
     Parameters
     ----------
     model : Model
