@@ -440,13 +440,24 @@ class Search:
             good = [each for each in self.candidates if self._good(each)]
             self.best = min(good, key=cost_of, default=None)
 
+    def _richer(self, own: Proposal, order: int, per: Mapping[str, int]) -> Proposal:
+        """With more nodes than `per` elements a piece have, perhaps of another order."""
+        more = {
+            name: min([s for s in SIZES if s * order > k * own.order], default=SIZES[-1])
+            for name, k in per.items()
+        }
+        return replace(own, order=order, elements=self.elements(more))
+
     def _neighbours(self, own: Proposal) -> Iterator[Proposal]:
         """One thing coarser or simpler, or one coarser and another one finer."""
-        if own.steps % 2 == 0 and own.steps // 2 >= self.event.base // 4:
-            for integrator in self.integrators:
-                yield replace(own, steps=own.steps // 2, step=2 * own.step, integrator=integrator)
         per = {name: own.elements[name] // p for name, p in self.event.pieces.items()}
         meshed = [name for name, rung in own.rung.items() if rung.meshed]
+        if own.steps % 2 == 0 and own.steps // 2 >= self.event.base // 4:
+            longer = replace(own, steps=own.steps // 2, step=2 * own.step)
+            richer = (self._richer(longer, order, per) for order in ORDERS if meshed)
+            for each in (longer, *richer):
+                for integrator in self.integrators:
+                    yield replace(each, integrator=integrator)
         for names in [meshed, *([name] for name in meshed if len(meshed) > 1)]:
             fewer = {
                 name: max([s for s in SIZES if s < k], default=1) if name in names else k
