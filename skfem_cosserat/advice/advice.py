@@ -39,7 +39,8 @@ class Advice:
     reference_error : float, or dict of str to float
         Estimated error of the reference itself.
     predicted_cost_s, true_cost_s : float
-        Processor time of the whole event (s).
+        Processor time of the whole event (s); the true one is the least that its first step and
+        an iteration have taken in all runs of that scene with that method.
     confident : bool
         Whether true error and that of the reference together are within the tolerance, and
         nothing speaks against both.

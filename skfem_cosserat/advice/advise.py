@@ -14,10 +14,11 @@ from ..integrators import EnergyMomentum, Integrator, Variational
 from ..model import Model
 from ..types import positive
 from .advice import Advice, explained
+from .candidate import Candidate
 from .event import NUDGE, PATIENCE, Budget, Event, Start, check_start
 from .quantities import Quantities, Quantity
 from .reference import ORDER, Reference, find_reference
-from .search import Candidate, Search
+from .search import Search
 
 __all__ = ["advise"]
 
@@ -46,6 +47,10 @@ def advise(
     orders and simpler models of each beam are then compared with each other at one step, and the
     cheapest sum of their errors below the tolerance is run; from there the search goes to cheaper
     neighbours as long as they are good. The model itself never changes.
+
+    Whatever else the machine does changes times, not iterations: costs are those times the least
+    that one has taken with that scene and method, and close ones are compared in runs that take
+    turns.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from ..diagnostics import momentum
 from ..errors import CosseratError, Diverged, InputError
 from ..frames import Place
 from ..history import History
-from ..integrators import EnergyMomentum, Integrator, State, StepReport
+from ..integrators import EnergyMomentum, Integrator, State
 from ..log import logger
 from ..mesh import divided
 from ..model import Model, System, planarity
@@ -28,6 +28,7 @@ from ..simulate.sensors import checked_sensors
 from ..twin import Twins
 from ..types import Floats, positive
 from .duration import duration
+from .pace import Pace, Watch
 from .proposal import Proposal
 from .quantities import Quantities, Reading
 from .rungs import BeamFull, BeamModel
@@ -54,8 +55,12 @@ class Trial:
     reason : str
         Why it is not "ok".
     readings : dict of str to Reading
-    cost_s : float
+    spent_s : float
         Processor time of the run (s), without what only looks at it.
+    pace : Pace or None
+        Of this and all other runs of its scene with its method; None: it did not reach the end.
+    later : int
+        Newton iterations after the first step.
     unknowns : int
         Solved for in each iteration.
     iterations : float
@@ -68,7 +73,9 @@ class Trial:
     status: str = "ok"
     reason: str = ""
     readings: dict[str, Reading] = field(default_factory=dict, repr=False)
-    cost_s: float = np.nan
+    spent_s: float = np.nan
+    pace: Pace | None = None
+    later: int = 0
     unknowns: int = 0
     iterations: float = np.nan
     warnings: list[str] = field(default_factory=list, repr=False)
@@ -77,6 +84,11 @@ class Trial:
     def ok(self) -> bool:
         """Whether it reached the end of the event."""
         return self.status == "ok"
+
+    @property
+    def cost_s(self) -> float:
+        """Processor time of such a run (s): what it took, or less where others were faster."""
+        return self.spent_s if self.pace is None else self.pace.cost(self.later)
 
 
 class Budget:
@@ -158,6 +170,7 @@ class Event:
         self.trials: dict[tuple[Hashable, int | None], Trial] = {}
         self.history: History | None = None
         self._compiled: set[Hashable] = set()
+        self._paces: dict[Hashable, Pace] = {}
         self._kept: dict[Hashable, tuple[System, dict[str, Any]]] = {}
 
     def _plane(self) -> Planar | None:
@@ -234,9 +247,9 @@ class Event:
         return [trial for (_, seed), trial in self.trials.items() if seed is None]
 
     def again(self, trial: Trial) -> float:
-        """Cost (s) of a trial that is run once more."""
+        """What a trial that is run once more takes (s); its pace is that of the faster one."""
         other = self._run(trial.proposal, PATIENCE * trial.cost_s, None)
-        return other.cost_s if other.ok else trial.cost_s
+        return other.spent_s if other.ok else trial.cost_s
 
     def _run(self, proposal: Proposal, limit: float, seed: int | None) -> Trial:
         trial = Trial(proposal)
@@ -246,18 +259,22 @@ class Event:
                 trial.unknowns = system.unknowns
                 start = self.begin(system, None if seed is None else (NUDGE, seed))
                 run = system, start, proposal, sensors, limit
-                history, trial.cost_s = self._simulate(*run)
+                history, watch = self._simulate(*run)
                 if history.meta["kernels"] == "numba" and proposal.kind not in self._compiled:
                     self._compiled.add(proposal.kind)  # takes longer than a run, but once only
-                    history, trial.cost_s = self._simulate(*run)
-                trial.iterations = float(np.mean(history["newton_iterations"][1:]))
+                    history, watch = self._simulate(*run)
+                trial.spent_s, trial.later = watch.spent_s, watch.later
+                trial.iterations = watch.iterations / max(watch.steps, 1)
                 if history.status == "interrupted":
                     raise KeyboardInterrupt
                 if history.status != "completed":
-                    trial.status, trial.reason = "stopped", f"after {trial.cost_s:.3g} s"
+                    trial.status, trial.reason = "stopped", f"after {trial.spent_s:.3g} s"
                     return trial
                 if self.quantities.of_history:
                     derive_series(system, history)
+                kind = proposal.scene, proposal.method, history.meta["kernels"]
+                trial.pace = self._paces.setdefault(kind, Pace())
+                trial.pace.add(watch)
                 trial.readings = self.quantities.read(system, history)
                 self.history = history
         except Diverged as error:
@@ -287,12 +304,8 @@ class Event:
         proposal: Proposal,
         sensors: Mapping[str, Any],
         limit: float,
-    ) -> tuple[History, float]:
-        begun = time.process_time()
-
-        def late(report: StepReport) -> bool:
-            return time.process_time() - begun > limit
-
+    ) -> tuple[History, Watch]:
+        watch = Watch(limit)
         history = simulate(
             system,
             proposal.integrator,
@@ -304,9 +317,10 @@ class Event:
             sensors=sensors,
             derive=False,
             kernels=self.kernels,
-            callbacks=[late],
+            callbacks=[watch],
         )
-        return history, time.process_time() - begun
+        watch.stop()
+        return history, watch
 
     def distance(self, a: Trial, b: Trial) -> float:
         """How far two trials are apart, in tolerances; infinite if one failed."""

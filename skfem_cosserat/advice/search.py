@@ -10,6 +10,8 @@ import numpy as np
 
 from ..constraints import Treatment
 from ..integrators import Integrator
+from ..types import Floats
+from .candidate import ALIKE, Candidate, alike, cost_of, simpler_beams
 from .event import PATIENCE, Event, Trial
 from .pilot import Pilot, look
 from .predict import HOPELESS, SIZES, Predictor
@@ -17,17 +19,19 @@ from .proposal import Proposal
 from .reference import ORDER, Reference
 from .rungs import RUNGS, BeamModel
 
-__all__ = ["Candidate", "Search"]
+__all__ = ["Search"]
 
 ORDERS = (1, 2, 3)
 #: elements of lower orders for one of the highest
 MORE = {1: (3, 6, 12), 2: (1, 2, 4)}
 #: predicted errors may be this part of the tolerance for a first try
 SAFETY = 0.8
-#: costs that are closer than this factor are taken again
-CLOSE = 1.6
-#: of costs that are closer than this factor, more than clocks can tell, the simpler beams' counts
-ALIKE = 1.15
+#: costs that are closer than this factor are taken again: so much a busy machine may change them
+CLOSE = 2.0
+#: costs of runs that took turns are told apart by this factor at once
+CLEAR = 1.4
+#: so many are run in turn at last
+FINALISTS = 4
 #: candidates that are tried before the search goes on from what is known
 TRIES = 8
 #: a beam that bends by more (rad) is not tried as a rigid one
@@ -36,26 +40,6 @@ RIGID = 0.2
 HELD = 0.05
 #: a beam with a larger part of its strain energy in torsion is not tried without
 TWISTED = 0.02
-
-
-@dataclass
-class Candidate:
-    """A proposal with what was predicted and what came out.
-
-    Attributes
-    ----------
-    trial : Trial
-    error : float
-        Difference from the reference, in tolerances; infinite if it failed.
-    predicted_error : float
-        In tolerances; not a number if nothing was predicted.
-    predicted_cost_s : float
-    """
-
-    trial: Trial
-    error: float
-    predicted_error: float = np.nan
-    predicted_cost_s: float = np.nan
 
 
 @dataclass
@@ -103,6 +87,7 @@ class Search:
         self._swaps()
         self._step_down()
         self._collect()
+        self._finals()
         self._confirm()
 
     # -- what each axis does by itself -------------------------------------------------------------
@@ -139,7 +124,7 @@ class Search:
                 break
             self.fine, self.steps = coarser, self.steps // 2
         if self.fine.ok and self.event.budget.allows(2 * self.fine.cost_s):
-            self.fine.cost_s = min(self.fine.cost_s, self.event.again(self.fine))
+            self.event.again(self.fine)
             assert self.event.history is not None
             self.pilot = look(self.event.built(self.fine.proposal)[0], self.event.history)
 
@@ -238,20 +223,45 @@ class Search:
         return own
 
     def _cheaper(self, own: Candidate, best: Candidate) -> bool:
-        """Whether it costs less, both taken again if they are close: clocks are noisy."""
-        for _ in range(2):
-            ratio = own.trial.cost_s / best.trial.cost_s
-            if not 1 / CLOSE < ratio < CLOSE or not self._affordable(own.trial.proposal):
+        """Whether it costs less; if they are close, in runs that take turns."""
+        costs = np.array([own.trial.cost_s, best.trial.cost_s])
+        if own.trial.pace is not best.trial.pace and 1 / CLOSE < costs[0] / costs[1] < CLOSE:
+            costs = self._in_turn([own, best], 2)
+        return bool(costs[0] < alike(own, best) * costs[1])
+
+    def _in_turn(self, candidates: Sequence[Candidate], rounds: int) -> Floats:
+        """Least costs (s) of a few in rounds of all of them: what slows one slows all.
+
+        Rounds end early when costs are apart by more than clocks err, and without budget.
+        """
+        costs = np.array([each.trial.cost_s for each in candidates])
+        for k in range(rounds):
+            if not all(self._affordable(each.trial.proposal) for each in candidates):
                 break
-            for each in (own, best):
-                again = self.event.again(each.trial)
-                each.trial.cost_s = min(each.trial.cost_s, again)
-        alike = 1.0
-        if _simpler_beams(own.trial.proposal, best.trial.proposal):
-            alike = ALIKE
-        elif _simpler_beams(best.trial.proposal, own.trial.proposal):
-            alike = 1 / ALIKE
-        return own.trial.cost_s < alike * best.trial.cost_s
+            again = np.array([self.event.again(each.trial) for each in candidates])
+            costs = again if k == 0 else np.minimum(costs, again)
+            if costs.max() > CLEAR * costs.min():
+                break
+        return costs
+
+    def _finals(self) -> None:
+        """The best once more, in turn with the cheapest of other scenes and methods.
+
+        All the others were compared with whatever was the best then.
+        """
+        if self.best is None:
+            return
+        least: dict[int, Candidate] = {id(self.best.trial.pace): self.best}
+        for each in sorted(filter(self._good, self.candidates), key=cost_of):
+            if each.trial.cost_s < CLOSE * self.best.trial.cost_s:
+                least.setdefault(id(each.trial.pace), each)
+        last = list(least.values())[:FINALISTS]
+        costs = self._in_turn(last, 3)
+        k = int(costs.argmin())
+        for i, each in enumerate(last):
+            if costs[i] < alike(each, last[k]) * costs[k]:
+                k = i
+        self.best = last[k]
 
     def _good(self, own: Candidate) -> bool:
         """Within the tolerance, whatever the error of the reference, and coarser than that."""
@@ -344,25 +354,36 @@ class Search:
                 self.predictor.scale *= 2.0
 
     def _swaps(self) -> None:
-        """Other integrators and treatments in the best one's place."""
+        """Other integrators and treatments in the best one's place, and in a simpler one's.
+
+        Simpler beams may win with another treatment: rigid bodies in a loop leave few unknowns to
+        the null space, which takes long to find.
+        """
         if self.best is None:
             return
-        start = self.best
-        plain = start.trial.proposal
-        for integrator in self.integrators:
-            self._swap(start, replace(plain, integrator=integrator))
-        if plain.planar is not None:  # small scenes may be as fast in space
-            self._swap(self.best, replace(self.best.trial.proposal, planar=None))
-        plain = self.best.trial.proposal
-        for treatment in self.treatments:
-            self._swap(self.best, replace(plain, treatment=treatment))
+        self._swaps_of(self.best)
+        best = self.best
+        for each in sorted(filter(self._good, self.candidates), key=cost_of):
+            near = each.trial.cost_s < CLOSE * best.trial.cost_s
+            if near and simpler_beams(each.trial.proposal, best.trial.proposal):
+                self._swaps_of(each)
+                return
 
-    def _swap(self, start: Candidate, proposal: Proposal) -> None:
+    def _swaps_of(self, here: Candidate) -> None:
+        for integrator in self.integrators:
+            here = self._swap(here, replace(here.trial.proposal, integrator=integrator))
+        if here.trial.proposal.planar is not None:  # small scenes may be as fast in space
+            here = self._swap(here, replace(here.trial.proposal, planar=None))
+        for treatment in self.treatments:
+            here = self._swap(here, replace(here.trial.proposal, treatment=treatment))
+
+    def _swap(self, start: Candidate, proposal: Proposal) -> Candidate:
+        """The better one of a candidate and of a proposal that is run now."""
         if proposal.key == start.trial.proposal.key or not self._affordable(proposal):
-            return
+            return start
         own = self.try_it(proposal)
         if not own.trial.ok:
-            return
+            return start
         cost = own.trial.cost_s / start.trial.cost_s
         before = start.trial.proposal
         if proposal.integrator is not before.integrator:
@@ -370,6 +391,7 @@ class Search:
             self.predictor.integrators[repr(proposal.integrator)] = (error, cost)
         elif proposal.treatment is not before.treatment:
             self.predictor.treatments[repr(proposal.treatment)] = cost
+        return own if own is self.best or (self._good(own) and cost < 1.0) else start
 
     # -- down --------------------------------------------------------------------------------------
 
@@ -385,7 +407,8 @@ class Search:
             )
             own = self.predictor.cost(here.trial.proposal)
             for cost, each in ranked:
-                if each.key in tried or cost > 0.97 * own:
+                simpler = simpler_beams(each, here.trial.proposal)
+                if each.key in tried or cost > (ALIKE if simpler else 0.97) * own:
                     continue
                 tried.add(each.key)
                 if not self._affordable(each):
@@ -415,15 +438,26 @@ class Search:
             self.notes.append(f"not robust, with half the step it fails: {own}")
             self.fragile.add(own.key)
             good = [each for each in self.candidates if self._good(each)]
-            self.best = min(good, key=lambda each: each.trial.cost_s, default=None)
+            self.best = min(good, key=cost_of, default=None)
+
+    def _richer(self, own: Proposal, order: int, per: Mapping[str, int]) -> Proposal:
+        """With more nodes than `per` elements a piece have, perhaps of another order."""
+        more = {
+            name: min([s for s in SIZES if s * order > k * own.order], default=SIZES[-1])
+            for name, k in per.items()
+        }
+        return replace(own, order=order, elements=self.elements(more))
 
     def _neighbours(self, own: Proposal) -> Iterator[Proposal]:
         """One thing coarser or simpler, or one coarser and another one finer."""
-        if own.steps % 2 == 0 and own.steps // 2 >= self.event.base // 4:
-            for integrator in self.integrators:
-                yield replace(own, steps=own.steps // 2, step=2 * own.step, integrator=integrator)
         per = {name: own.elements[name] // p for name, p in self.event.pieces.items()}
         meshed = [name for name, rung in own.rung.items() if rung.meshed]
+        if own.steps % 2 == 0 and own.steps // 2 >= self.event.base // 4:
+            longer = replace(own, steps=own.steps // 2, step=2 * own.step)
+            richer = (self._richer(longer, order, per) for order in ORDERS if meshed)
+            for each in (longer, *richer):
+                for integrator in self.integrators:
+                    yield replace(each, integrator=integrator)
         for names in [meshed, *([name] for name in meshed if len(meshed) > 1)]:
             fewer = {
                 name: max([s for s in SIZES if s < k], default=1) if name in names else k
@@ -442,12 +476,6 @@ class Search:
             for other in RUNGS[: RUNGS.index(rung)]:
                 if self.predictor.rung.get((name, str(other)), np.inf) <= HOPELESS:
                     yield replace(own, rung=dict(own.rung) | {name: other})
-
-
-def _simpler_beams(a: Proposal, b: Proposal) -> bool:
-    """Whether a beam of the first is simpler than in the second, and none is less simple."""
-    places = [(RUNGS.index(a.rung[name]), RUNGS.index(b.rung[name])) for name in a.rung]
-    return a.rung != b.rung and all(i <= j for i, j in places)
 
 
 def _halved(proposal: Proposal) -> Proposal:
