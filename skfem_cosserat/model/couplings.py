@@ -422,10 +422,8 @@ class Couplings:
             elif g.kind.size > 1:
                 jump = abs(g.kind.value(pi)[:, -3:] - s.xi[:, -3:]).max(1) > np.pi
                 for i in np.flatnonzero(jump):
-                    logger.warning(
-                        "%s: the relative rotation passed pi, where its rotation vector jumps",
-                        g.members[i].label,
-                    )
+                    jump = "%s: the relative rotation passed pi, where its rotation vector jumps"
+                    logger.warning(jump, g.members[i].label)
         return np.concatenate(out) if out else None
 
     # -- states ------------------------------------------------------------------------------------
@@ -468,15 +466,14 @@ class Couplings:
 
     def check_turns(self, turns: IndexArray | None) -> None:
         """Raises InputError if there are not as many as angles."""
-        if turns is not None and np.shape(turns)[-1:] != (len(self.angles),):
-            raise InputError(
-                "turns of angles", f"shape {np.shape(turns)}, expected (..., {len(self.angles)})"
-            )
+        shape, count = np.shape(turns), len(self.angles)
+        if turns is not None and shape[-1:] != (count,):
+            raise InputError("turns of angles", f"shape {shape}, expected (..., {count})")
 
     def _values(self, y: Floats, turns: IndexArray | None) -> list[tuple[Floats, Floats]]:
         """(pi, xi) of each group."""
-        out, first = [], 0
         self.check_turns(turns)
+        out, first = [], 0
         for g in self._groups:
             pi = g.invariants.values(y)
             xi = g.kind.value(pi)
