@@ -466,9 +466,9 @@ class Couplings:
 
     def check_turns(self, turns: IndexArray | None) -> None:
         """Raises InputError if there are not as many as angles."""
-        shape, count = np.shape(turns), len(self.angles)
-        if turns is not None and shape[-1:] != (count,):
-            raise InputError("turns of angles", f"shape {shape}, expected (..., {count})")
+        count = len(self.angles)
+        if turns is not None and turns.shape[-1:] != (count,):
+            raise InputError("turns of angles", f"shape {turns.shape}, expected (..., {count})")
 
     def _values(self, y: Floats, turns: IndexArray | None) -> list[tuple[Floats, Floats]]:
         """(pi, xi) of each group."""
