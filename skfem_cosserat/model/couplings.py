@@ -467,8 +467,8 @@ class Couplings:
     def check_turns(self, turns: IndexArray | None) -> None:
         """Raises InputError if there are not as many as angles."""
         count = len(self.angles)
-        if turns is not None and turns.shape[-1:] != (count,):
-            raise InputError("turns of angles", f"shape {turns.shape}, expected (..., {count})")
+        if turns is not None and np.shape(turns)[-1:] != (count,):
+            raise InputError("turns of angles", f"shape {np.shape(turns)}, expected (..., {count})")
 
     def _values(self, y: Floats, turns: IndexArray | None) -> list[tuple[Floats, Floats]]:
         """(pi, xi) of each group."""
