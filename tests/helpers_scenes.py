@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pytest
 
 from skfem_cosserat import (
     Beam,
@@ -45,6 +46,17 @@ _COUPLING = np.random.default_rng(8).standard_normal((6, 6))
 FULL = np.diag([40.0, 50.0, 90.0, 12.0, 15.0, 8.0]) + _COUPLING @ _COUPLING.T
 #: Products of inertia, about the centre of mass (kg m^2).
 TENSOR = np.array([[0.5, 0.06, -0.04], [0.06, 0.6, 0.09], [-0.04, 0.09, 0.45]])
+
+#: integrators and treatments, each value once; the other two among the slow tests
+pairs = pytest.mark.parametrize(
+    ("integrator", "treatment"),
+    [
+        ("variational", "null space"),
+        ("energy-momentum", "multipliers"),
+        pytest.param("variational", "multipliers", marks=pytest.mark.slow),
+        pytest.param("energy-momentum", "null space", marks=pytest.mark.slow),
+    ],
+)
 
 
 # functions of time that can be sent to other processes

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import test_compiled
 import test_compiled_multipliers
-from helpers_scenes import four_bar
+from helpers_scenes import four_bar, pairs
 from test_compiled_damping import assert_resized
 from test_couplings import INTEGRATORS, TREATMENTS, zoo
 
@@ -20,8 +20,7 @@ treatments = pytest.mark.parametrize("treatment", COMPARED)
 WORK = ("work_actuators", "dissipated", "work_drives")
 
 
-@treatments
-@integrators
+@pairs
 def test_residual_and_increment_at_random_states(integrator, treatment):
     """Far from the solution: the tangent is that of the plain path."""
     compared = COMPARED[treatment].test_residual_and_increment_at_random_states
@@ -29,8 +28,7 @@ def test_residual_and_increment_at_random_states(integrator, treatment):
 
 
 @pytest.mark.parametrize("shaken", [False, True])
-@treatments
-@integrators
+@pairs
 def test_runs(integrator, treatment, shaken):
     """Fifty steps with all elements on all kinds of places; what they do in them is the same."""
     compared = COMPARED[treatment]
@@ -45,15 +43,13 @@ def test_runs(integrator, treatment, shaken):
     assert compiled["turns"].tolist() == plain["turns"].tolist()
 
 
-@treatments
-@integrators
+@pairs
 def test_steps_of_other_sizes(integrator, treatment):
     """Dampers know the size of the step."""
     assert_resized(zoo(scalar=True), integrator, treatment)
 
 
-@treatments
-@integrators
+@pairs
 def test_angles_over_several_turns(integrator, treatment):
     """A wheel on a wound spring: turns are counted, also from a state between two turns on."""
     model = sc.Model()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import test_compiled
 import test_compiled_multipliers
+from helpers_scenes import pairs
 from test_compiled import INTEGRATORS, crossing, moving, tree
 
 import skfem_cosserat as sc
@@ -29,24 +30,21 @@ def dragged(model):
 
 
 @scenes
-@treatments
-@integrators
+@pairs
 def test_residual_and_increment_at_random_states(integrator, treatment, make):
     """Far from the solution: the tangent is that of the plain path."""
     compared = COMPARED[treatment].test_residual_and_increment_at_random_states
     compared(2, integrator, lambda order: make(order, viscous))
 
 
-@treatments
-@integrators
+@pairs
 def test_drag_at_random_states(integrator, treatment):
     compared = COMPARED[treatment].test_residual_and_increment_at_random_states
     compared(2, integrator, lambda order: tree(order, dragged))
 
 
 @pytest.mark.parametrize("order", [1, pytest.param(2, marks=pytest.mark.slow)])
-@treatments
-@integrators
+@pairs
 def test_runs_with_drag(integrator, treatment, order):
     """Fifty steps; work of the loads and of the drag apart."""
     compared = COMPARED[treatment]
@@ -58,8 +56,7 @@ def test_runs_with_drag(integrator, treatment, order):
 
 @pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 @scenes
-@treatments
-@integrators
+@pairs
 def test_runs(integrator, treatment, make, order):
     """Fifty steps; what is dissipated among what is compared."""
     compared = COMPARED[treatment]
@@ -70,8 +67,7 @@ def test_runs(integrator, treatment, make, order):
 
 
 @pytest.mark.parametrize("add", [viscous, dragged])
-@treatments
-@integrators
+@pairs
 def test_steps_of_other_sizes(integrator, treatment, add):
     """What resists knows the size of the step: rates are differences over it."""
     assert_resized(tree(1, add), integrator, treatment)
@@ -98,8 +94,7 @@ def assert_resized(system, integrator, treatment):
     assert max(lost) > 0 and other == pytest.approx(lost, abs=1e-9 * max(lost))
 
 
-@treatments
-@integrators
+@pairs
 def test_kept_factors(integrator, treatment):
     """The same motion with a fraction of the factorisations; energy-momentum closes the balance."""
     system = tree(1, viscous)

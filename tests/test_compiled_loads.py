@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import test_compiled
 import test_compiled_multipliers
-from helpers_scenes import four_bar, full_section
+from helpers_scenes import four_bar, full_section, pairs
 from test_compiled import INTEGRATORS, moving, tree
 
 import skfem_cosserat as sc
@@ -71,8 +71,7 @@ def loaded(name, order=2):
 
 
 @pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
-@treatments
-@integrators
+@pairs
 def test_residual_and_increment_at_random_states(integrator, treatment, order):
     """Far from the solution: the tangent is that of the plain path."""
     compared = COMPARED[treatment].test_residual_and_increment_at_random_states
@@ -80,8 +79,7 @@ def test_residual_and_increment_at_random_states(integrator, treatment, order):
 
 
 @loads
-@treatments
-@integrators
+@pairs
 def test_runs(integrator, treatment, name):
     """Fifty steps; reactions and work among what is compared."""
     compared = COMPARED[treatment]
@@ -120,8 +118,7 @@ def test_what_is_left_to_a_sparse_solver(integrator, thin, monkeypatch):
     test_compiled.assert_same(*test_compiled.both(loaded("everything"), integrator, 1e-3, 0.02))
 
 
-@treatments
-@integrators
+@pairs
 def test_kept_factors(integrator, treatment):
     """The same motion with a fraction of the factorisations."""
     system = loaded("everything", 1)
@@ -140,8 +137,7 @@ def test_kept_factors(integrator, treatment):
 # -- what loads do ---------------------------------------------------------------------------------
 
 
-@treatments
-@integrators
+@pairs
 def test_momenta_grow_by_what_moments_and_forces_give(integrator, treatment):
     """Of a free rod: exactly by the time integrals, however coarse the steps."""
     model = sc.Model()
@@ -164,8 +160,7 @@ def test_momenta_grow_by_what_moments_and_forces_give(integrator, treatment):
 
 
 @pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
-@treatments
-@integrators
+@pairs
 def test_flying_spaghetti(integrator, treatment, order):
     """A force and moments on an end of a free rod: fifty steps as with the plain kernels."""
     system = spaghetti(4, order).system

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers_scenes import TENSOR
+from helpers_scenes import TENSOR, pairs
 
 import skfem_cosserat as sc
 
@@ -78,8 +78,7 @@ def order(values):
 
 every_pair = [
     pytest.mark.parametrize("scene", SCENES),
-    pytest.mark.parametrize("integrator", INTEGRATORS),
-    pytest.mark.parametrize("treatment", TREATMENTS),
+    pairs,
 ]
 
 

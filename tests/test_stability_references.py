@@ -207,7 +207,9 @@ def test_column(pinned, treatment):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(6, abs=0.3)
 
 
-@treatments
+@pytest.mark.parametrize(
+    "treatment", [sc.NullSpace, pytest.param(sc.Multipliers, marks=pytest.mark.slow)]
+)
 def test_postbuckling_branch(treatment):
     """Both sides of the fork; P = P_cr (2 K(k) / pi)^2 with k = sin(theta/2), theta at the tip.
 
