@@ -9,6 +9,7 @@ import time
 from functools import cache
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from skfem_cosserat.advice import BeamFull, BeamRigid
 from skfem_cosserat.advice import event as advice_event
 from skfem_cosserat.advice import pace as advice_pace
 from skfem_cosserat.advice.event import Budget, Event
+from skfem_cosserat.advice.pace import Pace, Watch
 from skfem_cosserat.advice.predict import _between
 from skfem_cosserat.advice.quantities import Quantities, Reading
 
@@ -413,3 +415,25 @@ def _kinds(event, name, finest, reference):
 def test_proposals_cost_at_most_twice_the_cheapest_of_a_grid(seed):
     own, least = cheapest_of_grid(*advised(seed))
     assert own <= 2.0 * least
+
+
+def test_costs_are_iterations_times_the_least_that_one_took():
+    """Slow runs change nothing, nor do those of a single step; steps without iterations count."""
+    pace = Pace()
+    for first, spent, later in (
+        (0.2, 5.2, 100),
+        (0.1, 12.1, 100),
+        (0.3, 1.3, 10),
+        (0.1, 0.1001, 0),
+    ):
+        watch = Watch(np.inf)
+        watch.first_s, watch.spent_s, watch.later = first, spent, later
+        pace.add(watch)
+    assert (pace.first_s, pace.iteration_s) == pytest.approx((0.1, 0.05))
+    assert pace.cost(40) == pytest.approx(2.1)
+    assert Pace(0.1).cost(0) == 0.1
+    watch = Watch(np.inf)
+    for iterations in (3, 2, 0):
+        assert not watch(SimpleNamespace(iterations=iterations))
+    assert (watch.steps, watch.iterations, watch.later) == (3, 5, 3)
+    assert Watch(-1.0)(SimpleNamespace(iterations=1))

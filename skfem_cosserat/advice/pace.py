@@ -25,7 +25,7 @@ class Watch:
     first_s, spent_s : float
         Processor time until the first step was done, and until the run was (s).
     steps, iterations, later : int
-        Steps, Newton iterations in all of them, and in those after the first.
+        Steps, Newton iterations in all of them, and in those after the first: at least one each.
     """
 
     def __init__(self, limit: float) -> None:
@@ -38,7 +38,7 @@ class Watch:
         """Note a step; true if it is too late to go on."""
         self.stop()
         if self.steps:
-            self.later += report.iterations
+            self.later += max(report.iterations, 1)
         else:
             self.first_s = self.spent_s
         self.steps += 1
@@ -70,9 +70,10 @@ class Pace:
     def add(self, watch: Watch) -> None:
         """One more run."""
         self.first_s = min(self.first_s, watch.first_s)
-        rest = watch.spent_s - watch.first_s
-        self.iteration_s = min(self.iteration_s, rest / max(watch.later, 1))
+        if watch.later:  # a single step tells nothing of others
+            each = (watch.spent_s - watch.first_s) / watch.later
+            self.iteration_s = min(self.iteration_s, each)
 
     def cost(self, later: int) -> float:
         """Processor time (s) of a run with so many iterations after the first step."""
-        return self.first_s + self.iteration_s * later
+        return self.first_s + (self.iteration_s * later if later else 0.0)

@@ -17,7 +17,7 @@ from .refused import refusal
 __all__ = ["Choice", "choose", "choose_kernels", "estimated_seconds"]
 
 #: estimated time with the plain kernels (s) above which compiled ones are taken: compiling them on
-#: an empty cache takes 7 to 9 s on two processors, more on a busy one
+#: an empty cache takes 7 to 12 s on two processors, 14 to 20 s on one
 WORTHWHILE = 25.0
 #: Newton iterations assumed for a step
 ITERATIONS = 3
