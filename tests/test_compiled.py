@@ -34,7 +34,7 @@ from skfem_cosserat.compiled.plan import Plan
 from skfem_cosserat.integrators import choice
 from skfem_cosserat.integrators.fast import CompiledStep
 from skfem_cosserat.integrators.refused import refusal
-from skfem_cosserat.integrators.stepper import Stepper, _Problem
+from skfem_cosserat.integrators.stepper import Stepper
 from skfem_cosserat.linear import SingularMatrixError
 
 numba = pytest.importorskip("numba")
@@ -185,7 +185,7 @@ def assert_same_iteration(system, integrator, seed):
         bound.begin(system.extend(state.q, state.time), system.ground(state.time + h), h)
         bound.last = fast.last = guess
         bound.guess(True)
-        problem = _Problem(stepper, method.begin(system, state, h))
+        problem = stepper.problem(method.begin(system, state, h))
         problem.residual()
         plain = problem.direction()
         assert bound.solver.solve is not None

@@ -13,7 +13,7 @@ import skfem_cosserat as sc
 from skfem_cosserat.compiled.numbers import ROTATION
 from skfem_cosserat.integrators.fast import CompiledMultipliers
 from skfem_cosserat.integrators.refused import refusal
-from skfem_cosserat.integrators.stepper import Stepper, _Problem
+from skfem_cosserat.integrators.stepper import Stepper
 
 pytest.importorskip("numba")
 integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -69,7 +69,7 @@ def test_residual_and_increment_at_random_states(order, integrator, make):
         bound.begin(system.extend(state.q, state.time), system.ground(state.time + h), h)
         bound.last = fast.last = guess
         bound.guess(True)
-        problem = _Problem(stepper, method.begin(system, state, h))
+        problem = stepper.problem(method.begin(system, state, h))
         problem.residual()
         fast._begin(state)
         begin(*fast._all, 1)

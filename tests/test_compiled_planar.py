@@ -15,7 +15,7 @@ import skfem_cosserat as sc
 from skfem_cosserat.compiled.numbers import ROTATION
 from skfem_cosserat.integrators.fast_steps import CompiledPlane
 from skfem_cosserat.integrators.refused import refusal
-from skfem_cosserat.integrators.stepper import Stepper, _Problem
+from skfem_cosserat.integrators.stepper import Stepper
 
 pytest.importorskip("numba")
 RUNGS = (sc.RungInextensible(), sc.RungUnshearable())
@@ -129,7 +129,7 @@ def test_increments_at_random_states(scene, integrator):
     bound.begin(system.extend(state.q, state.time), system.ground(state.time + h), h)
     bound.last = fast.last = 0.1 * np.random.default_rng(1).standard_normal(system.unknowns)
     bound.guess(True)
-    problem = _Problem(stepper, method.begin(system, state, h))
+    problem = stepper.problem(method.begin(system, state, h))
     problem.residual()
     fast._begin(state)
     begin(*fast._all, 1)

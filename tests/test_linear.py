@@ -11,7 +11,7 @@ import pytest
 from helpers_scenes import lattice
 
 import skfem_cosserat as sc
-from skfem_cosserat.integrators.stepper import Stepper, _Problem
+from skfem_cosserat.integrators.stepper import Stepper
 from skfem_cosserat.linear import LinearSolver, SingularMatrixError, ordering, solver
 from skfem_cosserat.pattern import FrozenPattern
 
@@ -48,7 +48,7 @@ def real(request):
     step, bound = integrator.begin(system, state, h), stepper.bound
     bound.begin(step.y0, system.ground(state.time + h), h)
     bound.guess(True)
-    problem = _Problem(stepper, step)
+    problem = stepper.problem(step)
     problem.residual()
     blocks = integrator.tangent(system, step, problem.evaluation)
     data = bound.data(blocks, problem.evaluation.R, problem.y1)

@@ -33,7 +33,8 @@ def main(order: int, names: Sequence[str], family: str = "tree") -> None:
     kinds = [typeof(each) for each in structures_of(system, plan, family)]
     numbers, places = typeof(np.zeros(0)), typeof(np.zeros(0, dtype=np.int64))
     compiled: Any = step.solve
-    compiled.compile((places, *kinds, numbers, numbers))
+    ends = typeof((np.zeros((0, 3)),) * 4)
+    compiled.compile((places, *kinds, numbers, numbers, ends))
     for name in reversed(names):
         address(bind.part_named(name, family), *bind.signature(name, kinds))
 

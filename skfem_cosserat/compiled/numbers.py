@@ -20,13 +20,22 @@ SHARE, WORTH = 19, 20
 #: contraction they gave last and the first increment of that step; how to start: from no
 #: increment, the last one or both extrapolated (0, 1, 2), and how many are known; of the step
 #: itself: iterations, residual, factorisations, work of the loads (J); steps with these factors
-#: and all their iterations
+#: and all their iterations. Of several steps in one go: how many are asked for and done, and what
+#: all took and gave; how far coordinates of closed loops may go before their rows are looked at,
+#: and how far they went since
 RECORD = (
     *("kept", "rate", "first", "start", "known", "iterations", "residual", "factored", "work"),
-    *("steps", "spent"),
+    *("steps", "spent", "asked", "done", "all_iterations", "all_factored", "all_work"),
+    *("clearance", "travelled"),
 )
 KEPT, RATE, FIRST, GUESS, KNOWN, ITERATIONS, RESIDUAL, FACTORED, WORK = range(9)
-STEPS, SPENT = 9, 10
+STEPS, SPENT, ASKED, DONE, ALL_ITERATIONS, ALL_FACTORED, ALL_WORK = range(9, 16)
+CLEARANCE, TRAVELLED = 16, 17
+
+#: iterations up to which no frame can have got to half a turn, where there are no closed loops
+SHORT = 8
+#: all turns of a step together (rad), and displacements against the scene, that are no half turn
+SHORT_WAY = 1.0
 
 #: functions that take ``(s, m, w, numbers, flag)``, and those that take ``(g, w, numbers, flag)``
 TREE_PARTS = (

@@ -160,6 +160,19 @@ def worn(numbers: Floats, record: Floats) -> bool:
 
 
 @inlined
+def keeps(numbers: Floats, record: Floats) -> bool:
+    """Whether a step begins with the factors that there are."""
+    if not (numbers[n.REUSE] > 0.0 and record[n.KEPT] != 0.0):
+        return False
+    rate = record[n.RATE]
+    # where factors of the step before did not do they are tried again some steps later only
+    if left_over(record[n.FIRST], rate, numbers[n.SETTLED]) > numbers[n.REUSE]:
+        record[n.RATE] = 0.8 * rate
+        return False
+    return not worn(numbers, record)
+
+
+@inlined
 def accepted(
     p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats
 ) -> bool:
@@ -177,27 +190,16 @@ def accepted(
     return True
 
 
-@jit
-def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats) -> bool:
-    """Solve a step, with the factors of earlier matrices as long as they do; False: not found.
-
-    Parameters
-    ----------
-    p : int array
-        Addresses of the parts, 0 for those that a scene does not have.
-    numbers, record : arrays
-        See :mod:`.numbers`.
-    """
+@inlined
+def solve_one(
+    p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats
+) -> bool:
+    """Solve a step, with the factors of earlier matrices as long as they do; False: not found."""
     reuse, settled = numbers[n.REUSE], numbers[n.SETTLED]
-    kept = reuse > 0.0 and record[n.KEPT] != 0.0
     rate = record[n.RATE]
+    kept = keeps(numbers, record)
     record[n.KEPT] = 0.0
     record[n.FACTORED] = 0.0
-    # where factors of the step before did not do they are tried again some steps later only
-    if kept and left_over(record[n.FIRST], rate, settled) > reuse:
-        kept = False
-        record[n.RATE] = 0.8 * rate
-    kept = kept and not worn(numbers, record)
     start(p, s, m, w, g, numbers, int(record[n.GUESS]))
     size = evaluate(p, s, m, w, g, numbers, int(not kept))
     last, mixed, swept = np.inf, 0, 0.0
@@ -257,3 +259,46 @@ def solve(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record
             record[n.STEPS], record[n.SPENT] = record[n.STEPS] + 1.0, record[n.SPENT] + count
             return accepted(p, s, m, w, g, numbers, record)
     return False
+
+
+@jit
+def solve(
+    p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats, ends: Any
+) -> bool:
+    """Solve as many steps as are asked for, each from where the last one ended.
+
+    It ends early where the caller has to look: after a step that takes many iterations, or after
+    motions of closed loops. False: the last one tried was not found; it starts where y_0 and p_0
+    are then.
+
+    Parameters
+    ----------
+    p : int array
+        Addresses of the parts, 0 for those that a scene does not have.
+    numbers, record : arrays
+        See :mod:`.numbers`.
+    ends : (array, array, array, array)
+        By rows in space: y_0, y_1, p_0, and the momentum carried on.
+    """
+    y0, y1, p0, carried = ends
+    looped = p[n.LOOP_ROW] != 0
+    for k in range(n.DONE, n.CLEARANCE):
+        record[k] = 0.0
+    while True:
+        solved = solve_one(p, s, m, w, g, numbers, record)
+        record[n.ALL_FACTORED] += record[n.FACTORED]
+        if looped:
+            record[n.TRAVELLED] += w.found[0]
+        if not solved:
+            return False
+        record[n.DONE] += 1.0
+        record[n.ALL_ITERATIONS] += record[n.ITERATIONS]
+        record[n.ALL_WORK] += record[n.WORK]
+        if record[n.DONE] >= record[n.ASKED] or record[n.ITERATIONS] > n.SHORT:
+            return True
+        if looped and (w.found[1] >= n.SHORT_WAY or record[n.TRAVELLED] >= record[n.CLEARANCE]):
+            return True
+        for r in range(p0.shape[0]):
+            for c in range(p0.shape[1]):
+                y0[r, c] = y1[r, c]
+                p0[r, c] = carried[r, c]

@@ -5,13 +5,18 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..compiled.following import following
 from ..compiled.numbers import (
-    FACTORED,
+    ALL_FACTORED,
+    ALL_ITERATIONS,
+    ALL_WORK,
+    ASKED,
+    CLEARANCE,
+    DONE,
     GUESS,
     ITERATIONS,
     KEPT,
@@ -19,6 +24,9 @@ from ..compiled.numbers import (
     NUMBERS,
     RECORD,
     RESIDUAL,
+    SHORT,
+    SHORT_WAY,
+    TRAVELLED,
     WORK,
 )
 from ..compiled.plan import Plan, plan_of
@@ -34,17 +42,40 @@ from .coupled import Coupled
 from .rest import Rest
 from .viscous import Viscous, is_viscous
 
-__all__ = ["CompiledMultipliers", "CompiledScene", "CompiledStep"]
+__all__ = ["CompiledScene", "CompiledStep", "Stride"]
 
 
-#: iterations up to which no frame can have got to half a turn, where there are no closed loops
-SHORT = 8
-#: all turns of a step together (rad), and displacements against the scene, that are no half turn
-SHORT_WAY = 1.0
 #: threads compile one after the other: the second finds all there, and starts no helper of its own
 COMPILING = threading.Lock()
 #: addresses of the parts; what is constant, the elimination, what changes, and beams
 Bound = tuple[IndexArray, Any, Any, Any, Any]
+
+
+class Stride(NamedTuple):
+    """Steps that were solved in one go.
+
+    Attributes
+    ----------
+    steps, iterations : int
+        How many, and the Newton iterations of all of them.
+    last : int
+        Iterations of the last one.
+    stuck : bool
+        Whether the step after it was tried, and not solved.
+    work : float
+        Of the loads in all steps (J).
+    before, after : pair of arrays
+        q and p at the start and the end of the last one; at its end both, if the step after it was
+        tried.
+    """
+
+    steps: int
+    iterations: int
+    last: int
+    stuck: bool
+    work: float
+    before: tuple[Floats, Floats]
+    after: tuple[Floats, Floats]
 
 
 class CompiledScene:
@@ -226,6 +257,7 @@ class CompiledStep(CompiledScene):
         self.integrator, self.h = integrator, h
         self._step = step
         self._record = np.zeros(len(RECORD))
+        self._ends = self._a.y0, self._a.y1, self._a.p0, self._a.carried
         self._coupled = Coupled(system.couplings, self._a.coupled, h)
         self._elastic = self._all[-2]
         self._viscous: Viscous | None = None
@@ -234,8 +266,20 @@ class CompiledStep(CompiledScene):
         #: whether there are closed loops; configuration at the end of the last step, as given away
         self.looped = len(self._a.mu) > 0
         self.end: Floats | None = None
+        #: configuration from which the compiled way found no step
+        self.stuck: Floats | None = None
         # how far coordinates went since rows of closed loops were chosen, and in the last step
         self._travelled = self._travel = self._farthest = np.inf
+        #: whether nothing changes from step to step but the state, where loads do not
+        self._alike = not (
+            system.moving
+            or system.drives
+            or system.kinematics.spheres
+            or system.couplings.count
+            or system.drag is not None
+            or self._viscous is not None
+            or self._rest is not None
+        )
         self._solve = self._entry()
 
     def _resist(self, h: float) -> None:
@@ -251,7 +295,7 @@ class CompiledStep(CompiledScene):
         """The compiled loop for these structures: called as it is, it asks for no types again."""
         from ..compiled import bind
 
-        kinds = tuple(bind.typeof(each) for each in (*self._all, self._record))
+        kinds = tuple(bind.typeof(each) for each in (*self._all, self._record, self._ends))
         loop: Any = self._step.solve
         loop.compile(kinds)
         entry: Callable[..., bool] = loop.overloads[kinds].entry_point
@@ -299,6 +343,7 @@ class CompiledStep(CompiledScene):
         here = state.q is self.end or np.array_equal(state.q, self._a.y1.ravel()[: state.q.size])
         if not here or not np.isfinite(self._travelled):
             return True
+        self._record[CLEARANCE] = bound.clearance
         if self._travelled >= bound.clearance:
             rows = self._a.border_row.reshape(len(self._rows), -1)[:, self._numbering]
             if not bound.clear(rows):
@@ -333,24 +378,53 @@ class CompiledStep(CompiledScene):
 
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
+        if not self._solved(state, 1):
+            return None
+        return int(self._record[ITERATIONS]), self.residual
+
+    def strides(self, time: float) -> bool:
+        """Whether steps from this time (s) on differ in nothing but where they start."""
+        loading = self.system.loading
+        return self._alike and (loading.constant or time >= loading.settled)
+
+    def stride(self, state: State, steps: int) -> Stride:
+        """Solve up to `steps` steps in one go."""
+        solved = self._solved(state, steps)
+        record, a, rows = self._record, self._a, self.system.rows
+        done, spent = int(record[DONE]), int(record[ALL_ITERATIONS])
+        before = a.y0[:rows].flatten(), a.p0.flatten()
+        if solved:
+            self.end = a.y1[:rows].flatten()
+            after = self.end, a.carried.flatten()
+        else:  # from here on; nothing is left of how the last one came about
+            after, self.stuck = before, before[0] if done else state.q
+        last, work = int(record[ITERATIONS]), float(record[ALL_WORK])
+        return Stride(done, spent, last, not solved, work, before, after)
+
+    def _solved(self, state: State, steps: int) -> bool:
+        """Solve up to so many steps; whether the last one tried was solved."""
         self._begin(state)
-        record = self._record
+        record, a = self._record, self._a
+        record[ASKED], record[TRAVELLED] = steps, self._travelled
         known = self.looped and record[KNOWN] > 0.0
-        solved = self._solve(*self._all, record)
-        self.factorisations += int(record[FACTORED])
+        solved = self._solve(*self._all, record, self._ends)
+        self.factorisations += int(record[ALL_FACTORED])
         if self._rest is not None:
             self._rest.complain()
         if self.looped:
-            self._farthest, self._travel = self._a.found.tolist()
-            self._travelled += self._farthest
+            self._farthest, self._travel = a.found.tolist()
+            self._travelled = float(record[TRAVELLED])
         if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
-            self.last = self._a.before.ravel()[self._numbering] if known else None
-            record[KEPT], self._a.mu[:] = 0.0, 0.0
+            known = known or (self.looped and record[DONE] > 1)
+            self.last = a.before.ravel()[self._numbering] if known else None
+            record[KEPT], a.mu[:] = 0.0, 0.0
+            record[DONE] -= 1
+            record[ALL_ITERATIONS] -= record[ITERATIONS]
+            record[ALL_WORK] -= record[WORK]
             solved = False
         if not solved:
             self._travelled = np.inf
-            return None
-        return int(record[ITERATIONS]), float(record[RESIDUAL])
+        return solved
 
     def _flipped(self) -> bool:
         """Whether a frame has turned by half a turn, where the midpoint tells nothing of it."""
@@ -359,6 +433,11 @@ class CompiledStep(CompiledScene):
         middle = 0.0 < self.integrator.constraint_weight < 1.0
         turned = (self.looped or middle) and half_turn(self.system, self._a.y0, self._a.y1)
         return bool(turned)
+
+    @property
+    def residual(self) -> float:
+        """Scaled residual of the last step."""
+        return float(self._record[RESIDUAL])
 
     @property
     def y1(self) -> Floats:
@@ -400,98 +479,3 @@ class CompiledStep(CompiledScene):
     def turns(self) -> IndexArray | None:
         """Full turns of angles at the end of the step, as in a state."""
         return self._coupled.turns()
-
-
-class CompiledMultipliers(CompiledStep):
-    """The same with multipliers: n + m unknowns, eliminated vertex by vertex.
-
-    Parameters
-    ----------
-    system, integrator, h, settings, plan
-        See :class:`CompiledStep`.
-    scaled : bool
-        See :class:`skfem_cosserat.Multipliers`.
-    """
-
-    def __init__(
-        self,
-        system: System,
-        integrator: Integrator,
-        h: float,
-        settings: NewtonSettings,
-        plan: Plan | None = None,
-        scaled: bool = True,
-    ) -> None:
-        self._scaled, self._h = scaled, h
-        if plan is None:
-            plan = plan_of(system, whole=True)
-        super().__init__(system, integrator, h, settings, plan)
-
-    def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
-        """See the base class."""
-        from ..compiled import bind, bind_kkt
-
-        system, groups = self.system, self.system.beam_groups
-        parts = bind_kkt.parts_of(system, ends or is_viscous(system))
-        with COMPILING, bind.compiling(system, parts, "multipliers"):
-            s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self._h)
-            m, _ = bind_kkt.bound_elimination(system, self.plan)
-            w, self._arrays = bind_kkt.bound_steps(system, self.plan)
-            g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
-            table = bind.addresses(parts, (s, m, w, g), "multipliers")
-        self._own = SimpleNamespace(**own)
-        self._chart = Chart(system.kinematics)
-        return table, s, m, w, g
-
-    @property
-    def last(self) -> Any:
-        """See the base class."""
-        if not self._record[KNOWN]:
-            return None
-        return self._own.last.ravel().copy(), self._own.last_one.copy()
-
-    @last.setter
-    def last(self, value: Any) -> None:
-        self._record[KNOWN] = self._record[GUESS] = float(value is not None)
-        if value is not None:
-            self._own.last.ravel()[:], self._own.last_one[:] = value
-
-    def resized(self, h: float) -> CompiledStep:
-        """See the base class; unscaled matrices have the step size in them: bound anew."""
-        if self._scaled:
-            return super().resized(h)
-        own = self.system, self.integrator, h, self.settings, self.plan
-        other = CompiledMultipliers(*own, scaled=False)
-        other.factorisations, other.last = self.factorisations, self._scaled_last(h / self.h)
-        return other
-
-    def _scaled_last(self, ratio: float) -> Any:
-        """See the base class."""
-        return None if self.last is None else tuple(ratio * part for part in self.last)
-
-    @property
-    def method(self) -> str:
-        """See the base class."""
-        return "blocks with multipliers"
-
-    @property
-    def worth(self) -> float:
-        """See the base class: not measured, so they are kept as long as they do."""
-        return np.inf
-
-    def _prescribe(self) -> None:
-        """See the base class; the first step starts where the tree follows the ground."""
-        if self.system.moving and not self._record[KNOWN]:
-            y0 = self._a.y0.copy()
-            self._chart.begin(y0, self._a.ground1.copy())
-            self._own.start[:] = (self._chart.configuration() - y0)[: self.system.rows]
-
-    @property
-    def impulse(self) -> Floats:
-        """See the base class: of the multipliers found."""
-        return self._own.impulse.copy()
-
-    @property
-    def increment(self) -> Floats:
-        """See the base class: coordinates, and the multipliers' impulses, not scaled."""
-        return np.concatenate([self._a.change.ravel(), self._own.added])

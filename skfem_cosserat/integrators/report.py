@@ -12,7 +12,7 @@ from ..model import System
 from ..types import Floats
 from .base import Integrator, State, StepWork
 
-__all__ = ["ComposedReport", "Solved", "StepReport"]
+__all__ = ["ComposedReport", "Solved", "StepReport", "StrideReport"]
 
 
 @dataclass(eq=False)
@@ -46,6 +46,16 @@ class StepReport:
         return [self]
 
     @property
+    def steps(self) -> int:
+        """How many steps it is of: more than one for those of :meth:`Stepper.stride`."""
+        return 1
+
+    @property
+    def all_iterations(self) -> int:
+        """Newton iterations of all of them."""
+        return self.iterations
+
+    @property
     def step(self) -> float:
         """Its size (s)."""
         return self._solved.h
@@ -70,6 +80,27 @@ class StepReport:
         system, integrator, _, state, y1, _ = self._solved
         weight, y0 = integrator.constraint_weight, system.extend(state.q, state.time)
         return y0 if weight == 0 else (1 - weight) * y0 + weight * y1
+
+
+@dataclass(eq=False)
+class StrideReport(StepReport):
+    """Report of the last of several steps that were solved in one go, with the work of all.
+
+    Where the step after it was tried and not solved, there are no momentum and constraint force.
+    """
+
+    _steps: int
+    _all_iterations: int
+
+    @property
+    def steps(self) -> int:
+        """See the base class."""
+        return self._steps
+
+    @property
+    def all_iterations(self) -> int:
+        """See the base class."""
+        return self._all_iterations
 
 
 @dataclass(eq=False)

@@ -23,68 +23,11 @@ from .choice import Choice, choose_kernels
 from .fast import CompiledStep
 from .fast_steps import compiled_step
 from .limit import FROZEN
+from .problem import StepProblem
 from .protocol import default_settings
-from .report import ComposedReport, Solved, StepReport
+from .report import ComposedReport, Solved, StepReport, StrideReport
 
 __all__ = ["StepReport", "Stepper"]
-
-
-class _Problem:
-    """A step as the Newton loop sees it."""
-
-    def __init__(self, stepper: Stepper, step: StepData) -> None:
-        self.system, self.integrator = stepper.system, stepper.integrator
-        self.treatment, self.step = stepper.bound, step
-        self.evaluation: Evaluation | None = None
-        self._mixed = stepper.settings.mixed
-        self._stresses: list[Array] | None = None
-        self._sized: tuple[Floats | None, tuple[float, float]] = None, (0.0, 0.0)
-
-    def residual(self) -> float:
-        y1 = self.treatment.configuration()
-        self.evaluation = self.integrator.evaluate(self.system, self.step, y1)
-        self.y1 = y1
-        self._r = self.treatment.residual(self.evaluation.R, y1)
-        return self.treatment.relative(self._r, self.evaluation.size)
-
-    def direction(self) -> Floats:
-        assert self.evaluation is not None
-        e, _ = self._from = self.evaluation, self.y1
-        if self._stresses is not None:
-            e = self.integrator.with_stresses(self.system, self.step, e, self._stresses)
-            self.treatment.residual(e.R, self.y1)
-        blocks = self.integrator.tangent(self.system, self.step, e)
-        data = self.treatment.data(blocks, e.R, self.y1)
-        direction = -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
-        more = self.integrator.update(self.system, self.step, e)
-        return direction if more is None else self._updated(direction, *more)
-
-    def _updated(self, direction: Floats, U: Array, V: Array) -> Floats:
-        """Direction of the matrix with ``sum_k U_k V_k^T`` added (Sherman, Morrison, Woodbury)."""
-        treatment, y = self.treatment, self.y1
-        columns = [treatment.solver.solve_again(treatment.scale_rows(treatment.pull(u))) for u in U]
-        moved = [treatment.push(x, y) for x in (*columns, direction)]
-        products = np.tensordot(V, np.array(moved), axes=([1, 2], [1, 2]))
-        factors = np.linalg.solve(np.eye(len(U)) + products[:, :-1], products[:, -1])
-        return np.asarray(direction - np.array(columns).T @ factors)
-
-    def sizes(self, increment: Floats) -> tuple[float, float]:
-        if self._sized[0] is not increment:  # asked for again where it is applied
-            self._sized = increment, self.treatment.sizes(increment)
-        return self._sized[1]
-
-    def apply(self, increment: Floats) -> None:
-        self._stresses = None
-        if self.sizes(increment)[0] > self._mixed and self.system.beam_groups:
-            change = self.treatment.push(increment, self._from[1])
-            self._stresses = self.integrator.mixed(self.system, self.step, self._from[0], change)
-        self.treatment.apply(increment)
-
-    def save(self) -> object:
-        return self.treatment.save()
-
-    def restore(self, saved: object) -> None:
-        self.treatment.restore(saved)
 
 
 #: scaled residual above which a converged step is looked at again, and the increment it may ask for
@@ -275,6 +218,54 @@ class Stepper:
         report.state.maker = self.maker
         return report
 
+    def strides(self, state: State) -> bool:
+        """Whether :meth:`stride` may take more than one step from this state on.
+
+        With compiled kernels, where loads are constant from then on, nothing moves by prescription,
+        and there are no springs, dampers, drag and viscous sections.
+        """
+        return self._fast is not None and self._fast.strides(state.time)
+
+    def stride(self, state: State, steps: int) -> StepReport:
+        """Solve up to so many steps in one go, at least one: the same ones, for less.
+
+        Parameters
+        ----------
+        state : State
+            As for :meth:`advance`.
+        steps : int
+            How many at most; fewer are taken where something has to be looked at.
+
+        Returns
+        -------
+        StepReport
+            Of the last of them; ``report.steps`` is how many there were, ``report.work`` that of
+            all.
+
+        Raises
+        ------
+        Diverged
+            As :meth:`advance`, if the first one fails.
+        """
+        fast, state = self._fast, self.own(state)
+        if steps < 2 or fast is None or not fast.strides(state.time) or state.q is fast.stuck:
+            return self.advance(state)
+        if (fast.looped and fast.due(state, self.bound)) or not self.bound.regular:
+            return self.advance(state)
+        stride = fast.stride(state, steps)
+        if not stride.steps:
+            return self.advance(state)  # by the general way
+        self._first, k = False, stride.steps
+        fresh, where = state.fresh and k == 1, (state.time + (k - 1) * self.h, state.index + k - 1)
+        before = State(*where, *stride.before, fresh, maker=self.maker)
+        new = State(state.time + k * self.h, state.index + k, *stride.after, False)
+        new.maker, y1, impulse = self.maker, fast.y1, fast.impulse
+        if stride.stuck:
+            y1, impulse = self.system.extend(new.q, new.time), np.full_like(impulse, np.nan)
+        solved = Solved(self.system, self.integrator, self.h, before, y1, impulse)
+        own = new, stride.last, 1, fast.residual, StepWork(stride.work), solved
+        return StrideReport(*own, k, stride.iterations)
+
     def own(self, state: State) -> State:
         """The state, if this scheme and step made it; else a start from its q and p.
 
@@ -299,7 +290,7 @@ class Stepper:
             if self._fast.looped and self._fast.due(state, self.bound):
                 step = self._begin(state)
                 self._fast.close(self.bound.closing)
-            if self.bound.regular:
+            if self.bound.regular and state.q is not self._fast.stuck:
                 solved = self._fast.solve(state)
                 if solved is not None:
                     return self._accept_compiled(self._fast, state, new_time, *solved)
@@ -311,7 +302,7 @@ class Stepper:
         residuals = []
         for attempt, (extrapolate, damped) in enumerate(ATTEMPTS, 1):
             self.bound.guess(extrapolate)
-            problem = _Problem(self, step)
+            problem = self.problem(step)
             report = newton(problem, self.settings, damped)
             total += report.iterations
             astray = self.bound.astray(problem.y1) if report.converged else None
@@ -338,7 +329,7 @@ class Stepper:
         error.settings = self.settings
         raise error
 
-    def _left(self, problem: _Problem, residual: float) -> bool:
+    def _left(self, problem: StepProblem, residual: float) -> bool:
         """Whether a residual asks for more, although increments have vanished."""
         if residual < SOLVED:
             return False
@@ -396,6 +387,11 @@ class Stepper:
             logger.warning("t = %.6g s: %s", state.time, self.bound.notice)
         return step
 
+    def problem(self, step: StepData) -> StepProblem:
+        """The step as the Newton loop sees it."""
+        own = self.system, self.integrator, self.bound
+        return StepProblem(*own, step, self.settings.mixed)
+
     def _explained(self, step: StepData, reason: str, y1: Array) -> tuple[str, str]:
         """Why a step failed and what to try: a dead point, a loop that does not close, Newton.
 
@@ -423,7 +419,7 @@ class Stepper:
     def _accept(
         self,
         state: State,
-        problem: _Problem,
+        problem: StepProblem,
         time: float,
         iterations: int,
         attempts: int,
@@ -490,7 +486,7 @@ class Stepper:
         finally:
             self._fast = fast
         step, bound = self.integrator.begin(self.system, state, self.h), self.bound
-        problem = _Problem(self, step)
+        problem = self.problem(step)
         problem.residual()
         assert problem.evaluation is not None
         blocks = self.integrator.tangent(self.system, step, problem.evaluation)

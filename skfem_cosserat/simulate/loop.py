@@ -25,7 +25,7 @@ from .events import Event, Watch, checked_events
 from .interrupt import Interrupt
 from .pace import FixedPace, Maker, Pace
 from .progress import Progress
-from .recorder import Recorder, Wanted, numbered, timed
+from .recorder import Numbered, Recorder, Wanted, timed
 from .run import Callback, Run
 from .sensors import Sensor
 from .start import consistent_start, initial_state
@@ -205,7 +205,8 @@ def simulate(
     state = stepper.own(state)
     _check_run(callbacks, path, state)
     found = checked_events(events, integrator, system, state)
-    pace, wanted = _paced(step, maker, stepper, state, until, count, every, at, eventful)
+    looked = bool(callbacks or sensors or callable(progress))
+    pace, wanted = _paced(step, maker, stepper, state, until, count, every, at, eventful, looked)
     recorder = Recorder(system, stepper, state, wanted, path, sensors, varying)
     _warn_if_unresolved(stepper)
     with recorder, Interrupt() as interrupt:
@@ -265,15 +266,20 @@ def _paced(
     every: int,
     at: Sequence[float] | None,
     eventful: bool,
+    looked: bool,
 ) -> tuple[Pace, Wanted]:
-    """How a run goes on in time, and which of its states are recorded."""
+    """How a run goes on in time, and which of its states are recorded.
+
+    Steps in between are taken in one go, unless something looks at each (`looked`).
+    """
     if isinstance(step, StepControl):
         wanted = timed(state, until, every, at, exact=True)
         return ControlledPace(step, maker, stepper, state, until, at or ()), wanted
     if eventful:
         wanted = timed(state, until, every, at, exact=False)
         return FixedPace(stepper, state, count, until), wanted
-    return FixedPace(stepper, state, count), numbered(state, stepper.h, count, every, at)
+    numbered = Numbered(state, stepper.h, count, every, at)
+    return FixedPace(stepper, state, count, None, None if looked else numbered.ahead), numbered
 
 
 def _warn_of_elements(system: System, history: History) -> None:

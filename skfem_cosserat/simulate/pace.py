@@ -18,6 +18,10 @@ from ..newton import NewtonSettings
 
 __all__ = ["FixedPace", "Maker", "Pace"]
 
+#: most steps in one go, and most unknowns moved in all of them together: for less than a second,
+#: as Ctrl-C waits for them
+STRIDE, MOVED = 256, 10**6
+
 
 @dataclass
 class Maker:
@@ -84,24 +88,37 @@ class FixedPace(Pace):
         Number of steps.
     until : float, optional
         Equal steps to this end instead, of the stepper's size or less.
+    ahead : callable, optional
+        From a state, how many steps may be taken in one go; by default one.
     """
 
     def __init__(
-        self, stepper: Stepper, state: State, count: int, until: float | None = None
+        self,
+        stepper: Stepper,
+        state: State,
+        count: int,
+        until: float | None = None,
+        ahead: Callable[[State], int] | None = None,
     ) -> None:
-        self.stepper, self._size = stepper, stepper.h
+        self.stepper, self._size, self._ahead = stepper, stepper.h, ahead
+        self._most = max(1, min(STRIDE, MOVED // max(1, stepper.system.n)))
         self._origin, self._first, self._count = state.time, state.index, count
         self._end = until
         if until is not None:
             self.begin(stepper, state)
 
     def advance(self, state: State) -> list[StepReport]:
-        """See the base class: one step."""
+        """See the base class: one step, or what follows in one go."""
         k = state.index + 1 - self._first
         if k > self._count:
             return []
         # t_n = t_0 + n h: no rounding adds up over many steps
-        return [self.stepper.advance(state, self._origin + k * self.stepper.h)]
+        if self._ahead is None or not self.stepper.strides(state):
+            return [self.stepper.advance(state, self._origin + k * self.stepper.h)]
+        report = self.stepper.stride(state, min(self._ahead(state), self._most))
+        end = report.state
+        end.time = self._origin + (end.index - self._first) * self.stepper.h
+        return [report]
 
     def begin(self, stepper: Stepper, state: State) -> None:
         """See the base class: equal steps to the same end, of the size asked for or less."""

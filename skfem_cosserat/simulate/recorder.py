@@ -19,7 +19,7 @@ from .describe import describe, fingerprint
 from .sensors import Sensor, SensorBank, checked_sensors
 from .works import Works
 
-__all__ = ["Recorder", "Segment", "Wanted", "numbered", "take_along", "timed"]
+__all__ = ["Numbered", "Recorder", "Segment", "Wanted", "take_along", "timed"]
 
 #: whether a state is to be recorded, by the state and the size of the step that led to it
 Wanted = Callable[[State, float], bool]
@@ -162,7 +162,7 @@ class Recorder:
         self._amend(report)
         self.works.add(report)
         self.bank.take(self._before, report)
-        self.iterations += report.iterations
+        self.iterations += report.all_iterations
         state = self._before = report.state
         force = report.constraint_force if self._at_end else None
         row = self._row(state, report.iterations, report.attempts, report.residual, force)
@@ -251,10 +251,40 @@ class Recorder:
         return self.closed
 
 
-def numbered(state: State, h: float, count: int, every: int, at: Sequence[float] | None) -> Wanted:
-    """States of a run with equal steps: every k-th, or those nearest to given times."""
-    wanted, first = _numbers(state, h, count, every, at), state.index
-    return lambda state, h: state.index - first in wanted
+class Numbered:
+    """States of a run with equal steps: every k-th, or those nearest to given times.
+
+    Parameters
+    ----------
+    state : State
+        Where it starts.
+    h : float
+        Step size (s).
+    count : int
+        Steps.
+    every, at
+        See :func:`simulate`.
+    """
+
+    def __init__(
+        self, state: State, h: float, count: int, every: int, at: Sequence[float] | None
+    ) -> None:
+        self._wanted, self._first = _numbers(state, h, count, every, at), state.index
+        self._sorted = np.array(sorted({*self._wanted, count}))
+
+    def __call__(self, state: State, h: float) -> bool:
+        """Whether a state is to be recorded."""
+        return state.index - self._first in self._wanted
+
+    def ahead(self, state: State) -> int:
+        """Steps to the next state that is recorded, or the last one; one from such a state.
+
+        The step that follows a recorded state completes its row.
+        """
+        k = state.index - self._first
+        if k in self._wanted or k == 0:
+            return 1
+        return int(self._sorted[np.searchsorted(self._sorted, k, side="right")]) - k
 
 
 def timed(
