@@ -133,7 +133,10 @@ def simulate(
     until : float
         End time (s); the last step ends at or before it (to rounding).
     every : int
-        Record every k-th step (the first and the last state always).
+        Record every k-th step (the first and the last state always). What lies between compiled
+        kernels take in one go, where loads are constant and there are no force elements, damping
+        and prescribed motion: the same steps for less, unless callbacks, sensors or a function for
+        `progress` look at each.
     at : sequence of float, optional
         Record the states nearest to these times instead, beside the first and the last.
     callbacks : sequence of callable
