@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -47,19 +47,35 @@ FULL = np.diag([40.0, 50.0, 90.0, 12.0, 15.0, 8.0]) + _COUPLING @ _COUPLING.T
 #: Products of inertia, about the centre of mass (kg m^2).
 TENSOR = np.array([[0.5, 0.06, -0.04], [0.06, 0.6, 0.09], [-0.04, 0.09, 0.45]])
 
+
+def chequered(
+    one: str, ones: Sequence[Any], other: str, others: Sequence[Any], **options: Any
+) -> pytest.MarkDecorator:
+    """Every second pair of two parameters, as on a chequerboard; those left out are slow tests.
+
+    So each value is there about as often as any other. Names and values may be of several
+    parameters each, separated by commas and as tuples.
+    """
+    given = [(_parameter(one, a) for a in ones), (_parameter(other, b) for b in others)]
+    (first, second), rows = map(list, given), []
+    for i, a in enumerate(first):
+        for j, b in enumerate(second):
+            marks = [*a.marks, *b.marks, *[pytest.mark.slow] * ((i + j) % 2)]
+            rows.append(pytest.param(*a.values, *b.values, marks=marks))
+    return pytest.mark.parametrize(f"{one}, {other}", rows, **options)
+
+
+def _parameter(names: str, value: Any) -> Any:
+    """A value of one or several parameters, perhaps with marks, as pytest has it."""
+    if hasattr(value, "marks"):
+        return value
+    return pytest.param(*value) if "," in names else pytest.param(value)
+
+
 #: integrators and treatments, each value once; the other two among the slow tests
-pairs = pytest.mark.parametrize(
-    ("integrator", "treatment"),
-    [
-        ("variational", "null space"),
-        ("energy-momentum", "multipliers"),
-        pytest.param("variational", "multipliers", marks=pytest.mark.slow),
-        pytest.param("energy-momentum", "null space", marks=pytest.mark.slow),
-    ],
+pairs = chequered(
+    "integrator", ["variational", "energy-momentum"], "treatment", ["null space", "multipliers"]
 )
-
-
-# functions of time that can be sent to other processes
 
 
 def shaking(t: float) -> tuple[float, float, float]:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_scenes import chequered
 
 import skfem_cosserat as sc
 
@@ -258,8 +259,7 @@ SMOOTH = {
 }
 
 
-@integrators
-@pytest.mark.parametrize("family", SMOOTH)
+@chequered("family", SMOOTH, "integrator", [EM, VI])
 def test_second_order_in_time(family, integrator):
     """At given steps, where nothing sets in at once."""
     data, until, step = SMOOTH[family]

@@ -19,6 +19,7 @@ import test_drives
 import test_joints
 from helpers_scenes import (
     JOINTS,
+    chequered,
     four_bar,
     full_section,
     lattice,
@@ -261,8 +262,7 @@ def chain(count):
     return model.freeze()
 
 
-@pytest.mark.parametrize("scene", test_closed_loops.SCENES)
-@integrators
+@chequered("scene", test_closed_loops.SCENES, "integrator", INTEGRATORS)
 def test_closed_loops_by_a_border(scene, integrator):
     """The same motion and forces, with the iterations of one Newton method for all equations."""
     system = test_closed_loops.frozen(scene)

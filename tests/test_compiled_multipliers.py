@@ -11,7 +11,7 @@ from test_compiled import FIRST, INTEGRATORS, called, chain, crossing, moving, t
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled.numbers import ROTATION
-from skfem_cosserat.integrators.fast import CompiledMultipliers
+from skfem_cosserat.integrators.fast_steps import CompiledMultipliers
 from skfem_cosserat.integrators.refused import refusal
 from skfem_cosserat.integrators.stepper import Stepper
 

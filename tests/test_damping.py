@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers_scenes import FULL, SHAKE, TENSOR, full_section, random_state, rotation
+from helpers_scenes import FULL, SHAKE, TENSOR, chequered, full_section, random_state, rotation
 from scipy.linalg import eigh
 from test_tangents import TOLERANCE, Step, worst
 
@@ -362,9 +362,8 @@ def test_modes_of_the_cantilever():
     assert mode("bending")[0] == pytest.approx(slender, rel=1e-3)
 
 
-@pytest.mark.parametrize("damping", DAMPINGS)
+@chequered("damping", DAMPINGS, "integrator", INTEGRATORS)
 @pytest.mark.parametrize("kind", ["bending", "axial"])
-@integrators
 def test_logarithmic_decrement(integrator, kind, damping):
     """Free decay of one mode against ``exp(-zeta w t) sin(w sqrt(1 - zeta^2) t)``, order two."""
     omega, shape, M = mode(kind)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers_scenes import chequered
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
@@ -75,8 +76,7 @@ def loss_of(v, spins, angle):
 # -- located ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("treatment", TREATMENTS)
-@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+@chequered("treatment", TREATMENTS, "scheme", SCHEMES, ids=repr)
 def test_located_in_the_discrete_solution(scheme, treatment):
     """To 1e-10 s of the root of the same step as a function of its size; near the closed form."""
     system, bob, _ = pendulum()

@@ -15,6 +15,7 @@ from helpers_scenes import (
     POINT_JOINTS,
     SHAKE,
     TENSOR,
+    chequered,
     fitting,
     full_section,
     null_space,
@@ -292,8 +293,7 @@ def run(kind, integrator, treatment):
     return sc.simulate(system, *pair, 0.01, 0.2, start=start)
 
 
-@kinds
-@integrators
+@chequered("integrator", INTEGRATORS, "kind", JOINTS)
 def test_both_treatments_give_the_same_motion(kind, integrator):
     one, two = (run(kind, integrator, treatment) for treatment in TREATMENTS)
     assert len(one) == 21

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
-from helpers_scenes import four_bar
+from helpers_scenes import chequered, four_bar
 
 import skfem_cosserat as sc
 
 INTEGRATORS = (sc.Variational, sc.EnergyMomentum)
 TREATMENTS = (sc.NullSpace, sc.Multipliers)
-COMBINATIONS = list(itertools.product(INTEGRATORS, TREATMENTS))
-BOTH = pytest.mark.parametrize(
-    ("integrator", "treatment"), COMBINATIONS, ids=lambda kind: kind.__name__
-)
+BOTH = chequered("integrator", INTEGRATORS, "treatment", TREATMENTS, ids=lambda kind: kind.__name__)
 Z = (0.0, 0.0, 1.0)
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_scenes import chequered
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
@@ -32,7 +33,7 @@ motion = importlib.import_module("collection.motion")
 DATA = json.loads((Path(__file__).parent / "data" / "rigid_references.json").read_text())
 INTEGRATORS = (sc.Variational, sc.EnergyMomentum)
 PAIRS = [(i, t) for i in INTEGRATORS for t in (sc.NullSpace, sc.Multipliers)]
-pairs = pytest.mark.parametrize(("integrator", "treatment"), PAIRS)
+pairs = chequered("integrator", INTEGRATORS, "treatment", (sc.NullSpace, sc.Multipliers))
 #: of scenes that the collection runs as well: one of them quickly
 first_pair = pytest.mark.parametrize(
     ("integrator", "treatment"),

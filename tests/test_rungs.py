@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_scenes import chequered
 from scipy.linalg import eigh, null_space
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
@@ -447,8 +448,7 @@ SCENES = [
 ]
 
 
-@pytest.mark.parametrize(("scene", "rung"), SCENES)
-@pytest.mark.parametrize("integrator", [sc.EnergyMomentum(), sc.Variational()])
+@chequered("scene, rung", SCENES, "integrator", [sc.EnergyMomentum(), sc.Variational()])
 def test_both_treatments_agree(scene, rung, integrator):
     system = scene(rung).freeze()
     runs = [

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_scenes import chequered
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
@@ -24,7 +25,7 @@ spec.loader.exec_module(six)
 INTEGRATORS = ("variational", "energy-momentum")
 TREATMENTS = ("null-space", "multipliers")
 PAIRS = [(i, t) for i in INTEGRATORS for t in TREATMENTS]
-pairs = pytest.mark.parametrize(("integrator", "treatment"), PAIRS)
+pairs = chequered("integrator", INTEGRATORS, "treatment", TREATMENTS)
 #: R4 of the reference problems: P3 at eight times, 8 digits
 R4 = json.loads((ROOT / "tests" / "data" / "rigid_references.json").read_text())["R4"]
 TIMES, P3 = np.array(R4["t"]), np.array(R4["P3"])
@@ -218,8 +219,7 @@ def test_start_angle_against_the_closed_form():
     assert 20 < closed < 40
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("twist", [0.3, np.pi / 4, 1.2, 2.0, -0.7, 4.0])
+@chequered("integrator", INTEGRATORS, "twist", [0.3, np.pi / 4, 1.2, 2.0, -0.7, 4.0])
 def test_twisted(integrator, twist):
     angle = closing(np.random.default_rng([7, int(1000 + 100 * twist)]), twist)
     result = six.main(integrator, "null-space", 1e-2, 0.5, twist, angle)

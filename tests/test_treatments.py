@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_scenes import TENSOR, everything, random_tree, swing, triangle
+from helpers_scenes import TENSOR, everything, pairs, random_tree, swing, triangle
 
 import skfem_cosserat as sc
 
@@ -92,8 +92,7 @@ def test_few_newton_iterations(scene, integrator, treatment):
 
 
 @pytest.mark.parametrize("scene", ["everything", "swing", "distance"])
-@integrators
-@treatments
+@pairs
 def test_repeated_runs_are_identical(scene, integrator, treatment):
     one, two = (run(scene, integrator, treatment, again) for again in (0, 1))
     assert one is not two
@@ -232,8 +231,7 @@ def test_interrupt_raised_in_a_callback(pendulum, integrator, treatment, tmp_pat
     assert abs(rest["q"] - whole["q"][7:]).max() < 1e-11
 
 
-@integrators
-@treatments
+@pairs
 def test_restart_from_a_loaded_history(pendulum, integrator, treatment, tmp_path):
     """The same run to the Newton tolerance; another step or integrator: the same to O(h^2)."""
     pair = INTEGRATORS[integrator], TREATMENTS[treatment]
