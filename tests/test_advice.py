@@ -124,6 +124,18 @@ def test_functions_and_tolerances_by_name(tmp_path):
     pytest.importorskip("matplotlib")
     advice.chart(tmp_path / "candidates.png")
     assert (tmp_path / "candidates.png").stat().st_size > 10_000
+    assert "half the step" not in _legend(advice)
+    next(row for row in advice.candidates if not row["chosen"])["robust"] = False
+    assert "fails with half the step" in _legend(advice)
+
+
+def _legend(advice):
+    """All texts of the chart's legend."""
+    from matplotlib.figure import Figure
+
+    axis = Figure().subplots()
+    advice.draw(axis)
+    return " ".join(text.get_text() for text in axis.get_legend().get_texts())
 
 
 class DisturbedClock:

@@ -48,7 +48,7 @@ class Advice:
         What does.
     candidates : list of dict
         A row for each proposal that was run: rungs, order, elements, integrator, treatment, step,
-        unknowns, error, cost, status.
+        unknowns, error, cost, status; not "robust": it goes through, with half the step it fails.
     explanation : str
         All that as a table and sentences.
     spent_s : float
@@ -127,8 +127,12 @@ class Advice:
         for k, kind in enumerate(sorted({row["rungs"] for row in done})):
             own = [row for row in done if row["rungs"] == kind]
             for row in own:
-                axis.plot(row["cost_s"], row["error"], "osD^v<>p"[k % 8], color=f"C{k}", ms=4)
+                fill = {} if row["robust"] else {"mfc": "none"}
+                style = "osD^v<>p"[k % 8]
+                axis.plot(row["cost_s"], row["error"], style, color=f"C{k}", ms=4, **fill)
             axis.plot([], [], "osD^v<>p"[k % 8], color=f"C{k}", label=kind or "bodies")
+        if not all(row["robust"] for row in done):
+            axis.plot([], [], "o", mfc="none", color="grey", label="fails with half the step")
         failed = [row["cost_s"] for row in self.candidates if row["status"] != "ok"]
         failed = [cost for cost in failed if np.isfinite(cost)]
         if failed:
@@ -158,7 +162,7 @@ def explained(advice: Advice, lines: Sequence[str], tolerance: dict[str, float])
     head = "{:<28} {} {:>14} {:>6} {:<28} {:>9} {:>8}".format(*columns)
     rows = [head, "-" * len(head)]
     for row in _worth_telling(advice.candidates):
-        mark = " <-" if row["chosen"] else ""
+        mark = " <-" if row["chosen"] else "" if row["robust"] else " fails with half the step"
         error = f"{row['error']:.3g}" if row["status"] == "ok" else row["status"]
         rows.append(
             f"{row['rungs'][:28]:<28} {row['order']:>1} {row['elements'][:14]:>14}"

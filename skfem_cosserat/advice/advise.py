@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -183,7 +183,7 @@ def _advice(event: Event, reference: Reference, search: Search, reasons: list[st
         best.trial.cost_s if best else np.nan,
         not reasons,
         reasons,
-        [_row(each, best) for each in search.candidates],
+        [_row(each, best, search.fragile) for each in search.candidates],
         spent_s=event.budget.spent,
         until=event.until,
         reference=reference.trial.proposal if reference.trial else None,
@@ -196,7 +196,7 @@ def _advice(event: Event, reference: Reference, search: Search, reasons: list[st
 
 def _nothing(event: Event, reference: Reference) -> Advice:
     nan = event.quantities.given(np.nan)
-    rows = [_row(Candidate(each, np.inf), None) for each in event.plain]
+    rows = [_row(Candidate(each, np.inf), None, ()) for each in event.plain]
     advice = Advice(None, nan, nan, nan, np.nan, np.nan, False, reference.doubts, rows)
     advice.spent_s, advice.until = event.budget.spent, event.until
     advice.explanation = explained(advice, [], event.quantities.tolerance)
@@ -211,7 +211,7 @@ def _error(event: Event, reference: Reference, best: Candidate | None) -> float 
     return max(found.values()) if event.quantities.single else found
 
 
-def _row(own: Candidate, best: Candidate | None) -> dict[str, Any]:
+def _row(own: Candidate, best: Candidate | None, fragile: Collection[Hashable]) -> dict[str, Any]:
     trial, proposal = own.trial, own.trial.proposal
     meshed = [name for name, rung in proposal.rung.items() if rung.meshed]
     return {
@@ -231,6 +231,7 @@ def _row(own: Candidate, best: Candidate | None) -> dict[str, Any]:
         "iterations": trial.iterations,
         "status": trial.status,
         "reason": trial.reason,
+        "robust": proposal.key not in fragile,
         "chosen": own is best,
     }
 
