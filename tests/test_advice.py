@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers_advice import random_scene
+from helpers_advice import random_scene, scene_of_kind
 from scipy.integrate import solve_ivp
 
 import skfem_cosserat as sc
@@ -358,6 +358,16 @@ def test_random_scenes_keep_their_tolerance():
             confident += 1
             assert true_error(scene, advice) <= scene.tolerance, f"seed {seed}"
     assert confident >= 8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_other_kinds_of_scenes_keep_their_tolerance(seed):
+    """Clamped, hung up, flying, closing a loop; of other sizes than those above."""
+    scene = scene_of_kind(seed)
+    advice = advise(scene.model, scene.quantities, scene.tolerance, 120.0, until=scene.until)
+    assert advice.confident, advice.reasons
+    assert true_error(scene, advice) <= scene.tolerance
 
 
 def cheapest_of_grid(scene, advice) -> tuple[float, float]:
