@@ -93,6 +93,34 @@ def test_round_column_buckles_in_a_plane(treatment, mode, sign):
     assert np.linalg.norm(where[-1, 1:]) == pytest.approx(away, rel=1e-5)
 
 
+@pytest.mark.parametrize(
+    "treatment", [sc.NullSpace(), pytest.param(sc.Multipliers(), marks=pytest.mark.slow)]
+)
+def test_soft_part_on_a_stiff_one_bends(treatment):
+    """That a stiffness is rounding beside that of another part does not make it rounding."""
+
+    def last(stiff, EI=1e-4):
+        model, place = sc.Model(), sc.ground((0, 0, 0))
+        for k, (EA, bending) in enumerate([(1e12, 1e10), (1e3, EI)][not stiff :]):
+            section = sc.Section.from_constants(
+                EA=EA, GA=EA / 2, EI=(bending, 1.2 * bending), GJ=bending, mass=1, inertia=(1, 1)
+            )
+            mesh = sc.MeshCurve.init_line((k, 0, 0), (k + 1, 0, 0), 2, name=f"m{k}")
+            rod = model.add(f"rod {k}", sc.Beam(mesh, section, order=3, director=(0, 0, 1)))
+            model.add(f"joint {k}", sc.JointFixed(place, rod.node(f"m{k}.start")))
+            place = rod.node(f"m{k}.end")
+        model.add("push", sc.LoadForce(place, (0, 0, EI)))
+        path = sc.static(model, treatment, derive=False)
+        nodes = path["q"][-1].reshape(-1, 4, 3)[:, 0]
+        end = nodes[nodes[:, 0].argmax()] - stiff * np.array([1.0, 0, 0])
+        return end, path.meta["newton_iterations"]
+
+    (alone, few), (joined, more) = last(False), last(True)
+    assert alone[2] > 0.2
+    assert joined == pytest.approx(alone, abs=1e-8)
+    assert more <= few + 2  # rounding does not keep iterations going
+
+
 @treatments
 def test_round_steel_column(treatment):
     """Of a real section, six orders of magnitude between stretching and bending."""

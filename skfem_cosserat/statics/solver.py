@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..constraints import Treatment
@@ -141,7 +143,7 @@ class Equilibrium:
         bound.begin(start.y, self.system.ground(start.t), 1.0)
         bound.stay()
         problem = PlainProblem(
-            bound, self.schedule, self.settings, start, target, self.neutral, relief
+            bound, self.schedule, self.settings, start, target, replace(self.neutral), relief
         )
         if target.predictor is not None:
             problem.predict(target.predictor)
@@ -176,5 +178,7 @@ class Equilibrium:
 
     def accept(self) -> None:
         """The point solved last is where the next one starts."""
+        if isinstance(self._problem, PlainProblem):
+            self.neutral = self._problem.neutral  # as they are there
         self.bound.finish()
         self._accepted = self.bound.save()

@@ -38,6 +38,10 @@ SUSPECT = 1e8
 #: how much larger the smallest pivot of an elimination in blocks must be to do without: the largest
 #: entry of K may be larger than the largest pivot
 FIRM = 4.0
+#: eigenvalue, relative to the terms of its own motion, above which the stiffness is a true one,
+#: however small beside the largest entry of K: of neutral motions it was below 5e-16, of a soft
+#: beam on a stiff one above 3e-11 (measured)
+OWN = 1e-13
 #: of such motions at most as many are sought: turns about axes of symmetry are few
 MOST_NEUTRAL = 6
 #: how much larger the eigenvalue may be after a step, to count as neutral still
@@ -98,12 +102,18 @@ class Look:
         return _negative(0.5 * (K + K.T) + 2 * self.floor * metric)[0]
 
     def neutral_motions(self, system: System, beside: Floats | None = None) -> Neutral:
-        """Motions that nothing holds, normal to the one (rows, 3) that a branch sets off along."""
+        """Motions that nothing holds, normal to the one (rows, 3) that a branch sets off along.
+
+        Small beside the stiffness of other parts is not enough: a soft part is no free one.
+        """
         if not self.neutral:
             return Neutral()
         W = np.sqrt(weights(system))
         values, modes = self.nearest(min(MOST_NEUTRAL, self.tangent.K.shape[0]))
-        modes = modes[:, abs(values) <= self.floor]
+        own = (abs(modes) * (abs(self.tangent.K) @ abs(modes))).sum(0)
+        modes = modes[:, abs(values) <= np.minimum(self.floor, OWN * own)]
+        if not modes.shape[1]:
+            return Neutral()
         motions = [(W * (self.tangent.P @ m).reshape(-1, 3)).ravel() for m in modes.T]
         if beside is not None:
             motions = [(W * beside).ravel(), *motions]

@@ -39,10 +39,6 @@ JUMP = 2.0
 CRITICAL = 1e-5
 #: motion (mean over the nodes, relative to the scene) within which no other branch is looked for
 NEAR = 1e-6
-
-#: iterations of a step up to which neutral motions are left to themselves: that a stiffness cannot
-#: be told from zero does not mean that there is none
-EASY = 10
 #: how often a step is halved to locate the critical points in it
 LOSSES = 6
 
@@ -74,7 +70,6 @@ class Walk:
     stretched: bool = False
     _look: Look | None = None
     _rate: Floats | None = None
-    _idle: Neutral = field(default_factory=Neutral)
 
     def run(
         self,
@@ -117,7 +112,7 @@ class Walk:
         at = balance(system, point.y, amplitudes, turns=point.turns)
         look = inspect(system, point, amplitudes) if self.watch or direction is not None else None
         if look is not None:
-            self._idle = look.neutral_motions(system, direction)
+            solver.neutral = look.neutral_motions(system, direction)
         # at a critical point the number of unstable motions is one or the other
         self._look = look if direction is None else None
         tangent = reduced_tangent(system, point.y, amplitudes, at)
@@ -157,7 +152,7 @@ class Walk:
 
     def _advance(self, point: Point, stage: Stage) -> tuple[Point, bool]:
         """The next point, and whether it is one that was asked for."""
-        solver, limit = self.solver, self.control.turn
+        limit = self.control.turn
         residuals = []
         losses = 0
         while True:
@@ -168,7 +163,7 @@ class Walk:
             if solution is None and self._rate is not None and functional.predictor is None:
                 # at a critical point the tangent does not say where to go: on as before
                 functional = replace(functional, predictor=length * self._rate)
-                solution, report = solver.solve(point, functional)
+                solution, report = self._solve(point, functional)
                 residuals.append(report.residuals)
             shorter = 0.5
             if solution is not None:
@@ -195,18 +190,19 @@ class Walk:
         return solution.point, asked
 
     def _solve(self, point: Point, functional: Functional) -> tuple[Solution | None, NewtonReport]:
-        """As the solver does it; if hard, again without the motions that nothing holds."""
-        solver = self.solver
+        """As the solver does it; if it fails, again with the motions that nothing holds.
+
+        They are left alone from the first step on. Else each step would move along them by
+        rounding over rounding, and how far, or whether its iteration shows it, is luck.
+        """
+        solver, neutral = self.solver, self.solver.neutral
         solution, report = solver.solve(point, functional)
-        easy = solution is not None and report.iterations <= EASY
-        if easy or solver.neutral.motions or not self._idle.motions:
+        if solution is not None or not neutral.motions:
             return solution, report
-        solver.neutral = self._idle
-        again = solver.solve(point, functional)
-        if again[0] is None:
-            solver.neutral = Neutral()
-            return solver.solve(point, functional)
-        return again
+        solver.neutral = Neutral()
+        solution, report = solver.solve(point, functional)
+        solver.neutral = neutral
+        return solution, report
 
     def _sight(self, point: Point, solution: Solution) -> _Sight:
         """Stability at a point found, and the critical points on the way to it."""
@@ -271,9 +267,7 @@ class Walk:
             )
         self._look = sight.look
         if sight.look is not None:
-            self._idle = sight.look.neutral_motions(self.system)
-            if solver.neutral.motions:  # found to be a nuisance before
-                solver.neutral = self._idle
+            solver.neutral = sight.look.neutral_motions(self.system)
         rows = self.system.rows
         self._rate = (solution.point.y[:rows] - point.y[:rows]) / length
         self._warn_of_elements(solution)
