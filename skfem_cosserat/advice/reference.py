@@ -19,6 +19,8 @@ AIM = 0.1
 SMALL = 0.02
 #: a doubling of steps or elements must reduce differences by this factor at least
 FALLING = 1.5
+#: or by this one, if all that are still to come, each smaller by it, add up to so many tolerances
+SLOWLY, REST = 1.2, 0.2
 #: refinements beyond the aim to see an order
 AGAIN = 3
 #: levels of refinement at most
@@ -222,17 +224,15 @@ class _Refiner:
             coarse = self.run(self.up(by=-1), 2 * found.steps)
             base = self.run(self.level, 2 * found.steps)
             falling["space"] = _factor(self.event.distance(coarse, base), width)
+        sizes = {"time": gap, "space": width}
         bad = {
             axis: f"no order observed in {axis}: the last refinement changed the quantities by"
             f" {size:.2g} tolerances, the one before by {falling[axis]:.2g} times that"
-            for axis, size in (("time", gap), ("space", width))
-            if not falling[axis] >= FALLING
+            for axis, size in sizes.items()
+            if not (falling[axis] >= FALLING or _rest(size, falling[axis]) <= REST)
         }
-        rest = sum(
-            size / (min(falling[axis], 4.0) - 1.0) if falling[axis] > FALLING else 2 * size
-            for axis, size in (("time", gap), ("space", width))
-        )
-        found.error = max(found.error, rest)
+        rest = [(_rest(size, falling[axis]), size) for axis, size in sizes.items()]
+        found.error = max(found.error, sum(r if np.isfinite(r) else 2 * d for r, d in rest))
         found.falling |= falling
         return bad
 
@@ -240,3 +240,11 @@ class _Refiner:
 def _factor(before: float, last: float) -> float:
     """By how much a difference fell; unknown if the run before failed."""
     return before / last if np.isfinite(before) else np.nan
+
+
+def _rest(last: float, factor: float) -> float:
+    """Sum of all differences after the last one, if each is smaller by this factor, four at most.
+
+    Infinite where they hardly fall, or nothing is known of that.
+    """
+    return last / (min(factor, 4.0) - 1.0) if factor >= SLOWLY else np.inf

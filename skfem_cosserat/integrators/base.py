@@ -342,6 +342,11 @@ class Integrator(ABC):
         """
         return None
 
+    @property
+    def single(self) -> Integrator:
+        """What solves its single steps: its part if it is composed, else itself."""
+        return self if self.part is None else self.part
+
     def scheme(self, h: float) -> Scheme | None:
         """The scheme in numbers, for a step size; None: it is none of those, and not compiled."""
         return None

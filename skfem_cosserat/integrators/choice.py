@@ -63,8 +63,9 @@ def choose_kernels(
     steps: int | None,
     solver: Solver | None = None,
 ) -> Choice:
-    """See :func:`choose`; for a run of as many steps."""
-    seconds = estimated_seconds(system, STEPS if steps is None else steps)
+    """See :func:`choose`; for a run of as many steps, each perhaps composed of others."""
+    count = (STEPS if steps is None else steps) * max(1, len(integrator.shares))
+    seconds = estimated_seconds(system, count)
     if system.kinematics.spans is not None and not isinstance(treatment, Multipliers):
         seconds *= ELIMINATED
     refused = refusal(system, integrator, treatment)

@@ -18,7 +18,7 @@ BORDER = 40
 
 def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str | None:
     """Why a scene cannot be stepped by compiled kernels; None: it can."""
-    if integrator.scheme(1.0) is None:
+    if integrator.single.scheme(1.0) is None:
         return f"the {integrator.name} integrator gives no scheme for compiled kernels"
     looped = len(system.closure.rows) > 0
     return _missing(

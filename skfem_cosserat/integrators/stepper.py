@@ -127,11 +127,10 @@ class Stepper:
         if self._march is not None:
             self.choice = Choice(*self._march.kernels)
             return
-        one = integrator if integrator.part is None else integrator.part
-        count = None if steps is None else steps * max(1, len(integrator.shares))
-        self.choice = choose_kernels(kernels, system, one, treatment, count, solver)
-        if integrator.part is not None:
-            common = self.settings, self.choice.name, count, solver, announce
+        self.choice = choose_kernels(kernels, system, integrator, treatment, steps, solver)
+        one = integrator.single
+        if one is not integrator:
+            common = self.settings, self.choice.name, steps, solver, announce
             self._stages = {
                 share: Stepper(system, one, treatment, share * self.h, *common, backwards=share < 0)
                 for share in integrator.shares

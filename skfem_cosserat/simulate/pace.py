@@ -46,8 +46,7 @@ class Maker:
 
     def changed(self, system: System, h: float) -> Stepper:
         """A stepper for a system that has changed: plain kernels if there are no compiled ones."""
-        one = self.integrator if self.integrator.part is None else self.integrator.part
-        if self.kernels == "numba" and refusal(system, one, self.treatment):
+        if self.kernels == "numba" and refusal(system, self.integrator, self.treatment):
             self.kernels = "numpy"
         return self(system, h)
 

@@ -25,7 +25,7 @@ class Works:
 
     def _begin(self, system: System, integrator: Integrator, state: State, h: float) -> None:
         self._driven = bool(system.moving)
-        one = integrator if integrator.part is None else integrator.part
+        one = integrator.single
         weight = one.constraint_weight
         #: of a step's own force, of that of the step after it and of that before it
         self._own, self._next = (1.0, 0.0) if weight == 0.5 else (0.5, float(weight == 0) / 2)
