@@ -114,6 +114,20 @@ class ComposedReport(StepReport):
 
     _stages: list[StepReport]
 
+    @classmethod
+    def of(cls, stages: list[StepReport], state: State) -> ComposedReport:
+        """Report of a step made of these ones, that ends in a state."""
+        works = np.array([stage.work for stage in stages])
+        return cls(
+            state,
+            sum(stage.iterations for stage in stages),
+            max(stage.attempts for stage in stages),
+            max(stage.residual for stage in stages),
+            StepWork(*works.sum(0).tolist()),
+            stages[0]._solved,
+            stages,
+        )
+
     @property
     def stages(self) -> list[StepReport]:
         """See the base class; itself if there are none."""

@@ -245,6 +245,21 @@ class Stepper:
         ------
         Diverged
             As :meth:`advance`, if the first one fails.
+
+        Examples
+        --------
+        Steps to a state that is wanted, whatever kernels there are:
+
+        >>> from skfem_cosserat import Model, MassPoint, NullSpace, Variational, initial_state
+        >>> model = Model()
+        >>> ball = model.add("ball", MassPoint(1.0, velocity=(1.0, 0, 0)))
+        >>> system = model.freeze()
+        >>> stepper = Stepper(system, Variational(), NullSpace(), 0.1)
+        >>> state = initial_state(system)
+        >>> while state.index < 5:
+        ...     state = stepper.stride(state, 5 - state.index).state
+        >>> state.q.round(12).tolist()
+        [0.5, 0.0, 0.0]
         """
         fast, state = self._fast, self.own(state)
         if steps < 2 or fast is None or not fast.strides(state.time) or state.q is fast.stuck:
@@ -354,20 +369,7 @@ class Stepper:
                 " long for them: take a smaller step, or no composition",
                 *(state.time, -sum(lost)),
             )
-        return ComposedReport(
-            replace(now, index=state.index + 1),
-            sum(report.iterations for report in reports),
-            max(report.attempts for report in reports),
-            max(report.residual for report in reports),
-            StepWork(
-                sum(work.loads for work in works),
-                sum(work.actuators for work in works),
-                sum(lost),
-                sum(work.ground for work in works),
-            ),
-            reports[0]._solved,
-            reports,
-        )
+        return ComposedReport.of(reports, replace(now, index=state.index + 1))
 
     def _marched(self, march: March, state: State, time: float) -> StepReport:
         new, iterations, residual, work = march.advance(state, time)
