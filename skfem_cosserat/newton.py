@@ -8,10 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-from .errors import InputError
 from .linear import SingularMatrixError
 from .log import logger
-from .types import Floats, positive
+from .types import Floats, positive, whole
 
 __all__ = ["NewtonProblem", "NewtonReport", "NewtonSettings", "converged", "newton"]
 
@@ -100,11 +99,7 @@ class NewtonSettings:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if name in ("iterations", "damped_iterations", "reuse"):
-                least = 0 if name == "reuse" else 1
-                whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-                if not whole or value < least:
-                    text = f"{name} = {value!r}, expected an integer from {least} on"
-                    raise InputError("Newton settings", text)
+                whole("Newton settings", value, 0 if name == "reuse" else 1, name)
             elif name not in ("mixed", "largest") or not np.array_equal(value, np.inf):
                 positive("Newton settings", name, value)
 

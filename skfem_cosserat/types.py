@@ -70,6 +70,14 @@ def positive(item: str, name: str, value: Any, unit: str = "") -> float:
     return out
 
 
+def whole(item: str, value: Any, least: int, name: str = "") -> int:
+    """An integer from `least` on, or an error naming item and argument."""
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
+        given = f"{name} = {value!r}" if name else repr(value)
+        raise InputError(item, f"{given}, expected an integer from {least} on")
+    return int(value)
+
+
 def check_kind(item: str, value: object, kind: type, more: str = "") -> None:
     """Raise InputError if a value is not of a type; `more` says where one comes from."""
     if not isinstance(value, kind):

@@ -10,9 +10,11 @@ import pytest
 from helpers_scenes import four_bar
 
 import skfem_cosserat as sc
+from skfem_cosserat.compiled.numbers import DONE
 from skfem_cosserat.integrators.fast import CompiledStep
 from skfem_cosserat.integrators.stepper import Stepper
 from skfem_cosserat.simulate import pace
+from skfem_cosserat.simulate.recorder import Numbered
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 
@@ -118,15 +120,31 @@ def test_closed_loops(strides):
     assert sum(strides) > 300
 
 
-@SLOW
-def test_half_turns_end_a_stride():
-    """Steps that turn frames over are left to the general way."""
-    system = swing.scene("stiff", factor=0.01).freeze()
+@pytest.mark.parametrize(
+    "rung", [sc.RungFull(), pytest.param(sc.RungInextensible(), marks=SLOW)], ids=repr
+)
+def test_half_turns_end_a_stride(rung, monkeypatch):
+    """A step that is told to turn frames over is left to the general way, the others are kept."""
+    system = swing.scene("stiff", rung=rung).freeze()
     settings = sc.NewtonSettings(iterations=100)
-    given = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.8
-    one, _ = run(*given, every=80, callbacks=[lambda report: None], settings=settings)
-    many, _ = run(*given, every=80, settings=settings)
+    given = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 1.0
+    starts, over, told = [], [], []
+
+    def flipped(self):
+        start = self._a.y0.tobytes()
+        if self._record[DONE] > 2:
+            starts.append(start)
+        if start in over:
+            told.append(int(self._record[DONE]))
+        return start in over
+
+    monkeypatch.setattr(CompiledStep, "_flipped", flipped)
+    run(*given, every=100, settings=settings)
+    over.append(starts[1])  # looked at behind some others in one go
+    one, _ = run(*given, every=100, callbacks=[lambda report: None], settings=settings)
+    many, _ = run(*given, every=100, settings=settings)
     assert_the_same(one, many)
+    assert len(told) == 2 and told[0] == 1 and told[1] > 2
 
 
 def test_whatever_looks_at_steps_sees_each(strides):
@@ -200,6 +218,25 @@ def test_where_steps_differ_in_more_than_their_start(name):
     report = stepper.stride(state, 20)
     assert report.steps == report.state.index - 1 == (20 if expected else 1)
     assert report.all_iterations >= report.iterations
+
+
+@pytest.mark.parametrize("steps", [0, -3, 2.5, "x", None, True, np.nan])
+@pytest.mark.parametrize("kernels", ["numpy", "numba"])
+def test_a_number_of_steps_is_a_positive_integer(kernels, steps):
+    system = scene(MORE["nothing"][0])
+    stepper = Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, kernels=kernels)
+    with pytest.raises(sc.InputError, match=f"argument steps: {steps!r}, expected an integer"):
+        stepper.stride(sc.initial_state(system), steps)
+
+
+def test_what_is_recorded_costs_no_memory_of_all_steps():
+    state = sc.State(0.0, 7, np.zeros(3), np.zeros(3))
+    wanted = Numbered(state, 1e-3, 10**12, 1000, None)
+    ahead = {0: 1, 1: 999, 999: 1, 1000: 1, 1001: 999, 10**12 - 1: 1}
+    for k, expected in ahead.items():
+        assert wanted.ahead(sc.State(0.0, 7 + k, state.q, state.p)) == expected
+    taken = [k for k in (*range(2001), 10**12) if wanted(sc.State(0.0, 7 + k, state.q, state.p), 1)]
+    assert taken == [0, 1000, 2000, 10**12]
 
 
 def test_plain_kernels_take_one_step():

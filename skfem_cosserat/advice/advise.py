@@ -12,7 +12,7 @@ from ..constraints import Multipliers, NullSpace, Treatment
 from ..errors import InputError
 from ..integrators import EnergyMomentum, Integrator, Variational
 from ..model import Model
-from ..types import positive
+from ..types import positive, whole
 from .advice import Advice, explained
 from .candidate import Candidate
 from .event import NUDGE, PATIENCE, Budget, Event, Start, check_start
@@ -134,10 +134,8 @@ def _checked(
     """The quantities, after a look at all arguments."""
     if not isinstance(model, Model):
         raise InputError("argument model", f"{model!r}, expected a Model")
-    for name, value, least in (("seed", seed, 0), ("base", base, 8)):
-        whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-        if not whole or value < least:
-            raise InputError(f"argument {name}", f"{value!r}, expected an integer from {least} on")
+    whole("argument seed", seed, 0)
+    whole("argument base", base, 8)
     for name, given, kind in (
         ("integrators", integrators, Integrator),
         ("treatments", treatments, Treatment),

@@ -17,7 +17,7 @@ from ..model.bending import bent_elements
 from ..model.singular import contradiction, dead_point
 from ..model.tension import overstretched
 from ..newton import NewtonReport, NewtonSettings, newton
-from ..types import Array, Floats, check_kind, positive
+from ..types import Array, Floats, check_kind, positive, whole
 from .base import Evaluation, Integrator, March, State, StepData, StepWork
 from .choice import Choice, choose_kernels
 from .fast import CompiledStep
@@ -243,6 +243,8 @@ class Stepper:
 
         Raises
         ------
+        InputError
+            If `steps` is no positive integer.
         Diverged
             As :meth:`advance`, if the first one fails.
 
@@ -261,6 +263,7 @@ class Stepper:
         >>> state.q.round(12).tolist()
         [0.5, 0.0, 0.0]
         """
+        whole("argument steps", steps, 1)
         fast, state = self._fast, self.own(state)
         if steps < 2 or fast is None or not fast.strides(state.time) or state.q is fast.stuck:
             return self.advance(state)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..diagnostics import Projection
 from ..errors import CosseratError, Diverged, InputError
@@ -14,7 +15,7 @@ from ..history import EventRecord, History, HistoryWriter
 from ..integrators import State, Stepper, StepReport
 from ..log import logger
 from ..model import System
-from ..types import Floats, numbers
+from ..types import Floats, IndexArray, numbers
 from .describe import describe, fingerprint
 from .sensors import Sensor, SensorBank, checked_sensors
 from .works import Works
@@ -269,12 +270,17 @@ class Numbered:
     def __init__(
         self, state: State, h: float, count: int, every: int, at: Sequence[float] | None
     ) -> None:
-        self._wanted, self._first = _numbers(state, h, count, every, at), state.index
-        self._sorted = np.array(sorted({*self._wanted, count}))
+        self._first, self._count, self._every = state.index, count, int(every)
+        #: numbers asked for, in order; None: every k-th
+        self._at = None if at is None else _numbers(state, h, count, every, at)
 
     def __call__(self, state: State, h: float) -> bool:
         """Whether a state is to be recorded."""
-        return state.index - self._first in self._wanted
+        k = state.index - self._first
+        if self._at is None:
+            return k % self._every == 0 or k == self._count
+        place = int(np.searchsorted(self._at, k))
+        return place < len(self._at) and int(self._at[place]) == k
 
     def ahead(self, state: State) -> int:
         """Steps to the next state that is recorded, or the last one; one from such a state.
@@ -282,9 +288,12 @@ class Numbered:
         The step that follows a recorded state completes its row.
         """
         k = state.index - self._first
-        if k in self._wanted or k == 0:
+        if k == 0 or self(state, 0.0):
             return 1
-        return int(self._sorted[np.searchsorted(self._sorted, k, side="right")]) - k
+        if self._at is None:
+            return min(self._every - k % self._every, self._count - k)
+        left = self._at[np.searchsorted(self._at, k) :]
+        return int(left[0] if len(left) else self._count) - k
 
 
 def timed(
@@ -304,31 +313,30 @@ def timed(
 
 
 def _times(at: Sequence[float], start: float, until: float, every: int) -> Floats:
+    """Times asked for, within a run."""
+    times = _asked(at, every)
+    _check_inside(times, (times < start) | (times > until))
+    return times
+
+
+def _numbers(state: State, h: float, count: int, every: int, at: Sequence[float]) -> IndexArray:
+    """Numbers of the steps nearest to times, in order."""
+    times = _asked(at, every)
+    k = np.rint((times - state.time) / h).astype(np.int64)
+    _check_inside(times, (k < 0) | (k > count))
+    return np.unique(k)
+
+
+def _asked(at: Sequence[float], every: int) -> Floats:
     if every != 1:
         raise InputError("arguments every, at", f"{every} and {at}, expected only one of them")
     times = numbers("argument at", "at", at)
     if times.ndim != 1 or not np.isfinite(times).all():
         raise InputError("argument at", f"{at!r}, expected a list of times")
-    outside = (times < start) | (times > until)
-    if outside.any():
-        raise InputError(
-            "argument at", f"time {float(times[outside][0])!r} s is outside of the run"
-        )
     return times
 
 
-def _numbers(
-    state: State, h: float, count: int, every: int, at: Sequence[float] | None
-) -> set[int]:
-    if at is not None and every != 1:
-        raise InputError("arguments every, at", f"{every} and {at}, expected only one of them")
-    if at is None:
-        return {*range(0, count + 1, int(every)), count}
-    times = numbers("argument at", "at", at)
-    if times.ndim != 1 or not np.isfinite(times).all():
-        raise InputError("argument at", f"{at!r}, expected a list of times")
-    k = np.rint((times - state.time) / h).astype(int)
-    if (k < 0).any() or (k > count).any():
-        bad = float(times[(k < 0) | (k > count)][0])
+def _check_inside(times: Floats, outside: NDArray[np.bool_]) -> None:
+    if outside.any():
+        bad = float(times[outside][0])
         raise InputError("argument at", f"time {bad!r} s is outside of the run")
-    return set(k.tolist())
