@@ -343,12 +343,12 @@ class CompiledStep(CompiledScene):
         here = state.q is self.end or np.array_equal(state.q, self._a.y1.ravel()[: state.q.size])
         if not here or not np.isfinite(self._travelled):
             return True
-        self._record[CLEARANCE] = bound.clearance
         if self._travelled >= bound.clearance:
             rows = self._a.border_row.reshape(len(self._rows), -1)[:, self._numbering]
             if not bound.clear(rows):
                 return True
             self._travelled = self._farthest  # they are from within the last step
+        self._record[CLEARANCE] = bound.clearance  # the look may have changed it
         return self._travelled >= bound.clearance
 
     @property
