@@ -102,17 +102,15 @@ def tip(parts: list[tuple[sc.Section, float]], load: str, value: float, elements
         Its director d3.
     """
     model, beam, height = bars(parts, elements)
+    end = beam.node((LENGTH, 0, height))
     if load == "moment":
-        place = beam.node((LENGTH, 0, height))
-        model.add("load", sc.LoadMoment(place, (0, value, 0)))
+        model.add("load", sc.LoadMoment(end, (0, value, 0)))
     else:
         place = beam.node((LENGTH, 0, height), (0, moduli()[1] / moduli()[0] - height, 0))
         model.add("load", sc.LoadForce(place, (value, 0, 0)))
-    system = model.freeze()
-    history = sc.static(system, sc.NullSpace())
-    row = 3 * system.row_of(place)
-    phi, _, d2, d3 = history["q"][-1][row : row + 12].reshape(4, 3)
-    return phi - height * d2, d3
+    history = sc.static(model, sc.NullSpace())
+    _, d2, d3 = history.rotation(end)[-1]
+    return history.position(end)[-1] - height * d2, d3
 
 
 def moduli() -> tuple[float, float, float]:

@@ -65,7 +65,7 @@ class _Reference:
         self.reaction = np.concatenate(
             [path[f"joint/clamp/{name}"][-1] for name in ("force", "moment")]
         )
-        self.tip = self.q[12 * scene.point.vertex :][:12]
+        self.tip = path.position(scene.point)[-1]
 
     def at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
         """Positions, triads and resultants (in the section frame) at arc lengths."""
@@ -73,7 +73,7 @@ class _Reference:
             self.system, self.beam, self.q, *self.beam.along(s), orthonormal=True
         )
         force = np.broadcast_to((0.0, 0.0, FORCE), where.position.shape)
-        moment = np.cross(self.tip[:3] - where.position, force)
+        moment = np.cross(self.tip - where.position, force)
         local = [np.einsum("kij,kj->ki", where.triad, f) for f in (force, moment)]
         return where.position, where.triad, np.concatenate(local, axis=1)
 
@@ -88,16 +88,20 @@ def bend_errors(elements: int, kind: Any, reference: _Reference) -> dict[str, fl
     scene, path = _solved(elements, kind)
     system, beam, q = scene.system, scene.beam, path["q"][-1]
     basis = beam.basis
-    frames = q.reshape(-1, 4, 3)
+    count = len(basis.nodes)
+    x, d = (
+        np.array([read(beam.node(k))[-1] for k in range(count)])
+        for read in (path.position, path.rotation)
+    )
     s = basis.arc_lengths
     ends, inner = basis.connectivity[:, [0, -1]], basis.connectivity[:, 1:-1]
-    size = np.linalg.norm(reference.tip[:3] - beam.basis.nodes[scene.point.vertex])
+    size = np.linalg.norm(reference.tip - beam.basis.nodes[scene.point.vertex])
 
     def displacement(nodes: NDArray[np.int64], at: Floats) -> float:
         if not nodes.size:
             return np.nan
         exact = reference.at(at.ravel())[0]
-        return float(np.linalg.norm(frames[nodes.ravel(), 0] - exact, axis=1).max() / size)
+        return float(np.linalg.norm(x[nodes.ravel()] - exact, axis=1).max() / size)
 
     reaction = np.concatenate([path[f"joint/clamp/{name}"][-1] for name in ("force", "moment")])
     triads = reference.at(s[:, [0, -1]].ravel())[1]
@@ -113,7 +117,7 @@ def bend_errors(elements: int, kind: Any, reference: _Reference) -> dict[str, fl
     largest = float(abs(at_nodes).max())
     return {
         "displacement at element ends": displacement(ends, s[:, [0, -1]]),
-        "rotation at element ends": _angle(frames[ends.ravel(), 1:], triads),
+        "rotation at element ends": _angle(d[ends.ravel()], triads),
         "energy": abs(float(path["strain_energy"][-1]) / reference.energy - 1),
         "reactions": float(
             np.linalg.norm(reaction - reference.reaction) / np.linalg.norm(reference.reaction)
@@ -199,7 +203,7 @@ def table(kinds: list[Interpolation], quick: bool) -> list[dict[str, Any]]:
 def costs(quick: bool, repeats: int = 3) -> list[dict[str, Any]]:
     """Tip error (m) and wall time of the bend in one load step, fastest of several runs."""
     exact = _solved(FINE, 4)
-    tip = exact[1]["q"][-1, 12 * exact[0].point.vertex :][:3]
+    tip = exact[1].position(exact[0].point)[-1]
     rows = []
     for order in (1, 2, 3, 4):
         for ne in _meshes(order, quick):
@@ -211,7 +215,7 @@ def costs(quick: bool, repeats: int = 3) -> list[dict[str, Any]]:
                     scene.system, control=sc.LoadControl(steps=1), watch=False, derive=False
                 )
                 seconds.append(time.perf_counter() - start)
-            error = path["q"][-1, 12 * scene.point.vertex :][:3] - tip
+            error = path.position(scene.point)[-1] - tip
             row = {"order": order, "elements": ne, "unknowns": scene.system.unknowns}
             row |= {"error": float(np.linalg.norm(error)), "seconds": min(seconds)}
             rows.append(row | {"newton_iterations": int(path["newton_iterations"][-1])})
@@ -237,7 +241,7 @@ def locking(quick: bool) -> list[dict[str, Any]]:
 
 def _tip(scene: static_scenes.Scene) -> Floats:
     path = sc.static(scene.system, watch=False, derive=False)
-    return np.asarray(path["q"][-1, 12 * scene.point.vertex :][:3])
+    return np.asarray(path.position(scene.point)[-1])
 
 
 def main(quick: bool = False, out: str | Path | None = None) -> dict[str, Any]:

@@ -96,18 +96,18 @@ def main(
     system, items = scene()
     run = system, sc.EnergyMomentum(), sc.NullSpace(), sc.StepControl(tolerance), until
     history = sc.simulate(*run, events=events(items))
-    ball = system.frame_place("ball")
+    ball = items["ball"].local((0, 0, 0))
     parabola = np.nan
     for event in history.events:
         if event.name == "ball let go":
             row = event.row + 1
             t = (history.times[row:] - event.time)[:, None]
-            x, v = (history[name][row, ball : ball + 3] for name in "qv")
-            flight = x + v * t + np.array([0, 0, -GRAVITY / 2]) * t**2
-            parabola = float(abs(history["q"][row:, ball : ball + 3] - flight).max())
+            x, v = history.position(ball), history.velocity(ball)
+            flight = x[row] + v[row] * t + np.array([0, 0, -GRAVITY / 2]) * t**2
+            parabola = float(abs(x[row:] - flight).max())
     control = history.meta["step_control"]
     if out is not None:
-        _picture(system, items, history, out)
+        _picture(items, history, out)
     return {
         "times": {event.name: event.time for event in history.events},
         "losses": {event.name: event.loss for event in history.events},
@@ -119,23 +119,19 @@ def main(
     }
 
 
-def _picture(
-    system: sc.System, items: dict[str, Any], history: sc.History, path: str | Path
-) -> None:
+def _picture(items: dict[str, Any], history: sc.History, path: str | Path) -> None:
     """The chain at some instants, the way of the ball, and where something happened."""
     figure = new_figure(6.0, 4.5)
     axes = figure.add_subplot()
-    ball = system.frame_place("ball")
     rows = sorted({event.row for event in history.events} | {0, len(history) - 1})
     for row in rows:
-        q = history["q"][row]
         points = [np.zeros(3)]
         for name in ("first", "second", "third"):
-            k = system.frame_place(name)
-            points.append(2 * q[k : k + 3] - points[-1])
+            middle = history.position(items[name].local((0, 0, 0)))[row]
+            points.append(2 * middle - points[-1])
         x = np.array(points)
         axes.plot(x[:, 0], x[:, 2], "o-", lw=1.5, label=f"{history.times[row]:.3f} s")
-    way = history["q"][:, ball : ball + 3]
+    way = history.position(items["ball"].local((0, 0, 0)))
     axes.plot(way[:, 0], way[:, 2], "k:", lw=1)
     for event in history.events:
         axes.annotate(event.name, way[event.row, ::2])

@@ -18,7 +18,6 @@ Why it fails is the subject of failure_mechanism.py.
 from __future__ import annotations
 
 import argparse
-import logging
 import sys
 import time
 from pathlib import Path
@@ -61,8 +60,12 @@ class Watch:
 
     def __init__(self, system: sc.System, mean: bool, step: float) -> None:
         self.system, self.mean, self.step = system, mean, step
-        links = [system.frame_place(f"{side} link") + 10 for side in ("right", "left")]
-        self._tips, self._mass = links, mass_place(system) + 1
+        links: list[Any] = [
+            next(item for item in system.structures if item.name == f"{side} link")
+            for side in ("right", "left")
+        ]
+        self._tips = [system.dofs(link.local((0, 0, 0)))[10:] for link in links]  # d3 in the plane
+        self._mass = mass_dofs(system)[1]
         self._series: list[Floats] = []
         self.block: list[tuple[float, Floats, Floats, Floats]] = []
         self.reference: float | None = None
@@ -84,7 +87,7 @@ class Watch:
         with np.errstate(all="ignore"):
             nodal = swing._energy(self.system, q, p)
             middle = diagnostics.midpoint_energy(self.system, pairs, self.step, self.mean)[::2]
-        tips = [np.arctan2(q[:, k + 1], q[:, k]) for k in self._tips]
+        tips = [np.arctan2(q[:, z], q[:, y]) for y, z in self._tips]
         rows = np.array([t, nodal, middle, *tips, q[:, self._mass]])
         after = np.flatnonzero(t >= PULSE_END * (1 - 1e-12))
         if self.reference is None and len(after):
@@ -99,10 +102,10 @@ class Watch:
         return np.concatenate(self._series, axis=1) if self._series else np.zeros((6, 0))
 
 
-def mass_place(system: sc.System) -> int:
-    """Where the coordinates of the mass begin in q."""
+def mass_dofs(system: sc.System) -> Any:
+    """Numbers in q of the position of the mass (3,)."""
     beam: Any = system.structures[0]
-    return int(system.offset(beam.node("mid")))
+    return system.dofs(beam.node("mid"))[:3]
 
 
 class Passage(NamedTuple):
@@ -159,7 +162,7 @@ def march(
     **options
         Of :class:`skfem_cosserat.Stepper`.
     """
-    watch, place = Watch(system, integrator.name == "energy-momentum", step), mass_place(system)
+    watch, mass = Watch(system, integrator.name == "energy-momentum", step), mass_dofs(system)
     options = {"steps": count, **options}  # long runs are worth compiling for
     stepper = sc.Stepper(system, integrator, sc.NullSpace(), step, SETTINGS, **options)
     path: list[Floats] = []
@@ -174,7 +177,7 @@ def march(
             if state.index and state.index % every == 0:
                 watch.take(before, state, report.momentum)
             before, state = state.q, report.state
-            path.append(state.q[place : place + 3].copy())
+            path.append(state.q[mass])
             if watch.blown:
                 spent += report.iterations
             else:
@@ -321,5 +324,4 @@ if __name__ == "__main__":
     parser.add_argument("--quick", action="store_true", help="coarse steps only, up to 3 s")
     parser.add_argument("--out", default="failure_map_results")
     arguments = parser.parse_args()
-    logging.getLogger("skfem_cosserat").setLevel(logging.ERROR)
     print(failure_report.report(main(quick=arguments.quick, out=arguments.out)))

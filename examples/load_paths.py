@@ -27,9 +27,7 @@ Floats = NDArray[np.float64]
 
 def displacement(scene: static_scenes.Scene, path: sc.History) -> Floats:
     """Displacements (points, 3) of the place that is looked at."""
-    start = scene.system.offset(scene.point)
-    x = path["q"][:, start : start + 3]
-    return np.asarray(x - scene.system.q0[start : start + 3])
+    return np.asarray(path.position(scene.point) - scene.point.position)
 
 
 def lee(quick: bool = False) -> dict[str, Any]:
@@ -100,8 +98,8 @@ def main(quick: bool = False, out: str | Path | None = None) -> dict[str, Any]:
             "displacement": each["u"][-1].tolist(),
         }
     scene, path = found["ring"]["scene"], found["ring"]["path"]
-    x = scene.beam.reference.reshape(-1, 12)[:, :3]
-    last = path["q"][-1].reshape(-1, 12)[:, :3]
+    x = scene.beam.basis.nodes
+    last = np.array([path.position(scene.beam.node(k))[-1] for k in range(len(x))])
     result["ring"]["radius_ratio"] = float(np.ptp(last[:, 0]) / np.ptp(x[:, 0]))
     if out is not None:
         _write(found, record, run, Path(out))

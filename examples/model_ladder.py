@@ -143,7 +143,7 @@ def main(
     seed: int = 0,
     out: str | Path | None = None,
 ) -> dict[str, Any]:
-    """Advise on scenes; returns by scene the proposal, errors, costs, and a row a rung.
+    """Advise on scenes; returns by scene the proposal, errors, costs, and a row a theory.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def main(
         Processor time for each (s).
     seed : int
     out : path-like, optional
-        Folder for ``model_ladder.csv``, a table of the rungs, and a picture ``model_ladder.png``.
+        Folder for ``model_ladder.csv``, a table of the theories, and for ``model_ladder.png``.
     """
     advices = {}
     for name in scenes:
@@ -178,15 +178,15 @@ def _numbers(advice: Advice) -> dict[str, Any]:
         "reference_error": advice.reference_error,
         "predicted_cost_s": advice.predicted_cost_s,
         "true_cost_s": advice.true_cost_s,
-        "rungs": _rungs(advice),
+        "theories": _theories(advice),
     }
 
 
-def _rungs(advice: Advice) -> dict[str, dict[str, Any]]:
-    """By rung: how many candidates went through, the least error, the cheapest good one."""
+def _theories(advice: Advice) -> dict[str, dict[str, Any]]:
+    """By theory: how many candidates went through, the least error, the cheapest good one."""
     out: dict[str, dict[str, Any]] = {}
-    for kind in sorted({row["rungs"] for row in advice.candidates}):
-        rows = [row for row in advice.candidates if row["rungs"] == kind]
+    for kind in sorted({row["theories"] for row in advice.candidates}):
+        rows = [row for row in advice.candidates if row["theories"] == kind]
         done = [row for row in rows if row["status"] == "ok"]
         good = [row["cost_s"] for row in done if row["error"] <= 1.0]
         out[kind] = {
@@ -205,9 +205,11 @@ def _write(advices: dict[str, Advice], folder: Path) -> None:
 
     with (folder / "model_ladder.csv").open("w", newline="", encoding="utf-8") as handle:
         writer = csv.writer(handle)
-        writer.writerow(["scene", "rungs", "run", "through", "least error/tolerance", "cheapest s"])
+        writer.writerow(
+            ["scene", "theories", "run", "through", "least error/tolerance", "cheapest s"]
+        )
         for name, advice in advices.items():
-            for kind, row in _rungs(advice).items():
+            for kind, row in _theories(advice).items():
                 numbers = [f"{row[key]:.4g}" for key in ("least_error", "cheapest_s")]
                 writer.writerow([name, kind, row["run"], row["through"], *numbers])
     figure = Figure(figsize=(4.2 * len(advices), 4.2), layout="constrained")

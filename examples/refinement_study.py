@@ -40,7 +40,9 @@ def bend(elements: int, order: int) -> sc.History:
     rod = model.add("rod", sc.Beam(mesh, section, order=order, director=(0, 0, 1)))
     model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
     model.add("force", sc.LoadForce(rod.node("rod.end"), (0, 0, 600.0)))
-    return sc.static(model, control=sc.LoadControl(steps=2), watch=False)
+    path = sc.static(model, control=sc.LoadControl(steps=2), watch=False)
+    path.add_series("tip", path.position(rod.node("rod.end")))
+    return path
 
 
 def growing(time: float) -> float:
@@ -62,20 +64,14 @@ def swing(step: float, sudden: bool) -> sc.History:
     model.add("gravity", sc.LoadGravity((0, -9.81, 0), when))
     scheme = sc.EnergyMomentum(), sc.NullSpace()
     every = round(0.02 / step)  # the same instants at all steps
-    return sc.simulate(model.freeze(), *scheme, step, UNTIL, every=every, kernels="numpy")
+    history = sc.simulate(model, *scheme, step, UNTIL, every=every, kernels="numpy")
+    history.add_series("ball", history.position(rod.node("rod.end")))
+    return history
 
 
-def tip(history: sc.History) -> Any:
-    """Where the end of the bend is."""
-    end = history.static["beam/rod/connectivity"][-1, -1]
-    place = history.static["beam/rod/offsets"][end]
-    return history["q"][-1, place : place + 3]
-
-
-def ball(history: sc.History) -> Any:
-    """Where the ball is, over time (m)."""
-    place = int(history.static["body/ball/offset"])
-    return history["q"][:, place : place + 3]
+def last_tip(path: sc.History) -> Any:
+    """Where the end of the bend is under the whole load (m)."""
+    return path["tip"][-1]
 
 
 def studies(
@@ -87,8 +83,8 @@ def studies(
         where = None if folder is None else Path(folder) / name
         return {"executor": executor, "folder": where, "progress": progress}
 
-    statics = {"tip": tip, "energy": lambda path: path["strain_energy"][-1]}
-    dynamics = {"ball": ball, "strain energy": "strain_energy"}
+    statics = {"tip": last_tip, "energy": lambda path: path["strain_energy"][-1]}
+    dynamics = {"ball": "ball", "strain energy": "strain_energy"}
     over = sc.study.MaximumOverTime()
     found = {"bend": sc.refine(bend, elements=MESHES, quantities=statics, **kept("bend"))}
     for name, sudden in (("swing_sudden", True), ("swing_growing", False)):

@@ -38,7 +38,7 @@ from three_bar_swing import INTEGRATORS, TREATMENTS, choose, median_condition_nu
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.export import prepare_folder
-from skfem_cosserat.simulate import derive_series
+from skfem_cosserat.run import derive_series
 
 #: twist of neighbouring axes and joint angle of the linkage along the edges of a cube
 CUBE = (np.pi / 2, -np.pi / 2)
@@ -246,12 +246,12 @@ def evaluate(system: sc.System, history: sc.History, twist: float) -> dict[str, 
     """Results of a history."""
     q, p, t = history["q"], history["p"], history.times
     step = history.meta["step"]
-    angles = joint_angles(system, q)
+    angles = joint_angles(system, history)
     mean = history.meta["integrator"] == "energy-momentum"
     middle = (q[1:] + q[:-1]) / 2
     return {
         "times": t,
-        "P3": _point(system, q, 3),
+        "P3": history.position(_link(system, 3).local((0, 0, LENGTH / 2))),  # its far end
         "joint_angles": angles,
         "closure": abs(relation(twist, angles, np.roll(angles, -1, axis=1))).max(1),
         "energy": diagnostics.kinetic_energy(system, p) + diagnostics.external_energy(system, q, t),
@@ -273,27 +273,19 @@ def relation(twist: float, x: ArrayLike, y: ArrayLike) -> Floats:
     return np.asarray(c**2 + s2 * (np.cos(x) + np.cos(y)) + both)
 
 
-def _frames(system: sc.System, q: Floats, link: int) -> Floats:
-    """phi, d1, d2, d3 (N, 4, 3) of a link."""
-    place = system.frame_place(f"link {link}")
-    return q[:, place : place + 12].reshape(-1, 4, 3)
+def _link(system: sc.System, k: int) -> Any:
+    return next(item for item in system.structures if item.name == f"link {k}")
 
 
-def _point(system: sc.System, q: Floats, k: int) -> Floats:
-    """Position (N, 3) of joint k, the far end of link k."""
-    frames = _frames(system, q, k)
-    return frames[:, 0] + LENGTH / 2 * frames[:, 3]
-
-
-def joint_angles(system: sc.System, q: Floats) -> Floats:
+def joint_angles(system: sc.System, history: sc.History) -> Floats:
     """Angles (N, 6) from rod to rod about the axis between them (rad), continued over turns.
 
     Link k carries its rod as d3 and the axis of its far end as d1.
     """
-    frames = [_frames(system, q, k) for k in range(6)]
-    out = np.empty((len(q), 6))
+    triads = [history.rotation(_link(system, k).local((0, 0, 0))) for k in range(6)]
+    out = np.empty((len(history), 6))
     for k in range(6):
-        rod, axis, following = frames[k][:, 3], frames[k][:, 1], frames[(k + 1) % 6][:, 3]
+        rod, axis, following = triads[k][:, 2], triads[k][:, 0], triads[(k + 1) % 6][:, 2]
         sine = (np.cross(rod, following) * axis).sum(1)
         out[:, k] = np.arctan2(sine, (rod * following).sum(1))
     return np.unwrap(out, axis=0)
@@ -326,7 +318,7 @@ def write(system: sc.System, history: sc.History, folder: Path) -> list[Path]:
 
     derive_series(system, history)
     paths = write_paraview(history, folder, surfaces=True)
-    history.add_series("joint_angles", joint_angles(system, history["q"]))
+    history.add_series("joint_angles", joint_angles(system, history))
     history.save(folder / "six_body_linkage.history")
     try:
         from skfem_cosserat.plot import plot_energy, plot_orbit, plot_series

@@ -52,8 +52,7 @@ class Scene:
 
     def position(self, history: sc.History, index: Any = -1) -> Floats:
         """Where the point is (3,), or (N, 3) with a slice as index."""
-        place = 3 * self.system.row_of(self.point)
-        return np.asarray(history["q"][index][..., place : place + 3])
+        return np.asarray(history.position(self.point)[index])
 
     def displacement(self, history: sc.History, index: Any = -1) -> Floats:
         """Its displacement from the reference."""
@@ -61,8 +60,7 @@ class Scene:
 
     def rotation(self, history: sc.History, index: Any = -1) -> Floats:
         """Rotation matrix of its section: images of e1, along the beam, e2 and e3 in columns."""
-        place = 3 * self.system.row_of(self.point) + 3
-        d = history["q"][index][place : place + 9].reshape(3, 3)
+        d = history.rotation(self.point)[index]
         return np.column_stack([d[2], -d[1], d[0]])
 
     def rotations(self, history: sc.History, index: Any = -1) -> Floats:
@@ -70,10 +68,8 @@ class Scene:
         connectivity = self.beam.basis.connectivity
         nodes = np.append(connectivity[:, :-1].ravel(), connectivity[-1, -1])
         nodes = nodes[: 1 + int(np.flatnonzero(nodes == self.point.vertex)[0])]
-        first = self.system.offset(self.beam.node(0)) // 12
-        d = history["q"][index].reshape(-1, 3)[: 4 * (first + nodes.max() + 1)].reshape(-1, 4, 3)
-        d = d[first + nodes]
-        return np.stack([d[:, 3], -d[:, 2], d[:, 1]], axis=2)
+        d = np.array([history.rotation(self.beam.node(int(k)))[index] for k in nodes])
+        return np.stack([d[:, 2], -d[:, 1], d[:, 0]], axis=2)
 
     def angle(self, history: sc.History, index: Any = -1) -> float:
         """Rotation of the point's section about z, turns counted from the beam's start (rad)."""

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from copy import copy
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
 
-from .assembly import ElementLoad, ElementMatrix
-from .basis import DirectorBasis
+from .basis import DirectorBasis, ElementLoad, ElementMatrix
 from .body import RigidBody
 from .element import Interpolation, InterpolationLobatto
 from .errors import InputError
 from .frames import LineItem, Place, Vertices, vector
+from .frozen import lock_arrays, loosened, seal
 from .kernels import (
     BeamElements,
     beam_force,
@@ -24,11 +25,12 @@ from .kernels import (
 )
 from .mesh import MeshCurve
 from .mesh.bends import check_bends
-from .mesh.lookup import places_along
-from .mesh.relate import places_in
-from .rung import LawHeld, Rung, RungFull, released
+from .mesh.divide import places_in
+from .mesh.topology import places_along
 from .section import Section
-from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, numbers
+from .theory import LawHeld, Theory, TheoryReissner, released
+from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, numbers, switch
+from .warn import Notices
 
 __all__ = ["Beam"]
 
@@ -63,9 +65,9 @@ class Beam(LineItem):
         Mass by quadrature at the nodes, which makes the mass matrix nodal: what
         :class:`Explicit` and :class:`Asynchronous` need. Of the same order as the consistent mass
         with Gauss-Lobatto nodes, which it asks for.
-    rung : Rung, optional
-        Which strains are modelled: :class:`RungUnshearable`, :class:`RungInextensible`; by default
-        all, :class:`RungFull`.
+    theory : Theory, optional
+        Which strains are modelled: by default all, :class:`TheoryReissner`; fewer with
+        :class:`TheoryKirchhoff`, :class:`TheoryInextensible`.
 
     Raises
     ------
@@ -98,26 +100,31 @@ class Beam(LineItem):
         velocity: NodalField = None,
         angular_velocity: NodalField = None,
         lumped: bool = False,
-        rung: Rung | None = None,
+        theory: Theory | None = None,
     ) -> None:
         if not isinstance(mesh, MeshCurve):
             raise InputError(
                 self.label, f"mesh is {type(mesh).__name__}, expected MeshCurve (lines in space)"
             )
-        if rung is not None and not isinstance(rung, Rung):
-            raise InputError(self.label, f"rung = {rung!r}, expected a Rung, as RungInextensible()")
-        self.rung = RungFull() if rung is None else rung
+        if theory is not None and not isinstance(theory, Theory):
+            raise InputError(
+                self.label, f"theory = {theory!r}, expected a Theory, as TheoryInextensible()"
+            )
+        self.theory = TheoryReissner() if theory is None else theory
         self.mesh = mesh
         self._orientation: tuple[Any, Any] | None = (director, twist)
         self.basis = DirectorBasis(mesh, order=order)
-        self.lumped = bool(lumped)
+        self.lumped = switch(self.label, lumped, "lumped")
         if self.lumped and not isinstance(self.basis.interpolation, InterpolationLobatto):
             other = self.basis.interpolation
             raise InputError(self.label, f"lumped with {other!r}, expected Gauss-Lobatto nodes")
-        self.sections, self.section_id = self._assign(section)
+        self._sections, self.section_id = self._assign(section)
         triads = self.basis.triads(directors=director, twist=twist)
         kind, nodes = self.basis.interpolation, self.basis.connectivity
-        check_bends(mesh, kind, nodes, triads, self.label)
+        with Notices() as notices:
+            check_bends(mesh, kind, nodes, triads, self.label)
+        #: what was doubtful when it was made, as ``history.meta["warnings"]`` of its runs repeats
+        self.warnings = tuple(notices.found)
         self.triads: Floats = self.basis.nodal_triads(triads)
         self.rotations: Floats = self.basis.relative_rotations(triads)
         self.velocity = self._field("velocity", velocity)
@@ -126,6 +133,24 @@ class Beam(LineItem):
             [self.basis.nodes[:, None], self.triads], axis=1
         ).reshape(-1)
         self.elements = self._elements()
+        self._lock()
+
+    @property
+    def sections(self) -> Mapping[str, Section]:
+        """Sections by the names of parts; "section" if there is one for all."""
+        return MappingProxyType(self._sections)
+
+    def _parts(self) -> Iterator[tuple[str, Any]]:
+        yield from (("elements", self.mesh.nelements), ("order", self.basis.order))
+        yield from (("sections", self.sections), ("theory", self.theory))
+
+    def _lock(self) -> None:
+        for arrays in (self.basis, self.elements):
+            lock_arrays(arrays)
+
+    def __setstate__(self, state: Any) -> None:
+        super().__setstate__(state)
+        self._lock()
 
     def _assign(
         self, section: Section | Mapping[str, Section]
@@ -177,7 +202,7 @@ class Beam(LineItem):
         law_of = np.full(len(self.sections), -1)
         law_of[general] = np.arange(len(general))
         laws = tuple(list(self.sections.values())[k].law for k in general)
-        held = self.rung.held
+        held = self.theory.held
         if held:  # what they resist with are constraint forces
             stiffness, viscosity = released(stiffness, held), released(viscosity, held)
             laws = tuple(LawHeld(law, held) for law in laws)
@@ -242,9 +267,9 @@ class Beam(LineItem):
         self,
         mesh: MeshCurve,
         order: int | Interpolation | None = None,
-        rung: Rung | None = None,
+        theory: Theory | None = None,
     ) -> Self:
-        """The same beam on another mesh of the same lines, finer or coarser, or on another rung.
+        """The same beam on another mesh of its lines, finer or coarser, or with another theory.
 
         Parameters
         ----------
@@ -252,7 +277,7 @@ class Beam(LineItem):
             From :meth:`MeshCurve.refined` or :func:`skfem_cosserat.mesh.divided`.
         order : int or Interpolation, optional
             Of the elements; default: as it was.
-        rung : Rung, optional
+        theory : Theory, optional
             Which strains are modelled; default: as it was.
 
         Returns
@@ -278,7 +303,7 @@ class Beam(LineItem):
         director, twist = self._orientation
         sections = self.sections
         named = len(sections) > 1 or "section" not in sections
-        beam = copy(self)  # with what a class of its own adds
+        beam = loosened(copy(self))  # with what a class of its own adds
         beam.name = None
         Beam.__init__(
             beam,
@@ -288,7 +313,7 @@ class Beam(LineItem):
             director=director,
             twist=twist,
             lumped=self.lumped,
-            rung=self.rung if rung is None else rung,
+            theory=self.theory if theory is None else theory,
         )
         e, xi = places_in(self.mesh, mesh, beam.basis.interpolation.nodes)
         shape, nodes = self.basis.shape(xi), self.basis.connectivity[e]
@@ -297,7 +322,7 @@ class Beam(LineItem):
             (beam.angular_velocity, self.angular_velocity),
         ):
             new[beam.basis.connectivity] = np.einsum("aef,efai->efi", shape, old[nodes])
-        return beam
+        return seal(beam)
 
     def rigid_body(self) -> RigidBody:
         """The body that this beam is if nothing strains it: one node in place of all.

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, Self
 
 import numpy as np
 
 from .errors import InputError
-from .frames import Place, StructuralItem, Vertices, check_triad, vector
-from .twin import Twins
+from .frames import REPLACED, Place, StructuralItem, Vertices, check_triad, no_place, vector
+from .replacement import Replacements
 from .types import ArrayLike, Floats, numbers, positive
 
 __all__ = ["MassPoint", "RigidBody"]
@@ -30,7 +31,7 @@ class _Lump(StructuralItem):
     ) -> None:
         self.mass = positive(self.label, "mass", mass)
         if on is not None and not isinstance(on, Place):
-            raise InputError(self.label, f"on = {type(on).__name__}, expected a Place")
+            raise InputError(self.label, f"on is {no_place(on)}")
         if on is not None and (on.item is None or on.triad is None):
             raise InputError(self.label, f"cannot be attached to {on.label}: needs a triad")
         if on is not None:
@@ -80,6 +81,7 @@ class MassPoint(_Lump):
     """
 
     kind = "mass point"
+    where = "point.place()"
 
     def __init__(
         self,
@@ -160,6 +162,7 @@ class RigidBody(_Lump):
     """
 
     kind = "rigid body"
+    _remedy = REPLACED
 
     def __init__(
         self,
@@ -187,6 +190,9 @@ class RigidBody(_Lump):
         )
         self.euler = self._euler_tensor(inertia, euler)
         self.surface = None if surface is None else self._checked_surface(*surface)
+
+    def _parts(self) -> Iterator[tuple[str, Any]]:
+        yield from (part for part in super()._parts() if part[0] != "surface")
 
     def _euler_tensor(self, inertia: ArrayLike | None, euler: ArrayLike | None) -> Floats:
         if (inertia is None) == (euler is None):
@@ -423,9 +429,9 @@ class RigidBody(_Lump):
         """See the base class; also of a node of a beam that it stands for."""
         return self.at(place.position)
 
-    def twin(self, twins: Twins) -> Self:
+    def with_replacements(self, replacements: Replacements) -> Self:
         """See the base class; attached, its numbers are those in the triad of its place."""
-        other = super().twin(twins)
+        other = super().with_replacements(replacements)
         turn = None if self.on is None or other.on is None else self.on.turn_to(other.on)
         if turn is not None:
             other.center = turn @ self.center

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import InputError
-from .frames import Item, StructuralItem
-from .kinds import is_beam
+from .frames import Item, StructuralItem, is_beam
 from .types import ArrayLike, numbers
 
 if TYPE_CHECKING:
@@ -132,7 +131,7 @@ class RayleighDamping(Item):
 
     def references(self) -> Sequence[Item]:
         """The items it is restricted to."""
-        return [] if self.items is None else self.items
+        return () if self.items is None else self.items
 
     def _factor(self, name: str, value: Any) -> float:
         number = numbers(self.label, name, value)
@@ -142,7 +141,7 @@ class RayleighDamping(Item):
             )
         return float(number)
 
-    def _checked(self, items: Item | Iterable[Item]) -> list[Item]:
+    def _checked(self, items: Item | Iterable[Item]) -> tuple[Item, ...]:
         out = [items] if isinstance(items, Item) else items
         if not isinstance(out, Iterable) or isinstance(out, str):
             raise InputError(self.label, f"items = {items!r}, expected items of the model")
@@ -163,4 +162,4 @@ class RayleighDamping(Item):
                 f"stiffness = {self.stiffness:g} s damps beams, and items has none:"
                 f" {', '.join(item.label for item in out)}",
             )
-        return out
+        return tuple(out)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -93,6 +94,10 @@ class JointDrive(Item):
             None, -1, np.zeros(3), np.zeros(3), np.eye(3), _Prescribed(number=self.value)
         )
         self.a, self.b = joint.a, joint.b
+
+    def _parts(self) -> Iterator[tuple[str, Any]]:
+        yield from (("joint", self.joint), ("motion", self._number))
+        yield "coordinate", self.coordinate.name
 
     def value(self, t: float) -> float:
         """Prescribed angle (rad) or displacement (m) at time `t` (s)."""

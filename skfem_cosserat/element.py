@@ -10,6 +10,7 @@ from skfem.element import ElementH1, ElementVector
 from skfem.refdom import RefLine
 
 from .errors import InputError
+from .frozen import Frozen
 from .types import Array, ArrayLike, Floats
 
 __all__ = [
@@ -66,7 +67,7 @@ _TURN_LIMITS = {1: 45.0, 2: 87.4669, 3: 103.9892, 4: 141.1347}
 
 
 @dataclass(frozen=True)
-class Interpolation:
+class Interpolation(Frozen):
     """Where the nodes of a beam element are and how many Gauss points it has.
 
     Base of :class:`InterpolationLobatto`, which every beam has by default, and of

@@ -1,7 +1,8 @@
-"""Errors of the package: each says which item, which value came, and what was expected."""
+"""Errors and warnings: each says which item, which value came, and what was expected."""
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 
@@ -16,11 +17,14 @@ class CosseratError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # its text is not what its constructor takes, which Python would call with it
-        return _error_again, (type(self), self.args), self.__dict__
+        own = {"errno": self.errno} if isinstance(self, OSError) else {}  # in no __dict__
+        return _error_again, (type(self), self.args), self.__dict__ | own
 
 
 def _error_again(kind: type[CosseratError], args: tuple[Any, ...]) -> CosseratError:
-    return kind.__new__(kind, *args)
+    error = kind.__new__(kind, *args)
+    error.args = args  # those that are OSError, too, forget them
+    return error
 
 
 class InputError(CosseratError, ValueError):
@@ -87,6 +91,42 @@ class HistoryError(InputError):
     """
 
 
+class StorageError(CosseratError, OSError):
+    """A history file that takes no more, as on a full disk; what was computed is kept.
+
+    Attributes
+    ----------
+    path : str
+        Name of the file; what was written to it before is sound.
+    time : float or None
+        Time (s), or load factor, of the last state that was computed.
+    history : History or None
+        All states, those in the file included.
+
+    Examples
+    --------
+    >>> error = StorageError("run.history", OSError(28, "No space left on device"), "", 0.5)
+    >>> error.path, error.time, isinstance(error, OSError)
+    ('run.history', 0.5, True)
+
+    What was computed goes to another disk: ``error.history.save("/other/run.history")``.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        reason: OSError,
+        advice: str,
+        time: float | None = None,
+    ) -> None:
+        self.path, self.time = os.fspath(path), time
+        self.history: Any = None
+        when = "" if time is None else f" at t = {time:.6g}"
+        why = reason.strerror or type(reason).__name__
+        super().__init__(f"history file {self.path!r}: cannot be written{when}: {why}{advice}")
+        self.errno = reason.errno
+
+
 class IncompatibleError(InputError):
     """Two choices that do not work together; both are named.
 
@@ -111,6 +151,22 @@ class IncompatibleError(InputError):
     """
 
 
+class FrozenError(InputError, AttributeError):
+    """An attribute of something built was to be set; the text says what to do instead.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint
+    >>> ball = MassPoint(1.0)
+    >>> try:
+    ...     ball.mass = 2.0
+    ... except FrozenError as error:
+    ...     print(error)   # doctest: +NORMALIZE_WHITESPACE
+    mass point: mass cannot be set: what is built does not change; make another one, and a model
+    with it
+    """
+
+
 class Diverged(CosseratError, RuntimeError):
     """A step in time or on a path could not be solved; everything computed up to it is kept.
 
@@ -130,6 +186,8 @@ class Diverged(CosseratError, RuntimeError):
         Of these attempts; None where it was not Newton's method that failed.
     history : History or None
         The history up to the failed step, filled in by ``simulate``; None from ``steps``.
+    warnings : list of dict
+        What was doubtful before, as in ``history.meta["warnings"]``; the text says it too.
 
     Examples
     --------
@@ -169,11 +227,17 @@ class Diverged(CosseratError, RuntimeError):
         self.residuals = [] if residuals is None else residuals
         self.history: Any = None
         self.settings: Any = None
+        self.warnings: list[dict[str, Any]] = []
+        self.warned = ""
         where = f"t = {time:.9g} s" if at is None else at
         super().__init__(
             f"step {step} from {where} could not be solved: {reason}"
             f" (scaled residual {residual:.3g}); {advice}"
         )
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        return f"{text}; warned before: {self.warned}" if self.warned else text
 
 
 class JobError(CosseratError, RuntimeError):
@@ -201,3 +265,33 @@ class JobError(CosseratError, RuntimeError):
     def __init__(self, job: str, reason: str) -> None:
         self.job, self.reason = job, reason
         super().__init__(f"job {job!r}: {reason}")
+
+
+class CosseratWarning(UserWarning):
+    """Base of all warnings: what the program knows about a doubtful result.
+
+    Runs, paths and studies keep the warnings that were given in ``meta["warnings"]``. To end at
+    the first one: ``warnings.simplefilter("error", CosseratWarning)``.
+
+    Examples
+    --------
+    >>> kinds = AccuracyWarning, ModelWarning, IncompleteWarning, PerformanceWarning
+    >>> all(issubclass(kind, CosseratWarning) for kind in kinds)
+    True
+    """
+
+
+class AccuracyWarning(CosseratWarning):
+    """A result that may be wrong: elements bent too far, energy out of balance, another branch."""
+
+
+class ModelWarning(CosseratWarning):
+    """A scene, mesh or start that is taken, but may not be what was meant."""
+
+
+class IncompleteWarning(CosseratWarning):
+    """Something that was asked for is missing from a result."""
+
+
+class PerformanceWarning(CosseratWarning):
+    """Results are right, but cost more than they need to."""

@@ -1,8 +1,9 @@
 """Plain numpy kernels over all elements of a group: arrays in, arrays out.
 
 They are vectorised over elements, accept complex input (so that tangents can be checked by the
-complex step) and know no model: the seam where compiled kernels enter. Of two plain matrices the
-product is ``a.dot(b)``: for a few elements its call costs half of that of ``a @ b``.
+complex step) and know no model. Those compiled by numba are in :mod:`skfem_cosserat.compiled`. Of
+two plain matrices the product is ``a.dot(b)``: for a few elements its call costs half of that of
+``a @ b``.
 """
 
 from __future__ import annotations

@@ -6,13 +6,14 @@ complex step has them, are taken to first order in their imaginary part.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
 
 from .errors import InputError
+from .frozen import Frozen
 from .types import Array, Floats
 
 __all__ = ["Law", "LawQuadratic", "LawStored", "StrainFunction"]
@@ -33,7 +34,7 @@ _GAUSS = np.sqrt(0.15), 5 / 18
 _SMALL = 1e-7
 
 
-class Law(ABC):
+class Law(Frozen):
     """Stored energy per length W of strains.
 
     Parameters
@@ -44,7 +45,7 @@ class Law(ABC):
 
     #: what rounding makes of an energy that vanishes (J/m)
     noise: float = 0.0
-    #: numbers of strains that are held, see :class:`skfem_cosserat.Rung`: it knows nothing of them
+    #: numbers of strains that are held (:class:`skfem_cosserat.Theory`): it knows nothing of them
     held: tuple[int, ...] = ()
 
     def __init__(self, stiffness: Floats) -> None:

@@ -1,11 +1,12 @@
-"""Loads and their dependence on time."""
+"""Loads, and functions of time."""
 
 from __future__ import annotations
 
 import heapq
 import math
+from abc import abstractmethod
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
@@ -13,26 +14,200 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
 import numpy as np
 
 from .errors import InputError
-from .frames import Item, Place, StructuralItem, vector
-from .kinds import is_beam
-from .twin import Twins
-from .types import ArrayLike, Floats, numbers
+from .frames import Item, Place, StructuralItem, is_beam, no_place, vector
+from .frozen import Frozen, brief
+from .replacement import Replacements
+from .types import ArrayLike, Floats, numbers, switch
 
 if TYPE_CHECKING:
     from .beam import Beam
+
 
 __all__ = [
     "Amplitude",
     "Constant",
     "FunctionOfTime",
+    "Harmonic",
     "Load",
     "LoadForce",
     "LoadGravity",
     "LoadLine",
     "LoadMoment",
+    "RampLinear",
+    "RampSmooth",
     "Table",
     "TimeFunction",
 ]
+
+
+# --------------------------------------------------------------------------------------------------
+# Ready functions of time: ramps and harmonic ones, with exact averages, for loads and motions.
+
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+
+
+def _finite(item: str, **values: float) -> None:
+    for name, value in values.items():
+        number = numbers(item, name, value)
+        if number.shape != () or not np.isfinite(number):
+            raise InputError(item, f"{name} = {value!r}, expected a finite number")
+
+
+class _Ramp(Frozen):
+    """From one value to another, constant before and after."""
+
+    def __init__(
+        self, begin: float, end: float, *values: float, first: float = 0.0, last: float = 1.0
+    ) -> None:
+        if len(values) == 2 and (first, last) == (0.0, 1.0):
+            first, last = values
+        elif values:
+            raise InputError("ramp", self._unclear(begin, end, values))
+        _finite("ramp", begin=begin, end=end, first=first, last=last)
+        if not end > begin:
+            raise InputError("ramp", f"end = {end!r} s, expected it after begin = {begin!r} s")
+        self.begin, self.end = float(begin), float(end)
+        self.first, self.last = float(first), float(last)
+        self.settled = self.end
+
+    def _unclear(self, begin: float, end: float, values: tuple[float, ...]) -> str:
+        """What numbers without names may have been meant to be."""
+        kind, value = type(self).__name__, values[0]
+        return (
+            f"got {(begin, end, *values)!r}, whose order is begin, end (s), first, last (the values"
+            f" before and after): name them, as {kind}({begin!r}, {end!r}, last={value!r}) or"
+            f" {kind}({begin!r}, {end!r}, first={value!r}, last=0.0)"
+        )
+
+    def __repr__(self) -> str:
+        numbers = f"{self.begin:g}, {self.end:g}, first={self.first:g}, last={self.last:g}"
+        return f"{type(self).__name__}({numbers})"
+
+    @staticmethod
+    @abstractmethod
+    def shape(s: float) -> float:
+        """From 0 at s = 0 to 1 at s = 1, a polynomial of degree 5 at most."""
+
+    def value(self, t: float) -> float:
+        """Value at time `t` (s)."""
+        s = min(1.0, max(0.0, (t - self.begin) / (self.end - self.begin)))
+        return self.first + (self.last - self.first) * self.shape(s)
+
+    __call__ = value
+
+    def average(self, t0: float, t1: float) -> float:
+        """Mean over [t0, t1]: Gauss quadrature, exact between the ends of the ramp."""
+        ends = [t0, *(t for t in (self.begin, self.end) if t0 < t < t1), t1]
+        total = 0.0
+        for a, b in pairwise(ends):
+            mid, half = (a + b) / 2, (b - a) / 2
+            total += half * sum(
+                w * self.value(mid + half * x) for x, w in zip(_POINTS, _WEIGHTS, strict=True)
+            )
+        return float(total / (t1 - t0))
+
+
+class RampLinear(_Ramp):
+    """Straight from `first` to `last` between two instants, constant before and after.
+
+    Parameters
+    ----------
+    begin, end : float
+        Instants (s).
+    first, last : float
+        Values before and after, 0 and 1 by default: both by their names, or both in this order.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite, the end not after the beginning, or one value has no name.
+
+    Examples
+    --------
+    >>> ramp = RampLinear(1.0, 3.0)
+    >>> ramp.value(2.0), round(ramp.average(0.0, 2.0), 12)
+    (0.5, 0.125)
+    """
+
+    @staticmethod
+    def shape(s: float) -> float:
+        """Straight."""
+        return s
+
+
+class RampSmooth(_Ramp):
+    """From `first` to `last` with continuous first and second derivatives: loads excite little.
+
+    ``s^3 (10 - 15 s + 6 s^2)``. Loads that set in at once send waves whose kinks spoil the order
+    of convergence; prescribed motion that starts with a velocity is an impact.
+
+    Parameters
+    ----------
+    begin, end : float
+        Instants (s).
+    first, last : float
+        Values before and after, 0 and 1 by default: both by their names, or both in this order.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite, the end not after the beginning, or one value has no name.
+
+    Examples
+    --------
+    >>> ramp = RampSmooth(0.0, 2.0, last=10.0)
+    >>> ramp.value(1.0), round(ramp.average(0.0, 2.0), 12), ramp.value(7.0)
+    (5.0, 5.0, 10.0)
+    """
+
+    @staticmethod
+    def shape(s: float) -> float:
+        """A polynomial of degree 5."""
+        return s**3 * (10 - s * (15 - 6 * s))
+
+
+class Harmonic(Frozen):
+    """``amplitude sin(2 pi frequency t + phase)``, with exact averages.
+
+    Parameters
+    ----------
+    amplitude : float
+    frequency : float
+        In Hz.
+    phase : float
+        In rad.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite.
+
+    Examples
+    --------
+    >>> hum = Harmonic(2.0, frequency=50.0)
+    >>> round(hum.value(5e-3), 12), round(hum.average(0.0, 1e-2), 9)
+    (2.0, 1.273239545)
+    """
+
+    def __init__(self, amplitude: float, frequency: float, phase: float = 0.0) -> None:
+        _finite("harmonic function", amplitude=amplitude, frequency=frequency, phase=phase)
+        self.amplitude, self.frequency, self.phase = map(float, (amplitude, frequency, phase))
+
+    def __repr__(self) -> str:
+        return f"Harmonic({self.amplitude:g}, frequency={self.frequency:g}, phase={self.phase:g})"
+
+    def value(self, t: float) -> float:
+        """Value at time `t` (s)."""
+        return self.amplitude * float(np.sin(2 * np.pi * self.frequency * t + self.phase))
+
+    __call__ = value
+
+    def average(self, t0: float, t1: float) -> float:
+        """Mean over [t0, t1]."""
+        return self.value((t0 + t1) / 2) * float(np.sinc(self.frequency * (t1 - t0)))
+
+
+# -- loads and their dependence on time ------------------------------------------------------------
 
 
 @runtime_checkable
@@ -51,13 +226,16 @@ def settled(time: TimeFunction) -> float:
     return float(getattr(time, "settled", np.inf))
 
 
-class Constant:
+class Constant(Frozen):
     """A number that does not change."""
 
     settled = -np.inf
 
     def __init__(self, number: float) -> None:
         self.number = float(number)
+
+    def _brief(self) -> str:
+        return brief(self.number)
 
     def value(self, t: float) -> float:
         """The number."""
@@ -68,7 +246,7 @@ class Constant:
         return self.number
 
 
-class Table:
+class Table(Frozen):
     """Piecewise linear function of time, constant outside the table; averages are exact.
 
     Parameters
@@ -139,7 +317,7 @@ _Quadrature = tuple[float, float, float]
 _Piece = tuple[float, float, float, _Quadrature, _Quadrature]
 
 
-class FunctionOfTime:
+class FunctionOfTime(Frozen):
     """Wraps a callable; averages by Gauss quadrature, bisected where it has kinks.
 
     Parameters
@@ -168,6 +346,9 @@ class FunctionOfTime:
         self.kinks = np.sort(numbers("function of time", "kinks", kinks))
         if self.kinks.ndim != 1 or not np.isfinite(self.kinks).all():
             raise InputError("function of time", f"kinks = {kinks!r}, expected finite times")
+
+    def _brief(self) -> str:
+        return brief(self.function)
 
     def value(self, t: float) -> float:
         """The function's value, which must be a finite number."""
@@ -257,19 +438,28 @@ class Load(Item):
     kind = "load"
 
     def __init__(self, value: Any, amplitude: Amplitude = None, follower: bool = False) -> None:
-        self.follower = follower
+        self.follower = switch(self.label, follower, "follower")
         if callable(value):
             if amplitude is not None:
                 raise InputError(self.label, "give value as a function of time or an amplitude")
             vector(self.label, "value(0)", value(0.0))
-            self.channels: list[tuple[Floats, TimeFunction]] = [
+            self.channels: tuple[tuple[Floats, TimeFunction], ...] = tuple(
                 (np.eye(3)[i], FunctionOfTime(Component(value, i, "load", "value")))
                 for i in range(3)
-            ]
+            )
         else:
-            self.channels = [
-                (vector(self.label, "value", value), time_function(self.label, amplitude))
-            ]
+            own = vector(self.label, "value", value)
+            self.channels = ((own, time_function(self.label, amplitude)),)
+
+    def _parts(self) -> Iterator[tuple[str, Any]]:
+        (value, time), *more = self.channels
+        if isinstance(time, FunctionOfTime) and isinstance(time.function, Component):
+            yield "value", time.function.function
+        elif not more:
+            yield "value", value
+            if not (isinstance(time, Constant) and time.number == 1):
+                yield "amplitude", time
+        yield from super()._parts()
 
     def frame_place(self) -> Place | None:
         """Place of a single frame whose directors it depends on."""
@@ -286,7 +476,7 @@ class Load(Item):
 
 
 @dataclass(frozen=True, eq=False)
-class Component:
+class Component(Frozen):
     """One component of a function of time that gives three; errors name item and argument."""
 
     function: Callable[[float], ArrayLike]
@@ -304,19 +494,20 @@ class _NodalLoad(Load):
         self, place: Place, value: Any, amplitude: Amplitude = None, follower: bool = False
     ) -> None:
         super().__init__(value, amplitude, follower)
-        if not isinstance(place, Place) or place.item is None:
-            what = place.label if isinstance(place, Place) else type(place).__name__
-            raise InputError(self.label, f"acts on {what}, expected the place of an item")
+        if not isinstance(place, Place):
+            raise InputError(self.label, f"acts on {no_place(place)}")
+        if place.item is None:
+            raise InputError(self.label, f"acts on {place.label}, expected the place of an item")
         if place.triad is None and (follower or isinstance(self, LoadMoment)):
             raise InputError(self.label, f"{place.label} is a mass point and has no directions")
         self.place = place
 
-    def twin(self, twins: Twins) -> Self:
+    def with_replacements(self, replacements: Replacements) -> Self:
         """See the base class; what follows a triad is turned into that of its new place."""
-        other = super().twin(twins)
+        other = super().with_replacements(replacements)
         turn = self.place.turn_to(other.place) if self.follower else None
         if turn is not None:
-            other.channels = [(turn @ value, time) for value, time in self.channels]
+            other.channels = tuple((turn @ value, time) for value, time in self.channels)
         return other
 
     def references(self) -> list[StructuralItem]:
@@ -446,9 +637,9 @@ class LoadLine(Load):
         self.beam, self.part = beam, part
         self.elements = beam.part(part)
 
-    def twin(self, twins: Twins) -> Self:
+    def with_replacements(self, replacements: Replacements) -> Self:
         """See the base class; on the elements that the part has there."""
-        other = super().twin(twins)
+        other = super().with_replacements(replacements)
         if not is_beam(other.beam):
             raise InputError(self.label, f"acts on {other.beam.label}, expected a beam")
         other.elements = other.beam.part(self.part)

@@ -8,9 +8,10 @@ from typing import Protocol
 
 import numpy as np
 
+from .frozen import Frozen
 from .linear import SingularMatrixError
-from .log import logger
 from .types import Floats, positive, whole
+from .warn import logger
 
 __all__ = ["NewtonProblem", "NewtonReport", "NewtonSettings", "converged", "newton"]
 
@@ -38,7 +39,7 @@ class NewtonProblem(Protocol):
 
 
 @dataclass(frozen=True)
-class NewtonSettings:
+class NewtonSettings(Frozen):
     """When Newton's method stops.
 
     Attributes

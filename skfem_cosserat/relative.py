@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .frames import Place, ground
-from .twin import Attached, Twins
+from .replacement import Attached, Replacements
 from .types import Floats
 
 __all__ = [
@@ -48,10 +48,10 @@ class Expression(Attached):
     def __sub__(self, other: Expression) -> Expression:
         return Expression(self.terms + tuple((p, r, -c) for p, r, c in other.terms))
 
-    def twin(self, twins: Twins) -> Expression:
+    def with_replacements(self, replacements: Replacements) -> Expression:
         """See the base class: the same vector by another frame of the same rigid neighbourhood."""
         places = {id(place): place for place, _, _ in self.terms}
-        others = {key: twins.of(place) for key, place in places.items()}
+        others = {key: replacements.of(place) for key, place in places.items()}
         if all(place.same_frame(others[key]) for key, place in places.items()):
             return Expression(tuple((others[id(p)], row, c) for p, row, c in self.terms))
         terms = []
@@ -139,6 +139,9 @@ class RelativeCoordinate(Attached):
     kind: str
     forms: tuple[Form, ...]
 
+    def __repr__(self) -> str:
+        return f"<{self.kind} {self.name!r}>"
+
     @property
     def size(self) -> int:
         """Number of components: 3 for a rotation vector, else 1."""
@@ -151,17 +154,32 @@ def angle(
     """Angle from side a to side b about an axis, zero in the reference.
 
     The axis n is material in `side`. `across` is a direction normal to n that side b (a if `side`
-    is "b") keeps normal to it: the other axis of a universal joint; by default any, as both sides
-    have n in common.
+    is "b") keeps normal to it: the other axis of a universal joint. By default both sides have n in
+    common and any two directions m_1, m_2 normal to it give the angle. Cosine and sine are then
+    means over both, ``(m_1^A . m_1^B + m_2^A . m_2^B)/2`` and
+    ``(m_2^A . m_1^B - m_1^A . m_2^B)/2``: these are the same for all m_1, m_2, also at midpoints,
+    where triads are not orthonormal. One direction alone would make the motion of variational
+    schemes depend on which one is picked.
     """
     first = normals(axis)[0] if across is None else across
     second = np.cross(axis, first)
     if side == "b":
         a, b, second = b, a, -second
     turned = direction(b, first)
-    cosine = Product(direction(a, first), turned)
-    sine = Product(direction(a, second), turned)
-    return RelativeCoordinate(name, "angle", ((cosine,), (sine,)))
+    if across is not None:
+        cosine = Product(direction(a, first), turned)
+        sine = Product(direction(a, second), turned)
+        return RelativeCoordinate(name, "angle", ((cosine,), (sine,)))
+    other = direction(b, second)
+    cosines = (
+        Product(direction(a, first), turned, 0.5),
+        Product(direction(a, second), other, 0.5),
+    )
+    sines = (
+        Product(direction(a, second), turned, 0.5),
+        Product(direction(a, first), other, -0.5),
+    )
+    return RelativeCoordinate(name, "angle", (cosines, sines))
 
 
 def displacement(name: str, a: Place, b: Place, axis: Floats) -> RelativeCoordinate:

@@ -6,13 +6,15 @@ axial; bending about d1 and d2, torsion about d3 (the tangent of the reference l
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, field
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from .errors import InputError
+from .frozen import Frozen, loosened, seal
 from .law import Law, LawQuadratic
 from .types import ArrayLike, Floats, numbers, positive
 
@@ -31,7 +33,7 @@ def _positive(item: str, **values: float) -> None:
 
 
 @dataclass(frozen=True)
-class Material:
+class Material(Frozen):
     """Isotropic linear elastic material.
 
     Parameters
@@ -144,7 +146,7 @@ def _inertia(item: str, value: ArrayLike, mass: float, centre: Floats) -> Floats
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class Section(Frozen):
     """Section given by its constants, up to a full 6x6 stiffness.
 
     Its stored energy is quadratic; :class:`SectionHyperelastic` takes any other.
@@ -229,6 +231,13 @@ class Section:
         ):
             object.__setattr__(self, name, value)
 
+    _remedy = "make another one, and a beam of it"
+
+    def _parts(self) -> Iterator[tuple[str, Any]]:
+        constants = np.diag(self.stiffness)
+        yield from (("GA", constants[:2]), ("EA", constants[2]), ("EI", constants[3:5]))
+        yield from (("GJ", constants[5]), ("mass", self.mass))
+
     @property
     def density(self) -> Floats:
         """Mass (3, 3) per length of ``(phi, d1, d2)``, without the factor I_3 (kg/m, kg, kg m)."""
@@ -286,9 +295,9 @@ class Section:
                     item, f"time = {time!r}, expected a finite number that is not negative"
                 )
             viscosity = float(tau) * self.stiffness
-        out = copy(self)
+        out = loosened(copy(self))
         object.__setattr__(out, "viscosity", _viscosity(viscosity, self.stiffness))
-        return out
+        return seal(out)
 
     @classmethod
     def from_constants(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -20,7 +22,9 @@ __all__ = [
     "numbers",
     "positive",
     "real",
+    "shown",
     "switch",
+    "whole",
 ]
 
 #: Real or complex numbers: kernels take complex input so that tangents can be checked by the
@@ -31,50 +35,80 @@ IndexArray: TypeAlias = NDArray[np.int64]
 #: Three numbers.
 VectorLike: TypeAlias = Sequence[float] | NDArray[np.float64]
 
+#: how many steps may be asked for: at a million a second these take eleven days
+MOST = 10**12
+
 
 def numbers(item: str, name: str, value: Any) -> Floats:
     """Fresh array of real numbers (NaN included), or an error naming item and argument."""
     try:
-        return np.array(value, dtype=float)
+        return _floats(value)
+    except OverflowError as error:
+        raise InputError(item, f"{name} = {shown(value)}, too large for a number") from error
     except (TypeError, ValueError) as error:
-        raise InputError(item, f"{name} = {value!r}, expected real numbers") from error
+        raise InputError(item, f"{name} = {shown(value)}, expected real numbers") from error
+
+
+def _floats(value: Any) -> Floats:
+    """A fresh array; text, truth values and complex numbers are no real numbers (TypeError)."""
+    if np.asarray(value).dtype.kind not in "iufO":
+        raise TypeError
+    return np.array(value, dtype=float)
+
+
+def shown(value: Any) -> str:
+    """A value in an error, cut where it is long; Python does not write very long integers."""
+    try:
+        text = repr(value)
+    except ValueError:
+        return f"{type(value).__name__} of thousands of digits"
+    return text if len(text) <= 60 else f"{text[:30]}...{text[-20:]}"
 
 
 def real(item: str, name: str, value: Any, expected: str) -> float:
     """One number (not NaN), or an error saying what is expected; text and truth values are none."""
-    odd = isinstance(value, str | bytes | bool | np.bool_)  # numpy takes them for numbers
     try:
-        out = np.array(np.nan if odd else value, dtype=float)
-    except (TypeError, ValueError):
+        out = _floats(value)
+    except (OverflowError, TypeError, ValueError):
         out = np.array(np.nan)
     if out.shape != () or np.isnan(out):
-        raise InputError(item, f"{name} = {value!r}, expected {expected}")
+        raise InputError(item, f"{name} = {shown(value)}, expected {expected}")
     return float(out)
 
 
-def switch(item: str, value: Any) -> bool:
+def switch(item: str, value: Any, name: str = "") -> bool:
     """True or False, or an error: any text would count as true."""
     if not isinstance(value, bool | np.bool_):
-        raise InputError(item, f"{value!r}, expected True or False")
+        given = f"{name} = {value!r}" if name else repr(value)
+        raise InputError(item, f"{given}, expected True or False")
     return bool(value)
+
+
+def file_path(item: str, value: Any) -> Path:
+    """The name of a file, or an error naming the argument."""
+    if not isinstance(value, str | os.PathLike):
+        raise InputError(item, f"{shown(value)}, expected the name of a file")
+    if "\0" in os.fsdecode(value):
+        raise InputError(item, f"{shown(value)}, names of files hold no zero character")
+    return Path(os.fsdecode(value))
 
 
 def positive(item: str, name: str, value: Any, unit: str = "") -> float:
     """A positive finite number, or an error naming item and argument."""
-    try:
-        out = np.nan if isinstance(value, str) or np.ndim(value) else float(value)
-    except (TypeError, ValueError):
-        out = np.nan
+    expected = f"a positive finite number{unit}"
+    out = real(item, name, value, expected)
     if not (np.isfinite(out) and out > 0):
-        raise InputError(item, f"{name} = {value!r}, expected a positive finite number{unit}")
+        raise InputError(item, f"{name} = {shown(value)}, expected {expected}")
     return out
 
 
-def whole(item: str, value: Any, least: int, name: str = "") -> int:
-    """An integer from `least` on, or an error naming item and argument."""
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
-        given = f"{name} = {value!r}" if name else repr(value)
-        raise InputError(item, f"{given}, expected an integer from {least} on")
+def whole(item: str, value: Any, least: int | None, name: str = "") -> int:
+    """An integer, from `least` on if there is one, or an error naming item and argument."""
+    integer = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not integer or (least is not None and value < least):
+        given = f"{name} = {shown(value)}" if name else shown(value)
+        expected = "an integer" if least is None else f"an integer from {least} on"
+        raise InputError(item, f"{given}, expected {expected}")
     return int(value)
 
 

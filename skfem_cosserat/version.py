@@ -1,3 +1,3 @@
 """The version, in one place: the build, the package and its files read it here."""
 
-VERSION = "0.1.0"
+VERSION = "0.2.0"

@@ -13,10 +13,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
+import sizes
+from margins import note_margins
 
 from skfem_cosserat.integrators import choice
 
 WORTHWHILE = choice.WORTHWHILE
+# "auto" does not look for compiled kernels here: what is on disk hangs on the tests run before
+choice.READING = float("inf")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -26,11 +30,24 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         default="auto",
         help="numba: compiled kernels wherever there are some, but in tests of the plain ones",
     )
+    parser.addoption("--margins", metavar="FILE", help="note how near comparisons come to limits")
+    parser.addoption("--measure", metavar="FILE", help="note what tests cost, for sizes.csv")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     if config.getoption("--kernels") == "numba":
         choice.WORTHWHILE = 0.0
+    if config.getoption("--margins"):
+        note_margins(config.getoption("--margins"))
+    if config.getoption("--measure"):
+        config.pluginmanager.register(sizes.Measure(config.getoption("--measure")))
+    if config.getoption("markexpr") == "long" and "PYTEST_XDIST_WORKER" not in os.environ:
+        config.pluginmanager.register(sizes.Record())
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    sizes.give_sizes(items)
 
 
 @pytest.fixture(autouse=True)

@@ -39,7 +39,7 @@ from skfem_cosserat import (
     triad,
 )
 from skfem_cosserat.kernels import exp_quaternion, null_space_blocks, rotation_matrix
-from skfem_cosserat.model.chart import Chart
+from skfem_cosserat.model.reparametrisation import Reparametrisation
 
 #: Full 6x6 stiffness with every coupling, of moderate size.
 _COUPLING = np.random.default_rng(8).standard_normal((6, 6))
@@ -396,14 +396,14 @@ def random_state(
     system: System, rng: np.random.Generator, t: float = 0.0, size: float = 0.3
 ) -> Any:
     """A configuration (n,) at time t that fulfils all constraints, by random increments."""
-    chart = Chart(system.kinematics)
-    chart.begin(system.extend(system.q0, 0.0), system.ground(t))
-    chart.add(size * rng.standard_normal(system.kinematics.unknowns))
-    return chart.configuration()[: system.rows].ravel()
+    nodal = Reparametrisation(system.kinematics)
+    nodal.begin(system.extend(system.q0, 0.0), system.ground(t))
+    nodal.add(size * rng.standard_normal(system.kinematics.unknowns))
+    return nodal.configuration()[: system.rows].ravel()
 
 
 def null_space(system: System, y: np.ndarray, fixed: np.ndarray) -> np.ndarray:
-    """Dense ``P(y)`` (n, unknowns) with the axes `fixed` of a chart."""
+    """Dense ``P(y)`` (n, unknowns) with the axes `fixed` of a reparametrisation."""
     kin = system.kinematics
     T = kin.T_matrix(kin.T_values(kin.locate(y, fixed))).toarray()
     P = np.zeros((system.n, kin.unknowns))

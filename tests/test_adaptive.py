@@ -26,11 +26,11 @@ from skfem_cosserat.adaptive import (
     carry_history,
     carry_state,
 )
-from skfem_cosserat.adaptive.strategy import Outlook
+from skfem_cosserat.adaptive.adapt import Outlook
 from skfem_cosserat.export import write_paraview
-from skfem_cosserat.mesh.relate import places_in
+from skfem_cosserat.mesh.divide import places_in
 from skfem_cosserat.model.balance import amplitudes_at
-from skfem_cosserat.simulate import derive_series
+from skfem_cosserat.run import derive_series
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 sys.path[:0] = [str(EXAMPLES), str(EXAMPLES / "benchmarks")]
@@ -281,7 +281,7 @@ def test_shares_are_zero_where_nothing_is_bent():
         coarse, fine, q, good["q"][-1], np.eye(coarse.n)[12 * 4], amplitudes_at(coarse, 1.0)
     )["bend"]
     # what Newton's method leaves
-    assert abs(shares[8:]).max() < 1e-3 * abs(shares).max()
+    assert abs(shares[8:]).max() < 3e-3 * abs(shares).max()
 
 
 def test_missing_strains_of_a_polynomial():
@@ -481,7 +481,8 @@ def test_bodies_and_closed_loops_are_carried_over():
         s if isinstance(s, sc.System) else s.freeze()
         for s in (case.build(mesh, 1), case.build(mesh.refined([0]), 2))
     )
-    history = sc.simulate(coarse, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.2)
+    with pytest.warns(sc.AccuracyWarning, match="it takes 3 elements in place of 2"):
+        history = sc.simulate(coarse, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.2)
     carried = carry_history(coarse, fine, history)
     start = sc.restart(fine, carried, sc.EnergyMomentum(), 1e-2)
     on = sc.simulate(fine, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.3, start=start)
@@ -581,7 +582,7 @@ def bend(**changes):
         ),
         ({"quantity": lambda system, q: np.nan}, "quantity: gave"),
         ({"build": None}, "argument build: None"),
-        ({"build": lambda mesh, order: None}, "argument build: gave None, expected a Model"),
+        ({"build": lambda mesh, order: None}, "argument build: what it gave: is of type NoneType"),
         ({"mesh": None}, "argument mesh: 'mesh' is NoneType, expected MeshCurve"),
         ({"mesh": {}}, "argument mesh: there is none"),
         ({"order": 5}, "argument order: 5, expected a positive integer up to 4"),
@@ -656,7 +657,8 @@ def test_other_systems(moving):
 
 def test_giving_up():
     """Too few levels: the result says so, and holds what there is."""
-    result = bend(tolerance=1e-9, levels=2)
+    with pytest.warns(sc.AccuracyWarning, match="tolerance: 1e-09 was not reached: 2 levels"):
+        result = bend(tolerance=1e-9, levels=2)
     assert not result.reached and len(result.levels) == 2
     assert result.reason.startswith("2 levels")
     assert result.levels[-1].estimate > 1e-9

@@ -190,7 +190,7 @@ def test_a_mesh_of_other_cells_is_no_beam():
     (lambda: MassPoint(1.0, velocity=(0, INF, 0)), ["mass point", "velocity", "inf"]),
     (lambda: MassPoint(1.0, on=ground((0, 0, 0))), ["mass point", "attached", "ground"]),
     (lambda: MassPoint(1.0, on=POINT.place()), ["mass point", "attached", "triad"]),
-    (lambda: MassPoint(1.0, on=BALL), ["mass point", "on", "RigidBody", "Place"]),
+    (lambda: MassPoint(1.0, on=BALL), ["mass point", "on", "rigid body", "place", "body.at"]),
     (lambda: RigidBody(INF, (1, 1, 1)), ["rigid body", "mass = inf"]),
     (lambda: RigidBody(1.0), ["rigid body", "inertia", "euler"]),
     (lambda: RigidBody(1.0, (1, 1, 1), euler=(1, 1, 1)), ["rigid body", "inertia", "euler"]),
@@ -216,7 +216,7 @@ def test_a_mesh_of_other_cells_is_no_beam():
     (lambda: body(triad=2 * np.eye(3)), ["rigid body", "triad", "orthonormal", "error 3"]),
     (lambda: body(triad=np.diag([1, 1, -1.0])), ["rigid body", "triad", "right-handed"]),
     (lambda: body(triad=np.full((3, 3), NAN)), ["rigid body", "triad", "nan"]),
-    (lambda: body(on=BALL), ["rigid body", "on", "RigidBody"]),
+    (lambda: body(on=BALL), ["rigid body", "on is the rigid body", "body.at"]),
     (lambda: body(on=ground((0, 0, 0))), ["rigid body", "ground"]),
     (lambda: body(surface=([[0, 0]], [[0, 1, 2]])), ["rigid body", "surface", "(1, 2)"]),
     (lambda: body(surface=(np.eye(3), [[0, 1, 7]])), ["rigid body", "surface", "7"]),
@@ -249,7 +249,7 @@ HERE = ground((0, 0, 0))
 
 
 @cases(
-    (lambda: JointSpherical(BALL, HERE), ["spherical joint", "side a", "RigidBody", "body.at"]),
+    (lambda: JointSpherical(BALL, HERE), ["spherical joint", "side a", "rigid body", "body.at"]),
     (lambda: JointSpherical(HERE, None), ["spherical joint", "side b", "None"]),
     (lambda: JointSpherical(HERE, HERE), ["spherical joint", "both sides are ground"]),
     (
@@ -293,7 +293,7 @@ def test_joints(call, words):
 @cases(
     (lambda: LoadForce(HERE, (1, 0, 0)), ["load", "ground"]),
     (lambda: LoadMoment(HERE, (1, 0, 0)), ["load", "ground"]),
-    (lambda: LoadForce(BALL, (1, 0, 0)), ["load", "RigidBody", "place"]),
+    (lambda: LoadForce(BALL, (1, 0, 0)), ["load", "rigid body", "place", "body.at"]),
     (lambda: LoadForce(BALL.at((0, 0, 0)), (1, 0)), ["load", "value", "(2,)"]),
     (lambda: LoadForce(BALL.at((0, 0, 0)), (1, NAN, 0)), ["load", "value", "nan"]),
     (lambda: LoadForce(BALL.at((0, 0, 0)), "up"), ["load", "value", "'up'"]),
@@ -652,6 +652,11 @@ def test_until(bad):
     refused(lambda: simulate(SYSTEM, *PAIR, 0.1, bad), ["until", repr(bad)])
 
 
+def test_runs_before_time_zero():
+    start = initial_state(SYSTEM, time=-1.0)
+    assert simulate(SYSTEM, *PAIR, 0.25, 0.0, start=start).times[-1] == 0.0
+
+
 def test_until_before_the_start():
     late = State(5.0, 0, SYSTEM.q0, SYSTEM.v0)
     refused(lambda: simulate(SYSTEM, *PAIR, 0.1, 1.0, start=late), ["until", "1.0", "5.0"])
@@ -675,8 +680,7 @@ def test_other_arguments_of_a_run():
 
 
 def test_the_wrong_objects():
-    model = model_of(ball=MassPoint(1.0))
-    refused(lambda: simulate(model, *PAIR, 0.1, 1.0), ["system", "Model", "freeze"])
+    refused(lambda: simulate(None, *PAIR, 0.1, 1.0), ["system", "NoneType", "Model"])
     refused(
         lambda: simulate(SYSTEM, "variational", NullSpace(), 0.1, 1.0),
         ["integrator", "variational"],
@@ -710,3 +714,25 @@ def test_all_errors_are_ours_and_value_errors():
         assert issubclass(kind, ValueError)
     error = MeshError("beam 'a'", "is odd")
     assert (error.item, str(error)) == ("beam 'a'", "beam 'a': is odd")
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: sc.read_mesh(5), ["argument path", "5"]),
+        (lambda: sc.History.load(5), ["argument path", "5"]),
+        (lambda: sc.write_mesh("x.msh", 5), ["argument mesh", "5", "MeshCurve"]),
+        (lambda: SYSTEM.extend(np.zeros(99), 0.0), ["argument q", "(99,)"]),
+        (lambda: initial_state(SYSTEM, rates={"j": "1"}), ["argument rates", "'1'"]),
+        (lambda: initial_state(SYSTEM, tolerance=True), ["tolerance", "True"]),
+        (lambda: MassPoint(1.0, position=np.array([1j, 0, 2])), ["position", "real numbers"]),
+        (lambda: MassPoint(1.0, position=[True, False, "3"]), ["position", "real numbers"]),
+        (lambda: LoadGravity(("1", "2", "3")), ["'1'", "real numbers"]),
+        (lambda: sc.RampLinear("0", 1), ["begin", "'0'"]),
+        (lambda: simulate(SYSTEM, *PAIR, 0.1, b".1"), ["until", "b'.1'"]),
+        (lambda: simulate(SYSTEM, *PAIR, 0.1, 1.0, path="a\0b"), ["argument path", "zero"]),
+        (lambda: sc.History.load("a\0b"), ["argument path", "zero"]),
+    ],
+)
+def test_what_is_no_name_of_a_file_no_number_and_no_mesh(call, words):
+    refused(call, words)

@@ -112,8 +112,8 @@ def test_mass_and_load_are_exact(p):
     mass, load = basis.elemental_mass(), basis.elemental_load()
     x, w = gauss_rule(12)
     N = basis.shape(x)
-    assert np.allclose(mass, basis.lengths[:, None, None] * ((N * w) @ N.T), rtol=1e-14, atol=1e-16)
-    assert np.allclose(load, basis.lengths[:, None] * (N @ w), rtol=1e-14, atol=1e-16)
+    assert np.allclose(mass, basis.lengths[:, None, None] * ((N * w) @ N.T), rtol=1e-13, atol=1e-16)
+    assert np.allclose(load, basis.lengths[:, None] * (N @ w), rtol=1e-13, atol=1e-16)
     assert mass.sum() == pytest.approx(2.4, rel=1e-14)
     assert np.allclose(mass.sum(axis=2), load, rtol=1e-13)
 
@@ -196,9 +196,9 @@ def test_triads_are_orthonormal_with_the_tangent_third(p, name, twist):
     basis = DirectorBasis(MESHES[name](), p)
     triads = basis.triads(twist=twist)
     assert triads.shape == (basis.mesh.nelements, p + 1, 3, 3)
-    assert orthonormality(triads) < 1e-15 * 2
+    assert orthonormality(triads) < 2e-14
     exact = basis.mesh.mapping().tangent(lobatto_nodes(p)[None])
-    assert np.abs(triads[:, :, 2] - np.moveaxis(exact, 0, -1)).max() < 1e-15
+    assert np.abs(triads[:, :, 2] - np.moveaxis(exact, 0, -1)).max() < 1e-14
 
 
 @pytest.mark.parametrize("directors", [None, (0, 0, 1), {"h": (0, 0, 1)}])
@@ -252,7 +252,7 @@ def test_transport_closes_on_a_spatial_loop():
     triads = basis.triads()
     assert np.array_equal(triads[-1, -1], triads[0, 0])
     assert np.array_equal(triads[:-1, -1], triads[1:, 0])
-    assert orthonormality(triads) < 2e-15
+    assert orthonormality(triads) < 2e-14
     rotations = basis.relative_rotations(triads)
     assert np.array_equal(rotations, np.broadcast_to(np.eye(3), rotations.shape))
     # the spread rotation is the same everywhere: rate d2.d1' is constant along the loop
@@ -272,8 +272,8 @@ def test_twist_turns_about_the_axis(kind):
     d1, d2 = np.moveaxis(basis.triads((1, 0, 0), twist), 2, 0)[:2]
     angle = 0.4 * basis.arc_lengths
     exact = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
-    assert np.abs(d1 - exact).max() < 1e-15
-    assert np.abs(d2 - np.cross((0, 0, 1), exact)).max() < 1e-15
+    assert np.abs(d1 - exact).max() < 1e-14
+    assert np.abs(d2 - np.cross((0, 0, 1), exact)).max() < 1e-14
 
 
 def test_hints_and_twists_by_beam():
@@ -305,7 +305,7 @@ def test_corners_of_a_polyline_stay_corners_at_any_angle():
     triads = basis.triads()
     differs = np.abs(triads[:-1, -1] - triads[1:, 0]).max(axis=(-1, -2)) > 0
     assert differs.tolist() == [False, True, False, True, False]
-    assert orthonormality(triads) < 2e-15
+    assert orthonormality(triads) < 2e-14
 
 
 def test_transport_over_a_corner_is_the_smallest_rotation():
@@ -330,7 +330,7 @@ def test_chords_from_a_file_share_mean_tangents(tmp_path, p):
     assert np.array_equal(triads[:-1, -1], triads[1:, 0])
     exact = np.moveaxis(arc(6).mapping().tangent(np.array([[0.0, 1.0]])), 0, -1)
     assert np.abs(triads[1:-1, [0, -1], 2] - exact[1:-1]).max() < 1e-14  # equal chords of a circle
-    assert orthonormality(triads) < 2e-15
+    assert orthonormality(triads) < 2e-14
 
 
 def test_chords_at_a_feature_stay_a_corner(tmp_path):

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers_scenes import TENSOR, four_bar, full_section, random_state, rotation
+from rounding import momentum_limits
 from scipy.linalg import null_space, subspace_angles
 
 import skfem_cosserat as sc
@@ -327,7 +328,7 @@ def test_the_order_of_joints_does_not_matter(scene, seed, integrator):
     other = sc.Model()
     items = {k: model[k] for k in names}
     for name in [*(k for k in names if k not in joints), *rng.permutation(joints)]:
-        items[name].name = None
+        vars(items[name]).update(name=None)  # in no model any more
         other.add(str(name), items[name])
     if not SCENES[scene][3]:
         other.add("gravity", sc.LoadGravity(GRAVITY))
@@ -384,8 +385,8 @@ def test_free_loops_keep_their_momenta(scene, integrator, treatment):
     system, history = frozen(scene), run(scene, integrator, treatment)
     L = diagnostics.angular_momentum(system, history["q"], history["p"])
     p = diagnostics.linear_momentum(system, history["p"])
-    for values in (L, p):
-        assert abs(values - values[0]).max() < 2e-12 * np.linalg.norm(values[0])
+    for values, limit in zip((p, L), momentum_limits(system, history), strict=True):
+        assert abs(values - values[0]).max() < limit < 1e-9 * np.linalg.norm(values[0])
 
 
 @pytest.mark.parametrize("scene", ["free five-bar", "free bennett", "slides and cardan"])
@@ -506,10 +507,11 @@ def test_a_frame_that_tears_its_door_apart():
         assert word in str(caught.value)
 
 
-def test_geometry_with_too_few_digits(caplog):
+def test_geometry_with_too_few_digits():
     """A hinge beside the line of the other one locks the door; by how little is said."""
     assert door(off=1e-11).freeze().unknowns == 1
-    with pytest.raises(sc.InputError) as caught:
+    said, refused = pytest.warns(sc.ModelWarning, match="more digits"), pytest.raises(sc.InputError)
+    with said, refused as caught:
         door(off=1e-7).freeze()
     for word in (
         "mobility is zero",
@@ -520,12 +522,9 @@ def test_geometry_with_too_few_digits(caplog):
         "more digits",
     ):
         assert word in str(caught.value)
-    assert "more digits" in warnings_of(caplog)[0]
-    caplog.clear()
     with pytest.raises(sc.InputError, match="mobility is zero") as caught:
         door(off=1e-2).freeze()
     assert "digits" not in str(caught.value)
-    assert warnings_of(caplog) == []
 
 
 # -- tangents --------------------------------------------------------------------------------------
@@ -629,25 +628,29 @@ def turn(system, history, name):
     return np.unwrap(np.arctan2(history["q"][:, i + 4], history["q"][:, i + 3]))
 
 
-def warnings_of(caplog):
-    return [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
+def passages(caplog):
+    """Each of them is logged; a warning says the first one."""
+    return [r.getMessage() for r in caplog.records if "singular position" in r.getMessage()]
 
 
 @pytest.mark.parametrize("step", [0.01, 0.07])
 @integrators
 @treatments
 def test_a_parallelogram_passes_its_flat_positions(integrator, treatment, step, caplog):
-    """It stays one; a warning for each passage, with its time and the joints."""
+    """It stays one; a warning for the first passage, and each is logged with time and joints."""
+    caplog.set_level(logging.INFO, logger="skfem_cosserat")
     system = linkage(PARALLELOGRAM, 1.0).freeze()
     pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    history = sc.simulate(system, *pair, step, 2.1, start=spinning(system, -3.0))
+    with pytest.warns(sc.AccuracyWarning, match="has passed a singular position"):
+        history = sc.simulate(system, *pair, step, 2.1, start=spinning(system, -3.0))
+    assert len(history.meta["warnings"]) == 1
     assert history["joint/pin 0/angle"][-1] == pytest.approx(-6.3, rel=1e-2)
     i = system.frame_place("coupler")
     assert abs(history["q"][:, i + 3 : i + 6] - (1, 0, 0)).max() < 1e-9
     assert history["constraint_violation"].max() < 1e-12
     assert np.ptp(history["energy"]) < 1e-9 * history["energy"][0]  # each bar's own is constant
     assert (history["attempts"] == 1).all()
-    texts = warnings_of(caplog)
+    texts = passages(caplog)
     assert len(texts) == 2, texts
     for text, angle in zip(texts, (1.0, 1.0 + np.pi), strict=True):
         assert "has passed a singular position" in text
@@ -656,6 +659,8 @@ def test_a_parallelogram_passes_its_flat_positions(integrator, treatment, step, 
         assert 0 <= time - angle / 3 < 1.05 * step
 
 
+# passes singular positions, or stops in one
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize("off", [-5e-6, -3e-7, 0.0, 3e-8, 1e-6, 3e-4])
 @integrators
 @treatments
@@ -672,7 +677,7 @@ def test_a_crossing_of_branches_is_passed_smoothly(integrator, treatment, off):
     history = sc.simulate(system, *pair, 0.02, 0.4, start=start)
     crank = theta + off + turn(system, history, "crank") - np.pi
     assert crank[9] < -0.04  # before,
-    assert abs(crank[10]) < 1e-7 + 7 * abs(off)  # in,
+    assert abs(crank[10]) < 1e-6 + 7 * abs(off)  # in, to the root of rounding,
     assert crank[11] > 0.04  # and behind the crossing
     for name in ("crank", "rocker"):
         bend = abs(np.diff(turn(system, history, name), 2))[7:13]
@@ -686,17 +691,18 @@ def test_a_crossing_of_branches_is_passed_smoothly(integrator, treatment, off):
         assert abs(other["q"] - history["q"]).max() < 1e-7
 
 
-def test_a_step_that_ends_in_a_singular_position_warns_once(caplog):
+def test_a_step_that_ends_in_a_singular_position_warns_once():
     system = linkage(CHANGE_POINT, 2.5466687344504857).freeze()
     for treatment in TREATMENTS.values():
-        caplog.clear()
-        sc.simulate(system, sc.Variational(), treatment, 0.02, 0.4, start=spinning(system, 3.0))
-        texts = warnings_of(caplog)
-        assert len(texts) == 1, texts
-        assert "t = 0.2 s" in texts[0]
-        assert "singular position" in texts[0]
+        run = system, sc.Variational(), treatment, 0.02, 0.4
+        with pytest.warns(sc.AccuracyWarning, match="singular position"):
+            history = sc.simulate(*run, start=spinning(system, 3.0))
+        (said,) = history.meta["warnings"]
+        assert said["when"] == "t = 0.2 s" and "singular position" in said["text"]
 
 
+# passes singular positions, or stops in one
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @integrators
 @treatments
 def test_a_run_goes_on_from_a_singular_position(integrator, treatment):
@@ -714,13 +720,15 @@ def test_a_run_goes_on_from_a_singular_position(integrator, treatment):
 @pytest.mark.parametrize("lengths", [PARALLELOGRAM, CHANGE_POINT], ids=["parallelogram", "change"])
 @integrators
 @treatments
-def test_a_reference_in_a_singular_position(lengths, integrator, treatment, caplog):
+def test_a_reference_in_a_singular_position(lengths, integrator, treatment):
     """Its rank is that of the positions beside it; it starts along the branch of its momentum."""
     theta = 0.0 if lengths is PARALLELOGRAM else np.pi
-    system = linkage(lengths, theta).freeze()
-    (text,) = warnings_of(caplog)
+    with pytest.warns(sc.ModelWarning, match="is a singular position"):
+        system = linkage(lengths, theta).freeze()
+    (said,) = system.warnings
+    text = f"{said['item']}: {said['text']}"
     for word in (
-        "reference configuration is a singular position of the closed loop",
+        "reference configuration is a singular position",
         *(f"'pin {k}'" for k in range(4)),
         "1 of its constraint rows are independent there, 2 beside it",
     ):
@@ -734,7 +742,9 @@ def test_a_reference_in_a_singular_position(lengths, integrator, treatment, capl
         v = spinning(near, 3.0).p
         start = sc.initial_state(system, v=near_velocity(system, near, v))
         pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-        history = sc.simulate(system, *pair, 0.01, 0.3, start=start)
+        with pytest.warns(sc.AccuracyWarning, match="is in a singular position"):
+            history = sc.simulate(system, *pair, 0.01, 0.3, start=start)
+        assert history.meta["warnings"][0] == said  # that of the scene
         assert np.ptp(history["energy"]) < 2e-3 * history["energy"][0]
         assert history["constraint_violation"].max() < 1e-12
         rates = [np.diff(turn(system, history, name))[0] / 0.01 for name in ("crank", "rocker")]
@@ -759,6 +769,8 @@ def near_velocity(system, near, p):
     return sc.project(system, system.q0, out)
 
 
+# its reference is a singular position
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
 def test_a_straight_chain_that_only_seems_to_move():
     """Two bars between supports as far apart as they are long: no motion, whatever rows say."""
     model = sc.Model()
@@ -774,11 +786,11 @@ def test_a_straight_chain_that_only_seems_to_move():
 
 @integrators
 @treatments
-def test_regular_loops_warn_of_nothing(integrator, treatment, caplog):
+def test_regular_loops_warn_of_nothing(integrator, treatment):
     system = four_bar().freeze()
     pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    sc.simulate(system, *pair, 0.02, 0.4, start=spinning_four_bar(system))
-    assert warnings_of(caplog) == []
+    history = sc.simulate(system, *pair, 0.02, 0.4, start=spinning_four_bar(system))
+    assert history.meta["warnings"] == []
 
 
 def spinning_four_bar(system):

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+import states
 import test_closed_loops
 import test_drives
 import test_joints
@@ -27,20 +27,23 @@ from helpers_scenes import (
     random_tree,
     rotation,
 )
+from rounding import limits, nudged
 
 import skfem_cosserat as sc
-from skfem_cosserat.compiled import plan
+from skfem_cosserat.compiled import plan, warm
 from skfem_cosserat.compiled.numbers import ROTATION
 from skfem_cosserat.compiled.plan import Plan
 from skfem_cosserat.integrators import choice
-from skfem_cosserat.integrators.fast import CompiledStep
-from skfem_cosserat.integrators.refused import refusal
+from skfem_cosserat.integrators.choice import refusal
+from skfem_cosserat.integrators.compiled_step import CompiledStep
 from skfem_cosserat.integrators.stepper import Stepper
 from skfem_cosserat.linear import SingularMatrixError
 
 numba = pytest.importorskip("numba")
+TypingError = pytest.importorskip("numba.core.errors").TypingError
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
+COMPARED = ("q", "p", "carried", "work_loads", "constraint_force")
 SLOW = pytest.mark.slow
 #: compiling takes most of the time: the even orders are among the slow tests
 ORDERS = (1, pytest.param(2, marks=SLOW), 3, pytest.param(4, marks=SLOW))
@@ -115,15 +118,18 @@ def moving(system, seed=4):
 
 
 def both(system, integrator, h, until, **options):
+    """Plain and compiled, which knows from a nudged start what is rounding."""
     start = moving(system)
     settings = sc.NewtonSettings(reuse=0)  # the same iterates
-    return [
+    plain, compiled, beside = (
         sc.simulate(
-            system, INTEGRATORS[integrator], sc.NullSpace(), h, until, start=start,
+            system, INTEGRATORS[integrator], sc.NullSpace(), h, until, start=begin,
             derive=False, kernels=kernels, settings=settings, **options,
         )
-        for kernels in ("numpy", "numba")
-    ]  # fmt: skip
+        for begin, kernels in ((start, "numpy"), (start, "numba"), (nudged(start), "numba"))
+    )  # fmt: skip
+    compiled.meta["limits"] = limits(compiled, beside, COMPARED)
+    return plain, compiled
 
 
 def assert_same(plain, compiled, tolerance=1e-11):
@@ -134,6 +140,10 @@ def assert_same(plain, compiled, tolerance=1e-11):
 
 
 def assert_same_motion(plain, compiled, tolerance):
+    if "limits" in compiled.meta:
+        for name, limit in compiled.meta["limits"].items():
+            assert np.nanmax(abs(compiled[name] - plain[name])) <= limit, name
+        return
     for name in ("q", "p", "carried", "work_loads"):
         size = max(1.0, abs(plain[name]).max())
         assert abs(compiled[name] - plain[name]).max() < tolerance * size, name
@@ -277,7 +287,7 @@ def test_closed_loops_by_a_border(scene, integrator):
     for run in compiled:
         assert run.meta["kernels"] == "numba" and run["attempts"].max() == 1
         assert abs(run["q"] - plain["q"]).max() < 1e-12
-        assert abs(run["p"] - plain["p"]).max() < 1e-11 * abs(plain["p"]).max()
+        assert abs(run["p"] - plain["p"]).max() < 1e-10 * abs(plain["p"]).max()
         force = plain["constraint_force"][:-1]
         difference = run["constraint_force"][:-1] - force
         assert abs(difference).max() < 1e-8 * abs(force).max()
@@ -361,7 +371,7 @@ def test_factors_that_do_not_do_are_given_up(integrator):
 
 
 @integrators
-def test_a_step_that_fails_is_tried_again_the_general_way(integrator, monkeypatch, caplog):
+def test_a_step_that_fails_is_tried_again_the_general_way(integrator, monkeypatch):
     """With the same attempts, and the compiled kernels go on after it."""
     system = tree(1)
     solve = CompiledStep.solve
@@ -373,7 +383,7 @@ def test_a_step_that_fails_is_tried_again_the_general_way(integrator, monkeypatc
 
     monkeypatch.setattr(CompiledStep, "solve", sometimes)
     plain, compiled = both(system, integrator, 2e-3, 0.03)
-    assert len(calls) == 16
+    assert len(calls) == 32  # each step of both compiled runs, and the one after
     assert_same(plain, compiled)
 
 
@@ -444,6 +454,67 @@ def test_long_runs_take_numba():
     assert choice.estimated_seconds(system, 10**6) > choice.WORTHWHILE
 
 
+def test_short_runs_take_kernels_that_are_compiled_already(monkeypatch):
+    """In this process or on disk; a single one that is not decides for numpy."""
+    monkeypatch.setattr(choice, "READING", 0.0)
+    monkeypatch.setattr(choice, "WORTHWHILE", 25.0)
+    run = partial(sc.simulate, tree(1), sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05)
+    run(kernels="numba", derive=False)
+    meta = run(derive=False).meta
+    assert meta["kernels"] == "numba"
+    assert "are compiled already" in meta["kernels_why"]
+
+    def missing(function, kinds):
+        assert warm.kept_only()
+        raise warm.NotKept
+
+    monkeypatch.setattr("skfem_cosserat.compiled.jit.ready", missing)
+    meta = run(derive=False).meta
+    assert meta["kernels"] == "numpy"
+    assert "not all of its kernels are on disk" in meta["kernels_why"]
+
+
+def test_kernels_are_looked_for_and_not_compiled(monkeypatch):
+    from numba import types
+
+    from skfem_cosserat.compiled import jit
+
+    def plain(x: float) -> float:
+        return x + 1.0
+
+    kinds = (types.float64,)
+    monkeypatch.setattr(jit._Cache, "_load_overload", lambda *_: None)
+    monkeypatch.setattr(jit._Cache, "_save_overload", lambda *_: None)
+    kernel = jit.jit(plain)
+    with warm.without_compiling(), pytest.raises(warm.NotKept):
+        jit.ready(kernel, kinds)
+    assert not kernel.overloads
+    jit.ready(kernel, kinds)
+    with warm.without_compiling():
+        assert jit.ready(kernel, kinds).entry_point(2.0) == 3.0
+
+
+def test_the_disk_is_looked_at_without_numba(monkeypatch, tmp_path):
+    monkeypatch.delitem(sys.modules, "numba", raising=False)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert not warm.promising()
+    folder = tmp_path / "compiled_0a1b"
+    folder.mkdir()
+    index = folder / f"step.solve-1.py{sys.version_info.major}{sys.version_info.minor}.nbi"
+    for text, there in (("other sources", False), (f"... {warm.stamp()} ...", True)):
+        index.write_text(text)
+        assert warm.promising() == there
+    program = (
+        "import sys, skfem_cosserat as sc; from skfem_cosserat.integrators import choice\n"
+        "choice.READING = 0.0; model = sc.Model(); model.add('ball', sc.MassPoint(1.0))\n"
+        "pair = sc.EnergyMomentum(), sc.NullSpace()\n"
+        "run = sc.simulate(model.freeze(), *pair, 0.1, 0.5, derive=False)\n"
+        "assert run.meta['kernels'] == 'numpy' and 'numba' not in sys.modules"
+    )
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "none"))
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
 def test_compiling_is_said_when_progress_is_on(capsys):
     system = tree(1)
     pair = sc.EnergyMomentum(), sc.NullSpace()
@@ -477,25 +548,41 @@ def test_threads_compile_one_after_the_other(monkeypatch):
 
 
 def test_versions_of_numba_are_those_of_the_package():
-    """What pip installs is what the kernels are built on."""
+    """What pip installs is what the kernels are built on; newer ones may be tried."""
     text = (Path(__file__).parents[1] / "pyproject.toml").read_text()
-    first, last = (f"{major}.{minor}" for major, minor in choice.VERSIONS)
-    assert f'"numba>={first},<{last};' in text
+    assert f'"numba>={choice.NUMBA[0]}.{choice.NUMBA[1]};' in text
+
+
+@pytest.mark.parametrize("error", [TypingError("no\nmore"), AttributeError("no more")])
+def test_numpy_takes_over_where_numba_does_not_compile(error, monkeypatch):
+    system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
+    plain = sc.simulate(system, *pair, 1e-3, 3e-3, kernels="numpy")
+
+    def fails(*_):
+        raise error
+
+    monkeypatch.setattr("skfem_cosserat.compiled.bind.addresses", fails)
+    with pytest.warns(sc.PerformanceWarning, match=r"does not compile the kernels: no.*takes over"):
+        run = sc.simulate(system, *pair, 1e-3, 3e-3, kernels="numba")
+    assert np.array_equal(run["q"], plain["q"]) and run.meta["kernels"] == "numpy"
+    assert "does not compile" in run.meta["kernels_why"]
+    held = states.PARTS["cantilever"]()
+    path = sc.static(held, kernels="numpy")
+    with pytest.warns(sc.PerformanceWarning, match="takes over"):
+        other = sc.static(held, kernels="numba")
+    assert np.array_equal(other["q"], path["q"]) and other.meta["kernels"] == "numpy"
 
 
 @pytest.mark.plain
-def test_without_numba(monkeypatch, caplog):
+def test_without_numba(monkeypatch):
     monkeypatch.setattr(choice, "find_spec", lambda name: None)
     system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
-    with caplog.at_level(logging.WARNING, logger="skfem_cosserat"):
+    with pytest.warns(sc.PerformanceWarning, match="times faster"):
         taken = choice.choose_kernels("auto", system, *pair, 10**6)
     assert taken[:2] == ("numpy", "numba is not installed")
-    assert len(caplog.records) == 1 and "times faster" in caplog.text
     with pytest.raises(ImportError, match=r"skfem-cosserat\[fast\]"):
         choice.choose_kernels("numba", system, *pair, 10)
-    caplog.clear()
     assert choice.choose_kernels("auto", system, *pair, 10).name == "numpy"
-    assert not caplog.records
 
 
 @pytest.mark.parametrize(
@@ -505,7 +592,7 @@ def test_without_numba(monkeypatch, caplog):
         (
             "__version__, config = '0.60.0', None",
             {},
-            "numba 0.60.0 is installed, compiled kernels need 0.63 to below 0.69",
+            "numba 0.60.0 is installed, compiled kernels need 0.63 or newer",
         ),
         (None, {"NUMBA_DISABLE_JIT": "1"}, "numba does not compile: NUMBA_DISABLE_JIT is set"),
     ],
@@ -517,7 +604,6 @@ def test_a_numba_that_does_not_work(code, variables, why, tmp_path):
         (tmp_path / "numba.py").write_text(code)
     script = (
         "import sys; sys.path.insert(0, sys.argv[1]); sys.path.insert(1, sys.argv[2])\n"
-        "import logging; logging.basicConfig(format='%(levelname)s %(message)s')\n"
         "import skfem_cosserat as sc\n"
         "from skfem_cosserat.integrators import choice\n"
         "model = sc.Model(); model.add('a', sc.MassPoint(1.0)); system = model.freeze()\n"
@@ -534,7 +620,7 @@ def test_a_numba_that_does_not_work(code, variables, why, tmp_path):
     assert chosen.startswith(f"numpy {why}")
     assert error.startswith("ImportError" if code else "InputError") and why in error
     assert ("skfem-cosserat[fast]" in error) == (code is not None)
-    assert done.stderr.count("WARNING") == 1 and why in done.stderr
+    assert done.stderr.count("PerformanceWarning") == 1 and why in done.stderr
 
 
 def test_what_is_not_compiled_is_refused_or_runs_plain():
@@ -629,6 +715,7 @@ def test_all_kinds_of_joints_with_a_rest(integrator, thin, filled):
         assert_same(*both(random_tree(seed), integrator, 0.005, 0.02))
 
 
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # fine meshes under tension
 @pytest.mark.parametrize(
     ("count", "elements", "order"), [(5, 1, 1), (4, 4, 1), pytest.param(4, 2, 2, marks=SLOW)]
 )
@@ -642,6 +729,8 @@ def test_lattices(integrator, count, elements, order, filled):
     assert compiled.meta["factorisations"] == plain.meta["factorisations"]
 
 
+# coarse struts, drawn too much
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 def test_solver_of_the_rest_is_forced():
     """Blocks alone would do here; with a solver that is asked for they leave all joints to it."""
     run = both(lattice(3), "energy-momentum", 1e-3, 4e-3, solver=sc.SolverDense())
@@ -674,6 +763,8 @@ def test_what_goes_wrong_in_the_rest(filled, monkeypatch):
         assert fast.solve(state) is not None
 
 
+# coarse struts, drawn too much
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @integrators
 def test_kept_factors_of_the_rest(integrator):
     """Kept over steps and given up just as those of an elimination of all in blocks."""
@@ -777,6 +868,9 @@ print(sc.simulate(model.freeze(), *run, kernels="numba")["q"][-1])
         path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     assert run().stdout == first
     assert run().stdout == first
+    for path in tmp_path.rglob("*.nbi"):  # of a version with other modules
+        path.write_bytes(path.read_bytes().replace(b"compiled.structures", b"compiled.structurez"))
+    assert run().stdout == first
 
 
 def test_kept_factors_that_grow_old():
@@ -802,4 +896,4 @@ def test_kept_factors_that_grow_old():
         sc.simulate(*run, settings=sc.NewtonSettings(reuse=reuse), **options) for reuse in (4, 0)
     )
     assert kept.meta["factorisations"] < 0.1 * full.meta["factorisations"]
-    assert abs(kept["q"] - full["q"]).max() < 1e-10
+    assert abs(kept["q"] - full["q"]).max() < 1e-9

@@ -8,10 +8,10 @@ import test_compiled
 import test_compiled_multipliers
 from helpers_scenes import four_bar, pairs
 from test_compiled_damping import assert_resized
-from test_couplings import INTEGRATORS, TREATMENTS, zoo
+from test_couplings import INTEGRATORS, TREATMENTS, apart, zoo
 
 import skfem_cosserat as sc
-from skfem_cosserat.integrators.refused import refusal
+from skfem_cosserat.integrators.choice import refusal
 
 pytest.importorskip("numba")
 integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -49,6 +49,7 @@ def test_steps_of_other_sizes(integrator, treatment):
     assert_resized(zoo(scalar=True), integrator, treatment)
 
 
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # large steps
 @pairs
 def test_angles_over_several_turns(integrator, treatment):
     """A wheel on a wound spring: turns are counted, also from a state between two turns on."""
@@ -121,3 +122,8 @@ def test_what_is_refused():
             why = refusal(zoo(), method, treatment)
             assert why == "there are no compiled kernels for springs on rotation vectors, bushings"
             assert refusal(zoo(scalar=True), method, treatment) is None
+
+
+@pytest.mark.parametrize("treatment", TREATMENTS)
+def test_motion_does_not_depend_on_how_a_scene_lies(treatment):
+    assert apart(sc.Variational(), TREATMENTS[treatment], "numba", vectors=False) < 1e-11

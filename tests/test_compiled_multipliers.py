@@ -7,12 +7,23 @@ import pytest
 import test_drives
 import test_joints
 from helpers_scenes import JOINTS, random_tree, swing
-from test_compiled import FIRST, INTEGRATORS, called, chain, crossing, moving, tree
+from rounding import limits, nudged
+from test_compiled import (
+    COMPARED,
+    FIRST,
+    INTEGRATORS,
+    assert_same_motion,
+    called,
+    chain,
+    crossing,
+    moving,
+    tree,
+)
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled.numbers import ROTATION
-from skfem_cosserat.integrators.fast_steps import CompiledMultipliers
-from skfem_cosserat.integrators.refused import refusal
+from skfem_cosserat.integrators.choice import refusal
+from skfem_cosserat.integrators.compiled_step import CompiledMultipliers
 from skfem_cosserat.integrators.stepper import Stepper
 
 pytest.importorskip("numba")
@@ -21,28 +32,25 @@ MULTIPLIERS = sc.Multipliers()
 
 
 def both(system, integrator, h, until, treatment=MULTIPLIERS, start=None):
-    """Plain and compiled, with the same iterates."""
+    """Plain and compiled, with the same iterates; compiled knows what is rounding."""
+    start = moving(system) if start is None else start
     options = {"derive": False, "settings": sc.NewtonSettings(reuse=0)}
-    return [
+    plain, compiled, beside = (
         sc.simulate(
             system, INTEGRATORS[integrator], treatment, h, until,
-            start=moving(system) if start is None else start, kernels=kernels, **options,
+            start=begin, kernels=kernels, **options,
         )
-        for kernels in ("numpy", "numba")
-    ]  # fmt: skip
+        for begin, kernels in ((start, "numpy"), (start, "numba"), (nudged(start), "numba"))
+    )  # fmt: skip
+    compiled.meta["limits"] = limits(compiled, beside, COMPARED)
+    return plain, compiled
 
 
 def assert_same(plain, compiled, tolerance=1e-10):
     assert compiled.meta["solver"] == "blocks with multipliers"
     assert compiled["newton_iterations"].tolist() == plain["newton_iterations"].tolist()
     assert compiled["attempts"].tolist() == plain["attempts"].tolist()
-    for name in ("q", "p", "carried", "work_loads"):
-        size = max(1.0, abs(plain[name]).max())
-        assert abs(compiled[name] - plain[name]).max() < tolerance * size, name
-    # stiff sections: forces are differences of large numbers
-    force = plain["constraint_force"][:-1]
-    difference = compiled["constraint_force"][:-1] - force
-    assert abs(difference).max() < 1e4 * tolerance * abs(force).max()
+    assert_same_motion(plain, compiled, tolerance)
 
 
 # -- one state -------------------------------------------------------------------------------------
@@ -87,9 +95,9 @@ def compare(fast, problem, evaluate, matrix, increment, mixed):
     size = evaluate(*fast._all, 1)
     assert fast._a.y1 == pytest.approx(problem.y1, abs=1e-12)
     R = problem.evaluation.R
-    assert fast.balance == pytest.approx(R, abs=1e-12 * abs(R).max())
+    assert fast.balance == pytest.approx(R, abs=1e-11 * abs(R).max())
     impulse = bound.constraint_impulse(R)
-    assert fast.impulse == pytest.approx(impulse, abs=1e-12 * abs(impulse).max())
+    assert fast.impulse == pytest.approx(impulse, abs=1e-11 * abs(impulse).max())
     assert size == pytest.approx(bound.relative(problem._r, problem.evaluation.size), rel=1e-9)
     problem.found = problem.direction()
     expected = problem.found.copy()
@@ -217,7 +225,7 @@ def test_a_step_that_fails_is_tried_again_the_general_way(integrator, monkeypatc
 
     monkeypatch.setattr(CompiledMultipliers, "solve", sometimes)
     plain, compiled = both(tree(1), integrator, 2e-3, 0.03)
-    assert len(calls) == 16
+    assert len(calls) == 32  # each step of both compiled runs, and the one after
     assert_same(plain, compiled)
 
 

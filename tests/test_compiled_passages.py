@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 pytest.importorskip("numba")
 
-from test_closed_loops import CHANGE_POINT, PARALLELOGRAM, linkage, spinning, warnings_of
+from test_closed_loops import CHANGE_POINT, PARALLELOGRAM, linkage, spinning
 
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 Z = (0, 0, 1.0)
@@ -56,9 +56,8 @@ def scene(name):
     return system, spinning(system, SPEED if name == "change point" else -SPEED)
 
 
-def outcome(system, start, integrator, turn, rounds, kernels, caplog):
+def outcome(system, start, integrator, turn, rounds, kernels):
     """History, why it ended, and what was warned of."""
-    caplog.clear()
     step = turn / SPEED
     until = round(rounds / turn) * step
     arguments = integrator, sc.NullSpace(), step, until
@@ -67,13 +66,16 @@ def outcome(system, start, integrator, turn, rounds, kernels, caplog):
     except sc.Diverged as error:
         history, end = error.history, (error.time, error.step)
     assert history.meta["kernels"] == kernels
-    return history, end, warnings_of(caplog)
+    return history, end, [(each["when"], each["text"]) for each in history.meta["warnings"]]
 
 
 def slow(*values):
     return pytest.param(*values, marks=pytest.mark.slow)
 
 
+@pytest.mark.filterwarnings(
+    "ignore::skfem_cosserat.AccuracyWarning"
+)  # large steps over singular positions
 @pytest.mark.parametrize(
     ("name", "integrator", "turn", "ends"),
     [
@@ -85,16 +87,16 @@ def slow(*values):
         *(slow("change point", "variational", turn, turn < 0.4) for turn in (0.03, 0.2, 0.5, 0.9)),
     ],
 )
-def test_large_steps_over_singular_positions(name, integrator, turn, ends, caplog):
+def test_large_steps_over_singular_positions(name, integrator, turn, ends):
     """Steps of `turn` rad of the crank: the same motion, the same warnings, the same failure."""
     system, start = scene(name)
     arguments = system, start, INTEGRATORS[integrator], turn, 6.5
-    plain, compiled = (outcome(*arguments, kernels, caplog) for kernels in ("numpy", "numba"))
+    plain, compiled = (outcome(*arguments, kernels) for kernels in ("numpy", "numba"))
     assert len(compiled[0]) == len(plain[0])
     assert abs(compiled[0]["q"] - plain[0]["q"]).max() < 1e-10
     assert compiled[1] == plain[1]
     assert compiled[2] == plain[2]
     assert (plain[1] is None) is ends
     if ends:
-        assert any("singular position" in text for text in plain[2])
+        assert any("singular position" in text for _, text in plain[2])
         assert compiled[0]["constraint_violation"].max() < 1e-11

@@ -8,23 +8,24 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers_scenes import four_bar, rotation, swing_model
-from test_compiled import INTEGRATORS, assert_same_motion, called, integrators
-from test_rungs import swing as example
+from rounding import limits, nudged
+from test_compiled import INTEGRATORS, called, integrators
+from test_theories import swing as example
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled.numbers import ROTATION
-from skfem_cosserat.integrators.fast_steps import CompiledPlane
-from skfem_cosserat.integrators.refused import refusal
+from skfem_cosserat.integrators.choice import refusal
+from skfem_cosserat.integrators.compiled_step import CompiledPlane
 from skfem_cosserat.integrators.stepper import Stepper
 
 pytest.importorskip("numba")
-RUNGS = (sc.RungInextensible(), sc.RungUnshearable())
+THEORIES = (sc.TheoryInextensible(), sc.TheoryKirchhoff())
 TURNED = rotation(np.random.default_rng(7), 2.0)
 #: turns scenes of the (e1, e2)-plane
 PLANES = {"xy": np.eye(3), "zx": np.eye(3)[[1, 2, 0]], "any": TURNED}
 
 
-def mechanism(Q: np.ndarray, roll: float = 0.0, order: int = 1, rung: Any = None) -> sc.Model:
+def mechanism(Q: np.ndarray, roll: float = 0.0, order: int = 1, theory: Any = None) -> sc.Model:
     """A beam with a corner on a pin, a body at its end whose directors may be oblique, what slides.
 
     On the body a slider, a mass point on a rod and another one on a wire.
@@ -37,7 +38,7 @@ def mechanism(Q: np.ndarray, roll: float = 0.0, order: int = 1, rung: Any = None
     model = sc.Model()
     mesh = sc.MeshCurve.init_polyline([at(0, 0), at(0.6, 0.2), at(1.0, 0)], 2, name="arm")
     section = sc.Section((2e4, 2e4, 5e4, 40.0, 60.0, 30.0), mass=1.3, inertia=(2e-3, 3e-3))
-    beam = sc.Beam(mesh, section, order=order, director=n, rung=rung)
+    beam = sc.Beam(mesh, section, order=order, director=n, theory=theory)
     arm = model.add("arm", beam)
     end = arm.node("arm.end")
     model.add("pin", sc.JointRevolute(sc.ground(at(0, 0)), arm.node("arm.start"), n))
@@ -70,16 +71,19 @@ def loop() -> sc.Model:
     return model
 
 
-def stiff(rung: Any) -> sc.Model:
-    return example().scene("stiff", elements=4, rung=rung)
+def stiff(theory: Any) -> sc.Model:
+    return example().scene("stiff", elements=4, theory=theory)
 
 
 TREES = {
     **{f"mechanism {name}": partial(mechanism, Q, 0.4) for name, Q in PLANES.items()},
-    **{f"mechanism {rung!r}": partial(mechanism, TURNED, 0.4, rung=rung) for rung in RUNGS},
+    **{
+        f"mechanism {theory!r}": partial(mechanism, TURNED, 0.4, theory=theory)
+        for theory in THEORIES
+    },
     "swing": partial(swing_model, 4),
 }
-LOOPS = {"linkage": loop} | {f"swing {rung!r}": partial(stiff, rung) for rung in RUNGS}
+LOOPS = {"linkage": loop} | {f"swing {theory!r}": partial(stiff, theory) for theory in THEORIES}
 
 
 def started(system: sc.System) -> sc.State:
@@ -95,19 +99,21 @@ def started(system: sc.System) -> sc.State:
 
 
 def runs(system: sc.System, integrator: str, h: float, until: float, **options: Any) -> Any:
-    """Plain and compiled, with the same iterates."""
-    common = {"start": started(system), "settings": sc.NewtonSettings(reuse=0), "derive": False}
+    """Plain and compiled, with the same iterates, and compiled from a nudged start."""
+    start = options.pop("start", None) or started(system)
+    common = {"settings": sc.NewtonSettings(reuse=0), "derive": False} | options
     pair = INTEGRATORS[integrator], sc.NullSpace()
     return [
-        sc.simulate(system, *pair, h, until, kernels=kernels, **common | options)
-        for kernels in ("numpy", "numba")
+        sc.simulate(system, *pair, h, until, start=begin, kernels=kernels, **common)
+        for begin, kernels in ((start, "numpy"), (start, "numba"), (nudged(start), "numba"))
     ]
 
 
-def assert_same(plain: sc.History, compiled: sc.History, tolerance: float = 1e-12) -> None:
+def assert_same(plain: sc.History, compiled: sc.History, beside: sc.History) -> None:
     assert (plain.meta["kernels"], compiled.meta["kernels"]) == ("numpy", "numba")
     assert compiled["attempts"].max() == 1
-    assert_same_motion(plain, compiled, tolerance)
+    for name, limit in limits(compiled, beside).items():
+        assert np.nanmax(abs(compiled[name] - plain[name])) <= limit, name
 
 
 # -- one state -------------------------------------------------------------------------------------
@@ -139,7 +145,7 @@ def test_increments_at_random_states(scene, integrator):
         increment(*whole, 0)
         plain = problem.direction()
         found = fast._a.x.ravel()[fast._numbering]
-        assert found == pytest.approx(plain, abs=1e-11 * abs(plain).max())
+        assert found == pytest.approx(plain, abs=1e-10 * abs(plain).max())
         problem.apply(plain)
         problem.residual()
         assert problem._stresses is not None
@@ -149,14 +155,17 @@ def test_increments_at_random_states(scene, integrator):
 # -- runs ------------------------------------------------------------------------------------------
 
 
+# a swing of four elements folds
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @integrators
 @pytest.mark.parametrize("scene", TREES)
 def test_runs_of_trees(scene, integrator):
     """All joints, in any plane, with directors that are oblique to it."""
-    plain, compiled = runs(TREES[scene]().freeze(planar=sc.Planar()), integrator, 5e-3, 0.1)
+    run = runs(TREES[scene]().freeze(planar=sc.Planar()), integrator, 5e-3, 0.1)
+    plain, compiled, _ = run
     assert abs(plain["q"][-1] - plain["q"][0]).max() > 1e-2
     assert compiled["newton_iterations"].tolist() == plain["newton_iterations"].tolist()
-    assert_same(plain, compiled)
+    assert_same(*run)
 
 
 @integrators
@@ -164,11 +173,12 @@ def test_runs_of_trees(scene, integrator):
 def test_runs_of_closed_loops(scene, integrator):
     system = LOOPS[scene]().freeze(planar=sc.Planar())
     assert system.closure.rank > 0
-    options = {} if scene == "linkage" else {"start": None}  # the swing starts from rest
-    # momenta are differences of q over steps
-    assert_same(*runs(system, integrator, 2e-3, 0.1, **options), tolerance=1e-11)
+    # the swing starts from rest
+    options = {} if scene == "linkage" else {"start": sc.initial_state(system)}
+    assert_same(*runs(system, integrator, 2e-3, 0.1, **options))
 
 
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # large steps
 @pytest.mark.slow
 @integrators
 def test_elements_of_higher_order(integrator):
@@ -179,7 +189,7 @@ def test_elements_of_higher_order(integrator):
 @integrators
 def test_kept_factors_lead_to_the_same_motion(integrator):
     """Turned with the frames, those of children as well."""
-    system = mechanism(TURNED, 0.4, rung=sc.RungInextensible()).freeze(planar=sc.Planar())
+    system = mechanism(TURNED, 0.4, theory=sc.TheoryInextensible()).freeze(planar=sc.Planar())
     whole, kept = [
         sc.simulate(
             system, INTEGRATORS[integrator], sc.NullSpace(), 1e-3, 0.1, start=started(system),
@@ -191,6 +201,8 @@ def test_kept_factors_lead_to_the_same_motion(integrator):
     assert kept.meta["factorisations"] < 0.7 * whole.meta["factorisations"]
 
 
+# a swing of four elements folds
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @integrators
 @pytest.mark.parametrize(
     ("elements", "until"), [(4, 0.3), pytest.param(20, 5.0, marks=pytest.mark.slow)]
@@ -213,7 +225,7 @@ def test_swing_is_that_in_space(elements, until, integrator):
 
 def test_nothing_is_compiled_anew_for_other_sizes():
     from skfem_cosserat.compiled import step
-    from skfem_cosserat.compiled.plane import beams, tree
+    from skfem_cosserat.compiled.plane import tangent, tree
 
     counts = []
     for scene in (swing_model(4), swing_model(6), mechanism(TURNED, 0.4)):
@@ -221,7 +233,7 @@ def test_nothing_is_compiled_anew_for_other_sizes():
         sc.simulate(
             system, sc.EnergyMomentum(), sc.NullSpace(), 5e-3, 0.01, kernels="numba", derive=False
         )
-        parts = step.solve, beams.beam_force, tree.joint_move
+        parts = step.solve, tangent.beam_force, tree.joint_move
         counts.append([len(part.signatures) for part in parts])
     assert counts[0] == counts[1] == counts[2]
 

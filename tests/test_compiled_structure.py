@@ -1,4 +1,4 @@
-"""Structures of arrays for compiled kernels, and what the pipeline of kernels refuses."""
+"""Structures of arrays for compiled kernels, and how kernels are compiled."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ pytest.importorskip("numba")
 import numba
 from numba import typeof
 
-from skfem_cosserat.compiled import structure
-from skfem_cosserat.compiled.jit import inlined, jit, part
-from skfem_cosserat.compiled.structure import Structure
+from skfem_cosserat.compiled import structures
+from skfem_cosserat.compiled.jit import jit
+from skfem_cosserat.compiled.structures import Structure
 
 NAMES = ("a", "count", "on", "off", "x", "N", "k")
 
@@ -61,9 +61,9 @@ def test_types_depend_on_fields_and_are_found_by_name() -> None:
     assert typeof(made()[0]) is kind
     assert typeof(Structure("sample", ("a",), (np.zeros(3),))) != kind
     assert pickle.loads(pickle.dumps(kind)) is kind
-    known = structure._KINDS.pop(kind.name)  # as another process sees it
+    known = structures._KINDS.pop(kind.name)  # as another process sees it
     other = pickle.loads(pickle.dumps(kind))
-    structure._KINDS[kind.name] = known
+    structures._KINDS[kind.name] = known
     assert other != kind and other.name == kind.name
     assert pickle.loads(pickle.dumps(other)) is kind
 
@@ -75,27 +75,8 @@ def test_arrays_with_gaps_and_other_fields_are_refused() -> None:
         Structure("sample", ("a",), ("text",))
 
 
-def test_inlined_functions_give_no_arrays_and_parts_are_not_inlined() -> None:
-    @inlined
-    def same(a: Any) -> Any:
-        return a
-
-    @part
-    def whole(x: float) -> float:
-        return 2.0 * x
-
-    @jit
-    def calls(x: float) -> float:
-        return whole(x)
-
-    with pytest.raises(TypeError, match="same is inlined and gives an array"):
-        same(np.zeros(2))
-    with pytest.raises(Exception, match="whole is called by other compiled code"):
-        calls(1.0)
-
-
 def test_functions_of_others_compile_as_ever() -> None:
-    """The pipeline is that of kernels alone: closures, arrays and exceptions work beside it."""
+    """Closures, arrays and exceptions work beside kernels."""
 
     @jit
     def twice(x: float) -> float:

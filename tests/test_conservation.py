@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers_scenes import FULL, TENSOR
+from rounding import energy_limit, momentum_limits
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
@@ -103,9 +104,14 @@ def run(scene, integrator, treatment, step=STEP, until=0.5):
     return system, history
 
 
+def wandering(values):
+    """Largest departure from the first state."""
+    return abs(values - values[0]).max()
+
+
 def spread(values):
-    """Largest departure from the first state, relative to its size."""
-    return abs(values - values[0]).max() / np.linalg.norm(values[0])
+    """The same, relative to the size of the first state."""
+    return wandering(values) / np.linalg.norm(values[0])
 
 
 # -- momentum maps -------------------------------------------------------------------------------
@@ -120,10 +126,12 @@ def test_free_scenes_keep_their_momenta(scene, integrator, treatment):
     p = diagnostics.linear_momentum(system, history["p"])
     assert len(L) == 51
     assert np.isfinite(L).all()
-    assert spread(L) < 1e-12
-    assert spread(p) < 1e-12
-    assert spread(history["angular_momentum_projected"]) < 1e-12
-    assert spread(diagnostics.linear_momentum(system, history["Qp"])) < 1e-12
+    linear, angular = momentum_limits(system, history)
+    assert linear < 1e-9 * np.linalg.norm(p[0]) and angular < 1e-9 * np.linalg.norm(L[0])
+    assert wandering(L) < angular
+    assert wandering(p) < linear
+    assert wandering(history["angular_momentum_projected"]) < angular
+    assert wandering(diagnostics.linear_momentum(system, history["Qp"])) < linear
     # and it really moves
     assert abs(history["q"][-1] - history["q"][0]).max() > 0.3
 
@@ -161,10 +169,10 @@ def test_midpoint_angular_momentum_only_oscillates():
 @integrators
 @treatments
 def test_gravity_leaves_the_momentum_about_its_axis(integrator, treatment):
-    _, history = run("hanging", integrator, treatment)
+    system, history = run("hanging", integrator, treatment)
     L = history["angular_momentum"]
     size = np.linalg.norm(L, axis=1).max()
-    assert np.ptp(L[:, 2]) < 1e-12 * size
+    assert np.ptp(L[:, 2]) < momentum_limits(system, history)[1] < 1e-9 * size
     assert np.ptp(L[:, 1]) > 0.1 * size
 
 
@@ -176,11 +184,11 @@ def test_gravity_leaves_the_momentum_about_its_axis(integrator, treatment):
 )
 @treatments
 def test_energy_momentum_keeps_the_energy(scene, treatment):
-    _, history = run(scene, "energy-momentum", treatment, STEP, 3.0)
+    system, history = run(scene, "energy-momentum", treatment, STEP, 3.0)
     total = history["kinetic"] + history["strain_energy"] + history["external"]
     scale = history["kinetic"].max() + abs(history["external"]).max()
     assert len(total) == 301
-    assert np.ptp(total) < 1e-11 * scale
+    assert np.ptp(total) < energy_limit(system, history) < 1e-8 * scale
     if scene != "body":  # it is exchanged
         assert np.ptp(history["kinetic"]) > 0.05 * scale
 
@@ -267,6 +275,8 @@ def test_hidden_constraints_need_the_projection(integrator):
 # -- reversal ------------------------------------------------------------------------------------
 
 
+# momenta of the variational scheme, turned round, have parts along the constraints
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
 @pytest.mark.parametrize("scene", ["beam", "tree", "hanging"])
 @integrators
 @treatments

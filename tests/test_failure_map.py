@@ -15,7 +15,7 @@ from scipy.linalg import eigh
 
 import skfem_cosserat as sc
 from skfem_cosserat.diagnostics import highest_frequency
-from skfem_cosserat.simulate import loop
+from skfem_cosserat.run import loop
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 
@@ -123,7 +123,7 @@ def test_frequency_without_beams_and_bad_arguments():
 def warnings_of(caplog, *arguments, **options) -> list[str]:
     """What `simulate` says about frequencies."""
     caplog.clear()
-    with caplog.at_level(logging.WARNING, logger="skfem_cosserat"):
+    with caplog.at_level(logging.INFO, logger="skfem_cosserat"):
         sc.simulate(*arguments, derive=False, **options)
     return [r.getMessage() for r in caplog.records if "frequency" in r.getMessage()]
 
@@ -181,13 +181,14 @@ def test_compositions_warn_where_their_longest_step_is_likely_to_fail(caplog, or
     assert not warnings_of(caplog, system, energy, sc.NullSpace(), 1e-2, 2e-2, **options)
 
 
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # fails
 @pytest.mark.slow
 @pytest.mark.parametrize("order", [4, 6])
 def test_compositions_fail_where_they_warn(caplog, order):
     """The stiff swing at 3e-2 s: its energy is more than ten times what it was before event X."""
     system = swing.build("stiff")
     scheme = sc.Composition(sc.Variational(), order)
-    with caplog.at_level(logging.WARNING, logger="skfem_cosserat"):
+    with caplog.at_level(logging.INFO, logger="skfem_cosserat"):
         try:
             history = sc.simulate(system, scheme, sc.NullSpace(), 3e-2, 0.66, kernels="numpy")
         except sc.Diverged as error:
@@ -344,8 +345,9 @@ def test_energy_momentum_passes_event_x_and_fails_by_the_solver_alone(runs):
 @pytest.mark.parametrize("integrator", ["variational", "energy-momentum"])
 def test_residual_histories_of_all_attempts_are_kept(runs, integrator):
     r = runs[integrator, 1e-1]
-    # after event X; when, once the variational energy has blown up at 0.5 s, is up to rounding
-    assert r["solver_failed_s"] > 1 and "4 attempts" in r["reason"]
+    # when, once the variational energy has blown up, is up to rounding
+    first = EVENT_X if integrator == "energy-momentum" else r["end_s"]
+    assert r["solver_failed_s"] >= first and "4 attempts" in r["reason"]
     assert len(r["residuals"]) == len(failure_report.ATTEMPTS) == 4
     for history in r["residuals"]:
         assert len(history) == 101 or not np.isfinite(history[-1])
@@ -444,6 +446,7 @@ def test_bad_integrator():
         example.main(steps=(1e-1,), integrators=("euler",))
 
 
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # what fails is warned of
 @pytest.mark.slow
 def test_quick_map(tmp_path):
     """A full period: energy-momentum at 3e-3 and 1e-3 s makes it, nothing else so coarse."""

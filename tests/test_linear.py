@@ -11,8 +11,18 @@ import pytest
 from helpers_scenes import lattice
 
 import skfem_cosserat as sc
+from skfem_cosserat.errors import PerformanceWarning
 from skfem_cosserat.integrators.stepper import Stepper
-from skfem_cosserat.linear import LinearSolver, SingularMatrixError, ordering, solver
+from skfem_cosserat.linear import (
+    LinearSolver,
+    SingularMatrixError,
+)
+from skfem_cosserat.linear import (
+    solvers as ordering,
+)
+from skfem_cosserat.linear import (
+    solvers as solver,
+)
 from skfem_cosserat.pattern import FrozenPattern
 
 SOLVERS = {
@@ -175,14 +185,14 @@ def test_an_inaccurate_solution_is_not_taken(monkeypatch, caplog):
     b = np.ones(pattern.shape[0])
     with caplog.at_level(logging.INFO, logger="skfem_cosserat"):
         x = own.solve(data, b)
-    assert abs(pattern.assembled(data) @ x - b).max() < 1e-12
+    assert abs(pattern.assembled(data) @ x - b).max() < 1e-11
     assert own.method == "superlu" and "partial pivoting" in caplog.text
     assert own.factorisations == 2
     # almost right ones are corrected
     own = LinearSolver(pattern, sc.SolverSuperLU(symmetric=True))
     monkeypatch.setattr(type(factors), "factor", lambda self, data: factor(self, (1 + 1e-9) * data))
     x = own.solve(data, b)
-    assert abs(pattern.assembled(data) @ x - b).max() < 1e-12
+    assert abs(pattern.assembled(data) @ x - b).max() < 1e-11
     assert own.method == "superlu-symmetric" and own.factorisations == 1
 
 
@@ -215,16 +225,15 @@ def test_choice_of_what_is_installed(monkeypatch):
 
 
 @pytest.mark.parametrize("name", PACKAGE)
-def test_missing_packages(name, monkeypatch, caplog):
+def test_missing_packages(name, monkeypatch):
     """Forced: an error that names the extra. Broken, not forced: a warning, and the next one."""
     monkeypatch.setitem(sys.modules, PACKAGE[name], None)
     pattern, _ = grid(7)
     with pytest.raises(ImportError, match=r"skfem-cosserat\[solvers\]"):
         assert LinearSolver(pattern, SOLVERS[name]).method
     monkeypatch.setattr(solver, "find_spec", lambda n: n == PACKAGE[name] or None)
-    with caplog.at_level(logging.WARNING, logger="skfem_cosserat"):
+    with pytest.warns(PerformanceWarning, match="is not used"):
         assert LinearSolver(pattern).method == "superlu-symmetric"
-    assert "is not used" in caplog.text
 
 
 def test_unknowns_of_a_node_stay_together():

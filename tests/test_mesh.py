@@ -110,7 +110,7 @@ def test_helix_advances_by_its_pitch_on_either_hand():
     ("make", "words"),
     [
         (lambda: CurveLine((1, 2, 3), (1, 2, 3)), ["line", "[1.0, 2.0, 3.0]"]),
-        (lambda: CurveLine((1, 2), (1, 2, 3)), ["line start", "(2,)"]),
+        (lambda: CurveLine((1, 2), (1, 2, 3)), ["line start", "(1, 2)"]),
         (lambda: CurveLine((1, 2, 3), (1, np.nan, 3)), ["line end", "nan"]),
         (lambda: CurveArc((0, 0, 0), (1, 0, 0), (2, 0, 0), 1, 1), ["arc normal", "(2, 0, 0)"]),
         (lambda: CurveArc((0, 0, 0), (0, 0, 0), (2, 0, 0), 1, 1), ["arc tangent", "zero"]),
@@ -492,3 +492,23 @@ def test_defaults_and_parameters():
     assert mesh.is_valid(raise_=True)
     assert mesh.elements_satisfying(lambda x: x[2] < 0).tolist() == [4, 5, 6]
     assert isinstance(MeshCurve.init_refdom(), skfem.MeshLine1)
+
+
+HUGE = 10**400, 10**15
+
+
+@pytest.mark.parametrize("number", HUGE)
+def test_huge_numbers_are_refused_at_once(number):
+    mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3)
+    calls = {
+        "refinement: 1000.* times, expected at most 21": lambda: mesh.refined(number),
+        "number of elements is 10000": lambda: MeshCurve.init_line((0, 0, 0), (1, 0, 0), number),
+        "beam': number of elements is": lambda: MeshCurve.init_polyline(np.eye(3), number),
+        "elements? ": lambda: mesh.restrict([number]),
+    }
+    for words, call in calls.items():
+        with pytest.raises(MeshError, match=words) as caught:
+            call()
+        assert len(str(caught.value)) < 200
+    with pytest.raises(MeshError, match="line start"):
+        MeshCurve.init_line((0, 0, 10**400), (1, 0, 0), 2)

@@ -1,5 +1,6 @@
 import importlib.util
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import meshio
 import numpy as np
 import pytest
 
-from skfem_cosserat.errors import MeshError
+from skfem_cosserat.errors import MeshError, ModelWarning
 from skfem_cosserat.mesh import MeshCurve, read_mesh, write_mesh
 
 MESHES = Path(__file__).parents[1] / "meshes"
@@ -129,6 +130,119 @@ def test_sets_of_other_formats(tmp_path):
     mesh = read_mesh(tmp_path / "a.inp")
     assert mesh.elements_of("boom").tolist() == [0, 1]
     assert mesh.node("root") == 0
+
+
+#: models of Abaqus and Nastran, which say more than a mesh
+ABAQUS = """*HEADING
+a frame
+*NODE
+1, 0., 0., 0.
+2, 1., 0., 0.
+3, 2., 0., 0.
+*ELEMENT, TYPE=T3D2, ELSET=boom
+1, 1, 2
+2, 2, 3
+*NSET, NSET=root
+1
+** a remark
+*Beam  Section, ELSET=boom, MATERIAL=steel, SECTION=CIRC
+0.1
+0., 0., 1.
+*MATERIAL, NAME=steel
+*ELASTIC
+2.1e11, 0.3
+"""
+NASTRAN = """SOL 101
+CEND
+BEGIN BULK
+GRID,1,,0.0,0.0,0.0
+GRID,2,,1.0,0.0,0.0
+GRID,3,,2.0,0.0,0.0
+CBAR,1,7,1,2,0.0,0.0,1.0
+CBAR,2,8,2,3,0.0,0.0,1.0
+$ a remark
+PBAR,7,1,1.0,1.0,1.0
+PBAR,8,1,1.0,1.0,1.0
+MAT1,1,2.1+11,,0.3
+ENDDATA
+"""
+
+
+def test_what_is_left_out_of_a_model_is_named(tmp_path):
+    (tmp_path / "a.inp").write_text(ABAQUS)
+    words = r"a\.inp.*not \*BEAM SECTION \(1\), \*MATERIAL \(1\), \*ELASTIC \(1\): give sections"
+    with pytest.warns(ModelWarning, match=words):
+        mesh = read_mesh(tmp_path / "a.inp")
+    assert mesh.elements_of("boom").tolist() == [0, 1]
+    (tmp_path / "a.bdf").write_text(NASTRAN)
+    words = r"PBAR \(2\), MAT1 \(1\), property ids \(2\), orientations of CBAR and CBEAM \(2\)"
+    with pytest.warns(ModelWarning, match=words):
+        assert read_mesh(tmp_path / "a.bdf").nelements == 2
+
+
+def mutated(data, rng):
+    """One file with flipped bits, cut short, without lines, or with words changed."""
+    kind, out = rng.integers(6), bytearray(data)
+    if kind == 0:
+        for place in rng.integers(len(out), size=rng.integers(1, 4)):
+            out[place] ^= 1 << int(rng.integers(8))
+        return bytes(out)
+    if kind == 1:
+        return data[: rng.integers(len(data))]
+    if kind == 2:
+        rows = data.split(b"\n")
+        first = rng.integers(len(rows))
+        del rows[first : first + rng.integers(1, 4)]
+        return b"\n".join(rows)
+    if kind == 3:
+        first, count = rng.integers(len(out)), rng.integers(1, 20)
+        out[first : first + count] = rng.integers(256, size=count, dtype=np.uint8).tobytes()
+        return bytes(out)
+    words = re.split(rb"(\s+|,)", data)
+    one, two = rng.integers(len(words), size=2)
+    if kind == 4:
+        words[one], words[two] = words[two], words[one]
+    else:
+        words[one] = (b"-1", b"9" * 12, b"nan", b"x", b"0", b"1e400", b"9" * 400)[rng.integers(7)]
+    return b"".join(words)
+
+
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
+@pytest.mark.parametrize(
+    "source",
+    [
+        *("41.msh", "22.msh", "zlib.vtu", "raw.vtu", "lzma.vtu", "ascii.vtu", "a.vtk", "a.mesh"),
+        *("a.ply", "a.avs", "frame.inp", "frame.bdf", "gmsh_2.2_binary.msh"),
+        *("gmsh_4.1_binary.msh", "gmsh_4.1_ascii_partly.msh"),
+    ],
+)
+def test_damaged_files_give_one_kind_of_error(tmp_path, source):
+    """Or a mesh, where the damage is one that no reader can see."""
+    path = tmp_path / source
+    stem, suffix = source.rsplit(".", 1)
+    more = {
+        "raw": {"compression": None},
+        "lzma": {"compression": "lzma"},
+        "ascii": {"binary": False},
+    }
+    if suffix in ("inp", "bdf"):
+        path.write_text(ABAQUS if suffix == "inp" else NASTRAN)
+    elif stem.startswith("gmsh_"):
+        path.write_bytes((DATA / source).read_bytes())
+    elif suffix == "msh":
+        write_mesh(path, network(), "gmsh22" if stem == "22" else "gmsh")
+    else:
+        lines = _plain(network().p.T, "line", network().t.T)
+        meshio.write(path, lines, **more.get(stem, {}))
+    assert read_mesh(path).nelements > 1
+    rng, data, refused = np.random.default_rng(7), path.read_bytes(), 0
+    for _ in range(40):
+        path.write_bytes(mutated(data, rng))
+        try:
+            read_mesh(path)
+        except MeshError as error:  # no other one
+            refused += source in str(error)
+    assert refused > 10
 
 
 def _plain(points, kind, cells):

@@ -18,23 +18,23 @@ def pulse(t):
     return np.sin(np.pi * t) ** 2
 
 
-def whole(rung):
+def whole(theory):
     """Half a circle from clamp to clamp with a weight on its crown, pushed out of its plane."""
     ends = (-1, 0, 0), (0, 1, 0), (1, 0, 0)
     mesh = sc.MeshCurve.init_arc(*ends, 1.0, np.pi, 6, "arch")
     model = sc.Model()
-    arch = model.add("arch", sc.Beam(mesh, SECTION, order=2, director=(0, 0, 1), rung=rung))
+    arch = model.add("arch", sc.Beam(mesh, SECTION, order=2, director=(0, 0, 1), theory=theory))
     for name, end in (("start", ends[0]), ("end", (1.0, 0, 0))):
         model.add(f"clamp {name}", sc.JointFixed(sc.ground(end), arch.node(f"arch.{name}")))
     return loaded(model, arch.node((0, 1, 0)), 1.0)
 
 
-def half(rung):
+def half(theory):
     """Its left half, of which the crown is held in the mirror plane."""
     ends = (-1, 0, 0), (0, 1, 0), (1, 0, 0)
     mesh = sc.MeshCurve.init_arc(*ends, 1.0, np.pi / 2, 3, "arch")
     model = sc.Model()
-    arch = model.add("arch", sc.Beam(mesh, SECTION, order=2, director=(0, 0, 1), rung=rung))
+    arch = model.add("arch", sc.Beam(mesh, SECTION, order=2, director=(0, 0, 1), theory=theory))
     model.add("clamp start", sc.JointFixed(sc.ground(ends[0]), arch.node("arch.start")))
     crown = arch.node("arch.end")
     model.add("mirror", sc.JointPlanar(sc.ground((0, 1, 0)), crown, MIRROR))
@@ -57,18 +57,18 @@ def left_half(model, history):
 
 
 @pytest.mark.parametrize(
-    ("rung", "treatment"),
+    ("theory", "treatment"),
     [
         (None, TREATMENTS[0]),
-        (sc.RungInextensible(), TREATMENTS[1]),
+        (sc.TheoryInextensible(), TREATMENTS[1]),
         pytest.param(None, TREATMENTS[1], marks=pytest.mark.slow),
-        pytest.param(sc.RungInextensible(), TREATMENTS[0], marks=pytest.mark.slow),
+        pytest.param(sc.TheoryInextensible(), TREATMENTS[0], marks=pytest.mark.slow),
     ],
     ids=str,
 )
-def test_half_an_arch_moves_as_the_whole(rung, treatment):
+def test_half_an_arch_moves_as_the_whole(theory, treatment):
     both = []
-    for model in (whole(rung), half(rung)):
+    for model in (whole(theory), half(theory)):
         arguments = sc.EnergyMomentum(), treatment, 0.02
         history = sc.simulate(model.freeze(), *arguments, 0.4, kernels="numpy")
         both.append((left_half(model, history), history))

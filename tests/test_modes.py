@@ -15,16 +15,14 @@ from test_closed_loops import SCENES, frozen, hinges
 from test_couplings import zoo
 
 import skfem_cosserat as sc
-from skfem_cosserat.diagnostics.tangent import null_space_matrix, reduced_tangent
+from skfem_cosserat.diagnostics.stacked import null_space_matrix, reduced_tangent
 from skfem_cosserat.export import write_paraview
 from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
-from skfem_cosserat.modal.pencil import make_pencil
-from skfem_cosserat.modal.quadratic import spectrum
+from skfem_cosserat.modal.eigen import lowest, make_pencil, spectrum
 from skfem_cosserat.modal.state import resting
-from skfem_cosserat.modal.symmetric import lowest
 from skfem_cosserat.model.balance import Spin, amplitudes_at, balance
-from skfem_cosserat.model.chart import Chart
 from skfem_cosserat.model.loops import closed, tree_values
+from skfem_cosserat.model.reparametrisation import Reparametrisation
 
 for folder in ("examples", "examples/benchmarks"):
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent / folder))
@@ -53,7 +51,7 @@ def held(system, y, amplitudes, seed=0):
 
 
 def along_chart(system, y, amplitudes, dead):
-    """Derivative of ``P(y)^T R(y)`` along the chart by the complex step; no closed loops."""
+    """Derivative of ``P(y)^T R(y)`` along the coordinates by the complex step; no closed loops."""
     bound = sc.NullSpace().bind(system, 1.0)
     bound.begin(y, y[system.rows :], 1.0)
     bound.guess(False)
@@ -77,14 +75,14 @@ def along_loops(system, y, amplitudes, dead, step=1e-3):
     in each of them may jump.
     """
     P0 = null_space_matrix(system, y)
-    chart = Chart(system.kinematics)
+    nodal = Reparametrisation(system.kinematics)
     chosen = system.closure.select(y, tree_values(system, y))
     Z = system.closure.null_matrix(chosen)
 
     def residual(increment):
-        chart.begin(y, y[system.rows :])
-        chart.add(Z @ increment)
-        y1, _ = closed(system, chart, chosen)
+        nodal.begin(y, y[system.rows :])
+        nodal.add(Z @ increment)
+        y1, _ = closed(system, nodal, chosen)
         basis = np.linalg.qr(null_space_matrix(system, y1).toarray())[0]
         R = balance(system, y1, amplitudes, before=y).R - dead
         return P0.T @ (basis @ (basis.T @ R.ravel()))
@@ -109,7 +107,7 @@ TREES = {
 
 @pytest.mark.parametrize("scene", TREES)
 def test_reduced_tangent_on_trees(scene):
-    """With couplings, follower loads and a turning frame, by the complex step along the chart."""
+    """With couplings, follower loads and a turning frame, by complex steps along coordinates."""
     make, spin = TREES[scene]
     system = make()
     y = system.extend(random_state(system, np.random.default_rng(2), 0.3, 0.2), 0.3)
@@ -174,13 +172,13 @@ def off(found, wanted):
 def settled(system, amplitudes, q=None):
     """The equilibrium near the reference or q, by Newton's method without anything."""
     y = system.extend(system.q0 if q is None else q, 0.0)
-    chart = Chart(system.kinematics)
+    nodal = Reparametrisation(system.kinematics)
     for _ in range(40):
         tangent = reduced_tangent(system, y, amplitudes)
         du = np.linalg.solve(tangent.K.toarray(), -tangent.residual)
-        chart.begin(y, y[system.rows :])
-        chart.add(du)
-        y = chart.configuration()
+        nodal.begin(y, y[system.rows :])
+        nodal.add(du)
+        y = nodal.configuration()
         if np.sqrt(du @ (tangent.metric @ du)) < 1e-12:
             return y[: system.rows].ravel()
     raise AssertionError("no equilibrium")
@@ -224,7 +222,7 @@ def test_prestressed_beams(case):
     """M3: about the exactly stretched straight state, its constraint forces included."""
     data, h = REFERENCES["M3"]["values"][case], 0.05
     system = straight(16, 3, "SS", square(h), pull=data["T"])
-    y = system.q0.reshape(-1, 3)
+    y = system.q0.copy().reshape(-1, 3)
     y[system.origin_rows] *= 1 + data["T"] / (E * h**2)
     found = sc.modes(system, y.ravel(), 16)
     assert (off(found.omega, data["omega_bending"][:3]) < 7e-7).all()
@@ -282,7 +280,7 @@ def test_slender_beams_keep_their_digits(slenderness):
     exact = 3.5160152685 * np.sqrt(E / (12 * RHO)) / slenderness  # Euler-Bernoulli
     found = sc.modes(straight(16, 3, "CF", square(1 / slenderness)), count=6)
     assert abs(found.omega[:2] / exact - 1).max() < 8 / slenderness**2 + 3e-10
-    assert abs(found.omega[0::2] / found.omega[1::2] - 1).max() < 1e-11
+    assert abs(found.omega[0::2] / found.omega[1::2] - 1).max() < 1e-9
 
 
 # -- steady rotation -------------------------------------------------------------------------------
@@ -372,10 +370,10 @@ def test_pendulum_in_a_turning_frame():
     system = model.freeze()
     A, difference = 0.3 + m * arm**2, 0.25 + m * arm**2 - 0.1
     theta = np.arccos(m * g * arm / (speed**2 * difference))
-    chart = Chart(system.kinematics)
-    chart.begin(system.extend(system.q0, 0.0), system.ground(0.0))
-    chart.add(np.array([theta]))
-    q = chart.configuration()[: system.rows].ravel()
+    nodal = Reparametrisation(system.kinematics)
+    nodal.begin(system.extend(system.q0, 0.0), system.ground(0.0))
+    nodal.add(np.array([theta]))
+    q = nodal.configuration()[: system.rows].ravel()
     found = sc.modes(system, q, 1, spin=Spin((0, 0, speed)))
     assert found.omega[0] == pytest.approx(
         speed * np.sin(theta) * np.sqrt(difference / A), rel=1e-13
@@ -424,15 +422,15 @@ def eigenvalues_of_a_step(system, q0, h, omega, turned):
     """``log(mu)/h`` of the differentiated step map, seen from a frame that turns with omega."""
     stepper = sc.Stepper(system, sc.Variational(), sc.NullSpace(), h)
     k, e = system.unknowns, 1e-5
-    chart = Chart(system.kinematics)
+    nodal = Reparametrisation(system.kinematics)
     y0 = system.extend(q0, 0.0)
     P0 = system.null_space(q0)
     mass = np.kron(system.mass.toarray(), np.eye(3))
 
     def start(z):
-        chart.begin(y0, system.ground(0.0))
-        chart.add(z[:k])
-        q = chart.configuration()[: system.rows].ravel()
+        nodal.begin(y0, system.ground(0.0))
+        nodal.add(z[:k])
+        q = nodal.configuration()[: system.rows].ravel()
         v = np.cross(omega, q.reshape(-1, 3)).ravel() + system.null_space(q) @ z[k:]
         return sc.initial_state(system, q=q, v=v)
 
@@ -489,10 +487,10 @@ def test_an_inverted_pendulum_grows():
     """Reported as such: a positive eigenvalue and a negative square, no frequency."""
     system = hung((1.3, 0.8, 0.09))
     model = system.extend(system.q0, 0.0)
-    chart = Chart(system.kinematics)
-    chart.begin(model, system.ground(0.0))
-    chart.add(np.array([np.pi]))
-    found = sc.modes(system, chart.configuration()[: system.rows].ravel(), 1)
+    nodal = Reparametrisation(system.kinematics)
+    nodal.begin(model, system.ground(0.0))
+    nodal.add(np.array([np.pi]))
+    found = sc.modes(system, nodal.configuration()[: system.rows].ravel(), 1)
     square_ = 1.3 * G * 0.4 / (0.09 + 1.3 * 0.16)
     assert found.squares[0] == pytest.approx(-square_, rel=1e-13)
     assert found.growth[0] == pytest.approx(np.sqrt(square_), rel=1e-13)
@@ -564,7 +562,7 @@ def test_springs_and_loads_between_bodies():
     found = sc.modes(system)
     assert found.rigid == 5
     assert found.omega[5] == pytest.approx(np.sqrt(50 / 1.2), rel=1e-14)
-    q = system.q0
+    q = system.q0.copy()
     q[5] += 0.2
     found = sc.modes(system, q)
     assert found.rigid == 3  # dead forces do not turn with the spring
@@ -615,7 +613,7 @@ def test_follower_forces_flutter():
             return sc.LoadForce(beam.node("b"), (0, 0, -load), follower=True)
 
         system = straight(8, 3, "CF", section, extra=[("push", push)])
-        y = system.q0.reshape(-1, 3)
+        y = system.q0.copy().reshape(-1, 3)
         y[system.origin_rows] *= 1 - load / 1e6
         found = sc.modes(system, y.ravel(), 4)
         growth.append(found.growth.max())
@@ -825,7 +823,7 @@ def test_no_equilibrium_is_refused_by_name():
     system = straight(2, 2, "CF", square(0.1), pull=3e6)
     bad(lambda: sc.modes(system, system.q0), "not in equilibrium", "beam 'beam'", "[1.0, 0.0, 0.0]")
     assert sc.modes(system).rigid == 0  # without loads it is one
-    y = system.q0.reshape(-1, 3)
+    y = system.q0.copy().reshape(-1, 3)
     y[system.origin_rows] *= 1 + 3e6 / (E * 0.01) * (1 + 1e-5)
     bad(lambda: sc.modes(system, y.ravel()), "relative to all forces 4.3e-06")
     sc.modes(system, y.ravel(), tolerance=5e-6)
@@ -849,7 +847,9 @@ def test_a_singular_position_is_refused():
     others = [*(b.at(x) for b, x in zip(bars, corners[:3], strict=True)), sc.ground(corners[3])]
     for k, (a, b) in enumerate(zip(places, others, strict=True)):
         model.add(f"pin {k}", sc.JointRevolute(a, b, axis=(0, 0, 1)))
-    bad(lambda: sc.modes(model, count=1), "singular position")
+    with pytest.warns(sc.ModelWarning, match="the reference configuration is a singular position"):
+        system = model.freeze()
+    bad(lambda: sc.modes(system, count=1), "singular position")
 
 
 # -- paths of statics, and the example -------------------------------------------------------------

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rounding import energy_limit
 from test_static_references import scenes
 
 import skfem_cosserat as sc
@@ -116,9 +117,11 @@ def test_energy_is_kept_as_well_as_newton_converges():
     ):
         history = sc.simulate(*run, until, settings=settings, kernels="numpy")
         found[name] = abs(history["energy_balance"]).max() / history["energy"][0]
-    assert found["tight"] < 1e-12
+        if name == "tight":
+            rounding = energy_limit(run[0], history) / history["energy"][0]
+    assert found["tight"] < rounding < 1e-9
     assert found["loose"] > 100 * found["tight"]
-    assert found["longer"] == pytest.approx(2 * found["loose"], rel=0.2)
+    assert 1.6 < found["longer"] / found["loose"] < 2.4
 
 
 def test_beams_have_no_inverse_mass_to_project_with():

@@ -33,7 +33,7 @@ from skfem_cosserat import (
     simulate,
 )
 from skfem_cosserat.kernels import director_force, null_space_blocks, skew
-from skfem_cosserat.model.chart import Chart
+from skfem_cosserat.model.reparametrisation import Reparametrisation
 
 SCENES = {
     **{f"tree {seed}": (lambda seed=seed: random_tree(seed)) for seed in range(40)},
@@ -44,28 +44,28 @@ SCENES = {
 
 
 def two_states(system, seed, size=0.5):
-    """Two configurations (all rows) one step apart, and the chart that led to the second."""
+    """Two configurations (all rows) one step apart, and what led to the second."""
     rng = np.random.default_rng(seed)
-    chart = Chart(system.kinematics)
-    chart.begin(system.extend(system.q0, 0.0), system.ground(0.3))
+    nodal = Reparametrisation(system.kinematics)
+    nodal.begin(system.extend(system.q0, 0.0), system.ground(0.3))
     for _ in range(2):
-        chart.add(size * rng.standard_normal(system.unknowns))
-    y0 = chart.configuration()
-    chart.begin(y0, system.ground(0.5))
-    chart.add(0.3 * size * rng.standard_normal(system.unknowns))
-    chart.add(0.3 * size * rng.standard_normal(system.unknowns))
-    return y0, chart.configuration(), chart
+        nodal.add(size * rng.standard_normal(system.unknowns))
+    y0 = nodal.configuration()
+    nodal.begin(y0, system.ground(0.5))
+    nodal.add(0.3 * size * rng.standard_normal(system.unknowns))
+    nodal.add(0.3 * size * rng.standard_normal(system.unknowns))
+    return y0, nodal.configuration(), nodal
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_null_space_at_nodes_and_midpoints(name):
     system = SCENES[name]()
-    y0, y1, chart = two_states(system, seed=11)
+    y0, y1, nodal = two_states(system, seed=11)
     assert abs(system.constraints.values(y0)).max() < 1e-13 * (1 + system.length**2)
     assert abs(system.constraints.values(y1)).max() < 1e-13 * (1 + system.length**2)
     for y in (y0, 0.5 * (y0 + y1), y1):
         G = system.constraints.jacobian(y).toarray()
-        P = null_space(system, y, chart.fixed)
+        P = null_space(system, y, nodal.fixed)
         assert abs(G @ P).max() <= 1e-12 * abs(G).max() * abs(P).max()
         if y is not y1:
             # rank P = unknowns and G P = 0 bound rank G by n - unknowns from above
@@ -77,16 +77,16 @@ def test_null_space_at_nodes_and_midpoints(name):
 def test_null_space_is_the_derivative_of_the_chart(seed):
     """d F_d / d(increment) = P(q_{n+1}), by the complex step."""
     system = random_tree(seed)
-    _, y1, chart = two_states(system, seed)
-    P = null_space(system, y1, chart.fixed)
-    saved = chart.save()
+    _, y1, nodal = two_states(system, seed)
+    P = null_space(system, y1, nodal.fixed)
+    saved = nodal.save()
     for k in range(system.unknowns):
         increment = np.zeros(system.unknowns, dtype=complex)
         increment[k] = 1e-40j
-        chart.add(increment)
-        column = chart.configuration()[: system.rows].imag.ravel() / 1e-40
+        nodal.add(increment)
+        column = nodal.configuration()[: system.rows].imag.ravel() / 1e-40
         assert abs(column - P[:, k]).max() < 1e-12
-        chart.restore(saved)
+        nodal.restore(saved)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -94,10 +94,10 @@ def test_reduction_and_expansion_are_the_matrix(seed):
     """The kernels that never form P: P^T f and P nu."""
     system = random_tree(seed)
     rng = np.random.default_rng(seed)
-    y0, _, chart = two_states(system, seed)
-    P = null_space(system, y0, chart.fixed)
+    y0, _, nodal = two_states(system, seed)
+    P = null_space(system, y0, nodal.fixed)
     kin = system.kinematics
-    values = kin.T_values(kin.locate(y0, chart.fixed))
+    values = kin.T_values(kin.locate(y0, nodal.fixed))
     f, nu = rng.standard_normal((system.rows, 3)), rng.standard_normal(system.unknowns)
     reduced = kin.reduce(values, kin.twist_force(y0, f))
     assert reduced == pytest.approx(P.T @ f.ravel(), rel=1e-12, abs=1e-12)
@@ -109,12 +109,12 @@ def test_constraints_hold_over_many_compositions():
     """1000 steps of random increments: no drift beyond round-off."""
     system = random_tree(3)
     rng = np.random.default_rng(0)
-    chart = Chart(system.kinematics)
+    nodal = Reparametrisation(system.kinematics)
     y = system.extend(system.q0, 0.0)
     for k in range(1000):
-        chart.begin(y, system.ground(1e-3 * (k + 1)))
-        chart.add(0.02 * rng.standard_normal(system.unknowns))
-        y = chart.configuration()
+        nodal.begin(y, system.ground(1e-3 * (k + 1)))
+        nodal.add(0.02 * rng.standard_normal(system.unknowns))
+        y = nodal.configuration()
     directors = system.kinematics.directors(y)
     products = directors @ directors.transpose(0, 2, 1)
     assert abs(products - np.eye(3)).max() < 1e-12

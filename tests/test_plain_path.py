@@ -9,7 +9,7 @@ from scipy.sparse import random as random_matrix
 
 import skfem_cosserat as sc
 from skfem_cosserat import kernels
-from skfem_cosserat.constraints.blocks import NullSpaceBlocks
+from skfem_cosserat.constraints.null_space import NullSpaceBlocks
 from skfem_cosserat.integrators import Stepper
 from skfem_cosserat.model import groups
 from skfem_cosserat.model.kinematics import combination
@@ -138,13 +138,13 @@ def test_quaternions_and_their_derivatives(size):
         angle = np.linalg.norm(t)
         n = kernels.skew(t / angle if angle else t)
         wanted = np.eye(3) + np.sin(angle) * n + 2 * np.sin(angle / 2) ** 2 * n @ n
-        assert abs(found - wanted).max() < 1e-15
+        assert abs(found - wanted).max() < 1e-13
     a, b = kernels.exp_quaternion(theta), kernels.exp_quaternion(rng.standard_normal((5, 3)))
     product = kernels.rotation_matrix(kernels.quaternion_product(a, b))
-    assert abs(product - R @ kernels.rotation_matrix(b)).max() < 2e-15
+    assert abs(product - R @ kernels.rotation_matrix(b)).max() < 2e-14
     # d exp(theta) along itself: a turn about the same axis
     turned = kernels.rotation_matrix(kernels.exp_quaternion(theta + 1j * EPS * theta)).imag / EPS
-    assert abs(turned - kernels.skew(theta) @ R).max() <= 4e-15 * size
+    assert abs(turned - kernels.skew(theta) @ R).max() <= 4e-14 * size
 
 
 @pytest.mark.parametrize("nodes", [1, 2, 4])

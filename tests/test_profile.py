@@ -29,8 +29,7 @@ from skfem_cosserat.profile import (
     ProfileTube,
     Region,
 )
-from skfem_cosserat.profile.elasticity import elasticity
-from skfem_cosserat.profile.warping import solve_warping
+from skfem_cosserat.profile.warping import elasticity, solve_warping
 
 STEEL = sc.Material(210e9, 0.3, 7850.0)
 ALUMINIUM = sc.Material(70e9, 0.3, 2700.0)
@@ -38,16 +37,25 @@ ALUMINIUM = sc.Material(70e9, 0.3, 2700.0)
 PLY = MaterialAnisotropic.orthotropic((9e9, 12e9, 140e9), (3e9, 6e9, 4e9), (0.02, 0.03, 0.4), 1600)
 L_SHAPE = np.array([(0, 0), (0.1, 0), (0.1, 0.01), (0.01, 0.01), (0.01, 0.08), (0, 0.08)])
 
-HOLES = ProfilePolygon(
-    [(0, 0), (2, 0), (2.5, 1), (0, 1)],
-    STEEL,
-    [[(0.2, 0.2), (0.8, 0.2), (0.5, 0.8)], [(1.2, 0.2), (1.8, 0.2), (1.8, 0.8)]],
-)
+OUTLINE = [(0, 0), (2, 0), (2.5, 1), (0, 1)]
+HOLES = [[(0.2, 0.2), (0.8, 0.2), (0.5, 0.8)], [(1.2, 0.2), (1.8, 0.2), (1.8, 0.8)]]
 
 general_mass = pytest.mark.skipif(
     "centre" not in inspect.signature(sc.Section).parameters,
     reason="sections of beams have their centre of mass on the line",
 )
+
+
+def polygon(*arguments):
+    """A polygon; the test is skipped where the extra is not installed that polygons need."""
+    pytest.importorskip("shapely")
+    return ProfilePolygon(*arguments)
+
+
+def part(*arguments):
+    """A region; see `polygon`."""
+    pytest.importorskip("shapely")
+    return Region(*arguments)
 
 
 def isotropic(nu):
@@ -234,7 +242,7 @@ def test_shear_centre_of_a_half_disk(nu):
 
 def test_equilateral_triangle_is_exact():
     corners = [(0, 0), (1, 0), (0.5, np.sqrt(0.75))]
-    found = ProfilePolygon(corners, isotropic(0.3)).constants()
+    found = polygon(corners, isotropic(0.3)).constants()
     assert found.torsion_constant == pytest.approx(np.sqrt(3) / 80, rel=1e-12)
     assert found.shear_centre == pytest.approx([0.5, np.sqrt(3) / 6], rel=1e-10)
 
@@ -259,15 +267,16 @@ def classical(profile, refinements=2):
 
 
 @pytest.mark.parametrize(
-    "profile",
+    "make",
     [
-        ProfilePolygon(L_SHAPE, STEEL),
-        ProfileChannel(0.1, 0.06, 0.008, 0.006, STEEL),
-        pytest.param(HOLES, marks=pytest.mark.slow),
+        lambda: polygon(L_SHAPE, STEEL),
+        lambda: ProfileChannel(0.1, 0.06, 0.008, 0.006, STEEL),
+        pytest.param(lambda: polygon(OUTLINE, STEEL, HOLES), marks=pytest.mark.slow),
     ],
     ids=["angle", "channel", "holes"],
 )
-def test_torsion_and_shear_centre_by_the_scalar_problem(profile):
+def test_torsion_and_shear_centre_by_the_scalar_problem(make):
+    profile = make()
     found = profile.constants()
     J, centre = classical(profile, 3)
     size = np.sqrt(found.area)
@@ -278,7 +287,7 @@ def test_torsion_and_shear_centre_by_the_scalar_problem(profile):
 
 def test_area_and_moments_of_a_polygon_with_a_hole():
     hole = [(0.2, 0.2), (0.7, 0.3), (0.3, 0.6)]
-    profile = ProfilePolygon([(0, 0), (2, 0), (2, 1), (0, 1)], STEEL, [hole])
+    profile = polygon([(0, 0), (2, 0), (2, 1), (0, 1)], STEEL, [hole])
     found = profile.constants(1e-2)
     a = (0.5 * 0.4 - 0.1 * 0.1) / 2  # of the hole, by hand
     centre, corners = np.mean(hole, axis=0), np.array(hole)
@@ -317,16 +326,16 @@ def test_polygon_and_rectangles_of_one_shape_agree():
     x, y = 0.05, 0.1
     outline = [(-x, -y), (x, -y), (x, y), (-x, y)]
     hole = [(-0.04, -0.08), (0.04, -0.08), (0.04, 0.08), (-0.04, 0.08)]
-    one = ProfilePolygon(outline, STEEL, [hole]).constants(1e-3)
+    one = polygon(outline, STEEL, [hole]).constants(1e-3)
     two = ProfileBox(0.1, 0.2, (0.01, 0.02), STEEL).constants(1e-3)
     scale = np.sqrt(np.outer(*2 * (two.stiffness.diagonal(),)))
     assert one.stiffness / scale == pytest.approx(two.stiffness / scale, abs=1e-3)
 
 
 def test_tolerance_bounds_the_error():
-    best = ProfilePolygon(L_SHAPE, STEEL).constants()
+    best = polygon(L_SHAPE, STEEL).constants()
     for tolerance in (1e-1, 1e-2, 1e-3):
-        found = ProfilePolygon(L_SHAPE, STEEL).constants(tolerance)
+        found = polygon(L_SHAPE, STEEL).constants(tolerance)
         true = abs(np.linalg.eigvals(found.compliance @ best.stiffness) - 1).max()
         assert true < found.error <= tolerance
 
@@ -339,7 +348,7 @@ def test_rolled_beam_of_the_tables():
     quarter = np.vstack([[half, (half[0], half[1] - flange)], np.transpose(fillet)])
     turns = ((1, 1), (1, -1), (-1, -1), (-1, 1))
     outline = np.vstack([(quarter * turn)[:: turn[0] * turn[1]] for turn in turns])
-    found = ProfilePolygon(outline, STEEL).constants(1e-3)
+    found = polygon(outline, STEEL).constants(1e-3)
     assert found.area == pytest.approx(28.48e-4, rel=1e-3)
     assert found.EI.diagonal() / STEEL.E == pytest.approx([1943e-8, 142.4e-8], rel=1e-3)
     assert found.torsion_constant == pytest.approx(6.98e-8, rel=0.03)
@@ -403,7 +412,7 @@ def test_layers_with_one_poisson_ratio_add_up():
 
 def test_layers_of_rectangles_and_of_polygons_agree():
     def region(low, high, material):
-        return Region([(-0.01, low), (0.01, low), (0.01, high), (-0.01, high)], material)
+        return part([(-0.01, low), (0.01, low), (0.01, high), (-0.01, high)], material)
 
     one = ProfileComposite([region(-0.01, 0, STEEL), region(0, 0.016, ALUMINIUM)]).constants()
     two = two_rectangles(ALUMINIUM).constants()
@@ -417,9 +426,9 @@ def test_region_in_a_hole_and_corners_on_edges():
     hole = [(1, 0.5), (2, 0.5), (2, 1.5), (1, 1.5)]
     lower = [(1, 0.5), (2, 0.5), (2, 1.1), (1, 0.9)]
     upper = [(1, 0.9), (2, 1.1), (2, 1.5), (1, 1.5)]
-    shell = Region(outer, STEEL, [hole])
-    parts = ProfileComposite([shell, Region(lower, STEEL), Region(upper, STEEL)]).constants()
-    whole = ProfilePolygon(outer, STEEL).constants()
+    shell = part(outer, STEEL, [hole])
+    parts = ProfileComposite([shell, part(lower, STEEL), part(upper, STEEL)]).constants()
+    whole = polygon(outer, STEEL).constants()
     scale = np.sqrt(np.outer(*2 * (whole.stiffness.diagonal(),)))
     assert parts.stiffness / scale == pytest.approx(whole.stiffness / scale, abs=5e-5)
 
@@ -472,8 +481,8 @@ def test_moved_and_turned(material):
         full = np.eye(3)
         full[:2, :2] = turned
         other = material.rotated(full)
-    plain = ProfilePolygon(L_SHAPE, material).constants()
-    moved = ProfilePolygon(L_SHAPE @ turned.T + shift, other).constants()
+    plain = polygon(L_SHAPE, material).constants()
+    moved = polygon(L_SHAPE @ turned.T + shift, other).constants()
     back = moved.moved(shift, angle)
     scale = np.sqrt(np.outer(*2 * (plain.stiffness.diagonal(),)))
     assert back.stiffness / scale == pytest.approx(plain.stiffness / scale, abs=1e-4)
@@ -490,7 +499,7 @@ def test_moved_and_turned(material):
 
 
 def test_moving_composes():
-    plain = ProfilePolygon(L_SHAPE, STEEL).constants(1e-2)
+    plain = polygon(L_SHAPE, STEEL).constants(1e-2)
     twice = plain.moved((0.1, 0.2), 0.3).moved((-0.2, 0.1), 0.4)
     once = plain.moved((0.1, 0.2) + rotation(0.3) @ (-0.2, 0.1), 0.7)
     assert twice.stiffness == pytest.approx(once.stiffness, rel=1e-9, abs=1e-3)
@@ -502,7 +511,7 @@ def test_moving_composes():
     assert plain.principal_EI[1] - 0.7 == pytest.approx(once.principal_EI[1], abs=1e-9)
 
 
-@pytest.mark.parametrize(("tolerance", "same"), [(0.5, 1e-10), (1e-3, 1e-3)])
+@pytest.mark.parametrize(("tolerance", "same"), [(0.5, 2e-9), (1e-3, 1e-3)])
 def test_units(tolerance, same):
     """Metres and newtons, or millimetres, newtons and tonnes; ties of refinement fall anyhow."""
     metres = ProfileI(0.2, 0.1, 0.01, 0.008, STEEL).constants(tolerance)
@@ -617,50 +626,48 @@ def broken_mesh(**changes):
 
 BAD = {
     "two corners": (
-        lambda: ProfilePolygon(SQUARE[:2], STEEL),
+        lambda: polygon(SQUARE[:2], STEEL),
         r"polygon: outline has shape \(2, 2",
     ),
     "bow tie": (
-        lambda: ProfilePolygon([(0, 0), (1, 1), (1, 0), (0, 2)], STEEL),
+        lambda: polygon([(0, 0), (1, 1), (1, 0), (0, 2)], STEEL),
         "outline crosses or touches itself: Self-intersection",
     ),
     "bow tie of no area": (
-        lambda: ProfilePolygon([(0, 0), (1, 1), (1, 0), (0, 1)], STEEL),
+        lambda: polygon([(0, 0), (1, 1), (1, 0), (0, 1)], STEEL),
         "outline crosses or touches itself: Self-intersection",
     ),
     "repeated": (
-        lambda: ProfilePolygon([*SQUARE[:2], *SQUARE[1:]], STEEL),
+        lambda: polygon([*SQUARE[:2], *SQUARE[1:]], STEEL),
         r"corner 1 at \[1.0, 0.0\] is repeated",
     ),
-    "flat": (lambda: ProfilePolygon([(0, 0), (1, 1), (2, 2)], STEEL), "has no area"),
+    "flat": (lambda: polygon([(0, 0), (1, 1), (2, 2)], STEEL), "has no area"),
     "not a number": (
-        lambda: ProfilePolygon([*SQUARE[:3], (np.nan, 1)], STEEL),
+        lambda: polygon([*SQUARE[:3], (np.nan, 1)], STEEL),
         "outline is not finite at corner 3",
     ),
     "hole outside": (
-        lambda: ProfilePolygon(SQUARE, STEEL, [np.array(SQUARE) + 2]),
+        lambda: polygon(SQUARE, STEEL, [np.array(SQUARE) + 2]),
         "region 0: hole 0 is not inside",
     ),
     "hole on edge": (
-        lambda: ProfilePolygon(SQUARE, STEEL, [np.array(SQUARE) / 2]),
+        lambda: polygon(SQUARE, STEEL, [np.array(SQUARE) / 2]),
         "region 0: hole 0 is not inside the outline, or touches",
     ),
     "holes overlap": (
-        lambda: ProfilePolygon(
-            SQUARE, STEEL, [np.array(SQUARE) / 4 + 0.3, np.array(SQUARE) / 4 + 0.4]
-        ),
+        lambda: polygon(SQUARE, STEEL, [np.array(SQUARE) / 4 + 0.3, np.array(SQUARE) / 4 + 0.4]),
         "holes 0 and 1 overlap",
     ),
     "regions overlap": (
-        lambda: ProfileComposite([Region(SQUARE, STEEL), Region(np.array(SQUARE) + 0.5, STEEL)]),
+        lambda: ProfileComposite([part(SQUARE, STEEL), part(np.array(SQUARE) + 0.5, STEEL)]),
         "regions 0 and 1 overlap by an area of 0.25",
     ),
     "apart": (
-        lambda: ProfileComposite([Region(SQUARE, STEEL), Region(np.array(SQUARE) + 3, STEEL)]),
+        lambda: ProfileComposite([part(SQUARE, STEEL), part(np.array(SQUARE) + 3, STEEL)]),
         "falls into 2 parts",
     ),
     "corner to corner": (
-        lambda: ProfileComposite([Region(SQUARE, STEEL), Region(np.array(SQUARE) + 1, STEEL)]),
+        lambda: ProfileComposite([part(SQUARE, STEEL), part(np.array(SQUARE) + 1, STEEL)]),
         "falls into 2 parts that share no edge",
     ),
     "no regions": (lambda: ProfileComposite([]), "no regions"),
@@ -749,7 +756,7 @@ def test_bad_input(case):
 
 
 def test_a_closed_outline_is_taken_as_closed():
-    one, two = (ProfilePolygon(corners, STEEL) for corners in (SQUARE, [*SQUARE, SQUARE[0]]))
+    one, two = (polygon(corners, STEEL) for corners in (SQUARE, [*SQUARE, SQUARE[0]]))
     assert len(one.outline) == len(two.outline) == 4
 
 

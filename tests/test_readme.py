@@ -55,16 +55,14 @@ def test_every_marked_example_is_found():
     assert readme().count("<!-- example -->") == len(examples(readme()))
 
 
-def test_examples_run_as_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    blocks = examples(readme())
-    if not blocks:
-        pytest.skip("README.md marks no example")
-    for line, source in blocks:  # each alone: a reader copies one block
-        folder = tmp_path / f"line_{line}"
-        folder.mkdir()
-        monkeypatch.chdir(folder)
-        code = compile("\n" * (line - 1) + source, str(README), "exec")
-        exec(code, {"__name__": "__main__"})
+@pytest.mark.parametrize("number", range(len(examples(readme()))))
+def test_example_runs_as_written(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    line, source = examples(readme())[number]  # each alone: a reader copies one block
+    monkeypatch.chdir(tmp_path)
+    code = compile("\n" * (line - 1) + source, str(README), "exec")
+    exec(code, {"__name__": "__main__"})
 
 
 @pytest.mark.parametrize(

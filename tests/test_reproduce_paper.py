@@ -11,6 +11,8 @@ import pytest
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 sys.path.insert(0, str(EXAMPLES))
 
+pytest.importorskip("matplotlib")
+
 relative = importlib.import_module("relative_coordinates")
 tables = importlib.import_module("paper_tables")
 convergence = importlib.import_module("paper_convergence")

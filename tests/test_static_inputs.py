@@ -106,7 +106,7 @@ FREE = {
     screw: (r"rigid body 'block'.*\(0, 0, 1\)", 2, False),
     point_in_space: ("translation of mass point 'ball'", 3, False),
     point_on_a_spring: ("translation of mass point 'ball'", 2, False),
-    several_pieces: ("beam 'rod'", 15, False),
+    several_pieces: ("beam '(rod|other)'", 15, False),
     four_bar: (r"rotation of .*'crank'.*\(0, 0, 1\)", 1, False),
     hanging_without_weight: ("translation of mass point 'ball'", 2, True),
 }
@@ -457,7 +457,7 @@ def test_a_callback_that_fails(tmp_path):
     kept = sc.History.load(tmp_path / "path.history", recover=True)
     assert kept.status in ("interrupted", "killed", "diverged", "failed")
     assert len(kept) >= 3
-    assert equilibrium(system, kept).time == kept["load_factor"][-1]
+    assert equilibrium(system, kept).load_factor == kept["load_factor"][-1]
 
 
 @pytest.mark.parametrize("where", ["load", "factor", "ground", "drive"])

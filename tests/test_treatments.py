@@ -67,6 +67,8 @@ def run(scene, integrator, treatment, again=0):
     return sc.simulate(system, *pair, 0.004, 0.12, start=start, derive=scene == "distance")
 
 
+# a coarse swing is quick: its tension is somewhat above what four elements can hold
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @scenes
 @integrators
 def test_both_treatments_give_the_same_motion(scene, integrator):
@@ -78,6 +80,8 @@ def test_both_treatments_give_the_same_motion(scene, integrator):
     assert abs(one["q"][-1] - one["q"][0]).max() > 1e-3  # it moves
 
 
+# a coarse swing is quick: its tension is somewhat above what four elements can hold
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @scenes
 @integrators
 @treatments
@@ -91,6 +95,8 @@ def test_few_newton_iterations(scene, integrator, treatment):
         assert count.mean() <= 4
 
 
+# a coarse swing is quick: its tension is somewhat above what four elements can hold
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize("scene", ["everything", "swing", "distance"])
 @pairs
 def test_repeated_runs_are_identical(scene, integrator, treatment):
@@ -138,6 +144,7 @@ def stiff_whip():
     return model.freeze()
 
 
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # a step far too large
 @integrators
 @treatments
 def test_a_step_far_too_large_says_so(integrator, treatment, tmp_path):
@@ -156,7 +163,7 @@ def test_a_step_far_too_large_says_so(integrator, treatment, tmp_path):
     assert error.advice in str(error)
     assert ("EnergyMomentum()" in error.advice) == (integrator == "variational")
     assert history.status == "diverged"
-    assert history.meta["failure"] == str(error)
+    assert str(error).startswith(history.meta["failure"])  # then what was warned of
     assert np.isfinite(history["q"]).all()
     assert np.isfinite(history["p"]).all()
     history.save(tmp_path / "copy.history")

@@ -33,7 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import measuring
 from measuring import INTEGRATORS, TREATMENTS
 
-from skfem_cosserat.integrators.refused import refusal
+from skfem_cosserat.integrators.choice import refusal
 
 HERE = Path(__file__).resolve().parent
 #: at most (s)

@@ -63,10 +63,10 @@ FAMILIES: dict[str, dict[str, Callable[[], Any]]] = {
         "energy-momentum of order 4": partial(_composed, sc.EnergyMomentum, 4),
     },
     "generalized-alpha": {
-        "generalized-alpha 0": partial(sc.GeneralizedAlpha, 0.0),
-        "generalized-alpha 0.8": partial(sc.GeneralizedAlpha, 0.8),
-        "generalized-alpha 0.95": partial(sc.GeneralizedAlpha, 0.95),
-        "generalized-alpha 0.8 stabilized": partial(sc.GeneralizedAlpha, 0.8, stabilized=True),
+        "generalized-alpha 0": partial(sc.GeneralizedAlpha, 0.0, stabilized=False),
+        "generalized-alpha 0.8": partial(sc.GeneralizedAlpha, 0.8, stabilized=False),
+        "generalized-alpha 0.95": partial(sc.GeneralizedAlpha, 0.95, stabilized=False),
+        "generalized-alpha 0.8 stabilized": partial(sc.GeneralizedAlpha, 0.8),
     },
     "energy-decaying": {
         "energy-decaying 0.05": partial(sc.EnergyDecaying, chi=0.05),
@@ -108,8 +108,7 @@ def chain(elements: int, order: int) -> sc.System:
 def tip(system: sc.System, state: Any) -> np.ndarray:
     """Where the free end of the rod of :func:`chain` is (m)."""
     rod: Any = system.structures[0]
-    first = system.offset(rod.node("rod.end"))
-    return np.asarray(state.q[first : first + 3])
+    return sc.View(system, state).position(rod.node("rod.end"))
 
 
 def full_newton() -> NewtonSettings:
@@ -134,7 +133,7 @@ def advance(stepper: Stepper, state: Any, steps: int) -> Run:
     iterations, done, before = 0, 0, stepper.factorisations
     begun = time.process_time()
     while done < steps:
-        report = stepper.stride(state, steps - done)
+        report = stepper.advance_block(state, steps - done)
         state, done = report.state, done + report.steps
         iterations += report.all_iterations
     seconds = time.process_time() - begun

@@ -153,14 +153,14 @@ GRIDS = {
 
 
 @cache
-def scene(name: str, elements: int, order: int, lumped: bool = False) -> tuple[sc.System, int]:
-    """The system, and where the point that is looked at begins in q; `lumped`: nodal masses."""
+def scene(name: str, elements: int, order: int, lumped: bool = False) -> tuple[sc.System, sc.Place]:
+    """The system, and the point that is looked at; `lumped`: nodal masses."""
     if name == "swing":
         system = swing.build(elements=elements, order=order, lumped=lumped)
         beam: Any = system.structures[0]
-        return system, system.offset(beam.node("mid"))
+        return system, beam.node("mid")
     found = dynamic.spaghetti(elements, order, lumped=lumped)
-    return found.system, found.system.offset(found.places["free"])
+    return found.system, found.places["free"]
 
 
 def stepped(
@@ -189,7 +189,7 @@ def stepped(
         state, seconds = run.state, seconds + run.seconds
         iterations += run.iterations
         factorisations += run.factorisations
-        path.append(state.q[place : place + 3])
+        path.append(sc.View(system, state).position(place))
     return {
         "t": problem.instants,
         "point": np.array(path),

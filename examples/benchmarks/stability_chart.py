@@ -20,7 +20,6 @@ Run ``python examples/benchmarks/stability_chart.py --help`` for the choices.
 
 from __future__ import annotations
 
-import logging
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -257,5 +256,4 @@ def report(result: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    logging.getLogger("skfem_cosserat").setLevel(logging.ERROR)
     sys.exit(measuring.command(__doc__, main, report, missed, options=("resume",)))

@@ -28,9 +28,8 @@ import numpy as np
 import skfem_cosserat as sc
 from skfem_cosserat.integrators.choice import choose
 from skfem_cosserat.statics.path import STATIC
-from skfem_cosserat.statics.point import Functional, Point
-from skfem_cosserat.statics.schedule import Schedule
-from skfem_cosserat.statics.solver import Equilibrium
+from skfem_cosserat.statics.schedule import Functional, Point, Schedule
+from skfem_cosserat.statics.solver import PathSolver
 
 #: xara's iteration with 100 elements (ms), at that speed of a matrix product (GF/s), and the share
 #: of it that is wanted
@@ -69,10 +68,10 @@ def cantilever(elements: int, order: int, load: str) -> sc.System:
     return model.freeze()
 
 
-def points(system: sc.System, kernels: str) -> tuple[float, int, Equilibrium]:
+def points(system: sc.System, kernels: str) -> tuple[float, int, PathSolver]:
     """Time and iterations to solve the points of a path, nothing else."""
     choice = choose(kernels, system, None, 0.0)
-    solver = Equilibrium(system, sc.NullSpace(), Schedule(system), STATIC, choice)
+    solver = PathSolver(system, sc.NullSpace(), Schedule(system), STATIC, choice)
     point = Point(system.extend(system.q0, 0.0), 0.0)
     solver.begin(point)
     begun = time.process_time()

@@ -1,12 +1,7 @@
 """Adaptive meshes: refined where it matters, with what is known carried over."""
 
-from .adapt import adapt
-from .carry import carry_history, carry_state
-from .chart import chart_errors
-from .levels import Adapted, Level
-from .quantity import NodePosition
-from .runs import RunInTime, RunStatic
-from .strategy import Halve, HalveOrRaise, Uniform
+from .adapt import Adapted, Halve, HalveOrRaise, Level, Uniform, adapt, chart_errors
+from .runs import NodePosition, RunInTime, RunStatic, carry_history, carry_state
 
 __all__ = [
     "Adapted",

@@ -1,28 +1,501 @@
-"""Meshes refined where it matters, until a quantity is right to a tolerance."""
+"""Meshes that follow an estimated error: spaces, strategies, levels, and what came of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import csv
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from ..beam import Beam
 from ..diagnostics import missing_strains
 from ..diagnostics.error import beam_of
-from ..errors import Diverged, InputError
+from ..errors import AccuracyWarning, Diverged, InputError
+from ..figures import new_figure, write_figure
 from ..history import History
-from ..log import logger
 from ..mesh import MeshCurve
-from ..model import Model, System
-from ..types import Floats, positive
-from .levels import Adapted, Level
-from .quantity import Quantity
-from .runs import Run, RunStatic
-from .space import ALONE, Meshes, Space, beams, checked_space, named, owners, whole
-from .strategy import Change, HalveOrRaise, Outlook, Strategy
+from ..model import Model, System, system_of
+from ..types import Floats, IndexArray, numbers, positive
+from ..warn import Notices, logger, sum_up, told, warn
+from .runs import Quantity, Run, RunStatic
 
-__all__ = ["adapt"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+__all__ = [
+    "ALONE",
+    "Adapted",
+    "Change",
+    "Halve",
+    "HalveOrRaise",
+    "Level",
+    "Meshes",
+    "Outlook",
+    "Space",
+    "Strategy",
+    "Uniform",
+    "adapt",
+    "beams",
+    "chart_errors",
+    "checked_space",
+    "draw_errors",
+    "named",
+    "owners",
+    "whole",
+]
+
+
+# -- errors against unknowns as a log-log chart (matplotlib, optional) -----------------------------
+
+
+def chart_errors(
+    lines: Mapping[str, tuple[Sequence[float], Sequence[float]]],
+    tolerance: float | None = None,
+    path: str | os.PathLike[str] | None = None,
+    title: str = "",
+) -> Figure:
+    """Errors against unknowns, each line with markers.
+
+    Parameters
+    ----------
+    lines : mapping of str to (unknowns, errors)
+        By what the legend says.
+    tolerance : float, optional
+        A dashed line.
+    path : path, optional
+        Picture to write.
+    title : str
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If there is nothing to draw, or the folder of `path` does not exist.
+    ImportError
+        Without matplotlib.
+
+    Examples
+    --------
+    >>> figure = chart_errors({"uniform": ([10, 20, 40], [1e-1, 6e-3, 4e-4])}, tolerance=1e-3)
+    >>> len(figure.axes[0].lines)
+    2
+    """
+    if not lines:
+        raise InputError("argument lines", "there is nothing to draw")
+    figure = new_figure(5.0, 4.0)
+    draw_errors(figure.subplots(), lines, tolerance, title)
+    return write_figure(figure, path)
+
+
+def draw_errors(
+    axes: Axes,
+    lines: Mapping[str, tuple[Sequence[float], Sequence[float]]],
+    tolerance: float | None = None,
+    title: str = "",
+) -> None:
+    """The same on axes that there are; what is zero or not finite is left out."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    for (label, (unknowns, errors)), marker in zip(
+        lines.items(), "osd^v" * len(lines), strict=False
+    ):
+        known = [(n, e) for n, e in zip(unknowns, errors, strict=True) if 0 < e < float("inf")]
+        axes.loglog(*zip(*known, strict=True), marker=marker, markersize=4, label=label)
+    if tolerance is not None:
+        axes.axhline(tolerance, color="0.5", linestyle="--", linewidth=1)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter("{x:.0f}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel("unknowns")
+    axes.set_ylabel("error")
+    axes.set_title(title)
+    axes.grid(True, which="major", linewidth=0.3)
+    axes.legend()
+
+
+# -- what to do about an error: which elements to halve, which orders to raise ---------------------
+
+#: part of an element's share that one order more leaves at least: decays are guesses
+LEAST = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    """What a strategy decides by; all mappings by the names of meshes.
+
+    Attributes
+    ----------
+    shares : mapping of str to (ne,) array
+        Magnitudes of the elements' shares in the error.
+    decays : mapping of str to (ne,) array
+        Part of them that elements of one order more are expected to leave.
+    orders : mapping of str to int
+    highest : int
+        Highest order allowed.
+    aim : float
+        Part of the sum of all shares that may remain.
+    """
+
+    shares: Mapping[str, Floats]
+    decays: Mapping[str, Floats]
+    orders: Mapping[str, int]
+    highest: int
+    aim: float
+
+    @property
+    def total(self) -> float:
+        """Sum of all shares."""
+        return sum(float(s.sum()) for s in self.shares.values())
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What to do: elements to halve, and orders, by the names of meshes."""
+
+    marked: Mapping[str, IndexArray]
+    orders: Mapping[str, int]
+
+    def __str__(self) -> str:
+        count = sum(len(m) for m in self.marked.values())
+        orders = sorted(set(self.orders.values()))
+        return f"halved {count}" if count else f"order {', '.join(map(str, orders))}"
+
+
+class Strategy(ABC):
+    """A choice of what to do about an error."""
+
+    @abstractmethod
+    def choose(self, outlook: Outlook) -> Change:
+        """The next mesh and orders."""
+
+    def rescue(self, counts: Mapping[str, int], orders: Mapping[str, int], highest: int) -> Change:
+        """What to do where the problem could not be solved: all elements are halved.
+
+        Parameters
+        ----------
+        counts : mapping of str to int
+            Elements of each mesh.
+        orders : mapping of str to int
+        highest : int
+        """
+        return Change({k: np.arange(n) for k, n in counts.items()}, orders)
+
+
+class Uniform(Strategy):
+    """All elements are halved: for comparison."""
+
+    def choose(self, outlook: Outlook) -> Change:
+        """See the base class."""
+        everything = {k: np.arange(len(s)) for k, s in outlook.shares.items()}
+        return Change(everything, outlook.orders)
+
+
+@dataclass(frozen=True)
+class Halve(Strategy):
+    """The elements with the largest shares are halved.
+
+    They are as many as it takes to reach the aim, if halving an element of order p leaves
+    ``2^(-2 p)`` of its share; at most so many that they have `bulk` of all shares.
+
+    Parameters
+    ----------
+    bulk : float
+        Above 0, at most 1.
+    """
+
+    bulk: float = 0.7
+
+    def __post_init__(self) -> None:
+        bulk = numbers("strategy", "bulk", self.bulk)
+        if bulk.shape != () or not 0 < bulk <= 1:
+            raise InputError("strategy", f"bulk = {self.bulk!r}, expected a number in (0, 1]")
+
+    def choose(self, outlook: Outlook) -> Change:
+        """See the base class."""
+        return self._halved(outlook)[0]
+
+    def _halved(self, outlook: Outlook) -> tuple[Change, float, float]:
+        """What to halve, the part of all shares that is expected to remain, and its unknowns."""
+        names = list(outlook.shares)
+        shares = np.concatenate([outlook.shares[k] for k in names])
+        sizes = [len(outlook.shares[k]) for k in names]
+        order = np.repeat([outlook.orders[k] for k in names], sizes)
+        owner = np.repeat(np.arange(len(names)), sizes)
+        element = np.concatenate([np.arange(n) for n in sizes])
+        gain = shares * (1 - 0.25**order)
+        total = shares.sum()
+        if not total > 0:
+            return Uniform().choose(outlook), 0.0, float((6 * order).sum())
+        ranked = np.argsort(-gain, kind="stable")
+        left = 1 - np.cumsum(gain[ranked]) / total
+        bulk = int(np.searchsorted(np.cumsum(shares[ranked]) / total, self.bulk * (1 - 1e-12))) + 1
+        enough = np.flatnonzero(left <= outlook.aim)
+        count = min(bulk, enough[0] + 1 if len(enough) else len(ranked), len(ranked))
+        chosen = ranked[:count]
+        marked = {k: np.sort(element[chosen[owner[chosen] == i]]) for i, k in enumerate(names)}
+        change = Change(marked, outlook.orders)
+        return change, float(left[count - 1]), float((6 * order[chosen]).sum())
+
+
+@dataclass(frozen=True)
+class HalveOrRaise(Halve):
+    """The elements with the largest shares are halved, or the order of a whole mesh is raised.
+
+    One order more is expected to leave of an element's share what the strains beyond its reach
+    have of the energy that those of the degree before have: little where the solution is smooth,
+    all of it where it is not. Of both, that is done which lowers the logarithm of the error by
+    more for each unknown it adds; what goes below the aim does not count. Where a problem cannot be
+    solved all orders are raised: elements of high order can be bent farther.
+    """
+
+    def rescue(self, counts: Mapping[str, int], orders: Mapping[str, int], highest: int) -> Change:
+        """See the base class."""
+        if min(orders.values()) >= highest:
+            return super().rescue(counts, orders, highest)
+        nothing = {k: np.zeros(0, dtype=np.int64) for k in counts}
+        return Change(nothing, {k: min(p + 1, highest) for k, p in orders.items()})
+
+    def choose(self, outlook: Outlook) -> Change:
+        """See the base class."""
+        best, left, cost = self._halved(outlook)
+        worth = _worth(left, outlook.aim, cost)
+        total = outlook.total
+        for name, shares in outlook.shares.items():
+            if outlook.orders[name] >= outlook.highest or not total > 0:
+                continue
+            kept = np.clip(outlook.decays[name], LEAST, 1.0)
+            left = 1 - float((shares * (1 - kept)).sum()) / total
+            value = _worth(left, outlook.aim, 6.0 * len(shares))
+            if value > worth:
+                worth = value
+                orders = {**outlook.orders, name: outlook.orders[name] + 1}
+                best = Change({k: np.zeros(0, dtype=np.int64) for k in outlook.shares}, orders)
+        return best
+
+
+def _worth(left: float, aim: float, cost: float) -> float:
+    """How much the logarithm of the error falls for each unknown."""
+    return float(-np.log(min(max(left, aim, 1e-12), 1.0)) / cost)
+
+
+# -- meshes and orders of a scene, and which beam lies on which mesh -------------------------------
+
+#: Name of a mesh that was given alone.
+ALONE = "mesh"
+
+Meshes: TypeAlias = MeshCurve | Mapping[str, MeshCurve]
+
+
+@dataclass(eq=False)
+class Space:
+    """Meshes and their orders."""
+
+    meshes: dict[str, MeshCurve]
+    orders: dict[str, int]
+
+    def richer(self, highest: int) -> Space:
+        """One order more, or halved elements where there is none."""
+        meshes = {
+            k: m.refined() if self.orders[k] >= highest else m for k, m in self.meshes.items()
+        }
+        return Space(meshes, {k: min(p + 1, highest) for k, p in self.orders.items()})
+
+    def richest(self, highest: int) -> Space:
+        """Halved elements and one order more."""
+        return Space({k: m.refined() for k, m in self.meshes.items()}, self.orders).richer(highest)
+
+    def changed(self, change: Change) -> Space:
+        """After a change."""
+        meshes = {
+            k: m.refined(change.marked[k]) if len(change.marked[k]) else m
+            for k, m in self.meshes.items()
+        }
+        return Space(meshes, dict(change.orders))
+
+
+def beams(system: System) -> list[Beam]:
+    """Beams of a system."""
+    return [item for item in system.structures if isinstance(item, Beam)]
+
+
+def named(name: str) -> str:
+    """How errors call a mesh."""
+    return "mesh" if name == ALONE else f"mesh {name!r}"
+
+
+def owners(system: System, meshes: Mapping[str, MeshCurve]) -> dict[str, str]:
+    """The name of the mesh of each beam."""
+    out = {}
+    for beam in beams(system):
+        names = [name for name, mesh in meshes.items() if beam.mesh is mesh]
+        if not names:
+            raise InputError(
+                beam.label,
+                "lies on a mesh of its own: build must put each beam on a mesh it is given, as it"
+                " is, or its error would not be seen",
+            )
+        out[str(beam.name)] = names[0]
+    return out
+
+
+def whole(name: str, value: object, largest: int | None = None) -> None:
+    """Refuse what is no positive integer up to a largest one."""
+    integer = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not integer or value < 1 or (largest is not None and value > largest):  # type: ignore[operator]
+        upto = "" if largest is None else f" up to {largest}"
+        raise InputError(f"argument {name}", f"{value!r}, expected a positive integer{upto}")
+
+
+def checked_space(mesh: Meshes, order: int | Mapping[str, int], highest: int) -> Space:
+    """From the arguments of :func:`skfem_cosserat.adaptive.adapt`."""
+    meshes = {ALONE: mesh} if not isinstance(mesh, Mapping) else dict(mesh)
+    if not meshes:
+        raise InputError("argument mesh", "there is none")
+    for name, one in meshes.items():
+        if not isinstance(one, MeshCurve):
+            raise InputError(
+                "argument mesh", f"{name!r} is {type(one).__name__}, expected MeshCurve: lines"
+            )
+    orders = dict(order) if isinstance(order, Mapping) else dict.fromkeys(meshes, order)
+    if set(orders) != set(meshes):
+        raise InputError("argument order", f"names {sorted(orders)}, expected {sorted(meshes)}")
+    for value in orders.values():
+        whole("order", value, highest)
+    return Space(meshes, orders)
+
+
+# -- what adaptive refinement gives: a level for each mesh, and the last solution ------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """One mesh of the sequence.
+
+    Attributes
+    ----------
+    mesh : MeshCurve or dict of str to MeshCurve
+        As :func:`adapt` was given it.
+    order : int or dict of str to int
+    elements, unknowns : int
+        Of all beams; of the null space method.
+    value : (T, k) array
+        The quantity at its T times.
+    estimate : float
+        Of its error: the largest distance over the times to that of a richer mesh.
+    shares : dict of str to (ne,) array
+        Of the elements of each mesh in this error; by the adjoint solution with signs.
+    origin : str
+        Of the shares: "adjoint" or "strains".
+    verified : float
+        Distance to the quantity on a mesh that is richer twice; NaN where it was not looked at.
+    change : str
+        What was done next.
+    warnings : sequence of dict
+        Of its solution, as in ``history.meta["warnings"]``.
+    """
+
+    mesh: Meshes
+    order: int | Mapping[str, int]
+    elements: int
+    unknowns: int
+    value: Floats
+    estimate: float
+    shares: Mapping[str, Floats]
+    origin: str
+    verified: float = float("nan")
+    change: str = ""
+    warnings: Sequence[dict[str, Any]] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Adapted:
+    """What :func:`adapt` gives.
+
+    Attributes
+    ----------
+    reached : bool
+        Whether the tolerance was.
+    reason : str
+        Why it ended.
+    tolerance : float
+    levels : list of Level
+    system : System
+        Of the last mesh.
+    history : History
+        Its solution.
+    best : (T, k) array
+        The quantity on the richest mesh there was: better than the last value.
+    """
+
+    reached: bool
+    reason: str
+    tolerance: float
+    levels: list[Level]
+    system: System
+    history: History
+    best: Floats
+
+    @property
+    def mesh(self) -> Meshes:
+        """The last one, as it was given."""
+        return self.levels[-1].mesh
+
+    @property
+    def order(self) -> int | Mapping[str, int]:
+        """Of the last mesh."""
+        return self.levels[-1].order
+
+    @property
+    def value(self) -> Floats:
+        """The quantity (T, k) on the last mesh."""
+        return self.levels[-1].value
+
+    @property
+    def unknowns(self) -> int:
+        """Of the last mesh."""
+        return self.levels[-1].unknowns
+
+    @property
+    def estimate(self) -> float:
+        """Of the error of the last value, from the richest mesh there was."""
+        last = self.levels[-1]
+        return last.estimate if np.isnan(last.verified) else last.verified
+
+    def write_csv(self, path: str | os.PathLike[str]) -> Path:
+        """One line a level: elements, orders, unknowns, values, estimates and what was done."""
+        target = Path(path)
+        with target.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            count = self.levels[0].value.size
+            values = [f"value_{k}" for k in range(count)]
+            head = ["level", "elements", "order", "unknowns", *values, "estimate", "verified"]
+            writer.writerow([*head, "shares", "change", "warnings"])
+            for k, level in enumerate(self.levels):
+                numbers = [repr(float(v)) for v in level.value.ravel()]
+                row = [k, level.elements, level.order, level.unknowns, *numbers, level.estimate]
+                writer.writerow(
+                    [*row, level.verified, level.origin, level.change, told(level.warnings)]
+                )
+        return target
+
+    def chart(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """Estimated errors against unknowns (needs matplotlib); written to a file if given."""
+        estimates = [level.estimate for level in self.levels]
+        line = ([level.unknowns for level in self.levels], estimates)
+        return chart_errors({"estimate": line}, self.tolerance, path)
+
+
+# -- meshes refined where it matters, until a quantity is right to a tolerance ---------------------
 
 #: Highest order of elements.
 HIGHEST = 4
@@ -119,14 +592,21 @@ def adapt(
     >>> found.reached, bool(found.estimate < 1e-4)
     (True, True)
     """
-    study = _Study.checked(
+    study = _Adaptation.checked(
         build, mesh, quantity, tolerance, run, order, highest, strategy, safety, levels, unknowns
     )
-    return study.go()
+    with Notices(quiet=True, alone=True):  # of meshes that are replaced; levels keep their own
+        found = study.go()
+    if not found.reached:
+        text = f"{tolerance:.3g} was not reached: {found.reason}, estimate {found.estimate:.3g}"
+        warn("argument tolerance", text, AccuracyWarning)
+    last = {"last mesh": found.levels[-1].warnings}
+    sum_up("adapted mesh", "meshes", last, "adapted.levels")
+    return found
 
 
 @dataclass(eq=False)
-class _Study:
+class _Adaptation:
     """The arguments of :func:`adapt`, checked, and its loop."""
 
     build: Build
@@ -155,7 +635,7 @@ class _Study:
         safety: float,
         levels: int,
         unknowns: int,
-    ) -> _Study:
+    ) -> _Adaptation:
         """With sound arguments."""
         for name, function in (("build", build), ("quantity", quantity)):
             if not callable(function):
@@ -186,9 +666,7 @@ class _Study:
     def system(self, space: Space) -> System:
         """Of a model on these meshes; each of them must carry a beam."""
         model = self.build(self.given(space.meshes), self.given(space.orders))
-        system = model.freeze() if isinstance(model, Model) else model
-        if not isinstance(system, System):
-            raise InputError("argument build", f"gave {model!r}, expected a Model")
+        system = system_of(model, "argument build: what it gave")
         on = owners(system, space.meshes)
         for name, mesh in space.meshes.items():
             if name not in on.values():
@@ -232,7 +710,8 @@ class _Study:
         shares = {k: np.zeros(m.nelements) for k, m in self.space.meshes.items()}
         for beam, name in owners(coarse, self.space.meshes).items():
             shares[name] = shares[name] + by_beam[beam]
-        return self.noted(coarse, value, _size(error), shares, origin)
+        level = self.noted(coarse, value, _size(error), shares, origin)
+        return replace(level, warnings=rough.meta.get("warnings", []))
 
     def noted(
         self,
@@ -314,11 +793,6 @@ class _Study:
         self, reached: bool, reason: str, system: System, history: History, best: Floats
     ) -> Adapted:
         """The result."""
-        if not reached:
-            logger.warning(
-                "the tolerance %.3g was not reached: %s, estimate %.3g",
-                *(self.tolerance, reason, self.levels[-1].estimate),
-            )
         return Adapted(reached, reason, self.tolerance, self.levels, system, history, best)
 
 

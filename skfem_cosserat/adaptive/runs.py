@@ -1,35 +1,320 @@
-"""What is solved on each mesh: an equilibrium, or a motion in time."""
+"""Runs on one mesh and on a finer one, states carried between them, and what is looked at."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from ..beam import Beam
 from ..constraints import NullSpace, Treatment
-from ..diagnostics import goal_shares, missing_strains
-from ..diagnostics.error import beam_of
-from ..diagnostics.transfer import transfer
-from ..errors import Diverged, InputError
+from ..diagnostics import Projection, goal_shares, missing_strains, momentum
+from ..diagnostics.error import beam_of, new_rows, spins, transfer
+from ..diagnostics.nearest import nearest_configuration, settled
+from ..errors import Diverged, HistoryError, InputError
+from ..frames import is_beam
 from ..history import History
-from ..integrators import Integrator
+from ..integrators import Integrator, State
 from ..linear import SingularMatrixError
-from ..log import logger
-from ..model import System
-from ..simulate import simulate
+from ..model import Model, System, system_of
+from ..model.balance import amplitudes_at, balance
+from ..run import simulate
+from ..run.describe import describe, other_model
+from ..run.start import checked_start
 from ..statics import Control, LoadControl, Point, equilibrium, static
 from ..statics.control import Stage
-from ..statics.point import Functional
-from ..statics.record import recorded_amplitudes
-from ..types import Floats, numbers, positive
-from .carry import carry_history
-from .quantity import Quantity, gradient, value_of
+from ..statics.schedule import Functional, recorded_amplitudes
+from ..types import ArrayLike, Floats, VectorLike, check_kind, numbers, positive
+from ..warn import logger
 
-__all__ = ["Run", "RunInTime", "RunStatic"]
+__all__ = [
+    "NodePosition",
+    "Quantity",
+    "Run",
+    "RunInTime",
+    "RunStatic",
+    "carry_history",
+    "carry_state",
+    "gradient",
+    "value_of",
+]
+
+
+# -- quantities of interest: what a mesh is refined for --------------------------------------------
+
+#: Function of a system and a configuration (n,): a number, or a row of numbers of one unit.
+Quantity: TypeAlias = Callable[[System, Floats], ArrayLike]
+
+#: step of difference quotients, relative to the extent of the scene for positions
+SMALL = 1e-5
+
+
+@dataclass(frozen=True)
+class NodePosition:
+    """Where a named node of a beam is (m).
+
+    Parameters
+    ----------
+    beam : str
+        Name of the beam in the model.
+    node : str
+        Name of the node in its mesh.
+    direction : (3,) array, optional
+        Only the component along it; default: all three.
+
+    Raises
+    ------
+    InputError
+        When asked, if the system has no such beam.
+    MeshError
+        If its mesh has no such node.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Model, MeshCurve, Section
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> model = Model()
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4, name="rod")
+    >>> rod = model.add("boom", Beam(mesh, section))
+    >>> system = model.freeze()
+    >>> NodePosition("boom", "rod.end")(system, system.q0).tolist()
+    [0.0, 2.0, 0.0]
+    """
+
+    beam: str
+    node: str
+    direction: VectorLike | None = None
+
+    def __call__(self, system: System, q: Floats) -> Floats:
+        """The position (3,), or one component (1,)."""
+        beams = {item.name: item for item in system.structures if isinstance(item, Beam)}
+        if self.beam not in beams:
+            raise InputError(
+                "quantity", f"unknown beam {self.beam!r}; known: {sorted(map(str, beams))}"
+            )
+        at = system.offset(beams[self.beam].node(self.node))
+        x = np.asarray(q, dtype=float)[at : at + 3]
+        return x if self.direction is None else np.array([x @ np.asarray(self.direction)])
+
+
+def value_of(quantity: Quantity, system: System, q: Floats) -> Floats:
+    """The quantity (k,) at one configuration, checked."""
+    found = numbers("quantity", "value", quantity(system, q))
+    value = np.atleast_1d(found)
+    if value.ndim != 1 or not value.size or not np.isfinite(value).all():
+        raise InputError("quantity", f"gave {value!r}, expected one or more finite numbers")
+    return value
+
+
+def gradient(quantity: Quantity, system: System, q: Floats, along: Floats) -> Floats:
+    """Derivative (n,) of the component of a quantity along a vector (k,), by differences.
+
+    Central ones, coordinate by coordinate: their error is of second order, far below the parts of
+    a sum of shares that matter.
+    """
+    out = np.empty(system.n)
+    steps = np.full((system.rows, 3), SMALL)
+    steps[system.origin_rows] *= system.length
+    moved = np.array(q, dtype=float)
+    for k, h in enumerate(steps.ravel()):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved[k] = q[k] + sign * h
+            ends.append(along @ value_of(quantity, system, moved))
+        moved[k] = q[k]
+        out[k] = (ends[0] - ends[1]) / (2 * h)
+    return out
+
+
+# -- states and histories carried over to a system of the same scene on other meshes ---------------
+
+#: meta data that tell of the run and not of the system
+_RUN = (
+    *("integrator", "treatment", "step", "status", "parameter", "time", "loads"),
+    *("kernels", "solver"),
+)
+#: series that no mesh has a part in, beside those whose names begin with one of _ITEMS
+_KEPT = (
+    *("t", "step", "load_factor", "unstable", "critical", "turns"),
+    *("newton_iterations", "attempts", "residual"),
+    *("work_loads", "work_actuators", "work_drives", "dissipated", "work_ground"),
+)
+_ITEMS = ("joint/", "coupling/", "amplitudes/")
+
+
+def carry_state(source: Model | System, target: Model | System, state: State) -> State:
+    """A state of one system in another one with other meshes, orders or theories of its beams.
+
+    Configuration and velocity go over by :func:`skfem_cosserat.diagnostics.transfer`: nodes that
+    are in both systems keep them. New nodes are then brought into balance between those, with the
+    loads and accelerations of that instant: left where they were interpolated, stiff motions
+    (shear, extension) would get energy of their own.
+
+    Where beams of `target` hold strains (:class:`skfem_cosserat.Theory`) it is the nearest
+    configuration without these, the one that changes the other strains least, and the nearest
+    velocity in the kinetic energy; the centre of mass and the linear momentum of a scene in free
+    flight stay what they are. What `source` holds and `target` does not starts without strain:
+    its forces, which were multipliers, have to build up anew, and vibrations with them. Begin such
+    runs where these forces are small, or damp them.
+
+    Parameters
+    ----------
+    source, target : Model or System
+        Of the same scene, see :meth:`skfem_cosserat.Beam.refined`; with any theories.
+    state : State
+        Of `source`.
+
+    Returns
+    -------
+    State
+        Of `target`, for a run or a path that goes on from there. Its momentum is that of the
+        velocity on the hidden constraints.
+
+    Raises
+    ------
+    InputError, MeshError
+        If the systems do not belong together, or a beam is bent, drawn or twisted too far for what
+        it is to hold: named with both theories.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section, initial_state
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4), section, velocity=(3.0, 0, 0))
+    >>> systems = []
+    >>> for item in (beam.refined([3]), beam):
+    ...     model = Model()
+    ...     rod = model.add("rod", item)
+    ...     systems.append(model.freeze())
+    >>> fine, coarse = systems
+    >>> state = carry_state(coarse, fine, initial_state(coarse))
+    >>> bool(abs(state.p - initial_state(fine).p).max() < 1e-12)
+    True
+    """
+    source = system_of(source, "argument source")
+    target = system_of(target, "argument target")
+    checked_start(source, state)
+    v = Projection(source)(state.q, state.p, state.time)[0]
+    q, v = transfer(source, target, state.q, v)
+    q, v = _settled(source, target, state.q, q, v, state.time)
+    q, v = _held(source, target, q, v, state.time)
+    p, factor = momentum(target, v), state.load_factor
+    return State(state.time, state.index, q, p, True, state.turns, load_factor=factor)
+
+
+def carry_history(source: Model | System, target: Model | System, history: History) -> History:
+    """A history of one system as one of another system with refined meshes.
+
+    All states go over, so that :func:`skfem_cosserat.restart`, :func:`skfem_cosserat.equilibrium`
+    and exports take it for one of `target`: the last one, from which it goes on, as in
+    :func:`carry_state`, those before it as they are interpolated. Reactions and
+    coordinates of joints, works and times are kept as they were found; what belongs to the old
+    mesh (strains, resultants, energies, multipliers of triads) is left out:
+    :func:`skfem_cosserat.run.derive_series` gives energies and resultants anew.
+
+    Parameters
+    ----------
+    source, target : Model or System
+    history : History
+        Of `source`: of a run or a path.
+
+    Returns
+    -------
+    History
+        Its ``meta["carried"]`` holds the counts of `source`.
+
+    Raises
+    ------
+    HistoryError
+        If the history is none of `source`.
+    InputError, MeshError
+        If the systems do not belong together.
+    """
+    source = system_of(source, "argument source")
+    target = system_of(target, "argument target")
+    check_kind("argument history", history, History)
+    difference = other_model(source, history.meta.get("fingerprint", {}))
+    if difference:
+        raise HistoryError("history", f"belongs to another model: {difference}")
+    times = history.instants
+    v, _ = Projection(source).stack(history["q"], history["p"], times)
+    q, v = transfer(source, target, history["q"], v)
+    if len(history):
+        t, last = float(times[-1]), history["q"][-1]
+        if "load_factor" in history:  # loads may be those of a path: at rest
+            y, rows = target.extend(q[-1], t), new_rows(source, target)
+            y, _ = settled(target, y, recorded_amplitudes(history), rows)
+            q[-1] = y[: target.rows].ravel()
+        else:
+            q[-1], v[-1] = _settled(source, target, last, q[-1], v[-1], t)
+        q[-1], v[-1] = _held(source, target, q[-1], v[-1], t)
+    p = momentum(target, v)
+    count = len(history)
+    meta, static = describe(target)
+    meta |= {name: history.meta[name] for name in _RUN if name in history.meta}
+    meta["carried"] = source.counts()
+    series = {
+        name: values
+        for name, values in history.series.items()
+        if name in _KEPT or name.startswith(_ITEMS)
+    }
+    nothing = np.full((count, target.n), np.nan)
+    series |= {"q": q, "p": p, "carried": p, "fresh": np.ones(count), "constraint_force": nothing}
+    if "constraint_point" in history:
+        series["constraint_point"] = np.full((count, 3 * target.total), np.nan)
+    return History(meta, static, series)
+
+
+def _settled(
+    source: System, target: System, before: Floats, q: Floats, v: Floats, t: float
+) -> tuple[Floats, Floats]:
+    """With new nodes in balance between the others, and turning as they did.
+
+    Their accelerations are interpolated from those that the forces cause in `source` at `before`.
+    """
+    loads = amplitudes_at(source, t)
+    R = balance(source, source.extend(before, t), loads).R.ravel()
+    projection = Projection(source)
+    a = projection(before, -R, t)[0] - projection(before, np.zeros(source.n), t)[0]
+    inertia = momentum(target, transfer(source, target, before, a)[1])
+    rows, y = new_rows(source, target), target.extend(q, t)
+    rest, _ = settled(target, y, amplitudes_at(target, t), rows, inertia)
+    rates = v.reshape(-1, 3).copy()
+    spin = spins(y[rows], rates[rows])
+    rates[rows[:, 1:]] = np.cross(spin[:, None], rest[rows[:, 1:]])
+    return rest[: target.rows].ravel(), rates.ravel()
+
+
+def _held(source: System, target: System, q: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
+    """Without the strains that beams of the target hold.
+
+    Raises
+    ------
+    InputError
+        Naming a beam with its theories in both systems.
+    """
+    if not target.theory_rows:
+        return q, v
+    y = target.extend(q, t)
+    found = nearest_configuration(target, y)
+    if found is None:
+        g = abs(target.constraints.values(y))
+        worst = max(target.theory_rows, key=lambda rows: float(g[rows.rows].max()))
+        known = {item.name: item.theory for item in source.structures if is_beam(item)}
+        raise InputError(
+            worst.beam.label,
+            f"its state with {known[worst.beam.name]!r} cannot be carried over to"
+            f" {worst.beam.theory!r}: no configuration near it is without the strains that this"
+            " theory holds",
+        )
+    q = found[: target.rows].ravel()
+    return q, Projection(target)(q, momentum(target, v), t)[0]
+
+
+# -- what is solved on each mesh: an equilibrium, or a motion in time ------------------------------
 
 #: states of a run, evenly spread, over which indicators are summed
 LOOKS = 40
@@ -135,7 +420,8 @@ class RunStatic(Run):
         """See the base class."""
         options = {"derive": False, **self.options}
         if before is not None and isinstance(self.control, LoadControl):
-            start = equilibrium(system, carry_history(before[0], system, before[1]))
+            known = carry_history(before[0], system, before[1])
+            start = equilibrium(system, known, time=float(known.instants[-1]))
             try:
                 return static(system, self.treatment, _Here(), start=start, **options)
             except Diverged as error:
@@ -167,10 +453,9 @@ class RunStatic(Run):
             seen, _ = transfer(fine, coarse, q)
             slope = gradient(quantity, coarse, seen, error[0] / size)
             amplitudes = recorded_amplitudes(good)
-            factor = float(good["load_factor"][-1])
             try:
-                start = rough["q"][-1]
-                found = goal_shares(coarse, fine, start, q, slope, amplitudes, factor)
+                start, time = rough["q"][-1], float(good.instants[-1])
+                found = goal_shares(coarse, fine, start, q, slope, amplitudes, time)
                 return found, "adjoint"
             except SingularMatrixError as singular:
                 logger.info("shares of elements by their strains: %s", singular)

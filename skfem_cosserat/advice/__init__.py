@@ -1,8 +1,6 @@
 """Advice on how simple a model a scene allows: measured, not guessed."""
 
-from .advice import Advice
-from .advise import advise
-from .proposal import Proposal
-from .rungs import BeamFull, BeamHeld, BeamModel, BeamRigid
+from .advise import Advice, advise
+from .proposals import BeamFull, BeamHeld, BeamModel, BeamRigid, Proposal
 
 __all__ = ["Advice", "BeamFull", "BeamHeld", "BeamModel", "BeamRigid", "Proposal", "advise"]

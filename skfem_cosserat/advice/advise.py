@@ -1,33 +1,240 @@
-"""The advisor: the cheapest model, mesh, integrator and step that give what is asked."""
+"""Advice: which model, mesh, step and method meet a tolerance at least cost."""
 
 from __future__ import annotations
 
+import csv
+import os
 from collections.abc import Collection, Hashable, Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..constraints import Multipliers, NullSpace, Treatment
 from ..errors import InputError
+from ..figures import check_folder, new_figure, write_figure
 from ..integrators import EnergyMomentum, Integrator, Variational
-from ..model import Model
+from ..model import Model, System, model_of
 from ..types import positive, whole
-from .advice import Advice, explained
-from .candidate import Candidate
-from .event import NUDGE, PATIENCE, Budget, Event, Start, check_start
-from .quantities import Quantities, Quantity
+from ..warn import sum_up, told
+from .proposals import Proposal
 from .reference import ORDER, Reference, find_reference
-from .search import Search
+from .search import Candidate, Search
+from .trials import NUDGE, PATIENCE, Budget, Pilot, Quantity, Start, Targets, Trials, check_start
 
-__all__ = ["advise"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+__all__ = ["Advice", "advise"]
+
+
+# -- what the advisor gives: a proposal, its errors and costs, all candidates, and why -------------
+
+ErrorSize = float | dict[str, float]
+
+
+@dataclass
+class Advice:
+    """Result of :func:`advise`.
+
+    Attributes
+    ----------
+    proposal : Proposal or None
+        The cheapest that was seen to be within the tolerance; None: none was.
+        ``proposal.build(model)`` is the scene of it.
+    predicted_error, true_error : float, or dict of str to float
+        The largest of the quantities' errors as they were predicted before the proposal was run,
+        and as measured against the reference; by quantity if the tolerance was so.
+    reference_error : float, or dict of str to float
+        Estimated error of the reference itself.
+    predicted_cost_s, true_cost_s : float
+        Processor time of the whole event (s); the true one is the least that its first step and
+        an iteration have taken in all runs of that scene with that method.
+    confident : bool
+        Whether true error and that of the reference together are within the tolerance, and
+        nothing speaks against both.
+    reasons : list of str
+        What does.
+    candidates : list of dict
+        A row for each proposal that was run: theories, order, elements, integrator, treatment,
+        step, unknowns, error, cost, status, warnings (in words); not "robust": it goes through,
+        with half the step it fails.
+    explanation : str
+        All that as a table and sentences.
+    spent_s : float
+        Processor time of the advice (s).
+    until : float
+        How long the event is (s).
+    reference : Proposal or None
+        What errors were measured against.
+    pilot : Pilot
+        Energies, frequencies and bending of a pilot run.
+    """
+
+    proposal: Proposal | None
+    predicted_error: ErrorSize
+    true_error: ErrorSize
+    reference_error: ErrorSize
+    predicted_cost_s: float
+    true_cost_s: float
+    confident: bool
+    reasons: list[str]
+    candidates: list[dict[str, Any]]
+    explanation: str = ""
+    spent_s: float = 0.0
+    until: float = np.nan
+    reference: Proposal | None = None
+    pilot: Pilot = field(default_factory=Pilot, repr=False)
+
+    def __str__(self) -> str:
+        return self.explanation
+
+    def build(self, model: Model | System) -> Model:
+        """The scene of the proposal; `model` does not change.
+
+        Raises
+        ------
+        InputError
+            If there is no proposal, or it is not the model that was advised on.
+        """
+        if self.proposal is None:
+            raise InputError("advice", "has no proposal: " + "; ".join(self.reasons))
+        return self.proposal.build(model)
+
+    def csv(self, path: str | os.PathLike[str]) -> None:
+        """Write the candidates, one a line.
+
+        Raises
+        ------
+        InputError
+            If the folder does not exist.
+        """
+        check_folder(path)
+        with open(path, "w", newline="", encoding="utf-8") as handle:
+            writer = csv.DictWriter(
+                handle, list(self.candidates[0]) if self.candidates else ["status"]
+            )
+            writer.writeheader()
+            writer.writerows(self.candidates)
+
+    def chart(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """Errors over costs of all candidates, the proposal marked; see :meth:`csv`.
+
+        Raises
+        ------
+        ImportError
+            Without matplotlib.
+        """
+        figure = new_figure(6.4, 4.8)
+        self.draw(figure.subplots())
+        return write_figure(figure, path)
+
+    def draw(self, axis: Any) -> None:
+        """Draw the chart on axes of matplotlib."""
+        axis.set(xscale="log", yscale="log", xlabel="cost in s", ylabel="error / tolerance")
+        axis.xaxis.set_minor_formatter(_few)  # costs seldom span a decade
+        done = [row for row in self.candidates if row["status"] == "ok" and row["error"] > 0]
+        for k, kind in enumerate(sorted({row["theories"] for row in done})):
+            own = [row for row in done if row["theories"] == kind]
+            for row in own:
+                fill = {} if row["robust"] else {"mfc": "none"}
+                style = "osD^v<>p"[k % 8]
+                axis.plot(row["cost_s"], row["error"], style, color=f"C{k}", ms=4, **fill)
+            axis.plot([], [], "osD^v<>p"[k % 8], color=f"C{k}", label=kind or "bodies")
+        if not all(row["robust"] for row in done):
+            axis.plot([], [], "o", mfc="none", color="grey", label="fails with half the step")
+        failed = [row["cost_s"] for row in self.candidates if row["status"] != "ok"]
+        failed = [cost for cost in failed if np.isfinite(cost)]
+        if failed:
+            top = axis.get_xaxis_transform()
+            axis.plot(failed, [0.97] * len(failed), "xk", transform=top, label="failed")
+        axis.axhline(1.0, color="black", linewidth=0.8)
+        for row in self.candidates:
+            if row["chosen"]:
+                axis.plot(
+                    row["cost_s"],
+                    row["error"],
+                    "o",
+                    mfc="none",
+                    mec="red",
+                    ms=13,
+                    mew=2,
+                    label="proposal",
+                )
+        axis.grid(which="major", alpha=0.3)
+        axis.tick_params(axis="x", which="both", labelsize="x-small", rotation=45)
+        axis.legend(fontsize="x-small")
+
+
+def explained(advice: Advice, lines: Sequence[str], tolerance: dict[str, float]) -> str:
+    """The table of the best candidates of each kind, and what was found."""
+    columns = ("theories", "p", "elements", "steps", "method", "error/tol", "cost s")
+    head = "{:<28} {} {:>14} {:>6} {:<28} {:>9} {:>8}".format(*columns)
+    rows = [head, "-" * len(head)]
+    for row in _worth_telling(advice.candidates):
+        mark = " <-" if row["chosen"] else "" if row["robust"] else " fails with half the step"
+        error = f"{row['error']:.3g}" if row["status"] == "ok" else row["status"]
+        rows.append(
+            f"{row['theories'][:28]:<28} {row['order']:>1} {row['elements'][:14]:>14}"
+            f" {row['steps']:>6} {(row['integrator'] + ', ' + row['treatment'])[:28]:<28}"
+            f" {error:>9} {row['cost_s']:>8.3g}{mark}"
+        )
+    rows += [
+        f"warned: {row['theories']}, {row['steps']} steps: {row['warnings']}"
+        for row in advice.candidates
+        if row["chosen"] and row["warnings"]
+    ]
+    wanted = ", ".join(f"{name} to {each:.3g}" for name, each in tolerance.items())
+    what = [f"{wanted} until {advice.until:.4g} s"]
+    if advice.proposal is not None:
+        what += [f"proposal: {advice.proposal}"]
+        what += [
+            f"error {_sizes(advice.true_error)} (predicted {_sizes(advice.predicted_error)}),"
+            f" of the reference {_sizes(advice.reference_error)};"
+            f" cost {advice.true_cost_s:.3g} s (predicted {advice.predicted_cost_s:.3g} s)"
+        ]
+    what += ["confident" if advice.confident else "not confident: " + "; ".join(advice.reasons)]
+    return "\n".join(
+        [
+            *what,
+            *lines,
+            f"{len(advice.candidates)} candidates run in {advice.spent_s:.3g} s:",
+            *rows,
+        ]
+    )
+
+
+def _sizes(error: ErrorSize) -> str:
+    if isinstance(error, dict):
+        return ", ".join(f"{name} {each:.3g}" for name, each in error.items())
+    return f"{error:.3g}"
+
+
+def _worth_telling(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Those that no other one beats in both error and cost, and failures."""
+    done = sorted((row for row in rows if row["status"] == "ok"), key=lambda row: row["cost_s"])
+    out, least = [], np.inf
+    for row in done:
+        if row["error"] < least or row["chosen"]:
+            out.append(row)
+            least = min(least, row["error"])
+    return out + [row for row in rows if row["status"] != "ok"][:5]
+
+
+def _few(value: float, _place: object = None) -> str:
+    """Labels of ticks between powers of ten, those that have room."""
+    return f"{value:g}" if round(value / 10.0 ** np.floor(np.log10(value))) in (2, 5) else ""
+
+
+# -- the advisor: the cheapest model, mesh, integrator and step that give what is asked ------------
 
 #: starts that are apart by a part of the scene's extent may grow apart so many times as far
 CHAOS = 1e3
 
 
 def advise(
-    model: Model,
+    model: Model | System,
     quantities: Mapping[str, Quantity],
     tolerance: float | Mapping[str, float],
     budget_s: float | None = None,
@@ -54,7 +261,7 @@ def advise(
 
     Parameters
     ----------
-    model : Model
+    model : Model or System
     quantities : dict of str to quantity
         What is wanted: sensors, functions ``f(history)``, or ``f(system, state)`` (both get
         recorded states, ``base + 1`` of them; items are to be found by name in
@@ -105,13 +312,14 @@ def advise(
     >>> weight = model.add("weight", sc.LoadGravity((0, 0, -9.81)))
     >>> sensors = {"tip": sc.SensorPosition(rod.node("rod.end"))}
     >>> advice = advise(model, sensors, tolerance=0.02, until=0.5)
-    >>> str(advice.proposal.rung["rod"]), advice.confident, bool(advice.true_error < 0.02)
+    >>> str(advice.proposal.theory["rod"]), advice.confident, bool(advice.true_error < 0.02)
     ('rigid', True, True)
     """
-    wanted = _checked(model, quantities, tolerance, seed, integrators, treatments, base)
+    model = model_of(model)
+    wanted = _checked(quantities, tolerance, seed, integrators, treatments, base)
     budget = Budget(None if budget_s is None else positive("argument budget_s", "value", budget_s))
     check_start(start)
-    event = Event(model, wanted, until, start, kernels, base, budget)
+    event = Trials(model, wanted, until, start, kernels, base, budget)
     reference = find_reference(event)
     if reference.trial is None:
         return _nothing(event, reference)
@@ -119,21 +327,24 @@ def advise(
     search.look()
     reasons = [*reference.doubts, *_chaos(event, search, seed)]
     search.go()
-    return _advice(event, reference, search, reasons)
+    advice = _advice(event, reference, search, reasons)
+    if search.best is not None:
+        item = "advice, its proposal and reference"
+        runs = {"proposal": search.best.trial, "reference": reference.trial}
+        about = {name: trial.warnings for name, trial in runs.items()}
+        sum_up(item, "runs", about, "advice.candidates, print(advice)")
+    return advice
 
 
 def _checked(
-    model: Model,
     quantities: Any,
     tolerance: Any,
     seed: Any,
     integrators: Any,
     treatments: Any,
     base: Any,
-) -> Quantities:
+) -> Targets:
     """The quantities, after a look at all arguments."""
-    if not isinstance(model, Model):
-        raise InputError("argument model", f"{model!r}, expected a Model")
     whole("argument seed", seed, 0)
     whole("argument base", base, 8)
     for name, given, kind in (
@@ -142,10 +353,10 @@ def _checked(
     ):
         if not given or not all(isinstance(each, kind) for each in given):
             raise InputError(f"argument {name}", f"{given!r}, expected a list of {kind.__name__}")
-    return Quantities(quantities, tolerance)
+    return Targets(quantities, tolerance)
 
 
-def _chaos(event: Event, search: Search, seed: int) -> list[str]:
+def _chaos(event: Trials, search: Search, seed: int) -> list[str]:
     """Whether a nudge at the start grows beyond all measure."""
     fine = search.fine
     if not fine.ok or not event.budget.allows(2 * fine.cost_s):
@@ -164,7 +375,7 @@ def _chaos(event: Event, search: Search, seed: int) -> list[str]:
     return [f"chaotic: a nudge at the start grows {growth:.2g} times"]
 
 
-def _advice(event: Event, reference: Reference, search: Search, reasons: list[str]) -> Advice:
+def _advice(event: Trials, reference: Reference, search: Search, reasons: list[str]) -> Advice:
     best, wanted = search.best, event.quantities
     if best is None:
         reasons.append("no candidate is within the tolerance")
@@ -192,7 +403,7 @@ def _advice(event: Event, reference: Reference, search: Search, reasons: list[st
     return advice
 
 
-def _nothing(event: Event, reference: Reference) -> Advice:
+def _nothing(event: Trials, reference: Reference) -> Advice:
     nan = event.quantities.given(np.nan)
     rows = [_row(Candidate(each, np.inf), None, ()) for each in event.plain]
     advice = Advice(None, nan, nan, nan, np.nan, np.nan, False, reference.doubts, rows)
@@ -201,7 +412,7 @@ def _nothing(event: Event, reference: Reference) -> Advice:
     return advice
 
 
-def _error(event: Event, reference: Reference, best: Candidate | None) -> float | dict[str, float]:
+def _error(event: Trials, reference: Reference, best: Candidate | None) -> float | dict[str, float]:
     """Against the reference, in the units of the quantities."""
     if best is None or reference.trial is None:
         return event.quantities.given(np.nan)
@@ -211,11 +422,11 @@ def _error(event: Event, reference: Reference, best: Candidate | None) -> float 
 
 def _row(own: Candidate, best: Candidate | None, fragile: Collection[Hashable]) -> dict[str, Any]:
     trial, proposal = own.trial, own.trial.proposal
-    meshed = [name for name, rung in proposal.rung.items() if rung.meshed]
+    meshed = [name for name, theory in proposal.theory.items() if theory.meshed]
     return {
-        "rungs": ", ".join(str(rung) for rung in proposal.rung.values()),
+        "theories": ", ".join(str(theory) for theory in proposal.theory.values()),
         "order": proposal.order if meshed else "",
-        "elements": ", ".join(str(proposal.count(name)) for name in proposal.rung),
+        "elements": ", ".join(str(proposal.count(name)) for name in proposal.theory),
         "integrator": proposal.integrator.name,
         "treatment": proposal.treatment.name,
         "planar": proposal.planar is not None,
@@ -229,6 +440,7 @@ def _row(own: Candidate, best: Candidate | None, fragile: Collection[Hashable]) 
         "iterations": trial.iterations,
         "status": trial.status,
         "reason": trial.reason,
+        "warnings": told(trial.warnings),
         "robust": proposal.key not in fragile,
         "chosen": own is best,
     }
@@ -239,8 +451,8 @@ def _found(reference: Reference, search: Search) -> list[str]:
     out = search.pilot.lines(
         search.best.trial.proposal.step if search.best else search.fine.proposal.step
     )
-    for (name, rung), error in search.predictor.rung.items():
-        out.append(f"{name} as {rung}: {error:.2g} tolerances off")
+    for (name, theory), error in search.predictor.theory.items():
+        out.append(f"{name} as {theory}: {error:.2g} tolerances off")
     for name, known in search.predictor.fine.items():
         table = ", ".join(f"{size}: {error:.2g}" for size, error in sorted(known.items()))
         out.append(f"{name} in elements of order {ORDER} a piece: tolerances off: {table}")

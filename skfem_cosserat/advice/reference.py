@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .event import Event, Trial
-from .proposal import Proposal
+from .proposals import Proposal
+from .trials import Trial, Trials
 
 __all__ = ["ORDER", "Reference", "find_reference"]
 
@@ -64,13 +64,13 @@ class Reference:
     doubts: list[str] = field(default_factory=list)
 
 
-def find_reference(event: Event) -> Reference:
+def find_reference(event: Trials) -> Reference:
     """Refine full beams until the estimated error is below a tenth of the tolerance."""
     return _Refiner(event).find()
 
 
 class _Refiner:
-    def __init__(self, event: Event) -> None:
+    def __init__(self, event: Trials) -> None:
         self.event = event
         self.level = dict.fromkeys(event.beams, 1)
         self.steps = event.base

@@ -1,25 +1,233 @@
-"""The search for the cheapest proposal within the tolerance: predict, run, step down."""
+"""The search among proposals, by what trials tell of errors and costs."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 
 from ..constraints import Treatment
 from ..integrators import Integrator
 from ..types import Floats
-from .candidate import ALIKE, Candidate, alike, cost_of, simpler_beams
-from .event import PATIENCE, Event, Trial
-from .pilot import Pilot, look
-from .predict import HOPELESS, SIZES, Predictor
-from .proposal import Proposal
+from .proposals import THEORIES, BeamModel, Proposal
 from .reference import ORDER, Reference
-from .rungs import RUNGS, BeamModel
+from .trials import PATIENCE, Pilot, Trial, Trials, look
 
-__all__ = ["Search"]
+__all__ = [
+    "ALIKE",
+    "HOPELESS",
+    "SIZES",
+    "Candidate",
+    "Predictor",
+    "Search",
+    "alike",
+    "cost_of",
+    "simpler_beams",
+]
+
+
+# -- proposals that were run, and which of two is to be preferred ----------------------------------
+
+#: of costs that are closer than this factor, more than clocks can tell, the simpler beams' counts
+ALIKE = 1.15
+
+
+@dataclass
+class Candidate:
+    """A proposal with what was predicted and what came out.
+
+    Attributes
+    ----------
+    trial : Trial
+    error : float
+        Difference from the reference, in tolerances; infinite if it failed.
+    predicted_error : float
+        In tolerances; not a number if nothing was predicted.
+    predicted_cost_s : float
+    """
+
+    trial: Trial
+    error: float
+    predicted_error: float = np.nan
+    predicted_cost_s: float = np.nan
+
+
+def cost_of(candidate: Candidate) -> float:
+    """Processor time (s), to sort by."""
+    return candidate.trial.cost_s
+
+
+def alike(own: Candidate, other: Candidate) -> float:
+    """The factor of the other one's cost that an own one must stay below to be preferred."""
+    if simpler_beams(own.trial.proposal, other.trial.proposal):
+        return ALIKE
+    return 1 / ALIKE if simpler_beams(other.trial.proposal, own.trial.proposal) else 1.0
+
+
+def simpler_beams(a: Proposal, b: Proposal) -> bool:
+    """Whether a beam of the first is simpler than in the second, and none is less simple."""
+    places = [(THEORIES.index(a.theory[name]), THEORIES.index(b.theory[name])) for name in a.theory]
+    return a.theory != b.theory and all(i <= j for i, j in places)
+
+
+# -- errors and costs of proposals that have not been run, from those that have --------------------
+
+#: elements a piece that are looked at
+SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+#: what is predicted to be worse than this is not tried (in tolerances)
+HOPELESS = 4.0
+#: error of the meshes that orders are compared with, in tolerances
+EVEN = 0.5
+
+
+class Predictor:
+    """Sums of what each axis (theory, mesh, step, integrator) was seen to do by itself.
+
+    Parameters
+    ----------
+    event : Event
+    reference : Reference
+
+    Attributes
+    ----------
+    mesh : dict of int to dict of float to float
+        By order, and by how many times the elements of `even` there are: error in tolerances.
+    theory, theory_cost : dict of (str, str) to float
+        By beam and theory: error in tolerances, factor of costs.
+    integrators : dict of str to (float, float)
+        Factors of the errors in time and of costs.
+    treatments : dict of str to float
+        Factors of costs.
+    scale : float
+        What was measured over what was predicted, lately.
+    """
+
+    def __init__(self, event: Trials, reference: Reference) -> None:
+        self.event, self.reference = event, reference
+        self.mesh: dict[int, dict[float, float]] = {}
+        self.theory: dict[tuple[str, str], float] = {}
+        self.theory_cost: dict[tuple[str, str], float] = {}
+        self.integrators: dict[str, tuple[float, float]] = {}
+        self.treatments: dict[str, float] = {}
+        self.scale = 1.0
+        self._fitted: tuple[int, tuple[float, float], dict[int, float]] = (-1, (0.0, 0.0), {})
+        #: by beam: error of references' elements by number a piece
+        self.fine: dict[str, dict[int, float]] = {name: {} for name in event.beams}
+        for name, found in self.fine.items():
+            levels = sorted(k for each, k in reference.space if each == name)
+            below = reference.space[name, levels[-1]] / 3
+            for level in reversed(levels):
+                below += reference.space[name, level]
+                found[2**level] = below
+        #: elements a piece for an error that beams share
+        self.even = {
+            name: next(
+                (k for k in SIZES if self.part(name, ORDER, k) <= EVEN / len(event.beams)),
+                SIZES[-1],
+            )
+            for name in event.beams
+        }
+
+    def time(self, steps: int) -> float:
+        """Error of a number of steps, of second order where nothing was run."""
+        known = self.reference.time
+        first, last = min(known), max(known)
+        tail = known[last] / 3
+        if steps > last:
+            return tail * (last / steps) ** 2 * 4
+        found = tail + sum(d for n, d in known.items() if n >= max(steps, first))
+        return found * (first / min(steps, first)) ** 2
+
+    def part(self, beam: str, order: int, per: float) -> float:
+        """Error that a beam contributes with so many elements a piece."""
+        if order == ORDER:
+            return _between(self.fine[beam], per, 2 * order)
+        known = self.mesh.get(order, {})
+        even = {name: self.part(name, ORDER, k) for name, k in self.even.items()}
+        total, count = sum(even.values()), len(even)
+        share = 0.9 * even[beam] / total + 0.1 / count if total else 1.0 / count
+        return share * _between(known, per / self.even[beam], 2 * order) if known else np.inf
+
+    def error(self, proposal: Proposal) -> float:
+        """Of a proposal, in tolerances."""
+        theories = sum(
+            self.theory.get((name, str(theory)), np.inf)
+            for name, theory in proposal.theory.items()
+            if str(theory) != "full"
+        )
+        factor = self.integrators.get(repr(proposal.integrator), (1.0, 1.0))[0]
+        space = sum(
+            self.part(name, proposal.order, proposal.elements[name] / self.event.pieces[name])
+            for name, theory in proposal.theory.items()
+            if theory.meshed
+        )
+        return self.scale * (theories + space + factor * self.time(proposal.steps))
+
+    def cost(self, proposal: Proposal) -> float:
+        """Processor time (s) of a proposal: steps times iterations times what one takes."""
+        factor = self.integrators.get(repr(proposal.integrator), (1.0, 1.0))[1]
+        factor *= self.treatments.get(repr(proposal.treatment), 1.0)
+        for name, theory in proposal.theory.items():
+            factor *= self.theory_cost.get((name, str(theory)), 1.0)
+        count = len(self.event.trials)
+        if count != self._fitted[0]:
+            self._fitted = (count, self._per_iteration(), self._iterations())
+        _, (base, slope), found = self._fitted
+        iterations = found[min(found, key=lambda n: abs(np.log(n / proposal.steps)))]
+        return factor * proposal.steps * iterations * (base + slope * proposal.nodes)
+
+    def _plain(self) -> list[Trial]:
+        """Runs with energy-momentum and the null space."""
+        plain = ("EnergyMomentum()", "NullSpace()")
+        return [
+            trial
+            for trial in self.event.plain
+            if trial.ok
+            and trial.proposal.method == plain
+            and trial.proposal.planar is self.event.planar
+            and all(str(theory) in ("full", "rigid") for theory in trial.proposal.theory.values())
+        ]
+
+    def _per_iteration(self) -> tuple[float, float]:
+        """Processor time of an iteration (s): a constant, and what each node adds."""
+        rows, times = [], []
+        for trial in self._plain():
+            cost = trial.cost_s / trial.proposal.steps / max(trial.iterations, 1.0)
+            rows.append([1.0 / cost, trial.proposal.nodes / cost])
+            times.append(1.0)
+        from scipy.optimize import nnls  # slow to import, seldom needed
+
+        base, slope = nnls(np.array(rows), np.array(times))[0]
+        return float(base), float(slope)
+
+    def _iterations(self) -> dict[int, float]:
+        """Newton iterations a step, by number of steps, of runs that are not too far off."""
+        found: dict[int, list[float]] = {}
+        plain, finest = self._plain(), self.reference.trial
+        assert finest is not None
+        near = [each for each in plain if self.event.distance(each, finest) <= HOPELESS]
+        for trial in near or plain:
+            found.setdefault(trial.proposal.steps, []).append(max(trial.iterations, 1.0))
+        return {steps: float(np.median(each)) for steps, each in found.items()}
+
+
+def _between(known: Mapping[Any, float], m: float, order: int) -> float:
+    """Error at m elements a piece: straight in the logarithms, beyond them of the order known."""
+    sizes = np.array([n for n, d in sorted(known.items()) if np.isfinite(d) and d > 0])
+    if not len(sizes):
+        return 0.0 if any(d == 0 for d in known.values()) else np.inf
+    errors = np.array([known[n] for n in sizes.tolist()])
+    if m > sizes[-1]:
+        return float(errors[-1] * (sizes[-1] / m) ** order)
+    if m < sizes[0]:
+        return float(errors[0] * (sizes[0] / m) ** order)
+    return float(np.exp(np.interp(np.log(m), np.log(sizes), np.log(errors))))
+
+
+# -- the search for the cheapest proposal within the tolerance: predict, run, step down ------------
 
 ORDERS = (1, 2, 3)
 #: elements of lower orders for one of the highest
@@ -54,7 +262,7 @@ class Search:
         The cheapest within the tolerance.
     """
 
-    event: Event
+    event: Trials
     reference: Reference
     integrators: Sequence[Integrator]
     treatments: Sequence[Treatment]
@@ -81,7 +289,7 @@ class Search:
     def go(self) -> None:
         """All stages after :meth:`look`, as long as the budget lasts."""
         self._meshes()
-        self._rungs()
+        self._theories()
         self._collect()
         self._try_predicted()
         self._swaps()
@@ -144,51 +352,51 @@ class Search:
                 if found[times] <= 0.3:
                     break
 
-    def _rungs(self) -> None:
+    def _theories(self) -> None:
         """Errors of cheaper models of each beam, the others as they are."""
         for name in self.rng.permutation(list(self.event.beams)).tolist():
             told: dict[str, list[str]] = {}
-            for rung in self._simpler(name):
-                if why := self._told(name, rung):
-                    told.setdefault(why, []).append(str(rung))
+            for theory in self._simpler(name):
+                if why := self._told(name, theory):
+                    told.setdefault(why, []).append(str(theory))
                     continue
                 proposal = replace(
-                    self.fine.proposal, rung=dict(self.fine.proposal.rung) | {name: rung}
+                    self.fine.proposal, theory=dict(self.fine.proposal.theory) | {name: theory}
                 )
                 if not self._affordable(proposal):
                     return
                 trial = self.event.run(proposal)
                 if not trial.ok:
-                    self.notes.append(f"{name} as {rung}: {trial.status}, {trial.reason}")
+                    self.notes.append(f"{name} as {theory}: {trial.status}, {trial.reason}")
                 if trial.status == "impossible":
                     continue
                 error = self.event.distance(trial, self.fine)
-                self.predictor.rung[name, str(rung)] = error
-                if trial.ok and rung.meshed:
-                    self.predictor.rung_cost[name, str(rung)] = trial.cost_s / self.fine.cost_s
+                self.predictor.theory[name, str(theory)] = error
+                if trial.ok and theory.meshed:
+                    self.predictor.theory_cost[name, str(theory)] = trial.cost_s / self.fine.cost_s
                 if error <= 0.1:
                     break
-            for why, rungs in told.items():
-                self.notes.append(f"{name}: not tried as {', '.join(rungs)}: it {why}")
+            for why, theories in told.items():
+                self.notes.append(f"{name}: not tried as {', '.join(theories)}: it {why}")
 
     def _simpler(self, name: str) -> Iterator[BeamModel]:
         """Models of a beam with less than it has, the simplest first."""
-        for rung in (each for each in RUNGS[:-1] if each.simpler(self.event.beams[name])):
-            if rung.untwisted and self.event.planar is not None:
+        for theory in (each for each in THEORIES[:-1] if each.simpler(self.event.beams[name])):
+            if theory.untwisted and self.event.planar is not None:
                 continue  # nothing twists in a plane
-            if str(rung) == "rigid beam" and (name, "rigid") in self.predictor.rung:
+            if str(theory) == "rigid beam" and (name, "rigid") in self.predictor.theory:
                 continue  # as a body it costs less
-            yield rung
+            yield theory
 
-    def _told(self, name: str, rung: BeamModel) -> str:
+    def _told(self, name: str, theory: BeamModel) -> str:
         """Why the pilot run rules out a model of a beam; empty: it does not."""
         bend, stretch = self.pilot.bend.get(name, 0.0), self.pilot.stretch.get(name, 0.0)
         twist = self.pilot.share(name, "torsion")
-        if {3, 4} & set(rung.held) and bend > RIGID:
+        if {3, 4} & set(theory.held) and bend > RIGID:
             return f"bends by {bend:.2g} rad"
-        if {0, 1, 2} & set(rung.held) and stretch > HELD:
+        if {0, 1, 2} & set(theory.held) and stretch > HELD:
             return f"is strained by {stretch:.2g}"
-        if rung.untwisted and twist > TWISTED:
+        if theory.untwisted and twist > TWISTED:
             return f"has {100 * twist:.2g} % of its strain energy in torsion"
         return ""
 
@@ -286,9 +494,9 @@ class Search:
         ladder = self._ladder()
         choices = [self._choices(name) for name in names]
         meshes: dict[tuple[str, ...], list[tuple[int, dict[str, int]]]] = {}
-        for rungs in product(*choices):
-            models = dict(zip(names, rungs, strict=True))
-            meshed = tuple(name for name, rung in models.items() if rung.meshed)
+        for theories in product(*choices):
+            models = dict(zip(names, theories, strict=True))
+            meshed = tuple(name for name, theory in models.items() if theory.meshed)
             if meshed not in meshes:
                 meshes[meshed] = list(self._distributions(meshed))
             for order, elements in meshes[meshed]:
@@ -305,9 +513,9 @@ class Search:
 
     def _choices(self, name: str) -> list[BeamModel]:
         """The full beam, and the two cheapest of the others that may do."""
-        known = self.predictor.rung
-        good = [rung for rung in RUNGS[:-1] if known.get((name, str(rung)), np.inf) <= 1.0]
-        return [*good[:2], RUNGS[-1]]
+        known = self.predictor.theory
+        good = [theory for theory in THEORIES[:-1] if known.get((name, str(theory)), np.inf) <= 1.0]
+        return [*good[:2], THEORIES[-1]]
 
     def _distributions(self, names: Sequence[str]) -> Iterator[tuple[int, dict[str, int]]]:
         """Meshes of the beams that have one, which share an error among them."""
@@ -451,7 +659,7 @@ class Search:
     def _neighbours(self, own: Proposal) -> Iterator[Proposal]:
         """One thing coarser or simpler, or one coarser and another one finer."""
         per = {name: own.elements[name] // p for name, p in self.event.pieces.items()}
-        meshed = [name for name, rung in own.rung.items() if rung.meshed]
+        meshed = [name for name, theory in own.theory.items() if theory.meshed]
         if own.steps % 2 == 0 and own.steps // 2 >= self.event.base // 4:
             longer = replace(own, steps=own.steps // 2, step=2 * own.step)
             richer = (self._richer(longer, order, per) for order in ORDERS if meshed)
@@ -472,10 +680,10 @@ class Search:
                     for name, k in per.items()
                 }
                 yield replace(own, order=order, elements=self.elements(nodes))
-        for name, rung in own.rung.items():
-            for other in RUNGS[: RUNGS.index(rung)]:
-                if self.predictor.rung.get((name, str(other)), np.inf) <= HOPELESS:
-                    yield replace(own, rung=dict(own.rung) | {name: other})
+        for name, theory in own.theory.items():
+            for other in THEORIES[: THEORIES.index(theory)]:
+                if self.predictor.theory.get((name, str(other)), np.inf) <= HOPELESS:
+                    yield replace(own, theory=dict(own.theory) | {name: other})
 
 
 def _halved(proposal: Proposal) -> Proposal:

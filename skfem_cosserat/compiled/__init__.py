@@ -1,1 +1,3 @@
-"""Kernels compiled by numba; imported only where they are used, see integrators/fast.py."""
+"""Kernels compiled by numba; see README.md. Imported where they are used only:
+integrators/compiled_step.py for steps, statics/solver.py for equilibria.
+"""

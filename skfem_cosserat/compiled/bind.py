@@ -1,4 +1,4 @@
-"""From a frozen system to the arrays of the compiled kernels."""
+"""From a system to the structures and parts that its kernels take."""
 
 from __future__ import annotations
 
@@ -10,42 +10,42 @@ import numpy as np
 from numba import typeof, types
 from numpy.typing import NDArray
 
+from ..coupling import Coupling
 from ..model import System
+from ..model.force_elements import Invariants
 from ..model.groups import BeamGroup, Group
-from ..model.tree import Coordinate, Edge, Spot
+from ..model.tree import Coordinate, Edge, Span, Spot
 from ..strain import strain_factors
 from ..types import Floats, IndexArray
 from . import (
     blocks,
     constraints,
     couplings,
-    couplings_kkt,
-    curvature,
     kkt,
-    layout,
+    kkt_forces,
     loads,
-    loads_kkt,
     loops,
     nodes,
     spans,
     stresses,
+    structures,
     tangent,
     tree,
 )
-from .bind_couplings import bound_couplings
-from .bind_spans import bound_spans
-from .following import following
+from .couplings import ANGLE, DISPLACEMENT, DISTANCE, KIND, ROW, SIDE, SLACK, SLOT
 from .jit import address
 from .numbers import BEAM_PARTS, COUPLED, TREE_PARTS
-from .plan import Plan
+from .plan import Plan, following
 from .tree import AXIS, ROTATION, SLIDE, SPHERE, STRETCH
-from .warm import cold, helped
+from .warm import cold, helped, kept_only
 
 __all__ = [
     "addresses",
     "bound_beams",
+    "bound_couplings",
     "bound_lumps",
     "bound_plan",
+    "bound_spans",
     "bound_tree",
     "bound_work",
     "choose_rows",
@@ -60,6 +60,102 @@ __all__ = [
     "parts_of",
     "signature",
 ]
+
+
+# -- from force elements to the arrays of the compiled kernels -------------------------------------
+
+COUPLING_KINDS = {"displacement": DISPLACEMENT, "distance": DISTANCE, "angle": ANGLE}
+
+
+def bound_couplings(system: System, plan: Plan) -> dict[str, Any]:
+    """Force elements on one scalar coordinate each; see :mod:`.couplings`.
+
+    Others (with statics, which take none) are left out: see ``refusal``.
+    """
+    items = system.couplings.items
+    count = len(items)
+    places = np.zeros((count, ROW + 2 * SIDE), dtype=np.int64)
+    laws, forms = np.zeros((count, 3)), np.zeros((count, 2, 2 * SIDE, 2 * SIDE))
+    reference = system.extend(system.q0, 0.0)
+    for c, item in enumerate(items):
+        coordinate = item.coordinates[0]
+        if coordinate.kind not in COUPLING_KINDS:
+            continue
+        invariants = Invariants([coordinate.forms], system.row_of)
+        vertices = _place(system, plan, item, invariants.rows[0], places[c])
+        _fill(system, invariants, vertices, forms[c])
+        places[c, KIND], places[c, SLACK] = COUPLING_KINDS[coordinate.kind], item.slack
+        origin = invariants.values(reference)[0, 0] if coordinate.kind == "displacement" else 0.0
+        laws[c] = item.stiffness[0, 0], item.damping[0, 0], item.neutral[0] + origin
+    return {"coupling": places, "coupling_law": laws, "coupling_forms": forms}
+
+
+def _vertices(system: System, rows: IndexArray) -> IndexArray:
+    """Vertex of each row of y, those of the ground included."""
+    first = np.asarray(system.vertex_rows)
+    order = np.argsort(first, kind="stable")
+    return np.asarray(order[np.searchsorted(first[order], rows, side="right") - 1])
+
+
+def _place(
+    system: System, plan: Plan, item: Coupling, rows: IndexArray, out: IndexArray
+) -> list[int]:
+    """Slots and rows of the one or two vertices, which it gives."""
+    vertices = np.unique(_vertices(system, rows)).tolist()
+    assert len(vertices) <= 2, item.label
+    known = [v < len(system.origin_rows) for v in vertices]
+    out[SLOT:ROW], out[ROW:] = -1, rows[0]
+    for one, v in enumerate(vertices):
+        own = rows[_vertices(system, rows) == v]
+        out[ROW + SIDE * one + own - system.vertex_rows[v]] = own
+        for two, u in enumerate(vertices):
+            if known[one] and known[two]:
+                out[SLOT + 2 * one + two] = plan.slot[v, u]
+    return vertices
+
+
+def _fill(system: System, invariants: Invariants, vertices: list[int], out: Floats) -> None:
+    """Matrices of the invariants by the rows of both sides."""
+    rows = invariants.rows[0][invariants.real[0]]
+    owner = _vertices(system, rows)
+    side = np.array([vertices.index(v) for v in owner])
+    local = SIDE * side + rows - np.asarray(system.vertex_rows)[owner]
+    for k, A in enumerate(invariants.A[0][:, : len(rows), : len(rows)]):
+        out[k][np.ix_(local, local)] = A
+
+
+# -- from the elements of the tree whose lines follow from directors to arrays ---------------------
+
+
+def bound_spans(system: System, plan: Plan) -> dict[str, Any]:
+    """Elements whose lines follow from their directors."""
+    number = np.full(len(system.tree.edges), -1)
+    reach: list[float] = []
+    strain, turned, slots = [], [], []
+    for k, edge in enumerate(system.tree.edges):
+        span = edge.joint
+        if not edge.spans or not isinstance(span, Span):
+            continue
+        number[k] = len(reach)
+        places = [span.vertices.index(v) for v in (edge.parent, edge.child)]
+        elements = span.item.elements
+        reach.append((places[1] - places[0]) * elements.lengths[span.element])
+        strain.append(elements.reference[span.element, 0, :3])
+        turned.append(span.item.rotations[span.element][places])
+        both = edge.parent, edge.child
+        slots.append([[plan.slot[a, b] for b in both] for a in both])
+    rotations = np.array(turned, dtype=float).reshape(-1, 2, 3, 3)
+    return {
+        "span": number,
+        "span_reach": np.array(reach, dtype=float),
+        "span_strain": np.array(strain, dtype=float).reshape(-1, 3),
+        "span_rotation": rotations,
+        "span_turned": (rotations != np.eye(3)).any((1, 2, 3)),
+        "span_slot": np.array(slots, dtype=np.int64).reshape(-1, 2, 2),
+    }
+
+
+# -- from a frozen system to the arrays of the compiled kernels ------------------------------------
 
 _PLANNED = (
     "order",
@@ -114,7 +210,7 @@ def compiling(
 ) -> AbstractContextManager[None]:
     """While these parts and the structures they take are compiled, with help on an empty cache."""
     order = system.beam_groups[0].vertices.shape[1] - 1 if system.beam_groups else 1
-    if cold([part_named(names[0], family)]):
+    if not kept_only() and cold([part_named(names[0], family)]):
         return helped(order, names, family)
     return nullcontext()
 
@@ -136,9 +232,9 @@ def addresses(names: Sequence[str], structures: Sequence[Any], family: str = "tr
 
 def part_named(name: str, family: str = "tree") -> Any:
     """The function of this name."""
-    modules = [nodes, tree, spans, curvature, loops, blocks, stresses, tangent, loads, couplings]
+    modules = [nodes, tree, spans, loops, blocks, stresses, tangent, loads, couplings]
     if family == "multipliers":
-        modules = [kkt, constraints, stresses, loads_kkt, couplings_kkt]
+        modules = [kkt, constraints, stresses, kkt_forces]
     if family == "plane":
         modules = [*plane_parts(), *modules]
     return next(vars(m)[name] for m in modules if name in m.__all__)
@@ -146,9 +242,9 @@ def part_named(name: str, family: str = "tree") -> Any:
 
 def plane_parts() -> list[Any]:
     """What parts for scenes in a plane are in, beside those that take any."""
-    from .plane import beams, blocks, loops, nodes, spans, tangent, tree
+    from .plane import loops, nodes, spans, tangent, tree
 
-    return [nodes, tree, spans, loops, blocks, beams, tangent]
+    return [nodes, tree, spans, loops, tangent]
 
 
 def signature(name: str, kinds: Sequence[Any]) -> list[Any]:
@@ -198,7 +294,7 @@ def bound_beams(
         fields |= {"slot": np.zeros((0, 2, 2), dtype=np.int64), "lengths": np.zeros(0)}
         fields |= {"rotations": np.zeros((0, 2, 3, 3)), "turned": False, "diagonal": True}
         fields |= {"S0": S, "S": S.copy(), "predicted": S.copy()}
-        return layout.beams(tuple(fields[name] for name in layout.BEAMS)), fields
+        return structures.beams(tuple(fields[name] for name in structures.BEAMS)), fields
     elements = group.elements
     ne, nn = group.vertices.shape
     ng = len(elements.points)
@@ -235,7 +331,7 @@ def bound_beams(
         "S": S.copy(),
         "predicted": S.copy(),
     }
-    return layout.beams(tuple(fields[name] for name in layout.BEAMS)), fields
+    return structures.beams(tuple(fields[name] for name in structures.BEAMS)), fields
 
 
 def nested(table: Floats) -> tuple[tuple[float, ...], ...]:
@@ -258,7 +354,7 @@ def bound_plan(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         "to_parent": integers(to_parent),
         "rest": integers([plan.blocks, 0]),
     }
-    return layout.plan(tuple(fields[name] for name in layout.PLAN)), fields
+    return structures.plan(tuple(fields[name] for name in structures.PLAN)), fields
 
 
 def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
@@ -285,7 +381,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         **bound_couplings(system, plan),
         **bound_spans(system, plan),
     }
-    return layout.tree(tuple(fields[name] for name in layout.TREE)), fields
+    return structures.tree(tuple(fields[name] for name in structures.TREE)), fields
 
 
 def _edges(system: System) -> dict[str, Any]:
@@ -481,8 +577,8 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
         "followers": (len(following(system).vertices), 4, 4),
         "coupled": (system.couplings.count, COUPLED),
     }
-    arrays = {name: np.zeros(shapes[name]) for name in layout.WORK}
-    return layout.work(tuple(arrays.values())), arrays
+    arrays = {name: np.zeros(shapes[name]) for name in structures.WORK}
+    return structures.work(tuple(arrays.values())), arrays
 
 
 def integers(numbers: Sequence[Any] | IndexArray) -> IndexArray:

@@ -10,9 +10,8 @@ from ..joint import Joint
 from ..model import System
 from ..model.quadratic import Terms
 from ..types import Floats, IndexArray
-from . import layout
-from .bind import bound_following, bound_lumps, bound_work
-from .bind_couplings import bound_couplings
+from . import structures
+from .bind import bound_couplings, bound_following, bound_lumps, bound_work
 from .kkt import PIVOT, WIDE
 from .numbers import BEAM_PARTS
 from .plan import Plan
@@ -105,7 +104,7 @@ def bound_constraints(
         **{name: np.zeros(shape) for name, shape in steps.items()},
     }
     fields["g"] = np.zeros(len(fields["constant"]))
-    return layout.constraints(tuple(fields[name] for name in layout.CONSTRAINTS)), fields
+    return structures.constraints(tuple(fields[name] for name in structures.CONSTRAINTS)), fields
 
 
 def _terms(system: System, plan: Plan) -> dict[str, Any]:
@@ -179,7 +178,7 @@ def bound_elimination(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         "x": np.zeros((count, PIVOT)),
         "scratch": np.zeros(PIVOT),
     }
-    return layout.elimination(tuple(fields[name] for name in layout.ELIMINATION)), fields
+    return structures.elimination(tuple(fields[name] for name in structures.ELIMINATION)), fields
 
 
 def bound_steps(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
@@ -200,4 +199,4 @@ def bound_steps(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
     _, others = bound_work(system, plan)
     shapes |= {name: others[name].shape for name in ("moments", "followers", "coupled")}
     arrays = {name: np.zeros(shapes.get(name, (0,) * array.ndim)) for name, array in others.items()}
-    return layout.work(tuple(arrays.values())), arrays
+    return structures.work(tuple(arrays.values())), arrays

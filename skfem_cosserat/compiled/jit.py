@@ -8,10 +8,8 @@ just the parts of what is in the scene.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 from pickle import UnpicklingError
 from typing import Any, TypeVar, cast
 
@@ -22,24 +20,21 @@ from numba.core.caching import FunctionCache
 from numba.core.runtime import rtsys
 from numba.extending import intrinsic
 
-from .pipeline import Inlining, Pipeline
+from .warm import NotKept, kept_only, stamp
 
-__all__ = ["STAMP", "address", "call", "call_back", "call_beams", "inlined", "jit", "part"]
+__all__ = ["STAMP", "address", "call", "call_back", "call_beams", "inlined", "jit"]
+__all__ += ["part", "ready"]
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 
-def _stamp() -> str:
-    """Of all sources that are compiled."""
-    digest = hashlib.sha256()
-    folder = Path(__file__).parent
-    for path in [*sorted(folder.rglob("*.py")), folder.parent / "newton.py"]:
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
-
-
 #: numba's cache notices changes in a function's own file only, but code of others is compiled in
-STAMP = _stamp()
+STAMP = stamp()
+
+
+#: what reading files of the cache raises; ImportError: they name a module that is no more
+_UNREADABLE: tuple[type[Exception], ...] = (UnpicklingError, EOFError, ValueError, LookupError)
+_UNREADABLE = (*_UNREADABLE, AttributeError, TypeError, ImportError)
 
 
 class _Cache(FunctionCache):
@@ -49,18 +44,25 @@ class _Cache(FunctionCache):
         return (*super()._index_key(sig, codegen), STAMP)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Code from the disk; files that were cut short or damaged are made anew.
+        """Code from the disk; files cut short, damaged, or of other sources are made anew.
 
         Numba would get ready to compile first, which takes as long as all else.
+
+        Raises
+        ------
+        NotKept
+            Where nothing may be compiled, and it is not there.
         """
+        found = None
         try:
             rtsys.initialize(target_context)
             with self._guard_against_spurious_io_errors():
-                return self._load_overload(sig, target_context)
-            return None  # such an error
-        except (UnpicklingError, EOFError, ValueError, LookupError, AttributeError, TypeError):
+                found = self._load_overload(sig, target_context)
+        except _UNREADABLE:
             self.flush()
-            return None
+        if found is None and kept_only():
+            raise NotKept(self._name)
+        return found
 
 
 def _compiled(function: Kernel, keep: bool, **options: bool) -> Any:
@@ -70,7 +72,6 @@ def _compiled(function: Kernel, keep: bool, **options: bool) -> Any:
         error_model="numpy",
         boundscheck=False,
         no_cfunc_wrapper=True,
-        pipeline_class=Pipeline if keep else Inlining,
         **options,
     )
     template = made.get_call_template
@@ -105,11 +106,23 @@ def inlined(function: Kernel) -> Kernel:
     return cast(Kernel, made)
 
 
+def ready(function: Any, kinds: tuple[Any, ...]) -> Any:
+    """What is compiled of a function for arguments of these types; it is, if need be.
+
+    Raises
+    ------
+    NotKept
+        See :func:`.warm.without_compiling`.
+    """
+    if kept_only() and kinds not in function.overloads and not isinstance(function._cache, _Cache):
+        raise NotKept(function.__name__)  # no folder to keep it in
+    function.compile(kinds)
+    return function.overloads[kinds]
+
+
 def address(function: Any, *kinds: Any) -> int:
     """Address of a part for arguments of these types, compiled if need be."""
-    signature = types.float64(*kinds)
-    function.compile(signature)
-    compiled = function.overloads[signature.args]
+    compiled = ready(function, kinds)
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
 
 

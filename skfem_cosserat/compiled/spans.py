@@ -4,8 +4,8 @@ Of a linear element that holds its shear strains ``phi' = D^-1 Gamma``, rows of 
 its middle: so the child's position is that of the parent and an arm that depends on the rotations
 of both, and its twist ``X t_parent + S nu`` as that of any joint's child. A chain of any length
 costs as much as its elements, where the columns of one matrix T would grow with the depth. See
-:mod:`skfem_cosserat.model.spans` for the theory. Parts take ``(s, m, w, numbers, flag)`` as those
-of :mod:`.tree`.
+:mod:`skfem_cosserat.model.kinematics` for the theory. Parts take ``(s, m, w, numbers, flag)`` as
+those of :mod:`.tree`.
 """
 
 from __future__ import annotations

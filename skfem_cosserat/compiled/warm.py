@@ -1,21 +1,77 @@
-"""Compiling with two processes: a helper fills the cache on disk from the other end.
+"""Kernels on disk: whether those of a scene are there, and how two processes put them there.
 
-Parts are compiled one by one, and kept on disk one by one. On an empty cache a second process does
-the same in reverse order, for a small scene whose structures are of the same types; where both
-meet, the rest is read from the cache. Whatever happens to the helper, nothing is lost but time.
+Whether a scene's kernels can be had without compiling is found by reading them
+(:func:`without_compiling`), as only numba knows for which processor and types it has what;
+:func:`promising` tells without numba, whose import takes as long as a short run, whether to try.
+
+Compiling with two processes: parts are compiled one by one, and kept on disk one by one. On an
+empty cache a helper does the same in reverse order, for a small scene whose structures are of the
+same types; where both meet, the rest is read from the cache. Whatever happens to the helper,
+nothing is lost but time.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-__all__ = ["cold", "helped"]
+__all__ = ["NotKept", "cold", "helped", "kept_only", "promising", "stamp", "without_compiling"]
+
+#: whether kernels may be read from the disk only, in this thread
+_KEPT_ONLY: ContextVar[bool] = ContextVar("kept_only", default=False)
+
+
+class NotKept(Exception):
+    """A kernel would have to be compiled, in :func:`without_compiling`."""
+
+
+@contextmanager
+def without_compiling() -> Iterator[None]:
+    """Kernels are taken from this process or the disk here; where that fails: NotKept."""
+    token = _KEPT_ONLY.set(True)
+    try:
+        yield
+    finally:
+        _KEPT_ONLY.reset(token)
+
+
+def kept_only() -> bool:
+    """Whether this is within :func:`without_compiling`."""
+    return _KEPT_ONLY.get()
+
+
+@cache
+def stamp() -> str:
+    """Of all sources that are compiled."""
+    digest = hashlib.sha256()
+    folder = Path(__file__).parent
+    for path in [*sorted(folder.rglob("*.py")), folder.parent / "newton.py"]:
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def promising() -> bool:
+    """Whether kernels of these sources may be on disk; numba is not imported for that.
+
+    The loop over a step, which all scenes take, is looked for where numba keeps it.
+    """
+    if "numba" in sys.modules:
+        return True
+    here, given = Path(__file__).parent, os.environ.get("NUMBA_CACHE_DIR")
+    if not given and not os.access(here, os.W_OK):
+        return True  # then it is somewhere in the user's folders
+    folders = Path(given).glob(f"{here.name}_*") if given else [here / "__pycache__"]
+    pattern = f"step.solve-*.py{sys.version_info.major}{sys.version_info.minor}*.nbi"
+    mark = stamp().encode()
+    return any(mark in path.read_bytes() for folder in folders for path in folder.glob(pattern))
 
 
 def processors() -> int:

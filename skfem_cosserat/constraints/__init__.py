@@ -2,6 +2,6 @@
 
 from .base import BoundTreatment, Treatment
 from .multipliers import Multipliers
-from .nullspace import BoundNullSpace, NullSpace
+from .null_space import BoundNullSpace, NullSpace
 
 __all__ = ["BoundNullSpace", "BoundTreatment", "Multipliers", "NullSpace", "Treatment"]

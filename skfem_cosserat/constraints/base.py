@@ -1,27 +1,156 @@
-"""What a treatment of the constraints is to an integrator.
-
-An integrator writes its discrete balance without constraint forces, ``R(y_1)`` (rows, 3) with the
-dimension of momentum, and says at which configuration ``y_c = (1 - w) y_0 + w y_1`` the constraint
-forces act (``w`` is its `constraint_weight`). A treatment turns this into a square system:
-``R + h G(y_c)^T lambda = 0, g(y_1) = 0``, or ``P(y_c)^T R = 0`` with ``y_1 = F_d(u, y_0)``.
-"""
+"""What a treatment of constraints does, and which rows are independent."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from contextlib import suppress
 from math import cos, isinf
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
 
-from ..linear import LinearSolver
+from ..frozen import Frozen
+from ..linear import LinearSolver, SingularMatrixError
 from ..model import System
 from ..model.groups import Blocks
 from ..types import Array, Floats, IndexArray
 
-__all__ = ["BoundTreatment", "Treatment", "half_turn", "largest"]
+__all__ = [
+    "BoundTreatment",
+    "RowSpace",
+    "Treatment",
+    "dependent_rows",
+    "half_turn",
+    "largest",
+    "massless",
+    "rows_touching",
+    "stacked_multipliers",
+]
+
+
+# --------------------------------------------------------------------------------------------------
+# The constraint Jacobian at one configuration: least-norm solutions, also with redundant rows.
+
+#: contributions to constraint Jacobians of configurations that are taken together
+ENTRIES = 100_000
+
+
+def massless(system: System) -> Array:
+    """Which coordinates (n,) have no mass, such as d3 of beams."""
+    return np.repeat(system.mass.diagonal() == 0, 3)
+
+
+def rows_touching(system: System, coordinates: Array) -> Array:
+    """Which constraint rows (m,) contain any of the coordinates, a mask (n,).
+
+    Asked at a configuration without any order, where nothing cancels.
+    """
+    y = np.random.default_rng(1).uniform(0.5, 1.5, (system.total, 3))
+    G = abs(system.constraints.jacobian(y)).tocsr()
+    largest = np.asarray(G.max(axis=1).todense()).ravel()
+    part = np.asarray(G[:, np.flatnonzero(coordinates)].sum(axis=1)).ravel()
+    return part > 1e-12 * largest
+
+
+def dependent_rows(system: System, y: Floats) -> IndexArray:
+    """Numbers of the constraint rows that depend on the others at y (total, 3)."""
+    if not len(system.closure.rows):
+        return np.zeros(0, dtype=np.int64)
+    return np.flatnonzero(~system.independent_rows(y))
+
+
+def stacked_multipliers(system: System, y: Floats, force: Floats) -> Floats:
+    """Lambda (N, m) of least norm with ``G(y)^T lambda = force``, for stacks.
+
+    Where no rows are redundant, many configurations at once: one sparse matrix for all.
+
+    Parameters
+    ----------
+    y : (N, total, 3) array
+    force : (N, n) array
+        NaN rows give NaN.
+
+    Returns
+    -------
+    (N, m) array
+        NaN where the rows depend on each other.
+    """
+    out = np.full((len(y), system.m), np.nan)
+    if not system.m:
+        return out
+    known = np.flatnonzero(np.isfinite(force).all(axis=1))
+    size = 1 if len(system.closure.rows) else max(1, ENTRIES // len(system.constraints.inside))
+    for first in range(0, len(known), size):
+        some = known[first : first + size]
+        if size == 1 or not _solve_together(system, y[some], force[some], some, out):
+            for k in some:
+                with suppress(SingularMatrixError):  # stays NaN
+                    out[k] = RowSpace(system, y[k]).multipliers(force[k])
+    return out
+
+
+def _solve_together(
+    system: System, y: Floats, force: Floats, places: IndexArray, out: Floats
+) -> bool:
+    """Multipliers of some configurations, to their places; False if one of them is singular."""
+    G = system.constraints.jacobians(y)
+    try:
+        gram = splu((G @ G.T).tocsc())
+    except RuntimeError:  # SuperLU: exactly singular
+        return False
+    out[places] = gram.solve(G @ force.reshape(-1)).reshape(len(y), -1)
+    return True
+
+
+class RowSpace:
+    """``G G^T`` of the independent rows of ``G(y)``, factorised once.
+
+    Raises
+    ------
+    SingularMatrixError
+        If those rows depend on each other, in a configuration of lower rank.
+    """
+
+    def __init__(self, system: System, y: Floats) -> None:
+        self.m = system.m
+        G = system.constraints.jacobian(y).tocsr()
+        self._dropped = dependent_rows(system, y)
+        self._kept = np.setdiff1d(np.arange(system.m), self._dropped)
+        self._G = G[self._kept]
+        try:
+            self._gram = splu((self._G @ self._G.T).tocsc())
+        except RuntimeError as error:  # SuperLU: exactly singular
+            raise SingularMatrixError("the constraint rows depend on each other") from error
+        # G_dropped = C^T G_kept, so the columns of (-C, I) are the null space of G^T
+        self._C = self._gram.solve((self._G @ G[self._dropped].T).toarray())
+
+    def multipliers(self, force: Floats) -> Floats:
+        """Lambda (m,) of least norm with ``G^T lambda = force`` for a force (n,) in its range."""
+        out = np.zeros(self.m)
+        out[self._kept] = self._gram.solve(self._G @ force)
+        if len(self._dropped):
+            C = self._C
+            inner = C.T @ C + np.eye(len(self._dropped))
+            weight = np.linalg.solve(inner, C.T @ out[self._kept])
+            out[self._kept] -= C @ weight
+            out[self._dropped] = weight
+        return out
+
+    def least_norm(self, rhs: Floats) -> Floats:
+        """Vector (n,) of least norm with ``G v = rhs``; redundant rows must agree with the rest."""
+        return np.asarray(self._G.T @ self._gram.solve(rhs[self._kept]))
+
+
+# -- what a treatment of the constraints is to an integrator ---------------------------------------
+#
+# An integrator writes its discrete balance without constraint forces, ``R(y_1)`` (rows, 3) with the
+# dimension of momentum, and says at which configuration ``y_c = (1 - w) y_0 + w y_1`` the
+# constraint forces act (``w`` is its `constraint_weight`). A treatment turns this into a square
+# system: ``R + h G(y_c)^T lambda = 0, g(y_1) = 0``, or ``P(y_c)^T R = 0`` with ``y_1 = F_d(u,
+# y_0)``.
 
 #: rotation in a step (rad) that counts as half a turn
 HALF_TURN = 3.12
@@ -32,7 +161,7 @@ NEAR = 0.9
 _ONES = np.ones(9)
 
 
-class Treatment(ABC):
+class Treatment(Frozen):
     """A choice; :meth:`bind` makes the arrays for a system."""
 
     name: str
@@ -53,8 +182,8 @@ class BoundTreatment(ABC):
     unknowns: int
     #: why the last configuration could not be formed, such as a loop that does not close
     trouble: str | None = None
-    #: what the start of the step is worth a warning for, such as a singular position
-    notice: str | None = None
+    #: what the start of the step is worth a warning for, such as a singular position: item, text
+    doubts: Sequence[tuple[str, str]] = ()
     #: whether all constraints that count as independent are so, by far, where the step starts
     regular: bool = True
     #: motion (rad, or relative to the scene) within which no singular position can be

@@ -13,7 +13,7 @@ from ..model import System
 from ..model.balance import amplitudes_at, balance
 from ..pattern import FrozenPattern
 from ..types import Array, Floats, IndexArray
-from .rowspace import dependent_rows, rows_touching
+from .base import dependent_rows, rows_touching
 
 __all__ = ["SaddlePoint", "accelerations", "hidden_rate", "nearest_velocity", "saddle_point"]
 

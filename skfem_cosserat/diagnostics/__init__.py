@@ -1,4 +1,4 @@
-"""Pure functions of a system and its states: energies, momenta, violations, forces, reactions.
+"""What follows from a system and its states: energies, momenta, violations, forces, reactions.
 
 States come one by one or stacked: q and p have shape (n,) or (N, n), results then have a leading
 axis N. A momentum p is that of the discrete Legendre transform, ``history["p"]``, all four blocks
@@ -16,30 +16,31 @@ from .energy import (
     section_strains,
     strain_energy,
 )
-from .error import goal_shares, missing_strains
-from .evaluate import SectionValues, evaluate
-from .forces import condition_number, constraint_points, multipliers, multipliers_at, reactions
-from .frequency import constraint_frequency, highest_frequency
-from .legendre import legendre_transforms
+from .error import SectionValues, evaluate, goal_shares, missing_strains, transfer
+from .forces import (
+    condition_number,
+    constraint_points,
+    multipliers,
+    multipliers_at,
+    nodal_resultants,
+    reactions,
+)
+from .joint_motion import coupling_energy, coupling_forces, joint_coordinates
 from .momenta import (
+    Projection,
     angular_momentum,
     constraint_violation,
     ground_part,
     hidden_violation,
+    legendre_transforms,
     linear_momentum,
     midpoint_angular_momentum,
     momentum_violation,
-)
-from .projection import (
-    Projection,
     prescribed_velocity,
     reduced_momentum,
     velocity_from_reduced,
 )
-from .relative import coupling_energy, coupling_forces, joint_coordinates
-from .resultants import nodal_resultants
-from .tangent import ReducedTangent, reduced_tangent
-from .transfer import transfer
+from .stacked import ReducedTangent, constraint_frequency, highest_frequency, reduced_tangent
 
 __all__ = [
     "Projection",

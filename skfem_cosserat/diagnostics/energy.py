@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -11,13 +12,13 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from ..errors import InputError
+from ..frames import is_beam
 from ..kernels import beam_energy, beam_strain, beam_strain_rate, beam_stress
-from ..kinds import is_beam
-from ..model import System
+from ..model import System, takes_scene
 from ..model.groups import BeamGroup
-from ..model.rungs import rung_of
-from ..types import ArrayLike, Floats
-from .stacks import as_stack, as_times
+from ..model.theories import theory_of
+from ..types import ArrayLike, Floats, switch
+from .stacked import as_floats, as_stack, as_times, step_size
 
 _CHUNK = 256  # states evaluated at once: bounds the memory
 
@@ -37,12 +38,22 @@ __all__ = [
 ]
 
 
+#: of each system that somebody still has, as factors take longer than all else that needs them
+_SOLVERS: WeakKeyDictionary[System, Callable[[Floats], Floats]] = WeakKeyDictionary()
+
+
 def mass_solver(system: System) -> Callable[[Floats], Floats]:
     """Pseudo-inverse of the scalar mass matrix, applied to (rows, k) arrays.
 
     Rows without mass (d3 of beams) give zero. Small singular blocks (a point mass off the origin
     of a body) are inverted on their range.
     """
+    if system not in _SOLVERS:
+        _SOLVERS[system] = _mass_solver(system)
+    return _SOLVERS[system]
+
+
+def _mass_solver(system: System) -> Callable[[Floats], Floats]:
     mass = system.mass.tocsc()
     count, label = connected_components(mass, directed=False)
     massive = np.flatnonzero(mass.diagonal() > 0)
@@ -66,6 +77,7 @@ def mass_solver(system: System) -> Callable[[Floats], Floats]:
     return solve
 
 
+@takes_scene
 def kinetic_energy(system: System, p: ArrayLike) -> Floats:
     """``p . M^-1 p / 2`` over the blocks that have mass (the d3 of beams have none).
 
@@ -99,6 +111,7 @@ def kinetic_energy(system: System, p: ArrayLike) -> Floats:
     return out[0] if single else out
 
 
+@takes_scene
 def momentum(system: System, v: ArrayLike) -> Floats:
     """``M v``, zero in the blocks without mass.
 
@@ -131,6 +144,7 @@ def momentum(system: System, v: ArrayLike) -> Floats:
     return out[0].reshape(-1) if single else out.reshape(len(V), system.n)
 
 
+@takes_scene
 def kinetic_energy_of_velocity(system: System, v: ArrayLike) -> Floats:
     """``v . M v / 2``.
 
@@ -157,9 +171,10 @@ def kinetic_energy_of_velocity(system: System, v: ArrayLike) -> Floats:
     >>> kinetic_energy_of_velocity(model.freeze(), [[0, 0, 0], [3.0, 0, 0]]).tolist()
     [0.0, 9.0]
     """
-    return 0.5 * (np.asarray(v, dtype=float) * momentum(system, v)).sum(-1)
+    return 0.5 * (as_floats("v", v) * momentum(system, v)).sum(-1)
 
 
+@takes_scene
 def strain_energy(system: System, q: ArrayLike) -> Floats:
     """Stored energy ``int W(Gamma, K) ds`` of all beams, W = ``eps . D eps/2`` by default.
 
@@ -186,8 +201,8 @@ def strain_energy(system: System, q: ArrayLike) -> Floats:
     >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)
     >>> beam = model.add("beam", Beam(mesh, section, director=(1, 0, 0)))
     >>> system = model.freeze()
-    >>> q = system.q0
-    >>> q[14] = 2.02   # the end, drawn by 1 %
+    >>> q = system.q0.copy()
+    >>> q[system.dofs(beam.node((0, 0, 2)))[2]] = 2.02   # the end, drawn by 1 %
     >>> round(float(strain_energy(system, q)), 9)
     1.0
     """
@@ -200,6 +215,7 @@ def strain_energy(system: System, q: ArrayLike) -> Floats:
     return out[0] if single else out
 
 
+@takes_scene
 def midpoint_energy(system: System, q: ArrayLike, step: float, mean: bool) -> Floats:
     """Kinetic energy, and stored energy of beams, in terms of ``(q_n, q_{n+1})``.
 
@@ -232,13 +248,15 @@ def midpoint_energy(system: System, q: ArrayLike, step: float, mean: bool) -> Fl
     [1.0, 4.0]
     """
     Q, _ = as_stack(system, "q", q)
-    kinetic = kinetic_energy_of_velocity(system, np.diff(Q, axis=0) / step)
+    h, mean = step_size(step), switch("argument mean", mean)
+    kinetic = kinetic_energy_of_velocity(system, np.diff(Q, axis=0) / h)
     if mean:
         stored = strain_energy(system, Q)
         return kinetic + (stored[1:] + stored[:-1]) / 2
     return kinetic + strain_energy(system, (Q[1:] + Q[:-1]) / 2)
 
 
+@takes_scene
 def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
     """Potential ``-f(t) . q`` (J) of the dead loads and gravity with their value at time t.
 
@@ -286,6 +304,7 @@ def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
     return out[0] if single else out
 
 
+@takes_scene
 def section_strains(system: System, beam: Beam, q: ArrayLike) -> Floats:
     """Strains ``(Gamma_1, Gamma_2, Gamma_3, K_1, K_2, K_3)`` at the Gauss points of a beam.
 
@@ -317,8 +336,8 @@ def section_strains(system: System, beam: Beam, q: ArrayLike) -> Floats:
     >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)
     >>> beam = model.add("beam", Beam(mesh, section, director=(1, 0, 0)))
     >>> system = model.freeze()
-    >>> q = system.q0
-    >>> q[14] = 2.02   # the end, drawn by 1 %
+    >>> q = system.q0.copy()
+    >>> q[system.dofs(beam.node((0, 0, 2)))[2]] = 2.02   # the end, drawn by 1 %
     >>> (section_strains(system, beam, q)[0, 0].round(9) + 0.0).tolist()
     [0.0, 0.0, 0.01, 0.0, 0.0, 0.0]
     """
@@ -327,6 +346,7 @@ def section_strains(system: System, beam: Beam, q: ArrayLike) -> Floats:
     return out[0] if single else out
 
 
+@takes_scene
 def section_strain_rates(system: System, beam: Beam, q: ArrayLike, v: ArrayLike) -> Floats:
     """Rates of the strains at the Gauss points of a beam.
 
@@ -364,15 +384,15 @@ def section_strain_rates(system: System, beam: Beam, q: ArrayLike, v: ArrayLike)
     [0.0, 0.0, 0.01, 0.0, 0.0, 0.0]
     """
     Q, single = as_stack(system, "q", q)
-    V, _ = as_stack(system, "v", v)
-    if V.shape != Q.shape:
-        raise InputError("argument v", f"has shape {V.shape}, q has {Q.shape}")
+    V, _ = as_stack(system, "v", v, Q)
     out = _at_gauss_points(system, beam, Q, V)
     return out[0] if single else out
 
 
 def group_of(system: System, beam: Beam) -> BeamGroup:
     """The group of elements that holds a beam's; an error if it is not in the system."""
+    if not is_beam(beam):
+        raise InputError("argument beam", f"is of type {type(beam).__name__}, expected a Beam")
     group = next((g for g in system.beam_groups if id(beam) in g.slices), None)
     if group is None:
         raise InputError(beam.label, "is not in this system")
@@ -401,7 +421,7 @@ def _at_gauss_points(system: System, beam: Beam, Q: Floats, V: Floats | None = N
 def held_forces(
     system: System, beam: Beam, multipliers: ArrayLike | None, count: int | None = None
 ) -> Floats | float:
-    """Resultants (..., ne, ng, 6) of the strains that a beam's rung holds, zeros beside; 0 without.
+    """Resultants (..., ne, ng, 6) of strains that a beam's theory holds, zeros beside; 0 without.
 
     Parameters
     ----------
@@ -415,18 +435,19 @@ def held_forces(
     InputError
         If multipliers have another shape.
     """
-    rung = rung_of(system.rung_rows, beam)
-    if rung is None:
+    theory = theory_of(system.theory_rows, beam)
+    if theory is None:
         return 0.0
     shape: tuple[int, ...] = (system.m,) if count is None else (count, system.m)
     if multipliers is None:
-        return rung.stress(np.full(shape, np.nan))
+        return theory.stress(np.full(shape, np.nan))
     found = np.asarray(multipliers, dtype=float)
     if found.shape not in (shape, (system.m,)):
         raise InputError("argument multipliers", f"has shape {found.shape}, expected {shape}")
-    return rung.stress(np.broadcast_to(found, shape))
+    return theory.stress(np.broadcast_to(found, shape))
 
 
+@takes_scene
 def section_forces(
     system: System,
     beam: Beam,
@@ -446,7 +467,7 @@ def section_forces(
         Velocities as for :func:`section_strain_rates`: adds the viscous part of damped sections
         (of their own and of Rayleigh damping). Without: the elastic part alone.
     multipliers : (m,) or (N, m) array, optional
-        As of :func:`multipliers`: those of strains that the beam's rung holds are resultants.
+        As of :func:`multipliers`: those of strains that the beam's theory holds are resultants.
 
     Returns
     -------
@@ -466,13 +487,13 @@ def section_forces(
     >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)
     >>> beam = model.add("beam", Beam(mesh, section, director=(1, 0, 0)))
     >>> system = model.freeze()
-    >>> q = system.q0
-    >>> q[14] = 2.02   # the end, drawn by 1 %
+    >>> q = system.q0.copy()
+    >>> q[system.dofs(beam.node((0, 0, 2)))[2]] = 2.02   # the end, drawn by 1 %
     >>> (section_forces(system, beam, q)[0, 0].round(9) + 0.0).tolist()
     [0.0, 0.0, 100.0, 0.0, 0.0, 0.0]
     """
-    out = beam_stress(beam.elements, section_strains(system, beam, q))
     group = group_of(system, beam)
+    out = beam_stress(beam.elements, section_strains(system, beam, q))
     if v is not None and group.elements.viscosity is not None:
         rates = section_strain_rates(system, beam, q, v)
         out += np.einsum(

@@ -1,35 +1,389 @@
-"""Where the error of a mesh comes from, element by element, seen from a richer one.
-
-A richer system has elements of one order more on the same mesh, or each element halved.
-"""
+"""What beams have between their nodes, on other meshes, and how far results are apart."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.sparse.linalg import splu
 
 from ..errors import InputError
-from ..kinds import is_beam
+from ..frames import is_beam
+from ..kernels import beam_stress
 from ..linear import SingularMatrixError
-from ..model import System
+from ..model import Model, System, system_of, takes_scene
 from ..model.balance import Amplitudes
-from ..types import ArrayLike, Floats, IndexArray
-from .energy import section_strains
-from .resultants import element_forces
-from .settle import inner_rows, settled
-from .tangent import reduced_tangent
-from .transfer import transfer
+from ..types import ArrayLike, Floats, IndexArray, numbers, switch
+from .energy import group_of, held_forces, section_strains
+from .forces import element_forces
+from .nearest import inner_rows, settled
+from .stacked import as_one, as_stack, reduced_tangent
 
 if TYPE_CHECKING:
     from ..beam import Beam
 
-__all__ = ["beam_of", "goal_shares", "missing_strains", "parents"]
+
+__all__ = [
+    "SectionValues",
+    "beam_of",
+    "evaluate",
+    "goal_shares",
+    "missing_strains",
+    "new_rows",
+    "parents",
+    "spins",
+    "transfer",
+]
 
 
-def missing_strains(coarse: Beam, fine: System, beam: Beam, q: ArrayLike) -> Floats:
+# -- configurations and velocities carried over to a system of the same scene on other meshes ------
+
+#: reference frames closer than this are the same, and their values are copied
+SAME = 1e-12
+
+
+def transfer(
+    source: Model | System, target: Model | System, q: ArrayLike, v: ArrayLike | None = None
+) -> tuple[Floats, Floats]:
+    """Configurations and velocities of one system in another one with other meshes or orders.
+
+    Items are matched by name. What is not a beam keeps its numbers, and so do nodes that are in
+    both meshes. New nodes are where the elements interpolate the motion: the turn from the
+    interpolated reference directors to the interpolated present ones is brought to the nearest
+    rotation, and applied to the true reference of the node. Rigid motions and the reference itself
+    are carried over exactly, whatever the elements.
+
+    Parameters
+    ----------
+    source, target : Model or System
+        Beams of the same names on meshes of the same lines, see
+        :meth:`skfem_cosserat.MeshCurve.refined`; of any orders.
+    q : (n,) or (N, n) array
+        Configurations of `source`.
+    v : (n,) or (N, n) array, optional
+        Velocities, which fulfil the internal constraints; default: zero.
+
+    Returns
+    -------
+    q, v : (n,) or (N, n) arrays
+        Of `target`; triads are orthonormal, and velocities those of rotations.
+
+    Raises
+    ------
+    InputError
+        If an item is missing in `source`, or is another kind of item there.
+    MeshError
+        If the meshes of a beam do not divide the same lines.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> systems = []
+    >>> for count in (1, 2):
+    ...     model = Model()
+    ...     mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), count)
+    ...     beam = model.add("beam", Beam(mesh, section, director=(1, 0, 0)))
+    ...     systems.append(model.freeze())
+    >>> q = systems[0].q0.copy()
+    >>> coarse = systems[0].structures[0]
+    >>> q[systems[0].dofs(coarse.node((0, 0, 2)))[2]] = 2.02   # the end, drawn by 1 %
+    >>> middle, end = (systems[1].dofs(beam.node((0, 0, z)))[2] for z in (1, 2))
+    >>> transfer(*systems, q)[0][[middle, end]].tolist()
+    [1.01, 2.02]
+    """
+    source = system_of(source, "argument source")
+    target = system_of(target, "argument target")
+    Q, single = as_stack(source, "q", q)
+    if not np.isfinite(Q).all():
+        raise InputError("argument q", "is not finite: rotations cannot be carried over")
+    V = np.zeros_like(Q) if v is None else as_stack(source, "v", v, Q)[0]
+    known = {item.name: item for item in source.structures}
+    y, ydot = (a.reshape(len(Q), source.rows, 3) for a in (Q, V))
+    out = np.empty((2, len(Q), target.rows, 3))
+    for item in target.structures:
+        if id(item) not in target.first:
+            continue
+        other = known.get(item.name)
+        if other is None or other.kind != item.kind or id(other) not in source.first:
+            raise InputError(
+                item.label, f"is not in the system before: it has {sorted(map(str, known))}"
+            )
+        own, count = target.first[id(item)][1], _rows(item)
+        row = source.first[id(other)][1]
+        part = slice(row, row + _rows(other))
+        if is_beam(item) and is_beam(other):
+            values = _beam(other, item, y[:, part], ydot[:, part])
+        elif count == _rows(other):
+            values = (y[:, part], ydot[:, part])
+        else:
+            raise InputError(item.label, f"has {count} rows, {_rows(other)} in the system before")
+        out[:, :, own : own + count] = values
+    found = out.reshape(2, len(Q), target.n)
+    return (found[0, 0], found[1, 0]) if single else (found[0], found[1])
+
+
+def new_rows(source: System, target: System) -> IndexArray:
+    """Rows (k, 4) of y of the nodes of beams in `target` that are no nodes of `source`.
+
+    Raises
+    ------
+    MeshError
+        If the meshes of a beam do not divide the same lines.
+    """
+    known = {item.name: item for item in source.structures if is_beam(item)}
+    out = [np.zeros((0, 4), dtype=np.int64)]
+    for beam in (item for item in target.structures if is_beam(item)):
+        other, basis = known[beam.name], beam.basis
+        from ..mesh.divide import places_in
+
+        e, x = places_in(other.mesh, beam.mesh, basis.interpolation.nodes)
+        met = np.zeros(basis.n_nodes, dtype=bool)
+        met[basis.connectivity] = _met(other, e, x)[0]
+        nodes = np.flatnonzero(~met)
+        out.append(target.first[id(beam)][1] + 4 * nodes[:, None] + np.arange(4))
+    return np.concatenate(out)
+
+
+def _rows(item: object) -> int:
+    """Rows of y that an item has."""
+    vertices = item.vertices()  # type: ignore[attr-defined]
+    return len(vertices) * (1 if vertices.triads is None else 4)
+
+
+def _beam(source: Beam, target: Beam, y: Floats, ydot: Floats) -> tuple[Floats, Floats]:
+    """Rows (N, 4 nodes, 3) of the nodes of a beam, and their rates."""
+    kind = target.basis.interpolation.nodes
+    from ..mesh.divide import places_in
+
+    e, x = places_in(source.mesh, target.mesh, kind)
+    nodes = target.basis.connectivity
+    q, v = (a.reshape(len(a), -1, 4, 3) for a in (y, ydot))
+    reference = source.reference.reshape(1, -1, 4, 3)
+    now, rate, start = (_inside(source, e, x, a) for a in (q, v, reference))
+    turn, spin = _turn(now[..., 1:, :], start[..., 1:, :]), spins(now, rate)
+    own = target.reference.reshape(-1, 4, 3)[nodes]
+    moved, moving = _moved(now, rate, start, turn, spin, own)
+    met, node = _met(source, e, x)
+    if met.any():
+        # a node of both: its own triad, not the one interpolated by this element
+        k = node[met]
+        now, rate, start = q[:, k], v[:, k], reference[:, k]
+        turn = np.swapaxes(now[..., 1:, :], -1, -2) @ start[..., 1:, :]
+        at, along = _moved(now, rate, start, turn, spins(now, rate), own[met])
+        same = (abs(own[met] - start[0]).max(axis=(1, 2)) <= SAME)[:, None, None]
+        moved[:, met] = np.where(same, now, at)
+        moving[:, met] = np.where(same, rate, along)
+    shape = (len(q), len(target.basis.nodes), 4, 3)
+    out = np.empty(shape), np.empty(shape)
+    for field, values in zip(out, (moved, moving), strict=True):
+        field[:, nodes] = values
+    return out[0].reshape(len(q), -1, 3), out[1].reshape(len(q), -1, 3)
+
+
+def _inside(beam: Beam, e: np.ndarray, x: Floats, nodal: Floats) -> Floats:
+    """Values (N, ne, n, 4, 3) of sections inside elements of nodal frames (N, nodes, 4, 3)."""
+    local = nodal[:, beam.basis.connectivity[e]]
+    local = local.copy()
+    local[..., 1:, :] = beam.rotations[e] @ local[..., 1:, :]
+    return np.asarray(np.einsum("aef,kefaic->kefic", beam.basis.shape(x), local))
+
+
+def _turn(d: Floats, start: Floats) -> Floats:
+    """Rotations (..., 3, 3) nearest to ``sum d_i D_i^T``."""
+    u, _, vt = np.linalg.svd(np.swapaxes(d, -1, -2) @ start)
+    return np.asarray(u @ vt)
+
+
+def spins(now: Floats, rate: Floats) -> Floats:
+    """Angular velocities (..., 3) that come nearest to the rates of directors."""
+    d, ddot = now[..., 1:, :], rate[..., 1:, :]
+    squares = (d * d).sum(axis=(-2, -1))[..., None, None] * np.eye(3)
+    inertia = squares - np.swapaxes(d, -1, -2) @ d
+    momentum = np.cross(d, ddot).sum(axis=-2)
+    return np.asarray(np.linalg.solve(inertia, momentum[..., None])[..., 0])
+
+
+def _moved(
+    now: Floats, rate: Floats, start: Floats, turn: Floats, spin: Floats, own: Floats
+) -> tuple[Floats, Floats]:
+    """Frames (..., 4, 3) with a reference of their own that are rigid with places, their rates."""
+    back = np.swapaxes(turn, -1, -2)
+    frames, rates = np.empty_like(now), np.empty_like(rate)
+    arm = (own[..., None, 0, :] - start[..., None, 0, :]) @ back
+    frames[..., 0, :] = now[..., 0, :] + arm[..., 0, :]
+    frames[..., 1:, :] = own[..., 1:, :] @ back
+    rates[..., 0, :] = rate[..., 0, :] + np.cross(spin, arm[..., 0, :])
+    rates[..., 1:, :] = np.cross(spin[..., None, :], frames[..., 1:, :])
+    return frames, rates
+
+
+def _met(beam: Beam, e: np.ndarray, x: Floats) -> tuple[np.ndarray, np.ndarray]:
+    """Which places are at nodes of a beam, and at which."""
+    gaps = abs(x[..., None] - beam.basis.interpolation.nodes)
+    nearest = gaps.argmin(axis=-1)
+    node = np.take_along_axis(beam.basis.connectivity[e], nearest[..., None], axis=-1)[..., 0]
+    from ..mesh.divide import MEETS
+
+    return gaps.min(axis=-1) <= MEETS, node
+
+
+# -- beams at any point inside their elements: place, triad, strains and resultants ----------------
+
+
+class SectionValues(NamedTuple):
+    """What :func:`evaluate` gives, m points; with N states there is a leading axis N."""
+
+    #: Places (m, 3) in m.
+    position: Floats
+    #: Section directors (m, 3, 3), d_{i+1} in row i.
+    triad: Floats
+    #: ``(Gamma, K)`` (m, 6), relative to the interpolated reference (-, 1/m).
+    strain: Floats
+    #: Elastic ``(N, M)`` (m, 6) in the section's frame, on the face with outward normal +d3
+    #: (N, N m).
+    resultant: Floats
+
+
+@takes_scene
+def evaluate(
+    system: System,
+    beam: Beam,
+    q: ArrayLike,
+    elements: ArrayLike,
+    xi: ArrayLike,
+    *,
+    orthonormal: bool = False,
+    multipliers: ArrayLike | None = None,
+) -> SectionValues:
+    """A beam at any points inside its elements.
+
+    Parameters
+    ----------
+    beam : Beam
+        Of this system.
+    q : (n,) or (N, n) array
+        Configurations.
+    elements, xi : (m,) array
+        Elements and reference coordinates in [0, 1]; by arc length: ``*beam.along(s, part)``.
+    orthonormal : bool
+        Triads orthonormal, by polar decomposition: the rotations nearest to the interpolated
+        directors.
+    multipliers : (m,) or (N, m) array, optional
+        As of :func:`multipliers`: resultants of strains that the beam's theory holds, interpolated
+        from the Gauss points; NaN without.
+
+    Returns
+    -------
+    SectionValues
+        ``position``, ``triad``, ``strain``, ``resultant``.
+
+    Raises
+    ------
+    InputError
+        If the beam is not in the system, an element is not in the beam, a coordinate not in
+        [0, 1], or the shape of `q` does not fit the system.
+
+    Notes
+    -----
+    Directors are interpolated as they are (113). At nodes they are orthonormal, between them not:
+    ``d_i.d_j`` deviates by an amount that vanishes with h^(p+1) (a linear element that turns by
+    an angle t has directors of length cos(t/2) in its middle). Positions and triads converge with
+    h^(p+1), strains and resultants with h^p, and with h^(p+1) at the Gauss points, where
+    :func:`section_strains` takes them; at nodes :func:`nodal_resultants` are far better.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> model = Model()
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)
+    >>> beam = model.add("beam", Beam(mesh, section, director=(1, 0, 0)))
+    >>> system = model.freeze()
+    >>> q = system.q0.copy()
+    >>> end = system.dofs(beam.node((0, 0, 2)))[:3]
+    >>> q[end] = (0, 0, 2.02)   # drawn by 1 %
+    >>> at = evaluate(system, beam, q, *beam.along([0.5, 1.5]))
+    >>> at.position[:, 2].round(9).tolist(), at.resultant[:, 2].round(9).tolist()
+    ([0.505, 1.515], [100.0, 100.0])
+    """
+    Q, single = as_stack(system, "q", q)
+    group = group_of(system, beam)
+    e, x = _places(beam, elements, xi)
+    rows = group.rows[group.slices[id(beam)]][e]
+    N = beam.basis.shape(x).T
+    dN = beam.basis.dshape(x).T / beam.elements.lengths[e][:, None]
+
+    def at(y: Floats) -> tuple[Floats, Floats]:
+        """Values (k, m, 4, 3) of phi, d1, d2, d3 of the sections, and their strains (k, m, 6)."""
+        nodal = y.reshape(*y.shape[:2], -1, 4, 3).copy()
+        nodal[..., 1:, :] = beam.rotations[e] @ nodal[..., 1:, :]
+        value, slope = (np.einsum("ma,kmaic->kmic", S, nodal) for S in (N, dN))
+        return value, _measures(value, slope)
+
+    value, strain = at(Q.reshape(len(Q), -1, 3)[:, rows])
+    strain = strain - at(beam.reference.reshape(1, -1, 3)[:, _own_rows(beam)[e]])[1]
+    triad = value[:, :, 1:]
+    if switch("argument orthonormal", orthonormal):
+        u, _, vt = np.linalg.svd(triad)
+        triad = u @ vt
+    resultant = beam_stress(beam.elements.taken(e), strain[:, :, None])[:, :, 0]
+    count = None if single else len(Q)
+    held = np.asarray(held_forces(system, beam, multipliers, count))
+    if held.ndim:
+        at_points = held.reshape(-1, *held.shape[-3:])[:, e]
+        weights = _between(beam.elements.points, x)
+        resultant = resultant + np.einsum("mg,kmgi->kmi", weights, at_points)
+    out = SectionValues(value[:, :, 0], triad, strain, resultant)
+    return SectionValues(*(array[0] for array in out)) if single else out
+
+
+def _between(points: Floats, x: Floats) -> Floats:
+    """Lagrange polynomials (m, ng) of points (ng,) at x (m,)."""
+    return np.array(
+        [
+            np.prod([(x - q) / (p - q) for q in np.delete(points, k)], axis=0) * np.ones_like(x)
+            for k, p in enumerate(points)
+        ]
+    ).T
+
+
+def _own_rows(beam: Beam) -> IndexArray:
+    """Rows (ne, 4 (p + 1)) of each element in the beam's own coordinates."""
+    rows = 4 * beam.basis.connectivity[:, :, None] + np.arange(4)
+    return rows.reshape(len(rows), -1)
+
+
+def _places(beam: Beam, elements: ArrayLike, xi: ArrayLike) -> tuple[IndexArray, Floats]:
+    from ..mesh.topology import element_numbers
+
+    e = element_numbers(elements, len(beam.basis.connectivity))
+    x = numbers(beam.label, "xi", xi)
+    if x.shape not in ((), e.shape):
+        raise InputError(beam.label, f"xi has shape {x.shape}, expected {e.shape} as elements")
+    x = np.broadcast_to(x, e.shape)
+    wrong = ~((x >= 0) & (x <= 1))
+    if wrong.any():
+        raise InputError(beam.label, f"xi = {x[wrong][0]} in element {e[wrong][0]}, not in [0, 1]")
+    return e, x
+
+
+def _measures(value: Floats, slope: Floats) -> Floats:
+    """``d_i . phi'`` and ``(1/2) eps_ijk d_k . d_j'`` (k, m, 6)."""
+    d = value[:, :, 1:]
+    gamma = np.einsum("kmic,kmc->kmi", d, slope[:, :, 0])
+    W = d @ np.swapaxes(slope[:, :, 1:], -1, -2)
+    wedge = (W - np.swapaxes(W, -1, -2)) / 2
+    return np.concatenate([gamma, wedge[..., [2, 0, 1], [1, 2, 0]]], axis=-1)
+
+
+# -- where the error of a mesh comes from, element by element, seen from a richer one --------------
+#
+# A richer system has elements of one order more on the same mesh, or each element halved.
+
+
+def missing_strains(coarse: Beam, fine: Model | System, beam: Beam, q: ArrayLike) -> Floats:
     """Stored energy of the strains that elements cannot hold, seen from a richer solution.
 
     An element of order p has strains at p Gauss points: polynomials of degree p - 1. How much
@@ -41,7 +395,7 @@ def missing_strains(coarse: Beam, fine: System, beam: Beam, q: ArrayLike) -> Flo
     ----------
     coarse : Beam
         The one to judge.
-    fine : System
+    fine : Model or System
     beam : Beam
         Of `fine`, the same one with elements of one order more or halved.
     q : (n,) or (N, n) array
@@ -79,6 +433,8 @@ def missing_strains(coarse: Beam, fine: System, beam: Beam, q: ArrayLike) -> Flo
     >>> round(float(one[0] * 24 * 100 / 0.1**2), 3), bool(two[0] < 1e-9 * two[1])
     (1.0, True)
     """
+    if not is_beam(coarse):
+        raise InputError("argument coarse", f"is of type {type(coarse).__name__}, expected a Beam")
     strains = section_strains(fine, beam, q)
     strains = strains.reshape(-1, *strains.shape[-3:])
     parent, xi = _gauss_places(coarse, beam)
@@ -112,7 +468,7 @@ def beam_of(system: System, name: str | None, label: str) -> Beam:
 def _gauss_places(coarse: Beam, fine: Beam) -> tuple[IndexArray, Floats]:
     """Elements of `coarse` that hold those of `fine`, and places (ne, g) of its Gauss points."""
     parent = parents(coarse, fine)
-    from ..mesh.relate import places_in
+    from ..mesh.divide import places_in
 
     _, xi = places_in(coarse.mesh, fine.mesh, fine.basis.points)
     return parent, xi
@@ -128,7 +484,7 @@ def parents(coarse: Beam, fine: Beam) -> IndexArray:
     InputError
         If an element of `fine` reaches beyond one of `coarse`.
     """
-    from ..mesh.relate import places_in
+    from ..mesh.divide import places_in
 
     e, _ = places_in(coarse.mesh, fine.mesh, np.array([0.0, 1.0]))
     if (e[:, 0] != e[:, 1]).any():
@@ -138,8 +494,8 @@ def parents(coarse: Beam, fine: Beam) -> IndexArray:
 
 
 def goal_shares(
-    coarse: System,
-    fine: System,
+    coarse: Model | System,
+    fine: Model | System,
     q: ArrayLike,
     good: ArrayLike,
     gradient: ArrayLike,
@@ -157,7 +513,7 @@ def goal_shares(
 
     Parameters
     ----------
-    coarse, fine : System
+    coarse, fine : Model or System
         Of the same scene.
     q : (coarse.n,) array
         Equilibrium of `coarse`.
@@ -201,16 +557,19 @@ def goal_shares(
     >>> round(float(shares.sum() / (good[tip] - q[tip])), 3)
     1.0
     """
+    coarse, fine = system_of(coarse, "argument coarse"), system_of(fine, "argument fine")
+    q, gradient = (as_one(coarse, *each) for each in (("q", q), ("gradient", gradient)))
+    good = as_one(fine, "good", good)
     y = coarse.extend(transfer(fine, coarse, good)[0], t)
     y, tangent = settled(coarse, y, amplitudes, inner_rows(coarse))
-    start = coarse.extend(np.asarray(q, dtype=float), t)
+    start = coarse.extend(q, t)
     K = (tangent.K + reduced_tangent(coarse, start, amplitudes).K) / 2
     try:
-        z = splu(K.T.tocsc()).solve(tangent.P.T @ np.asarray(gradient, dtype=float))
+        z = splu(K.T.tocsc()).solve(tangent.P.T @ gradient)
     except RuntimeError as error:  # SuperLU: exactly singular
         raise SingularMatrixError("the stiffness is singular: no adjoint solution") from error
     weight = (tangent.P @ z).reshape(-1, 3)
-    rows = np.asarray(good, dtype=float).reshape(-1, 3)
+    rows = good.reshape(-1, 3)
     out = {}
     for beam in (item for item in coarse.structures if is_beam(item)):
         richer = beam_of(fine, beam.name, beam.label)

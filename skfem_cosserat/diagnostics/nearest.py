@@ -1,20 +1,180 @@
-"""The configuration on the constraints that is nearest to a given one."""
+"""Nearest configurations on the constraints, and rigid motions."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_matrix, identity, kron
+from scipy.sparse import coo_matrix, csr_matrix, identity, kron
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from ..constraints.rowspace import RowSpace
+from ..constraints.base import RowSpace
+from ..frames import is_beam
 from ..kernels import exp_quaternion, rotation_matrix
 from ..linear import SingularMatrixError
 from ..model import System
-from ..model.bending import bent_elements
-from ..types import Floats
-from .tangent import material_stiffness, null_space_matrix
+from ..model.balance import Amplitudes
+from ..model.limits import bent_elements
+from ..types import Floats, IndexArray
+from .stacked import ReducedTangent, material_stiffness, null_space_matrix, reduced_tangent
 
-__all__ = ["nearest_configuration"]
+__all__ = [
+    "inner_rows",
+    "motions_out_of_plane",
+    "nearest_configuration",
+    "rigid_motions",
+    "rigid_pieces",
+    "settled",
+]
+
+
+# -- motions of a scene in which nothing is strained: of its beams and bodies as rigid pieces ------
+
+
+def rigid_pieces(system: System, joined: bool = False) -> tuple[IndexArray, list[str]]:
+    """Number of each vertex's rigid piece, and names of the pieces.
+
+    With `joined` those that fixed joints hold together are one piece.
+    """
+    count = len(system.origin_rows)
+    i, j = [], []
+    for group in system.beam_groups:
+        i.append(np.repeat(group.vertices[:, 0], group.vertices.shape[1]))
+        j.append(group.vertices.ravel())
+    if joined:
+        ends = [
+            [system.spot(place).vertex for place in (jr.joint.a, jr.joint.b)]
+            for jr in system.joint_rows
+            if jr.joint.type == "fixed"
+        ]
+        both = np.array([pair for pair in ends if max(pair) < count], dtype=np.int64).reshape(-1, 2)
+        i.append(both[:, 0])
+        j.append(both[:, 1])
+    none = np.zeros(0, dtype=np.int64)
+    a, b = np.concatenate([none, *i]), np.concatenate([none, *j])
+    graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
+    number, label = connected_components(graph, directed=False)
+    first = [int(np.flatnonzero(label == k)[0]) for k in range(number)]
+    return label, [system.owner[v].label for v in first]
+
+
+def rigid_motions(
+    system: System, y: Floats, label: IndexArray, count: int
+) -> tuple[csr_matrix, Floats]:
+    """Rates (n, 6 pieces) of unit translations (scene's length) and rotations about centroids."""
+    kin = system.kinematics
+    x = y[system.origin_rows]
+    centres = np.array([x[label == k].mean(0) for k in range(count)])
+    rows, cols, values = [], [], []
+
+    def add(row: IndexArray, piece: IndexArray, motion: int, rate: Floats) -> None:
+        rows.append((3 * row[:, None] + np.arange(3)).ravel())
+        cols.append(np.repeat(6 * piece + motion, 3))
+        values.append(rate.ravel())
+
+    frame = label[kin.frames]
+    for k in range(3):
+        e = np.eye(3)[k]
+        add(system.origin_rows, label, k, np.broadcast_to(system.length * e, x.shape))
+        add(system.origin_rows, label, 3 + k, np.cross(e, x - centres[label]))
+        for i in range(3):
+            add(kin.director_rows[:, i], frame, 3 + k, np.cross(e, y[kin.director_rows[:, i]]))
+    shape = (system.n, 6 * count)
+    ij = np.concatenate(rows), np.concatenate(cols)
+    return coo_matrix((np.concatenate(values), ij), shape=shape).tocsr(), centres
+
+
+def motions_out_of_plane(system: System, count: int) -> csr_matrix:
+    """Rows (k, 6 pieces) whose products with motions of pieces vanish in the scene's plane."""
+    if system.plane is None:
+        return csr_matrix((0, 6 * count))
+    out_of = np.zeros((3, 6))
+    out_of[0, :3], out_of[1:, 3:] = system.plane.normal, system.plane.axes
+    return csr_matrix(kron(identity(count), out_of))
+
+
+# -- nodes brought to rest while all others are held -----------------------------------------------
+
+#: Newton iterations, at most
+SETTLING = 6
+#: residual, relative to the first one, at which they end
+ENOUGH = 1e-9
+
+
+def settled(
+    system: System,
+    y: Floats,
+    amplitudes: Amplitudes,
+    rows: IndexArray,
+    inertia: Floats | None = None,
+) -> tuple[Floats, ReducedTangent]:
+    """A configuration in which some nodes of beams are in equilibrium between all others.
+
+    Interpolated nodes are farther off than what they are interpolated from, and stiff motions
+    leave large forces there.
+
+    Parameters
+    ----------
+    y : (total, 3) array
+        All rows of the configuration.
+    amplitudes : Amplitudes
+        Of the loads.
+    rows : (k, 4) int array
+        Rows of y of the nodes: phi and the directors. Those that joints hold stay where they are.
+    inertia : (n,) array, optional
+        ``M a``, which keeps the balance with the other forces.
+
+    Returns
+    -------
+    y : (total, 3) array
+        As it was, if the others are too far from where these nodes could be at rest.
+    tangent : ReducedTangent
+        There.
+    """
+    tangent = reduced_tangent(system, y, amplitudes)
+    first = 0.0
+    for _ in range(SETTLING if len(rows) else 0):
+        P = tangent.P.tocsc()
+        outside = np.ones(system.n)
+        outside[(3 * rows[..., None] + np.arange(3)).ravel()] = 0.0
+        free = np.flatnonzero(abs(P).T @ outside == 0)  # columns of these nodes alone
+        if not len(free):
+            break
+        try:
+            change = splu(tangent.K[free][:, free].tocsc()).solve(-_missing(tangent, inertia)[free])
+        except RuntimeError:  # SuperLU: exactly singular
+            break
+        moved = y.copy()
+        moved[: system.rows] += (P[:, free] @ change).reshape(-1, 3)
+        u, _, vt = np.linalg.svd(moved[rows[:, 1:]])
+        moved[rows[:, 1:]] = u @ vt
+        after = reduced_tangent(system, moved, amplitudes)
+        sizes = [float(abs(_missing(x, inertia)[free]).max()) for x in (tangent, after)]
+        first = first or sizes[0]
+        if not sizes[1] < sizes[0]:
+            break
+        y, tangent = moved, after
+        if sizes[1] <= ENOUGH * first:
+            break
+    return y, tangent
+
+
+def _missing(tangent: ReducedTangent, inertia: Floats | None) -> Floats:
+    """Residual along the constraints."""
+    if inertia is None:
+        return tangent.residual
+    return np.asarray(tangent.residual + tangent.P.T @ inertia)
+
+
+def inner_rows(system: System) -> IndexArray:
+    """Rows (k, 4) of y of the nodes inside elements."""
+    rows = [np.zeros((0, 4), dtype=np.int64)]
+    for beam in (item for item in system.structures if is_beam(item)):
+        inner = beam.basis.connectivity[:, 1:-1].ravel()
+        rows.append(system.first[id(beam)][1] + 4 * inner[:, None] + np.arange(4))
+    return np.concatenate(rows)
+
+
+# -- the configuration on the constraints that is nearest to a given one ---------------------------
 
 #: Newton iterations, at most
 ITERATIONS = 30

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..history import History
+from ..types import check_kind
 
 __all__ = ["write_csv"]
 
@@ -80,6 +81,7 @@ def write_csv(
     ...     path.read_text().splitlines()[-3:]
     ['t,step,energy', '0.0,0,2.0', '0.1,1,2.5']
     """
+    check_kind("argument history", history, History)
     chosen = _default_names(history) if names is None else list(names)
     header: list[str] = []
     columns: list[list[float]] = []

@@ -1,15 +1,14 @@
 """What a simulation leaves behind: arrays over the recorded states, in memory or in a file.
 
-A `History` holds numbers and names only. It knows no model and no solver, so export, charts and
-studies can read a run that was made on another computer, by another version, or that was killed.
+A `History` holds numbers and names only, no model and no solver: export, charts and studies can
+read a run that was made on another computer, by another version, or that was killed. Where a point
+is, it says of places that it is given, by the names of their items.
 """
 
 from __future__ import annotations
 
-from .container import History
-from .event import EventRecord
-from .file import read_meta
-from .sensor import SensorRecord, Spectrum, spectrum
+from .container import History, SensorRecord, Spectrum, spectrum
+from .file import EventRecord, read_meta
 from .writer import HistoryWriter
 
 __all__ = [

@@ -1,19 +1,332 @@
-"""The container: constant arrays, series over the recorded states, and plain meta data."""
+"""Recorded states of a run, read by name and by place."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
-from ..types import Array, Floats
-from .data import BASIC, check_basic, numbers, plain
-from .event import EventRecord
-from .file import load_file, save_file
-from .sensor import SensorRecord
+from ..errors import InputError, StorageError
+from ..frames import TOLERANCE, Place, is_beam
+from ..types import Array, ArrayLike, Floats, IndexArray, numbers, whole
+from ..warn import Notices, counted
+from .file import BASIC, EventRecord, check_basic, load_file, plain, save_file, series_numbers
+
+if TYPE_CHECKING:
+    from ..beam import Beam
+
+
+__all__ = [
+    "SensorRecord",
+    "Spectrum",
+    "checked_point",
+    "ground_rates",
+    "ground_rows",
+    "rows_at",
+    "spectrum",
+]
+
+
+# -- what a sensor has recorded: a number or vector at every step, with its spectrum ---------------
+
+
+class Spectrum(NamedTuple):
+    """One-sided amplitude spectrum of K instants.
+
+    Attributes
+    ----------
+    frequencies : (K // 2 + 1,) array
+        In Hz.
+    amplitudes : (K // 2 + 1, ...) array
+        Of a sine that fits the window, its amplitude (half of its range), in the record's units.
+    """
+
+    frequencies: Floats
+    amplitudes: Floats
+
+    def __repr__(self) -> str:
+        last = f" to {self.frequencies[-1]:g} Hz" if len(self.frequencies) else ""
+        return f"<Spectrum: {len(self.frequencies)} lines{last}>"
+
+    def peaks(self, count: int = 5) -> Floats:
+        """Frequencies (Hz) of the largest local maxima, largest first.
+
+        Between the lines of the spectrum by a parabola through the logarithms of three amplitudes;
+        vectors count by their length.
+
+        Parameters
+        ----------
+        count : int
+            At most so many.
+        """
+        from scipy.signal import find_peaks  # slow to import, seldom needed
+
+        size = self.amplitudes
+        if size.ndim > 1:
+            size = np.linalg.norm(size.reshape(len(size), -1), axis=1)
+        places, _ = find_peaks(size)
+        places = places[np.argsort(-size[places])][:count]
+        with np.errstate(divide="ignore"):
+            left, mid, right = (np.log(size[places + k]) for k in (-1, 0, 1))
+        curvature = left - 2 * mid + right
+        sound = np.isfinite(curvature) & (curvature < 0)
+        shift = np.zeros(len(places))
+        np.divide(left - right, 2 * curvature, out=shift, where=sound)
+        return np.asarray((places + shift) * self.frequencies[1])
+
+
+def spectrum(times: ArrayLike, values: ArrayLike, window: str = "hann") -> Spectrum:
+    """Amplitude spectrum of equidistant values, their mean and trend taken off.
+
+    Parameters
+    ----------
+    times : (K,) array
+        Equidistant instants (s), at least eight.
+    values : (K, ...) array
+    window : str
+        Name of a window of ``scipy.signal.get_window``; amplitudes are those of a sine in it.
+
+    Returns
+    -------
+    Spectrum
+
+    Raises
+    ------
+    InputError
+        If instants are not equidistant, too few, something is not finite, or there is no such
+        window.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 10, 1001)
+    >>> found = spectrum(t, 0.3 * np.sin(2 * np.pi * 4.0 * t) + 2.0)
+    >>> found.peaks(1).round(3).tolist(), float(found.amplitudes.max().round(3))
+    ([4.0], 0.3)
+    """
+    t = numbers("argument times", "times", times)
+    y = numbers("argument values", "values", values)
+    if t.ndim != 1 or len(t) < 8 or y.shape[:1] != t.shape:
+        raise InputError(
+            "argument times", f"has shape {t.shape} for values {y.shape}, expected (K,), K >= 8"
+        )
+    if not (np.isfinite(t).all() and np.isfinite(y).all()):
+        raise InputError("argument values", "times or values are not finite")
+    steps = np.diff(t)
+    step = float((t[-1] - t[0]) / (len(t) - 1))
+    if not step > 0 or abs(steps - step).max() > 1e-6 * step:
+        raise InputError(
+            "argument times", f"steps from {steps.min():.6g} to {steps.max():.6g}, expected equal"
+        )
+    from scipy.signal import detrend, get_window  # slow to import, seldom needed
+
+    try:
+        weights = get_window(window, len(t))
+    except ValueError as error:
+        raise InputError("argument window", f"{window!r} is none that scipy knows") from error
+    shaped = detrend(y, axis=0) * weights.reshape(-1, *[1] * (y.ndim - 1))
+    lines: Floats = np.abs(np.fft.rfft(shaped, axis=0)).astype(float) / weights.sum()
+    lines[1:] *= 2
+    if len(t) % 2 == 0:
+        lines[-1] /= 2  # the highest line has no partner
+    return Spectrum(np.asarray(np.fft.rfftfreq(len(t), step), dtype=float), lines)
+
+
+def _weights(at: Floats, order: int) -> Floats:
+    """Weights of values at these distances for a derivative at zero, exact for polynomials."""
+    size = float(abs(at).max())
+    powers = np.vander(at / size, increasing=True).T
+    wanted = np.zeros(len(at))
+    wanted[order] = (1.0, 1.0, 2.0)[order] / size**order
+    return np.asarray(np.linalg.solve(powers, wanted))
+
+
+@dataclass(frozen=True, repr=False)
+class SensorRecord:
+    """Values of a sensor at every step of a run.
+
+    Attributes
+    ----------
+    times : (K,) array
+        In s.
+    values : (K, ...) array
+    unit : str
+
+    Examples
+    --------
+    >>> record = SensorRecord(np.arange(9) * 0.1, np.arange(9.0) ** 2, "m")
+    >>> record.values.shape, record.unit
+    ((9,), 'm')
+    """
+
+    times: Floats
+    values: Floats
+    unit: str = ""
+
+    def __repr__(self) -> str:
+        t, unit = self.times, f" in {self.unit}" if self.unit else ""
+        span = f", t = {t[0]:g} ... {t[-1]:g} s" if len(t) else ""
+        return f"<SensorRecord: {len(t)} values of shape {self.values.shape[1:]}{unit}{span}>"
+
+    def spectrum(self, window: str = "hann") -> Spectrum:
+        """See :func:`spectrum`."""
+        return spectrum(self.times, self.values, window)
+
+    def derivative(self, order: int) -> SensorRecord:
+        """First or second derivative by differences of second order, at the ends one-sided.
+
+        Second derivatives where steps differ: of first order in their difference.
+        """
+        t, x = self.times, self.values
+        per = {1: "/s", 2: "/s^2"}[order]
+        if len(t) < order + 2:
+            return SensorRecord(t, np.full(x.shape, np.nan), self.unit + per)
+        h = float((t[-1] - t[0]) / (len(t) - 1))
+        out = np.empty_like(x)
+        if abs(np.diff(t) - h).max() > 1e-6 * h:
+            for k in range(len(t)):
+                near = np.clip(k + np.arange(-1, 2), 0, len(t) - 1)
+                if order == 2 or k in (0, len(t) - 1):
+                    first = min(max(k - 1, 0), len(t) - 2 - order)
+                    near = first + np.arange(2 + order if k in (0, len(t) - 1) else 3)
+                out[k] = np.tensordot(_weights(t[near] - t[k], order), x[near], 1)
+        elif order == 1:
+            out[1:-1] = (x[2:] - x[:-2]) / (2 * h)
+            out[0] = (-3 * x[0] + 4 * x[1] - x[2]) / (2 * h)
+            out[-1] = (3 * x[-1] - 4 * x[-2] + x[-3]) / (2 * h)
+        else:
+            out[1:-1] = (x[2:] - 2 * x[1:-1] + x[:-2]) / h**2
+            out[0] = (2 * x[0] - 5 * x[1] + 4 * x[2] - x[3]) / h**2
+            out[-1] = (2 * x[-1] - 5 * x[-2] + 4 * x[-3] - x[-4]) / h**2
+        return SensorRecord(t, out, self.unit + per)
+
+
+# -- material points in recorded states: rows of q, or of velocities, at places and along beams ----
+
+#: how items are called in the static arrays of a history
+_KEYS = ("beam/{}/offsets", "body/{}/offset", "point/{}/offset")
+WHERE = "beam.node(name), body.at(x), point.place(), ground(x), or a Beam with an arc length s"
+
+
+def rows_at(
+    static: Mapping[str, Array], x: Array, where: Place | Beam, s: Any, part: str | None
+) -> Floats:
+    """What series of coordinates (N, n) have at a point of an item.
+
+    Parameters
+    ----------
+    static : mapping of str to array
+        Of the history.
+    x : (N, n) array
+        ``q``, or velocities.
+    where, s, part
+        As for :meth:`History.position`; no place of the ground.
+
+    Returns
+    -------
+    (N, 4, 3) array
+        The point itself, then d1, d2, d3; (N, 1, 3) of a mass point, (N, k, 4, 3) of k arc
+        lengths.
+    """
+    if not isinstance(where, Place):
+        return _along(static, x, where, s, part)
+    if s is not None or part is not None:
+        name, value = ("s", s) if s is not None else ("part", part)
+        raise InputError(f"argument {name}", f"{value!r} is for beams, not for the {where.label}")
+    item = where.item
+    assert item is not None
+    offsets = np.ravel(_offsets(static, item.name, where.label))
+    if where.vertex >= len(offsets):
+        text = f"is vertex {where.vertex}, the history has {len(offsets)} of them: another mesh"
+        raise InputError(where.label, text)
+    first = int(offsets[where.vertex])
+    frame = where.origin[None] if where.triad is None else np.vstack([where.origin, where.triad])
+    _check_reference(static, where.label, np.array([first]), frame[None])
+    rows = x[:, first : first + frame.size].reshape(len(x), *frame.shape).copy()
+    rows[:, 0] += np.einsum("i,nic->nc", where.offset[: len(frame) - 1], rows[:, 1:])
+    return np.asarray(rows)
+
+
+def checked_point(where: Place | Beam, s: Any, part: str | None) -> None:
+    """Raise InputError if it is neither a place nor a beam with an arc length."""
+    if not is_beam(where) and not isinstance(where, Place):
+        raise InputError("argument place", f"is of type {type(where).__name__}, expected {WHERE}")
+    if part is not None and not isinstance(part, str):
+        raise InputError("argument part", f"is of type {type(part).__name__}, expected a name")
+    if is_beam(where) and s is None:
+        raise InputError("argument s", f"is missing: the arc length (m) on the {where.label}")
+
+
+def ground_rows(place: Place, times: Floats) -> Floats:
+    """Rows (N, 4, 3) of the point and directors of a place of the ground."""
+    if place.motion is not None:
+        frames = [place.motion.frame(place, float(t)) for t in times]
+        return np.array(frames).reshape(-1, 4, 3)
+    return np.tile(np.vstack([place.position, np.eye(3)]), (len(times), 1, 1))
+
+
+def ground_rates(place: Place, times: Floats) -> Floats:
+    """Their time derivatives."""
+    from ..model.ground import Ground  # for the differences alone
+
+    own = Ground([place])
+    if place.motion is None:
+        return np.zeros((len(times), 4, 3))
+    return np.array([own.rate_and_error(float(t))[0][4:] for t in times]).reshape(-1, 4, 3)
+
+
+def _along(static: Mapping[str, Array], x: Array, beam: Beam, s: Any, part: str | None) -> Floats:
+    lengths = numbers(beam.label, "s", s)
+    elements, xi = beam.along(np.atleast_1d(lengths), part)
+    offsets = np.ravel(_offsets(static, beam.name, beam.label))
+    frames = beam.reference.reshape(-1, 4, 3)
+    if len(frames) != len(offsets):
+        raise InputError(
+            beam.label, f"has {len(frames)} nodes, that of the history {len(offsets)}: another mesh"
+        )
+    _check_reference(static, beam.label, offsets, frames)
+    columns = offsets[beam.basis.connectivity[elements]][..., None] + np.arange(12)
+    nodal = x[:, columns].reshape(len(x), *columns.shape[:2], 4, 3).copy()
+    nodal[..., 1:, :] = beam.rotations[elements] @ nodal[..., 1:, :]
+    rows = np.einsum("ka,nkaic->nkic", beam.basis.shape(xi).T, nodal)
+    return np.asarray(rows if lengths.ndim else rows[:, 0])
+
+
+def _offsets(static: Mapping[str, Array], name: str | None, label: str) -> IndexArray:
+    """First numbers in q of an item's frames."""
+    for key in _KEYS:
+        if name is not None and key.format(name) in static:
+            return static[key.format(name)]
+    known = sorted(
+        key.split("/", 1)[1].rpartition("/")[0]
+        for key in static
+        if key.endswith(("/offset", "/offsets"))
+    )
+    raise InputError(label, f"is not in this history, which has {', '.join(known) or 'no items'}")
+
+
+def _check_reference(
+    static: Mapping[str, Array], label: str, offsets: IndexArray, frames: Floats
+) -> None:
+    """Refuse items whose frames (k, 1 or 4, 3) are not those of the history."""
+    reference = static.get("reference")
+    if reference is None:
+        return
+    size = frames[0].size
+    there = np.array([reference[k : k + size] for k in offsets if k + size <= len(reference)])
+    here = frames.reshape(len(frames), size)
+    scale = 1.0 + float(abs(reference).max(initial=0.0))
+    if there.shape != here.shape or abs(there - here).max() > TOLERANCE * scale:
+        raise InputError(
+            label,
+            "is another one than that of the history: the reference of its nodes differs (another"
+            " mesh, or another model)",
+        )
+
+
+# -- the container: constant arrays, series over the recorded states, and plain meta data ----------
 
 
 class History:
@@ -23,8 +336,10 @@ class History:
     ----------
     meta : dict
         JSON data: integrator, treatment, step, versions, lists of beams, bodies, points and joints,
-        ``status`` (``"running"``, ``"completed"``, ``"diverged"``, ``"interrupted"``, and
-        ``"killed"`` for a file whose writer never closed it).
+        ``warnings`` (dicts of category, item, text, time, and when: the time in words),
+        ``status`` (``"running"``, ``"completed"``, ``"stopped"`` by a callback or an event,
+        ``"diverged"``, ``"interrupted"``, ``"failed"`` by another error, and ``"killed"`` for a
+        file whose writer never closed it).
     static : mapping of str to array
         Arrays that do not change in time (numbering, connectivity, outlines).
     series : mapping of str to array
@@ -61,7 +376,7 @@ class History:
     ) -> None:
         self.meta: dict[str, Any] = plain(meta, "meta")
         self.static: dict[str, Array] = {
-            name: numbers(value, f"static array {name!r}") for name, value in static.items()
+            name: series_numbers(value, f"static array {name!r}") for name, value in static.items()
         }
         check_basic(series, "series")
         self._length = len(np.atleast_1d(series["t"]))
@@ -69,12 +384,12 @@ class History:
         for name, value in series.items():
             self._put(name, value)
         self._sensors: dict[str, Array] = {
-            name: numbers(value, f"sensor array {name!r}")
+            name: series_numbers(value, f"sensor array {name!r}")
             for name, value in ({} if sensors is None else sensors).items()
         }
 
     def _put(self, name: str, value: Any) -> None:
-        array = numbers(value, f"series {name!r}")
+        array = series_numbers(value, f"series {name!r}")
         if array.ndim == 0 or len(array) != self._length:
             raise InputError(
                 f"series {name!r}",
@@ -120,6 +435,7 @@ class History:
             If there is no segment `k`.
         """
         segments = self.segments
+        k = whole("argument k", k, None)
         if not -len(segments) <= k < len(segments):
             raise InputError("argument k", f"got segment {k}, there are {len(segments)}")
         meta = dict(self.meta)
@@ -134,6 +450,18 @@ class History:
         return self._series["t"]
 
     @property
+    def instants(self) -> Floats:
+        """Times ``(N,)`` in s at which loads and motions are taken that are functions of time.
+
+        On a path of :func:`skfem_cosserat.static` these are its load factors, or the one instant
+        that it holds, ``meta["time"]``.
+        """
+        if "load_factor" not in self:
+            return self.times
+        held = self.meta.get("time")
+        return self["load_factor"] if held is None else np.full(len(self), float(held))
+
+    @property
     def status(self) -> str:
         """How the run ended."""
         return str(self.meta.get("status", "completed"))
@@ -145,8 +473,10 @@ class History:
         span = f", t = {self.times[0]:g} ... {self.times[-1]:g} s" if len(self) else ""
         count = len(self.events)
         what = f", {count} event{'s' * (count > 1)}" if count else ""
+        doubt = counted(self.meta.get("warnings", ()))
         return (
-            f"<History: {len(self)} states{span}, {len(self._series)} series{what}, {self.status}>"
+            f"<History: {len(self)} states{span}, {len(self._series)} series{what}, {self.status}"
+            f"{doubt}>"
         )
 
     def __contains__(self, name: object) -> bool:
@@ -169,6 +499,121 @@ class History:
             )
         return self._series[name]
 
+    def position(
+        self, place: Place | Beam, s: ArrayLike | None = None, part: str | None = None
+    ) -> Floats:
+        """Where a material point is in all states.
+
+        Parameters
+        ----------
+        place : Place or Beam
+            As from ``beam.node(name)``, ``body.at(x)``, ``point.place()``, ``ground(x)``; of the
+            scene of this history, or of the same scene built anew for one read from a file.
+        s : float or (k,) array, optional
+            On a beam: arc length in the reference from the start of the part (m).
+        part : str, optional
+            On a beam: name of a part of the mesh; default: the whole beam.
+
+        Returns
+        -------
+        (N, 3) array
+            In space (m), N states; (N, k, 3) for k arc lengths.
+
+        Raises
+        ------
+        InputError
+            For an item that is not in this history, or has another mesh there.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import LoadGravity, Model, NullSpace, RigidBody, Variational
+        >>> from skfem_cosserat import simulate
+        >>> model = Model()
+        >>> rod = model.add("rod", RigidBody.box(1.0, (0.1, 0.1, 2.0), velocity=(3.0, 0, 0)))
+        >>> history = simulate(model, Variational(), NullSpace(), 0.1, until=0.2)
+        >>> end = rod.local((0, 0, 1.0))
+        >>> history.position(end).round(9).tolist()
+        [[0.0, 0.0, 1.0], [0.3, 0.0, 1.0], [0.6, 0.0, 1.0]]
+        >>> history.velocity(end)[-1].round(9).tolist()
+        [3.0, 0.0, 0.0]
+        >>> history.rotation(end)[-1][2].round(9).tolist()   # d3
+        [0.0, 0.0, 1.0]
+        """
+        return self._rows(place, s, part)[..., 0, :]
+
+    def rotation(
+        self, place: Place | Beam, s: ArrayLike | None = None, part: str | None = None
+    ) -> Floats:
+        """How the frame that carries a material point is turned in all states.
+
+        Parameters
+        ----------
+        place, s, part
+            See :meth:`position`; no mass point.
+
+        Returns
+        -------
+        (N, 3, 3) array
+            In row i the director d_{i+1} in space, as in all triads of this package: components
+            in the frame are ``rotation @ vector``. It is the frame of the node or body, which need
+            not be the unit matrix in the reference. (N, k, 3, 3) for k arc lengths: those of the
+            sections, the rotations nearest to the interpolated directors.
+
+        Raises
+        ------
+        InputError
+            As :meth:`position`, and for a mass point, which does not rotate.
+        """
+        rows = self._rows(place, s, part)
+        if rows.shape[-2] == 1:
+            raise InputError(place.label, "a mass point has no directors: it does not rotate")
+        if s is None:
+            return rows[..., 1:, :]
+        u, _, vt = np.linalg.svd(rows[..., 1:, :])
+        return np.asarray(u @ vt)
+
+    def velocity(
+        self, place: Place | Beam, s: ArrayLike | None = None, part: str | None = None
+    ) -> Floats:
+        """Velocity of a material point in all states.
+
+        Parameters
+        ----------
+        place, s, part
+            See :meth:`position`.
+
+        Returns
+        -------
+        (N, 3) array
+            In space (m/s), from the series ``"v"``; zero on the path of a static scene.
+
+        Raises
+        ------
+        InputError
+            As :meth:`position`, and if the run was asked for no derived series.
+        """
+        checked_point(place, s, part)
+        if "load_factor" in self or "instant" in self.meta:
+            return np.zeros_like(self._rows(place, s, part)[..., 0, :])
+        if isinstance(place, Place) and place.item is None:
+            return ground_rates(place, self.times)[:, 0]
+        if "v" not in self:
+            raise InputError(
+                "series 'v'",
+                "not recorded, as with derive=False; add it: history.add_series('v',"
+                " Projection(model).stack(history['q'], history['p'], history.times)[0])",
+            )
+        return rows_at(self.static, self._series["v"], place, s, part)[..., 0, :]
+
+    def _rows(self, place: Place | Beam, s: ArrayLike | None, part: str | None) -> Floats:
+        """Rows of a point and its directors in all states."""
+        checked_point(place, s, part)
+        if isinstance(place, Place) and place.item is None:
+            # a mode does not move the ground
+            times = np.full(len(self), self.meta.get("instant", self.instants))
+            return ground_rows(place, times)
+        return rows_at(self.static, self._series["q"], place, s, part)
+
     def add_series(self, name: str, array: Any) -> None:
         """Add a derived series, or replace one that was added before.
 
@@ -184,6 +629,8 @@ class History:
         InputError
             If the first axis does not have one entry per state, or a basic series would change.
         """
+        if not isinstance(name, str) or not name:
+            raise InputError("argument name", f"{name!r}, expected the name of a series")
         if name in BASIC:
             raise InputError(
                 f"series {name!r}", "is recorded by the simulation, choose another name"
@@ -198,6 +645,7 @@ class History:
         InputError
             If there is no state ``i``.
         """
+        i = whole("argument i", i, None)
         if not -self._length <= i < self._length:
             raise InputError("argument i", f"got state {i}, there are {self._length} states")
         return {name: np.array(values[i]) for name, values in self._series.items()}
@@ -225,7 +673,7 @@ class History:
         InputError
             If ``n`` is outside this range.
         """
-        if not 0 <= n <= self._length:
+        if not 0 <= whole("argument n", n, None) <= self._length:
             raise InputError("argument n", f"got {n}, expected 0 to {self._length} states")
         cut = {name: values[:n].copy() for name, values in self._series.items()}
         end = self.times[n - 1] if n else -np.inf
@@ -247,9 +695,15 @@ class History:
         ------
         InputError
             If the folder does not exist or cannot be written, or ``meta`` holds no JSON data.
+        StorageError
+            If the disk is full, say.
         """
         meta = plain(self.meta, "meta")
-        save_file(path, meta, self.static, self._series, self._sensors)
+        try:
+            save_file(path, meta, self.static, self._series, self._sensors)
+        except StorageError as error:
+            error.history = self
+            raise
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], recover: bool = False) -> History:
@@ -260,7 +714,9 @@ class History:
         path : path-like
             Name of the file.
         recover : bool
-            Return what is sound in front of the damage instead of raising an error.
+            Return all states that are sound instead of raising an error. Damage takes blocks of
+            at most 100 states: an :class:`IncompleteWarning` says which, and ``meta["missing"]``
+            lists the first and last number of each range.
 
         Raises
         ------
@@ -279,4 +735,8 @@ class History:
         ...     len(History.load(path))
         2
         """
-        return cls(*load_file(path, recover))
+        with Notices() as notices:
+            meta, *arrays = load_file(path, recover)
+        if notices.found:
+            meta["warnings"] = [*meta.get("warnings", ()), *notices.found]
+        return cls(meta, *arrays)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
 from ..types import Array
+from ..warn import warn
 from .container import History
-from .data import check_basic, numbers, plain
-from .file import FileWriter, load_file
+from .file import SAVE_BYTES, FileWriter, check_basic, load_file, plain, series_numbers
 
 #: types of single numbers in rows as they are
 _PLAIN = {float: np.dtype(np.float64), int: np.dtype(np.int64)}
@@ -32,13 +34,16 @@ class HistoryWriter:
         Stream to this file (an older one is overwritten); only the current block is kept in memory.
         The file is opened here, so a bad path is found before any work.
     block : int
-        Number of states that are written together. A killed run loses the current block, at most
-        ``block`` states.
+        Number of states that are written together, fewer where they are large. A killed run loses
+        the current block, at most ``block`` states.
 
     Raises
     ------
     InputError
         If the file cannot be written, ``block`` is not positive or ``meta`` is no JSON data.
+    StorageError
+        By any later call, if the file takes no more, as on a full disk: with the history so far.
+        The file keeps the blocks before; what comes after is kept in memory.
 
     Notes
     -----
@@ -65,7 +70,7 @@ class HistoryWriter:
         if block < 1:
             raise InputError("argument block", f"got {block}, expected at least 1")
         self._meta: dict[str, Any] = {**plain(meta, "meta"), "status": "running"}
-        self._static = {k: numbers(v, f"static array {k!r}") for k, v in static.items()}
+        self._static = {k: series_numbers(v, f"static array {k!r}") for k, v in static.items()}
         self._block = block
         self._buffer: dict[str, Array] = {}
         self._fill = 0
@@ -73,13 +78,34 @@ class HistoryWriter:
         self._done: list[dict[str, Array]] = []
         self._sensed: list[dict[str, Array]] = []
         self._closed = False
+        self._head = dict(self._meta)
+        #: the file as long as it takes blocks; a full one; and what is to be said of that
         self._file: FileWriter | None = None
+        self._full: Path | None = None
+        self._failure: OSError | None = None
         if path is not None:
             self._file = FileWriter(path)
-            self._file.append({"kind": "head", "meta": self._meta}, self._static)
+            try:
+                self._file.append({"kind": "head", "meta": self._meta}, self._static)
+            except OSError as error:
+                self._file.close()
+                raise InputError(
+                    f"history file {str(self._file.path)!r}",
+                    f"cannot be written: {error.strerror}",
+                ) from error
 
     def __len__(self) -> int:
         return self._rows
+
+    @property
+    def closed(self) -> bool:
+        """Whether `close` has been called."""
+        return self._closed
+
+    @property
+    def meta(self) -> dict[str, Any]:
+        """A copy of the meta data so far, with the status."""
+        return dict(self._meta)
 
     def __enter__(self) -> HistoryWriter:
         return self
@@ -109,7 +135,9 @@ class HistoryWriter:
         self._check_open()
         values = row
         if not self._fit(row) or row.keys() != self._buffer.keys():
-            values = {name: numbers(value, f"row entry {name!r}") for name, value in row.items()}
+            values = {
+                name: series_numbers(value, f"row entry {name!r}") for name, value in row.items()
+            }
             if not self._rows:
                 self._allocate(values)
             if values.keys() != self._buffer.keys():
@@ -125,6 +153,7 @@ class HistoryWriter:
             self._buffer[name][self._fill] = value
         self._fill += 1
         self._rows += 1
+        self._say()
 
     def amend(self, **fields: Any) -> None:
         """Overwrite entries of the last row, e.g. a force that is known one step later.
@@ -145,13 +174,34 @@ class HistoryWriter:
             raise InputError("history writer", "there is no row to amend yet")
         values = fields
         if not self._fit(fields):
-            values = {name: numbers(value, f"row entry {name!r}") for name, value in fields.items()}
+            values = {
+                name: series_numbers(value, f"row entry {name!r}") for name, value in fields.items()
+            }
             for name, value in values.items():
                 if name not in self._buffer:
                     raise InputError(f"row entry {name!r}", "is not in the row to be amended")
                 self._check(name, value)
         for name, value in values.items():
             self._buffer[name][self._fill - 1] = value
+
+    def note(self, **meta: Any) -> None:
+        """Add to ``meta`` what has happened, in the file at once: a killed run keeps it.
+
+        Parameters
+        ----------
+        **meta : object
+            JSON data; entries given again replace those before.
+
+        Raises
+        ------
+        InputError
+            If it is no JSON data, or the writer is closed.
+        """
+        self._check_open()
+        own = plain(meta, "meta")
+        self._meta |= own
+        self._stored({"kind": "note", "meta": own}, {})
+        self._say()
 
     def sense(self, arrays: Mapping[str, Any]) -> None:
         """Record what sensors saw at the steps since the last call (copied).
@@ -168,12 +218,12 @@ class HistoryWriter:
         """
         self._check_open()
         values = {
-            name: numbers(value, f"sensor array {name!r}").copy() for name, value in arrays.items()
+            name: series_numbers(value, f"sensor array {name!r}").copy()
+            for name, value in arrays.items()
         }
-        if self._file is not None:
-            self._file.append({"kind": "sensors"}, values)
-        else:
+        if not self._stored({"kind": "sensors"}, values):
             self._sensed.append(values)
+        self._say()
 
     def history(self) -> History:
         """History of all rows so far (read back from the file if streamed).
@@ -183,14 +233,16 @@ class HistoryWriter:
         HistoryError
             If the file was changed by someone else.
         """
-        parts = self._done
+        parts, sensed = self._done, self._sensed
+        path = self._full if self._file is None else self._file.path
+        if path is not None:
+            done, sensors = self._read(path)
+            parts = [done, *parts] if len(done["t"]) else parts
+            sensed = [sensors, *sensed] if sensors else sensed
         sensors = {
-            name: np.concatenate([part[name] for part in self._sensed])
-            for name in (self._sensed[0] if self._sensed else {})
+            name: np.concatenate([part[name] for part in sensed])
+            for name in (sensed[0] if sensed else {})
         }
-        if self._file is not None:
-            done, sensors = load_file(self._file.path)[2:]
-            parts = [done] if len(done["t"]) else []
         if self._fill or not parts:
             parts = [*parts, {name: array[: self._fill] for name, array in self._buffer.items()}]
         if not self._rows:
@@ -205,7 +257,7 @@ class HistoryWriter:
         Parameters
         ----------
         status : str
-            ``"completed"``, ``"diverged"`` or ``"interrupted"``.
+            ``"completed"``, ``"stopped"``, ``"diverged"``, ``"interrupted"`` or ``"failed"``.
         **meta_updates : object
             JSON data that is added to ``meta``.
 
@@ -220,8 +272,59 @@ class HistoryWriter:
         self._closed = True
         self._meta |= {**updates, "status": status}
         if self._file is not None:
-            self._file.append({"kind": "tail", "status": status, "meta": updates}, {})
+            try:
+                self._file.finish(self._head, self._static, status, updates, self._rows)
+                self._file.close()
+            except OSError as error:
+                self._give_up(error)
+        self._say()
+
+    def _stored(self, header: dict[str, Any], arrays: Mapping[str, Array]) -> bool:
+        """Hand a block to the file; whether it is there now."""
+        if self._file is None:
+            return False
+        try:
+            self._file.append(header, arrays)
+        except OSError as error:
+            self._give_up(error)
+            return False
+        return True
+
+    def _give_up(self, error: OSError) -> None:
+        """The file takes no more: from now on all is kept in memory."""
+        assert self._file is not None
+        self._full, self._failure = self._file.path, error
+        with contextlib.suppress(OSError):
             self._file.close()
+        self._file = None
+
+    def _say(self) -> None:
+        """Raise, once, that the file takes no more."""
+        if self._failure is None:
+            return
+        assert self._full is not None
+        reason, self._failure = self._failure, None
+        history = self.history()
+        kept = len(history) - self._fill - sum(len(part["t"]) for part in self._done)
+        advice = (
+            f"; {kept} states are in the file, all {len(history)} in .history of this error:"
+            " error.history.save(another file) keeps them"
+        )
+        time = float(history.times[-1]) if len(history) else None
+        error = StorageError(self._full, reason, advice, time)
+        error.history = history
+        raise error from reason
+
+    def _read(self, path: Path) -> tuple[dict[str, Array], dict[str, Array]]:
+        """What the file has: series, and arrays of sensors."""
+        try:
+            return load_file(path)[2:]
+        except HistoryError as error:
+            if self._full is None:
+                raise
+            text = f"{error}; the states before those in memory are missing"
+            warn(f"history file {str(path)!r}", text, IncompleteWarning)
+            return {"t": np.zeros(0)}, {}
 
     def _check_open(self) -> None:
         if self._closed:
@@ -256,6 +359,8 @@ class HistoryWriter:
 
     def _allocate(self, values: Mapping[str, Array]) -> None:
         check_basic(values, "row")
+        size = sum(value.nbytes for value in values.values())
+        self._block = max(1, min(self._block, SAVE_BYTES // max(size, 1)))
         self._buffer = {
             name: np.empty((self._block, *value.shape), value.dtype)
             for name, value in values.items()
@@ -265,8 +370,7 @@ class HistoryWriter:
         if not self._fill:
             return
         part = {name: array[: self._fill] for name, array in self._buffer.items()}
-        if self._file is not None:
-            self._file.append({"kind": "rows", "rows": self._fill}, part)
-        else:
+        first = self._rows - self._fill
+        if not self._stored({"kind": "rows", "rows": self._fill, "first": first}, part):
             self._done.append({name: array.copy() for name, array in part.items()})
         self._fill = 0

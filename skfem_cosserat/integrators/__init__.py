@@ -1,11 +1,10 @@
-"""Time integrators: each module writes only its discrete equations."""
+"""Time integrators, each in a module of its equations, and the steps that are taken with them."""
 
-from .asynchronous import Asynchronous
 from .base import Integrator, State, StepWork
 from .composition import Composition
 from .energy_decaying import EnergyDecaying
 from .energy_momentum import EnergyMomentum
-from .explicit import Explicit
+from .explicit import Asynchronous, Explicit
 from .generalized_alpha import GeneralizedAlpha
 from .stepper import Stepper, StepReport
 from .variational import Variational

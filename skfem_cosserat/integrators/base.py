@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ..constraints import Treatment
+from ..frozen import Frozen
 from ..model import System
-from ..model.couplings import CoupledForce, CoupledStart
+from ..model.force_elements import CoupledForce, CoupledStart
 from ..model.groups import Blocks, Parts
+from ..newton import NewtonSettings
 from ..types import Array, Floats, IndexArray
 
 __all__ = [
@@ -23,6 +28,8 @@ __all__ = [
     "State",
     "StepData",
     "StepWork",
+    "default_settings",
+    "unless_given",
 ]
 
 
@@ -53,6 +60,9 @@ class State:
     maker : (str, float) or None
         Name and step (s) of the scheme that p and memory are of; others start anew from them, as
         :func:`skfem_cosserat.restart` does. None: any may go on from here.
+    load_factor : float or None
+        Where on a path it is an equilibrium, for :func:`skfem_cosserat.static`; None: its time is
+        taken for that.
 
     Examples
     --------
@@ -76,6 +86,7 @@ class State:
     turns: IndexArray | None = None
     memory: Floats | None = None
     maker: tuple[str, float] | None = None
+    load_factor: float | None = None
 
     def __repr__(self) -> str:
         """Without the arrays."""
@@ -94,12 +105,15 @@ class StepWork(NamedTuple):
         Lost in dampers, viscous sections and drag, not negative.
     ground : float
         By moving ground through springs, dampers and bushings that end there.
+    numerical : float
+        The part of `dissipated` that the scheme itself takes.
     """
 
     loads: float
     actuators: float = 0.0
     dissipated: float = 0.0
     ground: float = 0.0
+    numerical: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -206,13 +220,10 @@ class March(ABC):
 
     Attributes
     ----------
-    kernels : (str, str)
-        In use, and why.
     method : str
         What is done instead of solving linear systems.
     """
 
-    kernels: tuple[str, str]
     method: str
 
     @abstractmethod
@@ -220,7 +231,7 @@ class March(ABC):
         """The step after `state`, to a time (s)."""
 
 
-class Integrator(ABC):
+class Integrator(Frozen):
     """One-step scheme in (q, p).
 
     Attributes
@@ -239,8 +250,12 @@ class Integrator(ABC):
     frequency_limit : float or None
         Step size times highest natural frequency above which a run is likely to fail; None: the
         scheme itself sets no such limit.
+    loses : bool
+        Whether it is meant to take energy out of a motion.
     advice : str
         What to try beside a smaller step when a step cannot be solved.
+    keeping : str
+        What to try beside a smaller step when the energy is not in balance.
     conserves, reference : str
         In words, and where it comes from.
     solves : bool
@@ -270,7 +285,9 @@ class Integrator(ABC):
     start_share: float = 1.0
     carries_node_momentum: bool = True
     frequency_limit: float | None = None
+    loses: bool = False
     advice: str = "a finer mesh, a softer section"
+    keeping: str = ", or EnergyMomentum(), which keeps the energy"
     conserves: str
     reference: str
 
@@ -330,9 +347,7 @@ class Integrator(ABC):
         :class:`State`.
         """
 
-    def march(
-        self, system: System, treatment: Treatment, h: float, kernels: str, steps: int | None
-    ) -> March | None:
+    def march(self, system: System, treatment: Treatment, h: float) -> March | None:
         """What advances states without balance and Newton; None: the stepper does, with both.
 
         Raises
@@ -402,7 +417,8 @@ class Integrator(ABC):
         if step.couplings is None or evaluation.coupled is None:
             return StepWork(loads, dissipated=lost)
         done = system.couplings.work(step.couplings, evaluation.coupled, y1)
-        return StepWork(loads, done.actuators, done.dissipated + lost, done.ground)
+        lost += done.dissipated
+        return StepWork(loads, done.actuators, lost, done.ground, done.numerical)
 
 
 def damped_force(
@@ -498,3 +514,36 @@ def load_force(system: System, step: StepData, y: Array) -> Array:
     if system.loading.dead_only:
         return step.dead
     return step.dead + system.loading.force(y[: system.rows], step.amplitudes)
+
+
+# -- which settings of Newton's method hold where a run gives none ---------------------------------
+
+_CHOSEN: ContextVar[NewtonSettings | None] = ContextVar("settings", default=None)
+
+
+def default_settings() -> NewtonSettings:
+    """What a run without settings of its own takes."""
+    chosen = _CHOSEN.get()
+    return NewtonSettings() if chosen is None else chosen
+
+
+@contextmanager
+def unless_given(settings: NewtonSettings) -> Iterator[None]:
+    """Let runs inside take these settings unless they are given others.
+
+    For studies that call problems of the user's own, which need not know of it. Runs that the
+    problem starts in other threads or processes do not see it.
+
+    Examples
+    --------
+    >>> with unless_given(NewtonSettings(iterations=100)):
+    ...     default_settings().iterations
+    100
+    >>> default_settings().iterations
+    20
+    """
+    token = _CHOSEN.set(settings)
+    try:
+        yield
+    finally:
+        _CHOSEN.reset(token)

@@ -1,24 +1,146 @@
-"""Which kernels step a scene: plain numpy, or compiled ones."""
+"""Which kernels step a scene, and why compiled ones are refused."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.util import find_spec
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
+
+import numpy as np
 
 from ..compiled.plan import Plan, plan_of
-from ..constraints import Multipliers, Treatment
-from ..errors import InputError
+from ..compiled.warm import NotKept, promising, without_compiling
+from ..constraints import Multipliers, NullSpace, Treatment
+from ..errors import InputError, PerformanceWarning
+from ..frames import TOLERANCE
 from ..linear import Solver
-from ..log import logger
 from ..model import System
-from .base import Integrator
-from .refused import refusal
+from ..warn import warn
+from .base import Integrator, default_settings
+from .compiled_step import compiled_step, scalar
 
-__all__ = ["Choice", "choose", "choose_kernels", "estimated_seconds"]
+__all__ = [
+    "Choice",
+    "built",
+    "choose",
+    "choose_kernels",
+    "estimated_seconds",
+    "refusal",
+    "static_refusal",
+]
+
+
+# -- what scenes compiled kernels refuse, and why --------------------------------------------------
+
+#: rows around the elimination of the tree: each costs a sweep a step
+BORDER = 40
+
+
+def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str | None:
+    """Why a scene cannot be stepped by compiled kernels; None: it can."""
+    if not integrator.solves:
+        return "there are no compiled kernels for explicit steps"
+    if integrator.single.scheme(1.0) is None:
+        return f"the {integrator.name} integrator gives no scheme for compiled kernels"
+    looped = len(system.closure.rows) > 0
+    return _missing(
+        treatment,
+        (NullSpace, Multipliers),
+        {
+            "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
+            # whether motions agree around a loop is looked at in the general way only
+            "closed loops in prescribed motion": looped and bool(system.moving),
+            "springs on rotation vectors, bushings": not scalar(system.couplings),
+            **_everywhere(system),
+            **_theories(system, treatment),
+            **_plane(system, treatment),
+        },
+    )
+
+
+def static_refusal(system: System, treatment: Treatment, spin: object) -> str | None:
+    """Why equilibria of a scene cannot be found by compiled kernels; None: they can."""
+    return _missing(
+        treatment,
+        (NullSpace,),
+        {
+            "closed loops": len(system.closure.rows) > 0,
+            "springs, dampers and actuators": system.couplings.count > 0,
+            **_everywhere(system),
+            "scenes confined to a plane": system.plane is not None,
+            "beams that hold strains": len(system.theory_rows) > 0,
+            "a turning frame": spin is not None,
+        },
+    )
+
+
+def _everywhere(system: System) -> dict[str, bool]:
+    return {
+        "beams of several orders": len(system.beam_groups) > 1,
+        "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),
+    }
+
+
+def _plane(system: System, treatment: Treatment) -> dict[str, bool]:
+    """What there is for scenes in space only."""
+    if system.plane is None:
+        return {}
+    return {
+        "scenes confined to a plane with multipliers": isinstance(treatment, Multipliers),
+        "moments and forces that follow the motion in a plane": not system.loading.dead_only,
+        "springs, dampers and actuators in a plane": system.couplings.count > 0,
+        "viscous sections and drag in a plane": system.damped,
+        "prescribed motion in a plane": bool(system.moving),
+        "beams in a plane whose sections are turned out of it": _oblique(system),
+    }
+
+
+def _oblique(system: System) -> bool:
+    """Whether third directors of sections leave the plane, or others differ in an element."""
+    assert system.plane is not None
+    y = system.extend(system.q0, system.since)
+    for g in system.beam_groups:
+        d = y[system.origin_rows[g.vertices][:, :, None] + np.arange(1, 4)]
+        if g.elements.rotations is not None:
+            d = g.elements.rotations @ d
+        rise = d @ system.plane.normal
+        off = max(abs(rise[..., 2]).max(), abs(rise - rise[:, :1]).max())
+        if off > TOLERANCE:
+            return True
+    return False
+
+
+def _theories(system: System, treatment: Treatment) -> dict[str, bool]:
+    held = len(system.theory_rows) > 0
+    curved = any(len(s.vertices) > 2 and not s.rigid for s, _ in system.tree.spans)
+    return {
+        "beams that hold strains, with multipliers": held and isinstance(treatment, Multipliers),
+        "beams of higher order that hold strains": curved,
+        f"held strains beside more than {BORDER} rows that close loops or hold torsion": held
+        and system.closure.rank > BORDER,
+    }
+
+
+def _missing(
+    treatment: Treatment, kinds: tuple[type[Treatment], ...], reasons: dict[str, bool]
+) -> str | None:
+    """What there are no compiled kernels for, of treatments and of what a scene may have."""
+    if not isinstance(treatment, kinds):
+        return f"there are no compiled kernels for {treatment.name}"
+    found = [what for what, there in reasons.items() if there]
+    return f"there are no compiled kernels for {', '.join(found)}" if found else None
+
+
+# -- which kernels step a scene: plain numpy, or compiled ones -------------------------------------
+
+MadeT = TypeVar("MadeT")
 
 #: estimated time with the plain kernels (s) above which compiled ones are taken: compiling them on
 #: an empty cache takes 7 to 12 s on two processors, 14 to 20 s on one
 WORTHWHILE = 25.0
+#: the same where all kernels of the scene are on disk: reading them takes 0.3 to 0.7 s with the
+#: import of numba, and estimates are right to a factor of two
+READING = 1.0
 #: Newton iterations assumed for a step
 ITERATIONS = 3
 #: how much faster a step is with compiled kernels, for the warning where numba is missing: what
@@ -32,8 +154,8 @@ LEAVES = (
     " leaves something to a solver that is asked for"
 )
 SWITCHED_OFF = "numba does not compile: NUMBA_DISABLE_JIT is set"
-#: versions of numba, from and below, whose passes compiled/pipeline.py is built on
-VERSIONS = (0, 63), (0, 69)
+#: oldest version of numba that compiles the kernels
+NUMBA = (0, 63)
 #: number of steps taken for granted where none is given
 STEPS = 1000
 
@@ -69,7 +191,12 @@ def choose_kernels(
     if system.kinematics.spans is not None and not isinstance(treatment, Multipliers):
         seconds *= ELIMINATED
     refused = refusal(system, integrator, treatment)
-    return choose(kernels, system, refused, seconds, solver, isinstance(treatment, Multipliers))
+
+    def trial(plan: Plan) -> None:
+        compiled_step(system, integrator.single, treatment, 1.0, default_settings(), plan, solver)
+
+    multipliers = isinstance(treatment, Multipliers)
+    return choose(kernels, system, refused, seconds, solver, multipliers, trial)
 
 
 def choose(
@@ -79,6 +206,7 @@ def choose(
     seconds: float,
     solver: Solver | None = None,
     multipliers: bool = False,
+    trial: Callable[[Plan], None] | None = None,
 ) -> Choice:
     """What ``kernels="auto" | "numpy" | "numba"`` means for a scene.
 
@@ -94,6 +222,9 @@ def choose(
         That is asked for: elimination in blocks leaves all it can to it.
     multipliers : bool
         They are among the unknowns: compiled kernels eliminate all in blocks then.
+    trial : callable, optional
+        Gets all kernels ready that the scene takes, to see whether they are on disk; default:
+        nobody looks.
 
     Raises
     ------
@@ -122,19 +253,49 @@ def choose(
     if refused:
         return Choice("numpy", refused)
     if seconds < WORTHWHILE:
-        return Choice("numpy", f"about {seconds:.2g} s of work, compiling would take longer")
+        plan = None if trial is None else _kept(system, seconds, solver, multipliers, trial)
+        return _short(seconds, plan)
     hindrance = _hindrance()
     if hindrance:
-        logger.warning(
-            "about %.0f s of work with numpy: with numba (pip install 'skfem-cosserat[fast]') some"
-            " %d times faster; %s",
-            *(seconds, FACTOR, hindrance),
+        warn(
+            "argument kernels",
+            f"about {seconds:.0f} s of work with numpy: with numba (pip install"
+            f" 'skfem-cosserat[fast]') some {FACTOR} times faster; {hindrance}",
+            PerformanceWarning,
         )
         return Choice("numpy", hindrance)
     plan = _plan(system, solver, multipliers)
     if plan is None:
         return Choice("numpy", LEAVES)
     return Choice("numba", f"about {seconds:.2g} s of work with numpy", plan)
+
+
+def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | None]:
+    """What `make` makes of compiled kernels; nothing where numpy is chosen, or numba fails.
+
+    Kernels are written for numba as it is: a newer one may refuse what older ones compile. Then a
+    warning says so, and plain numpy takes over.
+    """
+    if choice.name != "numba":
+        return choice, None
+    try:
+        return choice, make()
+    except compile_errors() as error:
+        from numba import __version__
+
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        said = lines[0][:200] if lines else type(error).__name__
+        why = f"numba {__version__} does not compile the kernels: {said}"
+        text = f"{why}; plain numpy takes over, some {FACTOR} times slower"
+        warn("argument kernels", text, PerformanceWarning)
+        return Choice("numpy", why), None
+
+
+def compile_errors() -> tuple[type[Exception], ...]:
+    """What numba raises where it cannot compile, or has not what compiled/jit.py asks of it."""
+    from numba.core.errors import NumbaError
+
+    return NumbaError, ImportError, AttributeError, TypeError, NotImplementedError
 
 
 def _hindrance() -> str | None:
@@ -145,11 +306,42 @@ def _hindrance() -> str | None:
         from numba import __version__, config
     except (ImportError, OSError) as error:  # one that does not go with this numpy, say
         return f"numba cannot be imported: {error}"
-    first, last = VERSIONS
-    if not first <= tuple(map(int, __version__.split(".")[:2])) < last:
-        span = " to below ".join(f"{major}.{minor}" for major, minor in VERSIONS)
-        return f"numba {__version__} is installed, compiled kernels need {span}"
+    if tuple(map(int, __version__.split(".")[:2])) < NUMBA:
+        needed = ".".join(map(str, NUMBA))
+        return f"numba {__version__} is installed, compiled kernels need {needed} or newer"
     return SWITCHED_OFF if config.DISABLE_JIT else None
+
+
+def _short(seconds: float, kept: Plan | None) -> Choice:
+    """Kernels where compiling would not pay; `kept`: elimination, if it is done already."""
+    work = f"about {seconds:.2g} s of work"
+    if kept is not None:
+        return Choice("numba", f"{work} with numpy, and the kernels are compiled already", kept)
+    missing = ", not all of its kernels are on disk" if seconds >= READING else ""
+    return Choice("numpy", f"{work}{missing}, compiling would take longer")
+
+
+def _kept(
+    system: System,
+    seconds: float,
+    solver: Solver | None,
+    multipliers: bool,
+    trial: Callable[[Plan], None],
+) -> Plan | None:
+    """Elimination, if reading kernels pays and none has to be compiled; else None."""
+    if seconds < READING or not promising() or _hindrance():
+        return None
+    plan = _plan(system, solver, multipliers)
+    if plan is None:
+        return None
+    try:
+        with without_compiling():
+            trial(plan)
+    except NotKept:
+        return None
+    except compile_errors():  # warned of where it is worth while
+        return None
+    return plan
 
 
 def _plan(system: System, solver: Solver | None, multipliers: bool) -> Plan | None:

@@ -101,6 +101,7 @@ class Composition(Integrator):
         self.frequency_limit = None if limit is None else limit / longest
         self.fixed_step = part.fixed_step
         self.advice, self.conserves = part.advice, part.conserves
+        self.keeping = part.keeping
         source = {
             4: "Suzuki, Phys. Lett. A 146 (1990) 319",
             6: "Kahan & Li, Math. Comput. 66 (1997) 1089",

@@ -92,6 +92,8 @@ class EnergyMomentum(Integrator):
             self.name = "stabilized energy-momentum"
             self.composed_to, self.remembered = 0, 1
             self.conserves = "linear and angular momentum; energy never grows"
+        else:
+            self.keeping = ""
 
     def __repr__(self) -> str:
         return f"EnergyMomentum({'stabilized=True' if self.stabilized else ''})"
@@ -220,7 +222,8 @@ class EnergyMomentum(Integrator):
         done = super().work(system, step, evaluation, y1)
         if not evaluation.lost:
             return done
-        return done._replace(dissipated=done.dissipated + evaluation.lost)
+        whole, own = done.dissipated + evaluation.lost, done.numerical + evaluation.lost
+        return done._replace(dissipated=whole, numerical=own)
 
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """``M v_{n+1} = 2 M dq/h - M v_n``."""

@@ -1,34 +1,290 @@
-"""One time step: integrator x treatment x Newton, with retries and a clear failure."""
+"""Steps: solved one by one, and what is reported of each."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from ..constraints import BoundTreatment, Treatment
-from ..constraints.saddle import nearest_velocity
-from ..errors import Diverged, IncompatibleError
-from ..linear import LinearSolver, Solver, checked_solver
-from ..log import logger
-from ..model import System
-from ..model.bending import bent_elements
-from ..model.singular import contradiction, dead_point
-from ..model.tension import overstretched
+from ..constraints.saddle import accelerations, nearest_velocity
+from ..errors import AccuracyWarning, Diverged, IncompatibleError
+from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
+from ..model import Model, System, system_of
+from ..model.limits import bent_elements, overstretched
+from ..model.loops import contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
-from ..types import Array, Floats, check_kind, positive, whole
-from .base import Evaluation, Integrator, March, State, StepData, StepWork
-from .choice import Choice, choose_kernels
-from .fast import CompiledStep
-from .fast_steps import compiled_step
-from .limit import FROZEN
-from .problem import StepProblem
-from .protocol import default_settings
-from .report import ComposedReport, Solved, StepReport, StrideReport
+from ..types import Array, Floats, check_kind, positive, switch, whole
+from ..warn import Notices, listening, logger, warn
+from .base import Evaluation, Integrator, March, State, StepData, StepWork, default_settings
+from .choice import built, choose_kernels
+from .compiled_step import CompiledStep, compiled_step
 
-__all__ = ["StepReport", "Stepper"]
+__all__ = ["BlockReport", "ComposedReport", "Solved", "StepProblem", "StepReport", "Stepper"]
 
+
+# -- what a solved step gives beside the next state ------------------------------------------------
+
+
+@dataclass(eq=False, repr=False)
+class StepReport:
+    """What a solved step gives beside the next state.
+
+    Attributes
+    ----------
+    state : State
+        At the end of the step.
+    iterations, attempts : int
+        Newton iterations (of all attempts) and attempts (1: none was repeated).
+    residual : float
+        Scaled residual at the solution.
+    work : StepWork
+        Of loads, actuators and dampers in the step.
+    stages : list of StepReport
+        The steps that a composed one is made of, itself otherwise.
+    """
+
+    state: State
+    iterations: int
+    attempts: int
+    residual: float
+    work: StepWork
+    _solved: Solved
+
+    def __repr__(self) -> str:
+        end, name = self.state, type(self).__name__
+        return f"<{name}: to step {end.index}, t = {end.time:g} s, {self.iterations} iterations>"
+
+    @property
+    def stages(self) -> list[StepReport]:
+        """See the class."""
+        return [self]
+
+    @property
+    def steps(self) -> int:
+        """How many steps it is of: more than one for those of :meth:`Stepper.advance_block`."""
+        return 1
+
+    @property
+    def all_iterations(self) -> int:
+        """Newton iterations of all of them."""
+        return self.iterations
+
+    @property
+    def step(self) -> float:
+        """Its size (s)."""
+        return self._solved.h
+
+    @property
+    def momentum(self) -> Floats:
+        """``p_n`` (n,) of the discrete Legendre transform at the *start* of the step."""
+        _, integrator, _, state, _, impulse = self._solved
+        p0 = state.p.reshape(-1, 3)
+        return np.array(integrator.node_momentum(p0, impulse, state.fresh)).reshape(-1)
+
+    @property
+    def constraint_force(self) -> Floats:
+        """``G^T lambda`` (n,) of the step (N; N m on directors)."""
+        _, integrator, h, state, _, impulse = self._solved
+        share = integrator.start_share if state.fresh else 1.0
+        return (impulse / (share * h)).reshape(-1)
+
+    @property
+    def constraint_point(self) -> Floats:
+        """Where it acts: all rows (total, 3) of y, at the node or midpoint."""
+        system, integrator, _, state, y1, _ = self._solved
+        weight, y0 = integrator.constraint_weight, system.extend(state.q, state.time)
+        return y0 if weight == 0 else (1 - weight) * y0 + weight * y1
+
+
+@dataclass(eq=False, repr=False)
+class BlockReport(StepReport):
+    """Report of the last of several steps that were solved in one go, with the work of all.
+
+    Where the step after it was tried and not solved, there are no momentum and constraint force.
+    """
+
+    _steps: int
+    _all_iterations: int
+
+    @property
+    def steps(self) -> int:
+        """See the base class."""
+        return self._steps
+
+    @property
+    def all_iterations(self) -> int:
+        """See the base class."""
+        return self._all_iterations
+
+
+@dataclass(eq=False, repr=False)
+class ComposedReport(StepReport):
+    """Report of a step that is composed of others, or explicit.
+
+    Its constraint force is that of the continuous equations at the start: the steps give theirs to
+    second order only. So it is with the part of the momentum along ``G^T`` that nodes of the
+    variational scheme have: it is left out.
+    """
+
+    _stages: list[StepReport]
+
+    @classmethod
+    def of(cls, stages: list[StepReport], state: State) -> ComposedReport:
+        """Report of a step made of these ones, that ends in a state."""
+        works = np.array([stage.work for stage in stages])
+        return cls(
+            state,
+            sum(stage.iterations for stage in stages),
+            max(stage.attempts for stage in stages),
+            max(stage.residual for stage in stages),
+            StepWork(*works.sum(0).tolist()),
+            stages[0]._solved,
+            stages,
+        )
+
+    @property
+    def stages(self) -> list[StepReport]:
+        """See the base class; itself if there are none."""
+        return self._stages or [self]
+
+    @property
+    def momentum(self) -> Floats:
+        """See the base class."""
+        system, integrator, _, _, _, _ = self._solved
+        if integrator.carries_node_momentum:
+            return super().momentum
+        return np.asarray(system.mass @ self._velocity.reshape(-1, 3)).reshape(-1)
+
+    @property
+    def _velocity(self) -> Floats:
+        """At the start (n,): on the hidden constraints, as nothing along ``G^T`` changes it."""
+        system, _, _, state, _, _ = self._solved
+        return nearest_velocity(system, self.constraint_point, state.p, state.time)
+
+    @property
+    def constraint_force(self) -> Floats:
+        """See the base class."""
+        system, _, _, state, _, _ = self._solved
+        y, v = self.constraint_point, self._velocity
+        lam = accelerations(system, state.q, v, state.time, state.turns)[1]
+        return np.asarray(system.constraints.jacobian(y).T @ lam)
+
+    @property
+    def constraint_point(self) -> Floats:
+        """See the base class: at the node."""
+        system, _, _, state, _, _ = self._solved
+        return system.extend(state.q, state.time)
+
+
+class Solved(NamedTuple):
+    """What momentum and constraint force of a step are made from, when somebody asks for them.
+
+    Attributes
+    ----------
+    h : float
+    state : State
+        At the start of the step.
+    y1 : (total, 3) array
+    impulse : (rows, 3) array
+        ``h G^T lambda``.
+    """
+
+    system: System
+    integrator: Integrator
+    h: float
+    state: State
+    y1: Floats
+    impulse: Floats
+
+
+# -- A step as the Newton loop sees it -------------------------------------------------------------
+
+
+class StepProblem:
+    """A step of an integrator with a treatment that is at its start.
+
+    Parameters
+    ----------
+    system : System
+    integrator : Integrator
+    treatment : BoundTreatment
+    step : StepData
+    mixed : float
+        See :class:`skfem_cosserat.NewtonSettings`.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        integrator: Integrator,
+        treatment: BoundTreatment,
+        step: StepData,
+        mixed: float,
+    ) -> None:
+        self.system, self.integrator = system, integrator
+        self.treatment, self.step = treatment, step
+        self.evaluation: Evaluation | None = None
+        self._mixed = mixed
+        self._stresses: list[Array] | None = None
+        self._sized: tuple[Floats | None, tuple[float, float]] = None, (0.0, 0.0)
+
+    def residual(self) -> float:
+        """Evaluate, see :class:`skfem_cosserat.newton.NewtonProblem`."""
+        y1 = self.treatment.configuration()
+        self.evaluation = self.integrator.evaluate(self.system, self.step, y1)
+        self.y1 = y1
+        self._r = self.treatment.residual(self.evaluation.R, y1)
+        return self.treatment.relative(self._r, self.evaluation.size)
+
+    def direction(self) -> Floats:
+        """Increment, see there."""
+        assert self.evaluation is not None
+        e, _ = self._from = self.evaluation, self.y1
+        if self._stresses is not None:
+            e = self.integrator.with_stresses(self.system, self.step, e, self._stresses)
+            self.treatment.residual(e.R, self.y1)
+        blocks = self.integrator.tangent(self.system, self.step, e)
+        data = self.treatment.data(blocks, e.R, self.y1)
+        direction = -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
+        more = self.integrator.update(self.system, self.step, e)
+        return direction if more is None else self._updated(direction, *more)
+
+    def _updated(self, direction: Floats, U: Array, V: Array) -> Floats:
+        """Direction of the matrix with ``sum_k U_k V_k^T`` added (Sherman, Morrison, Woodbury)."""
+        treatment, y = self.treatment, self.y1
+        columns = [treatment.solver.solve_again(treatment.scale_rows(treatment.pull(u))) for u in U]
+        moved = [treatment.push(x, y) for x in (*columns, direction)]
+        products = np.tensordot(V, np.array(moved), axes=([1, 2], [1, 2]))
+        factors = np.linalg.solve(np.eye(len(U)) + products[:, :-1], products[:, -1])
+        return np.asarray(direction - np.array(columns).T @ factors)
+
+    def sizes(self, increment: Floats) -> tuple[float, float]:
+        """Of an increment, see there."""
+        if self._sized[0] is not increment:  # asked for again where it is applied
+            self._sized = increment, self.treatment.sizes(increment)
+        return self._sized[1]
+
+    def apply(self, increment: Floats) -> None:
+        """Move, see there."""
+        self._stresses = None
+        if self.sizes(increment)[0] > self._mixed and self.system.beam_groups:
+            change = self.treatment.push(increment, self._from[1])
+            self._stresses = self.integrator.mixed(self.system, self.step, self._from[0], change)
+        self.treatment.apply(increment)
+
+    def save(self) -> object:
+        """What :meth:`restore` takes."""
+        return self.treatment.save()
+
+    def restore(self, saved: object) -> None:
+        """Back to a saved configuration."""
+        self.treatment.restore(saved)
+
+
+# -- one time step: integrator x treatment x Newton, with retries and a clear failure --------------
 
 #: scaled residual above which a converged step is looked at again, and the increment it may ask for
 #: then: more than that is no rounding, but a balance with jumps
@@ -42,7 +298,7 @@ class Stepper:
 
     Parameters
     ----------
-    system : System
+    system : Model or System
     integrator : Integrator
     treatment : Treatment
     h : float
@@ -72,6 +328,8 @@ class Stepper:
     ----------
     choice : Choice
         Kernels in use, and why.
+    notices : Notices
+        Warnings so far; each is given once by a stepper.
 
     Examples
     --------
@@ -84,9 +342,13 @@ class Stepper:
     [0.1, 0.0, 0.0]
     """
 
+    def __repr__(self) -> str:
+        methods = f"{self.integrator!r}, {self.treatment!r}"
+        return f"<Stepper: {methods}, h = {self.h:g} s, kernels {self.choice.name}>"
+
     def __init__(
         self,
-        system: System,
+        system: Model | System,
         integrator: Integrator,
         treatment: Treatment,
         h: float,
@@ -98,10 +360,13 @@ class Stepper:
         *,
         backwards: bool = False,
     ) -> None:
-        check_kind("argument system", system, System, FROZEN)
+        system = system_of(system)
         check_kind("argument integrator", integrator, Integrator)
         check_kind("argument treatment", treatment, Treatment)
+        if steps is not None:
+            steps = min(whole("argument steps", steps, 0), 10**15)
         self.system, self.integrator, self.treatment = system, integrator, treatment
+        backwards = switch("argument backwards", backwards)
         self.h = (-1 if backwards else 1) * positive(
             "argument step", "step", -h if backwards else h, " of seconds"
         )
@@ -114,7 +379,20 @@ class Stepper:
         if checked_solver(solver) is not None and not integrator.solves:
             reason = "its steps are not solved for, there are no linear systems"
             raise IncompatibleError(f"{integrator!r} with {solver!r}", reason)
-        self._march = integrator.march(system, treatment, self.h, kernels, steps)
+        #: what was doubtful so far, each once
+        self.notices = Notices(system.warnings)
+        with self.notices:
+            self._bind(kernels, steps, solver, announce)
+
+    def _bind(
+        self,
+        kernels: str,
+        steps: int | None,
+        solver: Solver | None,
+        announce: Callable[[str], object] | None,
+    ) -> None:
+        system, integrator, treatment = self.system, self.integrator, self.treatment
+        self._march = integrator.march(system, treatment, self.h)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
         self.bound.large = False
         if solver is not None:
@@ -124,10 +402,9 @@ class Stepper:
         self._fast: CompiledStep | None = None
         #: steppers by share of the step
         self._stages: dict[float, Stepper] = {}
-        if self._march is not None:
-            self.choice = Choice(*self._march.kernels)
-            return
         self.choice = choose_kernels(kernels, system, integrator, treatment, steps, solver)
+        if self._march is not None:
+            return
         one = integrator.single
         if one is not integrator:
             common = self.settings, self.choice.name, steps, solver, announce
@@ -145,7 +422,7 @@ class Stepper:
                 announce(text)
             plan = self.choice.plan
             chosen = integrator, treatment, self.h, self.settings, plan, solver
-            self._fast = compiled_step(system, *chosen)
+            self.choice, self._fast = built(self.choice, lambda: compiled_step(system, *chosen))
 
     @property
     def factorisations(self) -> int:
@@ -208,24 +485,34 @@ class Stepper:
             contradicts another one around it, the reason says so.
         """
         new_time, state = state.time + self.h if time is None else time, self.own(state)
-        if self._stages:
-            report = self._compose(state, new_time)
-        elif self._march is not None:
-            report = self._marched(self._march, state, new_time)
-        else:
-            report = self._solve(state, new_time)
+        try:
+            if listening():  # to a run, which keeps what is said
+                report = self._step(state, new_time)
+            else:
+                with self.notices:
+                    report = self._step(state, new_time)
+        except Diverged as error:
+            self.notices.tell(error)
+            raise
         report.state.maker = self.maker
         return report
 
-    def strides(self, state: State) -> bool:
-        """Whether :meth:`stride` may take more than one step from this state on.
+    def _step(self, state: State, time: float) -> StepReport:
+        if self._stages:
+            return self._compose(state, time)
+        if self._march is not None:
+            return self._marched(self._march, state, time)
+        return self._solve(state, time)
+
+    def takes_blocks(self, state: State) -> bool:
+        """Whether :meth:`advance_block` may take more than one step from this state on.
 
         With compiled kernels, where loads are constant from then on, nothing moves by prescription,
         and there are no springs, dampers, drag and viscous sections.
         """
-        return self._fast is not None and self._fast.strides(state.time)
+        return self._fast is not None and self._fast.takes_blocks(state.time)
 
-    def stride(self, state: State, steps: int) -> StepReport:
+    def advance_block(self, state: State, steps: int) -> StepReport:
         """Solve up to so many steps in one go, at least one: the same ones, for less.
 
         Parameters
@@ -259,29 +546,29 @@ class Stepper:
         >>> stepper = Stepper(system, Variational(), NullSpace(), 0.1)
         >>> state = initial_state(system)
         >>> while state.index < 5:
-        ...     state = stepper.stride(state, 5 - state.index).state
+        ...     state = stepper.advance_block(state, 5 - state.index).state
         >>> state.q.round(12).tolist()
         [0.5, 0.0, 0.0]
         """
         whole("argument steps", steps, 1)
         fast, state = self._fast, self.own(state)
-        if steps < 2 or fast is None or not fast.strides(state.time) or state.q is fast.stuck:
+        if steps < 2 or fast is None or not fast.takes_blocks(state.time) or state.q is fast.stuck:
             return self.advance(state)
         if (fast.looped and fast.due(state, self.bound)) or not self.bound.regular:
             return self.advance(state)
-        stride = fast.stride(state, steps)
-        if not stride.steps:
+        block = fast.advance_block(state, steps)
+        if not block.steps:
             return self.advance(state)  # by the general way
-        self._first, k = False, stride.steps
+        self._first, k = False, block.steps
         fresh, where = state.fresh and k == 1, (state.time + (k - 1) * self.h, state.index + k - 1)
-        before = State(*where, *stride.before, fresh, maker=self.maker)
-        new = State(state.time + k * self.h, state.index + k, *stride.after, False)
+        before = State(*where, *block.before, fresh, maker=self.maker)
+        new = State(state.time + k * self.h, state.index + k, *block.after, False)
         new.maker, y1, impulse = self.maker, fast.y1, fast.impulse
-        if stride.stuck:
+        if block.stuck:
             y1, impulse = self.system.extend(new.q, new.time), np.full_like(impulse, np.nan)
         solved = Solved(self.system, self.integrator, self.h, before, y1, impulse)
-        own = new, stride.last, 1, fast.residual, StepWork(stride.work), solved
-        return StrideReport(*own, k, stride.iterations)
+        own = new, block.last, 1, fast.residual, StepWork(block.work), solved
+        return BlockReport(*own, k, block.iterations)
 
     def own(self, state: State) -> State:
         """The state, if this scheme and step made it; else a start from its q and p.
@@ -334,7 +621,7 @@ class Stepper:
             residuals.append(report.residuals)
             if best is None or report.residual < best.residual:
                 best = report
-            logger.warning(
+            logger.info(
                 "step %d from t = %.6g s, attempt %d of %d: %s",
                 *(state.index + 1, state.time, attempt, len(ATTEMPTS), report.reason),
             )
@@ -350,7 +637,10 @@ class Stepper:
         """Whether a residual asks for more, although increments have vanished."""
         if residual < SOLVED:
             return False
-        return not problem.sizes(problem.direction())[0] < FURTHER
+        try:
+            return not problem.sizes(problem.direction())[0] < FURTHER
+        except SingularMatrixError:
+            return True  # no increment of its matrix can tell
 
     def _compose(self, state: State, time: float) -> StepReport:
         """One step after the other, and what they give together."""
@@ -367,10 +657,12 @@ class Stepper:
         lost = [work.dissipated for work in works]
         if sum(lost) < -1e-6 * sum(map(abs, lost)) and not self._warned:
             self._warned = True
-            logger.warning(
-                "t = %.6g s: dampers give %.3g J in a composed step, as its backward parts are too"
+            warn(
+                f"integrator {self.integrator!r}",
+                f"dampers give {-sum(lost):.3g} J in a composed step, as its backward parts are too"
                 " long for them: take a smaller step, or no composition",
-                *(state.time, -sum(lost)),
+                AccuracyWarning,
+                state.time,
             )
         return ComposedReport.of(reports, replace(now, index=state.index + 1))
 
@@ -387,8 +679,9 @@ class Stepper:
         self.bound.momentum = state.p if state.fresh or self._first else None
         self._first = False
         self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h)
-        if self.bound.notice:
-            logger.warning("t = %.6g s: %s", state.time, self.bound.notice)
+        for item, text in self.bound.doubts:
+            logger.info("t = %.6g s: the %s %s", state.time, item, text)  # each time
+            warn(item, text, AccuracyWarning, state.time)
         return step
 
     def problem(self, step: StepData) -> StepProblem:
@@ -446,7 +739,7 @@ class Stepper:
             fresh=False,
             turns=None
             if step.couplings is None
-            else self.system.couplings.turns(step.couplings, y1),
+            else self.system.couplings.turns(step.couplings, y1, time),
             memory=self.integrator.memory(evaluation),
         )
         self._end = y1[: self.system.rows].reshape(-1), evaluation

@@ -26,13 +26,13 @@ __all__ = ["Variational"]
 
 
 @dataclass(eq=False)
-class _StepData(StepData):
+class _VariationalStep(StepData):
     #: constraint impulse (rows, 3) that the step before has taken off the momentum already
     moved: Floats
 
 
 @dataclass(eq=False)
-class _Evaluation(Evaluation):
+class _VariationalEvaluation(Evaluation):
     kick: Array
     #: as of the step, at its end
     moved: Floats | None = None
@@ -117,9 +117,9 @@ class Variational(Integrator):
         if not self.stabilized:
             return step
         moved = np.zeros(system.n) if state.memory is None else state.memory[0]
-        return _StepData(**vars(step), moved=moved.reshape(-1, 3))
+        return _VariationalStep(**vars(step), moved=moved.reshape(-1, 3))
 
-    def evaluate(self, system: System, step: StepData, y1: Array) -> _Evaluation:
+    def evaluate(self, system: System, step: StepData, y1: Array) -> _VariationalEvaluation:
         """See the base class."""
         h, rows = step.h, system.rows
         mid = 0.5 * (step.y0 + y1)
@@ -134,7 +134,7 @@ class Variational(Integrator):
             internal = internal + coupled.force[:rows]
         external = load_force(system, step, mid)
         kick = (0.5 * h) * (external - internal)
-        return _Evaluation(
+        return _VariationalEvaluation(
             momentum - kick - step.p0,
             largest(momentum, step.p0, kick),
             momentum,
@@ -156,9 +156,9 @@ class Variational(Integrator):
 
     def finished(self, system: System, step: StepData, evaluation: Evaluation) -> Evaluation:
         """See the base class."""
-        if not isinstance(step, _StepData):
+        if not isinstance(step, _VariationalStep):
             return evaluation
-        assert isinstance(evaluation, _Evaluation)
+        assert isinstance(evaluation, _VariationalEvaluation)
         e, p1 = evaluation, self.carry(system, step, evaluation)
         y1 = 2 * e.mid - step.y0
         v1 = nearest_velocity(system, y1, p1.reshape(-1), step.t0 + step.h)
@@ -167,12 +167,12 @@ class Variational(Integrator):
 
     def memory(self, evaluation: Evaluation) -> Floats | None:
         """See the base class: the impulse by which the momentum was moved, if it was."""
-        assert isinstance(evaluation, _Evaluation)
+        assert isinstance(evaluation, _VariationalEvaluation)
         return None if evaluation.moved is None else evaluation.moved.reshape(1, -1)
 
     def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
         """``p_{n+1}`` before its constraint force: ``D_2 L_d + f^+`` (35)."""
-        assert isinstance(evaluation, _Evaluation)
+        assert isinstance(evaluation, _VariationalEvaluation)
         return np.asarray(evaluation.momentum + evaluation.kick)
 
     def node_momentum(self, p0: Floats, impulse: Floats, fresh: bool) -> Floats:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
 from .divide import divided
-from .files import read_mesh, write_mesh
-from .mapping import MappingCurve
-from .mesh import MeshCurve
+from .mesh import MappingCurve, MeshCurve, read_mesh, write_mesh
 
 __all__ = [
     "Curve",

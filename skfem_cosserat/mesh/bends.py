@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..element import Interpolation, shape_derivatives, shape_functions
-from ..errors import MeshError
-from ..log import logger
+from ..errors import MeshError, ModelWarning
 from ..types import Floats, IndexArray
+from ..warn import warn
 
 if TYPE_CHECKING:  # pragma: no cover - for annotations only
     from .mesh import MeshCurve
@@ -101,10 +101,12 @@ def check_bends(
     total = angle.sum(axis=1).round(8)
     if total.max() > round(kind.turn_limit, 8):
         e = int(total.argmax())
-        logger.warning(
-            "%s: element %d turns between its ends, the nodes %d and %d, by %s",
-            item, e, nodes[e, 0], nodes[e, -1], gives_way(kind, total),
-        )  # fmt: skip
+        warn(
+            item,
+            f"element {e} turns between its ends, the nodes {nodes[e, 0]} and {nodes[e, -1]}, by"
+            f" {gives_way(kind, total)}",
+            ModelWarning,
+        )
     _report_flips(mesh, nodes, triads, item)
 
 
@@ -138,9 +140,10 @@ def _report_flips(mesh: MeshCurve, nodes: IndexArray, triads: Floats, item: str)
         twist = abs(_twists(triads[e, -1], triads[f, 0]))
         if twist.max(initial=0.0) > LARGEST + 1e-9:
             k = int(twist.argmax())
-            logger.warning(
-                "%s: section triads turn by %.3g degrees about the line at node %d, between the"
-                " elements %d and %d: forces and moments change their signs there; give another"
-                " director",
-                item, np.degrees(twist[k]), nodes[e[k], -1], e[k], f[k],
-            )  # fmt: skip
+            warn(
+                item,
+                f"section triads turn by {np.degrees(twist[k]):.3g} degrees about the line at node"
+                f" {nodes[e[k], -1]}, between the elements {e[k]} and {f[k]}: forces and moments"
+                " change their signs there; give another director",
+                ModelWarning,
+            )

@@ -8,8 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ..errors import MeshError
-from ..types import ArrayLike, Floats, VectorLike
+from ..errors import InputError, MeshError
+from ..frozen import Frozen
+from ..types import ArrayLike, Floats, VectorLike, real, shown, switch
 
 __all__ = ["Curve", "CurveArc", "CurveHelix", "CurveLine", "CurveMoved", "CurveSpline"]
 
@@ -35,9 +36,12 @@ class Curve(Protocol):
 
 def _vector(value: VectorLike, item: str) -> Floats:
     """Three finite numbers, or a MeshError naming the item."""
-    vector = np.array(value, dtype=float)
+    try:
+        vector = np.array(value, dtype=float)
+    except (OverflowError, TypeError, ValueError) as error:
+        raise MeshError(item, f"got {shown(value)}, expected three numbers") from error
     if vector.shape != (3,):
-        raise MeshError(item, f"got shape {vector.shape}, expected three numbers")
+        raise MeshError(item, f"got {value!r}, expected three numbers")
     if not np.isfinite(vector).all():
         raise MeshError(item, f"got {vector.tolist()}, expected finite numbers")
     vector.setflags(write=False)
@@ -70,9 +74,21 @@ def _normal_to(value: VectorLike, unit: Floats, item: str) -> Floats:
 
 def _positive(value: float, item: str) -> float:
     """A finite positive number."""
-    if not (np.isfinite(value) and value > 0):
+    number = _number(value, item, "a positive number")
+    if number <= 0:
         raise MeshError(item, f"got {value}, expected a positive number")
-    return float(value)
+    return number
+
+
+def _number(value: float, item: str, expected: str) -> float:
+    """A finite number; text and truth values are none."""
+    try:
+        number = real(item, "value", value, expected)
+    except InputError as error:
+        raise MeshError(item, f"got {shown(value)}, expected {expected}") from error
+    if not np.isfinite(number):
+        raise MeshError(item, f"got {value!r}, expected {expected}")
+    return number
 
 
 def _outer(vector: Floats, scalar: Floats) -> Floats:
@@ -81,7 +97,7 @@ def _outer(vector: Floats, scalar: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class CurveLine:
+class CurveLine(Frozen):
     """Straight line.
 
     Parameters
@@ -127,7 +143,7 @@ class CurveLine:
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class CurveArc:
+class CurveArc(Frozen):
     """Circular arc that leaves a point in a given direction.
 
     Parameters
@@ -207,7 +223,7 @@ class CurveArc:
 
 
 @dataclass(frozen=True, eq=False)
-class CurveHelix:
+class CurveHelix(Frozen):
     """Helix around an axis.
 
     Parameters
@@ -247,17 +263,19 @@ class CurveHelix:
     def __post_init__(self) -> None:
         start = _vector(self.start, "helix start")
         axis = _unit(self.axis, "helix axis")
-        arm = start - _vector(self.centre, "helix centre")
+        centre = _vector(self.centre, "helix centre")
+        arm = start - centre
         arm = arm - (arm @ axis) * axis
         radius = float(np.linalg.norm(arm))
         if radius == 0.0:
             raise MeshError("helix start", f"{start.tolist()} lies on the axis")
-        if not np.isfinite(self.pitch):
-            raise MeshError("helix pitch", f"got {self.pitch}, expected a finite number")
+        pitch = _number(self.pitch, "helix pitch", "a finite number")
         turn = 2 * np.pi * _positive(self.turns, "helix turns")
         radial = arm / radius
-        hand = -1.0 if self.pitch < 0 else 1.0  # a left-handed helix still climbs its axis
-        rise = abs(self.pitch) / (2 * np.pi)
+        hand = -1.0 if pitch < 0 else 1.0  # a left-handed helix still climbs its axis
+        rise = abs(pitch) / (2 * np.pi)
+        for name, value in (("start", start), ("centre", centre), ("axis", axis)):
+            object.__setattr__(self, name, value)
         object.__setattr__(self, "_radius", radius)
         object.__setattr__(self, "_frame", (radial, hand * np.cross(axis, radial), axis))
         object.__setattr__(self, "length", float(turn * np.hypot(radius, rise)))
@@ -296,7 +314,7 @@ class CurveHelix:
 
 
 @dataclass(frozen=True, eq=False)
-class CurveMoved:
+class CurveMoved(Frozen):
     """A curve moved as a rigid body: ``x -> rotation @ x + shift``.
 
     Parameters
@@ -335,7 +353,7 @@ class CurveMoved:
 
 
 @dataclass(frozen=True, eq=False)
-class CurveSpline:
+class CurveSpline(Frozen):
     """Smooth curve through points: a cubic spline measured by its own arc length.
 
     The spline's parameter is the chord length (not-a-knot ends, periodic if closed). Its arc
@@ -377,6 +395,7 @@ class CurveSpline:
     _table: tuple[Floats, Floats] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        switch("spline", self.closed, "closed")
         points = np.array(self.points, dtype=float)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2 + self.closed:
             raise MeshError(

@@ -1,72 +1,606 @@
-"""Reading and writing meshes of lines: gmsh, VTU and what else meshio reads."""
+"""Lines in and out of files, as plain data: gmsh by ourselves, all else by meshio."""
 
 from __future__ import annotations
 
+import contextlib
+import io
+import lzma
+import re
+import struct
+import warnings
+import zlib
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
 from os import PathLike
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
-from .mesh import MeshCurve
+import meshio
+import numpy as np
+from meshio._exceptions import CorruptionError
 
-__all__ = ["read_mesh", "write_mesh"]
+from ..errors import InputError, MeshError, ModelWarning
+from ..types import Array, Floats, IndexArray, file_path
+from ..warn import logger, warn
+
+__all__ = [
+    "Groups",
+    "LineData",
+    "group_name",
+    "physical_names",
+    "read_errors",
+    "read_gmsh41",
+    "read_lines",
+    "write_gmsh",
+    "write_lines",
+]
 
 
-def read_mesh(path: str | PathLike[str]) -> MeshCurve:
-    """Mesh from the straight lines of a file.
+# -- ASCII gmsh files of points and lines: written in 4.1 and 2.2, read in 4.1 ---------------------
+#
+# meshio cannot read a 4.1 file in which only some of the lines are in a physical group, and loses a
+# name that a point and a line group share; hence an own reader for the ASCII form.
 
-    Elements are chords; where those of one beam meet at a small angle they share a mean tangent
-    (``feature_angle`` of :class:`MeshCurve`). Lines of a beam that point against each other are
-    turned; lines in no group belong to no beam (``mesh.unnamed_elements()``); points that belong
-    to no line are dropped.
+#: gmsh's numbers of cell types, and nodes a cell.
+VERTEX, LINE = 15, 1
+#: Section in which gmsh keeps the names of physical groups.
+_NAMES = "PhysicalNames"
 
-    Parameters
+
+@dataclass(eq=False)
+class Groups:
+    """Cells of a file by type, with the physical groups each is in.
+
+    Attributes
     ----------
-    path : path
-        gmsh ``.msh`` 4.1 or 2.2: physical lines are beams, physical points are named nodes. VTU:
-        cell data ``beam:NAME`` and point data ``node:NAME``, 1 for members and 0 for others. Other
-        formats as far as meshio reads them: sets of cells are beams, sets of points are nodes.
+    points : (n, 3)
+        Points (m).
+    lines, vertices : lists of (nodes, groups)
+        Cells with the (dimension, tag) of their groups.
+    other : dict of int to int
+        Number of cells of any other type, by gmsh's number of the type.
+    """
+
+    points: Floats
+    lines: list[tuple[list[int], list[int]]] = field(default_factory=list)
+    vertices: list[tuple[list[int], list[int]]] = field(default_factory=list)
+    other: dict[int, int] = field(default_factory=dict)
+
+
+def physical_names(path: Path) -> dict[tuple[int, int], str]:
+    """Names of physical groups by (dimension, tag); this section is text even in binary files."""
+    names: dict[tuple[int, int], str] = {}
+    text = path.read_bytes()
+    start, end = text.find(b"$" + _NAMES.encode()), text.find(b"$End" + _NAMES.encode())
+    if start < 0 or end < 0:
+        return names
+    for row in text[start:end].decode("utf-8", errors="replace").splitlines()[2:]:
+        parts = row.split(None, 2)
+        if len(parts) == 3:
+            names[int(parts[0]), int(parts[1])] = (
+                parts[2].strip().removeprefix('"').removesuffix('"')
+            )
+    return names
+
+
+def group_name(names: Mapping[tuple[int, int], str], dim: int, tag: int) -> str:
+    """Name of a physical group; groups without a name are called by their tag."""
+    return names.get((dim, tag), f"physical-{tag}")
+
+
+# ----------------------------------------------------------------------- reading 4.1
+def _section(rows: list[str], name: str, path: Path) -> Iterator[str]:
+    """Words of a section, one after the other."""
+    try:
+        start, end = rows.index(f"${name}"), rows.index(f"$End{name}")
+    except ValueError:
+        raise MeshError(f"file '{path}'", f"has no complete section ${name}") from None
+    return iter(" ".join(rows[start + 1 : end]).split())
+
+
+def _integers(words: Iterator[str], count: int) -> list[int]:
+    """The next integers."""
+    return [int(next(words)) for _ in range(count)]
+
+
+def _entity_groups(rows: list[str], path: Path) -> dict[tuple[int, int], list[int]]:
+    """Physical tags of each geometric entity (dimension, tag)."""
+    if "$Entities" not in rows:
+        return {}
+    words = _section(rows, "Entities", path)
+    groups: dict[tuple[int, int], list[int]] = {}
+    for dim, count in enumerate(_integers(words, 4)):
+        for _ in range(count):
+            (tag,) = _integers(words, 1)
+            for _ in range(3 if dim == 0 else 6):
+                next(words)
+            groups[dim, tag] = [abs(k) for k in _integers(words, int(next(words)))]
+            if dim > 0:
+                _integers(words, int(next(words)))
+    return groups
+
+
+def read_gmsh41(path: Path) -> Groups:
+    """Points, vertices and lines of an ASCII file of version 4.1.
 
     Raises
     ------
     MeshError
-        If the file cannot be read, has no lines, has quadratic lines, or names a point that
-        belongs to no line.
-
-    Examples
-    --------
-    >>> import tempfile, os
-    >>> path = os.path.join(tempfile.mkdtemp(), "line.msh")
-    >>> write_mesh(path, MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="boom"))
-    >>> list(read_mesh(path).beams)
-    ['boom']
+        If a section is missing, cut short or not what the format says.
     """
-    return MeshCurve.load(path)
+    rows = [row.strip() for row in path.read_text(encoding="utf-8").splitlines()]
+    try:
+        return _read_rows(rows, path)
+    except (StopIteration, ValueError, KeyError) as error:
+        if isinstance(error, MeshError):
+            raise
+        raise MeshError(
+            f"file '{path}'", f"is not a sound gmsh 4.1 file ({type(error).__name__}: {error})"
+        ) from error
 
 
-def write_mesh(path: str | PathLike[str], mesh: MeshCurve, file_format: str | None = None) -> None:
-    """Write vertices, elements and names without loss.
+def _read_rows(rows: list[str], path: Path) -> Groups:
+    """Contents of the sections."""
+    entity = _entity_groups(rows, path)
+    words = _section(rows, "Nodes", path)
+    blocks, count, _, _ = _integers(words, 4)
+    if not 0 <= 3 * count <= sum(len(row) for row in rows):
+        raise MeshError(f"file '{path}'", f"says that it has {count} nodes, which do not fit in it")
+    points = np.empty((count, 3))
+    number: dict[int, int] = {}
+    for _ in range(blocks):
+        dim, _, parametric, size = _integers(words, 4)
+        tags = _integers(words, size)
+        for tag in tags:
+            points[len(number)] = [float(next(words)) for _ in range(3)]
+            number[tag] = len(number)
+            for _ in range(dim if parametric else 0):
+                next(words)
+    out = Groups(points)
+    cells = [row.split() for row in rows[rows.index("$Elements") + 1 : rows.index("$EndElements")]]
+    k = 1
+    for _ in range(int(cells[0][0])):
+        dim, tag, kind, size = (int(word) for word in cells[k])
+        groups = entity.get((dim, tag), [])
+        part = cells[k + 1 : k + 1 + size]
+        k += 1 + size
+        if len(part) < size:
+            raise MeshError(f"file '{path}'", "is cut short in section $Elements")
+        if kind in (VERTEX, LINE):
+            target = out.vertices if kind == VERTEX else out.lines
+            target += [([number[int(v)] for v in row[1:]], groups) for row in part]
+        else:
+            out.other[kind] = out.other.get(kind, 0) + size
+    return out
 
-    Curves are not written: a file knows straight lines only. Coordinates keep all their digits.
+
+# ----------------------------------------------------------------------- writing
+def write_gmsh(
+    path: Path,
+    points: Floats,
+    t: Array,
+    beams: Mapping[str, IndexArray],
+    nodes: Mapping[str, IndexArray],
+    version: str = "4.1",
+) -> None:
+    """Write an ASCII file; numbers are written with all their digits.
 
     Parameters
     ----------
-    path : path
-        Ends in ``.msh`` or ``.vtu``.
-    mesh : MeshCurve
-        The mesh.
-    file_format : str, optional
-        ``"gmsh"`` (ASCII 4.1, default for ``.msh``), ``"gmsh22"`` (ASCII 2.2) or ``"vtu"``.
-
-    Raises
-    ------
-    MeshError
-        If the format is unknown or cannot hold a name.
-
-    Examples
-    --------
-    >>> import tempfile, os
-    >>> mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="boom")
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_mesh(os.path.join(folder, "boom.msh"), mesh)
-    ...     os.listdir(folder)
-    ['boom.msh']
+    path : Path
+        The file.
+    points : (3, nv)
+        Vertices (m).
+    t : (2, ne)
+        Elements.
+    beams, nodes : dict
+        Element and vertex numbers by name.
+    version : {"4.1", "2.2"}
+        Format. In 2.2 a cell has one group only: lines of several beams are written once a beam.
     """
-    mesh.save(path, file_format=file_format)
+    names = [(0, k + 1, name) for k, name in enumerate(nodes)]
+    names += [(1, k + 1 + len(nodes), name) for k, name in enumerate(beams)]
+    for _, _, name in names:
+        if '"' in name or not name.isprintable() or name != name.strip() or not name:
+            raise MeshError(f"name {name!r}", "cannot be written to a gmsh file: quotes or spaces")
+    in_nodes = _members(nodes.values(), points.shape[1], 1)
+    in_beams = _members(beams.values(), t.shape[1], 1 + len(nodes))
+    rows = ["$MeshFormat", f"{version} 0 8", "$EndMeshFormat"]
+    if names:
+        rows += [f"${_NAMES}", str(len(names))]
+        rows += [f'{dim} {tag} "{name}"' for dim, tag, name in names] + [f"$End{_NAMES}"]
+    body = _rows41 if version == "4.1" else _rows22
+    rows += body(points, t + 1, in_nodes, in_beams)
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def _members(groups: Any, count: int, first: int) -> list[tuple[int, ...]]:
+    """Tags of the groups each item is in."""
+    found: list[list[int]] = [[] for _ in range(count)]
+    for tag, members in enumerate(groups, start=first):
+        for k in members.tolist():
+            found[k].append(tag)
+    return [tuple(tags) for tags in found]
+
+
+def _numbers(values: Any) -> str:
+    """Numbers as text that reads back to the same values."""
+    return " ".join(repr(float(v)) for v in values)
+
+
+def _counted(tags: tuple[int, ...]) -> str:
+    """Number of tags and the tags."""
+    return " ".join(str(k) for k in (len(tags), *tags))
+
+
+def _runs(tags: list[tuple[int, ...]]) -> list[tuple[tuple[int, ...], range]]:
+    """Neighbours with equal tags."""
+    cuts = [0, *(k for k in range(1, len(tags)) if tags[k] != tags[k - 1]), len(tags)]
+    return [(tags[a], range(a, b)) for a, b in pairwise(cuts)]
+
+
+def _rows41(
+    points: Floats,
+    t: Array,
+    in_nodes: list[tuple[int, ...]],
+    in_beams: list[tuple[int, ...]],
+) -> list[str]:
+    """Sections of a 4.1 file: one curve for each combination of beams."""
+    named = [v for v, tags in enumerate(in_nodes) if tags]
+    curves = {tags: k for k, tags in enumerate(dict.fromkeys(in_beams), start=1)}
+    low, high = _numbers(points.min(axis=1)), _numbers(points.max(axis=1))
+    rows = ["$Entities", f"{len(named)} {len(curves)} 0 0"]
+    for k, v in enumerate(named, start=1):
+        rows.append(f"{k} {_numbers(points[:, v])} {_counted(in_nodes[v])}")
+    for tags, k in curves.items():
+        rows.append(f"{k} {low} {high} {_counted(tags)} 0")
+    nv, runs = points.shape[1], _runs(in_beams)
+    rows += ["$EndEntities", "$Nodes", f"1 {nv} 1 {nv}", f"1 1 0 {nv}"]
+    rows += [str(v + 1) for v in range(nv)]
+    rows += [_numbers(point) for point in points.T]
+    total = len(named) + t.shape[1]
+    rows += ["$EndNodes", "$Elements", f"{len(named) + len(runs)} {total} 1 {total}"]
+    for k, v in enumerate(named, start=1):
+        rows += [f"0 {k} {VERTEX} 1", f"{k} {v + 1}"]
+    for tags, run in runs:
+        rows.append(f"1 {curves[tags]} {LINE} {len(run)}")
+        rows += [f"{len(named) + e + 1} {t[0, e]} {t[1, e]}" for e in run]
+    return [*rows, "$EndElements"]
+
+
+def _rows22(
+    points: Floats,
+    t: Array,
+    in_nodes: list[tuple[int, ...]],
+    in_beams: list[tuple[int, ...]],
+) -> list[str]:
+    """Sections of a 2.2 file; tag 0 is no group."""
+    rows = ["$Nodes", str(points.shape[1])]
+    rows += [f"{v} {_numbers(point)}" for v, point in enumerate(points.T, start=1)]
+    cells = [f"{VERTEX} 2 {tag} {v + 1} {v + 1}" for v, tags in enumerate(in_nodes) for tag in tags]
+    cells += [
+        f"{LINE} 2 {tag} 1 {t[0, e]} {t[1, e]}"
+        for e, tags in enumerate(in_beams)
+        for tag in (tags or (0,))
+    ]
+    rows += ["$EndNodes", "$Elements", str(len(cells))]
+    rows += [f"{k} {cell}" for k, cell in enumerate(cells, start=1)]
+    return [*rows, "$EndElements"]
+
+
+# -- plain data of lines in and out of files; the one place that calls meshio ----------------------
+
+#: Prefixes of the arrays that carry names in VTU files.
+BEAM, NODE = "beam:", "node:"
+#: What readers raise on files that are broken or not what their name says.
+_BROKEN = (
+    *(ArithmeticError, AssertionError, AttributeError, EOFError, ImportError, LookupError),
+    *(MemoryError, NameError, OSError, RuntimeError, StopIteration, SyntaxError, TypeError),
+    *(ValueError, ElementTree.ParseError, lzma.LZMAError, struct.error, zlib.error),
+    *(CorruptionError, meshio.ReadError),
+)
+#: Files of Abaqus and Nastran, which hold whole models: what is read of them.
+_ABAQUS, _NASTRAN = {".inp"}, {".bdf", ".fem", ".nas"}
+_ABAQUS_READ = {"", "NODE", "ELEMENT", "NSET", "ELSET", "INCLUDE", "HEADING", "PREPRINT"}
+_NASTRAN_READ = {"GRID", "CBAR", "CBEAM", "CBUSH", "CBUSH1D", "CGAP", "CROD", "ENDDATA"}
+
+
+@dataclass(frozen=True, eq=False)
+class LineData:
+    """What a file holds of a line mesh.
+
+    Attributes
+    ----------
+    points : (3, nv)
+        Vertices (m).
+    t : (2, ne)
+        Elements.
+    beams, nodes : dict of str to (n,)
+        Element and vertex numbers by name.
+    """
+
+    points: Floats
+    t: Array
+    beams: dict[str, IndexArray]
+    nodes: dict[str, IndexArray]
+
+
+@contextlib.contextmanager
+def read_errors(path: str | PathLike[str]) -> Iterator[None]:
+    """Whatever goes wrong with what a file says is one error that names the file."""
+    item = f"file '{file_path('argument path', path)}'"
+    try:
+        yield
+    except InputError as error:
+        if isinstance(error, MeshError) and item in str(error):
+            raise
+        raise MeshError(item, str(error)) from error
+    except _BROKEN as error:
+        raise MeshError(item, f"cannot be read ({type(error).__name__}: {error})") from error
+
+
+def read_lines(path: str | PathLike[str]) -> LineData:
+    """Lines of a file; see :func:`skfem_cosserat.mesh.read_mesh`."""
+    file = file_path("argument path", path)
+    if not file.is_file():
+        raise MeshError(f"file '{file}'", "does not exist")
+    lines = _read_lines(file)
+    if not np.isfinite(lines.points).all() or abs(lines.points).max() > 1e150:
+        raise MeshError(f"file '{file}'", "has coordinates that are not finite or too large")
+    if left := _left_out(file):
+        text = (
+            f"only nodes, elements and sets are read, not {', '.join(left)}:"
+            " give sections, directors, joints and loads to the items of the model"
+        )
+        warn(f"file '{file}'", text, ModelWarning)
+    return lines
+
+
+def _left_out(file: Path) -> list[str]:
+    """What a file of Abaqus or Nastran says beside the mesh, and how often."""
+    kind = file.suffix.lower()
+    if kind not in _ABAQUS | _NASTRAN:
+        return []
+    text = file.read_text(encoding="utf-8", errors="replace").upper()
+    if kind in _ABAQUS:
+        words = re.findall(r"^\*(?!\*)([^,\n]*)", text, re.MULTILINE)
+        found = Counter(
+            f"*{' '.join(word.split())}"
+            for word in words
+            if word.strip() not in _ABAQUS_READ and not word.strip().startswith("END")
+        )
+    else:
+        rows = text.partition("BEGIN BULK")[2].splitlines()
+        cards = Counter(re.findall(r"^[A-Z][A-Z0-9]*", "\n".join(rows), re.MULTILINE))
+        found = Counter({card: k for card, k in cards.items() if card not in _NASTRAN_READ})
+        bars = sum(cards[card] for card in ("CBAR", "CBEAM"))
+        lines = sum(cards[card] for card in _NASTRAN_READ - {"GRID", "ENDDATA"})
+        found |= Counter({"property ids": lines, "orientations of CBAR and CBEAM": bars})
+    return [f"{name} ({count})" for name, count in found.items() if count]
+
+
+def _read_lines(file: Path) -> LineData:
+    """Lines of a file of any kind."""
+    if _is_gmsh41(file, b"0"):
+        return _from_gmsh41(file)
+    mesh = _meshio(file)
+    kinds = {block.type: len(block.data) for block in mesh.cells}
+    quadratic = [kind for kind in kinds if kind.startswith("line") and kind != "line"]
+    if quadratic:
+        raise MeshError(
+            f"file '{file}'",
+            f"has {kinds[quadratic[0]]} cells of type '{quadratic[0]}'; only lines with two nodes"
+            " are read: mesh with order 1 (elements of any order are made by DirectorBasis)",
+        )
+    if "line" not in kinds:
+        raise MeshError(f"file '{file}'", f"has no lines; cells found: {kinds or 'none'}")
+    lines = np.vstack([block.data for block in mesh.cells if block.type == "line"])
+    beams, nodes = _meshio_names(mesh, file)
+    if _is_gmsh41(file, b"1"):
+        for name, (_, dimension) in mesh.field_data.items():
+            if dimension <= 1 and name not in beams and name not in nodes:
+                raise MeshError(f"file '{file}'", f"group '{name}' cannot be read; {_AS_ASCII}")
+    points = np.zeros((len(mesh.points), 3))
+    points[:, : mesh.points.shape[1]] = mesh.points
+    return _cleaned(file, points, lines, beams, nodes)
+
+
+_AS_ASCII = "of a binary gmsh 4.1 file not all is understood: save it as ASCII (Mesh.Binary = 0)"
+
+
+def _is_gmsh41(file: Path, kind: bytes) -> bool:
+    """If a file starts like a gmsh file of version 4.1, ASCII (b"0") or binary (b"1")."""
+    if file.suffix.lower() != ".msh":
+        return False
+    with file.open("rb") as stream:
+        head = stream.read(4096).split(b"$MeshFormat", 1)[-1].split()
+    return head[:2] == [b"4.1", kind]
+
+
+def _meshio(file: Path) -> Any:
+    """Read by meshio, which prints and leaves the interpreter when it fails."""
+    said = io.StringIO()
+    if file.suffix.lower() in _NASTRAN:  # meshio reads on for ever behind the end of the file
+        bulk = file.read_text(encoding="utf-8", errors="replace").partition("BEGIN BULK")[2]
+        if not any(len(row) >= 4 and row[0] not in "$/#" for row in bulk.splitlines()[1:]):
+            raise MeshError(f"file '{file}'", "has no entries after BEGIN BULK")
+    end = re.compile(rb"^end_header\s*$", re.MULTILINE)  # the same
+    if file.suffix.lower() == ".ply" and not end.search(file.read_bytes()):
+        raise MeshError(f"file '{file}'", "its header has no end")
+    try:
+        with (
+            contextlib.redirect_stdout(said),
+            contextlib.redirect_stderr(said),
+            warnings.catch_warnings(),
+            np.errstate(all="ignore"),
+        ):
+            warnings.simplefilter("ignore")
+            return meshio.read(file)
+    except SystemExit:
+        message = " ".join(said.getvalue().split()) or "no reason given"
+        raise MeshError(f"file '{file}'", f"cannot be read ({message})") from None
+    except _BROKEN as error:
+        reason = f"{type(error).__name__}: {error}"
+        if file.is_file() and _is_gmsh41(file, b"1"):
+            reason += f"; {_AS_ASCII}"
+        raise MeshError(f"file '{file}'", f"cannot be read ({reason})") from error
+
+
+def _from_gmsh41(file: Path) -> LineData:
+    """Lines of an ASCII gmsh 4.1 file."""
+    names = physical_names(file)
+    found = read_gmsh41(file)
+    if not found.lines:
+        quadratic = found.other.get(8, 0)
+        why = f"has {quadratic} quadratic lines (line3)" if quadratic else "has no lines"
+        raise MeshError(
+            f"file '{file}'", f"{why}; only lines with two nodes are read: mesh with order 1"
+        )
+    if 8 in found.other:
+        raise MeshError(
+            f"file '{file}'",
+            f"has {found.other[8]} quadratic lines (line3); only lines with two nodes are read",
+        )
+    beams: dict[str, list[int]] = {}
+    for e, (_, tags) in enumerate(found.lines):
+        for tag in tags:
+            beams.setdefault(group_name(names, 1, tag), []).append(e)
+    nodes: dict[str, list[int]] = {}
+    for vertices, tags in found.vertices:
+        for tag in tags:
+            nodes.setdefault(group_name(names, 0, tag), []).append(vertices[0])
+    lines = np.array([line for line, _ in found.lines])
+    return _cleaned(file, found.points, lines, _arrays(beams), _arrays(nodes))
+
+
+def _arrays(names: dict[str, list[int]]) -> dict[str, IndexArray]:
+    """Lists as sorted arrays of different numbers."""
+    return {name: np.unique(np.array(members, dtype=np.int64)) for name, members in names.items()}
+
+
+def _tagged(
+    mesh: Any, kind: str, tags: Iterable[Array]
+) -> Iterable[tuple[int, IndexArray, IndexArray]]:
+    """(tag, cell numbers among all of the kind, nodes) of physical groups of one kind of cell."""
+    first = 0
+    for block, values in zip(mesh.cells, tags, strict=True):
+        if block.type != kind:
+            continue
+        for tag in np.unique(values[values != 0]).tolist():
+            members = np.flatnonzero(values == tag)
+            yield tag, first + members, np.unique(block.data[members])
+        first += len(block.data)
+
+
+def _meshio_names(mesh: Any, file: Path) -> tuple[dict[str, IndexArray], dict[str, IndexArray]]:
+    """Named elements and points of whatever convention the file follows."""
+    beams: dict[str, list[int]] = {}
+    nodes: dict[str, list[int]] = {}
+    tags = mesh.cell_data.get("gmsh:physical")
+    if tags is not None:
+        names = physical_names(file)
+        for tag, members, _ in _tagged(mesh, "line", tags):
+            beams.setdefault(group_name(names, 1, tag), []).extend(members)
+        for tag, _, points in _tagged(mesh, "vertex", tags):
+            nodes.setdefault(group_name(names, 0, tag), []).extend(points)
+    else:
+        for name, parts in mesh.cell_sets_dict.items():
+            if "line" in parts and not name.startswith("gmsh:"):
+                beams.setdefault(name, []).extend(parts["line"])
+    for name, index in mesh.point_sets.items():
+        nodes.setdefault(name, []).extend(index)
+    for name, values in (mesh.cell_data_dict or {}).items():
+        if name.startswith(BEAM) and "line" in values:
+            beams[name.removeprefix(BEAM)] = np.flatnonzero(values["line"]).tolist()
+    for name, values in mesh.point_data.items():
+        if name.startswith(NODE):
+            nodes[name.removeprefix(NODE)] = np.flatnonzero(values).tolist()
+    return _arrays(beams), _arrays(nodes)
+
+
+def _cleaned(
+    file: Path,
+    points: Floats,
+    lines: Array,
+    beams: dict[str, IndexArray],
+    nodes: dict[str, IndexArray],
+) -> LineData:
+    """Without points that belong to no line and without repetitions of a line for each group."""
+    used = np.unique(lines)
+    number = np.full(len(points), -1)
+    number[used] = np.arange(len(used))
+    if len(used) < len(points):
+        logger.info("%s: dropped %d points that belong to no line", file, len(points) - len(used))
+    for name, index in nodes.items():
+        if (number[index] < 0).any():
+            place = points[index[number[index] < 0][0]].tolist()
+            raise MeshError(
+                f"node '{name}'", f"at {place} in file '{file}' belongs to no line of the mesh"
+            )
+    keep = np.arange(len(lines))
+    owners: list[set[str]] = [set() for _ in lines] if beams else []
+    for name, index in beams.items():
+        for e in index.tolist():
+            owners[e].add(name)
+    seen: dict[tuple[int, ...], int] = {}
+    for e, line in enumerate(lines.tolist()):
+        first = seen.setdefault(tuple(line), e)
+        if first != e and owners and owners[e] and owners[first] and not owners[e] & owners[first]:
+            owners[first] |= owners[e]
+            keep[e] = first
+    kept = np.flatnonzero(keep == np.arange(len(lines)))
+    place = np.searchsorted(kept, keep)
+    return LineData(
+        points=points[used].T.copy(),
+        t=number[lines[kept]].T,
+        beams={name: np.unique(place[index]) for name, index in beams.items()},
+        nodes={name: number[index] for name, index in nodes.items()},
+    )
+
+
+def write_lines(
+    path: str | PathLike[str],
+    lines: LineData,
+    point_data: dict[str, Any] | None = None,
+    cell_data: dict[str, Any] | None = None,
+    file_format: str | None = None,
+) -> None:
+    """Write lines; see :func:`skfem_cosserat.mesh.write_mesh`."""
+    file = file_path("argument path", path)
+    default = {".msh": "gmsh", ".vtu": "vtu"}.get(file.suffix.lower())
+    kind = default if file_format is None else file_format
+    if kind not in {"gmsh", "gmsh22", "vtu"}:
+        raise MeshError(
+            f"file '{file}'", f"format {kind!r} of suffix '{file.suffix}' is not .msh or .vtu"
+        )
+    if not file.parent.is_dir():
+        raise MeshError(f"file '{file}'", f"cannot be written: no folder '{file.parent}'")
+    if kind == "vtu":
+        _write_vtu(file, lines, point_data or {}, cell_data or {})
+        return
+    if point_data or cell_data:
+        raise MeshError(f"file '{file}'", "data on points or cells are written to .vtu only")
+    version = "2.2" if kind == "gmsh22" else "4.1"
+    write_gmsh(file, lines.points, lines.t, lines.beams, lines.nodes, version)
+
+
+def _write_vtu(
+    file: Path, lines: LineData, point_data: dict[str, Any], cell_data: dict[str, Any]
+) -> None:
+    """Write VTU with 0/1 arrays for the names."""
+    for name in [*lines.beams, *lines.nodes]:  # meshio writes names unescaped
+        if not name.isprintable() or set(name) & set('"<>&'):
+            raise MeshError(f"name {name!r}", "cannot be written to a VTU file: quotes, <, > or &")
+    ne, nv = lines.t.shape[1], lines.points.shape[1]
+    cells = {BEAM + k: np.isin(np.arange(ne), v).astype(np.int32) for k, v in lines.beams.items()}
+    points = {NODE + k: np.isin(np.arange(nv), v).astype(np.int32) for k, v in lines.nodes.items()}
+    mesh = meshio.Mesh(
+        np.ascontiguousarray(lines.points.T),
+        [("line", lines.t.T)],
+        point_data={**points, **point_data},
+        cell_data={k: [np.asarray(v)] for k, v in {**cells, **cell_data}.items()},
+    )
+    meshio.write(file, mesh, file_format="vtu")

@@ -9,21 +9,299 @@ from os import PathLike
 from typing import Any, Self
 
 import numpy as np
+from scipy.spatial import cKDTree
 from skfem import MeshLine1
+from skfem.mapping import Mapping as SkfemMapping
 
 from ..errors import MeshError
-from ..types import Array, Floats, IndexArray, VectorLike
-from . import formats, join, lookup, topology
-from .build import CurveChain, beam_nodes, curve_chain, element_count
-from .checks import check_arrays, check_geometry
-from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveSpline
-from .mapping import MappingCurve
+from ..frozen import Frozen
+from ..types import Array, Floats, IndexArray, VectorLike, check_kind, switch
+from . import files, topology
+from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
+from .topology import (
+    CurveChain,
+    beam_nodes,
+    check_arrays,
+    check_geometry,
+    curve_chain,
+    element_count,
+)
 
-__all__ = ["MeshCurve"]
+__all__ = [
+    "MappingCurve",
+    "MeshCurve",
+    "halved_arrays",
+    "joined_arrays",
+    "moved_arrays",
+    "read_mesh",
+    "restricted_arrays",
+    "write_mesh",
+]
+
+
+# -- the arc-length mapping scikit-fem evaluates bases with ----------------------------------------
+
+
+class MappingCurve(SkfemMapping):
+    """Maps [0, 1] onto each element of a space curve, proportionally to arc length.
+
+    Points have three rows (x, y, z) and reference points one. The Jacobian is ds/dxi, the length
+    of the element, so that ``u.grad[0]`` in a form is the derivative with respect to arc
+    length. Facet normals are the unit tangents (3 rows) that point out of the element.
+
+    Parameters
+    ----------
+    mesh : MeshCurve
+        The mesh; its lengths, curves and vertices are used.
+
+    Examples
+    --------
+    >>> from skfem_cosserat.mesh import MeshCurve
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 4), elements=2)
+    >>> mesh.mapping().F(np.array([[0.5]]))[:, 1, 0].tolist()
+    [0.0, 0.0, 3.0]
+    """
+
+    def __init__(self, mesh: MeshCurve) -> None:
+        self.mesh = mesh
+
+    def _select(self, X: Array, tind: Array | None) -> tuple[Array, Array]:
+        """Element numbers (n,) and reference coordinates (n, nq)."""
+        elements = np.arange(self.mesh.nelements) if tind is None else np.asarray(tind)
+        return elements, np.broadcast_to(X[0], (len(elements), X.shape[-1]))
+
+    def _on_curves(self, elements: Array, xi: Array, tangent: bool) -> Floats:
+        """Points or unit tangents (3, n, nq) of elements at reference coordinates (n, nq)."""
+        mesh = self.mesh
+        out = np.empty((3, *xi.shape))
+        ids = mesh.curve_ids[elements]
+        for c in np.unique(ids).tolist():
+            rows = np.flatnonzero(ids == c)
+            e, x = elements[rows], xi[rows]
+            a, b = mesh.p[:, mesh.t[0, e], None], mesh.p[:, mesh.t[1, e], None]
+            if c < 0:
+                chord = (b - a) / mesh.lengths[e][:, None]
+                out[:, rows] = chord + 0.0 * x if tangent else (1.0 - x) * a + x * b
+                continue
+            s0, s1 = mesh.spans[:, e, None]
+            s = (1.0 - x) * s0 + x * s1
+            if tangent:
+                out[:, rows] = mesh.curves[c].tangent(s) * np.sign(s1 - s0)
+            else:
+                out[:, rows] = mesh.curves[c].point(s)
+        return out
+
+    def F(self, X: Array, tind: Array | None = None) -> Floats:
+        """Points (3, ne, nq) at reference points (1, nq) or (1, ne, nq)."""
+        return self._on_curves(*self._select(X, tind), tangent=False)
+
+    def tangent(self, X: Array, tind: Array | None = None) -> Floats:
+        """Unit tangents (3, ne, nq) of the curves in the elements' direction."""
+        return self._on_curves(*self._select(X, tind), tangent=True)
+
+    def invF(self, x: Array, tind: Array | None = None) -> Floats:
+        """Reference coordinates (1, ne, nq) of the nearest points of the given elements.
+
+        Exact at the ends; clipped to [0, 1].
+        """
+        x = np.asarray(x, dtype=float)
+        mesh = self.mesh
+        elements = np.arange(mesh.nelements) if tind is None else np.asarray(tind)
+        length = mesh.lengths[elements][:, None]
+        grid = np.linspace(0.0, 1.0, 9)
+        near = self.F(grid[None, :], elements)
+        gaps = np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0)
+        xi = grid[np.argmin(gaps, axis=-1)]
+        for _ in range(50):
+            ahead = x - self.F(xi[None], elements)
+            step = (ahead * self.tangent(xi[None], elements)).sum(axis=0) / length
+            new = np.clip(xi + step, 0.0, 1.0)
+            done = np.abs(new - xi).max(initial=0.0) <= 1e-15
+            xi = new
+            if done:
+                break
+        for end in (0, 1):
+            vertex = mesh.p[:, mesh.t[end, elements], None]
+            xi = np.where((x == vertex).all(axis=0), float(end), xi)
+        return xi[None]
+
+    def detDF(self, X: Array, tind: Array | None = None) -> Floats:
+        """Arc length for one unit of the reference coordinate (ne, nq), in m."""
+        elements, xi = self._select(X, tind)
+        return np.broadcast_to(self.mesh.lengths[elements][:, None], xi.shape)
+
+    def DF(self, X: Array, tind: Array | None = None) -> Floats:
+        """The same as a 1 x 1 Jacobian (1, 1, ne, nq)."""
+        return self.detDF(X, tind)[None, None]
+
+    def invDF(self, X: Array, tind: Array | None = None) -> Floats:
+        """Its inverse (1, 1, ne, nq), in 1/m."""
+        return 1.0 / self.DF(X, tind)
+
+    def G(self, X: Array, find: Array | None = None) -> Floats:
+        """Positions (3, nf, 1) of facets: in one dimension these are the vertices."""
+        return self.mesh.p[:, self._vertices(find), None]
+
+    def detDG(self, X: Array, find: Array | None = None) -> Floats:
+        """Ones (nf, 1): an integral over a vertex is the value there."""
+        return np.ones((len(self._vertices(find)), 1))
+
+    def _vertices(self, find: Array | None) -> Array:
+        """Vertex numbers of facets."""
+        facets = self.mesh.facets[0]
+        return facets if find is None else facets[np.asarray(find)]
+
+    def normals(self, X: Array, tind: Array, find: Array, t2f: Array) -> Floats:
+        """Unit tangents (3, nf, 1) at facets, pointing out of the elements ``tind``."""
+        sign = np.where(t2f[1, tind] == find, 1.0, -1.0)
+        xi = np.where(sign > 0, 1.0, 0.0)[:, None]
+        return self._on_curves(np.asarray(tind), xi, tangent=True) * sign[:, None]
+
+
+# -- new arrays for changed meshes: joined, refined, restricted ------------------------------------
+
+
+def halved_arrays(mesh: MeshCurve, marked: IndexArray) -> dict[str, Any]:
+    """Fields of a mesh whose marked elements are halved; children take their parent's place."""
+    ne, nv = mesh.nelements, mesh.p.shape[1]
+    halves = np.ones(ne, dtype=np.int64)
+    halves[marked] = 2
+    parent = np.repeat(np.arange(ne), halves)
+    first = np.cumsum(halves) - halves
+    t, spans = mesh.t[:, parent].copy(), mesh.spans[:, parent].copy()
+    left, right = first[marked], first[marked] + 1
+    t[1, left] = t[0, right] = nv + np.arange(len(marked))
+    spans[1, left] = spans[0, right] = mesh.spans[:, marked].mean(axis=0)
+    points = mesh.p
+    if len(marked):
+        middle = mesh.mapping().F(np.array([[0.5]]), marked)[:, :, 0]
+        points = np.concatenate([mesh.p, middle], axis=1)
+    beams = None
+    if mesh._subdomains is not None:
+        beams = {k: np.flatnonzero(np.isin(parent, v)) for k, v in mesh.beams.items()}
+    return {
+        "doflocs": points,
+        "t": t,
+        "curve_ids": mesh.curve_ids[parent],
+        "spans": spans,
+        "_subdomains": beams,
+    }
+
+
+def moved_arrays(mesh: MeshCurve, rotation: Any, shift: Any) -> dict[str, Any]:
+    """Fields of a mesh moved by ``x -> rotation @ x + shift``."""
+    turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
+    if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-12):
+        raise MeshError("argument rotation", f"{turn.tolist()} is no orthogonal matrix")
+    by = np.asarray(shift, dtype=float)
+    if by.shape != (3,) or not np.isfinite(by).all():
+        raise MeshError("argument shift", f"got {shift}, expected three finite numbers")
+    return {
+        "doflocs": turn @ mesh.p + by[:, None],
+        "curves": [CurveMoved(curve, turn, by) for curve in mesh.curves],
+    }
+
+
+def restricted_arrays(mesh: MeshCurve, elements: Array) -> tuple[dict[str, Any], IndexArray]:
+    """Fields of a mesh with some elements only, and the old numbers of its vertices."""
+    vertices = np.unique(mesh.t[:, elements])
+    number = np.full(mesh.p.shape[1], -1)
+    number[vertices] = np.arange(len(vertices))
+    place = np.full(mesh.nelements, -1)
+    place[elements] = np.arange(len(elements))
+    nodes = {k: number[v][number[v] >= 0] for k, v in mesh.nodes.items()}
+    beams = {k: place[v][place[v] >= 0] for k, v in mesh.beams.items()}
+    arrays = {
+        "doflocs": mesh.p[:, vertices],
+        "t": number[mesh.t[:, elements]],
+        "curve_ids": mesh.curve_ids[elements],
+        "spans": mesh.spans[:, elements],
+        "_boundaries": {k: v for k, v in nodes.items() if v.size},
+        "_subdomains": {k: v for k, v in beams.items() if v.size},
+    }
+    return arrays, vertices
+
+
+def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) -> dict[str, Any]:
+    """Fields of the mesh of several meshes."""
+    points = np.concatenate([m.p for m in meshes], axis=1)
+    limit = 1e-9 * float(np.linalg.norm(np.ptp(points, axis=1))) if tol is None else float(tol)
+    if not (np.isfinite(limit) and limit >= 0.0):
+        raise MeshError("argument tol", f"got {tol}, expected a distance in m")
+    kept: list[Floats] = []
+    numbers: list[IndexArray] = []
+    total = 0
+    for k, mesh in enumerate(meshes):
+        number = np.full(mesh.p.shape[1], -1)
+        if weld and k > 0:
+            number = _coinciding(np.concatenate(kept, axis=1), mesh, limit)
+        new = number < 0
+        number[new] = total + np.arange(new.sum())
+        total += int(new.sum())
+        kept.append(mesh.p[:, new])
+        numbers.append(number)
+    shifts = np.cumsum([0] + [len(m.curves) for m in meshes])
+    first = np.cumsum([0] + [m.nelements for m in meshes])
+    ids = [
+        np.where(m.curve_ids < 0, -1, m.curve_ids + s) for m, s in zip(meshes, shifts, strict=False)
+    ]
+    return {
+        "doflocs": np.concatenate(kept, axis=1),
+        "t": np.concatenate([n[m.t] for m, n in zip(meshes, numbers, strict=True)], axis=1),
+        "curves": [curve for m in meshes for curve in m.curves],
+        "curve_ids": np.concatenate(ids),
+        "spans": np.concatenate([m.spans for m in meshes], axis=1),
+        "_subdomains": _united("beam", [m.beams for m in meshes], lambda k, v: v + first[k]),
+        "_boundaries": _united("node", [m.nodes for m in meshes], lambda k, v: numbers[k][v]),
+    }
+
+
+def _united(kind: str, parts: Sequence[dict[str, IndexArray]], renumber: Any) -> dict[str, Any]:
+    """All names of all meshes; each may occur once."""
+    out: dict[str, Any] = {}
+    for k, names in enumerate(parts):
+        for name, index in names.items():
+            if name in out:
+                raise MeshError(f"{kind} '{name}'", f"occurs in several meshes (again in mesh {k})")
+            out[name] = renumber(k, index)
+    return out
+
+
+def _coinciding(points: Floats, mesh: MeshCurve, tol: float) -> IndexArray:
+    """For each vertex of a mesh the number of the point (3, n) it coincides with, or -1."""
+    number = np.full(mesh.p.shape[1], -1)
+    hits = cKDTree(points.T).query_ball_point(mesh.p.T, tol)
+    for v, found in enumerate(hits):
+        if len(found) > 1:
+            raise MeshError(
+                f"node at {mesh.p[:, v].tolist()}",
+                f"lies within tol = {tol:.3g} m of several nodes {sorted(found)}: join with a"
+                " smaller tol or weld=False",
+            )
+        if found:
+            number[v] = found[0]
+    pairs = number[mesh.t]
+    collapsed = (pairs[0] == pairs[1]) & (pairs[0] >= 0)
+    if collapsed.any():
+        e = int(np.argmax(collapsed))
+        a, b = mesh.p[:, mesh.t[:, e]].T.tolist()
+        raise MeshError("argument tol", f"{tol:.3g} m would collapse the element from {a} to {b}")
+    hit, times = np.unique(number[number >= 0], return_counts=True)
+    if (times > 1).any():
+        vertices = np.flatnonzero(number == hit[np.argmax(times > 1)]).tolist()
+        raise MeshError(
+            f"node at {mesh.p[:, vertices[0]].tolist()}",
+            f"nodes {vertices} of one mesh would all be merged into one: join with a smaller tol"
+            " or weld=False",
+        )
+    return number
+
+
+# -- line meshes of space curves for scikit-fem: networks, branches and closed loops ---------------
 
 
 @dataclass(repr=False, eq=False)
-class MeshCurve(MeshLine1):
+class MeshCurve(Frozen, MeshLine1):
     """Lines in space with true arc lengths; beams and nodes carry names.
 
     A :class:`skfem.MeshLine1` with three coordinates. ``skfem.Basis(mesh, element)`` works as
@@ -91,6 +369,13 @@ class MeshCurve(MeshLine1):
         spans[1, chord] = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=0)
         self.curve_ids, self.spans = ids, spans
         check_geometry(self)
+        self._boundaries, self._subdomains = locked(self._boundaries), locked(self._subdomains)
+
+    def __repr__(self) -> str:
+        names = f", beams {', '.join(map(repr, self.beams))}" if self.beams else ""
+        return (
+            f"{type(self).__name__}({self.nelements} elements, {self.p.shape[1]} vertices{names})"
+        )
 
     # ------------------------------------------------------------------ factories
     @classmethod
@@ -144,6 +429,7 @@ class MeshCurve(MeshLine1):
         (2, 4)
         """
         count = element_count(elements, f"beam '{name}'")
+        closed = switch(f"beam '{name}'", closed, "closed")
         chain = curve_chain([curve], [np.linspace(0.0, curve.length, count + 1)], closed)
         return cls._from_chain(chain, [curve], name, nodes, closed)
 
@@ -214,6 +500,7 @@ class MeshCurve(MeshLine1):
         closed : bool
             If a last leg leads back to the first corner.
         """
+        closed = switch(f"beam '{name}'", closed, "closed")
         points = np.asarray(corners, dtype=float)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2 + closed:
             raise MeshError(
@@ -258,14 +545,15 @@ class MeshCurve(MeshLine1):
     @classmethod
     def load(cls, filename: str | PathLike[str], out: Any = None, **kwargs: Any) -> Self:
         """Mesh from a file; see :func:`skfem_cosserat.mesh.read_mesh`."""
-        lines = formats.read_lines(filename)
-        mesh = cls(
-            doflocs=lines.points,
-            t=lines.t,
-            _boundaries=lines.nodes,
-            _subdomains=lines.beams,
-        )
-        return mesh.directed()
+        with files.read_errors(filename):
+            lines = files.read_lines(filename)
+            mesh = cls(
+                doflocs=lines.points,
+                t=lines.t,
+                _boundaries=lines.nodes,
+                _subdomains=lines.beams,
+            )
+            return mesh.directed()
 
     def save(
         self,
@@ -275,8 +563,8 @@ class MeshCurve(MeshLine1):
         **kwargs: Any,
     ) -> None:
         """Write a file; see :func:`skfem_cosserat.mesh.write_mesh`."""
-        lines = formats.LineData(self.p, self.t, self.beams, self.nodes)
-        formats.write_lines(filename, lines, point_data, cell_data, **kwargs)
+        lines = files.LineData(self.p, self.t, self.beams, self.nodes)
+        files.write_lines(filename, lines, point_data, cell_data, **kwargs)
 
     # ------------------------------------------------------------------ geometry
     def _mapping(self) -> MappingCurve:
@@ -346,11 +634,11 @@ class MeshCurve(MeshLine1):
         MeshError
             If there is no such node; the message lists the names or the nearest vertex.
         """
-        return lookup.find_node(self.p.T, self.nodes, which, self.size)
+        return topology.find_node(self.p.T, self.nodes, which, self.size)
 
     def elements_of(self, beam: str) -> IndexArray:
         """Elements of a named beam; MeshError lists the names there are."""
-        return lookup.find_beam(self.beams, beam)
+        return topology.find_beam(self.beams, beam)
 
     def elements_at(self, which: str | int | VectorLike) -> IndexArray:
         """All elements that meet at a node (``f2t`` knows only two)."""
@@ -409,7 +697,8 @@ class MeshCurve(MeshLine1):
         >>> tee.p.shape[1], tee.elements_at("web.start").tolist()
         (5, [0, 1, 2])
         """
-        return replace(self, **join.joined_arrays([self, *others], tol, weld))
+        weld = switch("argument weld", weld)
+        return replace(self, **joined_arrays([self, *others], tol, weld))
 
     def __add__(self, other: MeshCurve) -> Self:
         """The same as ``self.joined(other)``."""
@@ -437,16 +726,16 @@ class MeshCurve(MeshLine1):
         """
         if isinstance(times_or_ix, (int, np.integer)) and not isinstance(times_or_ix, bool):
             mesh = self
-            for _ in range(lookup.number_of_times(times_or_ix)):
+            for _ in range(topology.number_of_times(times_or_ix, self.nelements)):
                 mesh = mesh._adaptive(np.arange(mesh.nelements))
             return mesh
         if isinstance(times_or_ix, str):
             return self._adaptive(self.elements_of(times_or_ix))
-        return self._adaptive(lookup.element_numbers(times_or_ix, self.nelements))
+        return self._adaptive(topology.element_numbers(times_or_ix, self.nelements))
 
     def _adaptive(self, marked: Array) -> Self:
         """Halve marked elements; the halves follow each other in their parent's place."""
-        return replace(self, **join.halved_arrays(self, np.unique(marked)))
+        return replace(self, **halved_arrays(self, np.unique(marked)))
 
     def restrict(
         self,
@@ -456,7 +745,8 @@ class MeshCurve(MeshLine1):
         skip_subdomains: bool = False,
     ) -> Any:
         """Copy with some of the elements; see :meth:`skfem.Mesh.restrict`."""
-        arrays, vertices = join.restricted_arrays(self, self.normalize_elements(elements))
+        chosen = topology.element_numbers(self.normalize_elements(elements), self.nelements)
+        arrays, vertices = restricted_arrays(self, chosen)
         if skip_boundaries:
             arrays["_boundaries"] = None
         if skip_subdomains:
@@ -466,7 +756,7 @@ class MeshCurve(MeshLine1):
 
     def moved(self, rotation: Any = None, shift: VectorLike = (0.0, 0.0, 0.0)) -> Self:
         """Copy moved by ``x -> rotation @ x + shift``; rotation (3, 3) may be a reflection."""
-        return replace(self, **join.moved_arrays(self, rotation, shift))
+        return replace(self, **moved_arrays(self, rotation, shift))
 
     def translated(self, diffs: VectorLike) -> Self:
         """Copy moved by a vector (3,)."""
@@ -486,7 +776,7 @@ class MeshCurve(MeshLine1):
 
     def element_finder(self, mapping: Any = None) -> Any:
         """Function that finds the elements at points ``(x, y, z)``, each (n,)."""
-        return lookup.element_finder(self)
+        return topology.element_finder(self)
 
     def is_valid(self, raise_: bool = False) -> bool:
         """True: what can be wrong was refused at construction."""
@@ -496,3 +786,82 @@ class MeshCurve(MeshLine1):
     def init_refdom(cls) -> MeshLine1:
         """The reference element as a one-dimensional mesh."""
         return MeshLine1(MeshLine1.elem.refdom.p, MeshLine1.elem.refdom.t, validate=False)
+
+
+def locked(sets: Any) -> Any:
+    """Named sets of numbers, in arrays of their own that cannot be written to."""
+    if sets is None:
+        return None
+    own = {name: np.array(numbers) for name, numbers in sets.items()}
+    for numbers in own.values():
+        numbers.flags.writeable = False
+    return own
+
+
+# -- reading and writing meshes of lines: gmsh, VTU and what else meshio reads ---------------------
+
+
+def read_mesh(path: str | PathLike[str]) -> MeshCurve:
+    """Mesh from the straight lines of a file.
+
+    Elements are chords; where those of one beam meet at a small angle they share a mean tangent
+    (``feature_angle`` of :class:`MeshCurve`). Lines of a beam that point against each other are
+    turned; lines in no group belong to no beam (``mesh.unnamed_elements()``); points that belong
+    to no line are dropped.
+
+    Parameters
+    ----------
+    path : path
+        gmsh ``.msh`` 4.1 or 2.2: physical lines are beams, physical points are named nodes. VTU:
+        cell data ``beam:NAME`` and point data ``node:NAME``, 1 for members and 0 for others. Other
+        formats as far as meshio reads them: sets of cells are beams, sets of points are nodes. What
+        else an ``.inp`` or ``.bdf`` file says (sections, orientations, materials, property ids) is
+        not read: a :class:`ModelWarning` names it.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read or is damaged, has no lines, has quadratic lines, or names a
+        point that belongs to no line. It names the file.
+
+    Examples
+    --------
+    >>> import tempfile, os
+    >>> path = os.path.join(tempfile.mkdtemp(), "line.msh")
+    >>> write_mesh(path, MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="boom"))
+    >>> list(read_mesh(path).beams)
+    ['boom']
+    """
+    return MeshCurve.load(path)
+
+
+def write_mesh(path: str | PathLike[str], mesh: MeshCurve, file_format: str | None = None) -> None:
+    """Write vertices, elements and names without loss.
+
+    Curves are not written: a file knows straight lines only. Coordinates keep all their digits.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.msh`` or ``.vtu``.
+    mesh : MeshCurve
+        The mesh.
+    file_format : str, optional
+        ``"gmsh"`` (ASCII 4.1, default for ``.msh``), ``"gmsh22"`` (ASCII 2.2) or ``"vtu"``.
+
+    Raises
+    ------
+    MeshError
+        If the format is unknown or cannot hold a name.
+
+    Examples
+    --------
+    >>> import tempfile, os
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="boom")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_mesh(os.path.join(folder, "boom.msh"), mesh)
+    ...     os.listdir(folder)
+    ['boom.msh']
+    """
+    check_kind("argument mesh", mesh, MeshCurve)
+    mesh.save(path, file_format=file_format)

@@ -1,16 +1,45 @@
-"""Chains: the order of elements along beams, found from connectivity alone."""
+"""Chains of elements from connectivity, arrays of meshes along curves, checks, finding by name."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import MeshError
-from ..types import Array, Floats, IndexArray
+from ..errors import InputError, MeshError
+from ..types import Array, ArrayLike, Floats, IndexArray, VectorLike, numbers, real, shown
+from .curves import Curve
 
-__all__ = ["Chain", "arc_starts", "directed_flips", "duplicates", "find_chains"]
+if TYPE_CHECKING:
+    from .mesh import MeshCurve
+
+
+__all__ = [
+    "MOST_ELEMENTS",
+    "Chain",
+    "CurveChain",
+    "arc_starts",
+    "beam_nodes",
+    "check_arrays",
+    "check_geometry",
+    "check_name",
+    "curve_chain",
+    "directed_flips",
+    "duplicates",
+    "element_count",
+    "element_finder",
+    "element_numbers",
+    "find_beam",
+    "find_chains",
+    "find_node",
+    "number_of_times",
+    "places_along",
+]
+
+
+# -- chains: the order of elements along beams, found from connectivity alone ----------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,3 +182,332 @@ def duplicates(t: Array, middle: Floats, tol: float) -> tuple[int, int] | None:
             if np.linalg.norm(middle[:, e] - middle[:, f]) <= tol:
                 return min(e, f), max(e, f)
     return None
+
+
+# -- checks of a mesh at construction: every message names the element, node or array --------------
+
+
+def check_arrays(doflocs: Any, t: Any) -> tuple[Floats, Array]:
+    """Vertices (3, nv) and connectivity (2, ne) of sound shape and content."""
+    points = numbers("mesh points", "coordinates", doflocs)
+    if points.ndim != 2 or points.shape[0] != 3:
+        raise MeshError("mesh points", f"have shape {points.shape}, expected (3, nv)")
+    lines = np.asarray(t)
+    if lines.size == 0:
+        raise MeshError("mesh", f"has no elements (connectivity of shape {lines.shape})")
+    if lines.ndim != 2 or lines.shape[0] != 2:
+        raise MeshError("mesh connectivity", f"has shape {lines.shape}, expected (2, ne)")
+    if not np.issubdtype(lines.dtype, np.integer):
+        raise MeshError("mesh connectivity", f"has type {lines.dtype}, expected integers")
+    if not np.isfinite(points).all():
+        node = int(np.argmin(np.isfinite(points).all(axis=0)))
+        raise MeshError(f"node {node}", f"coordinates {points[:, node].tolist()} are not finite")
+    nv = points.shape[1]
+    wrong = ((lines < 0) | (lines >= nv)).any(axis=0)
+    if wrong.any():
+        e = int(np.argmax(wrong))
+        raise MeshError(f"element {e}", f"has nodes {lines[:, e].tolist()}, the mesh has {nv}")
+    used = np.zeros(nv, dtype=bool)
+    used[lines] = True
+    if not used.all():
+        node = int(np.argmin(used))
+        raise MeshError(f"node {node}", f"at {points[:, node].tolist()} belongs to no element")
+    return np.ascontiguousarray(points), np.ascontiguousarray(lines)
+
+
+def check_name(kind: str, name: object) -> None:
+    """Raise MeshError unless it is a text."""
+    if not isinstance(name, str):
+        raise MeshError(f"name of a {kind}", f"got {name!r}, expected a text")
+
+
+def check_geometry(mesh: MeshCurve) -> None:
+    """Lengths, vertices on curves, duplicates and names."""
+    size = mesh.size
+    degenerate = (mesh.lengths <= 1e-14 * size) | (mesh.t[0] == mesh.t[1])
+    if degenerate.any():
+        e = int(np.argmax(degenerate))
+        raise MeshError(
+            f"element {e}",
+            f"between nodes {mesh.t[0, e]} and {mesh.t[1, e]} has zero length or one node only",
+        )
+    _check_curves(mesh, size)
+    middle = mesh.mapping().F(np.array([[0.5]]))[:, :, 0]
+    pair = duplicates(mesh.t, middle, 1e-9 * size)
+    if pair is not None:
+        nodes = mesh.t[:, pair[0]].tolist()
+        raise MeshError(f"element {pair[1]}", f"duplicates element {pair[0]}, both join {nodes}")
+    _check_names(mesh)
+    if not 0.0 <= mesh.feature_angle <= np.pi:
+        raise MeshError("argument feature_angle", f"{mesh.feature_angle} is not in [0, pi] rad")
+
+
+def _check_curves(mesh: MeshCurve, size: float) -> None:
+    """Ends of elements against the curves they are said to lie on."""
+    on_curve = np.flatnonzero(mesh.curve_ids >= 0)
+    if on_curve.size == 0:
+        return
+    spans = mesh.spans[:, on_curve]
+    limit = np.array([curve.length for curve in mesh.curves])[mesh.curve_ids[on_curve]]
+    outside = ~((spans >= -1e-9 * limit) & (spans <= (1 + 1e-9) * limit)).all(axis=0)
+    if outside.any():
+        k = int(np.argmax(outside))
+        raise MeshError(
+            f"element {on_curve[k]}",
+            f"span {spans[:, k].tolist()} m leaves its curve of length {limit[k]} m",
+        )
+    ends = mesh.mapping().F(np.array([[0.0, 1.0]]), on_curve)
+    gap = np.linalg.norm(ends - mesh.p[:, mesh.t[:, on_curve].T], axis=0)
+    if gap.max() > 1e-6 * size:
+        k, end = divmod(int(np.argmax(gap)), 2)
+        e = on_curve[k]
+        raise MeshError(
+            f"element {e}",
+            f"node {mesh.t[end, e]} is {gap[k, end]:.3g} m off its curve: change the curves"
+            " together with the points, e.g. by mesh.moved()",
+        )
+
+
+def _check_names(mesh: MeshCurve) -> None:
+    """Index arrays of beams and nodes."""
+    for kind, names, count in (
+        ("beam", mesh._subdomains, mesh.nelements),
+        ("node", mesh._boundaries, mesh.p.shape[1]),
+    ):
+        for name, index in (names or {}).items():
+            check_name(kind, name)
+            ix = np.asarray(index)
+            if ix.size and not np.issubdtype(ix.dtype, np.integer):
+                raise MeshError(
+                    f"{kind} '{name}'", f"numbers of type {ix.dtype}, expected integers"
+                )
+            if ix.size and (ix.min() < 0 or ix.max() >= count):
+                bad = ix.min() if ix.min() < 0 else ix.max()
+                raise MeshError(f"{kind} '{name}'", f"number {bad} is not in 0 .. {count - 1}")
+
+
+# -- arrays of meshes along chains of curves, used by the factories of MeshCurve -------------------
+
+#: how many elements a beam or a refined mesh may have: each takes kilobytes in a scene
+MOST_ELEMENTS = 10**7
+
+
+@dataclass(frozen=True, eq=False)
+class CurveChain:
+    """A chain of elements on curves that follow each other.
+
+    Attributes
+    ----------
+    points : (3, nv)
+        Vertices (m).
+    t : (2, ne)
+        Vertices of the elements.
+    curve_ids : (ne,)
+        Curve of each element.
+    spans : (2, ne)
+        Arc lengths on that curve at which the element starts and ends (m).
+    """
+
+    points: Floats
+    t: IndexArray
+    curve_ids: IndexArray
+    spans: Floats
+
+
+def element_count(value: int, item: str) -> int:
+    """A number of elements, at least one."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        given = f"number of elements is {shown(value)}"
+        raise MeshError(item, f"{given}, expected an integer of 1 or more")
+    if value > MOST_ELEMENTS:
+        given = f"number of elements is {shown(value)}"
+        raise MeshError(item, f"{given}, expected at most {MOST_ELEMENTS}")
+    return int(value)
+
+
+def curve_chain(curves: Sequence[Curve], arcs: Sequence[Floats], closed: bool) -> CurveChain:
+    """Chain with vertices at given arc lengths ``arcs[k]`` (n_k + 1,) of each curve."""
+    points = [curve.point(s[:-1]) for curve, s in zip(curves, arcs, strict=True)]
+    if not closed:
+        points.append(curves[-1].point(arcs[-1][-1:]))
+    counts = [len(s) - 1 for s in arcs]
+    ne = sum(counts)
+    t = np.stack([np.arange(ne), np.arange(1, ne + 1)])
+    if closed:
+        t[1, -1] = 0
+    return CurveChain(
+        points=np.concatenate(points, axis=1),
+        t=t,
+        curve_ids=np.repeat(np.arange(len(curves)), counts),
+        spans=np.concatenate([np.stack([s[:-1], s[1:]]) for s in arcs], axis=1),
+    )
+
+
+def relative_length(node: str, value: float) -> float:
+    """A finite number."""
+    try:
+        place = real("node", "place", value, "a number")
+    except InputError:
+        place = np.nan
+    if not np.isfinite(place):
+        raise MeshError(
+            f"node {node!r}", f"got {value!r}, expected a share of the length in [0, 1]"
+        )
+    return place
+
+
+def beam_nodes(
+    name: str, spans: Floats, closed: bool, nodes: Mapping[str, float] | None
+) -> dict[str, IndexArray]:
+    """Vertices of a chain's named nodes: its ends and those given by relative arc length."""
+    check_name("beam", name)
+    if not isinstance(nodes, Mapping | None):
+        raise MeshError(f"beam {name!r}", f"nodes = {nodes!r}, expected a dict of relative lengths")
+    ends = np.concatenate([[0.0], np.cumsum(spans[1] - spans[0])])
+    places = ends / ends[-1]
+    named = {f"{name}.start": np.array([0])}
+    if not closed:
+        named[f"{name}.end"] = np.array([len(places) - 1])
+    for key, given in (nodes or {}).items():
+        check_name("node", key)
+        place = relative_length(key, given)
+        if key in named:
+            raise MeshError(f"node '{key}'", f"the name is given to an end of beam '{name}'")
+        k = int(np.argmin(np.abs(places - place)))
+        if not abs(places[k] - place) <= 1e-9:
+            close = ", ".join(f"{x:.6g}" for x in np.sort(places[max(k - 1, 0) : k + 2]))
+            raise MeshError(
+                f"node '{key}'",
+                f"relative arc length {place} of beam '{name}' meets no vertex; nearby: {close}."
+                " Change the number of elements",
+            )
+        named[key] = np.array([0 if closed and k == len(places) - 1 else k])
+    return named
+
+
+# -- finding nodes, beams and elements by name, number or position ---------------------------------
+
+#: Distance at which a position is said to meet a node, as a part of the mesh size.
+POSITION_TOLERANCE = 1e-8
+
+
+def _listed(names: Mapping[str, Any]) -> str:
+    """Names for a message."""
+    return ", ".join(f"'{name}'" for name in names) or "none"
+
+
+def find_beam(beams: Mapping[str, IndexArray], beam: str) -> IndexArray:
+    """Elements of a named beam."""
+    if not isinstance(beam, str):
+        raise MeshError(f"beam {beam!r}", f"expected a name; known beams: {_listed(beams)}")
+    if beam not in beams:
+        raise MeshError(f"beam '{beam}'", f"unknown; known beams: {_listed(beams)}")
+    return beams[beam]
+
+
+def find_node(
+    points: Floats, names: Mapping[str, IndexArray], which: str | int | VectorLike, size: float
+) -> int:
+    """Number of the node in ``points`` (n, 3) given by name, number or position."""
+    if isinstance(which, str):
+        if which not in names:
+            raise MeshError(f"node '{which}'", f"unknown; known nodes: {_listed(names)}")
+        if len(names[which]) != 1:
+            raise MeshError(
+                f"node '{which}'", f"names {len(names[which])} nodes, expected exactly one"
+            )
+        return int(names[which][0])
+    if isinstance(which, (int, np.integer)) and not isinstance(which, bool):
+        if not 0 <= which < len(points):
+            raise MeshError(f"node {which}", f"the mesh has nodes 0 .. {len(points) - 1}")
+        return int(which)
+    try:
+        place = numbers(f"node {which!r}", "position", which)
+    except InputError:
+        place = np.zeros(0)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise MeshError(f"node {which!r}", "expected a name, a number or a position (3,)")
+    gaps = np.linalg.norm(points - place, axis=1)
+    hits = np.flatnonzero(gaps <= POSITION_TOLERANCE * size)
+    where = f"node at {place.tolist()}"
+    if hits.size == 0:
+        k = int(np.argmin(gaps))
+        raise MeshError(where, f"no node there; node {k} is nearest, {gaps[k]:.3g} m away")
+    if hits.size > 1:
+        raise MeshError(where, f"several nodes there: {hits.tolist()}; give the number or a name")
+    return int(hits[0])
+
+
+def places_along(
+    mesh: MeshCurve, s: ArrayLike, beam: str | None = None
+) -> tuple[IndexArray, Floats]:
+    """Elements (m,) and reference coordinates (m,) at arc lengths s (m,) along a beam or all."""
+    ids = np.arange(mesh.nelements) if beam is None else find_beam(mesh.beams, beam)
+    item = "mesh" if beam is None else f"beam '{beam}'"
+    chains = find_chains(mesh.t[:, ids], np.zeros(len(ids), dtype=np.int64), [beam or ""])
+    if len(chains) != 1:
+        raise MeshError(
+            item,
+            f"is no single line but {len(chains)}: give the name of one, of"
+            f" {_listed(mesh.beams)}, or elements and their reference coordinates",
+        )
+    ids = ids[chains[0].elements]
+    ends = np.cumsum(mesh.lengths[ids])
+    tol = 1e-12 * ends[-1]
+    at = np.atleast_1d(numbers(item, "arc length s", s))
+    wrong = ~((at >= -tol) & (at <= ends[-1] + tol))
+    if at.ndim != 1 or wrong.any():
+        what = f"shape {at.shape}" if at.ndim != 1 else f"{at[wrong][0]} m"
+        raise MeshError(item, f"arc length s: {what}, expected numbers in 0 .. {ends[-1]:.9g} m")
+    k = np.minimum(np.searchsorted(ends, at + tol, side="right"), len(ids) - 1)
+    xi = 1.0 - (ends[k] - at) / mesh.lengths[ids[k]]
+    return ids[k], np.clip(xi, 0.0, 1.0)
+
+
+def number_of_times(value: Any, count: int) -> int:
+    """How often a mesh of so many elements is to be refined; MeshError for what makes no sense."""
+    if value < 0:
+        raise MeshError("refinement", f"{shown(value)} times, expected 0 or more")
+    most = int(np.log2(max(MOST_ELEMENTS / count, 1)))
+    if value > most:
+        text = f"{shown(value)} times, expected at most {most}: {count} elements become"
+        raise MeshError("refinement", f"{text} {MOST_ELEMENTS}, and no mesh may have more")
+    return int(value)
+
+
+def element_numbers(which: Any, count: int) -> IndexArray:
+    """Element numbers from numbers or a mask (ne,)."""
+    index = np.atleast_1d(np.asarray(which))
+    if index.dtype == bool:
+        if index.shape != (count,):
+            raise MeshError("element mask", f"has shape {index.shape}, expected ({count},)")
+        return np.flatnonzero(index)
+    if index.size == 0:
+        return np.zeros(0, dtype=np.int64)
+    if not np.issubdtype(index.dtype, np.integer):
+        raise MeshError("element numbers", f"have type {index.dtype}, expected integers")
+    if index.min() < 0 or index.max() >= count:
+        bad = index.min() if index.min() < 0 else index.max()
+        raise MeshError(f"element {bad}", f"the mesh has elements 0 .. {count - 1}")
+    return index.astype(np.int64)
+
+
+def element_finder(mesh: MeshCurve) -> Callable[..., Array]:
+    """Function of coordinates x, y, z (n,) that returns the element each point lies on."""
+    mapping = mesh.mapping()
+    middle = mapping.F(np.array([[0.5]]))[:, :, 0]
+    reach = 0.5 * mesh.lengths + POSITION_TOLERANCE * mesh.size
+
+    def finder(x: Array, y: Array, z: Array) -> Array:
+        found = np.empty(len(x), dtype=np.int32)
+        for k, place in enumerate(np.stack([x, y, z], axis=1)):
+            near = np.flatnonzero(np.linalg.norm(middle.T - place, axis=1) <= reach)
+            at = np.broadcast_to(place[:, None, None], (3, len(near), 1))
+            feet = mapping.F(mapping.invF(at, near), near) if near.size else at
+            gaps = np.linalg.norm(feet - at, axis=0)[:, 0]
+            if near.size == 0 or gaps.min() > POSITION_TOLERANCE * mesh.size:
+                raise MeshError(f"point {place.tolist()}", "lies on no element of the mesh")
+            found[k] = near[np.argmin(gaps)]
+        return found
+
+    return finder

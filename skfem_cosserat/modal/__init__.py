@@ -1,4 +1,4 @@
-"""Verbs: ``modes`` for small vibrations, ``buckling`` for critical loads of the linear theory."""
+"""``modes`` for small vibrations, ``buckling`` for critical loads of the linear theory."""
 
 from .critical import Buckling, buckling
 from .vibration import Modes, modes

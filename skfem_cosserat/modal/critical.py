@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 from scipy.linalg import eig, eigh
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
-from ..diagnostics.tangent import balancing_multipliers, blocks_matrix, curvature_matrix
+from ..diagnostics.stacked import balancing_multipliers, blocks_matrix, curvature_matrix
 from ..errors import CosseratError, InputError
 from ..history import History
 from ..model import Model, System
 from ..model.balance import Amplitudes, amplitudes_at, balance
 from ..types import Floats
-from .animation import animation, checked_index
-from .pencil import SYMMETRIC, Pencil, make_pencil
+from ..warn import Notices, counted
+from .eigen import DENSE, SPARE, SYMMETRIC, TOLERANCE, Factorised, Pencil, lowest, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, finite, resting
-from .symmetric import DENSE, SPARE, TOLERANCE, Factorised, lowest
-from .vibration import checked_count
+from .vibration import animation, checked_count, checked_index
 
 __all__ = ["Buckling", "buckling"]
 
@@ -55,6 +54,8 @@ class Buckling:
         Linear response to the given loads (m, -).
     factorisations : int
         Of sparse matrices.
+    warnings : list of dict
+        As in ``history.meta["warnings"]``.
     """
 
     system: System
@@ -64,13 +65,15 @@ class Buckling:
     response: Floats
     factorisations: int
     _at: Equilibrium
+    warnings: list[dict[str, Any]] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.factors)
 
     def __repr__(self) -> str:
         found = ", ".join(f"{factor:.6g}" for factor in self.factors[:3])
-        return f"<Buckling: {len(self)} factors, {found}{', ...' * (len(self) > 3)}>"
+        more = ", ..." * (len(self) > 3)
+        return f"<Buckling: {len(self)} factors, {found}{more}{counted(self.warnings)}>"
 
     def __str__(self) -> str:
         """A table."""
@@ -151,26 +154,30 @@ def buckling(
     if sign not in _WHICH:
         raise InputError("argument sign", f"{sign!r}, expected one of {list(_WHICH)}")
     loads = _loads(system, finite("argument t", t), amplitudes)
-    at = resting(system, None, None, None, None, tolerance)
-    pencil = make_pencil(at)
-    tangent = at.tangent
-    still = lowest(pencil.K, tangent.metric, 1, pencil.energies)
-    if still.zero[0] or still.values[0] < 0:
-        raise _loose(at, still.vectors[:, 0], bool(still.zero[0]))
-    P = tangent.P
-    applied = (tangent.balance.R - balance(system, at.y, loads).R).ravel()
-    if not applied.any():
-        raise InputError("argument t", f"{t!r}: the loads do nothing then, there is no response")
-    factors = Factorised(pencil.K)
-    force = P.T @ applied
-    u = _solve(pencil, factors, force)
-    K1 = _geometric(at, loads, np.asarray(P @ u).reshape(-1, 3))
-    values, X = _critical(pencil, K1, factors, count, sign)
-    X = X / np.sqrt(np.einsum("ik,ik->k", X, tangent.metric @ X))
-    lead = np.argmax(abs(X) * np.sqrt(tangent.metric.diagonal())[:, None], axis=0)
-    X = X * np.sign(X[lead, np.arange(X.shape[1])])
-    made = still.factorisations + 1
-    return Buckling(system, values, (P @ X).T, X.T.copy(), P @ u, made, at)
+    with Notices(system.warnings) as notices:
+        at = resting(system, None, None, None, None, tolerance)
+        pencil = make_pencil(at)
+        tangent = at.tangent
+        still = lowest(pencil.K, tangent.metric, 1, pencil.energies)
+        if still.zero[0] or still.values[0] < 0:
+            raise _loose(at, still.vectors[:, 0], bool(still.zero[0]))
+        P = tangent.P
+        applied = (tangent.balance.R - balance(system, at.y, loads).R).ravel()
+        if not applied.any():
+            raise InputError(
+                "argument t", f"{t!r}: the loads do nothing then, there is no response"
+            )
+        factors = Factorised(pencil.K)
+        force = P.T @ applied
+        u = _solve(pencil, factors, force)
+        K1 = _geometric(at, loads, np.asarray(P @ u).reshape(-1, 3))
+        values, X = _critical(pencil, K1, factors, count, sign)
+        X = X / np.sqrt(np.einsum("ik,ik->k", X, tangent.metric @ X))
+        lead = np.argmax(abs(X) * np.sqrt(tangent.metric.diagonal())[:, None], axis=0)
+        X = X * np.sign(X[lead, np.arange(X.shape[1])])
+        made = still.factorisations + 1
+    found = system, values, (P @ X).T, X.T.copy(), P @ u
+    return Buckling(*found, made, at, notices.found)
 
 
 def _loads(system: System, t: float, amplitudes: Amplitudes | None) -> Amplitudes:

@@ -9,21 +9,20 @@ from typing import TypeAlias
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from ..diagnostics.tangent import ReducedTangent, reduced_tangent
-from ..errors import IncompatibleError, InputError
+from ..diagnostics.stacked import ReducedTangent, reduced_tangent
+from ..errors import AccuracyWarning, IncompatibleError, InputError
 from ..history import History
 from ..integrators import State
-from ..log import logger
-from ..model import Model, System
+from ..model import Model, System, system_of
 from ..model.balance import Amplitudes, Spin, amplitudes_at, balance
 from ..model.closure import SINGULAR
+from ..model.limits import drawn_beam
 from ..model.loops import names_of, tree_values
-from ..model.tension import overstretched
-from ..simulate.describe import other_model
-from ..simulate.start import constraint_owner
-from ..statics.record import recorded_amplitudes
-from ..statics.schedule import Schedule
+from ..run.describe import other_model
+from ..run.start import constraint_owner
+from ..statics.schedule import Schedule, recorded_amplitudes
 from ..types import Array, ArrayLike, Floats, IndexArray, numbers
+from ..warn import warn
 
 __all__ = [
     "Equilibrium",
@@ -82,13 +81,10 @@ def as_system(model: Model | System) -> System:
     InputError
         If it is neither a model nor a system, or nothing can move.
     """
-    if isinstance(model, Model):
-        model = model.freeze()
-    if not isinstance(model, System):
-        raise InputError("argument model", f"{type(model).__name__}, expected a Model or a System")
-    if not model.unknowns:
+    system = system_of(model, "argument model")
+    if not system.unknowns:
         raise InputError("model", "nothing can move: 0 unknowns, there are no modes")
-    return model
+    return system
 
 
 def resting(
@@ -138,8 +134,8 @@ def resting(
     at = balance(system, y, amplitudes, turns=turns)
     tangent = reduced_tangent(system, y, amplitudes, at)
     error = _check_rest(system, tangent, tolerance)
-    if drawn := overstretched(system, y, tangent.multipliers):
-        logger.warning("argument state: %s", drawn)
+    if drawn := drawn_beam(system, y, tangent.multipliers):
+        warn(*drawn, AccuracyWarning, time)
     return Equilibrium(system, y, time, amplitudes, tangent, error)
 
 
@@ -206,7 +202,7 @@ def _from_history(
         angles = system.couplings.angles
         turns = np.array([known.get(item.name, 0) for item in angles], dtype=np.int64)
     if "load_factor" in row:  # a static path
-        time = float(row["load_factor"]) if t is None else t
+        time = float(history.instants[int(index)]) if t is None else t
         at = recorded_amplitudes(history, int(index)) if t is None else Schedule(system).at(time)
         return row["q"], turns, time, at
     time = float(row["t"]) if t is None else t

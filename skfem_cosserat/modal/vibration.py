@@ -1,8 +1,9 @@
-"""Eigenfrequencies and shapes of small vibrations about a state of rest or of steady rotation."""
+"""Vibrations about an equilibrium, and shapes as histories."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -10,14 +11,109 @@ from ..errors import InputError
 from ..history import History
 from ..model import Model, System
 from ..model.balance import Amplitudes, Spin
+from ..model.loops import closed, tree_values
+from ..model.reparametrisation import Reparametrisation
+from ..run.describe import derive_configuration, describe
 from ..types import Array, Floats, positive
-from .animation import animation, checked_index
-from .pencil import Pencil, make_pencil
-from .quadratic import spectrum
+from ..warn import Notices, counted
+from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
-from .symmetric import lowest
 
-__all__ = ["Modes", "checked_count", "modes"]
+__all__ = ["Modes", "animation", "checked_count", "checked_index", "modes"]
+
+
+# -- A mode as a history: finite motions along its shape -------------------------------------------
+
+
+def animation(
+    at: Equilibrium, s: complex, x: Array, amplitude: float, frames: int, periods: int, number: int
+) -> History:
+    """See :meth:`Modes.animation`; x (unknowns,) is the shape, s its eigenvalue."""
+    size = positive("argument amplitude", "amplitude", amplitude)
+    for name, value in (("frames", frames), ("periods", periods)):
+        whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+        if not whole or value < 1:
+            raise InputError(f"argument {name}", f"{value!r}, expected a positive integer")
+    system, P = at.system, at.tangent.P
+    x = size / _extent(system, at.y, P @ x) * x
+    omega = abs(s.imag) if abs(s.imag) > 1e-9 * abs(s) else 2 * np.pi
+    phases = 2 * np.pi / frames * np.arange(frames * periods + 1)
+    waves = np.exp(1j * phases)[:, None] * x
+    q = np.array([_moved(at, wave) for wave in waves.real])
+    v = (P @ (1j * omega * waves).real.T).T
+    p = np.array([(system.mass @ row.reshape(-1, 3)).reshape(-1) for row in v])
+    meta, static = describe(system)
+    meta |= {
+        "status": "completed",
+        "integrator": "mode",
+        "mode": number,
+        "eigenvalue": [s.real, s.imag],
+        "amplitude": size,
+        #: functions of time are taken at this one (s)
+        "instant": at.t,
+    }
+    count = len(phases)
+    series = {
+        "t": phases / omega,
+        "step": np.arange(count),
+        "q": q,
+        "p": p,
+        "v": v,
+        "constraint_force": np.full((count, system.n), np.nan),
+    }
+    history = History(meta, static, series)
+    derive_configuration(system, history, np.full(count, at.t))
+    return history
+
+
+def checked_index(index: int, count: int) -> int:
+    """Number of one of `count` modes, from 0 on; negative numbers count from the end.
+
+    Raises
+    ------
+    InputError
+        If there is no such mode.
+    """
+    whole = isinstance(index, int | np.integer) and not isinstance(index, bool)
+    if not whole or not -count <= index < count:
+        raise InputError(
+            "argument index", f"{index!r}, expected an integer: there are {count} modes"
+        )
+    return int(index) % count
+
+
+def _extent(system: System, y: Floats, dq: Array) -> float:
+    """Largest displacement over the extent, or rotation over a full turn, in a period."""
+    change = dq.reshape(-1, 3)
+    largest = 0.0
+    for phase in np.exp(1j * np.linspace(0, np.pi, 13)):
+        moved = (phase * change).real
+        shift = np.linalg.norm(moved[system.origin_rows], axis=1).max() / system.length
+        rows = system.kinematics.director_rows
+        turn = 0.5 * np.cross(y[rows], moved[rows]).sum(1)
+        angle = np.linalg.norm(turn, axis=1).max(initial=0.0) / (2 * np.pi)
+        largest = max(largest, float(shift), float(angle))
+    return largest
+
+
+def _moved(at: Equilibrium, increment: Floats) -> Floats:
+    """Configuration (n,) after a finite motion, loops closed."""
+    system, y = at.system, at.y
+    nodal = Reparametrisation(system.kinematics)
+    nodal.begin(y, y[system.rows :])
+    chosen = system.closure.select(y, tree_values(system, y))
+    nodal.add(system.closure.null_matrix(chosen) @ increment)
+    moved: Floats | None = nodal.configuration()
+    if chosen:
+        moved, _ = closed(system, nodal, chosen)
+    if moved is None:
+        raise InputError(
+            "argument amplitude", "a closed loop cannot follow so far: take a smaller one"
+        )
+    return np.array(moved[: system.rows]).reshape(-1)
+
+
+# -- eigenfrequencies and shapes of small vibrations about a state of rest or of steady rotation ---
 
 #: growth relative to the modulus of an eigenvalue that is more than rounding
 GROWTH = 1e-9
@@ -47,6 +143,8 @@ class Modes:
         Its time, or its load factor on a path.
     factorisations : int
         Of sparse matrices.
+    warnings : list of dict
+        As in ``history.meta["warnings"]``.
     """
 
     system: System
@@ -58,6 +156,7 @@ class Modes:
     t: float
     factorisations: int
     _at: Equilibrium
+    warnings: list[dict[str, Any]] = field(default_factory=list)
 
     @property
     def omega(self) -> Floats:
@@ -95,7 +194,9 @@ class Modes:
 
     def __repr__(self) -> str:
         found = ", ".join(f"{hertz:.6g}" for hertz in self.frequencies[:3])
-        return f"<Modes: {len(self)} about t = {self.t:g}, {found}{', ...' * (len(self) > 3)} Hz>"
+        more = ", ..." * (len(self) > 3)
+        doubt = counted(self.warnings)
+        return f"<Modes: {len(self)} about t = {self.t:g}, {found}{more} Hz{doubt}>"
 
     def __str__(self) -> str:
         """A table."""
@@ -216,12 +317,13 @@ def modes(
     system = as_system(model)
     count = checked_count(count, system.unknowns)
     limit = positive("argument tolerance", "tolerance", tolerance)
-    at = resting(system, state, t, amplitudes, spin, limit)
-    pencil = make_pencil(at)
-    s, X, rigid, factorisations = _solve(pencil, count)
+    with Notices(system.warnings) as notices:
+        at = resting(system, state, t, amplitudes, spin, limit)
+        pencil = make_pencil(at)
+        s, X, rigid, factorisations = _solve(pencil, count)
     shapes = (at.tangent.P @ X).T
     q = at.y[: system.rows].reshape(-1).copy()
-    return Modes(system, s, shapes, X.T.copy(), rigid, q, at.t, factorisations, at)
+    return Modes(system, s, shapes, X.T.copy(), rigid, q, at.t, factorisations, at, notices.found)
 
 
 def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:

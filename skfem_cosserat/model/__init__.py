@@ -1,8 +1,17 @@
 """The scene and the arrays it freezes to."""
 
-from .planarity import Planarity
+from .out_of_plane import Planarity
 from .plane import Planar
-from .scene import Model, planarity
+from .scene import Model, model_of, planarity, system_of, takes_scene
 from .system import System
 
-__all__ = ["Model", "Planar", "Planarity", "System", "planarity"]
+__all__ = [
+    "Model",
+    "Planar",
+    "Planarity",
+    "System",
+    "model_of",
+    "planarity",
+    "system_of",
+    "takes_scene",
+]

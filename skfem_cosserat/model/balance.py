@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
+from ..frozen import Frozen
 from ..kernels import cross, skew
 from ..types import Array, Floats, IndexArray, VectorLike, numbers
-from .couplings import CoupledForce
+from .force_elements import CoupledForce
 from .system import System
 
 __all__ = [
@@ -31,7 +32,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
-class Spin:
+class Spin(Frozen):
     """A frame that turns steadily, with the ground in it: everything is seen from there.
 
     Parameters

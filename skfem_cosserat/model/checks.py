@@ -21,7 +21,7 @@ from .ground import Placed
 from .groups import Group
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
-from .rungs import RungRows
+from .theories import TheoryRows
 from .tree import Spot, Tree
 
 __all__ = [
@@ -60,7 +60,7 @@ class Scene(Protocol):
     joint_rows: list[JointRows]
     guards: QuadraticConstraints
     guarded: list[Joint | JointDrive]
-    rung_rows: list[RungRows]
+    theory_rows: list[TheoryRows]
     moving: list[Place]
     mass: csr_matrix
     unknowns: int

@@ -28,7 +28,7 @@ __all__ = [
     "RANK_TOLERANCE",
     "SINGULAR",
     "Closure",
-    "Component",
+    "CoupledLoops",
     "Selected",
     "continued",
     "directed",
@@ -40,7 +40,7 @@ SINGULAR = 1e-7
 
 
 @dataclass(eq=False)
-class Component:
+class CoupledLoops:
     """Rows and tree coordinates that are coupled with each other only."""
 
     rows: IndexArray  # among the loop rows
@@ -64,7 +64,7 @@ class Selected:
     ``C D = R^T Q1^T`` with the column scaling D; ``Z = D Q2`` spans the null space of C.
     """
 
-    component: Component
+    component: CoupledLoops
     local: IndexArray  # among the component's rows
     rows: IndexArray  # constraint row numbers
     R: Floats
@@ -159,7 +159,7 @@ class Closure:
         self.components = self._split(scale)
         self.magnitude: Floats = np.ones(len(rows))
 
-    def _split(self, scale: Floats) -> list[Component]:
+    def _split(self, scale: Floats) -> list[CoupledLoops]:
         kin = self.kin
         r, K, nt = len(self.rows), kin.unknowns, kin.n_twist
         row, twist = np.divmod(
@@ -184,7 +184,7 @@ class Closure:
             which = np.flatnonzero((i >= 0) & (j >= 0))
             where = i[which] * len(columns) + j[which]
             at = np.searchsorted(self._twists, twists)
-            out.append(Component(rows, columns, at, (which, where), scale[columns]))
+            out.append(CoupledLoops(rows, columns, at, (which, where), scale[columns]))
         return out
 
     @property
@@ -216,7 +216,7 @@ class Closure:
             out.append(local * c.scale / self.magnitude[c.rows][:, None])
         return out
 
-    def decide(self, y: Array, T: Array) -> list[tuple[Component, IndexArray, Floats]]:
+    def decide(self, y: Array, T: Array) -> list[tuple[CoupledLoops, IndexArray, Floats]]:
         """Fix the rank at a configuration.
 
         Returns
@@ -260,7 +260,7 @@ class Closure:
             out.append(self._factor(s.component, C, s.local))
         return out
 
-    def _factor(self, c: Component, C: Array, local: IndexArray) -> Selected:
+    def _factor(self, c: CoupledLoops, C: Array, local: IndexArray) -> Selected:
         Q, R = _complete_qr(C[local].T)
         rows = self.rows[c.rows[local]]
         return Selected(c, local, rows, R[: c.rank], Q[:, : c.rank], Q[:, c.rank :])

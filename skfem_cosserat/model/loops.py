@@ -1,32 +1,37 @@
-"""Which joints close loops, and which of their constraint rows depend on the others."""
+"""Closed loops: independent rows, singular positions."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
 from ..drive import JointDrive
-from ..errors import InputError
-from ..frames import Item
+from ..errors import InputError, ModelWarning
+from ..frames import Item, is_beam
 from ..joint import Joint
 from ..kernels import cross, null_space_blocks
-from ..kinds import is_beam
-from ..log import logger
 from ..types import Floats, IndexArray
-from .chart import Chart
+from ..warn import warn
 from .checks import JointRows, Scene
-from .closure import Closure, Component, Selected
-from .rungs import unheld_spans
+from .closure import SINGULAR, Closure, CoupledLoops, Selected, continued, directed
+from .reparametrisation import Reparametrisation
+from .theories import unheld_spans
 from .tree import Span
 
 __all__ = [
     "BROKEN",
+    "DeadPoint",
+    "Passages",
     "almost_redundant",
+    "branches",
     "close_loops",
     "closed",
     "closure_rows",
+    "contradiction",
+    "dead_point",
     "drivers",
     "loop_joints",
     "names_of",
@@ -35,7 +40,12 @@ __all__ = [
     "tree_values",
     "turned_over",
     "violated",
+    "way_off",
+    "way_on",
 ]
+
+
+# -- which joints close loops, and which of their constraint rows depend on the others -------------
 
 #: prescribed motion (m, rad) with which the loops are closed once, for a check
 SMALL_MOTION = 1e-2
@@ -53,10 +63,10 @@ STILL_REDUNDANT = 1e-9
 #: what is said of singular positions of beams
 STRAIGHT = (
     " (a straight beam that is held at both ends can neither bend without extension nor stay"
-    " untwisted out of its plane: RungUnshearable() leaves it both)"
+    " untwisted out of its plane: TheoryKirchhoff() leaves it both)"
 )
 
-Redundant = Sequence[tuple[Component, IndexArray, Floats]]
+Redundant = Sequence[tuple[CoupledLoops, IndexArray, Floats]]
 
 
 def joint_of(jr: JointRows) -> Joint:
@@ -65,7 +75,7 @@ def joint_of(jr: JointRows) -> Joint:
 
 
 def tree_values(system: Scene, y: Floats, fixed: Floats | None = None) -> Floats:
-    """Values of the tree's T at all rows y, with the axes `fixed` of a chart if there is one."""
+    """Values of the tree's T at all rows y; `fixed`: the axes of a reparametrisation."""
     kin = system.kinematics
     return kin.T_values(kin.locate(y, kin.fixed_axes(y) if fixed is None else fixed))
 
@@ -112,7 +122,7 @@ def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
         if any(joint_of(jr) is j for j in system.tree.loops)
     ]
     none = np.zeros(0, dtype=np.int64)
-    unheld = unheld_spans(system.rung_rows, [span for span, _ in system.tree.spans])
+    unheld = unheld_spans(system.theory_rows, [span for span, _ in system.tree.spans])
     numbers = np.concatenate([none, *rows, unheld])
     system.closure = Closure(system.kinematics, system.constraints, numbers, system.length)
     start = system.spanned
@@ -120,7 +130,7 @@ def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
     redundant = _beside(system, start, there)
     doubt = almost_redundant(system)
     if doubt:
-        logger.warning(doubt)
+        warn("model", doubt, ModelWarning)
     _check_motion(system)
     dropped = [system.closure.rows[c.rows[which]] for c, which, _ in redundant]
     return system.closure, np.sort(np.concatenate([none, *dropped]))
@@ -182,7 +192,7 @@ def loop_joints(system: Scene, rows: IndexArray) -> list[Item]:
     for jr in system.joint_rows:
         if ((rows >= jr.rows.start) & (rows < jr.rows.stop)).any():
             around |= (path(jr.a.vertex) ^ path(jr.b.vertex)) | {joint_of(jr)}
-    for each in system.rung_rows:
+    for each in system.theory_rows:
         mine = (rows >= each.rows.start) & (rows < each.rows.stop)
         for e in np.unique((rows[mine] - each.rows.start) // (each.shape[1] * each.shape[2])):
             nodes = each.first + each.beam.basis.connectivity[e]
@@ -190,11 +200,13 @@ def loop_joints(system: Scene, rows: IndexArray) -> list[Item]:
             beams.add(id(each.beam))
     beams |= {id(each.item) for each in around if isinstance(each, Span)}
     joints: list[Item] = [jr.joint for jr in system.joint_rows if jr.joint in around]
-    return joints + [each.beam for each in system.rung_rows if id(each.beam) in beams]
+    return joints + [each.beam for each in system.theory_rows if id(each.beam) in beams]
 
 
-def closed(system: Scene, chart: Chart, chosen: Sequence[Selected]) -> tuple[Floats | None, int]:
-    """Configuration near that of the chart in which the chosen rows hold.
+def closed(
+    system: Scene, nodal: Reparametrisation, chosen: Sequence[Selected]
+) -> tuple[Floats | None, int]:
+    """Configuration near that of the reparametrisation in which the chosen rows hold.
 
     Returns
     -------
@@ -206,11 +218,11 @@ def closed(system: Scene, chart: Chart, chosen: Sequence[Selected]) -> tuple[Flo
     closure = system.closure
     worst = 0
     for _ in range(30):
-        y = chart.configuration()
+        y = nodal.configuration()
         g = system.constraints.values(y)
         step = np.zeros(system.kinematics.unknowns)
         gaps, size = [], 0.0
-        for s in closure.again(chosen, y, tree_values(system, y, chart.fixed)):
+        for s in closure.again(chosen, y, tree_values(system, y, nodal.fixed)):
             violation = closure.violation(s, g)
             gaps.append(float(abs(violation).max(initial=0.0)))
             part = s.correction(violation)
@@ -221,7 +233,7 @@ def closed(system: Scene, chart: Chart, chosen: Sequence[Selected]) -> tuple[Flo
             return y, worst
         if not size < 1:
             break
-        chart.add(step)
+        nodal.add(step)
     return None, worst
 
 
@@ -262,14 +274,14 @@ def _check_motion(system: Scene) -> None:
     if not system.moving or not len(closure.rows):
         return
     start, now = system.spanned, system.ground(system.since)
-    chart = Chart(system.kinematics)
+    nodal = Reparametrisation(system.kinematics)
     chosen = closure.select(start, tree_values(system, start))
     for t in (system.since + 0.1 / 2**k for k in range(11)):
         later = system.ground(t)
         if abs(later - now).max() > SMALL_MOTION * min(1.0, system.length):
             continue
-        chart.begin(start, later)
-        y, worst = closed(system, chart, chosen)
+        nodal.begin(start, later)
+        y, worst = closed(system, nodal, chosen)
         if y is not None:
             worst, miss = violated(system, y)
             if miss < BROKEN:
@@ -311,13 +323,13 @@ def _beside(system: Scene, start: Floats, redundant: Redundant) -> Redundant:
     chosen = closure.select(start, T)
     before = [c.rank for c in closure.components]
     best, ranks, where = redundant, before, start
-    chart, random = Chart(system.kinematics), np.random.default_rng(0)
+    nodal, random = Reparametrisation(system.kinematics), np.random.default_rng(0)
     grounds = [system.ground(system.since), _moved_ground(system)]
     for k in range(4):
         closure.decide(start, T)
-        chart.begin(start, grounds[k % 2])
-        chart.add(_small_move(system, chosen, random))
-        y = _regular_place(system, chart, chosen)
+        nodal.begin(start, grounds[k % 2])
+        nodal.add(_small_move(system, chosen, random))
+        y = _regular_place(system, nodal, chosen)
         if y is None:
             continue
         found = closure.decide(y, tree_values(system, y))
@@ -339,12 +351,12 @@ def _warn(system: Scene, before: Sequence[int], ranks: Sequence[int]) -> None:
     ]
     rows = np.concatenate(lost)
     held = any(is_beam(item) for item in loop_joints(system, rows))
-    logger.warning(
-        "the reference configuration is a singular position of the closed loop through the %s:"
-        " %d of its constraint rows are independent there, %d beside it, which is what counts%s",
-        names_of(system, rows),
-        *(sum(before), sum(ranks)),
-        STRAIGHT if held else "",
+    warn(
+        f"closed loop through the {names_of(system, rows)}",
+        f"the reference configuration is a singular position: {sum(before)} of its constraint rows"
+        f" are independent there, {sum(ranks)} beside it, which is what counts"
+        f"{STRAIGHT if held else ''}",
+        ModelWarning,
     )
 
 
@@ -368,24 +380,247 @@ def _moved_ground(system: Scene) -> Floats:
     return now
 
 
-def _regular_place(system: Scene, chart: Chart, chosen: Sequence[Selected]) -> Floats | None:
+def _regular_place(
+    system: Scene, nodal: Reparametrisation, chosen: Sequence[Selected]
+) -> Floats | None:
     """Where the loops close and C has its largest rank; None if the chosen rows do it all."""
-    closure, saved = system.closure, chart.save()
-    y, _ = closed(system, chart, chosen)
+    closure, saved = system.closure, nodal.save()
+    y, _ = closed(system, nodal, chosen)
     if y is not None:
         g = abs(system.constraints.values(y)[closure.rows]) / closure.magnitude
         if g.max() < STILL_REDUNDANT:
             return None
-    chart.restore(saved)
+    nodal.restore(saved)
     for _ in range(4):  # halves the distance from the singular position, if nothing is free there
-        y = chart.configuration()
+        y = nodal.configuration()
         g = system.constraints.values(y)[closure.rows] / closure.magnitude
         step = np.zeros(system.kinematics.unknowns)
-        matrices = closure.matrices(y, tree_values(system, y, chart.fixed))
+        matrices = closure.matrices(y, tree_values(system, y, nodal.fixed))
         for c, C in zip(closure.components, matrices, strict=True):
             step[c.columns] = -c.scale * np.linalg.lstsq(C, g[c.rows], rcond=1e-6)[0]
-        chart.add(step)
-    y = chart.configuration()
-    T = tree_values(system, y, chart.fixed)
+        nodal.add(step)
+    y = nodal.configuration()
+    T = tree_values(system, y, nodal.fixed)
     closure.decide(y, T)
-    return closed(system, chart, closure.select(y, T))[0]
+    return closed(system, nodal, closure.select(y, T))[0]
+
+
+# -- singular positions of closed loops: passages, branches of the motion, dead points of drives ---
+#
+# In a singular position the closure rows depend on each other although they do not elsewhere: a
+# four-bar lies flat, a drive has pulled a linkage straight. Several branches of motion may cross
+# there, or none may go on.
+
+#: pivot below which a position may be on either branch of a crossing, whichever the motion is on
+NEAR = 1e-4
+#: pivot below which the free directions of C are no tangent: where round-off r is what the closed
+#: loop is known to, they are off by r over the square of the pivot
+BLURRED = 1e-6
+
+
+class Passages:
+    """Watches closed loops from step to step: singular positions met or passed, once for each."""
+
+    def __init__(self, system: Scene) -> None:
+        self.system = system
+        self._before: Sequence[Selected] | None = None
+        self._inside: list[bool] = []
+
+    def look(self, y: Floats, T: Floats, chosen: Sequence[Selected]) -> list[tuple[str, str]]:
+        """What is new at the configuration y with tree values T: of which loop, and what.
+
+        Let A be the rows chosen at the first of two configurations, together with the free
+        directions there. Where A becomes singular on the way, an eigenvalue of ``A_0^-1 A_1``
+        turns negative: one for each row that is lost there, so that pairs do not cancel.
+        """
+        before, was_inside = self._before, self._inside
+        inside = [bool((s.pivots <= SINGULAR).any()) for s in chosen]
+        self._before, self._inside = chosen, inside
+        found = []
+        again = self.system.closure.again(before, y, T) if before is not None else chosen
+        for k, (s, now) in enumerate(zip(chosen, again, strict=True)):
+            rows = self.system.closure.rows[s.component.rows]
+            if inside[k] and not (was_inside and was_inside[k]):
+                found.append(("is in a singular position", rows))
+            elif before is None or inside[k] or was_inside[k]:
+                continue
+            elif _turned(before[k], now):
+                found.append(("has passed a singular position", rows))
+        return [
+            (f"closed loop through the {names_of(self.system, rows)}", what) for what, rows in found
+        ]
+
+
+def _turned(before: Selected, now: Selected) -> bool:
+    """Whether rows lost their independence between two configurations, an even number included.
+
+    The other eigenvalues, of the free directions, are one.
+    """
+    A1 = (now.Q1 @ now.R).T @ before.Q1
+    values = np.linalg.eigvals(np.linalg.solve(before.R.T, A1))
+    return bool(((values.real < 0) & (abs(values.imag) <= 1e-9 * abs(values))).any())
+
+
+# -- branches --------------------------------------------------------------------------------------
+
+
+def branches(system: Scene, y: Floats, selected: Selected) -> list[Selected]:
+    """The ways in which the motion may go on from a singular position.
+
+    With one row lost the directions v that C leaves free fulfil the constraints to second order if
+    ``c . D^2 g (v, v) = 0``, c being the combination of rows that vanishes: a quadratic form of
+    rank two, whose zeros are two planes. Empty if more rows are lost, or if there is no branch.
+    """
+    component, closure = selected.component, system.closure
+    U, pivots, V = np.linalg.svd((selected.Q1 @ selected.R).T)
+    if not component.free or (pivots > NEAR * pivots[0]).sum() != component.rank - 1:
+        return []
+    N = V[component.rank - 1 :].T
+    weights = U[:, -1] / closure.magnitude[component.rows[selected.local]]
+    nodal = Reparametrisation(system.kinematics)
+    nodal.begin(y, y[system.rows :])
+    step = 1e-3
+
+    def value(v: Floats) -> float:
+        increment = np.zeros(system.kinematics.unknowns)
+        increment[component.columns] = step * component.scale * v
+        nodal.reset()
+        nodal.add(increment)
+        return float(weights @ system.constraints.values(nodal.configuration())[selected.rows])
+
+    def bend(v: Floats) -> float:
+        return (value(v) + value(-v) - 2 * value(0 * v)) / step**2
+
+    count = component.free + 1
+    form = np.diag([bend(n) for n in N.T])
+    for i in range(count):
+        for j in range(i):
+            both = bend(N[:, i] + N[:, j]) - form[i, i] - form[j, j]
+            form[i, j] = form[j, i] = 0.5 * both
+    values, vectors = np.linalg.eigh(form)
+    if not values[0] < 0 < values[-1]:
+        return []
+    low, high = np.sqrt(-values[0]) * vectors[:, 0], np.sqrt(values[-1]) * vectors[:, -1]
+    planes = [N @ np.linalg.svd((high + sign * low)[None])[2][1:].T for sign in (1.0, -1.0)]
+    return [directed(selected, plane) for plane in planes]
+
+
+def way_on(
+    system: Scene, y: Floats, s: Selected, before: Floats | None, momentum: Floats | None
+) -> Selected:
+    """In a singular position the branch it came from, or that takes most of the momentum.
+
+    Parameters
+    ----------
+    before : (columns, free) array or None
+        Null directions a step ago; None at the start of a run.
+    momentum : (n,) array or None
+        At the start of a run.
+    """
+    least = s.pivots.min(initial=1.0)
+    if least > NEAR:
+        return s
+    ways = branches(system, y, s)
+    if before is None:
+        return max(ways, key=lambda way: _rates(system, y, way, momentum)[1], default=s)
+
+    def likeness(way: Selected) -> float:
+        return float(np.linalg.norm(way.Q2.T @ before))
+
+    if not ways:
+        return continued(s, before)
+    best = max(ways, key=likeness)
+    return s if least > BLURRED and likeness(s) > likeness(best) - NEAR else best
+
+
+def way_off(
+    system: Scene, y: Floats, ground1: Floats, s: Selected, momentum: Floats | None, h: float
+) -> Floats:
+    """Increment (n,) of a first step from a singular position, in which the loops close."""
+    nodal = Reparametrisation(system.kinematics)
+    nodal.begin(y, ground1)
+    nodal.add(h * _rates(system, y, way_on(system, y, s, None, momentum), momentum)[0])
+    found, _ = closed(system, nodal, system.closure.select(y, tree_values(system, y)))
+    return np.zeros(system.n) if found is None else (found - y)[: system.rows].reshape(-1)
+
+
+def _rates(system: Scene, y: Floats, s: Selected, momentum: Floats | None) -> tuple[Floats, float]:
+    """Rates (K,) of the tree along the free directions of one component, for a momentum (n,).
+
+    And twice the kinetic energy they have.
+    """
+    kin = system.kinematics
+    if momentum is None or not s.component.free:
+        return np.zeros(kin.unknowns), 0.0
+    T = tree_values(system, y)
+    directions = np.zeros((s.component.free, kin.unknowns))
+    directions[:, s.component.columns] = s.null.T
+    P = np.array([kin.rates(y, kin.expand(T, d))[: system.rows] for d in directions])
+    p = np.tensordot(P, momentum.reshape(-1, 3), ((1, 2), (0, 1)))
+    M = np.tensordot(P, np.array([system.mass @ v for v in P]), ((1, 2), (1, 2)))
+    rates = np.linalg.lstsq(M, p, rcond=None)[0]
+    return rates @ directions, float(p @ rates)
+
+
+# -- drives ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class DeadPoint:
+    """Where prescribed motion has taken a closed loop as far as it goes.
+
+    Attributes
+    ----------
+    time : float
+        Until which the loop closes (s).
+    reason : str
+        What drives against what.
+    """
+
+    time: float
+    reason: str
+
+
+def dead_point(system: Scene, y0: Floats, t0: float, h: float) -> DeadPoint | None:
+    """Whether a closed loop cannot follow the prescribed motion over the step from y0.
+
+    The loops are closed for a growing part of the step; None if they close at its end.
+    """
+    closure = system.closure
+    if not system.moving or not len(closure.rows):
+        return None
+    nodal = Reparametrisation(system.kinematics)
+    y, t, end, step, worst = y0, t0, t0 + h, h, 0
+    while step > 1e-9 * h and t < end:
+        until = end if t + step > end - 1e-12 * h else t + step
+        nodal.begin(y, system.ground(until))
+        chosen = closure.select(y, tree_values(system, y, nodal.fixed))
+        found, failed = closed(system, nodal, chosen)
+        if found is None:
+            step, worst = 0.5 * step, failed
+        else:
+            y, t = found, until
+    if t == end:
+        return None
+    rows = closure.rows[closure.components[worst].rows]
+    return DeadPoint(
+        t,
+        f"dead point at t = {t:.6g} s: {drivers(system, rows, t)} against the closed loop through"
+        f" the {names_of(system, rows)}, which does not close beyond it",
+    )
+
+
+def contradiction(system: Scene, y: Floats, t: float) -> str | None:
+    """Which prescribed motions contradict each other: dependent rows that do not hold at y."""
+    closure = system.closure
+    if not system.moving or closure.rank == len(closure.rows):
+        return None
+    worst, miss = violated(system, y)
+    if not miss > BROKEN:
+        return None
+    rows = closure.rows[closure.components[worst].rows]
+    return (
+        f"prescribed motions contradict each other at t = {t:.6g} s (by {miss:.3g} relative):"
+        f" {drivers(system, rows, t)} against each other around the closed loop through the"
+        f" {names_of(system, rows)}"
+    )

@@ -1,8 +1,9 @@
-"""The plane in which a scene moves, and what leaves it.
+"""The plane in which a scene moves.
 
 Nothing leaves the plane of a scene that equals its mirror image: an in-plane state has in-plane
-forces only. So of every item it is asked whether its mirror image is itself; with the components
-``nu`` of the plane's normal in a frame, what is material is reflected by ``S = 1 - 2 nu nu^T``.
+forces only. So of every item it is asked whether its mirror image is itself (out_of_plane.py); with
+the components ``nu`` of the plane's normal in a frame, what is material is reflected by
+``S = 1 - 2 nu nu^T``.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..frames import TOLERANCE, Place, unit_vector
+from ..frozen import Frozen
 from ..relative import normals
 from ..types import ArrayLike, Floats, IndexArray
 
@@ -25,7 +27,7 @@ SNAP = 1e-12
 STRAY = 1e-8
 
 
-class Planar:
+class Planar(Frozen):
     """Asks for a scene in which everything moves in one plane.
 
     For :meth:`Model.freeze`. Unknowns out of the plane are not there at all: two displacements and
@@ -178,6 +180,26 @@ class Plane:
                 f" confined to, by {float(rise[worst]):.6g} in numbers {3 * worst} to"
                 f" {3 * worst + 2}: {rows[worst].tolist()}",
             )
+
+    def check_momentum(self, item: str, p: Floats, start: Floats, triads: IndexArray) -> None:
+        """Raise InputError if a momentum (n,) that steps carry on leaves the plane.
+
+        Momenta that would stretch the directors along the normal do not: the mirror image of such a
+        state is itself. The variational scheme carries on the half step of a force that constraints
+        then hold, and rotation vectors have such forces, as their cosines see all three directors.
+
+        Parameters
+        ----------
+        start : (n,) array
+            Reference configuration.
+        triads : (k, 3) int array
+            Rows of y that are directors of one frame each.
+        """
+        rows = p.reshape(-1, 3).copy()
+        nu = start.reshape(-1, 3)[triads] @ self.normal
+        stretch = (nu * (rows[triads] @ self.normal)).sum(axis=1)
+        rows[triads] -= (stretch[:, None] * nu)[..., None] * self.normal
+        self.check(item, "its momentum", rows)
 
     def check_spin(self, velocity: Floats) -> None:
         """Raise InputError if the axis of a turning frame is not the normal."""

@@ -1,30 +1,207 @@
-"""The scene: items with names, collected first and numbered when frozen."""
+"""Scenes: items by name, and systems with joints or loads taken out of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TypeVar, cast
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
+from functools import wraps
+from inspect import signature
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
-from ..body import RigidBody
-from ..coupling import Coupling
+from ..body import MassPoint, RigidBody
+from ..coupling import Coupling, Foundation
 from ..damping import RayleighDamping
 from ..drive import JointDrive
-from ..errors import InputError
-from ..foundation import Foundation
-from ..frames import Item, StructuralItem
-from ..joint import Joint
-from ..kinds import is_beam
-from ..load import Load
-from ..twin import Twins
-from ..types import ArrayLike
-from .inertia import Structure
-from .planarity import Planarity, confined, inspect
+from ..errors import IncompatibleError, InputError
+from ..frames import Item, Place, StructuralItem, is_beam
+from ..frozen import loosened, seal
+from ..joint import Joint, JointLocked
+from ..load import (
+    Amplitude,
+    Constant,
+    FunctionOfTime,
+    Load,
+    LoadForce,
+    LoadGravity,
+    LoadLine,
+    LoadMoment,
+    time_function,
+)
+from ..replacement import Replacements
+from ..types import ArrayLike, Floats
+from ..warn import Notices
+from .ground import Placed
+from .groups import Structure
+from .out_of_plane import Planarity, confined, inspect
 from .plane import Planar
-from .system import System
+from .system import System, listed
 
-__all__ = ["Model", "planarity"]
+__all__ = [
+    "Model",
+    "joint_of",
+    "load_of",
+    "locked",
+    "model_of",
+    "planarity",
+    "released",
+    "system_of",
+    "takes_scene",
+    "unlocked",
+    "with_amplitude",
+]
+
+
+# -- scenes that change while they move: joints locked, freed or taken away, loads switched --------
+#
+# A changed scene is a :class:`System` of its own with the same coordinates, ground frames and
+# stress free beams; where joints change, all constraints are set up at the configuration of that
+# instant.
+
+
+def joint_of(system: System, joint: Joint | str) -> Joint:
+    """A joint of a system as it is now, by its name or by the joint it was at first.
+
+    Raises
+    ------
+    InputError
+        If there is none; the message lists the names.
+    """
+    name = joint.name if isinstance(joint, Joint) else joint
+    if not isinstance(name, str):
+        raise InputError("joint", f"is of type {type(name).__name__}, expected a joint or its name")
+    for each in system.joints:
+        if each.name == name:
+            return each
+    known = sorted(str(each.name) for each in system.joints)
+    raise InputError("joint", f"{name!r} is not in this system; known: {known}")
+
+
+def load_of(system: System, load: Load | str) -> Load:
+    """A load of a system as it is now, by its name or by the load it was at first."""
+    name = load.name if isinstance(load, Load) else load
+    for each in system.loads:
+        if each.name == name:
+            return each
+    known = sorted(str(each.name) for each in system.loads)
+    raise InputError("load", f"{name!r} is not in this system; known: {known}")
+
+
+def locked(system: System, joint: Joint | str, q: Floats, t: float) -> System:
+    """The scene with the relative coordinates of a joint frozen at (q, t); its drives end.
+
+    Raises
+    ------
+    IncompatibleError
+        If a side has no directions, or is ground in prescribed motion.
+    """
+    old = joint_of(system, joint)
+    if isinstance(old, JointLocked):
+        raise InputError(old.label, "is locked already")
+    for place in (old.a, old.b):
+        if place.triad is None:
+            reason = f"{place.label} is a mass point, which has no directions to hold"
+            raise IncompatibleError(f"lock of the {old.label}", reason)
+        if place.motion is not None:
+            reason = f"{place.label} is in prescribed motion: attach a body to it, and lock that"
+            raise IncompatibleError(f"lock of the {old.label}", reason)
+    y = system.extend(q, t)
+    x = _point(system, old.b, y)
+    new = JointLocked(old, _described(system, old.a, y, x), _described(system, old.b, y, x))
+    joints = [new if each is old else each for each in system.joints]
+    return _changed(system, q, t, joints, _without(system, old))
+
+
+def unlocked(system: System, joint: Joint | str, q: Floats, t: float) -> System:
+    """The scene with a locked joint as it was before; drives that ended do not come back."""
+    old = joint_of(system, joint)
+    if not isinstance(old, JointLocked):
+        raise InputError(old.label, "is not locked")
+    joints = [old.joint if each is old else each for each in system.joints]
+    return _changed(system, q, t, joints, system.drives)
+
+
+def released(system: System, joint: Joint | str, q: Floats, t: float) -> System:
+    """The scene without a joint and its drives."""
+    old = joint_of(system, joint)
+    joints = [each for each in system.joints if each is not old]
+    return _changed(system, q, t, joints, _without(system, old))
+
+
+def with_amplitude(system: System, load: Load | str, amplitude: Amplitude) -> System:
+    """The scene with another amplitude (a number or a function of time) of a load.
+
+    Raises
+    ------
+    InputError
+        If the components of the load are functions of time and the amplitude is no number.
+    """
+    old = load_of(system, load)
+    time, new = time_function(old.label, amplitude), loosened(copy(old))
+    if len(old.channels) == 1:
+        new.channels = ((old.channels[0][0], time),)
+    elif isinstance(time, Constant):
+        factor = time.number
+        new.channels = tuple(
+            (value, FunctionOfTime(lambda t, each=each: factor * each.value(t)))  # type: ignore[misc]
+            for value, each in old.channels
+        )
+    else:
+        raise InputError(old.label, "its components are functions of time: give a number")
+    seal(new)
+    loads = [new if each is old else each for each in system.loads]
+    return _anew(system, system.joints, loads, system.drives, system.placed)
+
+
+def _changed(
+    system: System, q: Floats, t: float, joints: Sequence[Joint], drives: Sequence[JointDrive]
+) -> System:
+    placed = Placed(q.copy(), t, system.spatial.grounds)
+    return _anew(system, joints, system.loads, drives, placed)
+
+
+def _anew(
+    system: System,
+    joints: Sequence[Joint],
+    loads: Sequence[Load],
+    drives: Sequence[JointDrive],
+    placed: Placed | None,
+) -> System:
+    items = system.structures, joints, loads, drives, system.couplings.items, system.dampings
+    with Notices(system.warnings) as notices:
+        out = System(*items, placed)
+        out = out if system.plane is None else out.within(system.plane)
+    out.warnings = notices.found
+    return out
+
+
+def _without(system: System, joint: Joint) -> list[JointDrive]:
+    """Drives of other joints."""
+    return [drive for drive in system.drives if drive.joint is not joint]
+
+
+def _point(system: System, place: Place, y: Floats) -> Floats:
+    """Where a place is."""
+    row = system.row_of(place)
+    return y[row] if place.triad is None else y[row] + place.offset @ y[row + 1 : row + 4]
+
+
+def _described(system: System, place: Place, y: Floats, x: Floats) -> Place:
+    """The point of a place's frame that is at x now, as if this were the reference."""
+    row = system.row_of(place)
+    D = y[row + 1 : row + 4].copy()
+    return replace(place, position=x.copy(), offset=D @ (x - y[row]), triad=D)
+
+
+# -- the scene: items with names, collected first and numbered when frozen -------------------------
+
+#: kinds that the arrays of a system know
+LOADS = (LoadForce, LoadMoment, LoadLine, LoadGravity)
+MASSES = (RigidBody, MassPoint)
 
 ItemT = TypeVar("ItemT", bound=Item)
+ParametersT = ParamSpec("ParametersT")
+ReturnT = TypeVar("ReturnT")
 
 
 class Model:
@@ -45,6 +222,14 @@ class Model:
 
     def __init__(self) -> None:
         self._items: dict[str, Item] = {}
+        self._system: System | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the system that was frozen last: it is the same anew."""
+        return {**self.__dict__, "_system": None}
+
+    def __repr__(self) -> str:
+        return f"<Model of {listed([i.label for i in self._items.values()])}>"
 
     def add(self, name: str, item: ItemT) -> ItemT:
         """Add an item under a new name and return it.
@@ -83,10 +268,12 @@ class Model:
                 f"is {type(item).__name__}, expected a beam, body, mass point, joint, drive,"
                 " load, force element, foundation or damping",
             )
+        _check_kind(name, item)
         if item.name is not None:
             raise InputError(f"model, item {name!r}", f"is already in a model as {item.name!r}")
-        item.name = name
+        vars(item)["name"] = name  # what else it is was settled when it was made
         self._items[name] = item
+        self._system = None
         return item
 
     def __getitem__(self, name: str) -> Item:
@@ -133,8 +320,8 @@ class Model:
         """
         return self.rebuilt(items)[0]
 
-    def rebuilt(self, items: Mapping[str, StructuralItem]) -> tuple[Model, Twins]:
-        """As :meth:`with_items`, with what finds the twins of sensors and the like."""
+    def rebuilt(self, items: Mapping[str, StructuralItem]) -> tuple[Model, Replacements]:
+        """As :meth:`with_items`, with what finds the copies of sensors and the like."""
         for name, item in items.items():
             old = self[name]
             if not all(is_beam(i) or isinstance(i, RigidBody) for i in (old, item)):
@@ -145,11 +332,11 @@ class Model:
                 )
             if item.name is not None:
                 raise InputError(f"model, item {name!r}", f"is already in a model: {item.label}")
-        twins = Twins({self[name]: item for name, item in items.items()})
+        replacements = Replacements({self[name]: item for name, item in items.items()})
         other = type(self)()
         for name in self:
-            other.add(name, twins.of(self[name]))
-        return other, twins
+            other.add(name, replacements.of(self[name]))
+        return other, replacements
 
     def freeze(self, planar: Planar | None = None) -> System:
         """Number everything and check it: the arrays that all methods work on.
@@ -193,15 +380,20 @@ class Model:
                     drive.label,
                     f"refers to the {drive.joint.label}, which is not in the model: add it first",
                 )
-        system = System(
-            structures,
-            [i for i in items if isinstance(i, Joint)],
-            [i for i in items if isinstance(i, Load)],
-            drives,
-            _couplings(items),
-            [i for i in items if isinstance(i, RayleighDamping)],
-        )
-        return system if planar is None else confined(system, planar)
+        before = [notice for i in structures if is_beam(i) for notice in i.warnings]
+        with Notices(before) as notices:
+            system = System(
+                structures,
+                [i for i in items if isinstance(i, Joint)],
+                [i for i in items if isinstance(i, Load)],
+                drives,
+                _couplings(items),
+                [i for i in items if isinstance(i, RayleighDamping)],
+                scene=dict(self._items),
+            )
+            system = system if planar is None else confined(system, planar)
+        system.warnings = notices.found
+        return system
 
 
 def planarity(scene: Model | System, normal: ArrayLike | None = None) -> Planarity:
@@ -231,11 +423,89 @@ def planarity(scene: Model | System, normal: ArrayLike | None = None) -> Planari
     >>> planarity(model).leaving
     ("load 'side': [0.0, 3.0, 4.0] leaves the plane by 4",)
     """
-    system = scene.freeze() if isinstance(scene, Model) else scene
-    if not isinstance(system, System):
-        raise InputError("argument scene", f"{scene!r}, expected a Model or a System")
     wanted = Planar(normal).normal
-    return inspect(system.spatial, wanted)
+    return inspect(system_of(scene, "argument scene").spatial, wanted)
+
+
+def system_of(scene: Model | System, item: str = "argument system") -> System:
+    """The system of a scene: itself, or the model in space, frozen once for all that ask.
+
+    Parameters
+    ----------
+    scene : Model or System
+        A model is frozen again only after something has been added to it.
+    item : str
+        What errors call it.
+
+    Raises
+    ------
+    InputError
+        If it is neither; and as from :meth:`Model.freeze`.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(1.0))
+    >>> system_of(model) is system_of(model)
+    True
+    """
+    if isinstance(scene, System):
+        return scene
+    if not isinstance(scene, Model):
+        raise InputError(item, f"is of type {type(scene).__name__}, expected a Model or a System")
+    if scene._system is None:
+        scene._system = scene.freeze()
+    return scene._system
+
+
+def model_of(scene: Model | System, item: str = "argument model") -> Model:
+    """The model of a scene: itself, or one of the items that a system was frozen from.
+
+    Raises
+    ------
+    InputError
+        If it is neither, or a system that events have changed.
+    """
+    if isinstance(scene, Model):
+        return scene
+    items = system_of(scene, item).scene
+    if items is None:
+        raise InputError(item, "is a System that was changed in a run, expected a Model")
+    model = Model()
+    model._items.update(items)
+    return model
+
+
+def takes_scene(
+    function: Callable[Concatenate[System, ParametersT], ReturnT],
+) -> Callable[Concatenate[Model | System, ParametersT], ReturnT]:
+    """Let a function of a system take a model as well, by :func:`system_of`."""
+    name = next(iter(signature(function).parameters))
+
+    @wraps(function)
+    def taking(*args: Any, **kwargs: Any) -> ReturnT:
+        if args:
+            args = (system_of(args[0], f"argument {name}"), *args[1:])
+        elif name in kwargs:
+            kwargs[name] = system_of(kwargs[name], f"argument {name}")
+        return function(*args, **kwargs)
+
+    return cast("Callable[Concatenate[Model | System, ParametersT], ReturnT]", taking)
+
+
+def _check_kind(name: str, item: Item) -> None:
+    """Loads and what has mass enter in as many ways as there are classes here, and subclasses."""
+    if isinstance(item, Load) and not isinstance(item, LOADS):
+        known = "LoadForce, LoadMoment, LoadLine or LoadGravity"
+    elif isinstance(item, StructuralItem) and not (is_beam(item) or isinstance(item, MASSES)):
+        known = "Beam, RigidBody or MassPoint"
+    else:
+        return
+    raise InputError(
+        f"model, item {name!r}",
+        f"is {type(item).__name__}, of which it is not known how it acts: derive it from {known}",
+    )
 
 
 def _couplings(items: Sequence[Item]) -> list[Coupling]:

@@ -14,19 +14,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, issparse
 
 from ..coupling import Coupling
 from ..damping import RayleighDamping
 from ..drive import JointDrive
 from ..errors import InputError
-from ..frames import Place
+from ..frames import Item, Place, is_beam
+from ..frozen import lock_arrays
 from ..joint import Joint
-from ..kinds import is_beam
 from ..load import Load
 from ..pattern import product_form, sum_at
 from ..relative import Expression, Form, Product, Zero
-from ..types import Array, ArrayLike, Floats, IndexArray
+from ..types import Array, ArrayLike, Floats, IndexArray, check_kind, numbers, real
+from ..warn import Notices
 from .checks import (
     JointRows,
     check_drives,
@@ -35,12 +36,10 @@ from .checks import (
     check_mobility,
 )
 from .closure import SINGULAR
-from .couplings import Couplings
+from .force_elements import Couplings
 from .ground import Ground, Placed
-from .groups import BeamGroup, Group, lump_group
-from .inertia import Structure, assemble_mass, damping_factors
+from .groups import BeamGroup, Group, Structure, assemble_mass, damping_factors, lump_group
 from .kinematics import Kinematics
-from .leaving import guard_of
 from .loading import Loading
 from .loops import (
     almost_redundant,
@@ -51,15 +50,20 @@ from .loops import (
     tree_values,
     turned_over,
 )
+from .out_of_plane import guard_of
 from .plane import Plane
 from .quadratic import ConstraintBuilder, QuadraticConstraints
-from .rungs import RungRows, add_rung_rows, spans_of
+from .theories import TheoryRows, add_theory_rows, spans_of
 from .tree import End, Spot, build_tree
 
 if TYPE_CHECKING:
     from ..beam import Beam
 
-__all__ = ["JointRows", "System"]
+__all__ = ["JointRows", "System", "listed"]
+
+#: labels in one line
+SHOWN = 6
+FROM = ", as from beam.node(name), body.at(x), point.place() or ground(x)"
 
 
 class System:
@@ -92,6 +96,8 @@ class System:
         Extent of the scene (m).
     plane : Plane or None
         To which all is confined.
+    warnings : list of dict
+        What was doubtful when it was made, as in the ``meta["warnings"]`` of its runs.
 
     Examples
     --------
@@ -114,7 +120,11 @@ class System:
         couplings: Sequence[Coupling] = (),
         dampings: Sequence[RayleighDamping] = (),
         placed: Placed | None = None,
+        scene: dict[str, Item] | None = None,
     ) -> None:
+        #: what was doubtful when it was made, as ``history.meta["warnings"]`` of its runs repeats
+        self.warnings: list[dict[str, Any]] = []
+        self.scene = scene
         self.placed, self.since = placed, 0.0 if placed is None else placed.t
         self.structures, self.joints, self.loads = list(structures), list(joints), list(loads)
         self.drives, self.dampings = list(drives), list(dampings)
@@ -133,26 +143,36 @@ class System:
         self._space: System | None = None
         self._span()
         check_inertia(self, self.spanned, closure_rows(self))
+        self._lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled are the items: arrays, numbers by identity and caches are made anew."""
         items = self.structures, self.joints, self.loads, self.drives, self.couplings.items
-        return _made, ((*items, self.dampings, self.placed), self.plane)
+        scene = *items, self.dampings, self.placed, self.scene
+        return _made, (scene, self.plane, self.warnings)
 
     def within(self, plane: Plane) -> System:
         """The same scene, confined to a plane that nothing leaves; see :class:`Planar`."""
         out = object.__new__(System)
         out.__dict__.update(self.spatial.__dict__)
+        out.warnings = list(self.warnings)
         out.plane, out._space, out.loading = plane, self.spatial, copy(self.loading)
         out.loading.guard = guard_of(self.loads, plane)
         out.grounds = self.grounds.confined(plane, [drive.place for drive in self.drives])
         out._span()
+        out._lock()
         return out
 
     @property
     def spatial(self) -> System:
         """The same scene in space: itself, unless it is confined to a plane."""
         return self if self._space is None else self._space
+
+    def _lock(self) -> None:
+        """What is written to an array that others have, too, would reach a part of them only."""
+        matrices = [each for each in (self.mass, self.inertia, self.drag) if issparse(each)]
+        for arrays in (self, *matrices):
+            lock_arrays(arrays)
 
     # -- construction ------------------------------------------------------------------------------
 
@@ -200,6 +220,9 @@ class System:
         """Number of a place's vertex, with its material coordinates."""
         offset = tuple(float(X) for X in place.offset)
         if place.item is not None:
+            if id(place.item) not in self.first:
+                known = listed([i.label for i in self.structures])
+                raise InputError("place", f"{place.label} is not in this system, which has {known}")
             return Spot(self.first[id(place.item)][0] + place.vertex, offset)  # type: ignore[arg-type]
         return Spot(len(self.origin_rows) + self.grounds.number(place), offset)  # type: ignore[arg-type]
 
@@ -245,7 +268,7 @@ class System:
                 self._add_row(build, row)
             ends = self.spot(item.a), self.spot(item.b)
             self.joint_rows.append(JointRows(item, slice(start, build.size), *ends))
-        self.rung_rows: list[RungRows] = add_rung_rows(build, self.structures, self.first)
+        self.theory_rows: list[TheoryRows] = add_theory_rows(build, self.structures, self.first)
         self.constraints = QuadraticConstraints(build, self.spanned, self.rows)
         self.m = build.size
         guard = ConstraintBuilder()
@@ -280,7 +303,7 @@ class System:
             End(joint, self.spot(joint.a), self.spot(joint.b), driven.get(id(joint), {}))
             for joint in self.joints
         ]
-        frames, spans = self.is_frame.tolist(), spans_of(self.rung_rows)
+        frames, spans = self.is_frame.tolist(), spans_of(self.theory_rows)
         self.tree = build_tree(frames, ends, spans, self.plane)
         self.kinematics = Kinematics(self.tree, self.vertex_rows, self.is_frame, self.total)
         self.closure, self.redundant = close_loops(self)
@@ -298,13 +321,13 @@ class System:
 
     @property
     def q0(self) -> Floats:
-        """Reference configuration (n,)."""
-        return self._y0.ravel().copy()
+        """Reference configuration (n,), not to be written to: take ``q0.copy()`` for that."""
+        return self._y0.ravel()
 
     @property
     def v0(self) -> Floats:
-        """Initial velocity (n,) given with the items."""
-        return self._v0.ravel().copy()
+        """Initial velocity (n,) given with the items, not to be written to."""
+        return self._v0.ravel()
 
     def counts(self) -> dict[str, int]:
         """Coordinates n, constraint rows m, their rank, unknowns of the null space method.
@@ -320,7 +343,7 @@ class System:
         return {"n": self.n, "m": self.m, "rank": self.rank, "unknowns": self.unknowns}
 
     def __repr__(self) -> str:
-        names, c = ", ".join(f"{i.label}" for i in self.structures), self.counts()
+        names, c = listed([i.label for i in self.structures]), self.counts()
         return (
             f"<System of {names}; n = {c['n']}, m = {c['m']} (rank {c['rank']}),"
             f" unknowns {self.coordinates + c['rank']} with multipliers,"
@@ -389,6 +412,11 @@ class System:
         t : float
             Time (s), for prescribed motion.
 
+        Raises
+        ------
+        InputError
+            If q is not of this shape or not finite, or the time is no number.
+
         Notes
         -----
         ``P = P_int T Z``: (68), (69), the joints of the tree, and an orthonormal basis of what the
@@ -403,7 +431,15 @@ class System:
         >>> system.null_space(system.q0).shape
         (12, 6)
         """
-        return null_space_matrix(self, self.extend(np.asarray(q, dtype=float), t)).toarray()
+        array = numbers("argument q", "q", q)
+        if array.shape != (self.n,) or not np.isfinite(array).all():
+            raise InputError(
+                "argument q",
+                f"has shape {array.shape}, finite = {bool(np.isfinite(array).all())}, expected"
+                f" {self.n} finite numbers",
+            )
+        time = real("argument t", "t", t, "a time (s)")
+        return null_space_matrix(self, self.extend(array, time)).toarray()
 
     def ground(self, t: float) -> Floats:
         """Rows of the ground's frames at time `t`, (total - rows, 3)."""
@@ -429,6 +465,8 @@ class System:
         >>> system.extend(system.q0, 0.0)[0].tolist()
         [1.0, 2.0, 3.0]
         """
+        if q.size != self.n:
+            raise InputError("argument q", f"has shape {q.shape}, expected ({self.n},)")
         y = np.empty((self.total, 3), dtype=q.dtype)
         y[: self.rows] = q.reshape(-1, 3)
         y[self.rows :] = self.ground(t)
@@ -459,7 +497,46 @@ class System:
 
     def offset(self, place: Place) -> int:
         """First number in q of the frame or point that carries a place."""
-        return int(3 * self.vertex_rows[self.spot(place).vertex])
+        return int(self.dofs(place)[0])
+
+    def dofs(self, place: Place) -> IndexArray:
+        """Numbers in q of the frame or point that carries a place.
+
+        Where the place is, is another thing if it is off the origin of its frame: see
+        :meth:`skfem_cosserat.History.position`.
+
+        Parameters
+        ----------
+        place : Place
+            As from ``beam.node(name)``, ``body.at(x)`` or ``point.place()``.
+
+        Returns
+        -------
+        (12,) or (3,) int array
+            Of phi, d1, d2, d3 of a frame; of a mass point.
+
+        Raises
+        ------
+        InputError
+            For places of the ground, which has no coordinates, and of items that are not in this
+            system.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import MassPoint, Model, RigidBody
+        >>> model = Model()
+        >>> body = model.add("body", RigidBody.sphere(1.0, 1.0))
+        >>> ball = model.add("ball", MassPoint(1.0, position=(1, 2, 3)))
+        >>> system = model.freeze()
+        >>> system.dofs(ball.place()).tolist(), len(system.dofs(body.at((0, 0, 1))))
+        ([12, 13, 14], 12)
+        """
+        check_kind("argument place", place, Place, FROM)
+        if place.item is None:
+            raise InputError("argument place", f"the {place.label} has no coordinates in q")
+        spot = self.spot(place)
+        first = 3 * int(self.vertex_rows[spot.vertex])
+        return first + np.arange(12 if self.is_frame[spot.vertex] else 3, dtype=np.int64)
 
     @property
     def coupled_rows(self) -> IndexArray:
@@ -496,5 +573,16 @@ class System:
         return [factor * g.mass for g in self.groups]
 
 
-def _made(items: Sequence[Any], plane: Plane | None) -> System:
-    return System(*items) if plane is None else System(*items).within(plane)
+def listed(labels: Sequence[str]) -> str:
+    """Labels in one line: the first ones, and how many more there are."""
+    more = len(labels) - SHOWN
+    return ", ".join(labels[:SHOWN]) + (f" and {more} more" if more > 0 else "") or "nothing"
+
+
+def _made(
+    items: Sequence[Any], plane: Plane | None, known: Sequence[dict[str, Any]] = ()
+) -> System:
+    with Notices(quiet=True, alone=True):  # said when it was made first
+        system = System(*items) if plane is None else System(*items).within(plane)
+    system.warnings = [dict(notice) for notice in known]
+    return system

@@ -18,7 +18,7 @@ translations, rotations about its normal, what joints leave free in it.
 Elements of beams that hold shear strains are edges, too (:class:`Span`): from the node that the
 tree reaches first to each other one, whose rotation is free and whose position follows from the
 directors of all. To the tree they are spherical joints between the nodes' origins; what turns of
-their nodes add to the positions below is in :mod:`skfem_cosserat.model.spans`.
+their nodes add to the positions below is in :mod:`skfem_cosserat.model.kinematics`.
 
 With r = x_b - x_a and the guide on side a: ``omega_b - omega_a`` is the relative rotation and
 ``rdot - omega_a x r`` the slide, whichever side is the parent. Both sides thus turn about x_b.
@@ -33,8 +33,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..joint import Joint
-from ..joint.base import Freedom
+from ..joint import Freedom, Joint
 from ..types import Floats
 from .plane import Plane
 
@@ -226,7 +225,7 @@ def build_tree(
 
 
 def _span(nv: int, ends: list[End], tree: Tree, spans: Sequence[Span]) -> list[Edge]:
-    elements = _Elements(spans)
+    elements = _TreeElements(spans)
     around: dict[int, list[int]] = {}
     for j, end in enumerate(ends):
         for spot in (end.a, end.b):
@@ -261,7 +260,7 @@ def _span(nv: int, ends: list[End], tree: Tree, spans: Sequence[Span]) -> list[E
     return edges
 
 
-class _Elements:
+class _TreeElements:
     """Elements that the tree may go along, each once."""
 
     def __init__(self, spans: Sequence[Span]) -> None:

@@ -1,19 +1,37 @@
-"""Jobs and their outcomes, and how both travel: as pickled data, functions by reference."""
+"""Jobs and their outcomes, how both travel, and what stands in the way."""
 
 from __future__ import annotations
 
 import pickle
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from types import TracebackType
+from functools import partial
+from types import BuiltinFunctionType, FunctionType, MethodType, TracebackType
 from typing import Any, NamedTuple
 
 from ..errors import InputError, JobError
+from ..frames import Item
+from ..model import Model, System
+from ..warn import Notices, counted
 
-__all__ = ["Answer", "Caught", "Job", "Outcome", "call", "done_here", "in_words", "pack", "read"]
-__all__ += ["run_packed"]
+__all__ = [
+    "Answer",
+    "Caught",
+    "Job",
+    "Outcome",
+    "call",
+    "done_here",
+    "in_words",
+    "pack",
+    "read",
+    "refusal",
+    "run_packed",
+]
+
+
+# -- jobs and their outcomes, and how both travel: as pickled data, functions by reference ---------
 
 
 class Job:
@@ -75,6 +93,8 @@ class Outcome:
         How long its function ran (s); NaN if that is not known.
     traceback : str
         Where it failed, as text; empty if it did not.
+    warnings : sequence of dict
+        Given on the way, as in ``history.meta["warnings"]``.
 
     Examples
     --------
@@ -90,6 +110,7 @@ class Outcome:
     error: Exception | None = None
     seconds: float = float("nan")
     traceback: str = ""
+    warnings: Sequence[dict[str, Any]] = ()
 
     @property
     def ok(self) -> bool:
@@ -104,8 +125,10 @@ class Outcome:
 
     def __repr__(self) -> str:
         if self.error is None:
-            return f"<Outcome {self.name!r}: {type(self.value).__name__} in {self.seconds:.3g} s>"
-        return f"<Outcome {self.name!r}: {in_words(self.error)}>"
+            what = f"{type(self.value).__name__} in {self.seconds:.3g} s"
+        else:
+            what = in_words(self.error)
+        return f"<Outcome {self.name!r}: {what}{counted(self.warnings)}>"
 
 
 class Caught:
@@ -140,14 +163,15 @@ class _Call(NamedTuple):
     error: Exception | None
     seconds: float
     traceback: str
+    warnings: list[dict[str, Any]]
 
 
 def call(
     name: str, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]
 ) -> _Call:
-    """Do the job of this name, and keep what it raises."""
+    """Do the job of this name, and keep what it raises and warns of."""
     value, caught, start = None, Caught(), time.perf_counter()
-    with caught:
+    with Notices(quiet=True, alone=True) as notices, caught:
         value = function(*args, **kwargs)
     seconds, error = time.perf_counter() - start, caught.error
     text = "" if error is None else _text(error)
@@ -155,7 +179,7 @@ def call(
         error = JobError(name, f"it called sys.exit({error.code!r})")
     elif error is not None and not isinstance(error, Exception):
         error = JobError(name, f"it raised {in_words(error)}")
-    return _Call(value, error, seconds, text)
+    return _Call(value, error, seconds, text, notices.kept())
 
 
 def done_here(job: Job) -> Outcome:
@@ -178,6 +202,7 @@ class Answer(NamedTuple):
     what: str
     seconds: float
     traceback: str
+    warnings: list[dict[str, Any]]
 
 
 def pack(job: Job) -> bytes:
@@ -196,25 +221,26 @@ def run_packed(packed: bytes) -> Answer:
             f"it cannot be read in the worker process ({in_words(reading.error)}): what it refers"
             " to must be importable there"
         )
-        return Answer(True, b"", what, float("nan"), _text(reading.error))
-    value, error, seconds, text = call(name, function, args, kwargs)
+        return Answer(True, b"", what, float("nan"), _text(reading.error), [])
+    value, error, seconds, text, warned = call(name, function, args, kwargs)
     sending, data = Caught(), b""
     with sending:
         data = pickle.dumps(value if error is None else error, pickle.HIGHEST_PROTOCOL)
     if error is not None:
-        return Answer(True, data, f"it raised {in_words(error)}", seconds, text)
+        return Answer(True, data, f"it raised {in_words(error)}", seconds, text, warned)
     what = f"its value, of type {type(value).__name__}"
     if sending.error is not None:
         what += f", cannot travel between processes: {in_words(sending.error)}"
-        return Answer(True, b"", what, seconds, _text(sending.error))
-    return Answer(False, data, what, seconds, "")
+        return Answer(True, b"", what, seconds, _text(sending.error), warned)
+    return Answer(False, data, what, seconds, "", warned)
 
 
 def read(name: str, answer: Answer) -> Outcome:
     """The outcome that an answer holds."""
+    told = answer.seconds, answer.traceback, answer.warnings
     if not answer.data:
         error = JobError(name, answer.what)
-        return Outcome(name, None, error, answer.seconds, answer.traceback)
+        return Outcome(name, None, error, *told)
     content, reading = None, Caught()
     with reading:
         content = pickle.loads(answer.data)
@@ -225,10 +251,10 @@ def read(name: str, answer: Answer) -> Outcome:
         wrong = f"its pickled form gives {content!r}"
     if wrong is not None:
         error = JobError(name, f"{answer.what}, which cannot be read back: {wrong}")
-        return Outcome(name, None, error, answer.seconds, answer.traceback)
+        return Outcome(name, None, error, *told)
     if answer.failed:
-        return Outcome(name, None, content, answer.seconds, answer.traceback)
-    return Outcome(name, content, None, answer.seconds)
+        return Outcome(name, None, content, *told)
+    return Outcome(name, content, None, *told)
 
 
 def in_words(error: BaseException) -> str:
@@ -241,3 +267,84 @@ def in_words(error: BaseException) -> str:
 
 def _text(error: BaseException) -> str:
     return "".join(traceback.format_exception(error))
+
+
+# -- why a job cannot travel: the load, drive or argument that holds what cannot be pickled --------
+
+#: what to do about a function
+ADVICE = (
+    "write functions with def at the top level of an importable module (parameters by"
+    " functools.partial), give loads a Table, or run with executor=None"
+)
+
+
+class _Culprit(NamedTuple):
+    """What cannot be pickled, and where it is."""
+
+    where: str
+    what: str
+
+
+def refusal(job: Job, error: BaseException) -> InputError:
+    """The error for a job that cannot be pickled: names all that stands in the way."""
+    label = f"job {job.name!r}"
+    named = {"function": job.function}
+    named |= {f"argument {k + 1}": value for k, value in enumerate(job.args)}
+    named |= {f"argument {name}": value for name, value in job.kwargs.items()}
+    found: list[_Culprit] = []
+    seen: set[int] = set()
+    for where, value in named.items():
+        found += _culprits(value, where, seen)
+    if not found:  # each can go alone, but not all together
+        return InputError(label, f"cannot be sent to another process: {error}; {ADVICE}")
+    first, *others = found
+    what = "; ".join([first.what, *(f"{each.where}: {each.what}" for each in others)])
+    return InputError(
+        f"{label}, {first.where}", f"{what} cannot be sent to another process: {ADVICE}"
+    )
+
+
+def _culprits(value: Any, where: str, seen: set[int]) -> Iterator[_Culprit]:
+    """The smallest parts that cannot be pickled, each once."""
+    if id(value) in seen or _travels(value):
+        return
+    seen.add(id(value))
+    if isinstance(value, Item) and not isinstance(value, type):
+        where = value.label
+    parts = [part for part in _parts(value) if not _travels(part)]
+    if not parts:
+        yield _Culprit(where, _named(value))
+    for part in parts:
+        yield from _culprits(part, where, seen)
+
+
+def _travels(value: Any) -> bool:
+    trial = Caught()
+    with trial:
+        pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
+    return trial.error is None
+
+
+def _parts(value: Any) -> list[Any]:
+    """What an object is pickled with, as far as it is ours or a container."""
+    if isinstance(value, System):
+        return list(value.__reduce__()[1])
+    if isinstance(value, Model):
+        return [value[name] for name in value]
+    if isinstance(value, list | tuple | set | frozenset):
+        return list(value)
+    if isinstance(value, dict):
+        return [*value.keys(), *value.values()]
+    if isinstance(value, MethodType):
+        return [value.__self__]
+    if isinstance(value, partial):
+        return [value.func, *value.args, *value.keywords.values()]
+    if type(value).__module__.split(".")[0] == __name__.split(".")[0]:
+        return list(getattr(value, "__dict__", {}).values())
+    return []
+
+
+def _named(value: Any) -> str:
+    if isinstance(value, FunctionType | BuiltinFunctionType | type):
+        return f"{value.__qualname__!r} of module {value.__module__!r}"
+    return f"an object of type {type(value).__name__!r}"

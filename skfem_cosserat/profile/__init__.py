@@ -4,8 +4,6 @@
 torsion constant, shear factors and mass; its ``section()`` is what a beam takes.
 """
 
-from .constants import ProfileConstants
-from .elasticity import MaterialAnisotropic
 from .polygon import ProfileComposite, ProfilePolygon, Region
 from .profile import Profile
 from .shapes import (
@@ -18,6 +16,7 @@ from .shapes import (
     ProfileRings,
     ProfileTube,
 )
+from .warping import MaterialAnisotropic, ProfileConstants
 
 __all__ = [
     "MaterialAnisotropic",

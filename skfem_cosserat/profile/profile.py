@@ -1,4 +1,4 @@
-"""A cross-section as a mesh of the plane with its materials; solved to a tolerance."""
+"""Sections from meshes of their shape."""
 
 from __future__ import annotations
 
@@ -15,14 +15,77 @@ from skfem.mesh import MeshQuad2
 
 from ..errors import InputError
 from ..figures import new_figure
+from ..frozen import Frozen
 from ..section import Material, Section
 from ..types import ArrayLike, Floats, IndexArray, positive
-from .constants import ProfileConstants
-from .elasticity import MaterialAnisotropic, elasticity
-from .outline import boundary_loops
-from .warping import Warping, solve_warping
+from .warping import MaterialAnisotropic, ProfileConstants, Warping, elasticity, solve_warping
 
-__all__ = ["AnyMaterial", "Profile"]
+__all__ = ["AnyMaterial", "Profile", "boundary_loops", "signed_area"]
+
+
+# -- boundary of a mesh as closed polygons ---------------------------------------------------------
+
+
+def signed_area(polygon: Floats) -> float:
+    """Area of a closed polygon (k, 2), positive if counter-clockwise.
+
+    Examples
+    --------
+    >>> signed_area(np.array([[0, 0], [1, 0], [0, 1.0]]))
+    0.5
+    """
+    x, y = (polygon - polygon[0]).T
+    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
+
+
+def _without_straight(polygon: Floats) -> Floats:
+    """Without points on the straight line between their neighbours."""
+    before, after = polygon - np.roll(polygon, 1, axis=0), np.roll(polygon, -1, axis=0) - polygon
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    keep = abs(cross) > 1e-9 * np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
+    return polygon[keep]
+
+
+def boundary_loops(mesh: Mesh) -> list[Floats]:
+    """Closed polygons (k, 2) of the boundary: the outer one first, then the holes.
+
+    Curved edges are drawn by three points. The outer one goes counter-clockwise, holes clockwise.
+
+    Examples
+    --------
+    >>> import skfem
+    >>> boundary_loops(skfem.MeshTri().refined(2))[0].shape
+    (4, 2)
+    """
+    facets = mesh.boundary_facets()
+    curved = isinstance(mesh, MeshTri2 | MeshQuad2)
+    middle = mesh.doflocs[:, mesh.dofs.facet_dofs[0, facets]] if curved else None
+    at: dict[int, list[tuple[int, int]]] = {}
+    for k, (a, b) in enumerate(mesh.facets[:, facets].T.tolist()):
+        at.setdefault(a, []).append((k, b))
+        at.setdefault(b, []).append((k, a))
+    left, loops = set(range(len(facets))), []
+    while left:
+        k = min(left)
+        start = node = int(mesh.facets[0, facets[k]])
+        points = []
+        while True:
+            k, following = next((k, b) for k, b in at[node] if k in left)
+            left.remove(k)
+            points.append(mesh.p[:, node])
+            if middle is not None:
+                points.append(middle[:, k])
+            node = following
+            if node == start:
+                break
+        loops.append(_without_straight(np.array(points)))
+    loops.sort(key=lambda loop: -abs(signed_area(loop)))
+    return [
+        loop if (signed_area(loop) > 0) == (k == 0) else loop[::-1] for k, loop in enumerate(loops)
+    ]
+
+
+# -- A cross-section as a mesh of the plane with its materials; solved to a tolerance --------------
 
 AnyMaterial = Material | MaterialAnisotropic
 
@@ -89,7 +152,7 @@ def _assigned(item: str, mesh: Mesh, names: list[str]) -> IndexArray:
     return index
 
 
-class Profile:
+class Profile(Frozen):
     """Cross-section of any shape and of any linear elastic materials.
 
     Parameters

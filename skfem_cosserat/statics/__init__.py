@@ -3,7 +3,7 @@
 from .branch import Branch, branch, equilibrium
 from .control import ArcLength, Control, DisplacementControl, LoadControl
 from .path import static
-from .point import Point
+from .schedule import Point
 
 __all__ = [
     "ArcLength",

@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..diagnostics import Projection
+from ..diagnostics.stacked import null_space_matrix
 from ..errors import HistoryError, InputError
 from ..history import History
 from ..integrators import State
 from ..load import Amplitude
-from ..model import Model, System
-from ..model.balance import Spin
-from ..simulate.describe import other_model
+from ..model import Model, System, system_of
+from ..model.balance import Amplitudes, Balance, Spin, amplitudes_at, balance
+from ..run.describe import other_model
+from ..run.start import broken_constraint
 from ..types import Floats, numbers
-from .control import ArcLength, Control, Stage
-from .point import Point
-from .record import CODES
-from .schedule import Schedule
-from .stability import inspect
+from .control import ArcLength, Control, DisplacementControl, Stage
+from .critical_points import inspect
+from .schedule import CODES, Point, Schedule, finite, recorded_amplitudes
 
 __all__ = ["Branch", "branch", "branch_stage", "equilibrium"]
+
+#: relative difference below which loads and supports are where a path left them
+SAME = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,10 +38,13 @@ class Branch:
         The critical point.
     direction : (rows, 3) array
         Change of the coordinates along the branch.
+    time : float or None
+        The instant (s) that the path holds, see :func:`static`.
     """
 
     point: Point
     direction: Floats
+    time: float | None = None
 
     def __repr__(self) -> str:
         """Without the arrays."""
@@ -99,7 +105,7 @@ def branch(
     >>> bool(abs(buckled["q"][-1] - path["q"][-1]).max() > 0.01)
     True
     """
-    system = _frozen(model)
+    system = system_of(model, "argument model")
     _check_path(system, history)
     rows = np.flatnonzero(history["critical"] != CODES["regular"])
     if not _is_whole(which) or not -len(rows) <= which < len(rows):
@@ -110,21 +116,25 @@ def branch(
     if not _is_whole(mode) or mode < 0:
         raise InputError("argument mode", f"{mode!r}, expected a number from 0 on")
     point = _point(system, history, int(rows[which]))
-    look = inspect(system, point, Schedule(system, factors, spin).at(point.t))
+    time = history.meta.get("time")
+    look = inspect(system, point, Schedule(system, factors, spin, time).at(point.t))
     values, modes = look.nearest(mode + 1)
     if mode >= len(values):
         raise InputError("argument mode", f"{mode!r}: the scene has {len(values)} motion(s)")
     direction = look.tangent.P @ modes[:, mode]
     largest = direction[int(abs(direction).argmax())]  # so that the sign is no accident
-    return Branch(point, np.sign(number) * np.sign(largest) * direction.reshape(-1, 3))
+    along = np.sign(number) * np.sign(largest) * direction.reshape(-1, 3)
+    return Branch(point, along, time)
 
 
-def equilibrium(model: Model | System, history: History, index: int = -1) -> State:
+def equilibrium(
+    model: Model | System, history: History, index: int = -1, time: float = 0.0
+) -> State:
     """A state at rest at a point of a path, to start a run in time or another path from.
 
-    Its time is the load factor, so that loads and motions that depend on time go on from there.
     Loads are no part of a state, nor of what makes a model the same: the model may have others
-    than that of the path.
+    than that of the path. In a run all act in full, whatever share the load factor gave them.
+    Another path goes on from the load factor of the point.
 
     Parameters
     ----------
@@ -133,6 +143,10 @@ def equilibrium(model: Model | System, history: History, index: int = -1) -> Sta
         A path of :func:`static`.
     index : int
         Number of the point.
+    time : float
+        When the state is (s): a run goes on from there. What the path moved by its own function of
+        time has to be at this instant where the path left it, as it is at the point's load factor,
+        or at the instant that the path held.
 
     Returns
     -------
@@ -142,10 +156,13 @@ def equilibrium(model: Model | System, history: History, index: int = -1) -> Sta
     ------
     HistoryError
         If the history is no path of this model.
+    InputError
+        If a load, actuator or support that the path moved by its own function of time is elsewhere
+        at `time`, so that forces are out of balance or constraints broken.
 
     Examples
     --------
-    A bent rod let go: without the load it swings.
+    A bent rod let go after a second: without the load it swings.
 
     >>> from skfem_cosserat import Beam, EnergyMomentum, JointFixed, LoadForce, MeshCurve, Model
     >>> from skfem_cosserat import NullSpace, Section, Table, ground, simulate
@@ -157,28 +174,93 @@ def equilibrium(model: Model | System, history: History, index: int = -1) -> Sta
     >>> clamp = model.add("clamp", JointFixed(ground((0, 0, 0)), rod.node("rod.start")))
     >>> pull = Table([0, 1, 1.001], [0, 1, 0])
     >>> load = model.add("load", LoadForce(rod.node("rod.end"), (0, 0, 3.0), pull))
-    >>> start = equilibrium(model, static(model))
+    >>> path = static(model)
+    >>> start = equilibrium(model, path, time=1.0)
     >>> run = simulate(model.freeze(), EnergyMomentum(), NullSpace(), 0.01, 1.2, start=start)
     >>> bool(run["kinetic"].max() > 0.1)
     True
     """
-    system = _frozen(model)
+    system = system_of(model, "argument model")
     _check_path(system, history)
     if not _is_whole(index) or not -len(history) <= index < len(history):
         raise InputError("argument index", f"{index!r}: the path has {len(history)} points")
-    point = _point(system, history, index)
+    time, point = finite("argument time", "time", time), _point(system, history, index)
+    _check_instant(system, history, index, point, time)
     q = point.y[: system.rows].reshape(-1)
     p = np.zeros(system.n)
     if system.moving:  # what is driven moves
-        p = Projection(system)(q, p, point.t)[1]
-    return State(point.t, 0, q, p, turns=point.turns)
+        p = Projection(system)(q, p, time)[1]
+    return State(time, 0, q, p, turns=point.turns, load_factor=point.t)
 
 
-def _frozen(model: Model | System) -> System:
-    system = model.freeze() if isinstance(model, Model) else model
-    if not isinstance(system, System):
-        raise InputError("argument model", f"{model!r}, expected a Model or System")
-    return system
+def _check_instant(system: System, history: History, index: int, point: Point, time: float) -> None:
+    """What the path moved by functions of time is at `time` where the point has it."""
+    then = float(history.instants[index])
+    if time == then:
+        return
+    which = "the load factor of this point" if then == point.t else "the instant the path holds"
+    hint = f"what the path moved by its own function of time starts at time={then!r}, {which}"
+    y = system.extend(point.y[: system.rows].reshape(-1), time)
+    wrong = broken_constraint(system, y, SAME)
+    if wrong is not None:
+        raise InputError("argument time", f"at {time!r} s the state {wrong}: {hint}")
+
+    def compare(what: str, now: Balance, before: Balance) -> None:
+        size = max(float(abs(at.R).max(initial=0.0)) for at in (now, before))
+        P = null_space_matrix(system, y)
+        missing = float(abs(P.T @ (now.R - before.R).ravel()).max(initial=0.0))
+        if missing > SAME * size:
+            raise InputError(
+                "argument time",
+                f"at {time!r} s {what} is out of balance by {missing:.4g} N (N m): {hint}",
+            )
+
+    def forces(y: Floats, amplitudes: Amplitudes) -> Balance:
+        return balance(system, y, amplitudes, turns=point.turns)
+
+    for owner, now, before in _moved(system, history, index, then, time):
+        compare(f"the {owner}", forces(y, now), forces(y, before))
+    if system.moving and system.couplings.count:
+        none = np.zeros(len(system.loading.times)), np.zeros(len(system.couplings.times) + 1)
+        ends = (forces(rows, Amplitudes(*none)) for rows in (y, point.y))
+        compare("what springs hold on moving ground", *ends)
+
+
+def _moved(
+    system: System, history: History, index: int, then: float, time: float
+) -> Iterator[tuple[str, Amplitudes, Amplitudes]]:
+    """Loads and actuators that a path moved by functions of time: label, factors now and then.
+
+    Not those of other models, and those that the path left out.
+    """
+    both = amplitudes_at(system, time), amplitudes_at(system, then)
+    recorded = recorded_amplitudes(history, index)
+    for kind, channels in (("loads", system.loading), ("actuators", system.couplings)):
+        names = history.meta.get("loads", {}).get(kind, [])
+        taken = getattr(recorded, kind)[: len(names)]
+        for owner in dict.fromkeys(channels.owners):
+            own = [k for k, other in enumerate(channels.owners) if other is owner]
+            known = [k for k, entry in enumerate(names) if entry == [str(owner.name), True]]
+            if len(known) != len(own):
+                continue
+            factors = [getattr(each, kind)[own] for each in both]
+            if _same(factors[0], taken[known]) or (factors[1].any() and not taken[known].any()):
+                continue
+            if not _same(*factors):
+                now, before = (_alone(each, kind, own) for each in both)
+                yield owner.label, now, before
+
+
+def _same(a: Floats, b: Floats) -> bool:
+    return bool(abs(a - b).max() <= SAME * max(abs(a).max(), abs(b).max()))
+
+
+def _alone(amplitudes: Amplitudes, kind: str, channels: list[int]) -> Amplitudes:
+    """These factors, and zero for all others."""
+    loads, actuators = np.zeros_like(amplitudes.loads), np.zeros_like(amplitudes.actuators)
+    out = {"loads": loads, "actuators": actuators}
+    out[kind][channels] = getattr(amplitudes, kind)[channels]
+    return Amplitudes(loads, actuators)
 
 
 def _is_whole(value: object) -> bool:
@@ -194,15 +276,20 @@ def _check_path(system: System, history: History) -> None:
 
 
 def _point(system: System, history: History, k: int) -> Point:
-    t = float(history["load_factor"][k])
+    t, time = float(history["load_factor"][k]), float(history.instants[k])
     turns = np.array(history["turns"][k]) if "turns" in history else None
-    return Point(system.extend(np.array(history["q"][k]), t), t, turns)
+    return Point(system.extend(np.array(history["q"][k]), time), t, turns)
 
 
-def branch_stage(system: System, control: Control, point: Point, direction: Floats | None) -> Stage:
-    """The control at work, on a branch if there is a direction."""
+def branch_stage(
+    system: System, control: Control, point: Point, direction: Floats | None, held: bool = False
+) -> Stage:
+    """The control at work, on a branch if there is a direction; `held`: no ground moves."""
     if direction is None:
-        return control.stage(system, point)
+        stage = control.stage(system, point)
+        if held and isinstance(control, DisplacementControl):
+            control.check(system, point)
+        return stage
     if not isinstance(control, ArcLength):
         raise InputError(
             "argument control", f"{type(control).__name__} with a Branch, expected ArcLength"

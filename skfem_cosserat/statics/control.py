@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..diagnostics.tangent import null_space_matrix
+from ..diagnostics.stacked import null_space_matrix
 from ..errors import InputError
 from ..frames import Place, vector
+from ..frozen import Frozen
 from ..model import System
 from ..types import Floats, VectorLike, positive
-from .arguments import finite, listed, shown, stops, turned, whole
-from .point import Functional, Point, weights
+from .schedule import Functional, Point, finite, listed, shown, stops, turned, weights, whole
 
 __all__ = ["ArcLength", "Control", "DisplacementControl", "LoadControl", "Stage"]
 
@@ -91,7 +91,7 @@ class Stage(ABC):
         return not self._stops
 
 
-class Control(ABC):
+class Control(Frozen):
     """A choice; :meth:`stage` puts it to work.
 
     Attributes
@@ -138,7 +138,7 @@ class _Steered(Control):
                 if value is not None:
                     both = f"{name} = {value!r} and at = {at!r}"
                     raise InputError(item, f"{both}, expected one of them")
-            self.at = listed(item, at).tolist()
+            self.at = tuple(listed(item, at).tolist())
             self.until = self.at[-1]
         self.longest = positive(item, "longest", longest)
         self.first = min(positive(item, "first", first), self.longest)
@@ -154,7 +154,7 @@ class _Steered(Control):
         return max(int(np.ceil(2 / self.longest)), 0 if self.at is None else len(self.at))
 
     def _given(self) -> str:
-        ends = {"until": self.until} if self.at is None else {"at": self.at}
+        ends = {"until": self.until} if self.at is None else {"at": list(self.at)}
         steps = {"turn": self.turn} if self.steps is None else {"steps": self.steps}
         return shown(self, **ends, **steps, first=self.first, longest=self.longest)
 
@@ -298,16 +298,24 @@ class DisplacementControl(_Steered):
         item = type(self).__name__
         if id(self.place.item) not in system.first:
             raise InputError(item, f"place: {self.place.label} is not in the model")
-        gradient = np.zeros((system.rows, 3))
-        for row, factor in system.kinematics.spot_terms(system.spot(self.place)):
-            gradient[row] += factor * self.direction
-        free = null_space_matrix(system, point.y).T @ gradient.ravel()
-        if not system.moving and abs(free).max(initial=0.0) <= HELD:
-            raise InputError(
-                item, f"joints hold {self.place.label} along {self.direction.tolist()}"
-            )
-        out = _DisplacementStage(gradient)
+        out = _DisplacementStage(self._gradient(system))
         self._plan(out, 0.0)
+        return out
+
+    def check(self, system: System, point: Point) -> None:
+        """Raise InputError if joints, drives and ground, all at rest, hold the displacement."""
+        free = null_space_matrix(system, point.y).T @ self._gradient(system).ravel()
+        if abs(free).max(initial=0.0) <= HELD:
+            raise InputError(
+                type(self).__name__,
+                f"joints hold {self.place.label} along {self.direction.tolist()}",
+            )
+
+    def _gradient(self, system: System) -> Floats:
+        """Derivative (rows, 3) of the displacement by the coordinates."""
+        out = np.zeros((system.rows, 3))
+        for row, factor in system.kinematics.spot_terms(system.spot(self.place)):
+            out[row] += factor * self.direction
         return out
 
 

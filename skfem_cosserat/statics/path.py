@@ -1,38 +1,464 @@
-"""The verb: equilibrium paths with automatic steps."""
+"""Paths of equilibria: one point after the other, and the function that users call."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from ..constraints import NullSpace, Treatment
-from ..errors import CosseratError
+from ..diagnostics.forces import drawn_too_far
+from ..diagnostics.stacked import reduced_tangent
+from ..errors import AccuracyWarning, Diverged, IncompleteWarning
 from ..history import History
 from ..integrators import State
-from ..integrators.choice import choose, estimated_seconds
-from ..integrators.refused import static_refusal
-from ..linear import Solver
+from ..integrators.choice import choose, estimated_seconds, static_refusal
+from ..linear import SingularMatrixError, Solver
 from ..load import Amplitude
-from ..log import logger
-from ..model import Model, System
-from ..model.balance import Spin
-from ..newton import NewtonSettings
-from ..simulate.interrupt import Interrupt
-from ..simulate.progress import Progress
-from ..simulate.start import checked_start
+from ..model import Model, System, system_of
+from ..model.balance import Spin, balance
+from ..model.limits import bent_beam
+from ..newton import NewtonReport, NewtonSettings
+from ..run.progress import Interrupt, Progress
+from ..run.recorder import deriving
 from ..types import Floats
-from .branch import Branch
-from .checks import check_run, held_start
-from .control import Control, LoadControl
-from .point import Point
-from .record import PathRecorder, derive_path
-from .schedule import Schedule
-from .solver import Equilibrium
-from .walk import Callback, Walk
+from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
+from .branch import Branch, branch_stage
+from .control import ArcLength, Control, DisplacementControl, LoadControl, Stage
+from .critical_points import Critical, Look, inspect, locate_all
+from .schedule import (
+    Functional,
+    Neutral,
+    PathRecorder,
+    Point,
+    Schedule,
+    Solution,
+    derive_path,
+    weights,
+)
+from .solver import UNMOVED, CompiledBalance, PathSolver
+from .static_checks import (
+    check_growth,
+    check_run,
+    first_point,
+    held_start,
+    prescribed_turn,
+    rotation,
+)
 
-__all__ = ["STATIC", "static"]
+__all__ = ["STATIC", "Callback", "Walk", "static"]
+
+
+# -- point after point of a path: steps, what limits them, critical points on the way --------------
+
+#: residual, relative to its terms, below which a start counts as an equilibrium
+BALANCED = 1e-9
+#: motion in an automatic step, against what its tangents predict, above which it is repeated
+JUMP = 2.0
+#: increments at which an iteration next to a critical point may stagnate
+CRITICAL = 1e-5
+#: motion (mean over the nodes, relative to the scene) within which no other branch is looked for
+NEAR = 1e-6
+#: how often a step is halved to locate the critical points in it
+LOSSES = 6
+
+Callback = Callable[[Point], object]
+
+
+@dataclass
+class _Sight:
+    """What is known of the stability along a step: at its end, critical points, what is missing."""
+
+    look: Look | None
+    found: list[Critical]
+    lost: bool = False
+    #: iterations and solves of the step, if critical points were searched for after it
+    effort: tuple[int, int] | None = None
+
+
+@dataclass
+class Walk:
+    """Point after point."""
+
+    system: System
+    solver: PathSolver
+    control: Control
+    watch: bool
+    rejected: int = 0
+    critical: list[dict[str, Any]] = field(default_factory=list)
+    bent: bool = False
+    stretched: bool = False
+    _look: Look | None = None
+    _rate: Floats | None = None
+
+    def run(
+        self,
+        first: Point,
+        direction: Floats | None,
+        recorder: PathRecorder,
+        callbacks: Sequence[Callback],
+        show: Callable[[float, float], object],
+        interrupt: Interrupt,
+    ) -> tuple[str, Diverged | None]:
+        """Follow the path; gives the status it ended with."""
+        self.recorder = recorder
+        try:
+            point = self._settle(first) if direction is None else first
+            held = not self.solver.schedule.moving
+            stage = branch_stage(self.system, self.control, point, direction, held)
+            self._begin(point, stage, direction)
+            while not stage.finished(point):
+                point, asked = self._advance(point, stage)
+                show(stage.parameter, point.t)
+                if not asked and not self.control.all_points and not interrupt.asked:
+                    continue
+                answers = [callback(point) for callback in callbacks]  # all are called
+                if interrupt.asked:
+                    return "interrupted", None
+                if any(isinstance(answer, bool | np.bool_) and answer for answer in answers):
+                    return "stopped", None
+        except KeyboardInterrupt:
+            return "interrupted", None
+        except Diverged as error:
+            return "diverged", error
+        return "completed", None
+
+    # -- start -------------------------------------------------------------------------------------
+
+    def _begin(self, point: Point, stage: Stage, direction: Floats | None) -> None:
+        solver, system = self.solver, self.system
+        solver.begin(point)
+        self._spent, self._unrecorded = (0, 0), (0, 0)
+        amplitudes = solver.schedule.at(point.t)
+        at = balance(system, point.y, amplitudes, turns=point.turns)
+        look = inspect(system, point, amplitudes) if self.watch or direction is not None else None
+        if look is not None:
+            solver.neutral = look.neutral_motions(system, direction)
+        # at a critical point the number of unstable motions is one or the other
+        self._look = look if direction is None else None
+        tangent = reduced_tangent(system, point.y, amplitudes, at)
+        force = system.constraints.jacobian(point.y).T @ tangent.multipliers
+        self._record(point, stage.parameter, force, 0.0, effort=self._effort())
+        if direction is None and isinstance(self.control, ArcLength):
+            try:
+                stage.aim(solver.rate_at(point))
+            except SingularMatrixError:  # at a critical point a step of the load factor has to do
+                logger.debug("no tangent at the start")
+
+    def _settle(self, first: Point) -> Point:
+        """The equilibrium near a start that is none: the missing forces fade away."""
+        solver, system = self.solver, self.system
+        missing = balance(system, first.y, solver.schedule.at(first.t), turns=first.turns).R
+        solver.begin(first)
+        if solver.unbalanced(first) <= BALANCED:
+            return first
+        solver.begin(first, missing)
+        point, left, step = first, 1.0, 1.0
+        while left > 0:
+            step = min(step, left)
+            target = Functional(None, 1.0, 0.0)
+            solution, report = solver.solve(point, target, (left - step) * missing)
+            if solution is None:
+                self.rejected += 1
+                step /= 2
+                if step < 1e-4:
+                    raise self._failure(point, report, "the start is no equilibrium")
+                continue
+            solver.accept()
+            point, left, step = solution.point, left - step, 2 * step
+            left = left if left > 1e-12 else 0.0
+        return point
+
+    # -- a step ------------------------------------------------------------------------------------
+
+    def _advance(self, point: Point, stage: Stage) -> tuple[Point, bool]:
+        """The next point, and whether it is one that was asked for."""
+        limit = self.control.turn
+        residuals = []
+        losses = 0
+        while True:
+            length = self._prescribed(point, stage.trial())
+            functional = stage.functional(point, length)
+            solution, report = self._solve(point, functional)
+            residuals.append(report.residuals)
+            if solution is None and self._rate is not None and functional.predictor is None:
+                # at a critical point the tangent does not say where to go: on as before
+                functional = replace(functional, predictor=length * self._rate)
+                solution, report = self._solve(point, functional)
+                residuals.append(report.residuals)
+            shorter = 0.5
+            if solution is not None:
+                turn = rotation(self.system, point.y, solution.point.y)
+                jumps = limit is not None and self._jumps(point, solution)
+                if not jumps and (limit is None or turn <= limit):
+                    if isinstance(self.control, ArcLength) and self._crosses(point, solution.point):
+                        solution = self._at_end(solution)
+                    sight = self._sight(point, solution)
+                    if not sight.lost or limit is None or losses == LOSSES:
+                        break
+                    # it may have landed on another branch: a shorter step shows
+                    losses += 1
+                    self._unrecorded = sight.effort or (0, 0)
+                elif not jumps and limit is not None:
+                    shorter = max(0.5, 0.8 * limit / turn)
+                report.reason = "in the shortest step it jumps to a point far away"
+            self.rejected += 1
+            stage.length = shorter * length
+            if abs(stage.length) < stage.shortest:
+                raise self._failure(point, report, "the path cannot be continued", residuals)
+        solution = self._before_crest(point, solution, sight)
+        asked = self._accept(point, solution, stage, functional, length, sight)
+        return solution.point, asked
+
+    def _solve(self, point: Point, functional: Functional) -> tuple[Solution | None, NewtonReport]:
+        """As the solver does it; if it fails, again with the motions that nothing holds.
+
+        They are left alone from the first step on. Else each step would move along them by
+        rounding over rounding, and how far, or whether its iteration shows it, is luck.
+        """
+        solver, neutral = self.solver, self.solver.neutral
+        solution, report = solver.solve(point, functional)
+        if solution is not None or not neutral.motions:
+            return solution, report
+        solver.neutral = Neutral()
+        solution, report = solver.solve(point, functional)
+        solver.neutral = neutral
+        return solution, report
+
+    def _sight(self, point: Point, solution: Solution) -> _Sight:
+        """Stability at a point found, and the critical points on the way to it."""
+        if not self.watch:
+            return _Sight(None, [])
+        before = self._look
+        look = self.solver.inspect(solution.point)
+        look.unstable = look.firmly_unstable
+        if before is None or look.unstable == before.unstable:
+            return _Sight(look, [])
+        effort = self._effort()
+        found = self._locate(before, look)
+        if isinstance(self.control, LoadControl):
+            # others belong to parts of the path that were passed before, or to other branches
+            low, high = sorted((point.t, solution.point.t))
+            found = [c for c in found if low <= c.look.point.t <= high or c.kind == "limit"]
+        last = found[-1].after if found else before
+        return _Sight(look, found, last.crossed(look), effort)
+
+    def _before_crest(self, point: Point, solution: Solution, sight: _Sight) -> Solution:
+        """The end of an arc length path, if it is crossed on the way to a critical point."""
+        if not isinstance(self.control, ArcLength) or self.control.until is None:
+            return solution
+        until = self.control.until
+        for k, critical in enumerate(sight.found):
+            if until == critical.look.point.t or not self._crosses(point, critical.look.point):
+                continue
+            self.solver.begin(point)
+            exact, report = self.solver.solve(point, Functional(None, 1.0, until - point.t))
+            if exact is None:
+                raise self._failure(point, report, "the end of the path was not found")
+            del sight.found[k:]
+            sight.look = inspect(self.system, exact.point, self.solver.schedule.at(until))
+            return exact
+        return solution
+
+    def _accept(
+        self,
+        point: Point,
+        solution: Solution,
+        stage: Stage,
+        functional: Functional,
+        length: float,
+        sight: _Sight,
+    ) -> bool:
+        """Accept a point, after the critical ones that were passed; says whether it was asked."""
+        solver, parameter = self.solver, stage.parameter
+        spent = self._effort() if sight.effort is None else sight.effort
+        gained = stage.gained(point, solution.point, length)
+        for critical in sight.found:
+            share = functional.share(point, critical.look.point)
+            self._record_critical(critical, parameter + share * gained)
+            self._check_turning(critical)
+        if sight.effort is not None:
+            solver.begin(solution.point)
+        else:
+            solver.accept()
+        if sight.lost:
+            text = (
+                f"a critical point between the load factors {point.t:.6g} and"
+                f" {solution.point.t:.6g} was not located"
+            )
+            warn("path", text, IncompleteWarning, solution.point.t)
+        self._look = sight.look
+        if sight.look is not None:
+            solver.neutral = sight.look.neutral_motions(self.system)
+        rows = self.system.rows
+        self._rate = (solution.point.y[:rows] - point.y[:rows]) / length
+        self._warn_of_elements(solution)
+        asked = stage.accept(point, solution.point, length)
+        if asked or self.control.all_points:
+            force, report = solution.constraint_force, solution.report
+            self._record(solution.point, stage.parameter, force, report.residual, effort=spent)
+            spent = 0, 0
+        self._unrecorded = spent
+        stage.adapt(solution.report.iterations, length)
+        turn, limit = rotation(self.system, point.y, solution.point.y), self.control.turn
+        if limit is not None and turn > 0:
+            # a step that would turn too far is not tried
+            most = 0.95 * limit / turn * abs(length)
+            stage.length = float(np.sign(stage.length)) * min(abs(stage.length), most)
+        return asked
+
+    def _locate(self, before: Look, after: Look) -> list[Critical]:
+        solver = self.solver
+        # next to the point sought increments along the mode stay at rounding over eigenvalue
+        loose = replace(solver.settings, stagnation=CRITICAL)
+
+        def solve(start: Point, target: Functional) -> tuple[Point, Floats] | None:
+            # next to singular matrices solutions by inverse blocks are not as exact
+            solution, _ = solver.solve(start, target, plain=True)
+            if solution is None:
+                solution, _ = solver.solve(start, target, settings=loose, plain=True)
+            return None if solution is None else (solution.point, solution.constraint_force)
+
+        ends = before, after
+        return locate_all(self.system, solve, solver.schedule, weights(self.system), ends)
+
+    def _jumps(self, point: Point, solution: Solution) -> bool:
+        """Whether a point is much farther away than the tangents lead: on another branch."""
+        rows, w = self.system.rows, weights(self.system)
+
+        def size(change: Floats) -> float:
+            return float(np.sqrt((w * change**2).sum()))
+
+        after = solution.point
+        motion = size(after.y[:rows] - point.y[:rows])
+        if motion <= max(NEAR, JUMP * size(solution.predicted)):
+            return False
+        try:
+            rate = self.solver.rate()
+        except SingularMatrixError:
+            return False
+        # loads that set in slowly move nothing at first
+        return motion > JUMP * abs(after.t - point.t) * size(rate)
+
+    def _crosses(self, point: Point, after: Point) -> bool:
+        until = self.control.until if isinstance(self.control, ArcLength) else None
+        return (
+            until is not None and after.t != point.t and (point.t - until) * (after.t - until) < 0
+        )
+
+    def _at_end(self, solution: Solution) -> Solution:
+        """The point at the load factor at which an arc length path ends."""
+        assert isinstance(self.control, ArcLength)
+        self.solver.accept()
+        target = Functional(None, 1.0, (self.control.until or 0.0) - solution.point.t)
+        exact, report = self.solver.solve(solution.point, target)
+        if exact is None:
+            raise self._failure(solution.point, report, "the end of the path was not found")
+        return exact
+
+    def _prescribed(self, point: Point, length: float) -> float:
+        """A step in which prescribed motion turns no farther than its rotation can be told."""
+        if not self.solver.schedule.moving or not isinstance(self.control, LoadControl):
+            return length
+        for _ in range(40):
+            if prescribed_turn(self.system, point.t, point.t + length) <= 1.0:
+                break
+            length /= 2
+        return length
+
+    # -- what is kept ------------------------------------------------------------------------------
+
+    def _effort(self) -> tuple[int, int]:
+        """Newton iterations and solves since it was asked for last, failed ones included."""
+        solver, (iterations, attempts) = self.solver, self._spent
+        self._spent = solver.iterations, solver.attempts
+        more, tries = self._unrecorded
+        self._unrecorded = 0, 0
+        return solver.iterations - iterations + more, solver.attempts - attempts + tries
+
+    def _record(
+        self,
+        point: Point,
+        parameter: float,
+        force: Floats,
+        residual: float,
+        kind: str = "regular",
+        effort: tuple[int, int] = (0, 0),
+    ) -> None:
+        unstable = -1 if self._look is None else self._look.unstable
+        self.recorder.take(point, parameter, force, *effort, residual, unstable, kind)
+
+    def _record_critical(self, found: Critical, parameter: float) -> None:
+        point = found.look.point
+        self._look = found.look
+        entry = {
+            "kind": found.kind,
+            "load_factor": point.t,
+            "state": self.recorder.count,
+            "multiplicity": found.multiplicity,
+        }
+        self.critical.append(entry)
+        logger.info("%s point at load factor %.9g", found.kind, point.t)
+        force, effort = found.constraint_force, self._effort()
+        self._record(point, parameter, force, 0.0, found.kind, effort)
+
+    def _warn_of_elements(self, solution: Solution) -> None:
+        """Say once that elements are bent or drawn farther than they can be on their own."""
+        point, force = solution.point, solution.constraint_force
+        bent = None if self.bent else bent_beam(self.system, point.y)
+        if bent is not None:
+            self.bent = True
+            warn(*bent, AccuracyWarning, point.t)
+        drawn = None if self.stretched else drawn_too_far(self.system, point.y, force)
+        if drawn is not None:
+            self.stretched = True
+            warn(*drawn, AccuracyWarning, point.t)
+
+    def _check_turning(self, found: Critical) -> None:
+        """Steps of the load factor end where it does not grow any more."""
+        if found.kind != "limit" or not isinstance(self.control, LoadControl):
+            return
+        t = found.look.point.t
+        if self.control.turn is None:
+            text = "there is a limit point: the path jumps to another branch"
+            warn("path", text, AccuracyWarning, t)
+            return
+        reason = (
+            f"the load factor has a limit point, {t:.9g}: beyond it there is no equilibrium near"
+        )
+        advice = "follow the path with ArcLength() or DisplacementControl()"
+        raise Diverged(t, self.recorder.count, 0.0, reason, advice, at=f"load factor {t:.9g}")
+
+    def _failure(
+        self,
+        point: Point,
+        report: NewtonReport,
+        what: str,
+        residuals: list[list[float]] | None = None,
+    ) -> Diverged:
+        """Why the path ends, and what to try."""
+        advice = "ArcLength() follows a path through limit points; else try a finer mesh"
+        if isinstance(self.control, ArcLength):
+            advice = "try a shorter first step, or a finer mesh"
+        elif isinstance(self.control, DisplacementControl) and UNMOVED in report.reason:
+            place, way = self.control.place.label, self.control.direction.round(6).tolist()
+            advice = f"the loads do not move {place} along {way}: choose what they move"
+        reason = f"{what}: {report.reason}"
+        return Diverged(
+            point.t,
+            max(1, self.recorder.count),
+            report.residual,
+            reason,
+            advice,
+            residuals,
+            at=f"load factor {point.t:.9g}",
+        )
+
+
+# -- the verb: equilibrium paths with automatic steps ----------------------------------------------
 
 #: Newton's method far from the solution: increments are not shortened, predicted stresses carry it
 STATIC = NewtonSettings(iterations=25, rotation=1e3, mixed=1e-9, largest=100.0)
@@ -48,6 +474,7 @@ def static(
     start: State | Branch | None = None,
     factors: Mapping[str, Amplitude] | None = None,
     spin: Spin | None = None,
+    time: float | None = None,
     settings: NewtonSettings | None = None,
     kernels: str = "auto",
     watch: bool = True,
@@ -60,7 +487,7 @@ def static(
     """Equilibrium path of a scene.
 
     Loads that are constant in time are multiplied by the load factor; loads that depend on time,
-    and prescribed motion, take the load factor for it.
+    and prescribed motion, take the load factor for it, or stay as they are at one instant, `time`.
 
     Parameters
     ----------
@@ -71,24 +498,34 @@ def static(
         :class:`LoadControl` (default: to load factor 1), :class:`DisplacementControl` or
         :class:`ArcLength`.
     start : State or Branch, optional
-        Where the path starts, at the load factor ``start.time``; default: the reference at 0. If
-        it is no equilibrium, the nearest one is sought first: where only the stress of loads that
-        act there holds a motion, the others settle before that one. A :class:`Branch` leads off
-        at a bifurcation. A state knows neither loads nor sections: one of another model with the
-        same coordinates is a start like any other.
+        Where the path starts: at the load factor ``start.load_factor`` of the path that it is
+        from, else at ``start.time`` (with `time`, which has to be the same instant, at 0);
+        default: the reference at 0. If it is no equilibrium, the nearest one is sought first:
+        where only the stress of loads that act there holds a motion, the others settle before that
+        one. A :class:`Branch` leads off at a bifurcation. A state knows neither loads nor
+        sections: one of another model with the same coordinates is a start like any other.
     factors : mapping of str to float, Table or callable, optional
         For loads and actuators by name, in place of the load factor: a number holds a load, a
-        function of the load factor moves it on its own way.
+        function of the load factor moves it on its own way. A load that depends on time is
+        multiplied by its factor (default: 1) at the instant that is taken.
     spin : Spin, optional
         Everything is seen from a frame that turns with this velocity times the load factor (or
         the factor ``"spin"``), the ground in it.
+    time : float, optional
+        Hold all functions of time, those of loads, actuators, drives and prescribed motion, as they
+        are at this instant (s), while the other loads grow with the load factor: the equilibrium
+        from which ``equilibrium(model, path, time=time)`` starts a run. What is held acts from
+        the start, as with a number in `factors`; ``factors={"wind": lambda x: x}`` lets its value
+        at the instant grow with the load factor, too. Functions in `factors` always take the load
+        factor.
     settings : NewtonSettings, optional
         When Newton's method stops.
     kernels : {"auto", "numpy", "numba"}
         Plain numpy kernels, or those compiled by numba (extra ``fast``), an order of magnitude
-        faster; "auto" takes these where the work ahead is worth their compilation. The points are
-        the same to rounding. There are none for multipliers, closed loops, springs, a turning
-        frame, beams of several orders and scenes confined to a plane. ``history.meta["kernels"]``
+        faster; "auto" takes these where the work ahead is worth their compilation, or they are on
+        disk already (see :func:`skfem_cosserat.simulate`). The points are the same to rounding.
+        There are none for multipliers, closed loops, springs, a turning frame, beams of several
+        orders and scenes confined to a plane. ``history.meta["kernels"]``
         and ``["kernels_why"]`` say what was taken, and why.
     watch : bool
         Look for limit and bifurcation points on the way; they are recorded as points.
@@ -111,7 +548,8 @@ def static(
         One state a point. Its times are the parameter of the control, ``load_factor`` goes with
         them; ``unstable`` counts the negative eigenvalues of the stiffness (-1: not looked at),
         ``critical`` is 1 at limit and 2 at bifurcation points. The work of loads is a sum by the
-        trapezoidal rule.
+        trapezoidal rule. ``path.meta["warnings"]`` says what is doubtful about it, as the warnings
+        that are given, with the load factor.
 
     Raises
     ------
@@ -134,83 +572,68 @@ def static(
     >>> end = rod.node("rod.end")
     >>> moment = model.add("moment", LoadMoment(end, (0, 0, 2 * np.pi * 100 / 10)))
     >>> path = static(model)
-    >>> tip = path["q"][-1, 12 * end.vertex : 12 * end.vertex + 3]
-    >>> bool(abs(tip).max() < 1e-3), float(path["load_factor"][-1])
+    >>> bool(abs(path.position(end)[-1]).max() < 1e-3), float(path["load_factor"][-1])
     (True, 1.0)
     """
-    system = model.freeze() if isinstance(model, Model) else model
-    treatment = NullSpace() if treatment is None else treatment
-    control = LoadControl() if control is None else control
-    settings = STATIC if settings is None else settings
-    switches = {"watch": watch, "derive": derive}
-    check_run(system, treatment, control, settings, callbacks, start, switches)
-    schedule = Schedule(system, factors, spin)
-    first, direction = _start(system, start)
-    if direction is None:
-        first = held_start(system, schedule, first)
-    choice = choose(
-        kernels,
-        system,
-        static_refusal(system, treatment, spin),
-        estimated_seconds(system, control.expected, ITERATIONS),
-        solver,
-    )
-    points = Equilibrium(system, treatment, schedule, settings, choice, solver)
-    walk = Walk(system, points, control, watch and system.unknowns > 0)
-    show = Progress(progress, "parameter {:.6g}, load factor {:.6g}".format)
-    recorder = PathRecorder(
-        system,
-        schedule,
-        {
-            "treatment": treatment.name,
-            "parameter": control.parameter,
-            "solver": points.method,
-            "kernels": choice.name,
-            "kernels_why": choice.why,
-            "unknowns": points.bound.unknowns,
-        },
-        path,
-    )
-    with recorder, Interrupt() as interrupt:
-        with show:
-            status, failure = walk.run(first, direction, recorder, callbacks, show, interrupt)
-        history = recorder.close(
-            status,
-            factorisations=points.factorisations,
-            newton_iterations=points.iterations,
-            attempts=points.attempts,
-            rejected=walk.rejected,
-            critical=walk.critical,
-            **({} if failure is None else {"failure": str(failure)}),
+    system = system_of(model, "argument model")
+    with Notices(system.warnings, CLOCK_OF_PATHS) as notices:
+        treatment = NullSpace() if treatment is None else treatment
+        control = LoadControl() if control is None else control
+        settings = STATIC if settings is None else settings
+        switches = {"watch": watch, "derive": derive}
+        check_run(system, treatment, control, settings, callbacks, switches)
+        schedule = Schedule(system, factors, spin, time)
+        check_growth(schedule, control)
+        first, direction = first_point(system, schedule, start)
+        if direction is None:
+            first = held_start(system, schedule, first)
+        choice = choose(
+            kernels,
+            system,
+            static_refusal(system, treatment, spin),
+            estimated_seconds(system, control.expected, ITERATIONS),
+            solver,
+            trial=lambda plan: CompiledBalance(system, settings, plan, solver).prepare(),
         )
-        if derive:
-            interrupt.asked = True  # nothing is lost any more: end at once
-            _derive(system, schedule, history, path)
-    if failure is not None:
-        failure.history = history
-        raise failure
-    return history
-
-
-def _start(system: System, start: State | Branch | None) -> tuple[Point, Floats | None]:
-    """First point, and the direction in which a branch leads off."""
-    if isinstance(start, Branch):
-        return start.point, start.direction
-    if start is None:
-        return Point(system.extend(system.q0, 0.0), 0.0), None
-    state = checked_start(system, start)
-    return Point(system.extend(state.q, state.time), state.time, state.turns), None
+        points = PathSolver(system, treatment, schedule, settings, choice, solver)
+        walk = Walk(system, points, control, watch and system.unknowns > 0)
+        show = Progress(progress, "parameter {:.6g}, load factor {:.6g}".format)
+        about: dict[str, Any] = {"treatment": treatment.name, "parameter": control.parameter}
+        about |= {"solver": points.method, "unknowns": points.bound.unknowns}
+        about |= {"kernels": points.choice.name, "kernels_why": points.choice.why}
+        recorder = PathRecorder(system, schedule, about, path, notices)
+        with recorder, Interrupt() as interrupt:
+            with show:
+                status, failure = walk.run(first, direction, recorder, callbacks, show, interrupt)
+            if failure is not None:
+                notices.tell(failure)
+            history = recorder.close(
+                status,
+                factorisations=points.factorisations,
+                newton_iterations=points.iterations,
+                attempts=points.attempts,
+                rejected=walk.rejected,
+                critical=walk.critical,
+                **({} if failure is None else {"failure": str(failure)}),
+            )
+            if derive and len(history):
+                interrupt.asked = True  # nothing is lost any more: end at once
+                _derive(system, schedule, history, path, notices)
+        if failure is not None:
+            failure.history = history
+            raise failure
+        return history
 
 
 def _derive(
-    system: System, schedule: Schedule, history: History, path: str | os.PathLike[str] | None
+    system: System,
+    schedule: Schedule,
+    history: History,
+    path: str | os.PathLike[str] | None,
+    notices: Notices,
 ) -> None:
-    try:
-        with np.errstate(all="ignore"):
-            derive_path(system, schedule, history)
-    except CosseratError as error:
-        logger.warning("energies and reactions could not be derived: %s", error)
-    except KeyboardInterrupt:
-        logger.warning("interrupted: energies and reactions are missing")
+    with deriving(), np.errstate(all="ignore"):
+        derive_path(system, schedule, history)
+    history.meta["warnings"] = notices.kept()
     if path is not None:
         history.save(path)

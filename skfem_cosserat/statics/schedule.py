@@ -1,19 +1,215 @@
-"""Which share of each load acts where on a path."""
+"""Loads and supports along a path, its points, and how these are recorded."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from inspect import signature
+from typing import Any
 
 import numpy as np
 
 from ..coupling import Coupling
+from ..diagnostics import coupling_energy, strain_energy
 from ..errors import InputError
+from ..history import History, HistoryWriter
 from ..load import Amplitude, Constant, Load, TimeFunction, time_function
 from ..model import System
 from ..model.balance import Amplitudes, Spin
-from ..types import Floats
+from ..newton import NewtonReport
+from ..run.describe import derive_configuration, describe
+from ..run.recorder import take_along
+from ..types import MOST, Array, Floats, IndexArray, numbers, positive, real
+from ..types import shown as cut
+from ..warn import Notices
 
-__all__ = ["Schedule"]
+__all__ = [
+    "CODES",
+    "Functional",
+    "Neutral",
+    "PathRecorder",
+    "Point",
+    "Schedule",
+    "Solution",
+    "derive_path",
+    "finite",
+    "listed",
+    "recorded_amplitudes",
+    "shown",
+    "stops",
+    "turned",
+    "weights",
+    "whole",
+]
+
+
+# -- arguments of controls: checked, and shown -----------------------------------------------------
+
+
+def stops(
+    item: str, until: float, steps: int | None, at: Sequence[float] | None, start: float
+) -> list[float]:
+    """Values of the parameter that are hit exactly, of a path from `start`."""
+    if at is not None:
+        values = listed(item, at)
+        if values[0] == start:
+            values = values[1:]  # it is recorded anyway
+        if not len(values):
+            raise InputError(item, f"at = {list(at)!r} is where the path starts")
+        change = np.diff(np.concatenate([[start], values]))
+        if not ((change > 0).all() or (change < 0).all()):
+            raise InputError(
+                item, f"at = {values.tolist()} does not lead one way from the start at {start:g}"
+            )
+        return [float(v) for v in values]
+    if until == start:
+        raise InputError(item, f"until = {until!r} is where the path starts")
+    count = 1 if steps is None else steps
+    return [start + (until - start) * (k / count) for k in range(1, count)] + [until]
+
+
+def listed(item: str, at: Sequence[float]) -> Floats:
+    """Values of the parameter to hit."""
+    values = numbers(item, "at", at)
+    plain = np.asarray(at).dtype.kind in "iufO"  # no text that reads as numbers
+    if not plain or values.ndim != 1 or not len(values) or not np.isfinite(values).all():
+        raise InputError(item, f"at = {at!r}, expected a list of numbers")
+    return values
+
+
+def finite(item: str, name: str, value: object, what: str = "a finite number") -> float:
+    """A finite number; `what` says which is expected."""
+    number = real(item, name, value, what)
+    if not np.isfinite(number):
+        raise InputError(item, f"{name} = {value!r}, expected {what}")
+    return number
+
+
+def turned(item: str, turn: float | None) -> float | None:
+    """A rotation that limits steps, or none."""
+    return None if turn is None else positive(item, "turn", turn, " of rad")
+
+
+def shown(item: object, **values: object) -> str:
+    """Arguments of an object as in a call, without those that have their default."""
+    parameters = signature(type(item)).parameters
+    return ", ".join(f"{k}={v!r}" for k, v in values.items() if v != parameters[k].default)
+
+
+def whole(item: str, name: str, value: int) -> None:
+    """Check a positive integer."""
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value <= 0:
+        raise InputError(item, f"{name} = {cut(value)}, expected a positive integer")
+    if value > MOST:
+        raise InputError(item, f"{name} = {cut(value)}, expected at most {MOST:.0e}")
+
+
+# -- points of a path, what fixes them, and what comes with them -----------------------------------
+
+
+def weights(system: System) -> Floats:
+    """Weights (rows, 1) that make the square of a motion free of units, a mean over all nodes.
+
+    ``1/length^2`` for positions and 1/2 for directors: a turn by a small angle counts as the angle.
+    """
+    out = np.full((system.rows, 1), 0.5)
+    out[system.origin_rows] = 1 / system.length**2
+    return np.asarray(out / len(system.origin_rows))
+
+
+@dataclass(eq=False, repr=False)
+class Point:
+    """An equilibrium on a path.
+
+    Attributes
+    ----------
+    y : (total, 3) array
+        All rows.
+    t : float
+        Load factor.
+    turns : (k,) int array or None
+        Full turns of the angles of springs, as in a state.
+    """
+
+    y: Floats
+    t: float
+    turns: IndexArray | None = None
+
+    def __repr__(self) -> str:
+        """Without the arrays."""
+        return f"Point(t={self.t!r}, rows={len(self.y)})"
+
+
+@dataclass(frozen=True, eq=False)
+class Functional:
+    """What fixes the place on a path: ``gradient . (y - y_0) + by_factor (t - t_0) = value``.
+
+    Attributes
+    ----------
+    gradient : (rows, 3) array or None
+        None: zero.
+    by_factor, value : float
+    predictor : (rows, 3) array or None
+        Change of the coordinates to start from, where the tangent at the start gives none.
+    """
+
+    gradient: Floats | None
+    by_factor: float
+    value: float
+    predictor: Floats | None = None
+
+    def __call__(self, point: Point, y: Array, t: float) -> float:
+        """What is missing at (y, t) from a step that starts at `point`."""
+        out = self.by_factor * (t - point.t) - self.value
+        if self.gradient is not None:
+            change = np.real(y[: len(self.gradient)]) - point.y[: len(self.gradient)]
+            out += float((self.gradient * change).sum())
+        return out
+
+    def share(self, start: Point, end: Point) -> float:
+        """What part of `value` a point between is from the start."""
+        return 1.0 + self(start, end.y, end.t) / self.value
+
+
+@dataclass(eq=False)
+class Neutral:
+    """Motions of an equilibrium that nothing holds and nothing drives, to rounding.
+
+    As of a round column that has buckled: its plane of bending is free.
+
+    Attributes
+    ----------
+    motions : list of (rows, 3) arrays
+        Of unit size in the metric of :func:`weights`, and normal to each other.
+    limit : float
+        Eigenvalue of the stiffness in that metric up to which a motion counts as neutral.
+    """
+
+    motions: list[Array] = field(default_factory=list)
+    limit: float = 0.0
+
+
+@dataclass(eq=False)
+class Solution:
+    """What a solved point gives beside it.
+
+    Attributes
+    ----------
+    point : Point
+    constraint_force : (n,) array
+    report : NewtonReport
+    predicted : (rows, 3) array
+        Change of the coordinates that the tangent at the start predicts.
+    """
+
+    point: Point
+    constraint_force: Floats
+    report: NewtonReport
+    predicted: Floats
+
+
+# -- which share of each load acts where on a path -------------------------------------------------
 
 _Channel = tuple[TimeFunction, TimeFunction | None, str]
 
@@ -40,11 +236,19 @@ class Schedule:
         By the names of loads and actuators; ``"spin"`` for the spin.
     spin : Spin, optional
         Angular velocity at load factor 1; it grows in proportion.
+    time : float, optional
+        What depends on time is held as it is at this instant (s); default: it takes the load factor
+        for the time.
 
     Raises
     ------
     InputError
         For names that are not in the system, or factors that are no functions.
+
+    Attributes
+    ----------
+    moving : bool
+        Whether prescribed motion goes on along the path.
     """
 
     def __init__(
@@ -52,6 +256,7 @@ class Schedule:
         system: System,
         factors: Mapping[str, Amplitude] | None = None,
         spin: Spin | None = None,
+        time: float | None = None,
     ) -> None:
         if spin is not None and not isinstance(spin, Spin):
             raise InputError("argument spin", f"{spin!r}, expected a Spin")
@@ -60,6 +265,8 @@ class Schedule:
         if spin is not None and system.plane is not None:
             system.plane.check_spin(spin.velocity)
         self.system, self.spin = system, spin
+        self.time = None if time is None else finite("argument time", "its value", time)
+        self.moving = bool(system.moving) and time is None
         given = dict(factors or {})
         loading, couplings = system.loading, system.couplings
         owners: list[Load | Coupling] = [*loading.owners, *couplings.owners]
@@ -87,12 +294,29 @@ class Schedule:
             out.append((time, self._given.get(str(owner.name), default), owner.label))
         return out
 
+    def instant(self, t: float) -> float:
+        """Time (s) at which functions of time are taken at load factor t."""
+        return t if self.time is None else self.time
+
+    def ground(self, t: float) -> Floats:
+        """Rows of the ground at load factor t."""
+        return self.system.ground(self.instant(t))
+
+    @property
+    def grows(self) -> bool:
+        """Whether anything that a held instant leaves free changes with the load factor."""
+        factors = [factor for _, factor, _ in (*self._loads, *self._actuators)]
+        if self.spin is not None:
+            factors.append(self._given.get("spin"))
+        return any(not isinstance(factor, Constant) for factor in factors)
+
     def at(self, t: float) -> Amplitudes:
         """Amplitudes at load factor t."""
+        now = self.instant(t)
 
         def numbers(channels: list[_Channel]) -> list[float]:
             return [
-                _value(time, t, owner) * (t if factor is None else _value(factor, t, owner))
+                _value(time, now, owner) * (t if factor is None else _value(factor, t, owner))
                 for time, factor, owner in channels
             ]
 
@@ -108,3 +332,150 @@ class Schedule:
         """``-f(t) . q`` (N,) of the dead loads (J)."""
         force = [self.system.loading.dead_force(self.at(float(t)).loads) for t in times]
         return -(np.array(force).reshape(len(q), -1) * q).sum(1)
+
+
+# -- A path as a history: points with their load factor, stability and constraint forces -----------
+
+#: number of a point in the series "critical"
+CODES = {"regular": 0, "limit": 1, "bifurcation": 2}
+
+
+class PathRecorder:
+    """Writes the points of a path."""
+
+    def __init__(
+        self,
+        system: System,
+        schedule: Schedule,
+        meta: dict[str, Any],
+        path: str | os.PathLike[str] | None,
+        notices: Notices,
+    ) -> None:
+        if path is not None and not isinstance(path, str | os.PathLike):
+            raise InputError("argument path", f"{path!r}, expected the name of a file")
+        self.system, self.schedule = system, schedule
+        described, static = describe(system)
+        described |= {"integrator": "static", "step": 0.0, "time": schedule.time, **meta}
+        #: of each factor whose it is, and whether it is a function of time
+        described["loads"] = {
+            name: [
+                [str(owner.name), not isinstance(time, Constant)]
+                for owner, time in zip(channels.owners, channels.times, strict=True)
+            ]
+            for name, channels in (("loads", system.loading), ("actuators", system.couplings))
+        }
+        self.writer = HistoryWriter(described, static, path)
+        self.notices = notices
+        self.count = 0
+        self.closed: History | None = None
+        self._work = 0.0
+        self._before: tuple[Floats, Floats] | None = None
+
+    def __enter__(self) -> PathRecorder:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: object
+    ) -> None:
+        """An error of the user's own code takes the path so far along as ``error.history``."""
+        if error is not None and self.count:
+            take_along(error, self._so_far)
+
+    def _so_far(self) -> History:
+        if self.closed is not None:
+            return self.closed
+        return self.writer.history() if self.writer.closed else self.close("failed")
+
+    def take(
+        self,
+        point: Point,
+        parameter: float,
+        force: Floats,
+        iterations: int,
+        attempts: int,
+        residual: float,
+        unstable: int = -1,
+        kind: str = "regular",
+    ) -> None:
+        """Record a point."""
+        system = self.system
+        q = point.y[: system.rows].reshape(-1)
+        self._add_work(point, q)
+        zero = np.zeros(system.n)
+        row: dict[str, Any] = {
+            "t": float(parameter),
+            "step": self.count,
+            "q": q,
+            "p": zero,
+            "carried": zero,
+            "fresh": 1.0,
+            "constraint_force": np.asarray(force, dtype=float),
+            "load_factor": float(point.t),
+            "unstable": unstable,
+            "critical": CODES[kind],
+            "newton_iterations": iterations,
+            "attempts": attempts,
+            "residual": residual,
+            "work_loads": self._work,
+            **_amplitude_series(self.schedule.at(point.t)),
+        }
+        if system.couplings.angles:
+            none = np.zeros(len(system.couplings.angles), dtype=np.int64)
+            row["turns"] = none if point.turns is None else point.turns
+        self.writer.append(row)
+        self.count += 1
+
+    def _add_work(self, point: Point, q: Floats) -> None:
+        """Work of the loads along the path, by the trapezoidal rule between its points."""
+        system, loading = self.system, self.system.loading
+        amplitudes = self.schedule.at(point.t).loads
+        force = loading.dead_force(amplitudes)
+        if not loading.dead_only:
+            force = force + loading.force(point.y[: system.rows], amplitudes)
+        now = force.reshape(-1)
+        if self._before is not None:
+            q0, f0 = self._before
+            self._work += float((f0 + now) @ (q - q0)) / 2
+        self._before = q, now
+
+    def close(self, status: str, **extra: Any) -> History:
+        """Close the file and give the history."""
+        self.writer.close(status, **extra, warnings=self.notices.kept())
+        self.closed = self.writer.history()
+        return self.closed
+
+
+def _amplitude_series(amplitudes: Amplitudes) -> dict[str, Floats]:
+    spin = amplitudes.spin
+    turning = np.zeros((2, 3)) if spin is None else np.array([spin.velocity, spin.point])
+    return {
+        "amplitudes/loads": amplitudes.loads,
+        "amplitudes/actuators": amplitudes.actuators,
+        "amplitudes/spin": turning,
+    }
+
+
+def recorded_amplitudes(history: History, index: int = -1) -> Amplitudes:
+    """Factors of loads and actuators, and the spin, at a point of a path."""
+    loads, actuators, spin = (
+        np.array(history[f"amplitudes/{name}"][index]) for name in ("loads", "actuators", "spin")
+    )
+    return Amplitudes(loads, actuators, Spin(*spin) if spin[0].any() else None)
+
+
+def derive_path(system: System, schedule: Schedule, history: History) -> None:
+    """Add energies, strains, section forces, reactions and joint coordinates of all points."""
+    q, factor, times = history["q"], history["load_factor"], history.instants
+    turns = history.series.get("turns")
+    strain = strain_energy(system, q)
+    coupling = coupling_energy(system, q, times, turns)
+    series = {
+        "v": np.zeros_like(q),
+        "strain_energy": strain,
+        "coupling_energy": coupling,
+        "energy": strain + coupling,
+        "external": schedule.potential(q, factor),
+    }
+    for name, values in series.items():
+        history.add_series(name, values)
+    derive_configuration(system, history, times)

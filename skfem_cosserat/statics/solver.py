@@ -1,29 +1,645 @@
-"""One point of a path: balance x treatment x Newton, at a load factor or with it as an unknown."""
+"""The equations of an equilibrium, in numpy and compiled, and what solves them."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from scipy.sparse.linalg import LinearOperator, cg
 
+from ..compiled.plan import Plan
 from ..constraints import Treatment
-from ..integrators.choice import Choice
-from ..linear import LinearSolver, Solver, checked_solver
+from ..constraints.base import BoundTreatment
+from ..integrators.base import Scheme
+from ..integrators.choice import Choice, built
+from ..integrators.compiled_step import CompiledScene
+from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
 from ..model import System
-from ..model.balance import balance
-from ..model.bending import bent_elements
+from ..model.balance import Balance, balance, balance_tangent, external_force, predicted
+from ..model.limits import bent_elements
 from ..newton import NewtonReport, NewtonSettings, newton
-from ..types import Floats, IndexArray
-from .fast import CompiledBalance, CompiledProblem
-from .point import Functional, Neutral, Point, Solution
-from .problem import PlainProblem, Problem
-from .schedule import Schedule
-from .stability import Look, counted, inspect
+from ..types import Array, Floats, IndexArray
+from .critical_points import Look, Pivots, counted, inspect
+from .schedule import Functional, Neutral, Point, Schedule, Solution, weights
 
-__all__ = ["Equilibrium"]
+__all__ = [
+    "UNMOVED",
+    "CompiledBalance",
+    "CompiledProblem",
+    "PathSolver",
+    "PlainProblem",
+    "Problem",
+]
 
 
-class Equilibrium:
+# --------------------------------------------------------------------------------------------------
+# A point of a path as the Newton loop sees it; the last unknown is the change of the load factor.
+#
+# The tangent's geometric part is taken with the stresses that the last increment predicts to first
+# order, see :func:`skfem_cosserat.model.balance.predicted`.
+
+#: why a step fails whose displacement the loads do not change
+UNMOVED = "the load factor does not change what is prescribed"
+#: rate of what is prescribed, relative to its terms, below which it does not change
+STANDS = 1e-10
+#: change of the load factor for its difference quotients
+SMALL = 1e-6
+
+
+class Problem(ABC):
+    """What plain and compiled kernels share: how the load factor goes along.
+
+    Increments are those of the unknowns, in any linear form, and of the load factor.
+
+    Attributes
+    ----------
+    t : float
+        Load factor.
+    predicted : (rows, 3) array or None
+        Change of the coordinates by the first increment.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        schedule: Schedule,
+        settings: NewtonSettings,
+        start: Point,
+        target: Functional,
+    ) -> None:
+        self.system, self.schedule, self.settings = system, schedule, settings
+        self.start, self.target = start, target
+        self.t = start.t
+        self.predicted: Array | None = None
+        self._by_t: Array | None = None
+        self._missing = 0.0
+
+    # -- what kernels do ---------------------------------------------------------------------------
+
+    @property
+    @abstractmethod
+    def y(self) -> Array:
+        """All rows (total, 3) of the configuration evaluated last."""
+
+    @property
+    @abstractmethod
+    def R(self) -> Array:
+        """Balance (rows, 3) there, without constraint forces."""
+
+    @abstractmethod
+    def _evaluate(self) -> float:
+        """Residual at the present configuration; its size against its terms."""
+
+    @abstractmethod
+    def _by_ground(self, ends: tuple[float, float]) -> tuple[list[Array], list[Array]]:
+        """Residuals and configurations at these load factors, same increments, then back."""
+
+    @abstractmethod
+    def _by_loads(self, ends: tuple[float, float]) -> Array:
+        """Difference of the residuals at these load factors where the ground rests."""
+
+    @abstractmethod
+    def _solutions(self, by_t: Array | None) -> Array:
+        """Increments (size, 1 or 2): minus solutions for the residual and for its derivative."""
+
+    @abstractmethod
+    def _along(self, gradient: Floats, increments: Array) -> tuple[Floats, float]:
+        """Changes (k,) of what has this gradient (rows, 3); size of the terms of the last one."""
+
+    @abstractmethod
+    def _sizes(self, increment: Floats) -> tuple[float, float]:
+        """Size of an increment, and of its largest rotation."""
+
+    @abstractmethod
+    def _apply(self, increment: Floats, dt: float, predict: bool) -> Array:
+        """Move by an increment; gives the change (rows, 3) of the coordinates."""
+
+    @abstractmethod
+    def _move_ground(self, t: float) -> None:
+        """Where it is at this load factor."""
+
+    @abstractmethod
+    def _save(self) -> Any:
+        """The increments so far, and the stresses predicted."""
+
+    @abstractmethod
+    def _restore(self, saved: Any) -> None:
+        """Back to them."""
+
+    @abstractmethod
+    def rate(self) -> Floats:
+        """Derivative (rows, 3) of the coordinates by the load factor, at a solution."""
+
+    # -- what the Newton loop asks for -------------------------------------------------------------
+
+    def residual(self) -> float:
+        """See :class:`skfem_cosserat.newton.NewtonProblem`, as for all below."""
+        size = self._evaluate()
+        self._missing = self.target(self.start, self.y, self.t)
+        return size
+
+    def _factor_derivative(self) -> tuple[Array, Array | None]:
+        """Derivatives of the residual and of y by the load factor at fixed unknowns."""
+        t, moving = self.t, self.schedule.moving
+        step = SMALL * (max(abs(t), abs(self.start.t)) or 1.0)
+        ends = (t - step, t + step) if t >= step or not moving else (t, t + step)
+        width = ends[1] - ends[0]
+        if not moving:
+            return self._by_loads(ends) / width, None
+        residuals, ys = self._by_ground(ends)
+        by_t = (ys[1] - ys[0])[: self.system.rows] / width
+        return (residuals[1] - residuals[0]) / width, by_t
+
+    def direction(self) -> Floats:
+        """Newton increment; the target is a row below the matrix."""
+        gradient = self.target.gradient
+        free = gradient is not None or self._missing != 0
+        r_t, self._by_t = self._factor_derivative() if free else (None, None)
+        both = self._solutions(r_t)
+        if r_t is None:
+            return np.append(both[:, 0], 0.0)
+        along, slope, terms = float(self._missing), self.target.by_factor, 0.0
+        if gradient is not None:
+            changes, terms = self._along(gradient, both)
+            along += float(changes[0])
+            slope += float(changes[1])
+            if self._by_t is not None:
+                slope += float((gradient * self._by_t).sum())
+        if abs(slope) <= STANDS * terms:
+            raise SingularMatrixError(UNMOVED)
+        dt = -along / slope
+        return np.append(both[:, 0] + dt * both[:, 1], dt)
+
+    def sizes(self, increment: Floats) -> tuple[float, float]:
+        """The load factor's relative to itself."""
+        size, turn = self._sizes(increment[:-1])
+        dt = abs(float(increment[-1]))
+        if dt:
+            size = max(size, dt / max(abs(self.start.t), abs(self.t), abs(self.t + increment[-1])))
+        return size, turn
+
+    def apply(self, increment: Floats) -> None:
+        """Move configuration and load factor."""
+        dt = float(increment[-1])
+        change = self._apply(increment[:-1], dt, self.sizes(increment)[0] > self.settings.mixed)
+        if self.predicted is None:
+            self.predicted = change
+        if dt:
+            self.t += dt
+            if self.schedule.moving:
+                self._move_ground(self.t)
+
+    def save(self) -> object:
+        """With the load factor."""
+        return self._save(), self.t
+
+    def restore(self, saved: Any) -> None:
+        """The ground goes back, too."""
+        self._restore(saved[0])
+        self.t = saved[1]
+        if self.schedule.moving:
+            self._move_ground(self.t)
+
+
+class PlainProblem(Problem):
+    """With numpy, for either treatment.
+
+    Parameters
+    ----------
+    bound : BoundTreatment
+        At the start of the step.
+    schedule, settings, start, target
+        See :class:`Problem`.
+    neutral : Neutral, optional
+        Motions to leave alone.
+    relief : (rows, 3) array, optional
+        Forces left out of the balance.
+    """
+
+    def __init__(
+        self,
+        bound: BoundTreatment,
+        schedule: Schedule,
+        settings: NewtonSettings,
+        start: Point,
+        target: Functional,
+        neutral: Neutral | None = None,
+        relief: Floats | None = None,
+    ) -> None:
+        super().__init__(bound.system, schedule, settings, start, target)
+        self.bound, self.relief = bound, relief
+        self.neutral = Neutral() if neutral is None else neutral
+        self._stresses: list[Array] | None = None
+
+    @property
+    def y(self) -> Array:
+        """See the base class, as for all below."""
+        return self.at.y
+
+    @property
+    def R(self) -> Array:
+        """Less the relief."""
+        return self.at.R
+
+    def _balance(self, y: Array, t: float) -> Balance:
+        amplitudes = self.schedule.at(t)
+        out = balance(self.system, y, amplitudes, self.start.y, self.start.turns)
+        if self.relief is not None:
+            out.R = out.R - self.relief
+        return out
+
+    def _evaluate(self) -> float:
+        y = self.bound.configuration()
+        self.at = self._balance(y, self.t)
+        self._r = self.bound.residual(self.at.R, y)
+        return self.bound.relative(self._r, self.at.size)
+
+    def _by_ground(self, ends: tuple[float, float]) -> tuple[list[Array], list[Array]]:
+        bound = self.bound
+        saved = bound.save()
+        residuals, ys = [], []
+        for end in ends:
+            bound.restore(saved)
+            self._move_ground(end)
+            ys.append(bound.configuration())
+            residuals.append(bound.residual(self._balance(ys[-1], end).R, ys[-1]).copy())
+        bound.restore(saved)
+        self._move_ground(self.t)
+        bound.configuration()
+        return residuals, ys
+
+    def _by_loads(self, ends: tuple[float, float]) -> Array:
+        y, bound = self.at.y, self.bound
+        if self.system.couplings.count:
+            first, last = (bound.residual(self._balance(y, end).R, y).copy() for end in ends)
+            return last - first
+        first, last = (external_force(self.system, y, self.schedule.at(end)) for end in ends)
+        return bound.pull(first - last)
+
+    def _move_ground(self, t: float) -> None:
+        self.bound.move_ground(self.schedule.ground(t))
+
+    def predict(self, change: Floats) -> None:
+        """Move by a change of the coordinates, as near to it as the constraints allow."""
+        self.residual()
+        self._assemble()  # sets the scaling of the unknowns
+        bound = self.bound
+        metric = weights(self.system)
+        size = bound.solver.n
+
+        def project(u: Floats) -> Floats:
+            return bound.pull(metric * bound.push(u, self.at.y))
+
+        operator = LinearOperator((size, size), matvec=project, dtype=float)
+        unknowns, _ = cg(operator, bound.pull(metric * change), rtol=1e-10, maxiter=10 * size)
+        self.apply(np.append(unknowns, 0.0))
+
+    def rate(self) -> Floats:
+        """At a solution."""
+        r_t, by_t = self._factor_derivative()
+        self._stresses = None
+        data = self._assemble()
+        slope = -self.bound.solver.solve(data, self.bound.scale_rows(r_t))
+        change = self.bound.push(slope, self.at.y)
+        return np.asarray(change if by_t is None else change + by_t, dtype=float)
+
+    def _assemble(self) -> Floats:
+        """Entries of the iteration matrix, with the predicted stresses if there are some."""
+        system, bound, at = self.system, self.bound, self.at
+        blocks = balance_tangent(system, at, self.schedule.at(self.t), self._stresses)
+        R = at.R
+        if self._stresses is not None:
+            change = [a - b for a, b in zip(self._stresses, at.stresses, strict=True)]
+            R = R + system.internal_force(at.Bs, change)
+        bound.residual(R, at.y)
+        return bound.data(blocks, R, at.y)
+
+    def _solutions(self, by_t: Array | None) -> Array:
+        """Without motions that nothing holds.
+
+        There the matrix is singular to rounding, and a solution would wander along. The motion at
+        this configuration comes from the last one by a step of inverse iteration.
+        """
+        bound, neutral, W = self.bound, self.neutral, weights(self.system)
+        columns = [self._r] if by_t is None else [self._r, by_t]
+        count = len(columns)
+        data = self._assemble()  # sets the scaling
+        both = [bound.scale_rows(c) for c in columns]
+        both += [bound.scale_rows(bound.pull(W * z)) for z in neutral.motions]
+        X = -bound.solver.solve(data, np.column_stack(both))
+        if not neutral.motions:
+            return X
+        Z = X[:, count:]
+        moved = np.column_stack([(np.sqrt(W) * bound.push(z, self.at.y)).ravel() for z in Z.T])
+        Q, sizes, mix = np.linalg.svd(moved, full_matrices=False)
+        still = 1 / sizes <= neutral.limit  # their eigenvalues
+        if not still.any():
+            return X[:, :count]
+        Q, U = Q[:, still], (Z @ mix.T / sizes)[:, still]
+        neutral.motions = [(q.reshape(-1, 3) / np.sqrt(W)) for q in Q.T]
+        for k in range(count):
+            change = (np.sqrt(W) * bound.push(X[:, k], self.at.y)).ravel()
+            X[:, k] -= U @ (Q.T @ change)
+        return X[:, :count]
+
+    def _along(self, gradient: Floats, increments: Array) -> tuple[Floats, float]:
+        pulled = self.bound.pull(gradient)
+        return pulled @ increments, float(abs(pulled) @ abs(increments[:, -1]))
+
+    def _sizes(self, increment: Floats) -> tuple[float, float]:
+        return self.bound.sizes(increment)
+
+    def _apply(self, increment: Floats, dt: float, predict: bool) -> Array:
+        change = self.bound.push(increment, self.at.y)
+        if self._by_t is not None:
+            change = change + dt * self._by_t
+        self._stresses = predicted(self.system, self.at, change) if predict else None
+        self.bound.apply(increment)
+        return change
+
+    def _save(self) -> Any:
+        return self.bound.save(), self._stresses
+
+    def _restore(self, saved: Any) -> None:
+        self.bound.restore(saved[0])
+        self._stresses = saved[1]
+
+
+# -- points of a path by compiled kernels: the same iterates, in a few compiled calls each ---------
+
+#: a balance at rest as a step without masses, all of it taken at its end
+REST = Scheme(0.0, 0.0, 1.0, False, (0.0, 0.0, 0.0), share=1.0)
+#: increments of joints and of free vertices since the start
+STATE = ("turn", "value", "swing")
+
+
+class CompiledBalance(CompiledScene):
+    """Compiled kernels for the balance of one system at rest, null space method.
+
+    Parameters
+    ----------
+    system : System
+    settings : NewtonSettings
+    plan : Plan, optional
+        Of the elimination, if it is there already.
+    solver : Solver, optional
+        Of what elimination in blocks leaves.
+
+    Attributes
+    ----------
+    factorisations : int
+        So far.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        settings: NewtonSettings,
+        plan: Plan | None = None,
+        solver: Solver | None = None,
+    ) -> None:
+        from ..compiled import static
+
+        super().__init__(system, REST, 1.0, settings, plan, solver, static=True)
+        self._static = static
+        count = len(system.origin_rows)
+        self._width = 12 * count
+        self._residuals = np.zeros((2, count, 6))
+        self._increments = np.zeros((2, 2, count, 6))
+        turning = np.zeros((2, count, 6), dtype=bool)
+        turning[0] = self._tree["turning"]
+        self._turning = np.flatnonzero(turning)
+        self._shifting = np.flatnonzero(~turning[0])
+        self._prescribed = np.flatnonzero(self._tree["own"] < 0)
+
+    def prepare(self) -> None:
+        """Have the kernels that every point takes compiled, or read from the disk."""
+        from ..compiled import bind, jit
+
+        some = int(False), self._residuals[:1], self._increments[:1]
+        kernels = (self._static.begin, ()), (self._static.move, ()), (self._static.solve, some)
+        for kernel, others in kernels:
+            jit.ready(kernel, tuple(bind.typeof(each) for each in (*self._all, *others)))
+
+    @property
+    def y(self) -> Floats:
+        """All rows (total, 3) of the configuration evaluated last, overwritten by the next."""
+        return self._a.y1
+
+    @property
+    def R(self) -> Floats:
+        """Balance (rows, 3) there, overwritten as well."""
+        return self._a.R
+
+    def begin(self, y: Floats, ground: Floats) -> None:
+        """Start from a configuration (all rows); the ground is at `ground`."""
+        rows = self.system.rows
+        self._place(y[:rows].ravel(), (y[rows:], ground))
+        self._static.begin(*self._all)
+
+    def move_ground(self, ground: Floats) -> None:
+        """The same increments, with the ground elsewhere."""
+        self._a.ground1[:] = ground
+        if self._drives:
+            self._nodal.move_ground(ground)
+            driven = self._nodal.driven(self._coordinates)
+            self._tree["driven"][:] = driven
+            self._tree["value"][self._prescribed] = driven[self._prescribed]
+
+    def evaluate(self) -> float:
+        """Evaluate; size of the residual against its terms."""
+        return float(self._static.move(*self._all))
+
+    @property
+    def residual(self) -> Floats:
+        """Of the evaluation (vertices, 6), in own coordinates; overwritten by the next one."""
+        return self._a.b
+
+    def pulled(self, amplitudes: Floats) -> Floats:
+        """Reduced force (vertices, 6) of loads with these factors at the configuration."""
+        following = self._a.moments, self._a.followers
+        kept = [each.copy() for each in following]
+        self.load(amplitudes)
+        out = np.empty_like(self._a.b)
+        self._static.pull(*self._all, out)
+        for each, before in zip(following, kept, strict=True):  # the tangent needs them
+            each[:] = before
+        return out
+
+    def solve(self, columns: list[Floats], mixed: bool) -> Floats:
+        """Increments (size, columns): minus solutions for residuals (vertices, 6).
+
+        They hold own coordinates, then twists of vertices. With `mixed` the matrix is that of the
+        stresses predicted last.
+
+        Raises
+        ------
+        SingularMatrixError
+        """
+        count = len(columns)
+        for k, column in enumerate(columns):
+            self._residuals[k] = column
+        both = self._increments[:count]
+        regular = self._static.solve(*self._all, int(mixed), self._residuals[:count], both)
+        self.factorisations += 1
+        if self._rest is not None:
+            self._rest.complain()
+        out = both.reshape(count, self._width).T
+        if not (regular and np.isfinite(out).all()):
+            raise SingularMatrixError("the iteration matrix is singular")
+        return out
+
+    def pivots(self) -> Pivots | None:
+        """Of the stiffness there; None where it is singular, or elimination in blocks not all."""
+        if self._rest is not None:
+            return None
+        out = np.zeros(5)
+        regular = self._static.pivots(*self._all, out)
+        self.factorisations += 1
+        if not (regular and np.isfinite(out).all()):
+            return None
+        smallest, largest, skew = map(float, out[1:4])
+        return Pivots(int(out[0]), smallest, largest, skew, bool(out[4] < 0))
+
+    def push(self, increment: Floats) -> Floats:
+        """Change (rows, 3) of the coordinates, to first order; overwritten by the next one."""
+        self._a.twist[:] = increment[self._width // 2 :].reshape(-1, 6)
+        self._static.push(*self._all, 0)
+        return self._a.change
+
+    def predict(self) -> None:
+        """Stresses that the change pushed last predicts."""
+        self._static.push(*self._all, 1)
+
+    def apply(self, increment: Floats) -> None:
+        """Move by an increment with the next evaluation."""
+        self._a.x[:] = increment[: self._width // 2].reshape(-1, 6)
+
+    def sizes(self, increment: Floats) -> tuple[float, float]:
+        """Size of an increment, and of its largest rotation."""
+        size = abs(increment[: self._width // 2])
+        turn = float(size[self._turning].max(initial=0.0))
+        return max(float(size[self._shifting].max(initial=0.0)) / self.system.length, turn), turn
+
+    def save(self) -> tuple[Floats, ...]:
+        """The increments so far."""
+        return tuple(values.copy() for values in self._moved_by())
+
+    def restore(self, saved: tuple[Floats, ...]) -> None:
+        """Back to them."""
+        for now, values in zip(self._moved_by(), saved, strict=True):
+            now[:] = values
+
+    def _moved_by(self) -> tuple[Floats, ...]:
+        """What has been moved by so far: in sum, and by what does not add up."""
+        return (self._a.total, *(self._tree[name] for name in STATE))
+
+
+class CompiledProblem(Problem):
+    """See :class:`skfem_cosserat.statics.solver.Problem`, as for all below.
+
+    Parameters
+    ----------
+    balance : CompiledBalance
+    schedule, settings, start, target
+        See there.
+    """
+
+    def __init__(
+        self,
+        balance: CompiledBalance,
+        schedule: Schedule,
+        settings: NewtonSettings,
+        start: Point,
+        target: Functional,
+    ) -> None:
+        super().__init__(balance.system, schedule, settings, start, target)
+        self.balance = balance
+        self._mixed = False
+        balance.begin(start.y, schedule.ground(start.t))
+
+    @property
+    def y(self) -> Array:
+        """See the base class."""
+        return self.balance.y
+
+    @property
+    def R(self) -> Array:
+        """See the base class."""
+        return self.balance.R
+
+    def _evaluate(self) -> float:
+        return self._evaluate_at(self.t)
+
+    def _evaluate_at(self, t: float) -> float:
+        self.balance.load(self.schedule.at(t).loads)
+        return self.balance.evaluate()
+
+    def _by_ground(self, ends: tuple[float, float]) -> tuple[list[Array], list[Array]]:
+        balance = self.balance
+        residuals, ys = [], []
+        for end in ends:
+            self._move_ground(end)
+            self._evaluate_at(end)
+            residuals.append(balance.residual.copy())
+            ys.append(balance.y.copy())
+        self._move_ground(self.t)
+        self._evaluate_at(self.t)
+        return residuals, ys
+
+    def _by_loads(self, ends: tuple[float, float]) -> Array:
+        first, last = (self.schedule.at(end).loads for end in ends)
+        return self.balance.pulled(first - last)
+
+    def _solutions(self, by_t: Array | None) -> Array:
+        columns = [self.balance.residual]
+        return self.balance.solve(columns if by_t is None else [*columns, by_t], self._mixed)
+
+    def _along(self, gradient: Floats, increments: Array) -> tuple[Floats, float]:
+        products = [gradient * self.balance.push(u) for u in increments.T]
+        return np.array([p.sum() for p in products]), float(abs(products[-1]).sum())
+
+    def _sizes(self, increment: Floats) -> tuple[float, float]:
+        return self.balance.sizes(increment)
+
+    def _apply(self, increment: Floats, dt: float, predict: bool) -> Array:
+        change = self.balance.push(increment)
+        if self._by_t is not None:
+            change += dt * self._by_t
+        self._mixed = predict and bool(self.system.beam_groups)
+        if self._mixed:
+            self.balance.predict()
+        self.balance.apply(increment)
+        return change.copy() if self.predicted is None else change
+
+    def _move_ground(self, t: float) -> None:
+        self.balance.move_ground(self.schedule.ground(t))
+
+    def _save(self) -> Any:
+        return self.balance.save(), self._mixed
+
+    def _restore(self, saved: Any) -> None:
+        self.balance.restore(saved[0])
+        self._mixed = saved[1]
+
+    def rate(self) -> Floats:
+        """See the base class."""
+        r_t, by_t = self._factor_derivative()
+        change = self.balance.push(self.balance.solve([r_t], False)[:, 0])
+        return np.array(change if by_t is None else change + by_t)
+
+    def pivots(self) -> Pivots | None:
+        """See :meth:`CompiledBalance.pivots`; at the configuration evaluated last."""
+        return self.balance.pivots()
+
+
+# --------------------------------------------------------------------------------------------------
+# One point of a path: balance x treatment x Newton, at a load factor or with it as an unknown.
+
+
+class PathSolver:
     """Solves point after point of a path.
 
     Parameters
@@ -56,15 +672,22 @@ class Equilibrium:
     ) -> None:
         self.system, self.schedule, self.settings = system, schedule, settings
         self.bound = treatment.bind(system, 1.0)  # forces act where the balance is taken
+        self._asked = solver
         if checked_solver(solver) is not None:
             self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
         self.iterations = self.attempts = 0
         self.neutral = Neutral()
         self._accepted: object | None = None
         self._problem: Problem | None = None
-        self._fast: CompiledBalance | None = None
-        if choice is not None and choice.name == "numba":
-            self._fast = CompiledBalance(system, settings, choice.plan, solver)
+        self._fast: CompiledBalance | None
+        #: kernels, and why
+        self.choice = Choice("numpy", "asked for") if choice is None else choice
+        self.choice, self._fast = built(self.choice, self._compile)
+
+    def _compile(self) -> CompiledBalance:
+        made = CompiledBalance(self.system, self.settings, self.choice.plan, self._asked)
+        made.prepare()
+        return made
 
     @property
     def factorisations(self) -> int:
@@ -79,7 +702,7 @@ class Equilibrium:
 
     def begin(self, point: Point, relief: Floats | None = None) -> None:
         """Take the constraint forces at a point that was not solved here."""
-        self.bound.begin(point.y, self.system.ground(point.t), 1.0)
+        self.bound.begin(point.y, self.schedule.ground(point.t), 1.0)
         self.bound.guess(False)
         R = balance(self.system, point.y, self.schedule.at(point.t), turns=point.turns).R
         self.bound.adopt(R if relief is None else R - relief)
@@ -140,7 +763,7 @@ class Equilibrium:
         bound = self.bound
         if self._accepted is not None:
             bound.restore(self._accepted)
-        bound.begin(start.y, self.system.ground(start.t), 1.0)
+        bound.begin(start.y, self.schedule.ground(start.t), 1.0)
         bound.stay()
         problem = PlainProblem(
             bound, self.schedule, self.settings, start, target, replace(self.neutral), relief

@@ -5,22 +5,15 @@ executor, resumed from a folder), `write_table` with `provenance`, `convergence`
 :func:`work_precision` for errors against costs, :func:`stability_map` for where methods fail.
 """
 
-from .cases import run_cases, status
-from .fingerprint import identity
-from .limit import TimedOut, TimeLimit
-from .norms import AtInstants, MaximumOverTime, OverTime, RootMeanSquare
+from .cases import TimedOut, TimeLimit, identity, run_cases, status
+from .levels import ReferenceFinest, ReferenceRun
 from .orders import Convergence, convergence
-from .precision import work_precision
-from .precision_table import Front, Level, PrecisionTable, Standing
-from .provenance import provenance
-from .reference import ReferenceFinest, ReferenceRun
-from .refinement import Refinement
-from .run import refine
-from .setups import Setup, setup_grid
-from .stability import stability_map
-from .stability_table import Map
-from .table import write_rows, write_table
-from .truth import ReferenceKnown, ReferencePair
+from .precision import Front, Level, PrecisionTable, Standing, work_precision
+from .quantities import AtInstants, MaximumOverTime, OverTime, RootMeanSquare
+from .refinement import Refinement, refine
+from .results import provenance, write_rows, write_table
+from .setups import ReferenceKnown, ReferencePair, Setup, setup_grid
+from .stability import Map, stability_map
 from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 
 __all__ = [

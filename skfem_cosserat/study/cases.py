@@ -1,26 +1,253 @@
-"""Independent cases, each kept in a folder once it is done, so that a killed study goes on."""
+"""Independent cases of a study: what they are known by, how long they take, how they are kept."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import pickle
 import re
+import signal
+import threading
+import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
+from subprocess import TimeoutExpired
+from types import BuiltinFunctionType, CodeType, FrameType, FunctionType, MethodType
 from typing import Any
 
-from ..errors import Diverged, InputError, JobError
+import numpy as np
+import skfem
+
+from ..errors import Diverged, InputError, JobError, PerformanceWarning
 from ..export import prepare_folder
 from ..history import History
-from ..log import logger
 from ..parallel import Executor, Job, Outcome, run_all
+from ..parallel.executors import CANCELLED
 from ..parallel.jobs import Caught
-from ..parallel.run import CANCELLED
-from ..simulate.progress import Progress
-from .fingerprint import digest, token
+from ..run.progress import Progress
+from ..version import VERSION
+from ..warn import Notices, warn
 
-__all__ = ["OnOutcome", "run_cases", "status"]
+__all__ = [
+    "LATE",
+    "OnOutcome",
+    "TimeLimit",
+    "TimedOut",
+    "digest",
+    "identity",
+    "run_cases",
+    "status",
+    "token",
+]
+
+
+# -- A limit on the time that a call may take ------------------------------------------------------
+
+#: what says that something took too long, a subprocess (such as a peer) too
+LATE = (TimeoutError, TimeoutExpired)
+
+
+class TimedOut(TimeoutError):
+    """A call took longer than it may.
+
+    Attributes
+    ----------
+    history : History or None
+        Of the run that was stopped, if it was one of ``simulate``.
+
+    Examples
+    --------
+    >>> issubclass(TimedOut, TimeoutError)
+    True
+    """
+
+    history: Any = None
+
+
+class TimeLimit:
+    """A context that ends with :class:`TimedOut` what takes longer than this.
+
+    In the main thread of a process on systems with SIGALRM (all but Windows) it is stopped there
+    and then, between two instructions of Python; elsewhere it is only told afterwards.
+
+    Parameters
+    ----------
+    seconds : float or None
+        None: no limit.
+
+    Examples
+    --------
+    >>> with TimeLimit(10.0):
+    ...     total = sum(range(10))
+    >>> try:
+    ...     with TimeLimit(0.01):
+    ...         while True:
+    ...             pass
+    ... except TimedOut as error:
+    ...     print(error)
+    not done within 0.01 s
+    """
+
+    def __init__(self, seconds: float | None) -> None:
+        self.seconds = seconds
+        here = threading.current_thread() is threading.main_thread()
+        self._alarm = seconds is not None and here and "SIGALRM" in signal.Signals.__members__
+
+    def __enter__(self) -> TimeLimit:
+        self._begun = time.monotonic()
+        if self._alarm and self.seconds is not None:
+            self._before = signal.signal(signal.SIGALRM, self._stop)
+            signal.setitimer(signal.ITIMER_REAL, self.seconds)
+        return self
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:
+        raise self._error()
+
+    def _error(self) -> TimedOut:
+        return TimedOut(f"not done within {self.seconds:g} s")
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        if self._alarm:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, self._before)
+        elif kind is None and self.seconds is not None and self._late():
+            raise self._error()
+
+    def _late(self) -> bool:
+        return self.seconds is not None and time.monotonic() - self._begun > self.seconds
+
+
+# -- what makes a case the same case again: texts that change with functions and arguments ---------
+
+
+def digest(text: str) -> str:
+    """Twelve characters that stand for a text.
+
+    Examples
+    --------
+    >>> digest("step = 0.1") == digest("step = 0.1"), digest("step = 0.1") == digest("step = 0.2")
+    (True, False)
+    """
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def token(value: Any, item: str) -> str:
+    """Text that is the same for equal values, in this run of Python and in others.
+
+    Numbers, text, arrays, containers, meshes and functions (by module, name, code, what is bound to
+    them, and the numbers, texts and arrays that they take from their module) are told apart by
+    themselves, all else by its pickled data.
+
+    Raises
+    ------
+    InputError
+        If a value cannot be pickled.
+
+    Examples
+    --------
+    >>> token({"step": 0.5, "elements": (4, 8)}, "arguments")
+    "{'elements': (4, 8), 'step': 0.5}"
+    """
+    if value is None or isinstance(value, bool | int | float | complex | str | bytes):
+        return repr(value)
+    if isinstance(value, np.generic):
+        return token(value.item(), item)
+    if isinstance(value, np.ndarray):
+        return f"array {value.shape} {value.dtype} {_bytes(value)}"
+    if isinstance(value, list | tuple):
+        return "(" + ", ".join(token(each, item) for each in value) + ")"
+    if isinstance(value, set | frozenset):
+        return "{" + ", ".join(sorted(token(each, item) for each in value)) + "}"
+    if isinstance(value, Mapping):
+        pairs = sorted((token(key, item), token(each, item)) for key, each in value.items())
+        return "{" + ", ".join(f"{key}: {each}" for key, each in pairs) + "}"
+    if isinstance(value, skfem.Mesh):
+        names = token([value.boundaries, value.subdomains], item)
+        return f"{type(value).__name__} {_bytes(value.p)} {_bytes(value.t)} {digest(names)}"
+    if isinstance(value, partial):
+        return f"partial({token([value.func, value.args, value.keywords], item)})"
+    if isinstance(value, FunctionType):
+        bound = [value.__defaults__, value.__kwdefaults__, _cells(value), _constants(value)]
+        code = digest(_code(value.__code__) + token(bound, item))
+        return f"{value.__module__}.{value.__qualname__} (code {code})"
+    if isinstance(value, MethodType):
+        return f"{token(value.__self__, item)}.{token(value.__func__, item)}"
+    if isinstance(value, BuiltinFunctionType | type):
+        return f"{value.__module__}.{value.__qualname__}"
+    return _pickled(value, item)
+
+
+def identity(**values: Any) -> dict[str, str]:
+    """Tokens by name, with the version of the package: what all cases of a study share.
+
+    Examples
+    --------
+    >>> list(identity(problem=print))
+    ['problem', 'version of skfem-cosserat']
+    """
+    tokens = {name: token(value, f"argument {name}") for name, value in values.items()}
+    return tokens | {"version of skfem-cosserat": VERSION}
+
+
+def _bytes(array: Any) -> str:
+    return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()[:12]
+
+
+def _cells(function: FunctionType) -> list[Any]:
+    """What a function has taken along from around it; it may be itself that it calls."""
+    contents = [cell.cell_contents for cell in function.__closure__ or ()]
+    return [each for each in contents if each is not function]
+
+
+def _constants(function: FunctionType) -> dict[str, Any]:
+    """Plain data that a function takes from its module, by name: ``LENGTH = 2.0`` at its top."""
+    around = function.__globals__
+    names = sorted(name for name in _names(function.__code__) if not name.startswith("__"))
+    return {name: around[name] for name in names if name in around and _plain(around[name])}
+
+
+def _names(code: CodeType) -> set[str]:
+    """Of what the instructions look up, also those of functions inside."""
+    inner = (_names(each) for each in code.co_consts if isinstance(each, CodeType))
+    return set(code.co_names).union(*inner)
+
+
+def _plain(value: Any) -> bool:
+    """Lists and dicts are not: functions keep their notes in them."""
+    if isinstance(value, tuple):
+        return all(_plain(each) for each in value)
+    return isinstance(value, bool | int | float | complex | str | np.generic | np.ndarray)
+
+
+def _code(code: CodeType) -> str:
+    """Instructions and constants: comments, docstrings and the place in the file do not count."""
+    constants = [
+        _code(each) if isinstance(each, CodeType) else token(each, "constant")
+        for each in code.co_consts
+        if each is not Ellipsis
+    ]
+    document = code.co_consts[0] if code.co_consts else None
+    if isinstance(document, str):
+        constants = constants[1:]
+    return f"{code.co_code.hex()} {code.co_names} {constants}"
+
+
+def _pickled(value: Any, item: str) -> str:
+    caught, data = Caught(), b""
+    with caught:
+        data = pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
+    if caught.error is not None:
+        raise InputError(
+            item,
+            f"holds an object of type {type(value).__name__!r} that cannot be recognised in a later"
+            f" run ({caught.error}): use plain data and functions, or folder=None",
+        ) from caught.error
+    return f"{type(value).__name__} {hashlib.sha256(data).hexdigest()[:12]}"
+
+
+# -- independent cases, each kept in a folder once it is done, so that a killed study goes on ------
 
 OnOutcome = Callable[[int, int, Outcome], object]
 INDEX = "study.json"
@@ -50,7 +277,7 @@ def run_cases(
         are jobs that did not run, lost their worker or were interrupted by Ctrl-C. A case is
         recognised by its name and arguments.
     identity : mapping of str to str, optional
-        What all cases in the folder share, see :func:`~skfem_cosserat.study.fingerprint.identity`.
+        What all cases in the folder share, see :func:`~skfem_cosserat.study.cases.identity`.
     progress : bool or callable
         See :func:`run_all`; cases that the folder holds are counted as done.
     check : callable, optional
@@ -103,7 +330,8 @@ def run_cases(
         if check is not None:
             for outcome in kept.values():
                 check(outcome)
-        new = {each.name: each for each in run_all(missing, executor, progress=keep)}
+        with Notices(quiet=True, alone=True):  # outcomes have them, the study sums them up
+            new = {each.name: each for each in run_all(missing, executor, progress=keep)}
     return [kept.get(job.name) or new[job.name] for job in jobs]
 
 
@@ -173,7 +401,8 @@ class _Store:
             outcome = pickle.loads(path.read_bytes())
         if isinstance(outcome, Outcome):
             return outcome
-        logger.warning("%s cannot be read (%s): the case is run again", path, reading.error)
+        text = f"cannot be read ({reading.error}): the case is run again"
+        warn(f"file {str(path)!r}", text, PerformanceWarning)
         return None
 
     def write(self, job: Job, outcome: Outcome) -> None:

@@ -1,4 +1,4 @@
-"""Sequences of meshes, orders and steps, and the series of levels that they make."""
+"""Levels of meshes, orders and steps, and what they are compared with."""
 
 from __future__ import annotations
 
@@ -12,9 +12,23 @@ import numpy as np
 import skfem
 
 from ..errors import InputError
-from ..types import Floats
+from ..types import Array, Floats, switch
 
-__all__ = ["Level", "Series", "case_name", "check_call", "series_of", "text"]
+__all__ = [
+    "Known",
+    "ReferenceFinest",
+    "ReferenceRun",
+    "Series",
+    "StudyLevel",
+    "case_name",
+    "check_call",
+    "known_values",
+    "series_of",
+    "text",
+]
+
+
+# -- sequences of meshes, orders and steps, and the series of levels that they make ----------------
 
 #: what a study varies, in the order of names
 NAMES = ("elements", "mesh", "order", "step")
@@ -22,7 +36,7 @@ Span = Sequence[Any] | Any
 
 
 @dataclass(frozen=True, eq=False)
-class Level:
+class StudyLevel:
     """A call of the problem: its arguments, and the size that they stand for."""
 
     arguments: dict[str, Any]
@@ -49,7 +63,7 @@ class Series:
 
     label: str
     kind: str
-    levels: list[Level]
+    levels: list[StudyLevel]
 
     @property
     def sizes(self) -> Floats:
@@ -135,7 +149,7 @@ def _of_order(
             "got no sequence, expected at least two levels of one of them, such as"
             " elements=(4, 8, 16, 32)",
         )
-    if together and len(varied) == 2 and len(meshes) != len(steps):
+    if switch("argument together", together) and len(varied) == 2 and len(meshes) != len(steps):
         raise InputError(
             f"arguments {space}, step",
             f"got {len(meshes)} and {len(steps)} levels, expected equally many (or together=False)",
@@ -160,13 +174,13 @@ def _pick(values: list[Any], k: int, varies: bool) -> Any:
 
 def _level(
     where: dict[str, Any], fixed: dict[str, Any], steps: list[Any], k: int, names: list[str]
-) -> Level:
+) -> StudyLevel:
     arguments = {**where, **fixed, "step": _pick(steps, k, "step" in names)}
     arguments = {name: value for name, value in arguments.items() if value is not None}
     if names[0] == "step":
-        return Level(arguments, float(arguments["step"]))
+        return StudyLevel(arguments, float(arguments["step"]))
     mesh = arguments[names[0]]
-    return Level(arguments, 1.0 / mesh if names[0] == "elements" else _longest(mesh))
+    return StudyLevel(arguments, 1.0 / mesh if names[0] == "elements" else _longest(mesh))
 
 
 def _kind(names: list[str]) -> str:
@@ -238,3 +252,98 @@ def check_call(problem: Any, arguments: Mapping[str, Any], item: str = "argument
             f"takes {expected}, but the study calls it with {', '.join(arguments)} as keywords:"
             f" {error}",
         ) from error
+
+
+# -- what the levels of a study are compared with --------------------------------------------------
+
+#: a value, or a function of the common instants (of nothing, if not compared over time)
+Known = Array | Callable[..., Any]
+
+
+class ReferenceFinest:
+    """The finest level of each series stands for the truth; orders allow for its own error.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import refine
+    >>> def area(elements):
+    ...     return 1 + 0.2 / elements**2
+    >>> found = refine(area, elements=(2, 4, 8, 16, 32), reference=ReferenceFinest())
+    >>> print(found.verdicts["value"])
+    order 2.00 +- 0.01 (three finest of four levels)
+    """
+
+
+class ReferenceRun:
+    """Another call of the problem stands for the truth; run, kept and resumed like the levels.
+
+    Parameters
+    ----------
+    **arguments
+        Of the problem. Those that are not given are as on the finest level.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import refine
+    >>> def area(elements, order):
+    ...     return 1 + 0.2 / elements**order
+    >>> found = refine(area, elements=(2, 4, 8, 16), order=2,
+    ...                reference=ReferenceRun(elements=1000, order=6))
+    >>> print(found.verdicts["value"])
+    order 2.00 +- 0.01 (three finest of four levels)
+    """
+
+    def __init__(self, **arguments: Any) -> None:
+        if not arguments:
+            raise InputError("ReferenceRun", "got no arguments, expected some: elements=1000")
+        self.arguments = arguments
+
+    def __repr__(self) -> str:
+        return f"<ReferenceRun: {case_name(self.arguments)}>"
+
+
+def known_values(reference: Any) -> dict[str | None, Known]:
+    """Values by quantity; the name None stands for the only one.
+
+    Raises
+    ------
+    InputError
+        If one of them is not finite or no number.
+    """
+    if reference is None or isinstance(reference, ReferenceFinest | ReferenceRun):
+        return {}
+    given = reference if isinstance(reference, Mapping) else {None: reference}
+    found: dict[str | None, Known] = {}
+    for name, value in given.items():
+        label = "argument reference" if name is None else f"reference of quantity {name!r}"
+        found[name] = value if callable(value) else finite(value, label)
+    return found
+
+
+def finite(value: Any, label: str) -> Array:
+    """An array of finite numbers, or an error."""
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise InputError(label, f"{value!r}, expected numbers") from error
+    if array.dtype.kind not in "biufc" or not np.isfinite(array).all():
+        raise InputError(label, f"{value!r}, expected finite numbers")
+    return array
+
+
+def value_of(known: Known, instants: Floats | None, shape: tuple[int, ...], name: str) -> Array:
+    """The reference of a quantity in the shape of its values.
+
+    Raises
+    ------
+    InputError
+        If it has another shape.
+    """
+    label = f"reference of quantity {name!r}"
+    if callable(known):
+        known = finite(known() if instants is None else known(instants), label)
+    if known.size == 1 and int(np.prod(shape)) == 1:
+        return known.reshape(shape)
+    if known.shape != shape:
+        raise InputError(label, f"shape {known.shape}, expected that of the values, {shape}")
+    return known

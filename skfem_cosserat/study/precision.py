@@ -1,28 +1,568 @@
-"""Work and precision: what an error costs, with one setup of the methods and another."""
+"""Work and precision: what an error costs with each setup, as rows, fronts in words and a chart."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import ceil, floor, isfinite, log10
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
+from ..figures import new_figure, write_figure
 from ..parallel import Executor, Job, Outcome
 from ..parallel.jobs import Caught, in_words
-from ..types import Array, Floats, positive
-from .cases import OnOutcome, run_cases
-from .fingerprint import identity
-from .norms import OverTime
+from ..types import Array, Floats, positive, switch
+from ..warn import sum_up, told
+from .cases import OnOutcome, identity, run_cases
 from .orders import euclidean
-from .precision_table import PrecisionTable
-from .quantities import Quantities, Sample, aligned
-from .setups import Measured, Setup, as_setups, best_cost, counts, failure, measure, raised, ran
-from .truth import Truth
+from .quantities import OverTime, Quantities, Sample, aligned
+from .results import provenance, write_table
+from .setups import (
+    Measured,
+    Setup,
+    Truth,
+    as_setups,
+    best_cost,
+    counts,
+    failure,
+    measure,
+    raised,
+    ran,
+)
 
-__all__ = ["work_precision"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+__all__ = [
+    "Front",
+    "Level",
+    "Lines",
+    "PrecisionTable",
+    "Standing",
+    "pareto",
+    "precision_chart",
+    "work_precision",
+]
+
+
+# -- the chart of a work-precision study: errors over costs ----------------------------------------
+
+MARKERS = "osD^v<>ph*"
+DASHES = ("-", "--", "-.", ":")
+#: where crosses of failed setups stand, as a part of the height
+TOP = 0.97
+STYLES = ("-", "--", ":", "-.")
+#: number of colours of matplotlib's "tab10"; more families take those of "tab20"
+FEW = 10
+Row = Mapping[str, Any]
+
+
+class Lines(NamedTuple):
+    """What is drawn as a line.
+
+    Attributes
+    ----------
+    kind : callable
+        From a row to the name of its line.
+    families : dict
+        What has its colour, by the name of a line.
+    own : dict
+        Rows of its front, by quantity and name of a line.
+    fronts : dict
+        Rows of its front, by quantity and group.
+    """
+
+    kind: Callable[[Row], str]
+    families: Mapping[str, str]
+    own: Mapping[str, Mapping[str, Sequence[Row]]]
+    fronts: Mapping[str, Mapping[str, Sequence[Row]]]
+
+    def style(self, name: str) -> dict[str, Any]:
+        """Colour, marker and dashes of a line."""
+        families = list(dict.fromkeys(self.families.values()))
+        family = self.families[name]
+        number = families.index(family)
+        within = [each for each, own in self.families.items() if own == family].index(name)
+        return {
+            "color": f"C{number}" if len(families) <= FEW else _many(number),
+            "marker": MARKERS[(number + within) % len(MARKERS)],
+            "linestyle": DASHES[within % len(DASHES)],
+        }
+
+
+def _many(number: int) -> Any:
+    from matplotlib import colormaps
+
+    return colormaps["tab20"](number % 20)
+
+
+def precision_chart(
+    rows: Sequence[Row],
+    lines: Lines,
+    reference_errors: Mapping[str, float],
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """One panel a quantity; see :meth:`PrecisionTable.chart`.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of the table.
+    lines : Lines
+    reference_errors : mapping
+        By quantity.
+    path : path-like, optional
+        Write it here.
+
+    Raises
+    ------
+    InputError
+        If a quantity is unknown, or none is given.
+    """
+    unknown = [name for name in lines.fronts if name not in reference_errors]
+    if unknown or not lines.fronts:
+        known = ", ".join(reference_errors)
+        given = list(lines.fronts)
+        raise InputError("argument quantities", f"{given!r}, expected some of {known}")
+    figure = new_figure(6.4 * len(lines.fronts) + 2.6, 5.4)
+    axes = figure.subplots(1, len(lines.fronts), squeeze=False)[0]
+    for axis, name in zip(axes, lines.fronts, strict=True):
+        axis.set(xscale="log", yscale="log", title=name, xlabel="cost in s", ylabel="error")
+        axis.minorticks_off()
+        for line in lines.families:
+            _line(axis, rows, name, line, lines)
+        _steps(axis, name, lines.fronts[name])
+        _failures(axis, rows, lines)
+        own = reference_errors[name]
+        if isfinite(own) and own > 0:
+            bottom = min(axis.get_ylim()[0], own)
+            axis.axhspan(bottom, own, color="0.85", label="below the reference")
+            axis.set_ylim(bottom=bottom)
+        axis.grid(which="major", alpha=0.3)
+    handles, labels = axes[0].get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside right upper", fontsize="small")
+    return write_figure(figure, path)
+
+
+def _shown(rows: Sequence[Row], name: str) -> tuple[list[float], list[float]]:
+    """Costs and errors; those without any error have no place on the chart."""
+    kept = [row for row in rows if row[f"error_{name}"] > 0]
+    return [row["cost_s"] for row in kept], [row[f"error_{name}"] for row in kept]
+
+
+def _line(axis: Any, rows: Sequence[Row], name: str, line: str, lines: Lines) -> None:
+    """Setups of a kind that were solved, and their front."""
+    style = lines.style(line)
+    solved = [row for row in rows if row["status"] == "ok" and row["cost_s"] is not None]
+    dots = {"color": style["color"], "marker": style["marker"], "linestyle": "none"}
+    axis.plot(
+        *_shown([r for r in solved if lines.kind(r) == line], name), **dots, ms=2.5, alpha=0.3
+    )
+    front = _shown(lines.own[name][line], name)
+    if front[0]:
+        axis.plot(*front, **style, ms=4.5, linewidth=1.3, label=line)
+
+
+def _steps(axis: Any, name: str, fronts: Mapping[str, Sequence[Row]]) -> None:
+    """What each group reaches at which cost."""
+    for (group, front), dashes in zip(fronts.items(), STYLES * len(fronts), strict=False):
+        points = _shown(front, name)
+        if points[0]:
+            label = f"front, {group}" if group else "front"
+            style = {"linestyle": dashes, "color": "black", "linewidth": 1.8, "alpha": 0.5}
+            axis.step(*points, where="post", label=label, **style)
+
+
+def _failures(axis: Any, rows: Sequence[Row], lines: Lines) -> None:
+    bad = [row for row in rows if row["status"] != "ok" and isfinite(row["spent_s"])]
+    top = axis.get_xaxis_transform()  # x in seconds, y from 0 to 1
+    label = "failed"
+    for line in lines.families:
+        x = [max(row["spent_s"], 1e-9) for row in bad if lines.kind(row) == line]
+        if x:
+            style = {"color": lines.style(line)["color"], "transform": top, "markersize": 5}
+            axis.plot(x, [TOP] * len(x), "x", label=label, **style)
+            label = "_nolegend_"
+
+
+# --------------------------------------------------------------------------------------------------
+# What came of a work-precision study: rows, fronts in words, where one code is behind another.
+
+#: an error above this part of another one is the same on a chart
+NEXT = 0.98
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PrecisionTable:
+    """Result of :func:`work_precision`.
+
+    Attributes
+    ----------
+    rows : list of dict
+        One a setup, those that failed too: ``label``, ``cost_s`` (the smallest),
+        ``newton_iterations``, ``factorisations``, ``unknowns`` (None: not told), ``error_`` with
+        the name of each quantity (None if it failed), ``status`` (``ok``, ``diverged``,
+        ``newton``, ``timeout``, ``error``), ``reason``; and ``group``, ``series``, ``spent_s``
+        (time of all its runs), ``kernels`` (that ran, empty: not told),
+        ``warnings`` (in words, empty without any).
+    reference_errors : dict
+        Error of the reference itself by quantity; NaN if not known.
+    notes : dict
+        For the head of the table.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import work_precision
+    >>> def crude(problem):
+    ...     return {"x": problem + 0.1, "cost_s": 1.0}
+    >>> def fails(problem):
+    ...     raise ZeroDivisionError("no step left")
+    >>> table = work_precision(2.0, [("crude", crude), ("fails", fails)], {"x": 2.0}, ["x"])
+    >>> print(table)
+    x: for 1e+00 in x the cheapest is crude: 1.0e-01 in 1 s
+    failed: fails: diverged (ZeroDivisionError: no step left)
+    """
+
+    rows: list[dict[str, Any]]
+    reference_errors: dict[str, float]
+    notes: dict[str, Any]
+
+    @property
+    def quantities(self) -> list[str]:
+        """Their names."""
+        return list(self.reference_errors)
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Setups that failed: status and reason by label."""
+        bad = [row for row in self.rows if row["status"] != "ok"]
+        return {row["label"]: f"{row['status']} ({row['reason']})" for row in bad}
+
+    def points(self, quantity: str, group: str | None = None) -> list[dict[str, Any]]:
+        """Rows with an error of the quantity and a cost, of one group or all.
+
+        Raises
+        ------
+        InputError
+            If there is no such quantity.
+        """
+        if quantity not in self.reference_errors:
+            known = ", ".join(self.quantities)
+            raise InputError(f"quantity {quantity!r}", f"unknown; there are {known}")
+        return [
+            row
+            for row in self.rows
+            if row["status"] == "ok" and row["cost_s"] is not None
+            if group is None or row["group"] == group
+        ]
+
+    def front(
+        self,
+        quantity: str,
+        errors: float | Sequence[float] | None = None,
+        group: str | None = None,
+    ) -> Front:
+        """What reaches an error at the smallest cost.
+
+        Parameters
+        ----------
+        quantity : str
+        errors : float or sequence of float, optional
+            Default: the powers of ten between the largest and the smallest error reached, down to
+            that of the reference; 0 if there are no others.
+        group : str, optional
+            Only of this code.
+
+        Raises
+        ------
+        InputError
+            If there is no such quantity or an error is not positive.
+        """
+        points = self.points(quantity, group)
+        if errors is None:
+            levels = _decades(points, quantity, self.reference_errors[quantity])
+        else:
+            several = [errors] if isinstance(errors, str | bytes | int | float) else errors
+            levels = [positive("argument errors", "error", each) for each in several]
+        found = {level: _cheapest(points, quantity, level) for level in levels}
+        return Front(quantity, found, pareto(points, quantity))
+
+    def standing(self, quantity: str, ours: str | Callable[[Row], bool]) -> Standing:
+        """Whether our front lies below that of each other group at every error that it reaches.
+
+        Parameters
+        ----------
+        quantity : str
+        ours : str or callable
+            Our group, or whether a row is ours.
+
+        Raises
+        ------
+        InputError
+            If there is no such quantity, or nothing is ours.
+        """
+        points = self.points(quantity)
+        mine = [row for row in points if (ours(row) if callable(ours) else row["group"] == ours)]
+        if not mine:
+            raise InputError("argument ours", f"{ours!r}: no setup of it has an error and a cost")
+        own = {row["label"] for row in mine}
+        floor_ = self.reference_errors[quantity]
+        levels = []
+        for group in dict.fromkeys(row["group"] for row in points if row["label"] not in own):
+            theirs = [r for r in points if r["group"] == group and r["label"] not in own]
+            for row in pareto(theirs, quantity):
+                error = row[f"error_{quantity}"]
+                judged = not (isfinite(floor_) and error < 2 * floor_)
+                best = _cheapest(mine, quantity, error)
+                levels.append(Level(group, error, row, best, judged))
+        return Standing(quantity, levels)
+
+    def csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write the rows, with the reference's error, versions, machine and commit before them.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        own = {
+            name: each if isfinite(each) else None for name, each in self.reference_errors.items()
+        }
+        notes = {"work and precision": f"{len(self.rows)} setups", **self.notes}
+        return write_table(path, notes | {"reference error": own} | provenance(), self.rows)
+
+    def chart(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        quantities: Iterable[str] | None = None,
+        kind: Callable[[Row], str] | None = None,
+        family: Callable[[Row], str] | None = None,
+    ) -> Figure:
+        """Errors over costs, both logarithmic: a panel a quantity, a line a front.
+
+        The front of each kind of setup is a line with marks, all its other setups are faint dots;
+        the front of each group is a step. Setups that failed are crosses at the top, above the time
+        they took until then; errors below that of the reference lie in the grey.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            Write it here (``.png``, ``.svg``, ``.pdf``).
+        quantities : iterable of str, optional
+            Default: all.
+        kind : callable, optional
+            From a row to the name of its line; default: its group, or its series if there is one
+            group only.
+        family : callable, optional
+            From a row to what has one colour, whose kinds differ in marks and dashes; default: each
+            kind has its own.
+
+        Raises
+        ------
+        InputError
+            If the folder does not exist, or a quantity.
+        ImportError
+            Without matplotlib.
+        """
+        names = self.quantities if quantities is None else list(quantities)
+        groups = dict.fromkeys(row["group"] for row in self.rows)
+        if kind is None:
+            several = len(groups) > 1
+            kind = partial(_kind_by, "group" if several else "series")
+        families = {kind(row): (family or kind)(row) for row in self.rows}
+        fronts, own = {}, {}
+        for name in names:
+            points = self.points(name)
+            own[name] = {
+                line: _apart(pareto([row for row in points if kind(row) == line], name), name)
+                for line in families
+            }
+            fronts[name] = {group: pareto(self.points(name, group), name) for group in groups}
+        drawn = Lines(kind, families, own, fronts)
+        return precision_chart(self.rows, drawn, self.reference_errors, path)
+
+    def __str__(self) -> str:
+        lines = [f"{name}: {line}" for name in self.quantities for line in self.front(name).lines]
+        lines += [f"failed: {label}: {why}" for label, why in self.failed.items()]
+        warned = [row for row in self.rows if row.get("warnings")]
+        return "\n".join(lines + [f"warned: {row['label']}: {row['warnings']}" for row in warned])
+
+    def __repr__(self) -> str:
+        warned = sum(bool(row.get("warnings")) for row in self.rows)
+        doubt = f", {warned} with warnings" if warned else ""
+        return f"<PrecisionTable: {len(self.rows)} setups, {len(self.failed)} failed{doubt}>"
+
+
+@dataclass(frozen=True, eq=False)
+class Front:
+    """What is cheapest for errors of a quantity.
+
+    Attributes
+    ----------
+    quantity : str
+    cheapest : dict
+        Row by error; None where nothing reaches it.
+    points : list of dict
+        Rows that no other one beats in both error and cost, cheapest first.
+    """
+
+    quantity: str
+    cheapest: dict[float, dict[str, Any] | None]
+    points: list[dict[str, Any]]
+
+    @property
+    def lines(self) -> list[str]:
+        """In words, a line an error."""
+        lines = []
+        for level, row in self.cheapest.items():
+            start = f"for {level:.0e} in {self.quantity}"
+            if row is None:
+                lines.append(f"{start} nothing is good enough")
+                continue
+            error = row[f"error_{self.quantity}"]
+            what = f"{row['group']}: {row['label']}" if row["group"] else row["label"]
+            lines.append(f"{start} the cheapest is {what}: {error:.1e} in {row['cost_s']:.3g} s")
+        return lines
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines)
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """An error that a peer reaches, and what it costs.
+
+    Attributes
+    ----------
+    group : str
+        The peer.
+    error : float
+    theirs : dict
+        The peer's row.
+    ours : dict or None
+        Our cheapest row with an error no larger.
+    judged : bool
+        False if the error is below twice that of the reference.
+    """
+
+    group: str
+    error: float
+    theirs: dict[str, Any]
+    ours: dict[str, Any] | None
+    judged: bool
+
+    @property
+    def ratio(self) -> float:
+        """Our cost over theirs; infinite if we do not reach the error."""
+        return float("inf") if self.ours is None else self.ours["cost_s"] / self.theirs["cost_s"]
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """Our front against the others'.
+
+    Attributes
+    ----------
+    quantity : str
+    levels : list of Level
+        The points of each peer's front.
+    """
+
+    quantity: str
+    levels: list[Level]
+
+    @property
+    def behind(self) -> list[Level]:
+        """Where we do not lie below: at errors that the reference lets one judge."""
+        return [level for level in self.levels if level.judged and not level.ratio < 1]
+
+    @property
+    def lines(self) -> list[str]:
+        """In words: for each peer by how much, and where not."""
+        lines = []
+        for group in dict.fromkeys(level.group for level in self.levels):
+            own = [each for each in self.levels if each.group == group and each.judged]
+            if not own:
+                lines.append(f"{group}: no error that the reference lets one judge")
+                continue
+            good = [1 / each.ratio for each in own if each.ratio < 1]
+            text = f"{group}: cheaper at {len(good)} of the {len(own)} errors it reaches"
+            if good:
+                text += f", {min(good):.3g} to {max(good):.3g} times"
+            lines.append(text)
+            lines += [self._behind(each) for each in own if not each.ratio < 1]
+        return lines
+
+    def _behind(self, level: Level) -> str:
+        start = f"{level.group}: behind at {level.error:.1e} in {self.quantity}"
+        if level.ours is None:
+            return f"{start}: not reached, the peer takes {level.theirs['cost_s']:.3g} s"
+        ours, theirs = level.ours["cost_s"], level.theirs["cost_s"]
+        return f"{start}: {ours:.3g} s against {theirs:.3g} s, {level.ratio:.2f} times as much"
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines)
+
+
+def _apart(front: list[dict[str, Any]], quantity: str) -> list[dict[str, Any]]:
+    """Points of a front that can be told apart on a chart."""
+    kept: list[dict[str, Any]] = []
+    for row in front:
+        key = f"error_{quantity}"
+        if not kept or row[key] < NEXT * kept[-1][key]:
+            kept.append(row)
+    return kept
+
+
+def _kind_by(what: str, row: Row) -> str:
+    return str(row[what] or row["label"])
+
+
+def pareto(points: Iterable[dict[str, Any]], quantity: str) -> list[dict[str, Any]]:
+    """Rows that are not beaten by another one in both cost and error, cheapest first.
+
+    Examples
+    --------
+    >>> rows = [{"cost_s": c, "error_x": e} for c, e in ((1, 0.5), (2, 0.6), (3, 0.1))]
+    >>> [row["cost_s"] for row in pareto(rows, "x")]
+    [1, 3]
+    """
+    key = f"error_{quantity}"
+    kept: list[dict[str, Any]] = []
+    for row in sorted(points, key=lambda row: (row["cost_s"], row[key])):
+        if not kept or row[key] < kept[-1][key]:
+            kept.append(row)
+    return kept
+
+
+def _cheapest(
+    points: Iterable[dict[str, Any]], quantity: str, error: float
+) -> dict[str, Any] | None:
+    key = f"error_{quantity}"
+    reach = [row for row in points if row[key] <= error]
+    return min(reach, key=lambda row: (row["cost_s"], row[key]), default=None)
+
+
+def _decades(points: Sequence[Row], quantity: str, reference: float) -> list[float]:
+    """Powers of ten from the largest error reached down to the smallest one."""
+    sizes = [row[f"error_{quantity}"] for row in points if row[f"error_{quantity}"] > 0]
+    if not sizes:
+        return [0.0] if points else []
+    least = max(min(sizes), reference) if isfinite(reference) else min(sizes)
+    top = floor(log10(max(sizes)))
+    bottom = ceil(log10(least))
+    return [10.0**k for k in range(max(top, bottom), bottom - 1, -1)]
+
+
+# -- work and precision: what an error costs, with one setup of the methods and another ------------
 
 
 def work_precision(
@@ -132,7 +672,7 @@ def work_precision(
         Job(s.label, measure, s.label, problem, s.run, s.timed, int(repeats), *rest) for s in chosen
     ]
     shared = {} if folder is None else identity()
-    study = _Study(chosen, truth, wanted)
+    study = _PrecisionStudy(chosen, truth, wanted)
     outcomes = run_cases(
         jobs,
         executor,
@@ -140,9 +680,12 @@ def work_precision(
         identity=shared,
         progress=progress,
         check=study.check,
-        retry=retry,
+        retry=switch("argument retry", retry),
     )
-    return study.table({each.name: each for each in outcomes})
+    table = study.table({each.name: each for each in outcomes})
+    about = {each.name: each.warnings for each in outcomes}
+    sum_up("work and precision", "setups", about, "table.rows, print(table)")
+    return table
 
 
 def _wanted(quantities: Any, norm: Any) -> Quantities:
@@ -154,7 +697,7 @@ def _wanted(quantities: Any, norm: Any) -> Quantities:
     return Quantities(quantities, norm)
 
 
-class _Study:
+class _PrecisionStudy:
     """From outcomes to rows."""
 
     def __init__(
@@ -291,8 +834,12 @@ class _Study:
         row |= counts(measured.result)
         row |= {f"error_{name}": errors.get(name) if state == "ok" else None for name in names}
         row |= {"status": state, "reason": reason, "group": setup.group, "series": setup.series}
-        told = outcome.error if measured.result is None else measured.result
-        return row | {"spent_s": outcome.seconds, "kernels": ran(told)}
+        said = outcome.error if measured.result is None else measured.result
+        return row | {
+            "spent_s": outcome.seconds,
+            "kernels": ran(said),
+            "warnings": told(outcome.warnings),
+        }
 
     def _notes(self) -> dict[str, Any]:
         given = self.truth.given

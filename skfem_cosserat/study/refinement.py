@@ -1,11 +1,12 @@
-"""What came of a refinement study: tables, verdicts, charts, files for ParaView."""
+"""Refinement studies in one call, with their tables, verdicts, charts and files."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,20 +14,141 @@ import numpy as np
 
 from ..errors import InputError
 from ..export import write_paraview
+from ..figures import new_figure, write_figure
 from ..history import History
-from ..parallel import Outcome
-from ..types import Array, Floats
-from .cases import status
-from .chart import Line, convergence_chart
-from .levels import Level, Series, text
-from .orders import Convergence
-from .provenance import provenance
-from .table import write_table
+from ..parallel import Executor, Job, Outcome
+from ..types import Array, Floats, positive, switch
+from ..warn import counted, sum_up, told
+from .cases import OnOutcome, identity, run_cases, status
+from .levels import (
+    Known,
+    ReferenceFinest,
+    ReferenceRun,
+    Series,
+    StudyLevel,
+    case_name,
+    check_call,
+    known_values,
+    series_of,
+    text,
+    value_of,
+)
+from .orders import Convergence, Norm, convergence, euclidean
+from .quantities import OverTime, Quantities, aligned
+from .results import provenance, write_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Refinement"]
+
+__all__ = ["Line", "Refinement", "convergence_chart", "refine", "title_of"]
+
+
+# -- the chart of a refinement: errors over sizes with slopes --------------------------------------
+
+#: so many sizes are written below the axis, if there are more only powers of ten
+TICKS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A quantity in a series: label, meaning of the sizes, numbers, which levels were solved."""
+
+    label: str
+    kind: str
+    found: Convergence
+    solved: Array
+
+
+def convergence_chart(
+    panels: Mapping[str, Sequence[Line]],
+    title: str,
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """One panel a quantity, one line a series; crosses at the foot are levels that failed.
+
+    Parameters
+    ----------
+    panels : mapping of str to lines
+        By quantity.
+    title : str
+        Above the chart.
+    path : path-like, optional
+        Write it here.
+
+    Examples
+    --------
+    >>> from skfem_cosserat.study.orders import convergence
+    >>> found = convergence([0.5, 0.25, 0.125, 0.0625], [np.array(h**2) for h in (8, 4, 2, 1)])
+    >>> line = Line("", "step", found, np.ones(4, dtype=bool))
+    >>> figure = convergence_chart({"tip": [line]}, "bend")
+    >>> figure.axes[0].get_xscale(), figure.axes[0].get_xlabel()
+    ('log', 'step')
+    """
+    count = len(panels)
+    columns = min(count, 3)
+    rows = -(-count // columns)
+    figure = new_figure(5.0 * columns, 4.0 * rows)
+    figure.suptitle(title)
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis in axes[count:]:
+        axis.set_visible(False)
+    for axis, (name, lines) in zip(axes, panels.items(), strict=False):
+        sure = all(_sure(line) for line in lines)
+        ylabel = "error" if sure else "error (open: differences between levels)"
+        axis.set(xscale="log", yscale="log", title=name, ylabel=ylabel)
+        axis.set_xlabel(", ".join(dict.fromkeys(line.kind for line in lines)))
+        sizes = np.unique(np.concatenate([line.found.sizes for line in lines]))
+        if len(sizes) <= TICKS:
+            axis.set_xticks(sizes, [f"{size:.3g}" for size in sizes])
+        axis.set_xticks([], minor=True)
+        for k, line in enumerate(lines):
+            _draw(axis, line, f"C{k}")
+        axis.grid(which="both", alpha=0.3)
+        axis.legend(fontsize="small")
+    return write_figure(figure, path)
+
+
+def _sure(line: Line) -> bool:
+    """Whether its errors are more than hints."""
+    return bool(np.isfinite(line.found.uncertainties[line.solved]).any())
+
+
+def _draw(axis: Any, line: Line, color: str) -> None:
+    found = line.found
+    shown = line.solved & (found.errors > 0)
+    what = "observed" if line.label else "order"
+    what += f" {found.order:.2f} +- {max(found.spread, 0.005):.2f}"
+    if not found.asymptotic:
+        what = found.verdict.partition(":")[0].partition(";")[0]
+    label = f"{line.label}: {what}" if line.label else what
+    style = {"linestyle": "-"} if _sure(line) else {"linestyle": "--", "markerfacecolor": "none"}
+    x, y = found.sizes[shown], found.errors[shown]
+    axis.plot(x, y, marker="o", color=color, label=label, **style)
+    lost = found.sizes[~line.solved]
+    foot = axis.get_xaxis_transform()  # x in numbers, y from 0 to 1
+    if len(lost):
+        y = np.full(len(lost), 0.04)
+        axis.plot(lost, y, "x", color=color, transform=foot, clip_on=False, label="failed")
+    if found.rounding > 0 and (found.errors[shown] < 100 * found.rounding).any():
+        axis.axhline(100 * found.rounding, color=color, linestyle=":", linewidth=0.8)
+    if found.asymptotic:
+        _slope(axis, found, shown, color)
+
+
+def _slope(axis: Any, found: Convergence, shown: Array, color: str) -> None:
+    """A triangle below the two finest levels that the order rests on."""
+    good = np.flatnonzero(shown & np.isfinite(found.observed))
+    fine = good[-1]
+    coarse = max(k for k in np.flatnonzero(shown) if k < fine)
+    x1, x2 = found.sizes[[coarse, fine]]
+    y1 = 0.4 * found.errors[coarse]
+    y2 = y1 * (x2 / x1) ** found.order
+    axis.plot([x1, x2, x1, x1], [y1, y2, y2, y1], color=color, linewidth=0.8)
+    axis.annotate(f"{found.order:.2f}", (x1, np.sqrt(y1 * y2)), color=color, fontsize="small")
+
+
+# -- what came of a refinement study: tables, verdicts, charts, files for ParaView -----------------
 
 #: quantities with more numbers are not in the table, only their errors
 WIDE = 6
@@ -114,11 +236,17 @@ class Refinement:
         return {name: ": ".join(state) for name, state in reasons.items() if state[0] != "ok"}
 
     @property
+    def warnings(self) -> dict[str, Sequence[dict[str, Any]]]:
+        """Of each level that gave some, as in ``history.meta["warnings"]``."""
+        return {name: each.warnings for name, each in self.outcomes.items() if each.warnings}
+
+    @property
     def rows(self) -> list[dict[str, Any]]:
         """One row a level, also of those that failed.
 
         With ``series``, the arguments, ``size``, ``status`` (``ok``, ``diverged``, ``error``,
-        ``not finite``, ``interrupted``, ``not run``), ``reason``, ``seconds``, and for each
+        ``not finite``, ``interrupted``, ``not run``), ``reason``, ``seconds``, ``warnings`` (in
+        words, empty without any), and for each
         quantity its numbers (if they are few), ``error_``, ``uncertainty_``, ``difference_`` and
         ``order_`` with its name.
         """
@@ -137,7 +265,7 @@ class Refinement:
             if not series.label or key.endswith(end)
         }
 
-    def _state(self, level: Level) -> tuple[str, str]:
+    def _state(self, level: StudyLevel) -> tuple[str, str]:
         """Status and reason."""
         outcome = self.outcomes[level.name]
         state = status(outcome)
@@ -155,6 +283,7 @@ class Refinement:
         state, reason = self._state(level)
         row |= {"size": level.size, "status": state, "reason": reason}
         row["seconds"] = self.outcomes[level.name].seconds
+        row["warnings"] = told(self.outcomes[level.name].warnings)
         for name, key in self._names(series).items():
             value = self.values[key].get(level.name)
             if value is not None and value.size <= WIDE:
@@ -251,11 +380,13 @@ class Refinement:
                 lines += _report(key, series, self.orders[key], self._state, width)
         if not self.orders:  # no level came to its quantities
             lines += [f"  {name}: {why}" for name, why in self.failed.items()]
+        lines += [f"warned: {name}: {told(each)}" for name, each in self.warnings.items()]
         return "\n".join(lines)
 
     def __repr__(self) -> str:
         verdicts = "; ".join(f"{name}: {verdict}" for name, verdict in self.verdicts.items())
-        return f"<Refinement of {self.title}: {verdicts}>"
+        count = sum(map(len, self.warnings.values()))
+        return f"<Refinement of {self.title}: {verdicts}{counted(count)}>"
 
 
 def _columns(name: str, value: Array) -> Mapping[str, float]:
@@ -294,3 +425,284 @@ def _report(key: str, series: Series, found: Convergence, state: Any, width: int
             line += f"  order {found.observed[k]:.2f}"
         lines.append(line)
     return lines
+
+
+# -- refinement studies in one call ----------------------------------------------------------------
+
+
+def refine(
+    problem: Callable[..., Any],
+    *,
+    elements: int | Sequence[int] | Mapping[int, Sequence[int]] | None = None,
+    mesh: Any = None,
+    order: int | Sequence[int] | None = None,
+    step: float | Sequence[float] | None = None,
+    quantities: Mapping[str, Any] | Sequence[str] | None = None,
+    norm: OverTime | None = None,
+    reference: Any = None,
+    rounding: float | Mapping[str, float] | None = None,
+    together: bool = True,
+    executor: Executor | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    retry: bool = False,
+    progress: bool | OnOutcome = False,
+) -> Refinement:
+    """Solve a problem on finer and finer meshes and steps, and say how far to trust the numbers.
+
+    Parameters
+    ----------
+    problem : callable
+        Called as ``problem(elements=8, order=3, step=1e-3)``, with those arguments by keyword that
+        are given here (other ones by ``functools.partial``). Gives a number, an array, a mapping
+        of named numbers and arrays, or a History. What it raises makes that level a failed one.
+    elements : int, sequence of int, or mapping
+        A sequence is varied, a single value is held; so for the others. Number of elements, as the
+        problem understands it; growing. The size is its inverse. A mapping has a sequence for each
+        order: high orders are at rounding where low ones begin.
+    mesh : mesh, sequence of meshes, or mapping
+        Instead: meshes, finer and finer. The size is the longest element.
+    order : int or sequence of int
+        Of the elements; several make several series, one an order.
+    step : float or sequence of float
+        In time, or whatever the problem makes of it; falling.
+    quantities : mapping or sequence of str, optional
+        Functions of the result by name, ``{"tip": lambda history: ...}``: they are called in this
+        process. Names instead of functions: entries of a mapping, series of a History (without
+        `norm` their last state). Default: all entries of a mapping (but ``"t"``), or the number or
+        array itself under the name ``"value"``.
+    norm : OverTime, optional
+        :class:`MaximumOverTime`, :class:`RootMeanSquare` or :class:`AtInstants`.
+        Compare over time, at instants that all levels have recorded: quantities must then have one
+        entry for each state of the History (or entry of ``"t"`` of a mapping). Default: values are
+        compared as they are, by the Euclidean norm.
+    reference : optional
+        True values: a number or array (of the only quantity) or a mapping by quantity, each also a
+        function (of the instants, if compared over time); :class:`ReferenceRun`, another call of
+        the problem; :class:`ReferenceFinest`. None: levels are compared with each other, and
+        errors are against the value that Richardson extrapolation gives.
+    rounding : float or mapping, optional
+        Error of each quantity by rounding and unfinished iterations, relative to its largest value.
+        Levels whose error is not 100 times that do not count for the order. Default: 64 times the
+        machine precision; what stops falling below 1e-8 is taken for rounding in any case.
+    together : bool
+        Mesh and step, if both are sequences: refined at once, level by level (the order is that in
+        the size of the elements), or each for itself with the finest of the other, as two series.
+    executor : executor, optional
+        See :func:`run_all`: levels side by side; the problem must then be at the top level of a
+        module.
+    folder : path-like, optional
+        Keep the result of each level here as soon as it is there. The same call finds them again,
+        after an interruption too, also with more levels or other quantities; with another problem
+        (its code, bound arguments and the numbers it takes from its module, not what it calls) or
+        version of the package it is refused.
+    retry : bool
+        Solve levels again that are kept as failed.
+    progress : bool or callable
+        True: one line on stderr; a callable gets (levels done, levels, outcome).
+
+    Returns
+    -------
+    Refinement
+        Orders with confidence, errors, extrapolated values, table, chart.
+
+    Raises
+    ------
+    InputError
+        For bad arguments, before the first level; for quantities that are unknown, no numbers or
+        of changing shape as soon as that is seen.
+
+    Notes
+    -----
+    An order is given if there are four levels (with errors, against a reference, or differences,
+    without, above 100 times rounding), by the three finest of them, and if the observed order has
+    settled: changed by at most 0.1 (5 % for orders above 2) between the last pairs of levels and by
+    four times as much before (as if sizes were halved), without a change of sign. It is then
+    ``order 2.00 +- 0.02 (three finest of five levels)``, where the number after +- is twice that
+    last change; otherwise the verdict says what was seen. Levels that failed are left out.
+
+    Steps over which loads jump, and singular points, spoil orders: the verdict shows it.
+
+    Examples
+    --------
+    The tip of a cantilever that is bent by 60 degrees, on meshes of linear elements:
+
+    >>> import skfem_cosserat as sc
+    >>> def bent(elements, order):
+    ...     mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), elements, name="rod")
+    ...     section = sc.Section([1e4, 1e4, 1e4, 1, 1, 1], mass=1.0, inertia=(1.0, 1.0))
+    ...     model = sc.Model()
+    ...     rod = model.add("rod", sc.Beam(mesh, section, order=order))
+    ...     model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    ...     model.add("push", sc.LoadForce(rod.node("rod.end"), (0, 3.0, 0)))
+    ...     return sc.static(model, watch=False)["q"][-1, 12 * elements :][:3]
+    >>> study = refine(bent, elements=(8, 16, 32, 64), order=1)
+    >>> print(study)  # doctest: +ELLIPSIS
+    refinement of bent: 4 levels
+    value: order 2.02 +- 0.14 (three finest of four levels)
+      extrapolated: 0.745578655, 0.603555909, 0 +- 4.2e-05
+      elements = 8, order = 1   error 1.164e-02 +- 4.2e-05
+      ...
+      elements = 64, order = 1  error 1.675e-04 +- 4.2e-05  order 2.02
+    """
+    series = series_of(elements, mesh, order, step, together)
+    if norm is not None and not isinstance(norm, OverTime):
+        raise InputError(
+            "argument norm",
+            f"{norm!r}, expected MaximumOverTime(), RootMeanSquare() or AtInstants(times)",
+        )
+    wanted = Quantities(quantities, norm)
+    plan = _Plan(series, wanted, reference, rounding)
+    for arguments in plan.calls.values():
+        check_call(problem, arguments)
+    jobs = [Job(name, problem, **arguments) for name, arguments in plan.calls.items()]
+    shared = {} if folder is None else identity(problem=problem)
+    outcomes = run_cases(
+        jobs,
+        executor,
+        folder=folder,
+        identity=shared,
+        progress=progress,
+        check=plan.check,
+        retry=switch("argument retry", retry),
+    )
+    study = plan.result(title_of(problem), {each.name: each for each in outcomes})
+    about = {each.name: each.warnings for each in outcomes}
+    sum_up(f"refinement of {study.title}", "levels", about, "study.rows, print(study)")
+    return study
+
+
+def title_of(problem: Any) -> str:
+    """Name of the problem, with what is bound to it as far as it is short."""
+    bound: dict[str, Any] = {}
+    while isinstance(problem, partial):
+        bound = {**problem.keywords, **bound}
+        problem = problem.func
+    name = str(getattr(problem, "__name__", type(problem).__name__))
+    short = {key: each for key, each in bound.items() if isinstance(each, int | float | str)}
+    return f"{name} ({case_name(short)})" if short else name
+
+
+class _Plan:
+    """The calls of a study, and what is made of their outcomes."""
+
+    def __init__(
+        self, series: list[Series], wanted: Quantities, reference: Any, rounding: Any
+    ) -> None:
+        self.series, self.wanted, self.reference = series, wanted, reference
+        self.known: dict[str | None, Known] = known_values(reference)
+        self.rounding = _rounding(rounding)
+        levels = [level for each in series for level in each.levels]
+        self.calls = {level.name: level.arguments for level in levels}
+        self.exact = ""
+        if isinstance(reference, ReferenceRun):
+            arguments = {**levels[-1].arguments, **reference.arguments}
+            self.exact = case_name(arguments)
+            self.calls.setdefault(self.exact, arguments)
+        self._names: list[str] = []
+        if wanted.names:
+            self._check_names(wanted.names)
+
+    def check(self, outcome: Outcome) -> None:
+        """Look at the first result: what is wrong with the quantities ends the study early."""
+        if status(outcome) != "ok" or self._names:
+            return
+        self._names = list(self.wanted.sample(outcome.value, outcome.name).values)
+        self._check_names(self._names)
+
+    def _check_names(self, names: list[str]) -> None:
+        """Refuse references and roundings that do not fit the quantities."""
+        if None in self.known and len(names) > 1:
+            raise InputError(
+                "argument reference",
+                f"one value for {len(names)} quantities, expected a mapping with"
+                f" {', '.join(names)}",
+            )
+        for given in (self.known, self.rounding):
+            strange = [name for name in given if name is not None and name not in names]
+            if strange:
+                raise InputError(
+                    f"quantity {strange[0]!r}", f"unknown; there are {', '.join(names)}"
+                )
+
+    def result(self, title: str, outcomes: dict[str, Outcome]) -> Refinement:
+        """Judge each quantity in each series."""
+        samples = {
+            name: self.wanted.sample(each.value, name)
+            for name, each in outcomes.items()
+            if status(each) == "ok"
+        }
+        if self.exact and self.exact not in samples:
+            failed = outcomes[self.exact]
+            raise InputError("argument reference", f"its run failed: {failed.error}")
+        orders, values = {}, {}
+        for name in self._names:
+            shared, instants = aligned(name, samples, self.wanted.over)
+            known = self._exact(name, shared, instants)
+            for series in self.series:
+                key = f"{name}, {series.label}" if series.label else name
+                orders[key] = self._judged(name, series, shared, instants, known)
+                names = [level.name for level in series.levels]
+                values[key] = {each: shared[each] for each in names if each in shared}
+        used = {each: outcomes[each] for each in outcomes if each in self._level_names()}
+        notes = {"reference": _reference_text(self.reference)}
+        return Refinement(title, self.series, used, orders, values, notes)
+
+    def _level_names(self) -> set[str]:
+        return {level.name for series in self.series for level in series.levels}
+
+    def _exact(self, name: str, shared: dict[str, Array], instants: Floats | None) -> Array | None:
+        if self.exact:
+            value = shared[self.exact]
+            if not np.isfinite(value).all():
+                raise InputError("argument reference", f"its run gave {name!r} not finite")
+            return value
+        known = self.known.get(name, self.known.get(None))
+        if known is None or not shared:
+            return None
+        return value_of(known, instants, next(iter(shared.values())).shape, name)
+
+    def _judged(
+        self,
+        name: str,
+        series: Series,
+        shared: dict[str, Array],
+        instants: Floats | None,
+        known: Array | None,
+    ) -> Convergence:
+        return convergence(
+            series.sizes,
+            [_finite(shared, level) for level in series.levels],
+            self._size(instants),
+            known,
+            self.rounding.get(name, self.rounding.get(None)),
+            isinstance(self.reference, ReferenceFinest),
+        )
+
+    def _size(self, instants: Floats | None) -> Norm:
+        over = self.wanted.over
+        if over is None or instants is None:
+            return euclidean
+        return lambda difference: over.size(instants, difference)
+
+
+def _finite(shared: Mapping[str, Array], level: StudyLevel) -> Array | None:
+    value = shared.get(level.name)
+    return value if value is not None and np.isfinite(value).all() else None
+
+
+def _rounding(given: Any) -> dict[str | None, float]:
+    if given is None:
+        return {}
+    named = given if isinstance(given, Mapping) else {None: given}
+    return {
+        name: positive("argument rounding", "value" if name is None else str(name), value)
+        for name, value in named.items()
+    }
+
+
+def _reference_text(reference: Any) -> str:
+    if reference is None:
+        return "none: levels are compared with each other"
+    if isinstance(reference, ReferenceFinest):
+        return "the finest level"
+    return repr(reference) if isinstance(reference, ReferenceRun) else "given"

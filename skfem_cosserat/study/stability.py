@@ -1,31 +1,401 @@
-"""Where a method fails: the outcome of runs over two parameters."""
+"""Where a method fails: the outcome of runs over two parameters, as arrays, table and chart."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import InputError, JobError
+from ..figures import new_figure, write_figure
 from ..history import History
-from ..integrators.protocol import unless_given
+from ..integrators.base import unless_given
 from ..parallel import Executor, Job, Outcome
 from ..parallel.jobs import Caught
-from ..types import positive
-from .cases import OnOutcome, run_cases
-from .fingerprint import identity
+from ..types import Array, Floats, positive, switch
+from ..warn import sum_up, told
+from .cases import OnOutcome, TimeLimit, identity, run_cases
 from .levels import case_name, check_call
-from .limit import TimeLimit
-from .run import title_of
+from .refinement import title_of
+from .results import provenance, write_table
 from .setups import ran
-from .stability_table import Map
 from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 
-__all__ = ["stability_map"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+__all__ = ["COLOURS", "Lines", "Map", "stability_chart", "stability_map"]
+
+
+# -- the chart of a stability map: cells in the colour of their status, and theory's lines ---------
+
+Lines = Mapping[str, Any | Callable[..., float]]
+
+#: distinct in grey as well
+COLOURS = {
+    "ok": "#2a9d8f",
+    "drift": "#e9c46a",
+    "blowup": "#e76f51",
+    "newton": "#8c2f39",
+    "timeout": "#adb5bd",
+    "error": "#343a40",
+    "not run": "#ffffff",
+}
+#: for the words of a judge of the user's own
+OTHERS = ("#457b9d", "#9b5de5", "#f15bb5", "#00bbf9", "#606c38")
+STYLES = ("-", "--", ":", "-.")
+#: panels in a row
+ABREAST = 4
+
+
+def stability_chart(
+    title: str,
+    axes: Mapping[str, Sequence[Any]],
+    status: Array,
+    lines: Mapping[str, Floats],
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Cells over the last axis (to the right) and the last but one; see :meth:`Map.chart`.
+
+    Parameters
+    ----------
+    title : str
+        Above the chart.
+    axes : mapping
+        Values by name; of three, the first has a panel for each value.
+    status : array of str
+    lines : mapping
+        Arrays of the same shape; a line is drawn where they are 1.
+    path : path-like, optional
+        Write it here.
+
+    Examples
+    --------
+    >>> axes = {"k": [1.0, 10.0], "step": [0.1, 1.0]}
+    >>> figure = stability_chart("spring", axes, np.array([["ok", "ok"], ["ok", "newton"]]), {})
+    >>> [text.get_text() for text in figure.legends[0].get_texts()]
+    ['ok', 'newton']
+    """
+    names = list(axes)
+    panels = [None] if len(names) == 2 else list(axes[names[0]])
+    stacked = {text: field.reshape(len(panels), *field.shape[-2:]) for text, field in lines.items()}
+    cells = status.reshape(len(panels), *status.shape[-2:])
+    found = set(status.ravel().tolist())
+    colours = _colours(found)
+    across = min(len(panels), ABREAST)
+    down = -(-len(panels) // across)
+    wide, high = (5.2, 4.6) if down == 1 else (4.2, 3.6)
+    figure = new_figure(wide * across + 2.2, high * down)
+    figure.suptitle(title)
+    along, up = axes[names[-1]], axes[names[-2]]
+    for k, axis in enumerate(figure.subplots(down, across, squeeze=False).flat):
+        if k >= len(panels):
+            axis.set_axis_off()
+            continue
+        _cells(axis, cells[k], colours)
+        axis.set_xticks(range(len(along)), [_text(each) for each in along], rotation=45)
+        axis.set_yticks(range(len(up)), [_text(each) for each in up])
+        axis.set(xlabel=names[-1], ylabel=names[-2])
+        if panels[k] is not None:
+            axis.set_title(_text(panels[k]), fontsize="medium")
+        for (_, field), style in zip(stacked.items(), STYLES * len(stacked), strict=False):
+            _line(axis, field[k], style)
+    handles = [_patch(name, colours[name]) for name in colours if name in found]
+    handles += [
+        _stroke(text + _outside(field), style)
+        for (text, field), style in zip(lines.items(), STYLES * len(lines), strict=False)
+    ]
+    figure.legend(handles=handles, loc="outside right upper", fontsize="small")
+    return write_figure(figure, path)
+
+
+def _colours(found: set[str]) -> dict[str, str]:
+    strange = sorted(found - set(COLOURS))
+    return COLOURS | {name: OTHERS[k % len(OTHERS)] for k, name in enumerate(strange)}
+
+
+def _cells(axis: Any, status: Array, colours: Mapping[str, str]) -> None:
+    names = list(colours)
+    numbers = np.vectorize(names.index)(status)
+    from matplotlib.colors import ListedColormap
+
+    shown = ListedColormap(list(colours.values()))
+    edge = {"edgecolors": "white", "linewidth": 1.0}
+    places = [np.arange(count + 1) - 0.5 for count in (status.shape[1], status.shape[0])]
+    axis.pcolormesh(*places, numbers, cmap=shown, vmin=-0.5, vmax=len(names) - 0.5, **edge)
+
+
+def _line(axis: Any, field: Floats, style: str) -> None:
+    """Where the field, which changes by orders of magnitude from cell to cell, is 1."""
+    with np.errstate(all="ignore"):
+        level = np.log(field)
+    level = np.ma.masked_invalid(level)
+    if min(field.shape) > 1 and level.count() and level.min() < 0 < level.max():
+        axis.contour(level, levels=[0.0], colors="black", linestyles=[style], linewidths=1.6)
+
+
+def _outside(field: Floats) -> str:
+    """Where the cells are, in words, if the line does not run between them."""
+    values = field[np.isfinite(field)]
+    if not values.size or values.min() <= 1 <= values.max():
+        return ""
+    return " (all cells beyond)" if values.min() > 1 else " (no cell beyond)"
+
+
+def _patch(name: str, colour: str) -> Any:
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=colour, edgecolor="0.5", label=name)
+
+
+def _stroke(text: str, style: str) -> Any:
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color="black", linestyle=style, label=text)
+
+
+def _text(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+# -- what came of a stability map: arrays over the axes, table, chart ------------------------------
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Map:
+    """Result of :func:`stability_map`; arrays have an axis for each parameter, in their order.
+
+    Attributes
+    ----------
+    title : str
+        Name of the problem.
+    axes : dict
+        Values of each parameter by its name.
+    cells : array of Verdict
+    seconds : array
+        How long each cell took.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import stability_map
+    >>> def fails(step, stiffness):
+    ...     if step * stiffness**0.5 > 2:
+    ...         raise ArithmeticError("it does not")
+    >>> found = stability_map(fails, {"step": (0.1, 1.0), "stiffness": (1.0, 9.0)},
+    ...                       lambda result: "ok" if result is None else "blowup")
+    >>> found.status.tolist(), found.rows[3]["stiffness"]
+    ([['ok', 'ok'], ['ok', 'blowup']], 9.0)
+    """
+
+    title: str
+    axes: dict[str, list[Any]]
+    cells: Array
+    seconds: Floats
+
+    @classmethod
+    def joined(cls, axes: Mapping[str, Iterable[Any]], parts: Sequence[Map]) -> Map:
+        """One map from several of the same problem; cells that none of them has are ``not run``.
+
+        Parameters
+        ----------
+        axes : mapping
+            Of the whole.
+        parts : sequence of Map
+            With the same parameters.
+
+        Raises
+        ------
+        InputError
+            If there are no parts, or one has other parameters.
+        """
+        whole = {name: list(values) for name, values in axes.items()}
+        if not parts or any(list(each.axes) != list(whole) for each in parts):
+            names = ", ".join(whole)
+            raise InputError("argument parts", f"{list(parts)!r}, expected maps over {names}")
+        known: dict[tuple[Any, ...], tuple[Verdict, float]] = {}
+        for each in parts:
+            cells = zip(each.cells.flat, each.seconds.flat, strict=True)
+            known |= dict(zip(product(*each.axes.values()), cells, strict=True))
+        none = Verdict("not run"), float("nan")
+        found = [known.get(choice, none) for choice in product(*whole.values())]
+        shape = tuple(len(values) for values in whole.values())
+        verdicts = np.empty(len(found), dtype=object)
+        verdicts[:] = [verdict for verdict, _ in found]
+        seconds = np.array([spent for _, spent in found])
+        return cls(parts[0].title, whole, verdicts.reshape(shape), seconds.reshape(shape))
+
+    @property
+    def status(self) -> Array:
+        """``ok``, ``drift``, ``blowup``, ``newton``, ``timeout``, ``error`` or ``not run``.
+
+        With a judge of your own: its words.
+        """
+        return self._array("status", str)
+
+    @property
+    def time(self) -> Floats:
+        """Of the blow-up, of the last step that was solved, or the end (s)."""
+        return self._array("time")
+
+    @property
+    def energy_error(self) -> Floats:
+        """Largest relative change of the energy until then."""
+        return self._array("energy_error")
+
+    @property
+    def newton_residual(self) -> Floats:
+        """Smallest scaled residual of the step that could not be solved; NaN elsewhere."""
+        return self._array("newton_residual")
+
+    @property
+    def reason(self) -> Array:
+        """More about it, in words."""
+        return self._array("reason", str)
+
+    @property
+    def numbers(self) -> dict[str, Floats]:
+        """What the judge gave beside it, by name; NaN where it did not."""
+        names = dict.fromkeys(name for cell in self.cells.flat for name in cell.numbers)
+        nan = float("nan")
+        return {
+            name: np.array([cell.numbers.get(name, nan) for cell in self.cells.flat]).reshape(
+                self.cells.shape
+            )
+            for name in names
+        }
+
+    def _array(self, name: str, kind: type = float) -> Array:
+        values = [getattr(cell, name) for cell in self.cells.flat]
+        return np.array(values, dtype=kind).reshape(self.cells.shape)
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a cell: parameters, verdict, seconds."""
+        choices = product(*self.axes.values())
+        return [
+            {
+                **dict(zip(self.axes, choice, strict=True)),
+                "status": cell.status,
+                "time_s": cell.time,
+                "energy_error": cell.energy_error,
+                "newton_residual": cell.newton_residual,
+                **cell.numbers,
+                "seconds": float(seconds),
+                "kernels": cell.kernels,
+                "reason": cell.reason,
+                "warnings": cell.warnings,
+            }
+            for choice, cell, seconds in zip(
+                choices, self.cells.flat, self.seconds.flat, strict=True
+            )
+        ]
+
+    def csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write the rows, with versions, machine and commit in front of them.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        plain = int | float | str | bool
+        rows = [
+            {name: value if isinstance(value, plain) else str(value) for name, value in row.items()}
+            for row in self.rows
+        ]
+        return write_table(path, {"stability map": self.title, **provenance()}, rows)
+
+    def chart(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        lines: Lines | None = None,
+        x: str | None = None,
+        y: str | None = None,
+        title: str | None = None,
+    ) -> Figure:
+        """A coloured field for each cell; theory's limits as lines.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            Write it here (``.png``, ``.svg``, ``.pdf``).
+        lines : mapping, optional
+            By the text of the legend: an array over the axes, or a function of the parameters, by
+            keyword. The line is drawn where it is 1: ``{"h omega = 2": lambda step, stiffness:
+            step * omega(stiffness) / 2}``. NaN: none there. A line that no cell's neighbour crosses
+            is in the legend, with the side on which the cells are.
+        x, y : str, optional
+            Parameters along the axes of the chart; default: the last two. For each value of a third
+            one there is a panel.
+        title : str, optional
+            Default: the name of the problem.
+
+        Raises
+        ------
+        InputError
+            If there is one parameter, or more than three, or no such parameter; if a line is of
+            another shape; if the folder does not exist.
+        ImportError
+            Without matplotlib.
+        """
+        names = list(self.axes)
+        if not 2 <= len(names) <= 3:
+            raise InputError(
+                "chart", f"of {len(names)} parameters, expected two, or three (panels)"
+            )
+        rest = [name for name in names if name not in (x, y)]
+        x = x or rest.pop()
+        y = y or rest.pop()
+        if x == y or {x, y} - set(names):
+            raise InputError("chart", f"x = {x!r}, y = {y!r}, expected two of {', '.join(names)}")
+        fields = {text: self._line(text, line) for text, line in (lines or {}).items()}
+        order = [*[name for name in names if name not in (x, y)], y, x]
+        places = [names.index(name) for name in order]
+        return stability_chart(
+            self.title if title is None else title,
+            {name: self.axes[name] for name in order},
+            self.status.transpose(places),
+            {text: field.transpose(places) for text, field in fields.items()},
+            path,
+        )
+
+    def _line(self, text: str, line: Any) -> Floats:
+        if callable(line):
+            values = product(*self.axes.values())
+            choices = [dict(zip(self.axes, choice, strict=True)) for choice in values]
+            check_call(line, choices[0], f"line {text!r}")
+            found = [float(line(**choice)) for choice in choices]
+            return np.array(found).reshape(self.cells.shape)
+        field = np.asarray(line, dtype=float)
+        if field.shape != self.cells.shape:
+            raise InputError(
+                f"line {text!r}", f"shape {field.shape}, expected {self.cells.shape}, a cell each"
+            )
+        return field
+
+    def counts(self) -> Mapping[str, int]:
+        """How many cells there are of each status."""
+        return dict(sorted(Counter(str(cell.status) for cell in self.cells.flat).items()))
+
+    def __str__(self) -> str:
+        over = " x ".join(f"{name} ({len(values)})" for name, values in self.axes.items())
+        found = ", ".join(f"{count} {name}" for name, count in self.counts().items())
+        warned = sum(bool(cell.warnings) for cell in self.cells.flat)
+        doubt = f", {warned} with warnings" if warned else ""
+        return f"stability map over {over}: {found}{doubt}"
+
+    def __repr__(self) -> str:
+        return f"<{self}>"
+
+
+# -- where a method fails: the outcome of runs over two parameters ---------------------------------
 
 Judge = Callable[[Any], Any]
 
@@ -117,13 +487,16 @@ def stability_map(
         identity=shared,
         progress=progress,
         check=_check,
-        retry=retry,
+        retry=switch("argument retry", retry),
     )
     shape = tuple(len(each) for each in values.values())
     cells = np.empty(len(found), dtype=object)
     cells[:] = [_verdict(each) for each in found]
     seconds = np.array([each.seconds for each in found])
-    return Map(title_of(problem), values, cells.reshape(shape), seconds.reshape(shape))
+    result = Map(title_of(problem), values, cells.reshape(shape), seconds.reshape(shape))
+    about = {each.name: each.warnings for each in found}
+    sum_up(f"stability map of {result.title}", "cells", about, "found.rows")
+    return result
 
 
 def _axes(given: Any) -> dict[str, list[Any]]:
@@ -172,6 +545,7 @@ def _check(outcome: Outcome) -> None:
 
 def _verdict(outcome: Outcome) -> Verdict:
     if outcome.error is None:
-        return outcome.value
+        return replace(outcome.value, warnings=told(outcome.warnings))
     state = "not run" if isinstance(outcome.error, JobError) else "error"
-    return Verdict(state, reason=f"{type(outcome.error).__name__}: {outcome.error}")
+    reason = f"{type(outcome.error).__name__}: {outcome.error}"
+    return Verdict(state, reason=reason, warnings=told(outcome.warnings))

@@ -12,7 +12,7 @@ from ..errors import Diverged, InputError
 from ..history import History
 from ..newton import NewtonSettings
 from ..types import Floats, IndexArray, positive
-from .limit import LATE
+from .cases import LATE
 
 __all__ = ["FULL_PROTOCOL", "JudgeEnergy", "Verdict"]
 
@@ -48,6 +48,8 @@ class Verdict:
         Others that you want to see as arrays over the axes.
     kernels : str
         Those that ran, as the history tells: ``numpy`` or ``numba``; empty if none came.
+    warnings : str
+        Those of the run in words; empty if it gave none.
 
     Examples
     --------
@@ -62,6 +64,7 @@ class Verdict:
     reason: str = ""
     numbers: Mapping[str, float] = field(default_factory=dict)
     kernels: str = ""
+    warnings: str = ""
 
 
 class JudgeEnergy:

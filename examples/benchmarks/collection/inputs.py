@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import skfem_cosserat as sc
 from collection import common
+from skfem_cosserat.kernels import rotation_matrix
 
 __all__ = ["Method", "chosen", "count", "method", "number", "triad", "vector"]
 
@@ -85,7 +86,7 @@ def triad(name: str, value: Any) -> Floats:
     q = vector(name, value, 4)
     if abs(q @ q - 1) > 1e-9:
         raise sc.InputError("data", f"{name} = {value!r}, expected a unit quaternion (w, x, y, z)")
-    return sc.kernels.rotation_matrix(q[None] / np.linalg.norm(q))[0].T
+    return rotation_matrix(q[None] / np.linalg.norm(q))[0].T
 
 
 @dataclass(frozen=True)

@@ -37,18 +37,18 @@ class Scene(NamedTuple):
     part: Any = None
 
     @property
-    def rows(self) -> NDArray[np.int64]:
-        """Where the places' frames begin in q."""
-        return np.array([self.system.offset(place) for place in self.places.values()])
+    def frames_in_q(self) -> NDArray[np.int64]:
+        """Numbers in q of the places' frames (k, 12)."""
+        return np.array([self.system.dofs(place) for place in self.places.values()])
 
     def positions(self, q: Floats) -> Floats:
         """(N, k, 3) of configurations (N, n), in m."""
-        return q[:, self.rows[:, None] + np.arange(3)]
+        return q[:, self.frames_in_q[:, :3]]
 
     def rotations(self, q: Floats) -> Floats:
         """(N, k, 3, 3): matrices that turn the reference triads into those of configurations."""
         now, start = (
-            np.reshape(x, (-1, x.shape[-1]))[:, self.rows[:, None] + np.arange(3, 12)]
+            np.reshape(x, (-1, x.shape[-1]))[:, self.frames_in_q[:, 3:]]
             for x in (q, self.system.q0)
         )
         shape = (-1, len(self.places), 3, 3)
@@ -108,7 +108,7 @@ class _Watch:
     """Follows the places' triads through a run, and counts iterations."""
 
     def __init__(self, scene: Scene, state: sc.State) -> None:
-        self.columns = (scene.rows[:, None] + np.arange(3, 12)).ravel()
+        self.columns = scene.frames_in_q[:, 3:].ravel()
         self.times, self.triads = [state.time], [state.q[self.columns]]
         self.state, self.iterations = state, 0
 

@@ -13,12 +13,11 @@ from ...model.groups import BeamGroup
 from ...model.tree import Span, Spot
 from ...strain import strain_factors
 from ...types import Floats, IndexArray
-from .. import layout
-from ..bind import KINDS, coordinates_of, followed, fulcrum_of, integers, nested
-from ..bind_spans import bound_spans
+from .. import structures
+from ..bind import KINDS, bound_spans, coordinates_of, followed, fulcrum_of, integers, nested
 from ..numbers import COUPLED
 from ..plan import Plan
-from . import places
+from . import pairs as places
 
 __all__ = ["Frames", "bound_beams", "bound_rows", "bound_tree", "bound_work", "choose_rows"]
 
@@ -130,7 +129,7 @@ def bound_rows(system: System, frames: Frames) -> tuple[Any, dict[str, Any]]:
         "mass_indices": mass.indices.astype(np.int64),
         "mass_indptr": mass.indptr.astype(np.int64),
     }
-    return layout.rows(tuple(fields[name] for name in layout.ROWS)), fields
+    return structures.rows(tuple(fields[name] for name in structures.ROWS)), fields
 
 
 def bound_tree(system: System, plan: Plan, frames: Frames, rows: Any) -> tuple[Any, dict[str, Any]]:
@@ -151,7 +150,7 @@ def bound_tree(system: System, plan: Plan, frames: Frames, rows: Any) -> tuple[A
         **_lumps(system, frames),
         **_loops(system, plan, frames),
     }
-    return layout.plane_tree(tuple(fields[name] for name in layout.PLANE_TREE)), fields
+    return structures.plane_tree(tuple(fields[name] for name in structures.PLANE_TREE)), fields
 
 
 def _edges(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
@@ -330,7 +329,9 @@ def bound_beams(
         fields |= dict.fromkeys(("base", "frames"), np.zeros((0, 2), dtype=np.int64))
         fields |= {"slot": np.zeros((0, 2, 2), dtype=np.int64), "lengths": np.zeros(0)}
         fields |= {"section": np.zeros(0, dtype=np.int64), "turned": False}
-        return layout.plane_beams(tuple(fields[name] for name in layout.PLANE_BEAMS)), fields
+        return structures.plane_beams(
+            tuple(fields[name] for name in structures.PLANE_BEAMS)
+        ), fields
     elements = group.elements
     ne, nn = group.vertices.shape
     ng = len(elements.points)
@@ -379,7 +380,7 @@ def bound_beams(
         **{name: np.zeros((ne, ng, 3)) for name in ("S0", "S", "predicted")},
         **common,
     }
-    return layout.plane_beams(tuple(fields[name] for name in layout.PLANE_BEAMS)), fields
+    return structures.plane_beams(tuple(fields[name] for name in structures.PLANE_BEAMS)), fields
 
 
 def inverse(D: Floats) -> Floats:
@@ -417,5 +418,5 @@ def bound_work(system: System, plan: Plan, frames: Frames) -> tuple[Any, dict[st
         "followers": (0, 4, 4),
         "coupled": (0, COUPLED),
     }
-    arrays = {name: np.zeros(shapes[name]) for name in layout.WORK}
-    return layout.work(tuple(arrays.values())), arrays
+    arrays = {name: np.zeros(shapes[name]) for name in structures.WORK}
+    return structures.work(tuple(arrays.values())), arrays

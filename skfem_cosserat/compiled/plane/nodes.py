@@ -1,7 +1,4 @@
-"""Compiled parts of vertices in a plane: configuration, balance, masses.
-
-Parts take ``(s, m, w, numbers, flag)``; ``s.rows`` is what there is by rows of y in space.
-"""
+"""Nodes of a plane, and their blocks."""
 
 from __future__ import annotations
 
@@ -9,12 +6,15 @@ from typing import Any
 
 from ...types import Floats
 from .. import lanes
+from ..blocks import solve_blocks
 from ..jit import inlined, part
-from ..lanes import WIDTH, load, put_rows, rows, store
+from ..lanes import WIDTH, load, pack, put_rows, rows, store
 from ..nodes import carried_on, mass_times, start_increments, sum_balance
 from ..numbers import FORCE, MASS, WEIGHT
 from ..small import block, chosen, cosines
 from .pairs import (
+    CHILD,
+    FRAMED,
     Pair,
     add_scaled,
     arrow,
@@ -28,7 +28,56 @@ from .pairs import (
     scaled,
 )
 
-__all__ = ["balance", "begin", "finish", "lump_matrix", "move", "node_matrix", "predict_changes"]
+__all__ = [
+    "balance",
+    "begin",
+    "finish",
+    "lump_matrix",
+    "move",
+    "node_matrix",
+    "predict_changes",
+    "sweep",
+]
+
+
+# -- compiled sweeps of the block elimination in a plane: what turns with the frames ---------------
+
+
+@inlined
+def turn(a: Floats, v: int, y: Floats, z: Floats) -> None:
+    """Turn the first two of a_v with the frame: from where it is at y to where at z."""
+    put_pair(a, v, 0, product(crossed(arrow(y, v), arrow(z, v)), point(a, v)))
+
+
+@part
+def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Solve for minus the residual: own coordinates x, and as twists of the vertices.
+
+    See :func:`skfem_cosserat.compiled.blocks.sweep`: factors that were kept are turned.
+    """
+    b, x, twist, extra, now, then = w.b, w.x, w.twist, w.extra, w.y1, w.frames
+    loose, edges, none = s.loose, s.edges, pack((0.0, 0.0, 0.0, 0.0))
+    for v in range(len(x)):
+        store(x, v, -1.0 * load(b, v))
+        store(extra, v, none)
+    if flag == 1:
+        for k in range(len(loose)):
+            turn(x, loose[k], now, then)
+    solve_blocks(m, w)
+    if flag == 1:
+        for k in range(len(loose)):
+            v = loose[k]
+            turn(x, v, then, now)
+            put_pair(twist, v, 0, point(x, v))
+        for e in range(len(edges)):
+            if edges[e, FRAMED]:
+                turn(twist, edges[e, CHILD], then, now)
+    return 0.0
+
+
+# -- compiled parts of vertices in a plane: configuration, balance, masses -------------------------
+#
+# Parts take ``(s, m, w, numbers, flag)``; ``s.rows`` is what there is by rows of y in space.
 
 
 @inlined

@@ -13,6 +13,17 @@ from ..jit import inlined, part
 from ..numbers import WEIGHT
 from ..tree import STRETCH
 from .pairs import (
+    CHILD,
+    FIRST,
+    KIND,
+    LAST,
+    OWN,
+    PARENT_AT,
+    REACH,
+    SECTION_A,
+    SECTION_B,
+    SPAN,
+    STRAIN,
     Pair,
     add_scaled,
     arrow,
@@ -26,19 +37,6 @@ from .pairs import (
     point,
     product,
     scaled,
-)
-from .places import (
-    CHILD,
-    FIRST,
-    KIND,
-    LAST,
-    OWN,
-    PARENT_AT,
-    REACH,
-    SECTION_A,
-    SECTION_B,
-    SPAN,
-    STRAIN,
 )
 
 __all__ = ["span_arm", "span_curvature", "span_maps", "span_stretch"]

@@ -12,22 +12,6 @@ from ..jit import inlined, part
 from ..numbers import WEIGHT
 from ..tree import AXIS, ROTATION, SLIDE, SPHERE, STRETCH
 from .pairs import (
-    Pair,
-    arrow,
-    inner,
-    left,
-    minus,
-    outer,
-    pair,
-    plus,
-    point,
-    product,
-    put_pair,
-    scaled,
-    spot,
-    turn_by,
-)
-from .places import (
     ARM,
     CARRIED,
     CENTRE,
@@ -53,8 +37,22 @@ from .places import (
     SPAN,
     TARGET,
     TARGET_SPOT,
+    Pair,
+    arrow,
+    inner,
+    left,
+    minus,
+    outer,
+    pair,
+    plus,
+    point,
+    product,
+    put_pair,
+    scaled,
+    spot,
+    turn_by,
 )
-from .places import SLIDE as DIRECTION
+from .pairs import SLIDE as DIRECTION
 from .spans import span_arm, span_maps, span_stretch
 
 __all__ = ["joint_add", "joint_begin", "joint_curvature", "joint_maps", "joint_move"]
@@ -191,7 +189,7 @@ def lever(coordinates: IndexArray, along: Floats, j: int, y: Floats) -> Pair:
 def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Derivative of the tree's maps at the midpoint for fixed forces, times the weight.
 
-    See :func:`skfem_cosserat.compiled.curvature.joint_curvature`.
+    See :func:`skfem_cosserat.compiled.tree.joint_curvature`.
     """
     weight, C_child, C_parent, F = numbers[WEIGHT], w.C_child, w.C_parent, w.F
     if flag == 1:

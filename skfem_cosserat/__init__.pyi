@@ -1,0 +1,248 @@
+"""Public names, each with the module it comes from: read when one is first asked for."""
+
+from . import (
+    diagnostics as diagnostics,
+    errors as errors,
+    export as export,
+    history as history,
+    mesh as mesh,
+    plot as plot,
+    study as study,
+)
+from .adaptive import (
+    Adapted as Adapted,
+)
+from .adaptive.adapt import (
+    adapt as adapt,
+)
+from .advice import (
+    Advice as Advice,
+)
+from .advice.advise import (
+    advise as advise,
+)
+from .basis import (
+    DirectorBasis as DirectorBasis,
+)
+from .beam import (
+    Beam as Beam,
+)
+from .body import (
+    MassPoint as MassPoint,
+    RigidBody as RigidBody,
+)
+from .constraints import (
+    Multipliers as Multipliers,
+    NullSpace as NullSpace,
+    Treatment as Treatment,
+)
+from .coupling import (
+    Bushing as Bushing,
+    Cable as Cable,
+    Foundation as Foundation,
+    JointActuator as JointActuator,
+    JointSpringDamper as JointSpringDamper,
+    SpringDamper as SpringDamper,
+)
+from .damping import (
+    RayleighDamping as RayleighDamping,
+)
+from .diagnostics import (
+    Projection as Projection,
+)
+from .drive import (
+    JointDrive as JointDrive,
+)
+from .element import (
+    InterpolationEquidistant as InterpolationEquidistant,
+    InterpolationLobatto as InterpolationLobatto,
+)
+from .errors import (
+    AccuracyWarning as AccuracyWarning,
+    CosseratError as CosseratError,
+    CosseratWarning as CosseratWarning,
+    Diverged as Diverged,
+    FrozenError as FrozenError,
+    HistoryError as HistoryError,
+    IncompatibleError as IncompatibleError,
+    IncompleteWarning as IncompleteWarning,
+    InputError as InputError,
+    JobError as JobError,
+    MeshError as MeshError,
+    ModelWarning as ModelWarning,
+    PerformanceWarning as PerformanceWarning,
+    StorageError as StorageError,
+)
+from .export import (
+    write_csv as write_csv,
+    write_paraview as write_paraview,
+)
+from .frames import (
+    Motion as Motion,
+    MotionShake as MotionShake,
+    MotionTurn as MotionTurn,
+    Place as Place,
+    ground as ground,
+    triad as triad,
+)
+from .history import (
+    History as History,
+    spectrum as spectrum,
+)
+from .hyperelastic import (
+    SectionHyperelastic as SectionHyperelastic,
+)
+from .integrators import (
+    Asynchronous as Asynchronous,
+    Composition as Composition,
+    EnergyDecaying as EnergyDecaying,
+    EnergyMomentum as EnergyMomentum,
+    Explicit as Explicit,
+    GeneralizedAlpha as GeneralizedAlpha,
+    Integrator as Integrator,
+    State as State,
+    Stepper as Stepper,
+    Variational as Variational,
+)
+from .joint import (
+    Joint as Joint,
+    JointCylindrical as JointCylindrical,
+    JointDistance as JointDistance,
+    JointFixed as JointFixed,
+    JointPlanar as JointPlanar,
+    JointPointOnLine as JointPointOnLine,
+    JointPrismatic as JointPrismatic,
+    JointRevolute as JointRevolute,
+    JointSpherical as JointSpherical,
+    JointUniversal as JointUniversal,
+)
+from .linear import (
+    Solver as Solver,
+    SolverBanded as SolverBanded,
+    SolverDense as SolverDense,
+    SolverMetis as SolverMetis,
+    SolverPardiso as SolverPardiso,
+    SolverSuperLU as SolverSuperLU,
+)
+from .load import (
+    FunctionOfTime as FunctionOfTime,
+    Harmonic as Harmonic,
+    Load as Load,
+    LoadForce as LoadForce,
+    LoadGravity as LoadGravity,
+    LoadLine as LoadLine,
+    LoadMoment as LoadMoment,
+    RampLinear as RampLinear,
+    RampSmooth as RampSmooth,
+    Table as Table,
+)
+from .mesh import (
+    MeshCurve as MeshCurve,
+    read_mesh as read_mesh,
+    write_mesh as write_mesh,
+)
+from .modal import (
+    Buckling as Buckling,
+    Modes as Modes,
+    buckling as buckling,
+    modes as modes,
+)
+from .model import (
+    Model as Model,
+    Planar as Planar,
+    Planarity as Planarity,
+    System as System,
+    planarity as planarity,
+)
+from .model.balance import (
+    Spin as Spin,
+)
+from .newton import (
+    NewtonSettings as NewtonSettings,
+)
+from .parallel import (
+    Job as Job,
+    Outcome as Outcome,
+    Processes as Processes,
+    run_all as run_all,
+)
+from .profile import (
+    MaterialAnisotropic as MaterialAnisotropic,
+    Profile as Profile,
+    ProfileBox as ProfileBox,
+    ProfileChannel as ProfileChannel,
+    ProfileCircle as ProfileCircle,
+    ProfileComposite as ProfileComposite,
+    ProfileI as ProfileI,
+    ProfilePolygon as ProfilePolygon,
+    ProfileRectangle as ProfileRectangle,
+    ProfileRectangles as ProfileRectangles,
+    ProfileRings as ProfileRings,
+    ProfileTube as ProfileTube,
+    Region as Region,
+)
+from .run import (
+    ActionFunction as ActionFunction,
+    ActionLoad as ActionLoad,
+    ActionLock as ActionLock,
+    ActionRelease as ActionRelease,
+    ActionStop as ActionStop,
+    ActionUnlock as ActionUnlock,
+    ConditionCoordinate as ConditionCoordinate,
+    ConditionEnergy as ConditionEnergy,
+    ConditionReaction as ConditionReaction,
+    ConditionSensor as ConditionSensor,
+    ConditionTime as ConditionTime,
+    Event as Event,
+    Sensor as Sensor,
+    SensorAcceleration as SensorAcceleration,
+    SensorForce as SensorForce,
+    SensorPosition as SensorPosition,
+    SensorQuantity as SensorQuantity,
+    SensorReaction as SensorReaction,
+    SensorStrain as SensorStrain,
+    SensorVelocity as SensorVelocity,
+    StepAdvice as StepAdvice,
+    StepControl as StepControl,
+    View as View,
+    advise_step as advise_step,
+    after_events as after_events,
+    initial_state as initial_state,
+    project as project,
+    restart as restart,
+    simulate as simulate,
+    steps as steps,
+)
+from .theory import (
+    Theory as Theory,
+    TheoryReissner as TheoryReissner,
+    TheoryInextensible as TheoryInextensible,
+    TheoryRigid as TheoryRigid,
+    TheoryKirchhoff as TheoryKirchhoff,
+)
+from .section import (
+    Material as Material,
+    Section as Section,
+    SectionCircle as SectionCircle,
+    SectionRectangle as SectionRectangle,
+    SectionTube as SectionTube,
+)
+from .statics import (
+    ArcLength as ArcLength,
+    Branch as Branch,
+    DisplacementControl as DisplacementControl,
+    LoadControl as LoadControl,
+    equilibrium as equilibrium,
+    static as static,
+)
+from .statics.branch import (
+    branch as branch,
+)
+from .study import (
+    Refinement as Refinement,
+    refine as refine,
+    stability_map as stability_map,
+    work_precision as work_precision,
+)
+
+__version__: str

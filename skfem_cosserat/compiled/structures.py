@@ -1,0 +1,362 @@
+"""Arrays of a scene as structures for kernels, and what is in each."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import typeof, types
+from numba.core.datamodel import models
+from numba.core.imputils import lower_getattr_generic
+from numba.core.typing.templates import AttributeTemplate, infer_getattr
+from numba.extending import NativeValue, register_model, unbox
+
+__all__ = [
+    "BEAMS",
+    "CONSTRAINTS",
+    "ELIMINATION",
+    "PLAN",
+    "PLANE_BEAMS",
+    "PLANE_TREE",
+    "ROWS",
+    "TREE",
+    "WORK",
+    "Structure",
+    "beams",
+    "constraints",
+    "elimination",
+    "plan",
+    "plane_beams",
+    "plane_tree",
+    "rows",
+    "tree",
+    "work",
+]
+
+
+# -- many arrays as one argument of compiled kernels: their addresses and shapes, side by side -----
+#
+# Python fills the memory, so nothing has to be compiled for it, and the arrays belong to Python:
+# what kernels take out of a structure counts no references. Types are named by a digest of their
+# fields: names of all arguments go into symbols and into the cache on disk, many times over.
+
+_WORD = ir.IntType(64)
+
+
+class _View(types.Array):
+    """A contiguous array that Python owns."""
+
+    def __init__(self, dtype: Any, ndim: int) -> None:
+        super().__init__(dtype, ndim, "C", name=f"view({dtype}, {ndim}d)")
+
+    def unify(self, typing: Any, other: Any) -> Any:
+        """None with arrays whose references are counted."""
+        return None
+
+    def can_convert_to(self, typing: Any, other: Any) -> Any:
+        """Not to such arrays."""
+        return None
+
+
+@register_model(_View)
+class _ViewModel(models.ArrayModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind)
+        own: Any = self
+        assert own._fields[0] == "meminfo", own._fields
+        # what counts references keeps its place: a pointer, to nothing
+        own._members = types.voidptr, *own._members[1:]
+        own._models = manager.lookup(types.voidptr), *own._models[1:]
+
+
+class _Kind(types.Type):
+    """Type of a structure: names and types of its fields."""
+
+    def __init__(self, family: str, fields: dict[str, Any]) -> None:
+        text = repr([(name, str(kind)) for name, kind in fields.items()])
+        super().__init__(f"{family}_{hashlib.sha256(text.encode()).hexdigest()[:16]}")
+        self.fields = fields
+        self.places, end = {}, 0
+        for name, kind in fields.items():
+            self.places[name] = end
+            end += _words(kind)
+
+    def __reduce__(self) -> Any:
+        """By its name: all that a cache on disk needs to tell it from others."""
+        return _known, (self.name,)
+
+
+class _Unknown(types.Type):
+    """Type of a structure that this process does not have; the cache is shared by all."""
+
+    def __reduce__(self) -> Any:
+        return _known, (self.name,)
+
+
+_KINDS: dict[str, _Kind] = {}
+
+
+def _known(name: str) -> types.Type:
+    """The type of this name."""
+    return _KINDS.get(name) or _Unknown(name)
+
+
+def _words(kind: Any) -> int:
+    """What a field takes of the memory: arrays as numba has them, tuples of numbers, numbers.
+
+    A structure inside another one takes its address.
+    """
+    if isinstance(kind, _View):
+        return 5 + 2 * kind.ndim
+    if isinstance(kind, types.UniTuple):
+        return kind.count * _words(kind.dtype)
+    if isinstance(kind, _Kind) or kind in (types.float64, types.int64, types.boolean):
+        return 1
+    raise TypeError(f"compiled kernels take no field of type {kind}")
+
+
+def _entries(value: Any) -> Iterator[int]:
+    """What is in memory for a field: of numbers their bits."""
+    if isinstance(value, np.ndarray):
+        yield from (0, 0, value.size, value.itemsize, value.ctypes.data)
+        yield from value.shape
+        yield from value.strides
+    elif isinstance(value, tuple):
+        for each in value:
+            yield from _entries(each)
+    elif isinstance(value, Structure):
+        yield value.address
+    elif isinstance(value, float):
+        yield int(np.float64(value).view(np.int64))
+    else:
+        yield int(value)
+
+
+class Structure:
+    """Fields of compiled kernels in memory.
+
+    Parameters
+    ----------
+    family : str
+        Such as "beams".
+    names : sequence of str
+    values : sequence
+        Contiguous arrays, numbers, tuples of numbers or of such tuples, structures. Arrays and
+        structures are shared.
+    """
+
+    __slots__ = ("_memory", "_numba_type_", "_values", "address")
+
+    def __init__(self, family: str, names: Sequence[str], values: Sequence[Any]) -> None:
+        fields = {n: _field_type(n, value) for n, value in zip(names, values, strict=True)}
+        kind = _Kind(family, fields)
+        self._numba_type_ = _KINDS.setdefault(kind.name, kind)
+        self._values = tuple(values)
+        entries = [entry for value in values for entry in _entries(value)]
+        self._memory = np.array(entries, dtype=np.int64)
+        self.address = self._memory.ctypes.data
+
+
+def _field_type(name: str, value: Any) -> Any:
+    """Numba's type of a field."""
+    kind = types.unliteral(typeof(value))
+    if not isinstance(kind, types.Array):
+        return kind
+    if kind.layout != "C" or not kind.aligned:
+        raise TypeError(f"array {name} for compiled kernels is not contiguous")
+    return _View(kind.dtype, kind.ndim)
+
+
+@register_model(_Kind)
+class _KindModel(models.OpaqueModel):
+    pass
+
+
+@unbox(_Kind)
+def _unboxed(kind: Any, value: Any, c: Any) -> Any:
+    number = c.pyapi.object_getattr_string(value, "address")
+    address = c.pyapi.long_as_voidptr(number)
+    c.pyapi.decref(number)
+    return NativeValue(address)
+
+
+@infer_getattr
+class _Fields(AttributeTemplate):
+    key = _Kind
+
+    def generic_resolve(self, kind: Any, name: str) -> Any:
+        return kind.fields.get(name)
+
+
+@lower_getattr_generic(_Kind)
+def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
+    own = kind.fields[name]
+    words = builder.bitcast(value, _WORD.as_pointer())
+    place = builder.gep(words, [ir.Constant(_WORD, kind.places[name])])
+    if own == types.boolean:
+        return builder.trunc(builder.load(place), ir.IntType(1))
+    pointer = context.get_value_type(own).as_pointer()
+    return builder.load(builder.bitcast(place, pointer), align=8)
+
+
+# -- arrays of a frozen system as the compiled kernels take them: one argument for many arrays -----
+
+#: elements of one interpolation: shape functions and slopes at Gauss points as tuples, so that
+#: their numbers are known when compiling; first rows of y of the nodes; slots of the blocks
+BEAMS = (
+    *("N", "dN", "weights", "base", "slot", "lengths", "section", "stiffness", "reference", "mass"),
+    *("diagonal", "rotations", "turned", "S0", "S", "predicted"),
+)
+#: vertices of moments and whether these follow; of each pair of vertices that a force fixed in a
+#: body, or drag, couples: first rows of y of where it acts and of what it depends on, and the slot
+#: of their block
+FOLLOWING = ("moment_vertex", "moment_follows", "follower")
+#: force elements: integers, factors of laws, matrices of invariants
+COUPLINGS = ("coupling", "coupling_law", "coupling_forms")
+#: elements whose lines follow from their directors: of each edge which of them, or -1; length from
+#: parent to child, negative against the element; Gamma of the reference, rotations of the section
+#: at both, blocks of both
+SPANS = ("span", "span_reach", "span_strain", "span_rotation", "span_turned", "span_slot")
+#: vertices, edges (joints from parent to child) and their coordinates
+TREE = (
+    *(
+        "row",
+        "framed",
+        "free",
+        "loose",
+        "R",
+        "triads",
+        "turn",
+        "swing",
+        "followed",
+        "value",
+        "driven",
+        "turning",
+    ),
+    *("child", "parent", "child_row", "parent_row", "parent_frame", "guide_frame", "relative"),
+    *("sphere", "open", "child_offset", "parent_offset", "arm0"),
+    *("fulcrum_row", "fulcrum_offset", "fulcrum_vertex", "first"),
+    *("kind", "own", "axis", "right", "axis0", "guide_row", "guide_vertex"),
+    *("target_row", "target_offset", "target_vertex"),
+    *("centre_row", "centre_offset", "centre_vertex"),
+    *("mass_data", "mass_indices", "mass_indptr"),
+    *("loop_products", "loop_factors", "loop_linear", "loop_linear_factors", "loop_constant"),
+    *("loop_vertices", "triple", "lump_vertex", "lumps", "point_vertex", "point_masses"),
+    *FOLLOWING,
+    *COUPLINGS,
+    *SPANS,
+)
+#: the order of elimination, neighbours still to come, slots of blocks; how many are eliminated in
+#: blocks, and what is called back to solve for the rest (0: none)
+PLAN = (
+    *("order", "edge", "parent", "size", "diag", "ptr", "neighbour", "right", "down"),
+    *("update_ptr", "update", "parent_at", "to_parent", "rest"),
+)
+#: constraints of joints as products and linear terms of rows of y, behind them those that only tell
+#: how things lie; multipliers (impulses) and what is kept of steps
+CONSTRAINTS = (
+    *("row", "framed", "director", "mass_data", "mass_indices", "mass_indptr"),
+    *("lump_vertex", "lumps", "point_vertex", "point_masses"),
+    *("products", "product_row", "left", "right", "factor", "drive_row", "drive_component"),
+    *("product_place", "product_column", "curved", "linear_row", "linear", "linear_factor"),
+    *("linear_place", "linear_column", "constant", "magnitude", "scaled", "step"),
+    *("multiplier", "added", "last_one", "one_before", "start", "last", "before"),
+    *("impulse", "g", "G_left", "G_right"),
+    *FOLLOWING,
+    *COUPLINGS,
+)
+#: as PLAN, with the multipliers of each vertex, and factors
+ELIMINATION = (
+    *("order", "diag", "ptr", "neighbour", "right", "down", "update_ptr", "update", "parent_at"),
+    *("coordinates", "multiplier_ptr", "multipliers", "internal", "triple", "scale"),
+    *("T", "X", "D", "inverse", "pivots", "panel", "x", "scratch"),
+)
+#: what changes during a step
+WORK = (
+    *("y0", "p0", "external", "ground1", "y1", "mid", "R", "momentum", "internal"),
+    *("R_mixed", "change", "F", "F_mixed", "b", "x", "total", "last", "extra", "twist", "A"),
+    *("mu", "mu_change", "gap", "gap_rate", "closing", "b_kept", "border", "border_twist"),
+    "border_row",
+    *(
+        "schur",
+        "schur_scratch",
+        "before",
+        "found",
+        "carried",
+        "frames",
+        "inverse",
+        "S_kept",
+        "X_kept",
+    ),
+    *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
+    *("dead", "moments", "followers", "coupled"),
+)
+#: of scenes in a plane: elements, and in the end what makes rows of y in space of their forces
+PLANE_BEAMS = (
+    *("N", "dN", "weights", "base", "slot", "lengths", "section", "stiffness", "reference", "mass"),
+    *("rotations", "turned", "S0", "S", "predicted"),
+    *("axes", "director", "resultants", "frames", "triads", "out"),
+)
+#: what there is by rows of y in space: first rows of the vertices, their directors by unit vectors,
+#: axes of the plane, what is normal to it
+ROWS = (
+    *("first", "framed", "director", "axes", "rest", "y0", "y1", "ground1", "p0", "external"),
+    *("R", "momentum", "internal", "carried", "mass_data", "mass_indices", "mass_indptr"),
+)
+#: vertices, edges and their coordinates in a plane; vertices of the ground come last
+PLANE_TREE = (
+    *("rows", "framed", "free", "loose", "followed", "turn", "turning"),
+    *("child", "parent", "edges", "arms", "coordinates", "along", "value", "driven"),
+    *("mass_blocks", "mass_indices", "mass_indptr"),
+    *("lump_vertex", "lumps", "point_vertex", "point_masses"),
+    *("products", "factors", "linear", "directions", "loop_constant", "loop_vertices"),
+    "span_slot",
+)
+
+
+def beams(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`BEAMS`."""
+    return Structure("beams", BEAMS, values)
+
+
+def tree(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`TREE`."""
+    return Structure("tree", TREE, values)
+
+
+def plan(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`PLAN`."""
+    return Structure("plan", PLAN, values)
+
+
+def constraints(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`CONSTRAINTS`."""
+    return Structure("constraints", CONSTRAINTS, values)
+
+
+def elimination(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`ELIMINATION`."""
+    return Structure("elimination", ELIMINATION, values)
+
+
+def work(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`WORK`."""
+    return Structure("work", WORK, values)
+
+
+def plane_beams(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`PLANE_BEAMS`."""
+    return Structure("plane_beams", PLANE_BEAMS, values)
+
+
+def rows(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`ROWS`."""
+    return Structure("rows", ROWS, values)
+
+
+def plane_tree(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`PLANE_TREE`."""
+    return Structure("plane_tree", PLANE_TREE, values)

@@ -1,0 +1,669 @@
+"""The discrete null space method with nodal reparametrisation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from ..errors import PerformanceWarning
+from ..kernels import add_scalar, beam_geometric, null_space_entries, skew, spin_gradient
+from ..linear import LinearSolver
+from ..model import System
+from ..model.closure import Selected, continued
+from ..model.groups import Blocks, Parts
+from ..model.kinematics import Located
+from ..model.loops import Passages, way_on
+from ..model.reparametrisation import Reparametrisation
+from ..pattern import FrozenPattern, sum_at
+from ..types import Array, Floats, IndexArray
+from ..warn import warn
+from .base import BoundTreatment, Treatment, group_pairs, largest, pair_numbers, relative_size
+
+__all__ = ["Congruence", "NullSpace", "NullSpaceBlocks"]
+
+
+# -- internal null space matrices of all elements of a group, straight from the rows of y ----------
+
+
+class NullSpaceBlocks:
+    """:func:`skfem_cosserat.kernels.null_space_blocks` of the same frames, again and again.
+
+    Zeros and ones stay; where the other entries come from and go to is known beforehand.
+
+    Parameters
+    ----------
+    rows : (ne, nn, 3) int array
+        Rows of y of the directors of each element's nodes.
+    total : int
+        Rows of y.
+    count : int
+        How many configurations are asked for at once.
+    """
+
+    def __init__(self, rows: IndexArray, total: int, count: int) -> None:
+        ne, nn = rows.shape[:2]
+        ones, where, part, sign = null_space_entries(nn)
+        self._shape = count, ne, 12 * nn, 6 * nn
+        size = 72 * nn * nn
+        numbers = (3 * rows[..., None] + np.arange(3)).reshape(ne, -1)[:, part]
+        starts = size * np.arange(count * ne)[:, None]
+        self._source = (3 * total * np.arange(count)[:, None, None] + numbers).ravel()
+        self._where, self._ones = (starts + where).ravel(), (starts + ones).ravel()
+        self._sign = np.tile(sign, count * ne)
+        self._flat: Array = np.zeros(0)
+
+    def at(self, y: Array) -> Array:
+        """P_int (count, ne, 12 nn, 6 nn) of configurations one after the other, flat.
+
+        Overwritten when asked for again.
+        """
+        if self._flat.dtype != y.dtype or not len(self._flat):
+            self._flat = np.zeros(int(np.prod(self._shape)), dtype=y.dtype)
+            self._flat[self._ones] = 1
+        entries = y.take(self._source)
+        entries *= self._sign
+        self._flat[self._where] = entries
+        return self._flat.reshape(self._shape)
+
+
+# -- products ``T^T A T`` with matrices of a fixed pattern: from coordinates to unknowns -----------
+
+#: products of single entries above which parts that are full enough are multiplied as full matrices
+MANY = 40_000
+_UNIT = np.ones(1)
+
+
+@dataclass(eq=False)
+class _Full:
+    """Rows and columns of T that hang together, as full matrices.
+
+    Attributes
+    ----------
+    rows, cols : int
+        How many.
+    sources, places : int arrays
+        Entries of A, and where they go in (rows, rows).
+    entries, where : int arrays
+        Entries of T, and where they go in (rows, cols).
+    """
+
+    rows: int
+    cols: int
+    sources: IndexArray
+    places: IndexArray
+    entries: IndexArray
+    where: IndexArray
+
+    def product(self, A: Floats, left: Floats, right: Floats) -> Floats:
+        """``T_left^T A T_right`` (cols, cols), flat."""
+        both = self.rows, self.cols
+        inner = sum_at(self.places, A[self.sources], self.rows**2).reshape(self.rows, -1)
+        T_left, T_right = (
+            sum_at(self.where, values[self.entries], self.rows * self.cols).reshape(both)
+            for values in (left, right)
+        )
+        return np.asarray(T_left.T @ (inner @ T_right)).ravel()
+
+
+class Congruence:
+    """``T_left^T A T_right + C T_right`` through a frozen pattern.
+
+    A is given by contributions at pairs of twists, T by its entries, C by entries at (unknown,
+    twist). Twists of free vertices are unknowns themselves, so most contributions pass straight
+    through. Where rows of T have many entries, such as those along a beam without extension, full
+    matrices take the place of products of single entries.
+    """
+
+    def __init__(
+        self,
+        pairs: tuple[IndexArray, IndexArray],
+        extra: tuple[IndexArray, IndexArray],
+        T: tuple[IndexArray, IndexArray, IndexArray],
+        shape: tuple[int, int],
+    ) -> None:
+        T_rows, T_cols, ones = T
+        order = np.argsort(T_rows, kind="stable")
+        start = np.searchsorted(T_rows[order], np.arange(shape[0] + 1))
+        count = np.diff(start)
+        identity = np.zeros(shape[0], dtype=bool)
+        one = np.flatnonzero(count == 1)
+        identity[one] = np.isin(order[start[one]], ones)
+        I, J = pairs  # noqa: E741
+        plain = identity[I] & identity[J]
+        passed = np.flatnonzero(plain)
+        rest = np.flatnonzero(~plain & (count[I] > 0) & (count[J] > 0))
+        self._full: list[_Full] = []
+        columns: list[IndexArray] = []
+        if (count[I[rest]] * count[J[rest]]).sum() > MANY:
+            self._full, columns = _full_parts(I[rest], J[rest], rest, T_rows, T_cols, shape)
+            rest = rest[:0]
+        self._source, self._left, self._right = _expand(I[rest], J[rest], rest, start, order)
+        k, J2 = extra
+        self._extra, _, self._extra_right = _expand(None, J2, np.arange(len(J2)), start, order)
+        # products of both kinds as one: entries of A, then of C; of T left, T right, then one
+        self._products = np.concatenate([self._source, len(I) + self._extra])
+        ones = np.full(len(self._extra), 2 * len(T_rows))
+        rights = len(T_rows) + np.concatenate([self._right, self._extra_right])
+        self._factors = np.stack([np.concatenate([self._left, ones]), rights])
+        col = T_cols[order[start[:-1][identity]]] if identity.any() else np.zeros(0, dtype=int)
+        number = np.full(shape[0], -1)
+        number[identity] = col
+        rows = [number[I[passed]], T_cols[self._left], k[self._extra]]
+        cols = [number[J[passed]], T_cols[self._right], T_cols[self._extra_right]]
+        rows += [np.repeat(each, len(each)) for each in columns]
+        cols += [np.tile(each, len(each)) for each in columns]
+        self.pattern = FrozenPattern(
+            np.concatenate(rows).astype(np.int64),
+            np.concatenate(cols).astype(np.int64),
+            (shape[1], shape[1]),
+        )
+        slot, nnz = self.pattern.slot, self.pattern.nnz
+        # contributions that pass, then products: one sum of both
+        given = len(I) + len(J2)
+        products = given + np.arange(len(slot) - len(passed))
+        sources = np.concatenate([passed, products])
+        self._places = np.full(given + len(products), nnz)  # the last one: what is not used
+        self._places[sources] = slot
+
+    def data(self, A: Sequence[Floats], C: Floats, left: Floats, right: Floats) -> Floats:
+        """Entries of the product in :attr:`pattern`; A in one piece or more."""
+        every = np.concatenate([*A, C])
+        values = [every]
+        if len(self._products):
+            factors = np.concatenate([left, right, _UNIT]).take(self._factors)
+            values.append(every.take(self._products) * factors[0] * factors[1])
+        values += [full.product(every, left, right) for full in self._full]
+        if len(values) > 1:
+            every = np.concatenate(values)
+        return sum_at(self._places, every, self.pattern.nnz + 1)[:-1]
+
+
+def _expand(
+    I: IndexArray | None,  # noqa: E741
+    J: IndexArray,
+    source: IndexArray,
+    start: IndexArray,
+    order: IndexArray,
+) -> tuple[IndexArray, IndexArray, IndexArray]:
+    """All pairs of T entries in rows I and J of each contribution."""
+    count = np.diff(start)
+    nI = np.ones(len(J), dtype=np.int64) if I is None else count[I]
+    nJ = count[J]
+    total = nI * nJ
+    which = np.repeat(np.arange(len(J)), total)
+    local = np.arange(int(total.sum())) - np.repeat(np.cumsum(total) - total, total)
+    a, b = np.divmod(local, nJ[which]) if len(which) else (local, local)
+    right = order[start[J[which]] + b] if len(which) else np.zeros(0, dtype=np.int64)
+    if I is None:
+        return source[which], which, right
+    left = order[start[I[which]] + a] if len(which) else np.zeros(0, dtype=np.int64)
+    return source[which], left, right
+
+
+def _full_parts(
+    I: IndexArray,  # noqa: E741
+    J: IndexArray,
+    source: IndexArray,
+    T_rows: IndexArray,
+    T_cols: IndexArray,
+    shape: tuple[int, int],
+) -> tuple[list[_Full], list[IndexArray]]:
+    """Rows that contributions couple, with their columns, in parts; columns of each part."""
+    rows, cols = shape
+    used = np.zeros(rows, dtype=bool)
+    used[I] = used[J] = True
+    mine = np.flatnonzero(used[T_rows])
+    ends = np.concatenate([np.stack([I, J]), np.stack([T_rows[mine], rows + T_cols[mine]])], axis=1)
+    graph = coo_matrix((np.ones(ends.shape[1]), ends), shape=(rows + cols, rows + cols))
+    label = connected_components(graph, directed=False)[1]
+    found, columns = [], []
+    local = np.zeros(rows + cols, dtype=np.int64)
+    for name in np.unique(label[I]):
+        r = np.flatnonzero((label[:rows] == name) & used)
+        c = np.flatnonzero(label[rows:] == name)
+        local[r], local[rows + c] = np.arange(len(r)), np.arange(len(c))
+        which = np.flatnonzero(label[I] == name)
+        entries = mine[label[T_rows[mine]] == name]
+        places = local[I[which]] * len(r) + local[J[which]]
+        where = local[T_rows[entries]] * len(c) + local[rows + T_cols[entries]]
+        found.append(_Full(len(r), len(c), source[which], places, entries, where))
+        columns.append(c)
+    return found, columns
+
+
+# -- discrete null space method with nodal reparametrisation: n - m unknowns, no multipliers -------
+
+#: iterations to close the loops of one Newton iterate
+CLOSING = 30
+#: violation, relative to the size of the rows' terms, below which a loop counts as closed
+CLOSED = 4e-16
+#: a correction (rad, or relative to the scene) this small needs no other
+QUADRATIC = 3e-8
+#: the same for the first guess of a step
+GUESSED = 1e-2
+#: smallest pivot of closing rows, relative, above which a position is regular for all purposes
+REGULAR = 1e-3
+#: share of the smallest pivot of closing rows that motions (rad, or relative to the scene) may use
+#: up before rows are chosen again: they are products of two things that turn, so change by twice as
+#: much at most, and are more than half as far from singular then
+CLEAR = 0.2
+#: share of it that may be left before others may do better
+HALF = 0.5
+#: entries of a matrix of elements without extension above which multipliers are far faster
+CROWDED = 90_000
+#: a correction this large means that the loop does not close near here
+FAR = 3.0
+_ZERO = np.zeros(1)
+
+
+class NullSpace(Treatment):
+    """Null space method with nodal reparametrisation, equations (25), (61), (68), (69).
+
+    Constraints are fulfilled to round-off by construction. The null space matrix comes from the
+    tree of joints, without a factorisation of the constraint Jacobian. Joints that close a loop
+    are eliminated as well: their rows are factorised in the tree's coordinates, and the loops are
+    closed in every Newton iterate.
+
+    Examples
+    --------
+    >>> NullSpace().name
+    'null-space'
+    """
+
+    name = "null-space"
+    reference = (
+        "Betsch & Leyendecker, IJNME 67 (2006) 499; Leyendecker, Marsden & Ortiz, ZAMM 88 (2008)"
+        " 677, equation (25)"
+    )
+
+    def bind(self, system: System, weight: float) -> BoundNullSpace:
+        """See the base class."""
+        return BoundNullSpace(system, weight)
+
+
+class BoundNullSpace(BoundTreatment):
+    """See :class:`NullSpace`.
+
+    With loops ``P = P_int T Z``, where Z spans what the closure rows leave free of the K
+    coordinates of the tree; it is evaluated where P is, with the rows chosen at the step's start.
+    """
+
+    def __init__(self, system: System, weight: float) -> None:
+        super().__init__(system, weight)
+        kin = self.kin = system.kinematics
+        self.closure = system.closure
+        self.unknowns = system.unknowns
+        self.nodal = Reparametrisation(kin)
+        number = np.zeros(len(system.origin_rows), dtype=np.int64)
+        number[kin.frames] = np.arange(len(kin.frames))
+        rows = [kin.director_rows[number[g.vertices]] if g.framed else None for g in system.groups]
+        #: null space matrices where forces act, at the end of a step, and both, overwritten
+        self._P = {
+            which: [None if r is None else NullSpaceBlocks(r, kin.total, count) for r in rows]
+            for which, count in ((("both", 2),) if weight else (("left", 1), ("right", 1)))
+        }
+        self._make_pattern()
+        if kin.spans is not None and self.pattern.nnz > CROWDED:
+            warn(
+                " and ".join(sorted({span.label for span, _ in system.tree.spans})),
+                "all of its rotations move what hangs on them, which makes a full matrix of"
+                f" {self.unknowns} unknowns; Multipliers() has a sparse one",
+                PerformanceWarning,
+            )
+        turning = np.zeros(kin.unknowns, dtype=bool)
+        turning[self.nodal.rotating] = True
+        #: numbers of shifts, then of rotations, and where they begin
+        shifts = [*np.flatnonzero(~turning), kin.unknowns]
+        self._by_kind = np.array([*shifts, *np.flatnonzero(turning), kin.unknowns])
+        self._kinds = [0, len(shifts)]
+        self._total: Array = np.zeros(kin.unknowns)
+        self.last: Array | None = None
+        self._enough = QUADRATIC
+        self._direction: list[Floats] | None = None
+        self._passages = Passages(system)
+        self._P_left: list[Array | None] | None = None
+        self._known: tuple[Array, Located, Array] | None = None
+        #: of each kind of elements whose lines follow from directors: group, and which of its own
+        self._spanned = [
+            (k, np.array([g.slices[id(s.item)].start + s.element for s in each.spans]))
+            for each in (() if kin.spans is None else kin.spans.groups)
+            for k, g in enumerate(system.beam_groups)
+            if id(each.spans[0].item) in g.slices
+        ]
+
+    def _make_pattern(self) -> None:
+        system, kin = self.system, self.kin
+        dofs = [
+            (kin.twist_of[g.vertices][:, :, None] + np.arange(6 if g.framed else 3)).reshape(
+                len(g.vertices), -1
+            )
+            for g in system.groups
+        ]
+        self._loops = len(self.closure.rows) > 0
+        self._curved, loop_pairs = system.constraints.curvature_of(self.closure.rows)
+        curved = self._loops and self.weight > 0
+        #: pairs of rows of y with 3x3 blocks: couplings, then curvature of loop rows
+        self._row_pairs = np.vstack([system.coupled_rows, loop_pairs[: len(loop_pairs) * curved]])
+        i, j = group_pairs(system, dofs)
+        ci, cj = pair_numbers(self._row_pairs, kin.row_twist)
+        i, j = np.concatenate([i, ci]), np.concatenate([j, cj])
+        extra = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+        if self.weight:  # derivative of P: moments on each frame, and the tree's
+            omega = kin.frame_twist[:, 3:]
+            i = np.concatenate([i, np.repeat(omega, 3, axis=1).ravel()])
+            j = np.concatenate([j, np.tile(omega, (1, 3)).ravel()])
+            if len(kin.tree.pairs):
+                extra = kin.curvature_pattern()
+        self._congruence = Congruence(
+            (i, j), extra, (kin.T_rows, kin.T_cols, kin.ones), (kin.n_twist, kin.unknowns)
+        )
+        self.pattern = self._congruence.pattern
+        if self._loops:
+            tree = self.pattern
+            cols = np.repeat(np.arange(tree.shape[1]), np.diff(tree.indptr))
+            Z = self.closure.null_pattern()
+            none = np.zeros(0, dtype=np.int64)
+            self._ones = Z[2]
+            self._reduction = Congruence(
+                (tree.indices, cols),
+                (none, none),
+                (Z[0], Z[1], np.arange(Z[2])),
+                (kin.unknowns, self.unknowns),
+            )
+            self.pattern = self._reduction.pattern
+            self._Z = (Z[0], Z[1])
+        self.solver = LinearSolver(self.pattern)
+
+    # -- a step ----------------------------------------------------------------------------------
+
+    def begin(self, y0: Array, ground1: Array, h: float) -> None:
+        """See the base class."""
+        self.y0, self.h, self._known = y0, h, None
+        self.nodal.begin(y0, ground1)
+        if self._loops:
+            self._choose(y0)
+        if self.weight == 0:
+            self._set_left(y0)
+
+    def _choose(self, y0: Array) -> None:
+        """Independent closure rows at the start of the step."""
+        T = self._tree_at(y0)[1]
+        chosen = self.closure.select(y0, T)
+        least = self._least = min(float(s.pivots.min(initial=1.0)) for s in chosen)
+        self.regular = least > REGULAR
+        self.clearance = CLEAR * least if self.regular else 0.0
+        self.closing = np.concatenate([s.rows for s in chosen])
+        if self.momentum is not None:
+            self._passages, self._direction = Passages(self.system), None
+        self.doubts = self._passages.look(y0, T, chosen)
+        before = self._direction
+        self._chosen = [
+            way_on(self.system, y0, s, None if before is None else before[k], self.momentum)
+            for k, s in enumerate(chosen)
+        ]
+        self._direction = [s.Q2 for s in self._chosen]
+
+    def clear(self, rows: Floats) -> bool:
+        """See the base class."""
+        least = self.closure.independence(self._chosen, rows)
+        if not least > HALF * self._least:
+            return False
+        self.clearance = CLEAR * least
+        return True
+
+    def _selected(self, y: Array, T: Array) -> list[Selected]:
+        if y is self.y0:
+            return self._chosen
+        again = self.closure.again(self._chosen, y, T)
+        return [continued(s, c.Q2) for s, c in zip(again, self._chosen, strict=True)]
+
+    def _tree_at(self, y: Array) -> tuple[Located, Array]:
+        """The tree at y, and the values of its T; known if y was asked for last."""
+        known = self._known
+        if known is None or known[0] is not y:
+            at = self.kin.locate(y, self.nodal.fixed)
+            known = self._known = y, at, self.kin.T_values(at)
+        return known[1:]
+
+    def _set_left(self, y: Array) -> None:
+        """P^T is evaluated at y."""
+        self._left, self._T_left = self._tree_at(y)
+        self._P_left = None
+        if self._loops:
+            self._selected_left = self._selected(y, self._T_left)
+            self._Z_left = self.closure.null_values(self._selected_left, self._ones)
+
+    def guess(self, extrapolate: bool) -> None:
+        """See the base class."""
+        self.nodal.reset()
+        self._total = np.zeros(self.kin.unknowns)
+        self._enough = GUESSED
+        if extrapolate and self.last is not None:
+            self._add(self.last)
+
+    def rescale(self, ratio: float) -> None:
+        """See the base class."""
+        self.last = None if self.last is None else ratio * self.last
+
+    def move_ground(self, ground1: Array) -> None:
+        """See the base class."""
+        self.nodal.move_ground(ground1)
+
+    def _add(self, increment: Array) -> None:
+        self.nodal.add(increment)
+        self._total = self._total + increment
+
+    def configuration(self) -> Array:
+        """See the base class; loops are closed first."""
+        y1 = self.nodal.configuration()
+        return self._close(y1) if self._loops else y1
+
+    def _close(self, y1: Array) -> Array:
+        """Shortest changes of the tree's coordinates until the loops close.
+
+        A step's first guess is moved once only: an iteration follows.
+        """
+        self.trouble = None
+        kin, closure = self.kin, self.closure
+        enough, self._enough = self._enough, QUADRATIC
+        for _ in range(CLOSING):
+            g = self.system.constraints.values(y1)
+            gaps = [closure.violation(s, g) for s in self._chosen]
+            if max(float(abs(gap).max(initial=0.0)) for gap in gaps) <= CLOSED:
+                return y1
+            T = kin.T_values(kin.locate(y1, self.nodal.fixed))
+            step = np.zeros(kin.unknowns, dtype=y1.dtype)
+            for s, gap in zip(closure.again(self._chosen, y1, T), gaps, strict=True):
+                step[s.component.columns] = s.correction(gap)
+            size = self._size(step)[0]
+            if not np.isfinite(size) or size > FAR:
+                break
+            self._add(step)
+            y1 = self.nodal.configuration()
+            if size < enough:  # what is left is the square of it
+                return y1
+        names = ", ".join(joint.label for joint in self.system.tree.loops)
+        self.trouble = f"the loop through the {names} does not close"
+        return y1
+
+    def residual(self, R: Array, y1: Array) -> Array:
+        """``P(y_c)^T R``."""
+        if self.weight:
+            self._set_left(self.constraint_point(y1))
+        self._twist_force = self.kin.twist_force(self._left.y, R)
+        self._tree_force = self.kin.reduce(self._T_left, self._twist_force)
+        return self._by_unknowns(self._tree_force)
+
+    def _by_unknowns(self, tree_force: Array) -> Array:
+        """``Z^T f`` at the configuration of P^T."""
+        if not self._loops:
+            return tree_force
+        rows, cols = self._Z
+        return sum_at(cols, self._Z_left * tree_force[rows], self.unknowns)
+
+    def push(self, increment: Array, y1: Array) -> Array:
+        """See the base class."""
+        T1 = self._tree_at(y1)[1]
+        return self.kin.rates(y1, self.kin.expand(T1, self._by_tree(increment)))
+
+    def pull(self, gradient: Array) -> Array:
+        """See the base class."""
+        force = self.kin.twist_force(self._left.y, gradient)
+        return self._by_unknowns(self.kin.reduce(self._T_left, force))
+
+    def relative(self, residual: Array, term: float) -> float:
+        """See the base class."""
+        if self.trouble is not None:
+            return float("inf")
+        return relative_size(largest(residual), term)
+
+    def _null_spaces(self, which: str, ys: Array) -> list[list[Array | None]]:
+        """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), none of points; of all ys."""
+        flat, kept = ys.reshape(-1), self._P[which]
+        found = [(None, None) if blocks is None else blocks.at(flat) for blocks in kept]
+        return [[P[i] for P in found] for i in range(2 if which == "both" else 1)]
+
+    def _project(self, blocks: Sequence[Blocks], y1: Array) -> list[Array]:
+        """Blocks by coordinates -> by twists, ``P_int(y_c)^T K P_int(y_1)``."""
+        if self.weight:  # P_left changes as often as P_right
+            both = np.concatenate((self._left.y, y1))
+            P_left, P_right = self._null_spaces("both", both)
+        else:
+            if self._P_left is None:
+                (self._P_left,) = self._null_spaces("left", self._left.y)
+            (P_right,), P_left = self._null_spaces("right", y1), self._P_left
+        out = []
+        for block, left, right in zip(blocks, P_left, P_right, strict=True):
+            if left is None or right is None:
+                K = block.blocks() if isinstance(block, Parts) else block
+            elif isinstance(block, Parts):
+                K = block.between(left, right)
+            else:
+                K = left.transpose(0, 2, 1) @ (block @ right)
+            out.append(K.ravel())
+        return out
+
+    def _project_pairs(self, blocks: Array, y1: Array) -> Array:
+        """3x3 blocks at pairs of rows of y -> by twists; the rate of a director is omega x d."""
+        a, b = self._row_pairs.T
+        out = np.array(blocks)
+        left, right = (np.flatnonzero(self.kin.row_is_director[k]) for k in (a, b))
+        out[left] = skew(self._left.y[a[left]]) @ out[left]
+        out[right] = out[right] @ -skew(y1[b[right]])
+        return out.ravel()
+
+    def _balanced(self, R: Array) -> tuple[Array, Array, Array]:
+        """Balance and twist force without the forces that close the loops, and their curvature.
+
+        Derivative of ``Z^T f`` at a solution: as if the closure's multipliers mu, which balance f
+        best, acted as forces.
+        """
+        constraints = self.system.constraints
+        mu = np.zeros(constraints.size)
+        for s in self._selected_left:
+            rows, values = self.closure.multipliers(s, self._tree_force)
+            mu[rows] = values
+        y = self._left.y
+        entries = constraints.jacobian_values(y) * mu[constraints.G_rows]
+        force = sum_at(constraints.G_cols, entries, constraints.n)
+        balanced = R - force.reshape(-1, 3)
+        curvature = -self.weight * constraints.curvature_factors(self._curved, mu, y)
+        blocks = curvature[:, None, None] * np.eye(3)
+        return balanced, self.kin.twist_force(y, balanced), blocks
+
+    def _carried(self, blocks: Sequence[Blocks], R: Array) -> tuple[list[Blocks], Array]:
+        """Blocks with the curvature of strains that are held, balance without their forces.
+
+        ``P^T G^T mu = 0`` for any mu, wherever P is: its derivative trades that of the lines for
+        geometric stiffness, with the stresses that carry the balance.
+        """
+        assert self.kin.spans is not None
+        carried, stresses = self.kin.spans.carried(self._left.y, R)
+        out = list(blocks)
+        for (k, which), own in zip(self._spanned, stresses, strict=True):
+            elements, block = self.system.beam_groups[k].elements, out[k]
+            stress = np.zeros((len(elements.lengths), *own.shape[1:]), dtype=own.dtype)
+            stress[which] = -self.weight * own
+            more = beam_geometric(elements, stress)
+            if isinstance(block, Parts):
+                out[k] = replace(block, scalar=block.scalar + more)
+            else:
+                out[k] = add_scalar(block.copy(), more)
+        return out, R - carried
+
+    def data(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
+        """See the base class."""
+        kin = self.kin
+        count = len(self.system.groups)
+        force, curvature = self._twist_force, None
+        if self.weight and self._loops:
+            R, force, curvature = self._balanced(R)
+        if self.weight and kin.spans is not None:
+            blocks, R = self._carried(blocks, R)
+            force = kin.twist_force(self._left.y, R)
+        values = self._project(blocks[:count], y1)
+        pairs = [np.asarray(block) for block in blocks[count:]]
+        extra = np.zeros(0)
+        right, T1 = self._tree_at(y1)
+        if curvature is not None:
+            pairs.append(curvature)
+        if pairs:
+            values.append(self._project_pairs(np.concatenate(pairs), y1))
+        if self.weight:
+            # derivative of P_int^T R
+            W = spin_gradient(kin.directors(y1), kin.directors(R))
+            values.append((self.weight * W).ravel())
+            if len(kin.tree.pairs):
+                extra = kin.curvature_values(self._left, right, force)
+                extra *= self.weight
+        out = self._congruence.data(values, extra, self._T_left, T1)
+        if not self._loops:
+            return out
+        self._Z1 = self.closure.null_values(self._selected(y1, T1), self._ones)
+        return self._reduction.data([out], np.zeros(0), self._Z_left, self._Z1)
+
+    def scale_rows(self, residual: Array) -> Array:
+        """No scaling."""
+        return residual
+
+    def _by_tree(self, increment: Array) -> Array:
+        """Increment of the unknowns -> of the tree's coordinates, at the last matrix."""
+        if not self._loops:
+            return increment
+        rows, cols = self._Z
+        return sum_at(rows, self._Z1 * increment[cols], self.kin.unknowns)
+
+    def apply(self, increment: Array) -> None:
+        """See the base class."""
+        self._add(self._by_tree(increment))
+
+    def _size(self, increment: Array) -> tuple[float, float]:
+        # zeros at the end of both, so that there are some
+        d = abs(np.concatenate([increment, _ZERO])).take(self._by_kind)
+        shift, turn = np.maximum.reduceat(d, self._kinds).tolist()
+        return max(shift / self.system.length, turn), turn
+
+    def sizes(self, increment: Floats) -> tuple[float, float]:
+        """See the base class."""
+        return self._size(self._by_tree(increment))
+
+    def constraint_impulse(self, R: Array) -> Array:
+        """All of the balance that the null space does not see."""
+        return -R
+
+    def save(self) -> tuple[Array, ...]:
+        """See the base class."""
+        return *self.nodal.save(), self._total
+
+    def restore(self, saved: tuple[Array, ...]) -> None:
+        """See the base class."""
+        self.nodal.restore(saved[:-1])
+        self._total = saved[-1]
+
+    def finish(self) -> None:
+        """See the base class."""
+        self.last = self._total

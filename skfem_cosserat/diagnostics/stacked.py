@@ -1,0 +1,393 @@
+"""Many states at once, tangents, and the highest frequencies that they have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag, eigh
+from scipy.sparse import coo_matrix, csr_matrix, diags, identity, kron
+from scipy.sparse.linalg import splu
+
+from ..constraints.base import RowSpace
+from ..errors import IncompatibleError, InputError
+from ..history import History
+from ..linear import SingularMatrixError
+from ..model import System, takes_scene
+from ..model.balance import Amplitudes, Balance, balance, balance_tangent
+from ..model.loops import null_space_matrix
+from ..types import Array, ArrayLike, Floats, check_kind, numbers, real
+
+__all__ = [
+    "ReducedTangent",
+    "balancing_multipliers",
+    "blocks_matrix",
+    "constraint_frequency",
+    "curvature_matrix",
+    "highest_frequency",
+    "material_stiffness",
+    "null_space_matrix",
+    "reduced_tangent",
+]
+
+
+# -- states one by one or stacked: (n,) or (N, n) --------------------------------------------------
+
+
+def as_stack(
+    system: System, name: str, value: ArrayLike, like: Floats | None = None
+) -> tuple[Floats, bool]:
+    """States (N, n), as many as of `like`, and whether only one was given."""
+    array = as_floats(name, value)
+    if array.shape[-1:] != (system.n,) or array.ndim not in (1, 2):
+        raise InputError(
+            f"argument {name}", f"has shape {array.shape}, expected ({system.n},) or (N, ...)"
+        )
+    out = np.atleast_2d(array)
+    if like is not None and out.shape != like.shape:
+        raise InputError(f"argument {name}", f"has shape {array.shape}, q has {like.shape}")
+    return out, array.ndim == 1
+
+
+def as_floats(name: str, value: ArrayLike) -> Floats:
+    """An array of numbers; one that is given is not copied."""
+    if isinstance(value, np.ndarray) and value.dtype == np.float64:
+        return value
+    return numbers(f"argument {name}", name, value)
+
+
+def as_one(system: System, name: str, value: ArrayLike, finite: bool = False) -> Floats:
+    """A single array (n,)."""
+    array = as_floats(name, value)
+    if array.shape != (system.n,):
+        raise InputError(f"argument {name}", f"has shape {array.shape}, expected ({system.n},)")
+    if finite and not np.isfinite(array).all():
+        raise InputError(f"argument {name}", "is not finite")
+    return array
+
+
+def as_rows(system: System, name: str, value: ArrayLike) -> Floats:
+    """Rows of y at one state, (total, 3), from :meth:`System.extend`."""
+    array = as_floats(name, value)
+    if array.shape != (system.total, 3):
+        raise InputError(
+            f"argument {name}", f"has shape {array.shape}, expected ({system.total}, 3)"
+        )
+    return array
+
+
+def as_series(name: str, value: ArrayLike, *shape: int) -> Floats:
+    """An array of this shape for each of some states."""
+    array = as_floats(name, value)
+    if array.shape[1:] != shape or array.ndim != len(shape) + 1:
+        sizes = ", ".join(str(size) for size in shape)
+        raise InputError(f"argument {name}", f"has shape {array.shape}, expected (N, {sizes})")
+    return array
+
+
+def step_size(step: float) -> float:
+    """The step (s) between states, of either sign."""
+    out = real("argument step", "step", step, "a step (s)")
+    if not np.isfinite(out) or out == 0:
+        raise InputError("argument step", f"{step!r}, expected a finite step (s), not zero")
+    return out
+
+
+def as_times(t: ArrayLike, count: int) -> Floats:
+    """One time for each state."""
+    times = as_floats("t", t)
+    if not np.isfinite(times).all():
+        raise InputError("argument t", f"{t!r}, expected finite times (s)")
+    if times.shape not in ((), (1,), (count,)):
+        raise InputError("argument t", f"has shape {times.shape}, expected one time or ({count},)")
+    return np.broadcast_to(times, (count,))
+
+
+def check_consecutive(history: History, item: str) -> None:
+    """Refuse a history that does not hold every step."""
+    jumps = np.flatnonzero(np.diff(history["step"]) != 1)
+    if len(jumps):
+        first, then = history["step"][jumps[0] : jumps[0] + 2]
+        raise IncompatibleError(
+            item,
+            f"needs every step, the history goes from step {first:.0f} to {then:.0f}: record with"
+            " every=1",
+        )
+
+
+def all_rows(system: System, q: Floats, t: Floats) -> Floats:
+    """All rows of y (N, total, 3) of states q (N, n) at times t (N,)."""
+    out = np.empty((len(q), system.total, 3))
+    out[:, : system.rows] = q.reshape(len(q), system.rows, 3)
+    if system.moving:
+        for row, s in zip(out, t, strict=True):
+            row[system.rows :] = system.ground(float(s))
+    else:
+        out[:, system.rows :] = system.ground(0.0)
+    return out
+
+
+# -- stiffness of a scene along its constraints: what decides on stability and small vibrations ----
+
+
+@dataclass(eq=False)
+class ReducedTangent:
+    """Stiffness along the constraints at one configuration.
+
+    Attributes
+    ----------
+    K : (unknowns, unknowns) csr_matrix
+        ``P^T (dR/dy + sum_k lambda_k H_k) P``: at an equilibrium the derivative of ``P^T R`` along
+        the constraints, for conservative forces the second derivative of the potential, and then
+        symmetric (to rounding).
+    P : (n, unknowns) csr_matrix
+        Null space matrix, ``G P = 0``.
+    multipliers : (m,) array
+        Lambda of least norm with ``G^T lambda = -R``.
+    balance : Balance
+        Forces at the configuration.
+    metric : (unknowns, unknowns) csr_matrix
+        ``P^T diag(w) P``, w = 1/length^2 for positions and 1/2 for directors: size of a motion
+        without units, that of a turn by an angle being the angle.
+    """
+
+    K: csr_matrix
+    P: csr_matrix
+    multipliers: Floats
+    balance: Balance
+    metric: csr_matrix
+
+    @property
+    def residual(self) -> Floats:
+        """``P^T R`` (unknowns,): zero at an equilibrium."""
+        return np.asarray(self.P.T @ self.balance.R.ravel())
+
+
+@takes_scene
+def reduced_tangent(
+    system: System, y: Floats, amplitudes: Amplitudes, at: Balance | None = None
+) -> ReducedTangent:
+    """Tangent stiffness along the constraints, at an equilibrium.
+
+    Parameters
+    ----------
+    system : Model or System
+    y : (total, 3) array
+        All rows of the configuration, from :meth:`System.extend`.
+    amplitudes : Amplitudes
+        Of loads and actuators, with the spin of a turning frame.
+    at : Balance, optional
+        Forces at y, if they are known already: with the full turns of springs on angles.
+
+    Raises
+    ------
+    SingularMatrixError
+        In a configuration where independent constraint rows become dependent.
+
+    Notes
+    -----
+    Along the constraints ``d(P^T R) = P^T dR + dP^T R``, and with ``R = -G^T lambda`` the second
+    term is ``P^T (sum_k lambda_k H_k) P du``, H_k the second derivative of constraint k. It needs
+    no derivative of P, and where rows are redundant any lambda that balances R will do.
+
+    Examples
+    --------
+    A pendulum of 2 kg and 1 m, hanging: both swings have the stiffness m g l = 20 N m.
+
+    >>> from skfem_cosserat import JointDistance, LoadGravity, MassPoint, Model, ground
+    >>> from skfem_cosserat.model.balance import amplitudes_at
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> weight = model.add("weight", LoadGravity((0, 0, -10.0)))
+    >>> system = model.freeze()
+    >>> y = system.extend(system.q0, 0.0)
+    >>> reduced_tangent(system, y, amplitudes_at(system, 0.0)).K.toarray().round(9).tolist()
+    [[20.0, 0.0], [0.0, 20.0]]
+    """
+    check_kind("argument amplitudes", amplitudes, Amplitudes)
+    y = as_rows(system, "y", y)
+    if at is None:
+        at = balance(system, y, amplitudes)
+    multipliers = balancing_multipliers(system, y, at.R.ravel())
+    P = null_space_matrix(system, y)
+    A = blocks_matrix(system, balance_tangent(system, at, amplitudes))
+    A = A + curvature_matrix(system, y, multipliers)
+    weights = np.full((system.rows, 3), 0.5)
+    weights[system.origin_rows] = 1 / system.length**2
+    metric = (P.T @ diags(weights.ravel()) @ P).tocsr()
+    return ReducedTangent((P.T @ A @ P).tocsr(), P, multipliers, at, metric)
+
+
+def balancing_multipliers(system: System, y: Floats, R: Floats) -> Floats:
+    """Lambda (m,) of least norm with ``G^T lambda = -R`` for a balance R (n,).
+
+    Once refined, as the equations are squared ones.
+    """
+    if not system.m:
+        return np.zeros(0)
+    rows, G = RowSpace(system, y), system.constraints.jacobian(y)
+    out = rows.multipliers(-R)
+    return np.asarray(out + rows.multipliers(-R - G.T @ out))
+
+
+def blocks_matrix(system: System, blocks: list[Array]) -> csr_matrix:
+    """Blocks of the system's groups, then of its couplings if any, as a matrix (n, n)."""
+    rows, cols, values = [], [], []
+    for group, block in zip(system.groups, blocks, strict=False):
+        dofs = group.dofs
+        rows.append(np.broadcast_to(dofs[:, :, None], block.shape).ravel())
+        cols.append(np.broadcast_to(dofs[:, None, :], block.shape).ravel())
+        values.append(block.ravel())
+    if len(blocks) > len(system.groups):
+        xyz, block = np.arange(3), blocks[-1]
+        a, b = (3 * system.couplings.pairs[:, k, None, None] for k in (0, 1))
+        rows.append(np.broadcast_to(a + xyz[:, None], block.shape).ravel())
+        cols.append(np.broadcast_to(b + xyz, block.shape).ravel())
+        values.append(block.ravel())
+    shape = (system.n, system.n)
+    if not values:
+        return csr_matrix(shape)
+    ij = (np.concatenate(rows), np.concatenate(cols))
+    return coo_matrix((np.concatenate(values), ij), shape=shape).tocsr()
+
+
+def curvature_matrix(system: System, y: Floats, multipliers: Floats) -> csr_matrix:
+    """``sum_k lambda_k H_k`` (n, n), H_k the second derivative of constraint k."""
+    c = system.constraints
+    ij = (c.curvature_rows, c.curvature_cols)
+    values = c.curvature_values(multipliers, y)
+    return coo_matrix((values, ij), shape=(system.n, system.n)).tocsr()
+
+
+def material_stiffness(system: System, y: Floats) -> csr_matrix:
+    """Stiffness (n, n) of all beams at configuration y, as if there were no stresses."""
+    blocks = system.mass_tangent(0.0)
+    for k, (group, (eps, B)) in enumerate(zip(system.beam_groups, system.strain(y), strict=True)):
+        blocks[k] = group.tangent(B, B, np.zeros_like(eps), 1.0, 0.0, group.moduli(eps))
+    return blocks_matrix(system, blocks)
+
+
+# --------------------------------------------------------------------------------------------------
+# Frequencies that limit steps: the highest of the elastic vibrations, that of the constraints.
+
+
+@takes_scene
+def highest_frequency(system: System, q: ArrayLike | None = None, iterations: int = 50) -> float:
+    """Highest natural frequency of the elastic vibrations about a configuration.
+
+    Largest eigenvalue of ``P^T K P`` against ``P^T M P``, with the material stiffness
+    ``K = int B^T D B ds`` of the beams: stresses change the highest frequencies little.
+
+    Parameters
+    ----------
+    system : Model or System
+        Springs and bushings are left out.
+    q : (n,) array, optional
+        Configuration; default: the reference.
+    iterations : int
+        Power iterations. The frequency comes out too low, never too high: by some percent after
+        50, as the highest frequencies of a mesh lie close together.
+
+    Returns
+    -------
+    float
+        Angular frequency (rad/s), zero without beams.
+
+    Raises
+    ------
+    InputError
+        If the shape of `q` does not fit the system or `iterations` is not a positive integer.
+    SingularMatrixError
+        If a motion has no inertia.
+
+    Examples
+    --------
+    Axial waves in steel: ``2 sqrt(3)/l sqrt(E/rho)`` for elements of length l and, here, the
+    highest of all:
+
+    >>> from skfem_cosserat import Beam, Material, MeshCurve, Model, SectionRectangle
+    >>> steel = Material(210e9, 0.3, 7850.0)
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 10)
+    >>> model = Model()
+    >>> bar = model.add("bar", Beam(mesh, SectionRectangle(0.5, 0.5, steel), director=(0, 1, 0)))
+    >>> omega = highest_frequency(model.freeze())
+    >>> bool(0.95 < omega / (2 * 3**0.5 / 0.1 * (210e9 / 7850) ** 0.5) <= 1)
+    True
+    """
+    whole = isinstance(iterations, int | np.integer) and not isinstance(iterations, bool)
+    if not whole or iterations < 1:
+        raise InputError("argument iterations", f"{iterations!r}, expected a positive integer")
+    where = as_stack(system, "q", system.q0 if q is None else q)[0][0]
+    if not system.beam_groups or not system.unknowns:
+        return 0.0
+    y = system.extend(where, 0.0)
+    P = null_space_matrix(system, y)
+    K = (P.T @ material_stiffness(system, y) @ P).tocsr()
+    M = (P.T @ kron(system.mass, identity(3)) @ P).tocsc()
+    try:
+        solve = splu(M).solve
+    except RuntimeError as error:  # SuperLU: exactly singular
+        raise SingularMatrixError("P^T M P is singular: a motion has no inertia") from error
+    x = np.random.default_rng(0).standard_normal(M.shape[0])
+    square = 0.0
+    for _ in range(int(iterations)):
+        x /= np.sqrt(x @ (M @ x))
+        force = K @ x
+        square = float(x @ force)
+        x = solve(force)
+        if not x.any():
+            break
+    return float(np.sqrt(max(square, 0.0)))
+
+
+@takes_scene
+def constraint_frequency(system: System, q: Floats, constraint_force: Floats) -> float:
+    """The omega_c (rad/s) whose product with the step must stay below 2 (variational scheme).
+
+    Rotations of nodes that alternate from step to step have no stress at midpoints, where that
+    scheme looks. Inertia holds them, the constraint force of compressed beams drives them: above
+    the limit they grow.
+
+    Largest eigenvalue of ``K_c`` against M over the rotations of all frames, where
+    ``theta.K_c theta = sum (f_i.theta)(d_i.theta) - |theta|^2 f_i.d_i`` is the second variation of
+    the work that the constraint force -f does on the directors (compressed beams: positive).
+
+    Parameters
+    ----------
+    system : Model or System
+    q, constraint_force : (n,) array
+        At a node, the force as in :class:`.stepper.StepReport` (or in the history).
+
+    Returns
+    -------
+    float
+        Zero where nothing drives them.
+
+    Examples
+    --------
+    A bar under tension; at its start, where nothing has been solved yet, there is no force:
+
+    >>> from skfem_cosserat import Beam, Material, MeshCurve, Model, SectionRectangle
+    >>> steel = Material(210e9, 0.3, 7850.0)
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2)
+    >>> model = Model()
+    >>> bar = model.add("bar", Beam(mesh, SectionRectangle(0.1, 0.1, steel), director=(0, 1, 0)))
+    >>> system = model.freeze()
+    >>> constraint_frequency(system, system.q0, np.zeros(system.n))
+    0.0
+    """
+    q = as_one(system, "q", q, finite=True)
+    constraint_force = as_one(system, "constraint_force", constraint_force, finite=True)
+    rows = system.kinematics.director_rows
+    d, f = q.reshape(-1, 3)[rows], -constraint_force.reshape(-1, 3)[rows]
+    A = np.einsum("nia,nib->nab", f, d)
+    blocks = (A + A.transpose(0, 2, 1)) / 2 - np.trace(A, 0, 1, 2)[:, None, None] * np.eye(3)
+    # (omega x d).(eta x e) = (omega.eta)(d.e) - (omega.e)(eta.d)
+    m = system.mass.toarray()[rows[:, :, None, None], rows]
+    M = np.einsum("kilj,kic,ljc,ab->kalb", m, d, d, np.eye(3), optimize=True)
+    M -= np.einsum("kilj,lja,kib->kalb", m, d, d, optimize=True)
+    M = M.reshape(3 * len(rows), -1)
+    top = len(M) - 1
+    value = eigh(block_diag(*blocks), M, eigvals_only=True, subset_by_index=[top, top])
+    return float(np.sqrt(max(value[0], 0.0)))

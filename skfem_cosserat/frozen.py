@@ -1,0 +1,188 @@
+"""What is built is built: items refuse to be changed, and say in one line what they are."""
+
+from __future__ import annotations
+
+import inspect
+from abc import ABCMeta
+from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
+from types import FunctionType, MethodType
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+from .errors import FrozenError
+
+__all__ = ["Frozen", "brief", "lock_arrays", "loosened", "seal"]
+
+T = TypeVar("T")
+
+#: what a dataclass would write for its classes, without remedies and over many lines
+_GENERATED = ("__setattr__", "__delattr__", "__repr__")
+#: arrays of more numbers are shown by their shape, sequences of more entries by their length
+_SHOWN = 9
+
+
+class Freezing(ABCMeta):
+    """Seals what its classes make, when the constructor of the last subclass is through."""
+
+    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
+        return seal(super().__call__(*args, **kwargs))
+
+    def __setattr__(cls, name: str, value: Any) -> None:
+        if not (name in _GENERATED and "__dataclass_params__" in vars(cls)):
+            super().__setattr__(name, value)
+
+    @property
+    def __signature__(cls) -> inspect.Signature:
+        """That of the constructor, as of any other class."""
+        make = vars(cls).get("__init__", cls.__init__)  # type: ignore[misc]
+        if make is object.__init__:
+            return inspect.Signature()
+        signature = inspect.signature(make)
+        own = list(signature.parameters.values())[1:]
+        return signature.replace(parameters=own, return_annotation=inspect.Signature.empty)
+
+
+class Frozen(metaclass=Freezing):
+    """Base of what does not change once it is built.
+
+    A constructor sets attributes as it likes, before and after that of its base class. Then no
+    attribute can be set, and arrays are copies that cannot be written to. Names that begin with an
+    underscore are notes of the class itself, such as what it has computed once, and stay free.
+
+    Examples
+    --------
+    >>> class Wheel(Frozen):
+    ...     def __init__(self, radius, axis):
+    ...         self.radius, self.axis = radius, axis
+    >>> wheel = Wheel(0.3, np.array([0, 0, 1.0]))
+    >>> wheel
+    Wheel(radius=0.3, axis=[0, 0, 1])
+    >>> wheel.radius = 0.4
+    Traceback (most recent call last):
+        ...
+    skfem_cosserat.errors.FrozenError: Wheel: radius cannot be set: what is built does not change;\
+ make a new one
+    """
+
+    #: what to do instead of setting an attribute
+    _remedy: ClassVar[str] = "make a new one"
+
+    @property
+    def _called(self) -> str:
+        """How errors and what it is part of call it."""
+        return type(self).__name__
+
+    def _refuse(self, name: str, what: str) -> None:
+        if "_sealed" in vars(self) and not name.startswith("_"):
+            text = f"{name} cannot be {what}: what is built does not change; {self._remedy}"
+            if not type(self).__module__.startswith(__package__):
+                text += f", or call it _{name}: notes of an own class stay free"
+            raise FrozenError(self._called, text)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self._refuse(name, "set")
+        super().__setattr__(name, value)
+
+    def __delattr__(self, name: str) -> None:
+        self._refuse(name, "deleted")
+        super().__delattr__(name)
+
+    def __setstate__(self, state: Any) -> None:
+        # arrays out of a pickle or a deep copy could be written to
+        own, slots = state if isinstance(state, tuple) else (state, {})
+        vars(self).update(own or {})
+        for name, value in slots.items():
+            object.__setattr__(self, name, value)
+        seal(self)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self._shown()})"
+
+    def _brief(self) -> str:
+        """The same where it is part of another one."""
+        return repr(self)
+
+    def _parts(self) -> Iterator[tuple[str, Any]]:
+        """What its constructor was given, as far as it is known and not the default."""
+        for name, parameter in inspect.signature(type(self)).parameters.items():
+            value = getattr(self, name, parameter.default)
+            if not (isinstance(value, MethodType) or _same(value, parameter.default)):
+                yield name, value
+
+    def _shown(self) -> str:
+        return ", ".join(f"{name}={brief(value)}" for name, value in self._parts())
+
+
+def _same(value: Any, default: Any) -> bool:
+    if value is default or value is inspect.Parameter.empty:
+        return True
+    if isinstance(value, np.ndarray) or isinstance(default, np.ndarray):
+        return default is not None and np.array_equal(value, default)
+    plain = (bool, int, float, str, tuple)
+    return isinstance(value, plain) and isinstance(default, plain) and value == default
+
+
+def brief(value: Any) -> str:
+    """A value in some words: of arrays the numbers if they are few, of functions their names."""
+    if isinstance(value, str | bool | int | None):
+        return repr(value)
+    if isinstance(value, float | np.number):
+        return f"{value:.6g}"
+    if isinstance(value, np.ndarray):
+        if value.size > _SHOWN or value.dtype.kind not in "biuf":
+            return f"array {value.shape}"
+        return _list(value.tolist())
+    if isinstance(value, list | tuple) and len(value) <= _SHOWN:
+        return _list(value)
+    if isinstance(value, list | tuple):
+        return f"{len(value)} entries"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key!r}: {brief(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, partial):
+        return f"partial({brief(value.func)})"
+    if isinstance(value, FunctionType | MethodType | type):
+        return value.__name__
+    if isinstance(value, Frozen):
+        return value._brief()
+    return type(value).__name__
+
+
+def _list(values: Iterable[Any]) -> str:
+    return f"[{', '.join(map(brief, values))}]"
+
+
+def _read_only(value: Any) -> Any:
+    """Arrays, also in tuples, as copies that cannot be written to: the user keeps the original."""
+    if isinstance(value, np.ndarray) and value.flags.writeable:
+        value = value.copy(order="K")
+        value.flags.writeable = False
+    elif type(value) is tuple:
+        fixed = tuple(map(_read_only, value))
+        if any(new is not old for new, old in zip(fixed, value, strict=True)):
+            return fixed
+    return value
+
+
+def seal(item: T) -> T:
+    """From now on it cannot be changed; gives it back."""
+    own = vars(item)
+    for name, value in own.items():
+        if not name.startswith("_"):
+            own[name] = _read_only(value)
+    own["_sealed"] = True
+    return item
+
+
+def loosened(item: T) -> T:
+    """A copy that nobody else has yet, which may be changed until it is sealed."""
+    vars(item).pop("_sealed", None)
+    return item
+
+
+def lock_arrays(thing: object) -> None:
+    """Arrays of what is no item, and belong to nobody else, cannot be written to any more."""
+    for value in vars(thing).values():
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False

@@ -1,0 +1,859 @@
+"""Steps by compiled kernels: in space, in a plane, with multipliers."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..compiled.numbers import (
+    ALL_FACTORED,
+    ALL_ITERATIONS,
+    ALL_WORK,
+    AMPLITUDE,
+    ASKED,
+    CLEARANCE,
+    DONE,
+    END,
+    GROUND,
+    GUESS,
+    ITERATIONS,
+    KEPT,
+    KNOWN,
+    LOST,
+    MASS,
+    NUMBERS,
+    RECORD,
+    RESIDUAL,
+    SHORT,
+    SHORT_WAY,
+    START,
+    STEP,
+    TRAVEL,
+    TRAVELLED,
+    TURNED,
+    TURNS,
+    WORK,
+)
+from ..compiled.plan import Plan, following, plan_of
+from ..constraints import Multipliers, Treatment
+from ..constraints.base import BoundTreatment, half_turn
+from ..errors import CosseratError
+from ..linear import LinearSolver, SingularMatrixError, Solver
+from ..model import System
+from ..model.force_elements import Couplings
+from ..model.reparametrisation import Reparametrisation
+from ..model.tree import Coordinate
+from ..newton import NewtonSettings
+from ..pattern import FrozenPattern
+from ..types import Floats, IndexArray
+from .base import Integrator, Scheme, State, StepWork
+
+__all__ = [
+    "BlockOfSteps",
+    "CompiledMultipliers",
+    "CompiledPlane",
+    "CompiledScene",
+    "CompiledStep",
+    "Coupled",
+    "Rest",
+    "Viscous",
+    "compiled_step",
+    "is_viscous",
+    "scalar",
+]
+
+
+# -- force elements in compiled steps: what goes in and comes out, one row for each ----------------
+
+
+def scalar(couplings: Couplings) -> bool:
+    """Whether all act on one number each, as the compiled ones do: not on rotation vectors."""
+    return all(item.size == 1 for item in couplings.items)
+
+
+class Coupled:
+    """Force elements of a scene in compiled steps.
+
+    Parameters
+    ----------
+    couplings : Couplings
+    columns : (count, COUPLED) array
+        What they have in a step, in place; see :mod:`skfem_cosserat.compiled.numbers`.
+    h : float
+        Step size (s).
+    """
+
+    def __init__(self, couplings: Couplings, columns: Floats, h: float) -> None:
+        self._couplings, self._columns = couplings, columns
+        self.resize(h)
+        number = {id(item): k for k, item in enumerate(couplings.items)}
+        self._driven = [number[id(item)] for item in couplings.owners]
+        self._angles = [number[id(item)] for item in couplings.angles]
+
+    def resize(self, h: float) -> None:
+        """Take steps of another size (s)."""
+        self._h = self._columns[:, STEP] = h
+
+    def begin(self, state: State) -> None:
+        """Forces of actuators, and full turns at the start of a step."""
+        if self._driven:
+            averages = self._couplings.averages(state.time, state.time + self._h)
+            self._columns[self._driven, AMPLITUDE] = averages[:-1]
+        if self._angles:
+            self._couplings.check_turns(state.turns)
+            self._columns[self._angles, TURNS] = 0 if state.turns is None else state.turns
+
+    def turns(self) -> IndexArray | None:
+        """Full turns of all angles at the end of the step; None if there are none."""
+        if not self._angles:
+            return None
+        return np.rint(self._columns[self._angles, TURNED]).astype(np.int64)
+
+    def work(self, loads: float, lost: float) -> StepWork:
+        """Work of the step, with that of the loads and what is lost elsewhere (J)."""
+        if not self._couplings.count:
+            return StepWork(loads, dissipated=lost)
+        c = self._columns
+        actuators = float((c[:, AMPLITUDE] * c[:, TRAVEL]).sum())
+        return StepWork(loads, actuators, lost + float(c[:, LOST].sum()), float(c[:, GROUND].sum()))
+
+
+# -- viscosity of beams in compiled steps: elements beside the elastic ones ------------------------
+
+
+def is_viscous(system: System) -> bool:
+    """Whether a section of a scene has Kelvin-Voigt damping."""
+    return any(group.viscous for group in system.beam_groups)
+
+
+class Viscous:
+    """Stresses ``eta (eps_1 - eps_0)/h`` as those of elements of the stiffness ``2 eta/h``.
+
+    These take the difference of both ends of a step, not a mean of them, and have no mass; whatever
+    the scheme, they act at the midpoint.
+
+    Parameters
+    ----------
+    system : System
+        With viscous sections, and beams of one order.
+    plan : Plan
+    h : float
+        Step size (s).
+    """
+
+    def __init__(self, system: System, plan: Plan, h: float) -> None:
+        from ..compiled import bind
+
+        group = system.beam_groups[0]
+        eta = group.elements.viscosity
+        assert eta is not None
+        self._beams, fields = bind.bound_beams(system, group, plan, (2 / h) * eta)
+        self._stress: Floats = fields["S"]
+        #: strain rates by stresses, of semidefinite eta, too
+        self._inverse = np.linalg.pinv(eta, rcond=1e-12, hermitian=True)
+        self._measure, self._h = group.elements.measure, h
+
+    def beside(self, beams: Any, numbers: Floats) -> Any:
+        """What steps take as beams: the elastic ones, these, and their numbers."""
+        own = numbers.copy()
+        own[[MASS, START, END]] = 0.0, -0.5, 0.5
+        return beams, self._beams, own
+
+    def dissipated(self) -> float:
+        """Lost in the step evaluated last (J)."""
+        rate = self._stress @ self._inverse
+        return self._h * max(0.0, float((self._measure * rate * self._stress).sum()))
+
+
+# -- what an elimination in blocks leaves of a system, by a sparse solver --------------------------
+
+#: what a solver, or a user in a hurry, may raise
+NOT_OURS = (ArithmeticError, ImportError, KeyboardInterrupt, MemoryError, RuntimeError, ValueError)
+
+
+class Rest:
+    """Vertices that were not eliminated: their blocks as a sparse matrix of a frozen pattern.
+
+    Parameters
+    ----------
+    plan : Plan
+        With vertices left.
+    size : (nv,) int array
+        Unknowns of each vertex: the first rows and columns of its blocks.
+    A : (slots, 6, 6) array
+        Blocks, in place: those of the rest after the elimination of all others.
+    x : (nv, 6) array
+        Right-hand sides, in place, which the solution replaces.
+    solver : Solver, optional
+        Take this one; default: the fastest that is installed.
+
+    Attributes
+    ----------
+    solver : LinearSolver
+    """
+
+    def __init__(
+        self, plan: Plan, size: IndexArray, A: Floats, x: Floats, solver: Solver | None = None
+    ) -> None:
+        left = np.zeros(len(size), dtype=bool)
+        left[plan.rest] = True
+        ends = np.array(list(plan.slot), dtype=np.int64)  # in the order of the slots
+        slots = np.flatnonzero(left[ends].all(axis=1))
+        ends = ends[slots]
+        each = np.where(left, size, 0)
+        first = np.cumsum(each) - each
+        k = np.arange(6)
+        inside = (k[:, None] < each[ends[:, :1, None]]) & (k < each[ends[:, 1:, None]])
+        rows = np.broadcast_to(first[ends[:, :1, None]] + k[:, None], inside.shape)[inside]
+        cols = np.broadcast_to(first[ends[:, 1:, None]] + k, inside.shape)[inside]
+        places = (36 * slots[:, None, None] + 6 * k[:, None] + k)[inside]
+        count = int(each.sum())
+        pattern = FrozenPattern(rows, cols, (count, count))
+        self._take = np.empty(pattern.nnz, dtype=np.int64)  # every entry is in one place only
+        self._take[pattern.slot] = places
+        self._numbers = (6 * np.arange(len(size))[:, None] + k)[k < each[:, None]]
+        self._A, self._x = A.reshape(-1), x.reshape(-1)
+        self.solver = LinearSolver(pattern, solver)
+
+        self._call = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_int64)(self._called)
+        self._error: BaseException | None = None
+
+    @property
+    def address(self) -> int:
+        """Of ``double f(int64)``: 0 to factorise, 1 to solve; gives 1, or 0 where that fails."""
+        return int(ctypes.cast(self._call, ctypes.c_void_p).value or 0)
+
+    def _called(self, again: int) -> float:
+        """From compiled code, which no exception can pass."""
+        try:
+            if again:
+                self.solve()
+            else:
+                self.factor()
+        except SingularMatrixError:
+            return 0.0
+        except (CosseratError, *NOT_OURS) as error:
+            self._error = error
+            return 0.0
+        return 1.0
+
+    def complain(self) -> None:
+        """Raise what could not be raised when the solver was called."""
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
+
+    def factor(self) -> None:
+        """Factorise the blocks as they are.
+
+        Raises
+        ------
+        SingularMatrixError
+            If a pivot vanishes.
+        """
+        self.solver.factor(self._A.take(self._take))
+
+    def solve(self) -> None:
+        """Solve for the right-hand sides, with the factors that are there.
+
+        Raises
+        ------
+        SingularMatrixError
+            If the solution is not finite.
+        """
+        self._x[self._numbers] = self.solver.solve_again(self._x[self._numbers])
+
+
+# --------------------------------------------------------------------------------------------------
+# Steps by compiled kernels: the same iteration as that of the stepper, in a few compiled calls.
+
+#: threads compile one after the other: the second finds all there, and starts no helper of its own
+COMPILING = threading.Lock()
+#: addresses of the parts; what is constant, the elimination, what changes, and beams
+Bound = tuple[IndexArray, Any, Any, Any, Any]
+
+
+class BlockOfSteps(NamedTuple):
+    """Steps that were solved in one go.
+
+    Attributes
+    ----------
+    steps, iterations : int
+        How many, and the Newton iterations of all of them.
+    last : int
+        Iterations of the last one.
+    stuck : bool
+        Whether the step after it was tried, and not solved.
+    work : float
+        Of the loads in all steps (J).
+    before, after : pair of arrays
+        q and p at the start and the end of the last one; at its end both, if the step after it was
+        tried.
+    """
+
+    steps: int
+    iterations: int
+    last: int
+    stuck: bool
+    work: float
+    before: tuple[Floats, Floats]
+    after: tuple[Floats, Floats]
+
+
+class CompiledScene:
+    """Arrays and parts of one system for compiled kernels, with the null space method.
+
+    Needs numba; :mod:`.refused` says for what there is none.
+
+    Parameters
+    ----------
+    system : System
+    scheme : Scheme
+    weight : float
+        Constraint forces act at ``(1 - w) y_0 + w y_1``.
+    settings : NewtonSettings
+    plan : Plan, optional
+        Of the elimination, if it is there already.
+    solver : Solver, optional
+        Of what elimination in blocks leaves.
+    static : bool
+        For a balance at rest, with loads that are evaluated in each iteration.
+
+    Attributes
+    ----------
+    factorisations : int
+        So far.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        scheme: Scheme,
+        weight: float,
+        settings: NewtonSettings,
+        plan: Plan | None = None,
+        solver: Solver | None = None,
+        static: bool = False,
+    ) -> None:
+        self.system, self.settings, self.scheme = system, settings, scheme
+        self.plan = plan_of(system, solver is not None) if plan is None else plan
+        self.factorisations = 0
+        self._drag_factor = 0.0
+        self._factors: list[float] | None = None
+        self._solver = solver
+        self._rest: Rest | None = None
+        numbers = {
+            **vars(settings),
+            **{name: getattr(scheme, name) for name in ("mass", "momentum", "force", "share")},
+            **dict(zip(("start", "end"), (0.5, 0.5) if scheme.ends else (0.0, 1.0), strict=True)),
+            **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
+            **{"weight": weight, "length": system.length, "worth": self.worth},
+        }
+        self._all = (
+            *self._bind(weight, scheme.ends, static),
+            np.array([numbers[name] for name in NUMBERS], dtype=float),
+        )
+        self._a = a = SimpleNamespace(**self._arrays)
+        self._evaluated = static or not system.loading.dead_only or system.drag is not None
+        self._moments, self._followers = system.loading.moments, following(system)
+        a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
+
+    def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
+        """Addresses of the parts and structures for the kernels; arrays by name."""
+        from ..compiled import bind
+
+        system, groups = self.system, self.system.beam_groups
+        parts = bind.parts_of(system, weight, ends or is_viscous(system), static)
+        with COMPILING, bind.compiling(system, parts):
+            s, self._tree = bind.bound_tree(system, self.plan)
+            m, planned = bind.bound_plan(system, self.plan)
+            w, self._arrays = bind.bound_work(system, self.plan)
+            g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
+            table = bind.addresses(parts, (s, m, w, g))
+        if len(self.plan.rest):
+            A, x = self._arrays["A"], self._arrays["x"]
+            self._rest = Rest(self.plan, planned["size"], A, x, self._solver)
+            planned["rest"][1] = self._rest.address
+        self._number([c for cs in bind.coordinates_of(system) for c in cs])
+        return table, s, m, w, g
+
+    def _number(self, coordinates: list[Coordinate]) -> None:
+        """Where the tree's coordinates are among those of the vertices."""
+        system, width = self.system, self._arrays["x"].shape[1]
+        self._coordinates = coordinates
+        self._drives = any(c.drive is not None for c in coordinates)
+        self._nodal = Reparametrisation(system.kinematics)
+        self._numbering = np.full(system.kinematics.unknowns, -1)
+        for v, places in system.tree.own.items():
+            self._numbering[places] = width * v + np.arange(len(places))
+
+    @property
+    def linear(self) -> LinearSolver | None:
+        """What solves for the vertices that elimination in blocks leaves, if there are any."""
+        return None if self._rest is None else self._rest.solver
+
+    @property
+    def worth(self) -> float:
+        """How many iterations new factors cost, as measured; infinite: they are kept while they do.
+
+        Not measured where sparse solvers take the rest.
+        """
+        return np.inf if len(self.plan.rest) else 5.0
+
+    @property
+    def method(self) -> str:
+        """How linear systems are solved."""
+        return "blocks" if self._rest is None else f"blocks, {self._rest.solver.method}"
+
+    def _place(self, q: Floats, ground: tuple[Floats, Floats] | None) -> None:
+        """Where a step starts, q (n,), and the ground's rows at both its ends if they move."""
+        system, a = self.system, self._a
+        a.y0[: system.rows] = q.reshape(-1, 3)
+        if ground is not None:
+            a.y0[system.rows :], a.ground1[:] = ground
+        self._prescribe()
+
+    def load(self, amplitudes: Floats) -> None:
+        """Take these factors of the loads' channels."""
+        a, moments, followers = self._a, self._moments, self._followers
+        factors = amplitudes.tolist()
+        if factors == self._factors:  # a pulse that is over, most of the time
+            return
+        self._factors = factors
+        self._dead = dead = self.system.loading.dead_force(amplitudes)
+        if not self._evaluated:
+            a.external[:] = dead
+            return
+        a.dead[:] = dead
+        amplitudes = np.append(amplitudes, self._drag_factor)
+        a.moments[:] = amplitudes[moments.channels, None] * moments.values
+        a.followers[:] = amplitudes[followers.channels, None, None] * followers.values
+
+    def _prescribe(self) -> None:
+        """Prescribed motion during a step, and what is fixed in it."""
+        a = self._a
+        if self.system.kinematics.spheres or self._drives:
+            self._nodal.begin(a.y0.copy(), a.ground1.copy())
+            if self.system.plane is None:  # else all axes are normal to it
+                sphere = [k for k, c in enumerate(self._coordinates) if c.kind == "sphere"]
+                numbers = [self._coordinates[k].number for k in sphere]
+                self._tree["axis"][sphere] = self._nodal.fixed[numbers]
+            self._tree["driven"][:] = self._nodal.driven(self._coordinates)
+
+
+class CompiledStep(CompiledScene):
+    """Steps of one system, integrator and step size with the null space method, compiled.
+
+    Parameters
+    ----------
+    system : System
+    integrator : Integrator
+    h : float
+        Step size (s).
+    settings : NewtonSettings
+    plan : Plan, optional
+        Of the elimination, if it is there already.
+    solver : Solver, optional
+        Of what elimination in blocks leaves.
+
+    Attributes
+    ----------
+    factorisations : int
+        So far.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        integrator: Integrator,
+        h: float,
+        settings: NewtonSettings,
+        plan: Plan | None = None,
+        solver: Solver | None = None,
+    ) -> None:
+        from ..compiled import step
+
+        scheme = integrator.scheme(h)
+        assert isinstance(scheme, Scheme)
+        super().__init__(system, scheme, integrator.constraint_weight, settings, plan, solver)
+        self.integrator, self.h = integrator, h
+        self._step = step
+        self._record = np.zeros(len(RECORD))
+        self._ends = self._a.y0, self._a.y1, self._a.p0, self._a.carried
+        self._coupled = Coupled(system.couplings, self._a.coupled, h)
+        self._elastic = self._all[-2]
+        self._viscous: Viscous | None = None
+        self._resist(h)
+        self._rows = np.zeros(0, dtype=np.int64)
+        #: whether there are closed loops; configuration at the end of the last step, as given away
+        self.looped = len(self._a.mu) > 0
+        self.end: Floats | None = None
+        #: configuration from which the compiled way found no step
+        self.stuck: Floats | None = None
+        # how far coordinates went since rows of closed loops were chosen, and in the last step
+        self._travelled = self._travel = self._farthest = np.inf
+        #: whether nothing changes from step to step but the state, where loads do not
+        self._alike = not (
+            system.moving
+            or system.drives
+            or system.kinematics.spheres
+            or system.couplings.count
+            or system.drag is not None
+            or self._viscous is not None
+            or self._rest is not None
+        )
+        self._solve = self._entry()
+
+    def _resist(self, h: float) -> None:
+        """Drag and viscous sections in steps of this size."""
+        # a velocity is 2 (y_mid - y_0)/h: a force that follows, and a dead one
+        self._drag_factor, self._loaded = -2 / h, False
+        if is_viscous(self.system):
+            self._viscous = Viscous(self.system, self.plan, h)
+            *others, _, numbers = self._all
+            self._all = (*others, self._viscous.beside(self._elastic, numbers), numbers)
+
+    def _entry(self) -> Callable[..., bool]:
+        """The compiled loop for these structures: called as it is, it asks for no types again."""
+        from ..compiled import bind, jit
+
+        kinds = tuple(bind.typeof(each) for each in (*self._all, self._record, self._ends))
+        entry: Callable[..., bool] = jit.ready(self._step.solve, kinds).entry_point
+        return entry
+
+    def resized(self, h: float) -> CompiledStep:
+        """The same for steps of another size; factors of matrices are not kept."""
+        scheme = self.integrator.scheme(h)
+        assert isinstance(scheme, Scheme)
+        changed = {name: getattr(scheme, name) for name in ("mass", "momentum", "force")}
+        carried = ("carry_mass", "carry_momentum", "carry_force")
+        changed |= dict(zip(carried, scheme.carry, strict=True))
+        for name, number in changed.items():
+            self._all[-1][NUMBERS.index(name)] = number
+        self.last, self._record[KEPT] = self._scaled_last(h / self.h), 0.0
+        self.h, self.scheme, self._factors = h, scheme, None
+        self._coupled.resize(h)
+        self._resist(h)
+        return self
+
+    def _scaled_last(self, ratio: float) -> Any:
+        """What is known of the last step, for one whose size is `ratio` times its own."""
+        return None if self.last is None else ratio * self.last
+
+    def close(self, rows: IndexArray) -> None:
+        """Take these constraint rows, independent at the start of the step, to close the loops."""
+        rows, self._travelled = np.sort(rows), 0.0
+        if not np.array_equal(rows, self._rows):
+            self._rows = rows
+            self._choose(rows)
+            self._a.mu[:] = 0.0
+            self._record[KEPT] = 0.0
+
+    def _choose(self, rows: IndexArray) -> None:
+        from ..compiled import bind
+
+        bind.choose_rows(self.system, self._tree, rows)
+
+    def due(self, state: State, bound: BoundTreatment) -> bool:
+        """Whether the treatment has to choose rows that close the loops: it knows what is singular.
+
+        From another state than the last; or after a motion of length `clearance`, if those that
+        there are have come too close to each other, too.
+        """
+        here = state.q is self.end or np.array_equal(state.q, self._a.y1.ravel()[: state.q.size])
+        if not here or not np.isfinite(self._travelled):
+            return True
+        if self._travelled >= bound.clearance:
+            rows = self._a.border_row.reshape(len(self._rows), -1)[:, self._numbering]
+            if not bound.clear(rows):
+                return True
+            self._travelled = self._farthest  # they are from within the last step
+        self._record[CLEARANCE] = bound.clearance  # the look may have changed it
+        return self._travelled >= bound.clearance
+
+    @property
+    def last(self) -> Any:
+        """What the treatment keeps of the last step, see there; None before the first."""
+        return self._a.last.ravel()[self._numbering] if self._record[KNOWN] else None
+
+    @last.setter
+    def last(self, value: Any) -> None:
+        self._record[KNOWN] = self._record[GUESS] = float(value is not None)
+        if value is not None:
+            self._a.last.ravel()[self._numbering] = np.real(value)
+
+    def _begin(self, state: State) -> None:
+        """Loads, prescribed motion and all that is fixed during a step."""
+        system, t = self.system, state.time
+        if not (self._loaded and system.loading.constant):
+            self.load(system.loading.averages(t, t + self.h))
+            self._loaded = True
+        if system.drag is not None:
+            q = state.q.reshape(-1, 3)
+            self._a.dead[:] = self._dead - self._drag_factor * (system.drag @ q)
+        self._coupled.begin(state)
+        moving = bool(system.moving)
+        self._place(state.q, (system.ground(t), system.ground(t + self.h)) if moving else None)
+        self._a.p0[:] = state.p.reshape(-1, 3)
+
+    def solve(self, state: State) -> tuple[int, float] | None:
+        """Solve the step that follows `state`: iterations and residual; None: not converged."""
+        if not self._solved(state, 1):
+            return None
+        return int(self._record[ITERATIONS]), self.residual
+
+    def takes_blocks(self, time: float) -> bool:
+        """Whether steps from this time (s) on differ in nothing but where they start."""
+        loading = self.system.loading
+        return self._alike and (loading.constant or time >= loading.settled)
+
+    def advance_block(self, state: State, steps: int) -> BlockOfSteps:
+        """Solve up to `steps` steps in one go."""
+        solved = self._solved(state, steps)
+        record, a, rows = self._record, self._a, self.system.rows
+        done, spent = int(record[DONE]), int(record[ALL_ITERATIONS])
+        before = a.y0[:rows].flatten(), a.p0.flatten()
+        if solved:
+            self.end = a.y1[:rows].flatten()
+            after = self.end, a.carried.flatten()
+        else:  # from here on; nothing is left of how the last one came about
+            after, self.stuck = before, before[0] if done else state.q
+        last, work = int(record[ITERATIONS]), float(record[ALL_WORK])
+        return BlockOfSteps(done, spent, last, not solved, work, before, after)
+
+    def _solved(self, state: State, steps: int) -> bool:
+        """Solve up to so many steps; whether the last one tried was solved."""
+        self._begin(state)
+        record, a = self._record, self._a
+        record[ASKED], record[TRAVELLED] = steps, self._travelled
+        known = self.looped and record[KNOWN] > 0.0
+        solved = self._solve(*self._all, record, self._ends)
+        self.factorisations += int(record[ALL_FACTORED])
+        if self._rest is not None:
+            self._rest.complain()
+        if self.looped:
+            self._farthest, self._travel = a.found.tolist()
+            self._travelled = float(record[TRAVELLED])
+        if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
+            known = known or (self.looped and record[DONE] > 1)
+            self.last = a.before.ravel()[self._numbering] if known else None
+            record[KEPT], a.mu[:] = 0.0, 0.0
+            record[DONE] -= 1
+            record[ALL_ITERATIONS] -= record[ITERATIONS]
+            record[ALL_WORK] -= record[WORK]
+            solved = False
+        if not solved:
+            self._travelled = np.inf
+        return solved
+
+    def _flipped(self) -> bool:
+        """Whether a frame has turned by half a turn, where the midpoint tells nothing of it."""
+        if self.looped and self._travel < SHORT_WAY:
+            return False
+        middle = 0.0 < self.integrator.constraint_weight < 1.0
+        turned = (self.looped or middle) and half_turn(self.system, self._a.y0, self._a.y1)
+        return bool(turned)
+
+    @property
+    def residual(self) -> float:
+        """Scaled residual of the last step."""
+        return float(self._record[RESIDUAL])
+
+    @property
+    def y1(self) -> Floats:
+        """All rows (total, 3) at the end of the step."""
+        return self._a.y1.copy()
+
+    @property
+    def balance(self) -> Floats:
+        """R (rows, 3) of the step."""
+        if len(self._a.mu):  # the iteration has the impulses of closed loops in it
+            return self._a.R - self._a.closing
+        return self._a.R
+
+    @property
+    def impulse(self) -> Floats:
+        """``h G^T lambda`` (rows, 3) of the step: what balances it."""
+        return -self.balance
+
+    @property
+    def increment(self) -> Floats:
+        """The unknowns' last increment: coordinates of the tree."""
+        return self._a.x.ravel()[self._numbering]
+
+    def carried(self) -> Floats:
+        """Momentum (rows, 3) carried on."""
+        return self._a.carried.copy()
+
+    def work(self) -> StepWork:
+        """Work of the loads along the step."""
+        lost = 0.0 if self._viscous is None else self._viscous.dissipated()
+        loads, drag = float(self._record[WORK]), self.system.drag
+        if drag is not None:  # it is among the loads of the kernels
+            rows = self.system.rows
+            moved = self._a.y1[:rows] - self._a.y0[:rows]
+            dragged = float((moved * (drag @ moved)).sum()) / self.h
+            loads, lost = loads + dragged, lost + max(0.0, dragged)
+        return self._coupled.work(loads, lost)
+
+    def turns(self) -> IndexArray | None:
+        """Full turns of angles at the end of the step, as in a state."""
+        return self._coupled.turns()
+
+
+# -- which compiled steps a scene takes: those in a plane, and those with multipliers --------------
+
+
+def compiled_step(
+    system: System,
+    integrator: Integrator,
+    treatment: Treatment,
+    h: float,
+    settings: NewtonSettings,
+    plan: Plan | None = None,
+    solver: Solver | None = None,
+) -> CompiledStep:
+    """Steps with one of the treatments; see :class:`.fast.CompiledStep`."""
+    if isinstance(treatment, Multipliers):
+        return CompiledMultipliers(system, integrator, h, settings, plan, treatment.scaled)
+    kind = CompiledStep if system.plane is None else CompiledPlane
+    return kind(system, integrator, h, settings, plan, solver)
+
+
+class CompiledPlane(CompiledStep):
+    """Steps of a scene in a plane, with the null space method: three unknowns a frame.
+
+    See :class:`.fast.CompiledStep`.
+    """
+
+    def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
+        """See the base class; arrays by rows of y in space go by their names."""
+        from ..compiled import bind
+        from ..compiled.plane import bind as plane
+
+        system, groups = self.system, self.system.beam_groups
+        parts = bind.parts_of(system, weight, ends or is_viscous(system))
+        frames = plane.Frames(system)
+        with COMPILING, bind.compiling(system, parts, "plane"):
+            rows, outside = plane.bound_rows(system, frames)
+            s, self._tree = plane.bound_tree(system, self.plan, frames, rows)
+            m, _ = bind.bound_plan(system, self.plan)
+            w, arrays = plane.bound_work(system, self.plan, frames)
+            group = groups[0] if groups else None
+            g, _ = plane.bound_beams(system, group, self.plan, frames, outside)
+            table = bind.addresses(parts, (s, m, w, g), "plane")
+        own = ("y0", "y1", "ground1", "p0", "external", "R", "carried")
+        self._arrays = arrays | {name: outside[name] for name in own}
+        self._number([c for cs in bind.coordinates_of(system) for c in cs])
+        return table, s, m, w, g
+
+    def _choose(self, rows: IndexArray) -> None:
+        """See the base class."""
+        from ..compiled.plane import bind as plane
+
+        plane.choose_rows(self.system, self._tree, rows)
+
+    @property
+    def balance(self) -> Floats:
+        """See the base class: made where a step ends, without the impulses of closed loops."""
+        return self._a.R
+
+
+class CompiledMultipliers(CompiledStep):
+    """The same with multipliers: n + m unknowns, eliminated vertex by vertex.
+
+    Parameters
+    ----------
+    system, integrator, h, settings, plan
+        See :class:`CompiledStep`.
+    scaled : bool
+        See :class:`skfem_cosserat.Multipliers`.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        integrator: Integrator,
+        h: float,
+        settings: NewtonSettings,
+        plan: Plan | None = None,
+        scaled: bool = True,
+    ) -> None:
+        self._scaled, self._h = scaled, h
+        if plan is None:
+            plan = plan_of(system, whole=True)
+        super().__init__(system, integrator, h, settings, plan)
+
+    def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
+        """See the base class."""
+        from ..compiled import bind, bind_kkt
+
+        system, groups = self.system, self.system.beam_groups
+        parts = bind_kkt.parts_of(system, ends or is_viscous(system))
+        with COMPILING, bind.compiling(system, parts, "multipliers"):
+            s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self._h)
+            m, _ = bind_kkt.bound_elimination(system, self.plan)
+            w, self._arrays = bind_kkt.bound_steps(system, self.plan)
+            g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
+            table = bind.addresses(parts, (s, m, w, g), "multipliers")
+        self._own = SimpleNamespace(**own)
+        self._nodal = Reparametrisation(system.kinematics)
+        return table, s, m, w, g
+
+    @property
+    def last(self) -> Any:
+        """See the base class."""
+        if not self._record[KNOWN]:
+            return None
+        return self._own.last.ravel().copy(), self._own.last_one.copy()
+
+    @last.setter
+    def last(self, value: Any) -> None:
+        self._record[KNOWN] = self._record[GUESS] = float(value is not None)
+        if value is not None:
+            self._own.last.ravel()[:], self._own.last_one[:] = value
+
+    def resized(self, h: float) -> CompiledStep:
+        """See the base class; unscaled matrices have the step size in them: bound anew."""
+        if self._scaled:
+            return super().resized(h)
+        own = self.system, self.integrator, h, self.settings, self.plan
+        other = CompiledMultipliers(*own, scaled=False)
+        other.factorisations, other.last = self.factorisations, self._scaled_last(h / self.h)
+        return other
+
+    def _scaled_last(self, ratio: float) -> Any:
+        """See the base class."""
+        return None if self.last is None else tuple(ratio * part for part in self.last)
+
+    @property
+    def method(self) -> str:
+        """See the base class."""
+        return "blocks with multipliers"
+
+    @property
+    def worth(self) -> float:
+        """See the base class: not measured, so they are kept as long as they do."""
+        return np.inf
+
+    def _prescribe(self) -> None:
+        """See the base class; the first step starts where the tree follows the ground."""
+        if self.system.moving and not self._record[KNOWN]:
+            y0 = self._a.y0.copy()
+            self._nodal.begin(y0, self._a.ground1.copy())
+            self._own.start[:] = (self._nodal.configuration() - y0)[: self.system.rows]
+
+    @property
+    def impulse(self) -> Floats:
+        """See the base class: of the multipliers found."""
+        return self._own.impulse.copy()
+
+    @property
+    def increment(self) -> Floats:
+        """See the base class: coordinates, and the multipliers' impulses, not scaled."""
+        return np.concatenate([self._a.change.ravel(), self._own.added])

@@ -1,0 +1,691 @@
+"""Joints: what they hold, what they leave free, and their rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import InputError
+from .frames import TOLERANCE, Item, Place, StructuralItem, no_place, unit_vector
+from .frozen import Frozen
+from .relative import (
+    Product,
+    RelativeCoordinate,
+    Zero,
+    angle,
+    direction,
+    displacement,
+    normals,
+    point,
+    rotation,
+)
+from .types import ArrayLike, Floats, positive
+
+__all__ = [
+    "AxialJoint",
+    "Freedom",
+    "Joint",
+    "JointCylindrical",
+    "JointDistance",
+    "JointFixed",
+    "JointLocked",
+    "JointPlanar",
+    "JointPointOnLine",
+    "JointPrismatic",
+    "JointRevolute",
+    "JointSpherical",
+    "JointUniversal",
+    "Slide",
+    "Turn",
+]
+
+
+# -- what a joint is: constraint rows, the motion it leaves free, its relative coordinates ---------
+#
+# Every joint is written twice, once for each treatment of the constraints: as constraint rows
+# (multipliers) and as the relative motions it leaves free (null space). Rows are quadratic, so that
+# the midpoint Jacobian is their exact discrete derivative.
+
+
+@dataclass(frozen=True, eq=False)
+class Turn(Frozen):
+    """Rotation about an axis fixed in one side ("a" or "b"), given in space in the reference."""
+
+    name: str
+    axis: Floats
+    side: str = "a"
+
+
+@dataclass(frozen=True, eq=False)
+class Slide(Frozen):
+    """Translation along ``left x right``, both fixed in side a, given in space in the reference.
+
+    As a cross product of directors, not as a director: only so it stays admissible at midpoints.
+    """
+
+    name: str
+    left: Floats
+    right: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Freedom(Frozen):
+    """What a joint leaves free between its sides, for the null space.
+
+    Attributes
+    ----------
+    turns : tuple of Turn, or None
+        Rotations from side a to side b in this order; None: any rotation.
+    slides : tuple of Slide
+        Translations of ``x_b - x_a``.
+    sphere : bool
+        The point of one side moves on a sphere about that of the other (distance joint).
+    """
+
+    turns: tuple[Turn, ...] | None
+    slides: tuple[Slide, ...] = ()
+    sphere: bool = False
+
+    def within(self, normal: Floats) -> Freedom:
+        """What is left where everything moves in the plane with this unit normal only.
+
+        Turns about the normal, and the slides in the plane; two slides that leave it both are one
+        along the line in which their plane meets it.
+        """
+        turns = self.turns
+        if turns is not None:
+            turns = tuple(turn for turn in turns if abs(turn.axis @ normal) > 0.5)
+        out = np.array([np.cross(s.left, s.right) @ normal for s in self.slides])
+        slides = tuple(s for s, rise in zip(self.slides, out, strict=True) if abs(rise) < TOLERANCE)
+        if len(self.slides) == 2 and not slides:  # both have the same left vector
+            first, second = self.slides
+            right = (out[1] * first.right - out[0] * second.right) / np.linalg.norm(out)
+            slides = (Slide(first.name, first.left, right),)
+        return Freedom(turns, slides, self.sphere)
+
+
+class Joint(Item):
+    """Connection of two places; see the subclasses.
+
+    Parameters
+    ----------
+    a, b : Place
+        ``beam.node("tip")``, ``body.at(x)``, ``point.place()``, ``ground(x)``; at least one side
+        belongs to an item.
+    """
+
+    kind = "joint"
+    type = "general"
+    #: which sides must have a triad
+    framed_sides: tuple[str, ...] = ("a", "b")
+
+    def __init__(self, a: Place, b: Place) -> None:
+        for side, place in (("a", a), ("b", b)):
+            if not isinstance(place, Place):
+                raise InputError(self.label, f"side {side} is {no_place(place)}")
+            if side in self.framed_sides and place.triad is None:
+                raise InputError(
+                    self.label,
+                    f"side {side} is {place.label}: a mass point has no directions,"
+                    " use a spherical or a distance joint",
+                )
+        if a.item is None and b.item is None:
+            raise InputError(self.label, "both sides are ground")
+        if a.item is b.item and a.vertex == b.vertex:
+            raise InputError(self.label, f"both sides are {a.label}")
+        self.a = a
+        self.b = b
+
+    @property
+    def label(self) -> str:
+        """How errors call it."""
+        text = f"{self.type} {self.kind}"
+        return text if self.name is None else f"{text} {self.name!r}"
+
+    def references(self) -> list[StructuralItem]:
+        """The items of both sides."""
+        return [place.item for place in (self.a, self.b) if place.item is not None]
+
+    def gap(self, r: Floats) -> Floats:
+        """Part of ``x_b - x_a`` that must vanish in the reference configuration."""
+        return r
+
+    def check(self, t: float, length: float) -> None:
+        """Raise InputError if it does not close in the reference configuration at time `t`.
+
+        `length` (m) is the extent of the scene, against which a gap is measured.
+        """
+        frames = [None if p.motion is None else p.motion.frame(p, t) for p in (self.a, self.b)]
+        x_a, x_b = (
+            p.position if f is None else f[0] for p, f in zip((self.a, self.b), frames, strict=True)
+        )
+        rest = self.gap(x_b - x_a)
+        gap = float(np.linalg.norm(rest))
+        # coordinates far from the origin are known to their own rounding only
+        rounding = 1e-15 * float(abs(x_a).max() + abs(x_b).max())
+        if gap > TOLERANCE * length + rounding:
+            raise InputError(
+                self.label,
+                f"does not close in the reference configuration at t = {t:g} s: {self.a.label} and"
+                f" {self.b.label} are {gap:.6g} m apart, x_b - x_a = {rest.tolist()}"
+                + ("" if rest is None or np.allclose(rest, x_b - x_a) else " where it is held"),
+            )
+        for side, frame in zip(("a", "b"), frames, strict=True):
+            if side in self.framed_sides and frame is not None:
+                turn = float(abs(frame[1:] - np.eye(3)).max())
+                if turn > TOLERANCE:
+                    raise InputError(
+                        self.label,
+                        f"prescribed rotation is not zero at t = {t:g} s (by {turn:.6g}),"
+                        " which contradicts the initial state",
+                    )
+
+    def rows(self) -> list[Zero | Product]:
+        """Its constraints."""
+        raise NotImplementedError
+
+    def sheets(self) -> list[Product]:
+        """Cosines that are 1 where its rows hold, and -1 where they do so half a turn off."""
+        return []
+
+    def freedom(self) -> Freedom:
+        """Its free relative motions."""
+        raise NotImplementedError
+
+    def coordinates(self) -> tuple[RelativeCoordinate, ...]:
+        """Its relative coordinates, zero in the reference configuration, from side a to side b.
+
+        Angles (rad), displacements (m) or a rotation vector (rad); what springs, dampers and
+        drives act on and what the history records as ``joint/NAME/COORDINATE``.
+        """
+        free = self.freedom()
+        if free.sphere:  # a spring on a rod would mean its length, which is fixed
+            return ()
+        sliding = [
+            displacement(s.name, self.a, self.b, np.cross(s.left, s.right)) for s in free.slides
+        ]
+        if free.turns is None:
+            framed = self.a.triad is not None and self.b.triad is not None
+            return (*sliding, rotation("rotation", self.a, self.b)) if framed else tuple(sliding)
+        turning = [angle(t.name, self.a, self.b, t.axis, t.side) for t in free.turns]
+        return (*sliding, *turning)
+
+    def coordinate(self, name: str | None = None) -> RelativeCoordinate:
+        """One of :meth:`coordinates`; without a name the only one.
+
+        Raises
+        ------
+        InputError
+            If there is none of this name, or several and no name is given.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import JointCylindrical, RigidBody, ground
+        >>> body = RigidBody.box(1.0, (1, 1, 1))
+        >>> joint = JointCylindrical(ground((0, 0, 0)), body.at((0, 0, 0)), axis=(1, 0, 0))
+        >>> [c.name for c in joint.coordinates()], joint.coordinate("angle").kind
+        (['displacement', 'angle'], 'angle')
+        """
+        if name is not None and not isinstance(name, str):
+            raise InputError(self.label, f"coordinate = {name!r}, expected the name of one")
+        known = {c.name: c for c in self.coordinates()}
+        if name is None and len(known) == 1:
+            return next(iter(known.values()))
+        if name is None or name not in known:
+            what = "which of its coordinates? it has" if name is None else f"no {name!r}; it has"
+            raise InputError(self.label, f"{what} {sorted(known) or 'none'}")
+        return known[name]
+
+    @property
+    def size(self) -> int:
+        """Number of constraint rows."""
+        return sum(row.size for row in self.rows())
+
+    def _coincide(self) -> Zero:
+        return Zero(point(self.b) - point(self.a))
+
+    def _normal(self, axis: Floats) -> list[Product]:
+        """``n^A . m_k^B = 0``: both sides keep the axis in common."""
+        n = direction(self.a, axis)
+        return [Product(n, direction(self.b, m)) for m in normals(axis)]
+
+    def _same(self, axis: Floats) -> Product:
+        """``n^A . n^B``."""
+        return Product(direction(self.a, axis), direction(self.b, axis))
+
+    def _on_line(self, axis: Floats) -> list[Product]:
+        """``m_k^A . (x_b - x_a) = 0``."""
+        r = point(self.b) - point(self.a)
+        return [Product(direction(self.a, m), r) for m in normals(axis)]
+
+
+class AxialJoint(Joint):
+    """Joint with one axis n, fixed in side a and a unit vector in space in the reference."""
+
+    def __init__(self, a: Place, b: Place, axis: ArrayLike) -> None:
+        super().__init__(a, b)
+        self.axis = unit_vector(self.label, "axis", axis)
+
+
+# -- joints whose points move against each other: slides, planes, lines, rods ----------------------
+
+
+class _OnLine(AxialJoint):
+    """x_b on the line through x_a along the axis."""
+
+    def gap(self, r: Floats) -> Floats:
+        """Distance from the line."""
+        return r - (r @ self.axis) * self.axis
+
+
+class JointCylindrical(_OnLine):
+    """Rotation about and translation along one axis: 4 constraints.
+
+    ``m_k^A . (x_b - x_a) = 0`` and ``n^A . m_k^B = 0``, k = 1, 2. Relative coordinates:
+    "displacement" (m) along n and "angle" (rad) about it.
+
+    Parameters
+    ----------
+    a, b : Place
+        Both on the axis in the reference configuration.
+    axis : (3,) array
+        Unit vector of the axis n, in space in the reference configuration.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import RigidBody, ground
+    >>> body = RigidBody.box(1.0, (1, 1, 1))
+    >>> JointCylindrical(ground((0, 0, 0)), body.at((0, 0, 0)), axis=(1, 0, 0)).size
+    4
+    """
+
+    type = "cylindrical"
+
+    def rows(self) -> list[Zero | Product]:
+        """x_b on the line through x_a, and the axis in common."""
+        return [*self._on_line(self.axis), *self._normal(self.axis)]
+
+    def sheets(self) -> list[Product]:
+        """See the base class."""
+        return [self._same(self.axis)]
+
+    def freedom(self) -> Freedom:
+        """Rotation about n, translation along it."""
+        return Freedom((Turn("angle", self.axis),), (_along(self.axis),))
+
+
+class JointPrismatic(_OnLine):
+    """Translation along one axis without rotation: 5 constraints.
+
+    Those of the cylindrical joint and ``m_1^A . m_2^B = 0``. Relative coordinate:
+    "displacement" (m) along n.
+
+    Parameters
+    ----------
+    a, b : Place
+        Both on the axis in the reference configuration.
+    axis : (3,) array
+        Unit vector of the axis n, in space in the reference configuration.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import RigidBody, ground
+    >>> body = RigidBody.box(1.0, (1, 1, 1))
+    >>> JointPrismatic(ground((0, 0, 0)), body.at((0, 0, 0)), axis=(1, 0, 0)).size
+    5
+    """
+
+    type = "prismatic"
+
+    def rows(self) -> list[Zero | Product]:
+        """Cylindrical, and no rotation about the axis."""
+        first, second = normals(self.axis)
+        locked = Product(direction(self.a, first), direction(self.b, second))
+        return [*self._on_line(self.axis), *self._normal(self.axis), locked]
+
+    def sheets(self) -> list[Product]:
+        """See the base class."""
+        return [self._same(self.axis), self._same(normals(self.axis)[0])]
+
+    def freedom(self) -> Freedom:
+        """Translation along n."""
+        return Freedom((), (_along(self.axis),))
+
+
+class JointPlanar(Joint):
+    """x_b moves in a plane of side a, both keep its normal in common: 3 constraints.
+
+    ``n^A . (x_b - x_a) = 0`` and ``n^A . m_k^B = 0``, k = 1, 2. Relative coordinates: "angle" (rad)
+    about n, and with `x` also "x" and "y" (m) in the plane.
+
+    Parameters
+    ----------
+    a, b : Place
+        Both in the plane in the reference configuration.
+    normal : (3,) array
+        Unit vector n, in space in the reference configuration.
+    x : (3,) array, optional
+        Unit vector of the coordinate x in the plane; y is ``n x x``. Without it the joint is the
+        same, but has no coordinates x and y: nothing says along which directions.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import RigidBody, ground
+    >>> places = ground((0, 0, 0)), RigidBody.box(1.0, (1, 1, 1)).at((0.5, 0, 0))
+    >>> JointPlanar(*places, normal=(0, 0, 1)).size
+    3
+    >>> [c.name for c in JointPlanar(*places, normal=(0, 0, 1), x=(1, 0, 0)).coordinates()]
+    ['x', 'y', 'angle']
+    """
+
+    type = "planar"
+
+    def __init__(self, a: Place, b: Place, normal: ArrayLike, x: ArrayLike | None = None) -> None:
+        super().__init__(a, b)
+        self.normal = unit_vector(self.label, "normal", normal)
+        #: whether x was given: else it is any direction in the plane, which must not show
+        self.directed = x is not None
+        if x is None:
+            self.x = normals(self.normal)[0]
+            return
+        self.x = unit_vector(self.label, "x", x)
+        slope = float(self.x @ self.normal)
+        if abs(slope) > TOLERANCE:
+            raise InputError(
+                self.label,
+                f"x = {self.x.tolist()} is not normal to the normal {self.normal.tolist()}:"
+                f" x . n = {slope:.6g}",
+            )
+
+    def gap(self, r: Floats) -> Floats:
+        """Distance from the plane."""
+        return (r @ self.normal) * self.normal
+
+    def rows(self) -> list[Zero | Product]:
+        """x_b in the plane, and the normal in common."""
+        r = point(self.b) - point(self.a)
+        return [Product(direction(self.a, self.normal), r), *self._normal(self.normal)]
+
+    def sheets(self) -> list[Product]:
+        """See the base class."""
+        return [self._same(self.normal)]
+
+    def freedom(self) -> Freedom:
+        """Rotation about n, translations ``n x m_k``."""
+        y = np.cross(self.normal, self.x)
+        slides = (Slide("x", self.normal, -y), Slide("y", self.normal, self.x))
+        return Freedom((Turn("angle", self.normal),), slides)
+
+    def coordinates(self) -> tuple[RelativeCoordinate, ...]:
+        """See the base class; without `x` the angle only."""
+        found = super().coordinates()
+        return found if self.directed else tuple(c for c in found if c.kind == "angle")
+
+    def coordinate(self, name: str | None = None) -> RelativeCoordinate:
+        """See the base class."""
+        if name in ("x", "y") and not self.directed:
+            raise InputError(
+                self.label,
+                f"no coordinate {name!r}: nothing says along which directions of its plane, give"
+                " the joint one: JointPlanar(a, b, normal, x=...)",
+            )
+        return super().coordinate(name)
+
+
+class JointPointOnLine(_OnLine):
+    """The point of side b moves on a line of side a, free to rotate: 2 constraints.
+
+    ``m_k^A . (x_b - x_a) = 0``, k = 1, 2. Side b may be a mass point (a bead on a wire).
+    Relative coordinates: "displacement" (m) along the line and, between frames, the rotation
+    vector "rotation" (rad).
+
+    Parameters
+    ----------
+    a, b : Place
+        x_b on the line in the reference configuration.
+    axis : (3,) array
+        Unit vector along the line through x_a, in space in the reference configuration.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, ground
+    >>> bead = MassPoint(1.0, position=(0.5, 0, 0))
+    >>> JointPointOnLine(ground((0, 0, 0)), bead.place(), axis=(1, 0, 0)).size
+    2
+    """
+
+    type = "point-on-line"
+    framed_sides = ("a",)
+
+    def rows(self) -> list[Zero | Product]:
+        """x_b on the line."""
+        return list(self._on_line(self.axis))
+
+    def freedom(self) -> Freedom:
+        """Any rotation, translation along the line."""
+        return Freedom(None, (_along(self.axis),))
+
+
+class JointDistance(Joint):
+    """Massless rod between two points: 1 constraint, ``(|x_b - x_a|^2 - L^2)/2 = 0``.
+
+    Parameters
+    ----------
+    a, b : Place
+    length : float, optional
+        Must be the distance in the reference configuration (m), which is the default.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, ground
+    >>> JointDistance(ground((0, 0, 0)), MassPoint(1.0, (0, 0, -1)).place(), length=1.0).size
+    1
+    """
+
+    type = "distance"
+    framed_sides = ()
+
+    def __init__(self, a: Place, b: Place, length: float | None = None) -> None:
+        super().__init__(a, b)
+        span = float(np.linalg.norm(b.position - a.position))
+        self.length = positive(self.label, "length", span if length is None else length)
+
+    def gap(self, r: Floats) -> Floats:
+        """None: :meth:`check` compares lengths."""
+        return np.zeros(3)
+
+    def check(self, t: float, length: float) -> None:
+        """See the base class."""
+        super().check(t, length)
+        x_a, x_b = (
+            p.position if p.motion is None else p.motion.frame(p, t)[0] for p in (self.a, self.b)
+        )
+        distance = float(np.linalg.norm(x_b - x_a))
+        if abs(distance - self.length) > TOLERANCE * self.length:
+            raise InputError(
+                self.label,
+                f"does not close in the reference configuration: length = {self.length:.9g} m but"
+                f" the points are {distance:.9g} m apart, off by {distance - self.length:.6g} m",
+            )
+
+    def rows(self) -> list[Zero | Product]:
+        """Half the square of the distance."""
+        r = point(self.b) - point(self.a)
+        return [Product(r, r, 0.5)]
+
+    def freedom(self) -> Freedom:
+        """Any rotation, and a point on a sphere."""
+        return Freedom(None, sphere=True)
+
+
+def _along(axis: Floats) -> Slide:
+    return Slide("displacement", *normals(axis))
+
+
+# -- joints whose points coincide: spherical, revolute, universal, fixed ---------------------------
+
+
+class JointSpherical(Joint):
+    """Both points coincide: 3 constraints, ``x_b - x_a = 0``. Also holds mass points.
+
+    Its relative coordinate "rotation" is the rotation vector (rad), below a turn of pi.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, ground
+    >>> JointSpherical(ground((0, 0, 0)), MassPoint(1.0).place()).size
+    3
+    """
+
+    type = "spherical"
+    framed_sides = ()
+
+    def rows(self) -> list[Zero | Product]:
+        """``x_b - x_a = 0``."""
+        return [self._coincide()]
+
+    def freedom(self) -> Freedom:
+        """Any rotation."""
+        return Freedom(None)
+
+
+class JointRevolute(AxialJoint):
+    """Hinge: 5 constraints, ``x_b - x_a = 0`` and ``n^A . m_k^B = 0``, k = 1, 2.
+
+    Relative coordinate: "angle" (rad), from a to b about n.
+
+    Parameters
+    ----------
+    a, b : Place
+    axis : (3,) array
+        Unit vector of the axis n, in space in the reference configuration.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import RigidBody, ground
+    >>> body = RigidBody.box(1.0, (1, 1, 1))
+    >>> JointRevolute(ground((0, 0, 0)), body.at((0, 0, 0)), axis=(1, 0, 0)).size
+    5
+    """
+
+    type = "revolute"
+
+    def rows(self) -> list[Zero | Product]:
+        """Spherical, and n^A normal to two directions of B."""
+        return [self._coincide(), *self._normal(self.axis)]
+
+    def sheets(self) -> list[Product]:
+        """See the base class."""
+        return [self._same(self.axis)]
+
+    def freedom(self) -> Freedom:
+        """Rotation about n."""
+        return Freedom((Turn("angle", self.axis),))
+
+
+class JointUniversal(Joint):
+    """Cardan joint: 4 constraints, ``x_b - x_a = 0`` and ``a^A . b^B = 0``.
+
+    Relative coordinates: "angle_a" (rad) about the axis fixed in side a, then "angle_b" about
+    the one fixed in side b.
+
+    Parameters
+    ----------
+    a, b : Place
+    axis_a, axis_b : (3,) array
+        Unit vectors of the axes fixed in side a and in side b, normal to each other, in space in
+        the reference configuration.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import RigidBody, ground
+    >>> body = RigidBody.box(1.0, (1, 1, 1))
+    >>> place = body.at((0, 0, 0))
+    >>> JointUniversal(ground((0, 0, 0)), place, axis_a=(1, 0, 0), axis_b=(0, 1, 0)).size
+    4
+    """
+
+    type = "universal"
+
+    def __init__(self, a: Place, b: Place, axis_a: ArrayLike, axis_b: ArrayLike) -> None:
+        super().__init__(a, b)
+        self.axis_a = unit_vector(self.label, "axis_a", axis_a)
+        self.axis_b = unit_vector(self.label, "axis_b", axis_b)
+        cosine = float(self.axis_a @ self.axis_b)
+        if abs(cosine) > TOLERANCE:
+            between = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+            raise InputError(
+                self.label,
+                f"axis_a = {self.axis_a.tolist()} and axis_b = {self.axis_b.tolist()} are"
+                f" {between:.6g} degrees apart, expected 90",
+            )
+
+    def rows(self) -> list[Zero | Product]:
+        """Spherical, and both axes normal to each other."""
+        axes = Product(direction(self.a, self.axis_a), direction(self.b, self.axis_b))
+        return [self._coincide(), axes]
+
+    def freedom(self) -> Freedom:
+        """Rotations about both axes."""
+        return Freedom((Turn("angle_a", self.axis_a), Turn("angle_b", self.axis_b, "b")))
+
+    def coordinates(self) -> tuple[RelativeCoordinate, ...]:
+        """Angles of each axis seen from the side that carries the other one."""
+        first = angle("angle_a", self.a, self.b, self.axis_a, across=self.axis_b)
+        second = angle("angle_b", self.a, self.b, self.axis_b, "b", across=self.axis_a)
+        return first, second
+
+
+class JointFixed(Joint):
+    """Rigid connection (weld): 6 constraints.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import RigidBody, ground
+    >>> JointFixed(ground((0, 0, 0)), RigidBody.box(1.0, (1, 1, 1)).at((0, 0, 0))).size
+    6
+    """
+
+    type = "fixed"
+
+    def rows(self) -> list[Zero | Product]:
+        """Spherical, and three products of one triad seen from both sides."""
+        a = [direction(self.a, e) for e in np.eye(3)]
+        b = [direction(self.b, e) for e in np.eye(3)]
+        products = [Product(a[i], b[(i + 1) % 3]) for i in range(3)]
+        return [self._coincide(), *products]
+
+    def sheets(self) -> list[Product]:
+        """See the base class."""
+        return [self._same(e) for e in np.eye(3)]
+
+    def freedom(self) -> Freedom:
+        """Nothing."""
+        return Freedom(())
+
+
+# -- A joint that was locked during a motion: rigid where its sides are then -----------------------
+
+
+class JointLocked(JointFixed):
+    """What became of a joint whose relative coordinates are frozen; it keeps its name.
+
+    Parameters
+    ----------
+    joint : Joint
+        As it was before.
+    a, b : Place
+        Its sides, described as they were when it was locked: both at the point of side b.
+    """
+
+    type = "locked"
+
+    def __init__(self, joint: Joint, a: Place, b: Place) -> None:
+        self.name = joint.name
+        super().__init__(a, b)
+        self.joint = joint
+
+    def coordinates(self) -> tuple[RelativeCoordinate, ...]:
+        """Those of the joint, which do not change any more."""
+        return self.joint.coordinates()

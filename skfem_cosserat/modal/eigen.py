@@ -1,0 +1,611 @@
+"""Eigenvalue problems: symmetric ones, pencils with constraints, those of damping and spin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import eig, eigh
+from scipy.sparse import csr_matrix, identity, kron
+from scipy.sparse.linalg import (
+    ArpackError,
+    ArpackNoConvergence,
+    LinearOperator,
+    SuperLU,
+    eigs,
+    eigsh,
+    splu,
+)
+
+from ..diagnostics.stacked import blocks_matrix, curvature_matrix
+from ..errors import CosseratError, IncompleteWarning, InputError
+from ..kernels import skew
+from ..model import System
+from ..model.balance import balance_tangent
+from ..types import Array, Floats
+from ..warn import warn
+from .state import Equilibrium
+
+__all__ = [
+    "DENSE",
+    "DENSE_QUADRATIC",
+    "Eigenvalues",
+    "Factorised",
+    "Lowest",
+    "Pencil",
+    "lowest",
+    "make_pencil",
+    "ritz",
+    "spectrum",
+]
+
+
+# -- lowest eigenvalues of symmetric pencils: dense, or Lanczos about a shift below all of them ----
+
+#: unknowns up to which all eigenvalues are computed, dense
+DENSE = 300
+#: first shift, relative to the largest quotient of diagonals
+FIRST = 1e-9
+#: of Lanczos vectors: their squares are what counts, after a Rayleigh-Ritz step
+TOLERANCE = 1e-10
+#: values against the distance of the shift that are nothing but rounding
+NO_DISTANCE = 1e-12
+#: vectors beyond those asked for: they keep rigid motions and close pairs apart
+SPARE = 6
+
+#: accurate ``X^T K X`` (k, k) and the noise (k,) of its diagonal
+Energies = Callable[[Array], tuple[Array, Floats]]
+
+
+class Factorised:
+    """``A`` factorised without exchange of rows, so that its negative pivots can be counted.
+
+    Attributes
+    ----------
+    negative : int
+        Negative eigenvalues, by Sylvester's law of inertia; -1 if rows were exchanged.
+    """
+
+    def __init__(self, A: csr_matrix) -> None:
+        options = {"SymmetricMode": True}
+        self.lu: SuperLU = splu(
+            A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
+        )
+        straight = bool((self.lu.perm_r == self.lu.perm_c).all())
+        self.negative = int((self.lu.U.diagonal() < 0).sum()) if straight else -1
+
+    def solve(self, rhs: Array) -> Array:
+        """Real or complex right sides."""
+        if np.iscomplexobj(rhs):
+            return self.lu.solve(rhs.real.copy()) + 1j * self.lu.solve(rhs.imag.copy())
+        return self.lu.solve(rhs)
+
+
+class Lowest:
+    """Lowest eigenpairs.
+
+    Attributes
+    ----------
+    values : (k,) array
+        Ascending; zero where only rounding is left of the energy.
+    vectors : (u, k) array
+        ``x^T M x = 1``.
+    zero : (k,) bool array
+    factorisations : int
+        Of sparse matrices.
+    """
+
+    def __init__(
+        self, values: Floats, vectors: Floats, zero: Array, factorisations: int = 0
+    ) -> None:
+        self.values, self.vectors, self.zero = values, vectors, zero
+        self.factorisations = factorisations
+
+    def first(self, count: int) -> Lowest:
+        """The first of them."""
+        keep = slice(0, count)
+        return Lowest(
+            self.values[keep], self.vectors[:, keep], self.zero[keep], self.factorisations
+        )
+
+
+def lowest(
+    K: csr_matrix, M: csr_matrix, count: int, energies: Energies, dense: int = DENSE
+) -> Lowest:
+    """The `count` lowest eigenpairs of ``K x = lambda M x``; M positive, K of any sign.
+
+    Parameters
+    ----------
+    energies : callable
+        Accurate ``X^T K X``, see :meth:`Pencil.energies`: the last step is a Rayleigh-Ritz one.
+    dense : int
+        Unknowns up to which everything is dense.
+
+    Raises
+    ------
+    CosseratError
+        If the Lanczos iteration does not converge.
+    """
+    n = K.shape[0]
+    wanted = min(n, count + SPARE)
+    whole = n <= dense or wanted > n // 3
+    shift, factors, made = _below(K, M)
+
+    def vectors(seed: int = 0) -> Floats | None:
+        if whole:
+            return _dense(K, M, shift, wanted)
+        return _lanczos(factors, M, shift, wanted, seed)
+
+    X = vectors()
+    while X is None and made < 8:  # farther away rounding does less harm
+        shift *= 10.0
+        factors, made = Factorised(K - shift * M), made + 1
+        X = vectors()
+    if X is None:
+        raise CosseratError(
+            f"the Lanczos iteration for {wanted} modes did not converge: stiffnesses that differ"
+            " by more than 14 digits, as of very slender beams, are lost in rounding"
+        )
+    found = ritz(X, M, energies, shift)
+    elastic = found.values[~found.zero]
+    if len(elastic) and 0 < elastic[0] < -0.1 * shift:  # nearer to what is sought: more digits
+        far, shift = (shift, factors), -float(elastic[0])
+        factors, made = Factorised(K - shift * M), made + 1
+        X = vectors()
+        if X is None:
+            shift, factors = far
+        else:
+            found = ritz(X, M, energies, shift)
+    for seed in range(1, 4 if not whole else 1):
+        missing, made = _missing(K, M, found, count), made + 1
+        if missing <= 0:
+            break
+        wanted = min(n // 3, wanted + missing + SPARE)
+        X = vectors(seed)
+        found = found if X is None else ritz(X, M, energies, shift)
+    else:
+        if not whole:
+            text = f"{missing} of the lowest eigenvalues may be missing"
+            warn("modes", text, IncompleteWarning)
+    found.factorisations = made
+    return found.first(count)
+
+
+def _dense(K: csr_matrix, M: csr_matrix, shift: float, k: int) -> Floats:
+    """Vectors of the k lowest eigenvalues, as the largest ones of ``(K - shift M)^-1 M``."""
+    n = M.shape[0]
+    A = (K - shift * M).toarray()
+    scale = 1 / np.sqrt(np.diagonal(A))
+    A, B = (scale[:, None] * S * scale for S in (A, M.toarray()))
+    vectors = eigh(B, A, subset_by_index=(n - k, n - 1))[1]
+    return np.asarray(scale[:, None] * vectors[:, ::-1])
+
+
+def _below(K: csr_matrix, M: csr_matrix) -> tuple[float, Factorised, int]:
+    """A shift below all eigenvalues, ``K - shift M`` factorised, and how many were."""
+    top = float((abs(K.diagonal()) / M.diagonal()).max()) or 1.0
+    shift, made = -FIRST * top, 0
+    while True:
+        made += 1
+        try:
+            factors = Factorised(K - shift * M)
+        except RuntimeError:  # a pivot vanishes: the shift is an eigenvalue by chance
+            shift *= 1.1
+            continue
+        if factors.negative == 0 or -shift > 1e3 * top:
+            return shift, factors, made
+        shift *= 7.3
+
+
+def _lanczos(
+    factors: Factorised, M: csr_matrix, shift: float, k: int, seed: int = 0
+) -> Floats | None:
+    """Vectors of the k eigenvalues nearest to the shift; None: no convergence."""
+    n = M.shape[0]
+    inverse = LinearOperator((n, n), matvec=factors.solve, dtype=float)
+    options = {
+        "v0": M @ np.random.default_rng(seed).standard_normal(n),
+        "ncv": min(n, max(2 * k + 10, 30)),
+        "tol": TOLERANCE,
+        "maxiter": 100,
+    }
+    try:
+        vectors = eigsh(inverse, k, M=M, sigma=shift, OPinv=inverse, **options)[1]
+    except ArpackError:
+        return None
+    return np.asarray(vectors)
+
+
+def _missing(K: csr_matrix, M: csr_matrix, found: Lowest, count: int) -> int:
+    """How many eigenvalues were missed, counted by the signs of pivots.
+
+    Below a value in the widest gap behind those asked for.
+    """
+    gaps = np.diff(found.values[count - 1 :])
+    k = int(np.argmax(gaps))
+    try:
+        negative = Factorised(K - (found.values[count - 1 + k] + 0.5 * gaps[k]) * M).negative
+    except RuntimeError:  # a pivot vanishes: by chance the value is an eigenvalue of a part
+        return 0
+    return negative - (count + k) if negative >= 0 else 0
+
+
+def ritz(X: Floats, M: csr_matrix, energies: Energies, shift: float) -> Lowest:
+    """Rayleigh-Ritz in the span of X (u, k), with accurate energies; `shift` is below all values.
+
+    The largest ``1/(value - shift)`` are computed: the lowest values keep their digits whatever
+    the highest are.
+    """
+    X = X / np.sqrt(np.einsum("ik,ik->k", X, M @ X))
+    for _ in range(2):
+        energy, _ = energies(X)
+        mass = X.T @ (M @ X)
+        above = 0.5 * (energy + energy.T) - shift * mass
+        scale = 1 / np.sqrt(np.diagonal(above))
+        turn = eigh(scale[:, None] * mass * scale, scale[:, None] * above * scale)[1]
+        X = X @ (scale[:, None] * turn)
+        X /= np.sqrt(np.einsum("ik,ik->k", X, M @ X))
+        energy, noise = energies(X)
+        values = np.diagonal(energy).copy()
+        zero = abs(values) <= noise + NO_DISTANCE * abs(shift)
+        elastic = values[~zero & (values > 0)]
+        if not len(elastic) or elastic.min() < -10 * shift:
+            break
+        shift = -float(elastic.min())  # nearer: vectors are orthogonal to more digits
+    values[zero] = 0.0
+    order = np.argsort(values, kind="stable")
+    return Lowest(values[order], X[:, order], zero[order])
+
+
+# -- mass, damping and stiffness of small vibrations about a state of rest -------------------------
+
+EPS = float(np.finfo(float).eps)
+#: relative difference between a matrix and its transpose that is more than rounding
+SYMMETRIC = 1e-12
+#: what counts as rounding, in units of it
+NOISE = 100.0
+#: the same for energies of beams: what the rounding of K leaves after a Rayleigh-Ritz step
+FAINT = 1e-9
+
+
+@dataclass(eq=False)
+class Pencil:
+    """``M u'' + C u' + K u = 0``, with ``dq = P u``.
+
+    From Lagrange's equations of ``q = F(u)`` in a frame that turns with Omega: kinetic energy
+    ``1/2 |P u' + Omega x q|^2_M``. The terms linear in u' give ``2 P^T M Omega^ P``, in which the
+    derivatives of P cancel; those without u' are the potential of the centrifugal force. So about
+    a state of rest it does not matter that P moves, but for the constraint forces in K.
+
+    Attributes
+    ----------
+    at : Equilibrium
+    K : (u, u) csr_matrix
+        Stiffness; symmetric if `conservative`.
+    M : (u, u) csr_matrix
+    gyroscopic : (u, u) csr_matrix or None
+        Skew.
+    damping : (u, u) csr_matrix or None
+        Symmetric.
+    rest, rest_size : (u, u) csr_matrix
+        K without the material stiffness of beams, and the sums of the moduli of its terms.
+    conservative : bool
+    """
+
+    at: Equilibrium
+    K: csr_matrix
+    M: csr_matrix
+    gyroscopic: csr_matrix | None
+    damping: csr_matrix | None
+    rest: csr_matrix
+    rest_size: csr_matrix
+    conservative: bool
+
+    @property
+    def simple(self) -> bool:
+        """Whether squares of frequencies are eigenvalues of symmetric K and M."""
+        return self.conservative and self.gyroscopic is None and self.damping is None
+
+    @property
+    def C(self) -> csr_matrix:
+        """All terms by velocity."""
+        out = csr_matrix(self.K.shape)
+        for part in (self.gyroscopic, self.damping):
+            if part is not None:
+                out = out + part
+        return out
+
+    @cached_property
+    def _size(self) -> csr_matrix:
+        return abs(self.K)
+
+    def force(self, x: Floats) -> Floats:
+        """``K x`` (u,) for a vector, with strains differentiated first, see :meth:`energies`."""
+        system, tangent = self.at.system, self.at.tangent
+        dq = tangent.P @ x
+        nodal = np.zeros(system.n)
+        beams = zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True)
+        for group, B, D in beams:
+            strain = (B @ dq[group.dofs][:, :, None]).reshape(len(B), -1, 6)
+            local = group.force(B, group.linear_stress(D, strain))
+            np.add.at(nodal, group.dofs, local)
+        return np.asarray(tangent.P.T @ nodal + self.rest @ x)
+
+    def energies(self, X: Array) -> tuple[Array, Floats]:
+        """``X^H K X`` (k, k), and what rounding can make of its diagonal (k,).
+
+        The strains of beams are differentiated first and squared then: stretching and shear, much
+        stiffer than bending, cancel in strains of order one and not in energies. So frequencies
+        keep their digits at any slenderness, and rigid motions have no energy at all.
+        """
+        system, tangent = self.at.system, self.at.tangent
+        out = X.conj().T @ (self.rest @ X)
+        noise = NOISE * EPS * np.einsum("ik,ik->k", abs(X), self.rest_size @ abs(X))
+        metric = np.einsum("ik,ik->k", abs(X), abs(tangent.metric) @ abs(X))
+        noise += self.at.error * metric
+        noise += FAINT * EPS * np.einsum("ik,ik->k", abs(X), self._size @ abs(X))
+        dq = tangent.P @ X
+        beams = zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True)
+        for group, B, D in beams:
+            local = dq[group.dofs]
+            ne, ng = len(B), len(group.elements.points)
+            strain = (B @ local).reshape(ne, ng, 6, -1)
+            out = out + np.einsum("egik,egil->kl", strain.conj(), D @ strain, optimize=True)
+            lost = NOISE * EPS * (abs(B) @ abs(local)).reshape(ne, ng, 6, -1)
+            noise += np.einsum("egik,egik->k", lost, abs(D) @ lost, optimize=True)
+        return out, noise
+
+
+def make_pencil(at: Equilibrium) -> Pencil:
+    """Matrices about an equilibrium.
+
+    Raises
+    ------
+    InputError
+        If a motion has no inertia.
+    """
+    system, tangent = at.system, at.tangent
+    P, balance = tangent.P, tangent.balance
+    still = replace(balance, Bs=[np.zeros_like(B) for B in balance.Bs])
+    blocks = balance_tangent(system, still, at.amplitudes)
+    curved = curvature_matrix(system, balance.y, tangent.multipliers)
+    rest = blocks_matrix(system, blocks) + curved
+    rest_size = blocks_matrix(system, [abs(block) for block in blocks]) + abs(curved)
+    rest_size = (abs(P).T @ rest_size @ abs(P)).tocsr()
+    rest = (P.T @ rest @ P).tocsr()
+    K = tangent.K
+    size = float(abs(rest).max()) if rest.nnz else 0.0
+    conservative = bool(abs(rest - rest.T).max() <= SYMMETRIC * size) if size else True
+    if conservative:
+        K, rest = (0.5 * (A + A.T) for A in (K, rest))
+    mass = kron(system.mass, identity(3))
+    M = P.T @ mass @ P
+    M = (0.5 * (M + M.T)).tocsr()
+    _check_inertia(system, M, tangent.metric)
+    gyroscopic = None
+    if at.amplitudes.spin is not None:
+        turning = kron(system.mass, skew(at.amplitudes.spin.velocity))
+        G = P.T @ turning @ P
+        gyroscopic = (G - G.T).tocsr()
+        if not gyroscopic.count_nonzero():
+            gyroscopic = None
+    return Pencil(
+        at,
+        K.tocsr(),
+        M,
+        gyroscopic,
+        _damping(system, balance.y, P, balance.Bs),
+        rest.tocsr(),
+        rest_size,
+        conservative,
+    )
+
+
+def _damping(system: System, y: Floats, P: csr_matrix, Bs: list[Array]) -> csr_matrix | None:
+    """Viscous sections, drag, dampers."""
+    blocks = system.mass_tangent(0.0)
+    for k, (group, B) in enumerate(zip(system.beam_groups, Bs, strict=True)):
+        if group.viscous:
+            blocks[k] += group.damping(B)
+    for block, each in zip(blocks, system.groups, strict=True):
+        if each.drag is not None:
+            block += each.drag
+    if system.couplings.count:
+        blocks.append(system.couplings.damping(y))
+    if not any(block.any() for block in blocks):
+        return None
+    C = P.T @ blocks_matrix(system, blocks) @ P
+    return (0.5 * (C + C.T)).tocsr()
+
+
+def _check_inertia(system: System, M: csr_matrix, metric: csr_matrix) -> None:
+    inertia = M.diagonal() / metric.diagonal()
+    worst = int(np.argmin(inertia))
+    if not inertia[worst] > 0:
+        if len(system.closure.rows):
+            raise InputError("model", f"unknown {worst} of the null space has no inertia")
+        coordinate = system.kinematics.tree.coordinates[worst]
+        raise InputError(
+            system.owner[coordinate.vertex].label,
+            f"its motion {coordinate.kind!r} has no inertia: give it mass",
+        )
+
+
+# -- eigenvalues nearest to zero of ``(s^2 M + s C + K) x = 0``: gyroscopic, damped, circulatory ---
+
+#: unknowns up to which all eigenvalues are computed, dense
+DENSE_QUADRATIC = 150
+#: relative change of an eigenvalue by its Rayleigh quotient up to which that is followed
+STEADY = 1e-4
+#: eigenvalues relative to the lowest elastic frequency that may be halves of a double zero
+SLOW = 1e-2
+#: the same for squares: energies of motions without stiffness, as eigenvectors have them
+FREE = 1e-8
+#: relative force beyond those motions by which damping couples them with others
+ALONE = 1e-10
+#: modal mass ``x^T M x`` below which an eigenvector says little about its eigenvalue
+WEAK = 0.1
+
+
+class Eigenvalues:
+    """Eigenvalues, one of each conjugate pair.
+
+    Attributes
+    ----------
+    values : (k,) complex array
+        s (1/s), ascending in modulus, imaginary part not negative.
+    vectors : (u, k) complex array
+        ``x^H M x = 1``.
+    zero : (k,) bool array
+        Motions without stiffness.
+    factorisations : int
+    """
+
+    def __init__(self, values: Array, vectors: Array, zero: Array, factorisations: int) -> None:
+        self.values, self.vectors, self.zero = values, vectors, zero
+        self.factorisations = factorisations
+
+
+def spectrum(pencil: Pencil, count: int, dense: int = DENSE_QUADRATIC) -> Eigenvalues:
+    """The `count` eigenvalues of smallest modulus, motions without stiffness first.
+
+    A linear pencil of twice the size is solved about a real shift, of the size of the lowest
+    frequency: dense, or by Arnoldi's method. Where theory gives a Rayleigh quotient it follows.
+    """
+    K, M, C = pencil.K, pencil.M, pencil.C
+    half = 0.5 * (K + K.T)
+    still = lowest(half.tocsr(), M, min(K.shape[0], count + SPARE), pencil.energies)
+    free = still.vectors[:, still.zero] if pencil.conservative else still.vectors[:, :0]
+    elastic = abs(still.values[~still.zero])
+    scale = float(np.sqrt(elastic.min())) if len(elastic) and elastic.min() else 1.0
+    n = K.shape[0]
+    wanted = 2 * (count + SPARE)
+    apart = _apart(pencil, C, free)
+    deflated = free if apart else free[:, :0]
+    inverse = _Inverse(K, M, C, 0.5 * scale, deflated)
+    many = wanted - 2 * min(count, deflated.shape[1])
+    values, X = inverse.dense() if n <= dense or wanted > n // 2 else inverse.arnoldi(many)
+    if deflated.shape[1]:
+        own, turn = eigh(free.T @ (C @ free))
+        values = np.concatenate([-own, values])
+        X = np.concatenate([free @ turn, X], axis=1)
+    keep = np.flatnonzero(np.isfinite(values) & (values.imag >= 0))  # one of each pair
+    keep = keep[np.argsort(abs(values[keep]), kind="stable")][:wanted]
+    values, X = values[keep], X[:, keep]
+    X = X / np.sqrt(np.einsum("ik,ik->k", X.conj(), M @ X).real)
+    values = _improved(pencil, C, values, X, scale)
+    order = np.argsort(abs(values), kind="stable")
+    order = order[values[order] != 0]  # those without stiffness are known already
+    values = np.concatenate([np.zeros(free.shape[1]), values[order]])[:count]
+    X = np.concatenate([free, X[:, order]], axis=1)[:, :count]
+    if len(values) < count:
+        raise CosseratError(
+            f"{len(values)} eigenvalues converged, {count} are wanted: real ones crowd together, as"
+            " those of strong damping do"
+        )
+    zero = np.arange(len(values)) < free.shape[1]
+    return Eigenvalues(values, X, zero, still.factorisations + 1)
+
+
+def _apart(pencil: Pencil, C: csr_matrix, free: Floats) -> bool:
+    """Whether damping leaves motions without stiffness to themselves: ``C N = M N (N^T C N)``."""
+    if pencil.gyroscopic is not None or not free.shape[1]:
+        return False
+    force = C @ free
+    rest = force - pencil.M @ free @ (free.T @ force)
+    return bool(abs(rest).max() <= ALONE * abs(abs(C) @ abs(free)).max())
+
+
+class _Inverse:
+    """``(A - shift B)^-1 B`` on ``z = (x, s x / shift)`` about a real shift.
+
+    Among vectors without the motions N (u, j), ``N^T M N = I``. Its eigenvalues are
+    ``1/(s - shift)``: those sought are the largest, in what is computed dense as well.
+    """
+
+    def __init__(
+        self, K: csr_matrix, M: csr_matrix, C: csr_matrix, shift: float, N: Floats
+    ) -> None:
+        self.n, self.M, self.N, self.shift = K.shape[0], M, N, shift
+        self._right = C + shift * M
+        try:
+            self._solve = splu((K + shift * C + shift**2 * M).tocsc()).solve
+        except RuntimeError as error:  # SuperLU: exactly singular
+            raise CosseratError(
+                f"the eigenvalue problem is singular at the shift {shift:g}"
+            ) from error
+
+    def without(self, x: Array) -> Array:
+        """Without the part along N."""
+        return x - self.N @ (self.N.T @ (self.M @ x)) if self.N.shape[1] else x
+
+    def __call__(self, z: Array) -> Array:
+        a, b = z[: self.n], z[self.n :] * self.shift
+        x = self.without(-self._solve(self._right @ a + self.M @ b))
+        return np.concatenate([x, self.without(a) / self.shift + x])
+
+    def dense(self) -> tuple[Array, Array]:
+        """All eigenvalues and vectors x."""
+        theta, Z = eig(self(np.eye(2 * self.n)))
+        kept = abs(theta) > 1e-14 * abs(theta).max()
+        return self.shift + 1 / theta[kept], Z[: self.n, kept]
+
+    def arnoldi(self, k: int) -> tuple[Array, Array]:
+        """The k eigenvalues nearest to the shift.
+
+        Raises
+        ------
+        CosseratError
+            If less than half of them converge.
+        """
+        n = self.n
+        inverse = LinearOperator((2 * n, 2 * n), matvec=self.__call__, dtype=float)
+        start = np.random.default_rng(0).standard_normal((2, n))
+        options = {
+            "v0": np.concatenate([self.without(half) for half in start]),
+            "ncv": min(2 * n, max(2 * k + 10, 40)),
+            "tol": TOLERANCE,
+            "maxiter": 100,
+        }
+        try:
+            theta, Z = eigs(inverse, k, which="LM", **options)
+        except ArpackNoConvergence as error:
+            theta, Z = error.eigenvalues, error.eigenvectors  # the nearest ones come first
+            if len(theta) < k // 2:
+                raise CosseratError(
+                    f"the Arnoldi iteration for {k} eigenvalues did not converge, {len(theta)} did"
+                ) from error
+        return self.shift + 1 / theta, Z[:n]
+
+
+def _improved(pencil: Pencil, C: csr_matrix, values: Array, X: Array, scale: float) -> Array:
+    """Roots of ``m s^2 + c s + k = 0`` with the forms m, c, k of each vector.
+
+    ``Q(s)`` is Hermitian for imaginary s without damping, and symmetric for any s without
+    gyroscopic terms: there errors of the vectors enter squared. Elsewhere values stay, but for
+    motions without stiffness: zero or ``-c/m``.
+    """
+    if not pencil.conservative:
+        return values
+    out = values.copy()
+    for i, (s, x) in enumerate(zip(values, X.T, strict=True)):
+        parts = np.column_stack([x.real, x.imag])
+        E, noise = pencil.energies(parts)
+        k = E[0, 0] + E[1, 1]
+        if abs(k) <= max(noise.sum(), FREE * scale**2):
+            roots = np.array([0.0, -(x.conj() @ (C @ x))])
+            near = SLOW * scale
+        elif pencil.damping is None:
+            roots = np.roots([1.0, 1j * (x.conj() @ (C @ x)).imag, k])
+            roots = roots[abs(roots.real) <= STEADY * abs(roots)]
+            roots, near = 1j * roots.imag, STEADY * abs(s)
+        elif pencil.gyroscopic is None and abs(m := x @ (pencil.M @ x)) > WEAK:
+            roots = np.roots([m, x @ (C @ x), E[0, 0] - E[1, 1] + 2j * E[0, 1]])
+            near = STEADY * abs(s)
+        else:
+            continue
+        if len(roots) and abs(roots - s).min() <= near:
+            out[i] = roots[np.argmin(abs(roots - s))]
+    return out

@@ -1,0 +1,705 @@
+"""Springs, dampers, actuators and the like as arrays."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from ..coupling import Coupling
+from ..errors import AccuracyWarning, InputError
+from ..frames import Place
+from ..load import Constant, TimeFunction
+from ..relative import Form, RelativeCoordinate
+from ..types import Array, Floats, IndexArray
+from ..warn import warn
+from .coordinates import KINDS, Joined, Kind
+
+__all__ = [
+    "CoupledForce",
+    "CoupledStart",
+    "CouplingLaw",
+    "CouplingWork",
+    "Couplings",
+    "Invariants",
+    "LinearLaw",
+    "SlackLaw",
+    "apply",
+]
+
+
+# -- laws of force elements: generalised force, stored energy, and what is dissipated in a step ----
+
+
+class CouplingLaw(ABC):
+    """Generalised force of c couplings by their stretch e (..., c, m).
+
+    The stretch is the coordinate less its neutral value. Numbers may be complex.
+
+    Attributes
+    ----------
+    K, C : (c, m, m) array
+        Stiffness and damping.
+    """
+
+    def __init__(self, members: Sequence[Coupling]) -> None:
+        self.K = np.array([c.stiffness for c in members])
+        self.C = np.array([c.damping for c in members])
+
+    @abstractmethod
+    def energy(self, e: Array) -> Array:
+        """Stored energy (..., c)."""
+
+    @abstractmethod
+    def force(self, e: Array, rate: Array) -> Array:
+        """Force (..., c, m) against a larger stretch: tension is positive."""
+
+    def acts(self, e: Array) -> Array:
+        """Whether there is a force at stretch e, (..., c, m): a cable may be slack."""
+        return np.ones(e.shape, dtype=bool)
+
+    @abstractmethod
+    def discrete(
+        self, e0: Array, e1: Array, h: float, decay: float = 0.0
+    ) -> tuple[Array, Array, Array, Array]:
+        """Force sigma (c, m), ``dsigma/de_1`` (c, m, m), what is dissipated (c,), numerically (c,).
+
+        ``sigma . (e_1 - e_0)`` is the change of energy plus what is dissipated; the scheme's own
+        damping is that of the stiffness with the factor ``h decay/2``.
+        """
+
+    @abstractmethod
+    def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
+        """:meth:`force` with its derivatives (c, m, m) by e and by `rate`."""
+
+    @abstractmethod
+    def midpoint(
+        self, e: Array, rate: Array, e0: Array, e1: Array, h: float
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """Force sigma with its derivatives by e, by `rate`, and by e_1; what is dissipated.
+
+        e is that of the midpoint configuration.
+        """
+
+
+class LinearLaw(CouplingLaw):
+    """``K e + C de/dt``."""
+
+    def __init__(self, members: Sequence[Coupling]) -> None:
+        super().__init__(members)
+        values, vectors = np.linalg.eigh(self.C)
+        # so that what is dissipated is a sum of squares
+        self._root = np.sqrt(values.clip(0))[..., None] * vectors.swapaxes(-1, -2)
+        self._none = np.zeros_like(self.K)
+
+    def energy(self, e: Array) -> Array:
+        """See the base class."""
+        return 0.5 * (e * apply(self.K, e)).sum(-1)
+
+    def force(self, e: Array, rate: Array) -> Array:
+        """See the base class."""
+        return apply(self.K, e) + apply(self.C, rate)
+
+    def discrete(
+        self, e0: Array, e1: Array, h: float, decay: float = 0.0
+    ) -> tuple[Array, Array, Array, Array]:
+        """See the base class."""
+        change = e1 - e0
+        sigma = apply(self.K, 0.5 * (e0 + e1)) + apply(self.C, change) / h
+        dissipated = (apply(self._root, change) ** 2).sum(-1) / h
+        numerical = 0 * dissipated
+        if decay:
+            more = 0.5 * decay * apply(self.K, change)
+            numerical = (more * change).sum(-1)
+            sigma, dissipated = sigma + more, dissipated + numerical
+        return sigma, 0.5 * (1 + decay) * self.K + self.C / h, dissipated, numerical
+
+    def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
+        """See the base class."""
+        return self.force(e, rate), self.K, self.C
+
+    def midpoint(
+        self, e: Array, rate: Array, e0: Array, e1: Array, h: float
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """See the base class."""
+        dissipated = h * (apply(self._root, rate) ** 2).sum(-1)
+        return self.force(e, rate), self.K, self.C, self._none, dissipated
+
+
+class SlackLaw(CouplingLaw):
+    """Tension only: ``k e + c de/dt`` while e > 0, never negative.
+
+    The damper takes the part of a step in which the cable is taut.
+    """
+
+    def __init__(self, members: Sequence[Coupling]) -> None:
+        super().__init__(members)
+        self.k, self.c = self.K[:, 0], self.C[:, 0]
+
+    def energy(self, e: Array) -> Array:
+        """See the base class."""
+        return 0.5 * (self.k * _positive(e) ** 2).sum(-1)
+
+    def force(self, e: Array, rate: Array) -> Array:
+        """See the base class."""
+        return np.where(e.real > 0, _positive(self.k * e + self.c * rate), 0.0)
+
+    def acts(self, e: Array) -> Array:
+        """See the base class."""
+        return np.asarray(e.real > 0)
+
+    def discrete(
+        self, e0: Array, e1: Array, h: float, decay: float = 0.0
+    ) -> tuple[Array, Array, Array, Array]:
+        """See the base class."""
+        up0, up1 = _positive(e0), _positive(e1)
+        taut1 = e1.real > 0
+        both = taut1 & (e0.real > 0)
+        # (V_1 - V_0)/(e_1 - e_0); without cancellation where only one end is taut
+        change = np.where(taut1 ^ (e0.real > 0), e1 - e0, 1.0)
+        quotient = np.where(both, 0.5 * (up0 + up1), 0.5 * (up1 * up1 - up0 * up0) / change)
+        slope = np.where(both, 0.5, (taut1 * up1 - quotient) / change)
+        slope = np.where(taut1 | (e0.real > 0), slope, 0.0)
+        own = 0.5 * h * decay * self.k
+        c = self.c + own
+        spring, damper = self.k * quotient, c * (up1 - up0) / h
+        pulls = (spring + damper).real > 0
+        sigma = np.where(pulls, spring + damper, 0.0)
+        by_e1 = np.where(pulls, self.k * slope + c * taut1 / h, 0.0)
+        lost = (sigma - spring) * (e1 - e0)
+        numerical = (lost * own / np.where(c > 0, c, 1.0)).sum(-1)
+        return sigma, by_e1[..., None], lost.sum(-1), numerical
+
+    def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
+        """See the base class."""
+        force = self.force(e, rate)
+        pulls = force.real > 0
+        return force, (self.k * pulls)[..., None], (self.c * pulls)[..., None]
+
+    def midpoint(
+        self, e: Array, rate: Array, e0: Array, e1: Array, h: float
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """See the base class."""
+        spring = self.k * _positive(e)
+        damper = self.c * (_positive(e1) - _positive(e0)) / h
+        pulls = (spring + damper).real > 0
+        sigma = np.where(pulls, spring + damper, 0.0)
+        by_e = np.where(pulls, self.k * (e.real > 0), 0.0)[..., None]
+        by_e1 = np.where(pulls, self.c * (e1.real > 0) / h, 0.0)[..., None]
+        dissipated = h * ((sigma - spring) * rate).sum(-1)
+        return sigma, by_e, np.zeros_like(by_e), by_e1, dissipated
+
+
+def _positive(e: Array) -> Array:
+    return np.where(e.real > 0, e, 0.0)
+
+
+def apply(matrices: Array, vectors: Array) -> Array:
+    """Product of stacks ``(..., m, k)`` and ``(..., k)``.
+
+    Examples
+    --------
+    >>> apply(np.array([[[0.0, 2.0]], [[1.0, 1.0]]]), np.array([[3.0, 4.0], [5.0, 6.0]])).tolist()
+    [[8.0], [11.0]]
+    """
+    return (matrices @ vectors[..., None])[..., 0]
+
+
+# -- all force elements of a scene as arrays: forces, tangents, energy and work of a step ----------
+#
+# Couplings whose coordinates and law are of one kind are evaluated together. A coupling's force on
+# the rows of y is ``sum_k s_k grad pi_k(y_mid)``: its invariants ``pi`` are quadratic, so that this
+# does the work ``s . (pi_1 - pi_0)`` in a step, exactly, and leaves the momentum of free systems
+# alone. Schemes differ in s, see :meth:`Couplings.midpoint` and :meth:`Couplings.discrete`.
+
+#: first row of y of a place's vertex
+RowOf = Callable[[Place], int]
+
+
+class Invariants:
+    """Quadratic invariants ``pi_k = y . A_k y / 2`` of several couplings on their local rows of y.
+
+    Parameters
+    ----------
+    forms : list of tuple of Form
+        k forms for each of the c couplings.
+    row_of : callable
+        First row of y of a place's vertex.
+
+    Attributes
+    ----------
+    rows : (c, R) int array
+        Rows of y; couplings of fewer rows repeat their first one, with zeros in A.
+    real : (c, R) bool array
+        Which of them are no repetition.
+    A : (c, k, R, R) array
+        Symmetric.
+    """
+
+    def __init__(self, forms: Sequence[tuple[Form, ...]], row_of: RowOf) -> None:
+        tables = [[_table(form, row_of) for form in each] for each in forms]
+        owned = [sorted({a for table in each for ab in table for a in ab}) for each in tables]
+        R = max(len(rows) for rows in owned)
+        self.rows = np.array([rows + rows[:1] * (R - len(rows)) for rows in owned])
+        self.real = np.array([[k < len(rows) for k in range(R)] for rows in owned])
+        self.A = np.zeros((len(forms), len(forms[0]), R, R))
+        for c, (each, rows) in enumerate(zip(tables, owned, strict=True)):
+            local = {row: i for i, row in enumerate(rows)}
+            for k, table in enumerate(each):
+                for (a, b), factor in table.items():
+                    self.A[c, k, local[a], local[b]] += factor
+                    self.A[c, k, local[b], local[a]] += factor
+
+    def gradients(self, y: Array) -> Array:
+        """``A_k y`` (..., c, k, R, 3) for y (..., total, 3)."""
+        return self.A @ y[..., self.rows, :][..., None, :, :]
+
+    def values(self, y: Array) -> Array:
+        """``pi`` (..., c, k)."""
+        local = y[..., self.rows, :][..., None, :, :]
+        return 0.5 * ((self.A @ local) * local).sum((-2, -1))
+
+    def rates(self, y: Array, ydot: Array) -> Array:
+        """``dpi/dt`` (..., c, k) for rates ydot of all rows."""
+        return (self.gradients(y) * ydot[..., self.rows, :][..., None, :, :]).sum((-2, -1))
+
+
+def _table(form: Form, row_of: RowOf) -> dict[tuple[int, int], float]:
+    """Factor of each product of rows."""
+    out: dict[tuple[int, int], float] = {}
+    for product in form:
+        for p, i, left in product.left.terms:
+            for q, j, right in product.right.terms:
+                key = row_of(p) + i, row_of(q) + j
+                out[key] = out.get(key, 0.0) + product.factor * left * right
+    return out
+
+
+def kind_of(coordinates: Sequence[RelativeCoordinate]) -> Kind:
+    """The kind of one coordinate, or of several side by side."""
+    kinds = tuple(KINDS[c.kind] for c in coordinates)
+    return kinds[0] if len(kinds) == 1 else Joined(kinds)
+
+
+# -- groups ----------------------------------------------------------------------------------------
+
+
+@dataclass(eq=False)
+class _Start:
+    """A group at the start of a step."""
+
+    pi: Floats
+    xi: Floats
+    amplitude: Array
+
+
+@dataclass(eq=False)
+class _Response:
+    """A group at a trial configuration.
+
+    `travel` (c, m) is what the forces sigma do work on, `slopes` gives the derivatives of s by the
+    invariants at the midpoint (or None) and at the end, (c, k, k) each; `share` is the factor of
+    the end in the configuration at which the force acts, `numerical` what the scheme has of what is
+    dissipated.
+    """
+
+    s: Array
+    gradients: Array
+    gradients1: Array
+    travel: Array
+    dissipated: Array
+    slopes: Callable[[], tuple[Array | None, Array]]
+    share: float = 0.5
+    numerical: Array | None = None
+
+
+class _Group:
+    """Couplings of one kind of coordinates and one law."""
+
+    def __init__(
+        self, members: list[Coupling], row_of: RowOf, reference: Floats, free: int, channel: int
+    ) -> None:
+        self.members = members
+        self.kind = kind_of(members[0].coordinates)
+        self.invariants = Invariants(
+            [tuple(f for c in m.coordinates for f in c.forms) for m in members], row_of
+        )
+        self.law: CouplingLaw = SlackLaw(members) if members[0].slack else LinearLaw(members)
+        self.neutral = np.array([m.neutral for m in members])
+        shifts = np.array(
+            [c.kind == "displacement" for c in members[0].coordinates for _ in range(c.size)]
+        )
+        # displacements count from the reference
+        self.origin = shifts * self.kind.value(self.invariants.values(reference))
+        self.neutral += self.origin
+        #: numbers of the actuators' channels, -1 for none
+        self.channels = np.full((len(members), self.kind.size), -1)
+        for i, member in enumerate(members):
+            if member.channels:
+                self.channels[i] = np.arange(channel, channel + self.kind.size)
+                channel += self.kind.size
+        inside = self.invariants.real & (self.invariants.rows < free)
+        self.kept = inside[:, :, None] & inside[:, None, :]
+        a = np.broadcast_to(self.invariants.rows[:, :, None], self.kept.shape)
+        self.pairs = np.stack([a[self.kept], a.swapaxes(1, 2)[self.kept]], axis=-1)
+
+    def stretch(self, xi: Array) -> Array:
+        return xi - self.neutral
+
+    def rate(self, y: Array, ydot: Array, pi: Array) -> Array:
+        return apply(self.kind.slope(pi), self.invariants.rates(y, ydot))
+
+    def discrete(self, start: _Start, h: float, mid: Array, y1: Array, decay: float) -> _Response:
+        """``s = Psi^T sigma`` with the discrete derivatives of coordinates and energy."""
+        kind, pi0, xi0 = self.kind, start.pi, start.xi
+        pi1 = self.invariants.values(y1)
+        xi1 = kind.continued(pi1, xi0)
+        Psi = kind.discrete(pi0, xi0, pi1, xi1)
+        e0, e1 = self.stretch(xi0), self.stretch(xi1)
+        law, by_e1, dissipated, numerical = self.law.discrete(e0, e1, h, decay)
+        sigma = law - start.amplitude
+
+        def slopes() -> tuple[Array | None, Array]:
+            H = Psi.swapaxes(-1, -2) @ by_e1 @ kind.slope(pi1)
+            turned = kind.discrete_slope(pi0, xi0, pi1, xi1)
+            return None, H + (sigma[..., None, None] * turned).sum(-3)
+
+        return _Response(
+            apply(Psi.swapaxes(-1, -2), sigma),
+            self.invariants.gradients(mid),
+            self.invariants.gradients(y1),
+            xi1 - xi0,
+            dissipated,
+            slopes,
+            numerical=numerical,
+        )
+
+    def midpoint(self, start: _Start, h: float, mid: Array, y1: Array) -> _Response:
+        """``s = xi'(pi_mid)^T sigma`` of the coordinates of the midpoint configuration."""
+        kind = self.kind
+        pi, pi1 = self.invariants.values(mid), self.invariants.values(y1)
+        xi, xi1 = kind.continued(pi, start.xi), kind.continued(pi1, start.xi)
+        J, change = kind.slope(pi), pi1 - start.pi
+        travel = apply(J, change)
+        law, by_e, by_rate, by_e1, dissipated = self.law.midpoint(
+            self.stretch(xi), travel / h, self.stretch(start.xi), self.stretch(xi1), h
+        )
+        sigma = law - start.amplitude
+
+        def slopes() -> tuple[Array | None, Array]:
+            X, left = kind.curvature(pi), J.swapaxes(-1, -2)
+            rate = (X * change[..., None, None, :]).sum(-1) / h
+            at_mid = left @ (by_e @ J + by_rate @ rate) + (sigma[..., None, None] * X).sum(-3)
+            return at_mid, left @ (by_rate @ J / h + by_e1 @ kind.slope(pi1))
+
+        return _Response(
+            apply(J.swapaxes(-1, -2), sigma),
+            self.invariants.gradients(mid),
+            self.invariants.gradients(y1),
+            travel,
+            dissipated,
+            slopes,
+        )
+
+    def static(self, start: _Start, y: Array, ydot: Array, share: float) -> _Response:
+        """``s = xi'(pi)^T sigma`` at y, angles counted on from `start`; see the caller."""
+        kind, pi = self.kind, self.invariants.values(y)
+        xi = kind.continued(pi, start.xi)
+        J, e, flow = kind.slope(pi), self.stretch(xi), self.invariants.rates(y, ydot)
+        rate = apply(J, flow)
+        law, by_e, by_rate = self.law.moving(e, rate)
+        sigma = law - start.amplitude
+
+        def slopes() -> tuple[Array | None, Array]:
+            X, left = kind.curvature(pi), J.swapaxes(-1, -2)
+            by_pi = by_e @ J + by_rate @ (X * flow[..., None, None, :]).sum(-1)
+            return left @ by_pi + (sigma[..., None, None] * X).sum(-3), left @ by_rate @ J
+
+        gradients = self.invariants.gradients(y)
+        lost = ((law - self.law.force(e, 0 * rate)) * rate).sum(-1)
+        s = apply(J.swapaxes(-1, -2), sigma)
+        faster = self.invariants.gradients(ydot) + share * gradients
+        return _Response(s, gradients, faster, xi - start.xi, lost, slopes, share=1.0)
+
+    def stiffness(self, y: Array, taut: bool = False) -> Array:
+        """``B^T K B`` with ``delta xi = B delta y``, at :attr:`pairs`; of a cable while taut."""
+        return self._by_rows(self.law.K, y, taut)
+
+    def damping(self, y: Array, taut: bool = False) -> Array:
+        """``B^T C B`` at :attr:`pairs`; of a cable while taut."""
+        return self._by_rows(self.law.C, y, taut)
+
+    def _by_rows(self, matrices: Array, y: Array, taut: bool) -> Array:
+        if not taut:
+            acts = self.law.acts(self.stretch(self.kind.value(self.invariants.values(y))))
+            matrices = matrices * acts[..., None]
+        J, gradients = self.kind.slope(self.invariants.values(y)), self.invariants.gradients(y)
+        c, k, R, _ = gradients.shape
+        B = J @ gradients.reshape(c, k, 3 * R)
+        K = (B.swapaxes(1, 2) @ matrices @ B).reshape(c, R, 3, R, 3).swapaxes(2, 3)
+        return K[self.kept]
+
+    def tangent(self, response: _Response) -> Array:
+        """Derivative of the force on row a by row b of y_1, at :attr:`pairs`; (k, 3, 3)."""
+        r = response
+        at_mid, at_end = r.slopes()
+        c, k, R, _ = r.gradients.shape
+        left = r.gradients.reshape(c, k, 3 * R)
+        right = at_end @ r.gradients1.reshape(c, k, 3 * R)
+        if at_mid is not None:
+            right = right + r.share * (at_mid @ left)
+        K = (left.swapaxes(1, 2) @ right).reshape(c, R, 3, R, 3).swapaxes(2, 3)
+        curved = r.share * (r.s[:, :, None, None] * self.invariants.A).sum(1)
+        for i in range(3):
+            K[..., i, i] += curved
+        return K[self.kept]
+
+
+# -- all -------------------------------------------------------------------------------------------
+
+
+@dataclass(eq=False)
+class CoupledStart:
+    """All couplings at the start of a step of size h."""
+
+    h: float
+    y0: Floats
+    groups: list[_Start]
+
+
+@dataclass(eq=False)
+class CoupledForce:
+    """All couplings at a trial configuration.
+
+    Attributes
+    ----------
+    force : (total, 3) array
+        On all rows of y, the ground included, in the sense of an internal force.
+    """
+
+    force: Array
+    responses: list[_Response]
+
+
+@dataclass(frozen=True)
+class CouplingWork:
+    """Work in a step (J): by actuators, lost in dampers, done by moving ground on couplings.
+
+    What is lost has a part by the scheme itself, `numerical`.
+    """
+
+    actuators: float
+    dissipated: float
+    ground: float
+    numerical: float = 0.0
+
+
+class Couplings:
+    """Springs, dampers, cables, bushings and actuators of a scene.
+
+    Parameters
+    ----------
+    items : list of Coupling
+    row_of : callable
+        First row of y of a place's vertex.
+    reference : (total, 3) array
+        Reference configuration, all rows: displacements count from there.
+    free : int
+        Rows of y that are unknowns; the rest is ground.
+
+    Attributes
+    ----------
+    count : int
+        Number of couplings.
+    pairs : (k, 2) int array
+        Rows (a, b) of y, both unknowns, at which :meth:`tangent` has blocks.
+    angles : list of Coupling
+        Those on an angle, whose full turns are part of the state.
+    """
+
+    def __init__(
+        self, items: Sequence[Coupling], row_of: RowOf, reference: Floats, free: int
+    ) -> None:
+        self.items, self.count, self._free = list(items), len(items), free
+        families: dict[tuple[object, ...], list[Coupling]] = {}
+        for item in items:
+            key = (item.slack, *(c.kind for c in item.coordinates))
+            families.setdefault(key, []).append(item)
+        self.times: list[TimeFunction] = []
+        #: whose times they are
+        self.owners: list[Coupling] = []
+        self._groups: list[_Group] = []
+        for members in families.values():
+            self._groups.append(_Group(members, row_of, reference, free, len(self.times)))
+            for member in members:
+                self.times += member.channels
+                self.owners += [member] * len(member.channels)
+        self._constant = all(isinstance(time, Constant) for time in self.times)
+        self._amplitudes: Floats | None = None
+        none = np.zeros((0, 2), dtype=np.int64)
+        self.pairs: IndexArray = np.concatenate([none, *(g.pairs for g in self._groups)])
+        self.angles = [m for g in self._groups if g.kind.period for m in g.members]
+        rows = np.concatenate([none.ravel(), *(g.invariants.rows.ravel() for g in self._groups)])
+        self._scatter = csr_matrix(
+            (np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(len(reference), len(rows))
+        )
+
+    # -- a step ----------------------------------------------------------------------------------
+
+    def begin(self, y0: Floats, turns: IndexArray | None, t0: float, h: float) -> CoupledStart:
+        """Couplings at the start of a step; `turns` as in a state."""
+        return self.starting(y0, turns, self.averages(t0, t0 + h), h)
+
+    def starting(
+        self, y0: Floats, turns: IndexArray | None, amplitudes: Array, h: float
+    ) -> CoupledStart:
+        """Couplings at the start of a step with given amplitudes of actuators, and a zero."""
+        starts = [
+            _Start(pi, xi, amplitudes[g.channels])
+            for g, (pi, xi) in zip(self._groups, self._values(y0, turns), strict=True)
+        ]
+        return CoupledStart(h, y0, starts)
+
+    def discrete(
+        self, start: CoupledStart, mid: Array, y1: Array, decay: float = 0.0
+    ) -> CoupledForce:
+        """Forces that do the work ``V_1 - V_0``, but for dampers, actuators and `decay`."""
+        pairs = zip(self._groups, start.groups, strict=True)
+        return self._assemble([g.discrete(s, start.h, mid, y1, decay) for g, s in pairs])
+
+    def midpoint(self, start: CoupledStart, mid: Array, y1: Array) -> CoupledForce:
+        """Forces of the midpoint configuration: springs have the potential ``V(y_mid)``."""
+        pairs = zip(self._groups, start.groups, strict=True)
+        return self._assemble([g.midpoint(s, start.h, mid, y1) for g, s in pairs])
+
+    def static(
+        self, start: CoupledStart, y: Array, ydot: Array | None = None, share: float = 0.0
+    ) -> CoupledForce:
+        """Forces at y, at rest or at rates `ydot` of derivative `share` by y (both (total, 3)).
+
+        What is dissipated is a power then (W).
+        """
+        rates = np.zeros_like(y) if ydot is None else ydot
+        pairs = zip(self._groups, start.groups, strict=True)
+        return self._assemble([g.static(s, y, rates, share) for g, s in pairs])
+
+    def _assemble(self, responses: list[_Response]) -> CoupledForce:
+        nodal = [(r.s[:, :, None, None] * r.gradients).sum(1).reshape(-1, 3) for r in responses]
+        return CoupledForce(self._scatter @ np.concatenate(nodal), responses)
+
+    def tangent(self, force: CoupledForce, factor: float) -> Array:
+        """``factor`` times the derivative of the force on row a by row b of y_1, (k, 3, 3)."""
+        blocks = [g.tangent(r) for g, r in zip(self._groups, force.responses, strict=True)]
+        return factor * np.concatenate(blocks)
+
+    def work(self, start: CoupledStart, force: CoupledForce, y1: Floats) -> CouplingWork:
+        """What a solved step did."""
+        pairs = list(zip(start.groups, force.responses, strict=True))
+        moved = y1[self._free :] - start.y0[self._free :]
+        return CouplingWork(
+            sum(float((s.amplitude * r.travel).sum()) for s, r in pairs),
+            sum(float(r.dissipated.sum()) for _, r in pairs),
+            float((force.force[self._free :] * moved).sum()),
+            sum(float(r.numerical.sum()) for _, r in pairs if r.numerical is not None),
+        )
+
+    def turns(
+        self, start: CoupledStart, y1: Floats, time: float | None = None
+    ) -> IndexArray | None:
+        """Full turns of :attr:`angles` at the end of a step, at a time; None if there are none.
+
+        Warns of a rotation vector that passed a turn of pi, where it jumps.
+        """
+        out = []
+        for g, s in zip(self._groups, start.groups, strict=True):
+            pi = g.invariants.values(y1)
+            if g.kind.period:
+                turned = (g.kind.continued(pi, s.xi) - g.kind.value(pi)) / g.kind.period
+                out.append(np.rint(turned[:, 0]).astype(np.int64))
+            elif g.kind.size > 1:
+                jump = abs(g.kind.value(pi)[:, -3:] - s.xi[:, -3:]).max(1) > np.pi
+                for i in np.flatnonzero(jump):
+                    text = "the relative rotation passed pi, where its rotation vector jumps"
+                    warn(g.members[i].label, text, AccuracyWarning, time)
+        return np.concatenate(out) if out else None
+
+    # -- states ------------------------------------------------------------------------------------
+
+    def energy(self, y: Floats, turns: IndexArray | None = None) -> Floats:
+        """Stored energy (...) of states y (..., total, 3) with `turns` (..., angles)."""
+        out = np.zeros(y.shape[:-2])
+        for g, (_, xi) in zip(self._groups, self._values(y, turns), strict=True):
+            out += g.law.energy(g.stretch(xi)).sum(-1)
+        return out
+
+    def stiffness(self, y: Array, taut: bool = False) -> Array:
+        """Material stiffness of springs by row b on row a, at :attr:`pairs`; (k, 3, 3).
+
+        `taut`: also of cables that are slack at y.
+        """
+        none = np.zeros((0, 3, 3))
+        return np.concatenate([none, *(g.stiffness(y, taut) for g in self._groups)])
+
+    def damping(self, y: Array, taut: bool = False) -> Array:
+        """Damping of force elements by velocity b on row a, at :attr:`pairs`; (k, 3, 3).
+
+        `taut`: also of cables that are slack at y.
+        """
+        none = np.zeros((0, 3, 3))
+        return np.concatenate([none, *(g.damping(y, taut) for g in self._groups)])
+
+    def forces(
+        self, y: Floats, ydot: Floats, turns: IndexArray | None = None
+    ) -> list[tuple[Coupling, Floats, Floats]]:
+        """Coordinates and forces (..., m) of each coupling but actuators, at y and its rate.
+
+        The force is that of spring and damper; where it is positive it pulls the coordinate back.
+        """
+        out = []
+        for g, (pi, xi) in zip(self._groups, self._values(y, turns), strict=True):
+            rate = g.rate(y, ydot, pi)
+            force = g.law.force(g.stretch(xi), rate)
+            shown = xi - g.origin
+            out += [
+                (m, shown[..., i, :], force[..., i, :])
+                for i, m in enumerate(g.members)
+                if not m.channels
+            ]
+        return out
+
+    def check_turns(self, turns: IndexArray | None) -> None:
+        """Raises InputError if there are not as many as angles."""
+        count = len(self.angles)
+        if turns is not None and np.shape(turns)[-1:] != (count,):
+            raise InputError("turns of angles", f"shape {np.shape(turns)}, expected (..., {count})")
+
+    def _values(self, y: Floats, turns: IndexArray | None) -> list[tuple[Floats, Floats]]:
+        """(pi, xi) of each group."""
+        self.check_turns(turns)
+        out, first = [], 0
+        for g in self._groups:
+            pi = g.invariants.values(y)
+            xi = g.kind.value(pi)
+            if g.kind.period and turns is not None:
+                own = turns[..., first : first + len(g.members)]
+                xi = xi + g.kind.period * own[..., None]
+                first += len(g.members)
+            out.append((pi, xi))
+        return out
+
+    def averages(self, t0: float, t1: float) -> Floats:
+        """Means of all channels over a step, and a zero for who has none."""
+        if self._amplitudes is not None:
+            return self._amplitudes
+        out = np.zeros(len(self.times) + 1)
+        for k, time in enumerate(self.times):
+            try:
+                out[k] = time.average(t0, t1)
+            except InputError as error:
+                raise InputError(self.owners[k].label, str(error)) from error
+        if self._constant:
+            self._amplitudes = out
+        return out

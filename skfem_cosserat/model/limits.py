@@ -1,0 +1,261 @@
+"""What elements can follow: bending and tension."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..frames import is_beam
+from ..types import Floats
+from .groups import BeamGroup
+from .system import System
+from .theories import theory_of
+
+if TYPE_CHECKING:
+    from ..element import Interpolation
+
+
+__all__ = ["bent_beam", "bent_elements", "drawn_beam", "overstretched", "tension_factor"]
+
+
+# -- elements bent so far that they give way: why Newton's method fails on a mesh too coarse -------
+
+
+def bent_elements(system: System, y: Floats) -> str | None:
+    """Elements that turn, against the reference, by more than they can be bent on their own.
+
+    The directors are interpolated, so the bending of a linear element between nodes at an angle t
+    is sin(t)/l: its moment EI sin(2 t)/(2 l) peaks at 45 degrees, and a fold of 180 costs nothing.
+    Higher orders give way later, see :attr:`skfem_cosserat.element.Interpolation.turn_limit`.
+    Torsion counts like bending. The angle of an element is the sum of those between its
+    neighbouring nodes, each below 180 degrees.
+
+    Parameters
+    ----------
+    y : (rows or more, 3) array
+        Configuration: the rows of a state q, or all rows from ``system.extend``.
+
+    Returns
+    -------
+    str or None
+        The worst element with its nodes and the angle; None if all are within their limits.
+
+    Examples
+    --------
+    A straight beam of two linear elements, bent to a right angle by its end:
+
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> model = Model()
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 2)
+    >>> beam = model.add("boom", Beam(mesh, section, director=(1, 0, 0)))
+    >>> system = model.freeze()
+    >>> y = system.q0.copy().reshape(-1, 3)
+    >>> print(bent_elements(system, y))
+    None
+    >>> y[9:12] = np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
+    >>> bent_elements(system, y).partition(",")[0]
+    "relative rotation between nodes 1 and 2 of beam 'boom' is 90 degrees"
+    """
+    found = bent_beam(system, y)
+    return None if found is None else found[1]
+
+
+def bent_beam(system: System, y: Floats) -> tuple[str, str] | None:
+    """Which beam :func:`bent_elements` is about, and what it says."""
+    beams = [item for item in system.structures if is_beam(item)]
+    if not beams:
+        return None
+    from ..mesh.bends import gives_way, turns
+
+    worst, found = 1.0, None
+    for beam in beams:
+        basis = beam.basis
+        row = system.first[id(beam)][1]
+        nodal = y[row : row + 4 * basis.n_nodes].reshape(-1, 4, 3)[:, 1:]
+        now, then = (_steps(triads[basis.connectivity]) for triads in (nodal, beam.triads))
+        angle = turns(then, now).sum(axis=1).round(9)
+        ratio = float(angle.max()) / basis.interpolation.turn_limit
+        if ratio > worst:
+            a, b = basis.connectivity[int(angle.argmax())][[0, -1]]
+            worst = ratio
+            found = (
+                beam.label,
+                f"relative rotation between nodes {a} and {b} of {beam.label} is"
+                f" {gives_way(basis.interpolation, angle)}",
+            )
+    return found
+
+
+def _steps(triads: Floats) -> Floats:
+    """Rotations from node to node (ne, p, 3, 3) in the nodes' own frames: (ne, p + 1, 3, 3)."""
+    return np.asarray(triads[:, 1:] @ np.swapaxes(triads[:, :-1], -1, -2))
+
+
+# -- elements drawn so much that node rotations their Gauss points do not see grow -----------------
+
+
+def overstretched(system: System, y: Floats, multipliers: Floats | None = None) -> str | None:
+    """Elements whose tension is above what their bending stiffness can hold on this mesh.
+
+    Parameters
+    ----------
+    system : System
+    y : (rows or more, 3) array
+        Configuration: the rows of a state q, or all rows from ``system.extend``.
+    multipliers : (m,) array, optional
+        Of the constraint rows there: with the tension of beams without extension.
+
+    Returns
+    -------
+    str or None
+        The worst element with its nodes, its tension and the limit (N), and how many elements of
+        the same order its beam needs; None if all are within their limits.
+
+    Notes
+    -----
+    Rotations of nodes ``theta = c P_p`` (the Legendre polynomial of an element of order p, with
+    signs such that neighbours agree) vanish at its p Gauss points: only their slope is seen, with
+    the bending energy ``EI p (p + 1) c^2/h`` of an element. Yet they shorten the interpolated d3,
+    by ``theta^2/2`` at the nodes and ``c^2/(2 p)`` in the mean, which releases ``N h c^2/(2 p)``.
+    They grow above ``N = 2 p^2 (p + 1) EI/h^2``; for p = 3 and 4, where polynomials of lower order
+    lend a hand, somewhat earlier: see :func:`tension_factor`. ``EI`` is the smaller bending
+    stiffness, that at free twist and shear, ``h^2`` the length in the reference times the present
+    one. It is the limit of a long row of equal elements; ends that are held and neighbours drawn
+    less raise it: by 4 % for eight clamped elements of order 2. Shear as soft as ``GA = N`` and
+    tension that varies within an element are left out.
+
+    Elements with more Gauss points than p see these rotations as shear. They give way above
+    ``p/(2 p + 1)`` of the shear stiffness on any mesh and are not looked at here.
+
+    Examples
+    --------
+    A beam of two linear elements with EI = 500 N m^2 and h = 1 m, drawn by 2500 N:
+
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
+    >>> section = Section([1e6, 1e6, 1e6, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> model = Model()
+    >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 2)
+    >>> beam = model.add("rope", Beam(mesh, section, director=(1, 0, 0)))
+    >>> system = model.freeze()
+    >>> y = system.q0.copy().reshape(-1, 3)
+    >>> print(overstretched(system, y))
+    None
+    >>> y[system.origin_rows] *= 1.0025
+    >>> overstretched(system, y).partition(" (1 more")[0]
+    "tension 2.5e+03 N between nodes 0 and 1 of beam 'rope' is above 4 EI/h^2 = 2e+03 N"
+    """
+    found = drawn_beam(system, y, multipliers)
+    return None if found is None else found[1]
+
+
+def drawn_beam(
+    system: System, y: Floats, multipliers: Floats | None = None
+) -> tuple[str, str] | None:
+    """Which beam :func:`overstretched` is about, and what it says."""
+    worst, about = 1.0 + 1e-9, None
+    drawn = {
+        beam: tuple(values[which] for values in found)
+        for group in system.beam_groups
+        for found in [_tension(group, y)]
+        for beam, which in group.slices.items()
+    }
+    for beam in (s for s in system.structures if is_beam(s)):
+        kind = beam.basis.interpolation
+        if kind.points > kind.order:
+            continue
+        force, stretch, present = drawn[id(beam)]
+        held = None if multipliers is None else theory_of(system.theory_rows, beam)
+        if held is not None and multipliers is not None and held.can_bend:
+            force = force + held.stress(multipliers)[:, :, 2] @ beam.elements.weights
+        factor = tension_factor(kind)
+        sections = beam.sections.values()
+        soft = np.array([_bending(s.stiffness, beam.theory.held) for s in sections])[
+            beam.section_id
+        ]
+        soft = np.where(np.isnan(present), soft, present)
+        limit = factor * soft / (beam.basis.lengths**2 * stretch.clip(1e-300))
+        ratio = (force / limit).round(9)  # of equal ones the first is named
+        if ratio.max() > worst:
+            e, worst = int(ratio.argmax()), float(ratio.max())
+            a, b = beam.basis.connectivity[e][[0, -1]]
+            above = ratio > 1.0 + 1e-9
+            count, others = len(ratio), int(above.sum()) - 1
+            # an element cut into r = sqrt(N/limit) parts is at its limit
+            needed = count - others - 1 + int(np.ceil(np.sqrt(ratio[above]).sum() - 1e-9))
+            more = f" ({others} more like it)" if others else ""
+            about = (
+                beam.label,
+                f"tension {force[e]:.3g} N between nodes {a} and {b} of {beam.label} is above"
+                f" {factor:.3g} EI/h^2 = {limit[e]:.3g} N{more}: node rotations that its Gauss"
+                f" points do not see can grow; refine: it takes {max(needed, count + 1)} elements"
+                f" in place of {count}",
+            )
+    return about
+
+
+@cache
+def tension_factor(kind: Interpolation) -> float:
+    """Largest tension of a row of elements with p Gauss points, in units of ``EI/h^2``.
+
+    With Lobatto nodes 4, 24, ``30 + 18 sqrt(5) = 70.25`` and ``50 + 2 sqrt(2305) = 146.02`` for
+    p = 1 to 4, with equidistant ones 61.27 and 155.98 for p = 3 and 4.
+
+    Parameters
+    ----------
+    kind : Interpolation
+
+    Notes
+    -----
+    In an element that follows the slope of its axis at the Gauss points, rotations theta of nodes
+    have the energy ``EI/2 int theta'^2 ds + N/2 (2 G(theta^2) - L(theta^2))``: G sums over Gauss
+    points what is interpolated, L the squares at nodes with the integrals of their shape functions.
+    The factor is the smallest N at which it is not positive.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import InterpolationLobatto
+    >>> [round(tension_factor(InterpolationLobatto(p)), 9) for p in (1, 2)]
+    [4.0, 24.0]
+    """
+    from ..basis import gauss_rule
+    from ..element import shape_derivatives, shape_functions
+
+    x, w = gauss_rule(kind.order + 1)
+    slope = shape_derivatives(kind, x)
+    x, v = gauss_rule(kind.points)
+    shape = shape_functions(kind, x)
+    bending = (slope * w) @ slope.T
+    tension = 2 * (shape * v) @ shape.T - np.diag(shape @ v)
+    values = np.linalg.eigvals(np.linalg.solve(-tension, bending))
+    real = values[abs(values.imag) < 1e-9 * abs(values).max()].real
+    return float(real[real > 1e-9].min())  # zero belongs to a constant theta
+
+
+def _tension(group: BeamGroup, y: Floats) -> tuple[Floats, Floats, Floats]:
+    """Mean axial force (ne,) in N and stretch ``d3 . phi'`` (ne,) of elements.
+
+    And the bending stiffness that sections of a stored energy have there, NaN for others.
+    """
+    strain, weights = group.strain(y)[0], group.elements.weights
+    stretch = strain + group.elements.reference
+    present = np.full(len(strain), np.nan)
+    for ids, law in group.elements.stored:
+        mean = group.moduli(strain)[ids].sum(1) / group.elements.lengths[ids, None, None]
+        present[ids] = [_bending(D, law.held) for D in mean]
+    return group.stress(strain)[:, :, 2] @ weights, stretch[:, :, 2] @ weights, present
+
+
+def _bending(stiffness: Floats, held: tuple[int, ...]) -> float:
+    """The smaller bending stiffness (N m^2) of a section (6, 6) that is free otherwise.
+
+    Of what is not held: without end if bending is.
+    """
+    if {3, 4} & set(held):
+        return np.inf
+    free = [k for k in range(6) if k not in held]
+    bending = [free.index(k) for k in (3, 4)]
+    compliance = np.linalg.inv(stiffness[np.ix_(free, free)])
+    return float(1 / np.linalg.eigvalsh(compliance[np.ix_(bending, bending)])[-1])

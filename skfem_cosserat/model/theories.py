@@ -1,0 +1,174 @@
+"""Constraint rows that hold strains of beams, see :mod:`skfem_cosserat.theory`.
+
+At each Gauss point ``Gamma_i = d_i . phi'`` and ``K_i = (d_k . d_j' - d_j . d_k')/2`` of the
+interpolated directors keep their values in the reference: quadratic rows as those of joints. With
+the weight w of the point and the length l of the element a multiplier is ``w l`` times a stress
+resultant, as the balance holds ``int B^T S ds``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..frames import is_beam
+from ..types import Floats, IndexArray
+from .groups import Structure
+from .quadratic import ConstraintBuilder
+from .tree import Span
+
+if TYPE_CHECKING:
+    from ..beam import Beam
+
+__all__ = ["TheoryRows", "add_theory_rows", "spans_of", "theory_of", "unheld_spans"]
+
+Terms = list[tuple[int, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class TheoryRows:
+    """Rows of a beam that hold strains: those of an element, point by point, side by side.
+
+    Attributes
+    ----------
+    beam : Beam
+    rows : slice
+    held : tuple of int
+        Numbers of the strains.
+    shape : (int, int, int)
+        Elements, Gauss points, strains: of the rows' numbers.
+    first : int
+        First vertex of the beam.
+    """
+
+    beam: Beam
+    rows: slice
+    held: tuple[int, ...]
+    shape: tuple[int, int, int]
+    first: int
+
+    @property
+    def numbers(self) -> IndexArray:
+        """Rows (elements, points, strains)."""
+        return np.arange(self.rows.start, self.rows.stop).reshape(self.shape)
+
+    @property
+    def turning(self) -> NDArray[np.bool_]:
+        """Which of the strains are bending or torsion."""
+        return np.array(self.held) >= 3
+
+    @property
+    def can_bend(self) -> bool:
+        """Whether rotations that the Gauss points do not see are held by bending alone."""
+        return not {3, 4} & set(self.held)
+
+    @property
+    def eliminable(self) -> bool:
+        """Whether the rows of forces give the line of an element from its directors."""
+        interpolation = self.beam.basis.interpolation
+        return {0, 1} <= set(self.held) and interpolation.points == interpolation.order
+
+    def stress(self, multipliers: Floats) -> Floats:
+        """Resultants (..., ne, ng, 6) of what is held, from multipliers (..., m); zeros else."""
+        found = multipliers[..., self.rows].reshape(*multipliers.shape[:-1], *self.shape)
+        out = np.zeros((*found.shape[:-1], 6))
+        out[..., list(self.held)] = found / self.beam.elements.measure
+        return out
+
+
+def theory_of(theories: Sequence[TheoryRows], beam: Beam) -> TheoryRows | None:
+    """Rows of a beam; None if all of its strains are free."""
+    return next((each for each in theories if each.beam is beam), None)
+
+
+def add_theory_rows(
+    build: ConstraintBuilder,
+    structures: Sequence[Structure],
+    first: Mapping[int, tuple[int, int]],
+) -> list[TheoryRows]:
+    """Rows of all beams that hold strains; `first` vertex and row of y by ``id(item)``."""
+    out = []
+    for beam in structures:
+        if not is_beam(beam) or not beam.theory.held:
+            continue
+        vertex, row = first[id(beam)]
+        start = build.size
+        for left, right, factor in _products(beam, row):
+            if factor is None:
+                build.end_row()
+            else:
+                build.add(left, right, factor)
+        shape = len(beam.elements.lengths), len(beam.elements.points), len(beam.theory.held)
+        rows = slice(start, build.size)
+        out.append(TheoryRows(beam, rows, beam.theory.held, shape, vertex))
+    return out
+
+
+def _products(beam: Beam, row: int) -> Iterator[tuple[Terms, Terms, float | None]]:
+    """Left and right sums of each product, and its factor; None: the row is complete."""
+    basis = beam.basis
+    N, slope = basis.shape(basis.points), basis.dshape(basis.points)
+    for e, nodes in enumerate(basis.connectivity):
+        origins = (row + 4 * nodes).tolist()
+        for g in range(len(basis.points)):
+            position = list(zip(origins, (slope[:, g] / basis.lengths[e]).tolist(), strict=True))
+            d, rate = (
+                [_director(beam, e, origins, values, i) for i in range(3)]
+                for values in (N[:, g], slope[:, g] / basis.lengths[e])
+            )
+            for strain in beam.theory.held:
+                if strain < 3:
+                    yield d[strain], position, 1.0
+                else:
+                    j, k = (strain + 1) % 3, (strain + 2) % 3
+                    yield d[k], rate[j], 0.5
+                    yield d[j], rate[k], -0.5
+                yield [], [], None
+
+
+def _director(beam: Beam, e: int, origins: Sequence[int], values: Floats, i: int) -> Terms:
+    """Director d_i of the section, interpolated with these values of the shape functions."""
+    return [
+        (origin + 1 + j, float(value * factor))
+        for origin, value, turned in zip(origins, values, beam.rotations[e, :, i], strict=True)
+        for j, factor in enumerate(turned)
+        if factor
+    ]
+
+
+def spans_of(theories: Sequence[TheoryRows]) -> list[Span]:
+    """Elements whose line follows from their directors."""
+    return [
+        Span(
+            each.beam,
+            e,
+            tuple(int(each.first + a) for a in nodes),
+            tuple(nodes.tolist()),
+            _stretches(each),
+            len(each.held) == 6,
+        )
+        for each in theories
+        if each.eliminable
+        for e, nodes in enumerate(each.beam.basis.connectivity)
+    ]
+
+
+def _stretches(each: TheoryRows) -> int:
+    return 0 if 2 in each.held else each.shape[1]
+
+
+def unheld_spans(theories: Sequence[TheoryRows], used: Sequence[Span]) -> IndexArray:
+    """Rows that the tree does not fulfil by itself: torsion, elements that close loops."""
+    done = {(id(span.item), span.element) for span in used}
+    out = [np.zeros(0, dtype=np.int64)]
+    for each in theories:
+        numbers = each.numbers
+        kept = np.array([(id(each.beam), e) not in done for e in range(each.shape[0])])
+        own = np.zeros(each.shape[2], dtype=bool) if len(each.held) == 6 else each.turning
+        left = kept[:, None, None] | own
+        out.append(numbers[np.broadcast_to(left, each.shape)])
+    return np.sort(np.concatenate(out))

@@ -1,0 +1,445 @@
+"""Running jobs: here, in processes of our own, by executors of others."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    as_completed,
+)
+from concurrent.futures import (
+    Executor as FuturesExecutor,
+)
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing.connection import wait
+from multiprocessing.context import SpawnContext, SpawnProcess
+from typing import Any, Protocol, runtime_checkable
+
+from ..errors import CosseratWarning, InputError, JobError
+from ..run.progress import Interrupt, Progress
+from ..warn import logger, repeat
+from .jobs import Answer, Caught, Job, Outcome, done_here, in_words, pack, read, refusal, run_packed
+
+__all__ = ["Executor", "Processes", "run_all"]
+
+
+# -- worker processes on this machine, each for one job at a time ----------------------------------
+
+#: variables that say how many threads a process takes, read when numpy or numba are loaded
+THREADS = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMBA_NUM_THREADS",
+)
+#: name of what is called by somebody else than run_all
+CALL = "a call of an executor"
+#: seconds that a worker without work may take to end
+PATIENCE = 10.0
+_STARTING = threading.Lock()
+
+
+class WorkerEndedError(BrokenProcessPool):
+    """The process that did a job ended before it answered."""
+
+
+class Processes(FuturesExecutor):
+    """An executor of worker processes: the crash of one costs the job it had, and nothing else.
+
+    Workers are started when they are needed, as new Python processes ("spawn"), and kept. One that
+    is killed is replaced. Used as a context it ends them; those at work are ended too if the block
+    raises.
+
+    Parameters
+    ----------
+    workers : int, optional
+        How many at most; default: one a processor.
+    threads : int, optional
+        Threads of BLAS and numba in each: the variables ``OPENBLAS_NUM_THREADS``,
+        ``NUMBA_NUM_THREADS`` and so on of the workers' environment, not of your own. None: as in
+        yours.
+
+    Raises
+    ------
+    InputError
+        If a number is not positive.
+
+    Notes
+    -----
+    As with all processes of this kind, a script that uses them needs
+    ``if __name__ == "__main__":`` around what it does.
+
+    Examples
+    --------
+    >>> import math
+    >>> from skfem_cosserat import Job, run_all
+    >>> with Processes(1) as executor:
+    ...     outcomes = run_all([Job(f"{x}", math.sqrt, x) for x in (4.0, -1.0)], executor)
+    >>> [outcome.ok for outcome in outcomes]
+    [True, False]
+    """
+
+    def __init__(self, workers: int | None = None, threads: int | None = 1) -> None:
+        for name, value in (("workers", workers), ("threads", threads)):
+            if value is not None and (type(value) is not int or value < 1):
+                raise InputError(f"argument {name}", f"{value!r}, expected a positive integer")
+        self.workers = workers or os.cpu_count() or 1
+        self.threads = threads
+        self._threads = ThreadPoolExecutor(self.workers, "worker")  # each waits for its process
+        self._own = threading.local()
+        self._workers: list[_Worker] = []
+        self._ended = False  # whatever is at work is killed
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Have ``function(*args, **kwargs)`` called in a worker.
+
+        Returns
+        -------
+        Future
+            Its result raises ``BrokenProcessPool`` if the worker ended before it answered.
+        """
+        return self._threads.submit(self._call, pack(Job(CALL, function, *args, **kwargs)))
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the workers: those at work when they are done."""
+        self._threads.shutdown(wait, cancel_futures=cancel_futures)
+        for worker in self._workers:
+            worker.close(wait)
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> bool | None:
+        if kind is not None:  # nobody will ask for what is under way
+            self._threads.shutdown(wait=False, cancel_futures=True)
+            self._ended = True
+            for worker in self._workers:
+                worker.process.terminate()
+        self.shutdown()
+        return None
+
+    def _call(self, packed: bytes) -> Any:
+        """In a thread: have the thread's own process do the job."""
+        worker: _Worker | None = getattr(self._own, "worker", None)
+        if worker is None or worker.ended(0.0):
+            worker = self._own.worker = _Worker(self.threads)
+            self._workers.append(worker)
+        if self._ended:
+            worker.process.terminate()
+        outcome = read(CALL, worker.ask(packed))
+        repeat(outcome.warnings)
+        return outcome.result()
+
+
+class _Context(SpawnContext):
+    """Starts processes as "spawn" does, and knows the last one."""
+
+    process: SpawnProcess
+
+    def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # type: ignore[override]
+        """A new process."""
+        self.process = SpawnProcess(*args, **kwargs)
+        return self.process
+
+
+class _Worker:
+    """A pool of one process: when it breaks, it costs nobody else's job."""
+
+    def __init__(self, threads: int | None) -> None:
+        context = _Context()
+        self._pool = ProcessPoolExecutor(1, context)
+        with _STARTING, _environment(threads):
+            self._pool.submit(int)  # starts the process
+        self.process = context.process
+
+    def ask(self, packed: bytes) -> Answer:
+        """Send a job and wait for the answer."""
+        try:
+            return self._pool.submit(run_packed, packed).result()
+        except BrokenProcessPool as error:
+            self.close()
+            raise WorkerEndedError(f"its worker process ended {self._ending()}") from error
+
+    def close(self, waiting: bool = True) -> None:
+        """Let it end when it is done; threads that a job left running do not keep it."""
+        self._pool.shutdown(wait=False)
+        if waiting:
+            if not self.ended(PATIENCE):
+                self.process.kill()
+            self._pool.shutdown()
+
+    def ended(self, patience: float) -> bool:
+        """Whether its process has ended after so many seconds, if not before."""
+        return bool(wait([self.process.sentinel], patience))
+
+    def _ending(self) -> str:
+        code = self.process.exitcode
+        if code is not None and code < 0:
+            names = {each.value: each.name for each in signal.Signals}
+            return f"by signal {names.get(-code, -code)}"
+        if code == 1:
+            return (
+                'with exit code 1 (a script needs `if __name__ == "__main__":` around what it does)'
+            )
+        return f"with exit code {code}"
+
+
+@contextmanager
+def _environment(threads: int | None) -> Iterator[None]:
+    """The environment that a process starts with: a copy of our own at that moment."""
+    if threads is None:
+        yield
+        return
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, str(threads)))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+# -- run a list of jobs, here or through an executor -----------------------------------------------
+
+#: why a job was not run
+CANCELLED = "cancelled before it started"
+OnOutcome = Callable[[int, int, Outcome], object]
+
+
+@runtime_checkable
+class Executor(Protocol):
+    """What takes jobs: `submit` gives a future with ``result()`` and ``cancel()``."""
+
+    def submit(self, function: Any, /, *args: Any) -> Any:
+        """Have ``function(*args)`` called somewhere."""
+
+
+def run_all(
+    jobs: Iterable[Job],
+    executor: Executor | None = None,
+    *,
+    progress: bool | OnOutcome = False,
+) -> list[Outcome]:
+    """Run independent jobs; give their outcomes in the order of the jobs.
+
+    A job that fails does not disturb the others: look at ``outcome.error``, or call
+    ``outcome.result()``, which raises it. Warnings of a job are kept in ``outcome.warnings``, and
+    given here with its name when it is done.
+
+    Parameters
+    ----------
+    jobs : iterable of Job
+        With different names.
+    executor : executor, optional
+        None: one job after the other in this process. Otherwise anything whose ``submit`` gives
+        futures: :class:`Processes`, a ``concurrent.futures`` executor,
+        ``dask.distributed.Client(...).get_executor()``, and the like. It stays open.
+    progress : bool or callable
+        True: one line on stderr; a callable gets (number done, number of jobs, outcome) as soon as
+        each job is done. If it raises, what has not started yet is cancelled.
+
+    Returns
+    -------
+    list of Outcome
+
+    Raises
+    ------
+    InputError
+        Before any job starts: for bad arguments, and if a job cannot be sent to an executor's
+        workers: the error names the load, drive or argument that stands in the way.
+
+    Notes
+    -----
+    To an executor (threads too) goes a copy of the job, made by ``pickle``, with functions and
+    classes by reference: no code travels, the workers must have the package, and the modules that
+    your functions are in. Systems are frozen anew there; results are the same to the last bit on
+    machines of one kind, if BLAS has the same number of threads. Without an executor functions are
+    called with the very objects of the job, and need not be importable.
+
+    Ctrl-C: no further job is started, those running are waited for (a simulation ends after its
+    step, if its process got the Ctrl-C too), and what there is is returned; jobs that did not run
+    have a :class:`JobError`. A second one raises KeyboardInterrupt, with the outcomes so far as
+    its attribute ``outcomes``. So has the first warning of a job where warnings are errors, raised
+    after all jobs.
+
+    A worker that is killed makes its job fail with a :class:`JobError`. A ``ProcessPoolExecutor``
+    is broken after that, so that all unfinished jobs fail and it cannot be told which one was to
+    blame; :class:`Processes` starts another worker and goes on, Dask tries the job again some
+    times.
+
+    Start one thread a worker: with several processes, threads of BLAS and numba only disturb each
+    other. :class:`Processes` sees to it; for other executors set ``OPENBLAS_NUM_THREADS=1`` (or
+    what your BLAS takes) and ``NUMBA_NUM_THREADS=1`` in the environment before they start.
+
+    Examples
+    --------
+    A pendulum let go at three heights; here in this process, with ``Processes(2)`` in two others:
+
+    >>> import skfem_cosserat as sc
+    >>> def pendulum(x):
+    ...     model = sc.Model()
+    ...     bob = model.add("bob", sc.MassPoint(1.0, position=(x, 0, -1)))
+    ...     model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
+    ...     model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    ...     return model.freeze()
+    >>> scheme = sc.EnergyMomentum(), sc.NullSpace()
+    >>> jobs = [
+    ...     sc.Job(f"x = {x}", sc.simulate, pendulum(x), *scheme, step=0.01, until=0.1)
+    ...     for x in (0.1, 0.2, 0.4)
+    ... ]
+    >>> [len(outcome.result()) for outcome in sc.run_all(jobs)]
+    [11, 11, 11]
+    """
+    jobs = _checked(jobs)
+    if isinstance(executor, type) or not isinstance(executor, Executor | None):
+        raise InputError(
+            "argument executor",
+            f"{executor!r}, expected None or an object with submit(), such as Processes(2)",
+        )
+    packed = [] if executor is None else _all_packed(jobs)
+    results: dict[int, Outcome] = {}
+    raised: list[CosseratWarning] = []
+    with Progress(progress, _line) as show:
+
+        def keep(number: int, outcome: Outcome) -> None:
+            results[number] = outcome
+            try:
+                repeat(outcome.warnings, f"job {outcome.name!r}, ")
+            except CosseratWarning as warning:  # an error, if the user wants it so: after all jobs
+                raised.append(warning)
+            show(len(results), len(jobs), outcome)
+
+        try:
+            if executor is None:
+                _run_here(jobs, keep)
+            else:
+                _run_there(jobs, packed, executor, results, keep)
+        except KeyboardInterrupt as error:
+            error.outcomes = _in_order(jobs, results)  # type: ignore[attr-defined]
+            raise
+    outcomes = _in_order(jobs, results)
+    if raised:
+        raised[0].outcomes = outcomes  # type: ignore[attr-defined]
+        raise raised[0]
+    return outcomes
+
+
+def _line(done: int, count: int, outcome: Outcome) -> str:
+    return f"{done} of {count} jobs done, last {outcome.name!r}"
+
+
+def _checked(jobs: Iterable[Job]) -> list[Job]:
+    if not isinstance(jobs, Iterable):
+        raise InputError("argument jobs", f"{jobs!r}, expected a list of Job")
+    jobs = list(jobs)
+    names: set[str] = set()
+    for job in jobs:
+        if not isinstance(job, Job):
+            raise InputError("argument jobs", f"{job!r}, expected a Job")
+        if job.name in names:
+            raise InputError("argument jobs", f"two jobs are called {job.name!r}")
+        names.add(job.name)
+    return jobs
+
+
+def _all_packed(jobs: Sequence[Job]) -> list[bytes]:
+    packed = []
+    for job in jobs:
+        packing = Caught()
+        with packing:
+            packed.append(pack(job))
+        if packing.error is not None:
+            raise refusal(job, packing.error) from packing.error
+    return packed
+
+
+def _in_order(jobs: Sequence[Job], results: dict[int, Outcome]) -> list[Outcome]:
+    """All outcomes; jobs without one were not run."""
+    return [
+        results.get(k, Outcome(job.name, error=JobError(job.name, CANCELLED)))
+        for k, job in enumerate(jobs)
+    ]
+
+
+def _run_here(jobs: Sequence[Job], keep: Callable[[int, Outcome], None]) -> None:
+    with Interrupt("no further job is started") as interrupt:
+        for number, job in enumerate(jobs):
+            keep(number, done_here(job))
+            if interrupt.asked:
+                return
+
+
+def _run_there(
+    jobs: Sequence[Job],
+    packed: list[bytes],
+    executor: Executor,
+    results: dict[int, Outcome],
+    keep: Callable[[int, Outcome], None],
+) -> None:
+    futures: dict[int, Any] = {}
+    try:
+        try:
+            for number, data in enumerate(packed):
+                try:
+                    futures[number] = executor.submit(run_packed, data)
+                except (RuntimeError, OSError) as error:  # broken by a job before, or closed
+                    keep(number, _lost(jobs[number], error))
+            _collect(jobs, futures, keep)
+        except KeyboardInterrupt:
+            logger.info("interrupted: no further job is started, those running are waited for")
+            left = {k: future for k, future in futures.items() if k not in results}
+            _cancel(left)
+            _collect(jobs, left, keep)
+    finally:
+        _cancel({k: future for k, future in futures.items() if k not in results})
+
+
+def _collect(
+    jobs: Sequence[Job], futures: dict[int, Any], keep: Callable[[int, Outcome], None]
+) -> None:
+    for number in _as_they_come(futures):
+        answer, waiting = None, Caught()
+        with waiting:  # jobs raise nothing: this is about the executor
+            answer = futures[number].result()
+        job = jobs[number]
+        keep(number, _lost(job, waiting.error) if answer is None else read(job.name, answer))
+
+
+def _as_they_come(futures: dict[int, Any]) -> Iterator[int]:
+    """Numbers of jobs that are done; in order if the futures are not those of Python."""
+    if not all(isinstance(future, Future) for future in futures.values()):
+        yield from futures
+        return
+    numbers = {future: number for number, future in futures.items()}
+    for future in as_completed(numbers):
+        yield numbers[future]
+
+
+def _cancel(futures: dict[int, Any]) -> None:
+    for future in futures.values():
+        future.cancel()
+
+
+def _lost(job: Job, error: BaseException | None) -> Outcome:
+    """What the executor says instead of an answer."""
+    if isinstance(error, WorkerEndedError):
+        what = str(error)
+    elif isinstance(error, BrokenExecutor):
+        what = f"a worker process ended while this job or another one ran: {error}"
+    elif isinstance(error, CancelledError):
+        what = CANCELLED
+    else:
+        what = "the executor gave no answer" + (f": {in_words(error)}" if error else "")
+    lost = JobError(job.name, what)
+    lost.__cause__ = error
+    return Outcome(job.name, error=lost)

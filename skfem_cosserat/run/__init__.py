@@ -1,0 +1,71 @@
+"""Integration in time: a generator of steps, and a simulation with a history on top of it."""
+
+from .conditions import (
+    ActionFunction,
+    ActionLoad,
+    ActionLock,
+    ActionNone,
+    ActionRelease,
+    ActionStop,
+    ActionUnlock,
+    ConditionCoordinate,
+    ConditionEnergy,
+    ConditionFunction,
+    ConditionReaction,
+    ConditionSensor,
+    ConditionTime,
+)
+from .describe import derive_series, describe
+from .events import Event, after_events
+from .loop import simulate, steps
+from .sensors import (
+    Sensor,
+    SensorAcceleration,
+    SensorForce,
+    SensorPosition,
+    SensorQuantity,
+    SensorReaction,
+    SensorStrain,
+    SensorVelocity,
+    View,
+)
+from .start import initial_state, project, restart
+from .step_advice import StepAdvice, advise_step
+from .step_size import StepControl
+
+__all__ = [
+    "ActionFunction",
+    "ActionLoad",
+    "ActionLock",
+    "ActionNone",
+    "ActionRelease",
+    "ActionStop",
+    "ActionUnlock",
+    "ConditionCoordinate",
+    "ConditionEnergy",
+    "ConditionFunction",
+    "ConditionReaction",
+    "ConditionSensor",
+    "ConditionTime",
+    "Event",
+    "Sensor",
+    "SensorAcceleration",
+    "SensorForce",
+    "SensorPosition",
+    "SensorQuantity",
+    "SensorReaction",
+    "SensorStrain",
+    "SensorVelocity",
+    "StepAdvice",
+    "StepControl",
+    "View",
+    "advise_step",
+    "after_events",
+    "derive_series",
+    "describe",
+    "initial_state",
+    "project",
+    "restart",
+    "simulate",
+    "steps",
+]

@@ -1,0 +1,414 @@
+"""What an event waits for, and what it does."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..frozen import Frozen, brief
+from ..integrators import State
+from ..joint import Joint
+from ..load import Amplitude, Load, time_function
+from ..model import Model, System, system_of
+from ..model.scene import joint_of, load_of, locked, released, unlocked, with_amplitude
+from ..types import numbers, switch
+from .sensors import Sensor, View
+from .start import consistent_start
+
+__all__ = [
+    "Action",
+    "ActionFunction",
+    "ActionLoad",
+    "ActionLock",
+    "ActionNone",
+    "ActionOutcome",
+    "ActionRelease",
+    "ActionStop",
+    "ActionUnlock",
+    "Condition",
+    "ConditionCoordinate",
+    "ConditionEnergy",
+    "ConditionFunction",
+    "ConditionReaction",
+    "ConditionSensor",
+    "ConditionTime",
+]
+
+
+# -- conditions of events: numbers that pass through zero when something happens -------------------
+
+
+class Condition(Frozen):
+    """A number that passes through zero.
+
+    Attributes
+    ----------
+    period : float or None
+        What it may jump by, such as angles by a full turn; None: it does not jump.
+    monotonic : bool
+        It passes through zero once at most.
+    """
+
+    period: float | None = None
+    monotonic: bool = False
+
+    @abstractmethod
+    def value(self, view: View) -> float:
+        """The number at a state."""
+
+    def check(self, system: System) -> None:
+        """Raise InputError if it cannot be found in this system."""
+        return
+
+
+class ConditionFunction(Condition):
+    """A function of your own.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(time, view) -> float``, continuous; see :class:`View`.
+    """
+
+    def __init__(self, function: Callable[[float, View], float]) -> None:
+        if not callable(function):
+            raise InputError("condition", f"{function!r}, expected a Condition or a function")
+        self.function = function
+
+    def value(self, view: View) -> float:
+        """See the base class."""
+        out = numbers("condition", f"value at t = {view.time!r}", self.function(view.time, view))
+        if out.shape != ():
+            raise InputError("condition", f"has shape {out.shape}, expected a number")
+        return float(out)
+
+
+class ConditionTime(Condition):
+    """A time is reached, ``t - time``.
+
+    Parameters
+    ----------
+    time : float
+        (s)
+    """
+
+    monotonic = True
+
+    def __init__(self, time: float) -> None:
+        self.time = _level(time)
+
+    def value(self, view: View) -> float:
+        """See the base class."""
+        return view.time - self.time
+
+
+class ConditionCoordinate(Condition):
+    """A joint's angle (rad) or displacement (m) reaches a level.
+
+    Parameters
+    ----------
+    joint : Joint or str
+        Or its name.
+    level : float
+        Angles count modulo full turns.
+    coordinate : str, optional
+        Which one, if the joint has several.
+    rate : bool
+        Its rate instead (rad/s, m/s): zero where it turns back.
+
+    Examples
+    --------
+    >>> condition = ConditionCoordinate("hinge", level=0.5)
+    >>> condition.level
+    0.5
+    """
+
+    def __init__(
+        self, joint: Joint | str, level: float, coordinate: str | None = None, rate: bool = False
+    ) -> None:
+        self.joint, self.level = joint, _level(level)
+        self.coordinate, self.rate = coordinate, switch("condition", rate, "rate")
+
+    def check(self, system: System) -> None:
+        """See the base class."""
+        coordinate = joint_of(system, self.joint).coordinate(self.coordinate)
+        if coordinate.kind not in ("angle", "displacement"):
+            what = f"{coordinate.name}, expected an angle or a displacement"
+            raise InputError(joint_of(system, self.joint).label, f"an event on its {what}")
+        if coordinate.kind == "angle" and not self.rate:
+            vars(self)["period"] = 2 * np.pi  # of a joint that may be given by its name
+
+    def value(self, view: View) -> float:
+        """See the base class."""
+        if self.rate:
+            return view.rate(self.joint, self.coordinate) - self.level
+        away = view.coordinate(self.joint, self.coordinate) - self.level
+        return away if self.period is None else float((away + np.pi) % (2 * np.pi) - np.pi)
+
+
+class ConditionSensor(Condition):
+    """What a sensor sees reaches a level.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Position, velocity, strain, section force or quantity.
+    level : float
+    component : int, optional
+        Of a vector; default: its length.
+    """
+
+    def __init__(self, sensor: Sensor, level: float, component: int | None = None) -> None:
+        if not isinstance(sensor, Sensor):
+            raise InputError("condition", f"sensor = {sensor!r}, expected a sensor")
+        self.sensor, self.level, self.component = sensor, _level(level), component
+
+    def check(self, system: System) -> None:
+        """See the base class."""
+        known = {id(each) for each in (*system.structures, *system.joints)}
+        for each in self.sensor.items():
+            if id(each) not in known:
+                raise InputError("condition", f"the {each.label} of its sensor is not here")
+
+    def value(self, view: View) -> float:
+        """See the base class."""
+        seen = np.asarray(view.sensor(self.sensor))
+        if self.component is None:
+            return float(seen if seen.ndim == 0 else np.linalg.norm(seen)) - self.level
+        return float(seen.ravel()[self.component]) - self.level
+
+
+class ConditionReaction(Condition):
+    """The force (N) or moment (N m) of a joint reaches a level.
+
+    Parameters
+    ----------
+    joint : Joint or str
+        Or its name.
+    level : float
+        Of its magnitude.
+    moment : bool
+        The moment instead of the force.
+    """
+
+    def __init__(self, joint: Joint | str, level: float, moment: bool = False) -> None:
+        self.joint, self.level = joint, _level(level)
+        self.moment = switch("condition", moment, "moment")
+
+    def check(self, system: System) -> None:
+        """See the base class."""
+        joint_of(system, self.joint)
+
+    def value(self, view: View) -> float:
+        """See the base class."""
+        return float(np.linalg.norm(view.reaction(self.joint)[int(self.moment)])) - self.level
+
+
+class ConditionEnergy(Condition):
+    """Kinetic and stored energy (J) together, or the kinetic one alone, reach a level.
+
+    Parameters
+    ----------
+    level : float
+    kinetic : bool
+        The kinetic energy alone.
+    """
+
+    def __init__(self, level: float, kinetic: bool = False) -> None:
+        self.level, self.kinetic = _level(level), switch("condition", kinetic, "kinetic")
+
+    def value(self, view: View) -> float:
+        """See the base class."""
+        return (view.kinetic_energy() if self.kinetic else view.energy()) - self.level
+
+
+def _level(value: float) -> float:
+    level = numbers("condition", "level", value)
+    if level.shape != () or not np.isfinite(level):
+        raise InputError("condition", f"level = {value!r}, expected a finite number")
+    return float(level)
+
+
+# -- what events do: stop the run, switch loads, lock, free or release joints, go on otherwise -----
+
+
+class ActionOutcome(NamedTuple):
+    """What an action asks for.
+
+    Attributes
+    ----------
+    system : System or None
+        To go on with; None: as before.
+    state : State or None
+        To go on from; None: this one, with the nearest velocity that the system allows.
+    stop : bool
+    """
+
+    system: System | None = None
+    state: State | None = None
+    stop: bool = False
+
+
+class Action(Frozen):
+    """What an event does."""
+
+    def __repr__(self) -> str:
+        given = [value for name, value in vars(self).items() if not name.startswith("_")]
+        return f"{type(self).__name__}({', '.join(map(_named, given))})"
+
+    def check(self, system: System) -> None:
+        """Raise InputError if it refers to what is not in the system."""
+        return
+
+    @abstractmethod
+    def outcome(self, view: View) -> ActionOutcome:
+        """What becomes of the run at a state."""
+
+
+def _named(value: object) -> str:
+    name = value.name if isinstance(value, Joint | Load) else value
+    return name if isinstance(name, str) else brief(name)
+
+
+class ActionNone(Action):
+    """Nothing: the event is recorded, with its state."""
+
+    def outcome(self, view: View) -> ActionOutcome:
+        """See the base class."""
+        return ActionOutcome()
+
+
+class ActionStop(Action):
+    """The run ends there, with status "stopped"."""
+
+    def outcome(self, view: View) -> ActionOutcome:
+        """See the base class."""
+        return ActionOutcome(stop=True)
+
+
+class _JointAction(Action):
+    def __init__(self, joint: Joint | str) -> None:
+        if not isinstance(joint, Joint | str):
+            raise InputError("action", f"joint = {joint!r}, expected a joint or its name")
+        self.joint = joint
+
+    def check(self, system: System) -> None:
+        """See the base class."""
+        joint_of(system, self.joint)
+
+
+class ActionLock(_JointAction):
+    """A joint becomes rigid as it stands: its relative coordinates are frozen, its drives end.
+
+    Velocities become the nearest ones, in the kinetic energy, that the locked scene allows: those
+    after an inelastic impact between its sides. What that takes is in ``history["dissipated"]``
+    and the event's ``loss``.
+
+    Parameters
+    ----------
+    joint : Joint or str
+        Or its name. Both sides need directions and must not be ground in prescribed motion.
+
+    Examples
+    --------
+    >>> ActionLock("knee")
+    ActionLock(knee)
+    """
+
+    def outcome(self, view: View) -> ActionOutcome:
+        """See the base class."""
+        return ActionOutcome(locked(view.system, self.joint, view.q, view.time))
+
+
+class ActionUnlock(_JointAction):
+    """A joint that was locked moves again as before."""
+
+    def outcome(self, view: View) -> ActionOutcome:
+        """See the base class."""
+        return ActionOutcome(unlocked(view.system, self.joint, view.q, view.time))
+
+
+class ActionRelease(_JointAction):
+    """A joint is taken away, with its drives: what it held flies on.
+
+    Springs and dampers on its coordinates stay.
+
+    Parameters
+    ----------
+    joint : Joint or str
+        Or its name.
+    """
+
+    def outcome(self, view: View) -> ActionOutcome:
+        """See the base class."""
+        return ActionOutcome(released(view.system, self.joint, view.q, view.time))
+
+
+class ActionLoad(Action):
+    """A load gets another amplitude: 0 switches it off, 1 on.
+
+    Parameters
+    ----------
+    load : Load or str
+        Or its name.
+    amplitude : float, TimeFunction or callable
+        Of a load whose components are functions of time: a number, by which they are multiplied.
+    """
+
+    def __init__(self, load: Load | str, amplitude: Amplitude) -> None:
+        if not isinstance(load, Load | str):
+            raise InputError("action", f"load = {load!r}, expected a load or its name")
+        time_function("action", amplitude)
+        self.load, self.amplitude = load, amplitude
+
+    def check(self, system: System) -> None:
+        """See the base class."""
+        load_of(system, self.load)
+
+    def outcome(self, view: View) -> ActionOutcome:
+        """See the base class."""
+        return ActionOutcome(with_amplitude(view.system, self.load, self.amplitude))
+
+
+class ActionFunction(Action):
+    """A function of your own gives what to go on with.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(time, view)`` gives a Model or System with the same coordinates, a State to go
+        on from, both as ``(system, state)``, or None: go on as before.
+    """
+
+    def __init__(self, function: Callable[[float, View], object]) -> None:
+        if not callable(function):
+            raise InputError("action", f"{function!r}, expected an Action or a function")
+        self.function = function
+
+    def outcome(self, view: View) -> ActionOutcome:
+        """See the base class."""
+        answer = self.function(view.time, view)
+        given = answer if isinstance(answer, tuple) else (answer,)
+        system, state = None, None
+        for each in given:
+            if isinstance(each, Model | System):
+                system = system_of(each)
+            elif isinstance(each, State):
+                state = each
+            elif each is not None:
+                raise InputError("action", f"gave {each!r}, expected a model, system or state")
+        if system is not None and (system.n, system.total) != (view.system.n, view.system.total):
+            raise InputError(
+                "action",
+                f"gave a system with n = {system.n} and {system.total} rows, expected"
+                f" {view.system.n} and {view.system.total}: stop here, and start a run of its own",
+            )
+        if state is not None:
+            now = replace(state, time=view.time)
+            consistent_start(view.system if system is None else system, now, "action: its state")
+        return ActionOutcome(system, state)

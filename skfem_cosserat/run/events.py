@@ -1,0 +1,568 @@
+"""Events: found within a step, and what the run does about them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import Diverged, IncompatibleError, InputError
+from ..frozen import Frozen
+from ..history import History
+from ..integrators import Integrator, State, Stepper, StepReport
+from ..model import System, takes_scene
+from ..types import check_kind, positive, switch
+from ..warn import logger
+from .conditions import Action, ActionFunction, ActionNone, Condition, ConditionFunction
+from .sensors import View
+from .step_size import Maker
+
+__all__ = [
+    "LOCATED",
+    "Bracket",
+    "Event",
+    "EventMonitor",
+    "Found",
+    "TimedValue",
+    "Trial",
+    "after_events",
+    "checked_events",
+    "dip",
+    "located",
+]
+
+
+# -- zeros of a number within a step: located, and found where it passes through zero and back -----
+#
+# A step is tried with other sizes: the number at their ends is that of states of the scheme.
+
+#: what a time is located to, of the step
+LOCATED = 1e-10
+#: steps that are tried to find the lowest point of a number within a step
+TRIALS = 12
+#: of the step: lowest points that are closer are the same
+SAME = 1e-5
+#: of the lowest value known: what is not predicted to be below this part of it is not tried
+FLAT = 0.99
+#: how far a parabola may be wrong, of its second difference over a step and of the step: as much
+#: if the third derivative, times the step, is as large as the second one
+WRONG, ASIDE = 0.15, 0.2
+
+#: number at the end of a step of this size (s), and the step
+Trial = Callable[[float], tuple[float, StepReport]]
+
+
+class TimedValue(NamedTuple):
+    """A number at a time after the start of a step (s), before it if negative."""
+
+    t: float
+    f: float
+
+
+class Bracket(NamedTuple):
+    """A zero between two points of a step.
+
+    Attributes
+    ----------
+    side : int
+        Sign of the number before it.
+    a, b : Point
+        Before and after it.
+    best : StepReport
+        The step to `b`.
+    """
+
+    side: int
+    a: TimedValue
+    b: TimedValue
+    best: StepReport
+
+
+def located(bracket: Bracket, trial: Trial, width: float) -> StepReport:
+    """The step to the first state known to be past a zero, to a width (s)."""
+    side, (a, fa), (b, fb), best = bracket
+    kept = 0
+    while b - a > width:
+        # false position, with a bisection where it gets stuck on one side
+        c = 0.5 * (a + b) if kept > 2 else b - fb * (b - a) / (fb - fa)
+        c = min(max(c, a + 0.5 * width), b - 0.5 * width)
+        found, report = trial(c)
+        if found * side > 0:
+            kept = kept + 1 if kept > 0 else 1
+            a, fa = c, found
+            fb = fb / 2 if kept > 1 else fb  # the Illinois rule
+        else:
+            kept = kept - 1 if kept < 0 else -1
+            b, fb, best = c, found, report
+            fa = fa / 2 if kept < -1 else fa
+        kept = 3 if abs(kept) > 3 else kept
+    return best
+
+
+def dip(
+    trial: Trial, start: TimedValue, end: TimedValue, before: TimedValue | None
+) -> tuple[TimedValue, StepReport] | None:
+    """Where a number that is positive at both ends of a step is negative; None: nowhere.
+
+    The parabola through its values says where it is lowest. Only if it reaches zero there, or may
+    by what it is wrong, steps are tried: at the lowest points of parabolas through values nearby.
+
+    Parameters
+    ----------
+    trial : Trial
+    start, end : Point
+        Of the step.
+    before : Point or None
+        An earlier one. None: the middle of the step is tried instead.
+    """
+    known = [start, end] if before is None else [before, start, end]
+    if before is None:
+        middle, report = _tried(trial, 0.5 * (start.t + end.t))
+        if middle.f < 0:
+            return middle, report
+        known.append(middle)
+    guess, low = _first(known, start, end), min(start, end, key=_height)
+    for _ in range(TRIALS):
+        if guess is None or not start.t < guess.t < end.t:
+            return None
+        if min(abs(guess.t - point.t) for point in known) < SAME * (end.t - start.t):
+            return None
+        point, report = _tried(trial, guess.t)
+        if point.f < 0:
+            return point, report
+        known.append(point)
+        inside = [each for each in known if start.t <= each.t <= end.t]
+        low = min(inside, key=_height)
+        if low in (start, end):  # it falls behind the start, or before the end, if at all
+            guess = _vertex(sorted(known, key=lambda each: abs(each.t - low.t))[:3])
+        else:
+            guess = _vertex(sorted(inside, key=_height)[:3])
+        if guess is not None and guess.f > FLAT * low.f:
+            return None
+    return None
+
+
+def _first(known: list[TimedValue], start: TimedValue, end: TimedValue) -> TimedValue | None:
+    """Where to look first; None: what is known of the step does not come near to zero."""
+    guess, h = _vertex(known), end.t - start.t
+    if guess is None or not guess.f < WRONG * _second(known) * h**2:
+        return None
+    at = (guess.t - start.t) / h
+    if not -ASIDE < at < 1 + ASIDE:
+        return None
+    if not 0 < at < 1:
+        at = min(max(at, ASIDE), 1 - ASIDE)
+    return TimedValue(start.t + at * h, guess.f)
+
+
+def _height(point: TimedValue) -> float:
+    return point.f
+
+
+def _tried(trial: Trial, size: float) -> tuple[TimedValue, StepReport]:
+    f, report = trial(size)
+    return TimedValue(size, f), report
+
+
+def _second(points: list[TimedValue]) -> float:
+    """Half the second derivative of the parabola through three points."""
+    (t0, f0), (t1, f1), (t2, f2) = sorted(points)
+    return ((f2 - f1) / (t2 - t1) - (f1 - f0) / (t1 - t0)) / (t2 - t0)
+
+
+def _vertex(points: list[TimedValue]) -> TimedValue | None:
+    """Lowest point of the parabola through three points; None: it has none."""
+    (t0, f0), (t1, f1), _ = sorted(points)
+    slope, second = (f1 - f0) / (t1 - t0), _second(points)
+    if not (second > 0 and np.isfinite(second)):
+        return None
+    t = 0.5 * (t0 + t1) - slope / (2 * second)
+    return TimedValue(t, f0 + slope * (t - t0) + second * (t - t0) * (t - t1))
+
+
+# -- events: what happens when a condition is met, and how it is found in time ---------------------
+
+#: how often an event may happen within a step
+OFTEN = 20
+
+
+class Event(Frozen):
+    """Something that happens when a number passes through zero.
+
+    The number is looked at after each step. Where its sign has changed, the step is repeated with
+    shorter ones until the time is known to `tolerance`: the state of an event is one of the scheme,
+    as any other. So it is where the number passes through zero and back within a step, if its
+    values at the ends of the last two steps (in the first step: and at its middle) tell: where
+    the parabola through them comes near zero, shorter steps look for the lowest point. What is
+    faster, say a vibration with few steps in its period, may not be seen.
+
+    Parameters
+    ----------
+    condition : Condition or callable
+        ``ConditionCoordinate``, ``ConditionSensor``, ``ConditionReaction``, ``ConditionEnergy``,
+        ``ConditionTime``, or a function ``(time, view) -> float``, see :class:`View`.
+    action : Action or callable, optional
+        ``ActionStop``, ``ActionLoad``, ``ActionLock``, ``ActionUnlock``, ``ActionRelease``, or a
+        function ``(time, view)`` that gives the model to go on with. Default: it is recorded.
+    direction : {0, 1, -1}
+        1: upwards only, -1: downwards only.
+    name : str
+    once : bool
+        It happens at the first time only; False: each time.
+    tolerance : float, optional
+        Of its time (s); default: 1e-10 of the step.
+
+    Raises
+    ------
+    InputError
+        For other arguments; before the run for items that are not in the system, and values that
+        are no finite numbers.
+
+    Examples
+    --------
+    A ball on a rod is let go at the lowest point:
+
+    >>> from skfem_cosserat import ActionRelease, ConditionSensor, EnergyMomentum, JointDistance
+    >>> from skfem_cosserat import LoadGravity, MassPoint, Model, NullSpace, SensorPosition
+    >>> from skfem_cosserat import ground, simulate
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(1.0, position=(-1, 0, 0)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), ball.place()))
+    >>> gravity = model.add("gravity", LoadGravity((0, 0, -10.0)))
+    >>> lowest = ConditionSensor(SensorPosition(ball.place()), level=0.0, component=0)
+    >>> run = model.freeze(), EnergyMomentum(), NullSpace(), 0.01, 1.0
+    >>> history = simulate(*run, events=[Event(lowest, ActionRelease(rod), name="let go")])
+    >>> event = history.events[0]
+    >>> event.name, event.action, round(event.time, 3), history.segments == [(0, 60), (60, 103)]
+    ('let go', 'ActionRelease(rod)', 0.586, True)
+    """
+
+    def __init__(
+        self,
+        condition: Condition | Callable[[float, View], float],
+        action: Action | Callable[[float, View], object] | None = None,
+        direction: int = 0,
+        name: str = "event",
+        once: bool = True,
+        tolerance: float | None = None,
+    ) -> None:
+        if not isinstance(name, str) or not name:
+            raise InputError("event", f"name = {name!r}, expected a non-empty string")
+        self.name = name
+        self.once = switch(self.label, once, "once")
+        whole = isinstance(direction, int | np.integer) and not isinstance(direction, bool)
+        if not whole or direction not in (-1, 0, 1):
+            raise InputError(self.label, f"direction = {direction!r}, expected -1, 0 or 1")
+        if not isinstance(condition, Condition):
+            condition = ConditionFunction(condition)
+        self.condition: Condition = condition
+        self.direction = int(direction)
+        if action is None:
+            action = ActionNone()
+        self.action = action if isinstance(action, Action) else ActionFunction(action)
+        self.tolerance = (
+            None if tolerance is None else positive(self.label, "tolerance", tolerance, " of s")
+        )
+
+    @property
+    def label(self) -> str:
+        """How errors call it."""
+        return f"event {self.name!r}"
+
+    def value(self, view: View) -> float:
+        """Its condition's number, finite.
+
+        Raises
+        ------
+        InputError
+            If it is not.
+        """
+        try:
+            value = self.condition.value(view)
+        except InputError as error:
+            raise InputError(self.label, str(error)) from error
+        if not np.isfinite(value):
+            raise InputError(self.label, f"its condition is {value!r} at t = {view.time:.9g} s")
+        return value
+
+
+def checked_events(
+    events: Sequence[Event] | None, integrator: Integrator, system: System, state: State
+) -> list[Event]:
+    """Events that can be found in a run.
+
+    Raises
+    ------
+    InputError, IncompatibleError
+        If something is no event, names repeat, items are not in the system, or the scheme is
+        explicit.
+    """
+    item = "argument events"
+    if events is None:
+        return []
+    if not isinstance(events, Sequence):
+        raise InputError(item, f"{events!r}, expected a list of events")
+    names: set[str] = set()
+    for event in events:
+        if not isinstance(event, Event):
+            raise InputError(item, f"{event!r}, expected an Event")
+        if event.name in names:
+            raise InputError(item, f"two events are called {event.name!r}: give each a name")
+        names.add(event.name)
+        if integrator.fixed_step is not None and integrator.frequency_limit is None:
+            reason = "its steps are bound to the elements' limits and cannot be shortened"
+            raise IncompatibleError(f"{event.label} with {integrator!r}", reason)
+        for part in (event.condition, event.action):
+            try:
+                part.check(system)
+            except InputError as error:
+                raise InputError(event.label, str(error)) from error
+        event.value(View(system, state))
+    return list(events)
+
+
+class Found(NamedTuple):
+    """Events of one instant.
+
+    Attributes
+    ----------
+    report : StepReport
+        Of the step that ends there.
+    events : list of (Event, float)
+        With the values of their conditions.
+    """
+
+    report: StepReport
+    events: list[tuple[Event, float]]
+
+
+class _Trials:
+    """Steps of other sizes in place of one of a run, each of them solved once."""
+
+    def __init__(self, watch: EventMonitor, state: State, report: StepReport) -> None:
+        self.watch, self.state, self.report = watch, state, report
+        self.h = report.state.time - state.time
+        self._known: dict[float, StepReport] = {}
+
+    def of(self, event: Event) -> Trial:
+        """The number of an event at their ends."""
+
+        def trial(size: float) -> tuple[float, StepReport]:
+            if size not in self._known:
+                self._known[size] = self.watch.step(self.state, size, self.report.step)
+            report = self._known[size]
+            return event.value(View(self.watch.system, report.state)), report
+
+        return trial
+
+
+class EventMonitor:
+    """Looks for events after each step of a run.
+
+    Parameters
+    ----------
+    events : list of Event
+    maker : Maker
+        Of the steppers that repeat a step.
+    system : System
+    state : State
+        Start of the run.
+    """
+
+    def __init__(self, events: list[Event], maker: Maker, system: System, state: State) -> None:
+        self.events, self.maker = list(events), maker
+        self._sides: dict[str, int] = {}
+        self._times: dict[str, list[float]] = {event.name: [] for event in events}
+        self._stepper: Stepper | None = None
+        self.go_on(system, state)
+
+    def go_on(self, system: System, state: State, found: Found | None = None) -> None:
+        """Begin at a state, after events that were found there."""
+        if found is not None:
+            done = [event for event, _ in found.events]
+            after = {event.name: -self._sides[event.name] for event in done}
+            self.events = [e for e in self.events if not (e.once and e in done)]
+        if self._stepper is not None and self._stepper.system is not system:
+            self._stepper = None
+        self.system, view = system, View(system, state)
+        self._values = {event.name: event.value(view) for event in self.events}
+        #: time and numbers at the start of the step before
+        self._earlier: tuple[float, dict[str, float]] | None = None
+        sides = {name: int(np.sign(value)) for name, value in self._values.items()}
+        # what is at zero there has passed it
+        before = self._sides | ({} if found is None else after)
+        for event, value in () if found is None else found.events:
+            if self._values.get(event.name) == value:
+                sides[event.name] = after[event.name]
+        self._sides = {name: side or before.get(name, 0) for name, side in sides.items()}
+
+    def look(self, state: State, report: StepReport) -> Found | None:
+        """The first events of a step that led from a state; None: there were none."""
+        view = View(self.system, report.state)
+        values = {event.name: event.value(view) for event in self.events}
+        trials = _Trials(self, state, report)
+        brackets: dict[str, Bracket] = {}
+        for event in self.events:
+            bracket = self._bracket(event, trials, values[event.name])
+            if bracket is not None:
+                brackets[event.name] = bracket
+        if not brackets:
+            self._keep(state.time, values)
+            return None
+        where = [
+            located(brackets[event.name], trials.of(event), self._width(event, report, trials.h))
+            for event in self.events
+            if event.name in brackets
+        ]
+        first = min(where, key=lambda each: each.state.time)
+        events = self._there(first, first.state.time - state.time, brackets)
+        for event, _ in events:
+            self._often(event, first.state, report.step)
+        return Found(first, events)
+
+    def _there(
+        self, first: StepReport, size: float, brackets: dict[str, Bracket]
+    ) -> list[tuple[Event, float]]:
+        """Events that have happened at the end of a step of this size (s), and their numbers."""
+        view, events = View(self.system, first.state), []
+        for event in self.events:
+            value, side = event.value(view), self._sides[event.name]
+            bracket = brackets.get(event.name)
+            if bracket is not None and size > bracket.a.t:
+                side = bracket.side
+            if self._met(event, value, side):
+                self._sides[event.name] = side
+                events.append((event, value))
+        return events
+
+    def _keep(self, time: float, values: dict[str, float]) -> None:
+        self._earlier, self._values = (time, self._values), values
+        for name, value in values.items():
+            self._sides[name] = int(np.sign(value)) or self._sides[name]
+
+    def _met(self, event: Event, value: float, before: int) -> bool:
+        """Whether its number has passed through zero, in the direction asked for."""
+        if before in (0, event.direction):
+            return False
+        # just before it, as well: a step of rounding size would have no velocity
+        if before * value > LOCATED * max(before * (self._values[event.name] - value), 0.0):
+            return False
+        return not self._jumps(event, value)
+
+    def _jumps(self, event: Event, value: float) -> bool:
+        """Whether an angle has passed the point half a turn from its level, where it jumps."""
+        period = event.condition.period
+        return period is not None and abs(value - self._values[event.name]) >= period / 2
+
+    def _bracket(self, event: Event, trials: _Trials, value: float) -> Bracket | None:
+        """Where its number passes through zero in the step to this value; None: nowhere."""
+        side, report = self._sides[event.name], trials.report
+        start = self._values[event.name]
+        a, b = (
+            TimedValue(0.0, start if start * side > 0 else side * 1e-300),
+            TimedValue(trials.h, value),
+        )
+        if self._met(event, value, side):
+            return Bracket(side, a, b, report)
+        if not value * side > 0 or event.condition.monotonic or self._jumps(event, value):
+            return None
+        found = self._dip(event, trials, a, b)
+        if found is None:
+            return None
+        inside, there = found
+        if event.direction == side:  # the way back is asked for
+            return Bracket(-side, inside, b, report)
+        return Bracket(side, a, inside, there)
+
+    def _dip(
+        self, event: Event, trials: _Trials, a: TimedValue, b: TimedValue
+    ) -> tuple[TimedValue, StepReport] | None:
+        """Where its number is on the other side between two points on the same one."""
+        side, before = self._sides[event.name], None
+        if self._earlier is not None:
+            time, values = self._earlier
+            before = TimedValue(time - trials.state.time, side * values[event.name])
+            if self._jumps(event, values[event.name]):
+                return None
+        sized = trials.of(event)
+
+        def trial(size: float) -> tuple[float, StepReport]:
+            value, report = sized(size)
+            return side * value, report
+
+        try:
+            found = dip(trial, TimedValue(a.t, side * a.f), TimedValue(b.t, side * b.f), before)
+        except Diverged as error:  # the run itself has got over it
+            logger.debug("%s: a part of the step cannot be solved: %s", event.label, error)
+            return None
+        if found is None:
+            return None
+        point, report = found
+        return TimedValue(point.t, side * point.f), report
+
+    def _width(self, event: Event, report: StepReport, h: float) -> float:
+        """What the time of an event is located to (s)."""
+        width = LOCATED * h if event.tolerance is None else event.tolerance
+        return max(width, 4 * float(np.spacing(abs(report.state.time))))
+
+    def step(self, state: State, size: float, like: float) -> StepReport:
+        """A step of any size (s) from a state; `like`: the size of those of the run."""
+        if self._stepper is None:
+            self._stepper = self.maker.changed(self.system, like)
+        self._stepper.resize(size)
+        return self._stepper.advance(state, state.time + size)
+
+    def _often(self, event: Event, state: State, step: float) -> None:
+        """Raise Diverged if an event repeats without end."""
+        times = self._times[event.name] = [
+            t for t in self._times[event.name] if t > state.time - step
+        ]
+        times.append(state.time)
+        if len(times) > OFTEN:
+            reason = f"{event.label} repeats at once: {OFTEN} times within {step:.3g} s"
+            advice = "let it happen once, or let its action change what its condition sees"
+            raise Diverged(state.time, state.index, float("nan"), reason, advice)
+
+
+@takes_scene
+def after_events(
+    system: System, history: History, events: Sequence[Event]
+) -> tuple[System, list[Event]]:
+    """The system at the end of a history, and the events that have still to happen.
+
+    Parameters
+    ----------
+    system : Model or System
+        That the run began with.
+    history : History
+        Its states; events later than its last one have not happened yet.
+    events : list of Event
+        Those of the run. What they did to the system is done again, functions are called again.
+
+    Returns
+    -------
+    (System, list of Event)
+        For :func:`restart` and :func:`simulate`.
+
+    Raises
+    ------
+    InputError
+        If an event of the history is not among them.
+    """
+    check_kind("argument history", history, History)
+    item = "argument events"
+    if not isinstance(events, Sequence) or not all(isinstance(each, Event) for each in events):
+        raise InputError(item, f"is of type {type(events).__name__}, expected a list of events")
+    named = {event.name: event for event in events}
+    done = [record for record in history.events if record.row < len(history)]
+    for record in done:
+        if record.name not in named:
+            known = f"expected those of the run; given: {sorted(named)}"
+            raise InputError("argument events", f"{record.name!r} is missing, {known}")
+        row = history.row(record.row)
+        state = State(record.time, record.step, row["q"], row["carried"])
+        changed = named[record.name].action.outcome(View(system, state)).system
+        system = system if changed is None else changed
+    happened = {record.name for record in done}
+    return system, [e for e in events if not (e.once and e.name in happened)]

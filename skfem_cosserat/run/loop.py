@@ -1,0 +1,518 @@
+"""Runs: the loop over steps, and the functions that users call."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..constraints import Treatment
+from ..diagnostics import Projection, constraint_points, highest_frequency
+from ..diagnostics.forces import drawn_too_far
+from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
+from ..history import EventRecord, History
+from ..integrators import Integrator, State, Stepper, StepReport
+from ..linear import Solver
+from ..model import System, takes_scene
+from ..model.limits import bent_beam
+from ..newton import NewtonSettings
+from ..types import MOST, real, switch, whole
+from ..warn import Notices, logger, warn
+from .conditions import ActionOutcome
+from .describe import derive_segments, derive_series
+from .events import Event, EventMonitor, Found, checked_events
+from .progress import Interrupt, Progress
+from .recorder import Numbered, Recorder, Wanted, deriving, energy, timed
+from .sensors import Sensor, View
+from .start import consistent_start, initial_state
+from .step_size import ControlledSteps, FixedSteps, Maker, StepControl, SteppingPlan
+
+__all__ = ["Callback", "RunLoop", "simulate", "steps"]
+
+
+# -- the loop of a run: steps, events and what they change, until the end --------------------------
+
+Callback = Callable[[StepReport], object]
+
+
+@dataclass
+class RunLoop:
+    """A run and its parts.
+
+    Attributes
+    ----------
+    maker : Maker
+    pace : Pace
+    recorder : Recorder
+    callbacks : sequence of callable
+    show : callable
+        Gets the time after each step.
+    interrupt : Interrupt
+    watch : Watch or None
+        None: there are no events.
+    """
+
+    maker: Maker
+    pace: SteppingPlan
+    recorder: Recorder
+    callbacks: Sequence[Callback]
+    show: Callable[[float], object]
+    interrupt: Interrupt
+    watch: EventMonitor | None = None
+
+    def go(self, state: State) -> tuple[str, Diverged | None]:
+        """Go on from a state to the end; the status, and why a step could not be solved."""
+        self.state, status = state, "completed"
+        try:
+            while status == "completed" and (reports := self.pace.advance(self.state)):
+                for report in reports:
+                    found = None if self.watch is None else self.watch.look(self.state, report)
+                    status = self._take(report if found is None else found.report)
+                    if found is not None:
+                        status = "stopped" if self._act(found) else status
+                    if found is not None or status != "completed":
+                        break
+            if status != "interrupted":
+                end = self.state
+                self.recorder.look_ahead(end, end.time + self.pace.stepper.h)
+        except KeyboardInterrupt:  # raised by a callback, or a second Ctrl-C
+            return "interrupted", None
+        except Diverged as error:
+            return "diverged", error
+        return status, None
+
+    def _take(self, report: StepReport) -> str:
+        """A step is done: the status of the run."""
+        self.recorder.take(report)
+        self.state = report.state
+        self.show(self.state.time)
+        answers = [callback(report) for callback in self.callbacks]  # all are called
+        if self.interrupt.asked:
+            return "interrupted"
+        asked = any(isinstance(answer, bool | np.bool_) and answer for answer in answers)
+        return "stopped" if asked else "completed"
+
+    def _act(self, found: Found) -> bool:
+        """What events do; whether the run ends with them."""
+        assert self.watch is not None
+        start, system, stop = self.state, self.watch.system, False
+        before, losses = system, 0.0
+        for event, value in found.events:
+            outcome = event.action.outcome(View(system, self.state))
+            system, state, loss = self._outcome(system, outcome)
+            row = self.recorder.row_of_event()
+            record = EventRecord(
+                *(start.time, event.name, value, row, start.index, loss, repr(event.action))
+            )
+            self.recorder.events.append(record)
+            logger.info("%s", record)
+            self.state, losses, stop = state, losses + loss, stop or outcome.stop
+        stepper = self.pace.stepper
+        if self.state is not start:
+            if system is not before:
+                stepper = self.maker.changed(system, stepper.h)
+            self.recorder.switch(start, system, stepper, self.state, losses)
+        else:
+            self.recorder.note()
+        if not stop:
+            self.watch.go_on(system, self.state, found)
+        self.pace.begin(stepper, self.state)
+        return stop
+
+    def _outcome(self, system: System, outcome: ActionOutcome) -> tuple[System, State, float]:
+        """System and state to go on with, and the energy (J) that this takes."""
+        state = self.state
+        if outcome.system is None and outcome.state is None:
+            return system, state, 0.0
+        new = system if outcome.system is None else outcome.system
+        own = Projection(system)(state.q, state.p, state.time)[1]
+        integrator = self.maker.integrator
+        before = energy(system, integrator, state)
+        if outcome.state is None:
+            p = Projection(new)(state.q, own, state.time)[1]
+            after = State(state.time, state.index, state.q, p, turns=state.turns)
+        else:
+            given = replace(outcome.state, fresh=True, load_factor=None)
+            after = replace(given, time=state.time, index=state.index)
+        return new, after, before - energy(new, integrator, after)
+
+
+# -- the loop in time: a generator of steps, and a simulation with a history on top of it ----------
+
+#: recorded states, evenly spread, at which the tension of elements is looked at
+LOOKS = 20
+
+
+@takes_scene
+def steps(
+    system: System,
+    integrator: Integrator,
+    treatment: Treatment,
+    step: float,
+    start: State | None = None,
+    settings: NewtonSettings | None = None,
+    kernels: str = "auto",
+    solver: Solver | None = None,
+) -> Iterator[StepReport]:
+    """Solve step after step, for a loop of your own; stops only when you do.
+
+    Parameters
+    ----------
+    system : Model or System
+    integrator : Integrator
+        ``Variational()``, ``EnergyMomentum()``, ``EnergyDecaying()``, ``GeneralizedAlpha()``, a
+        ``Composition`` of one of the first two, ``Explicit()`` or ``Asynchronous()``.
+    treatment : Treatment
+        ``NullSpace()`` or ``Multipliers()``; the explicit schemes take the latter.
+    step : float
+        Step size (s).
+    start : State, optional
+        Default: :func:`initial_state`. One that another integrator or step led to starts anew from
+        its q and p, as with :func:`restart`. One that was put together (without a ``maker``) has to
+        fulfil the constraints, and its momentum the hidden ones.
+    settings : NewtonSettings, optional
+        When Newton's method stops.
+    kernels : {"auto", "numpy", "numba"}
+        See :func:`simulate`; "auto" takes a thousand steps for granted.
+    solver : Solver, optional
+        See :func:`simulate`.
+
+    Yields
+    ------
+    StepReport
+        With the new state, and momentum and constraint force of the step that led to it.
+
+    Raises
+    ------
+    Diverged
+        When a step cannot be solved; the states yielded before remain valid.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, Model, NullSpace, Variational, View
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 0)))
+    >>> for report in steps(model, Variational(), NullSpace(), 0.1):
+    ...     if report.state.time > 0.45:
+    ...         break
+    >>> View(model, report.state).position(ball.place()).round(12).tolist()
+    [0.5, 0.0, 0.0]
+    """
+    stepper = Stepper(system, integrator, treatment, step, settings, kernels, solver=solver)
+    with stepper.notices:
+        state = initial_state(system) if start is None else consistent_start(system, start)
+    state = stepper.own(state)
+    origin, first = state.time, state.index
+    while True:
+        # t_n = t_0 + n h: no rounding adds up over many steps
+        report = stepper.advance(state, origin + (state.index + 1 - first) * stepper.h)
+        yield report
+        state = report.state
+
+
+@takes_scene
+def simulate(
+    system: System,
+    integrator: Integrator,
+    treatment: Treatment,
+    step: float | StepControl,
+    until: float,
+    *,
+    start: State | None = None,
+    every: int = 1,
+    at: Sequence[float] | None = None,
+    callbacks: Sequence[Callback] = (),
+    progress: bool | Callable[[float, float], object] = False,
+    path: str | os.PathLike[str] | None = None,
+    derive: bool = True,
+    settings: NewtonSettings | None = None,
+    kernels: str = "auto",
+    solver: Solver | None = None,
+    sensors: Mapping[str, Sensor] | None = None,
+    events: Sequence[Event] | None = None,
+) -> History:
+    """Integrate a scene and return its history.
+
+    Parameters
+    ----------
+    system, integrator, treatment, start, settings
+        See :func:`steps`.
+    step : float or StepControl
+        Step size (s); or steps that follow from a tolerance, which end exactly at `until` and at
+        the times `at`: ``history.meta["step_control"]`` says how many there were and how many were
+        rejected, the series ``step_size`` how long they were.
+    until : float
+        End time (s), by a step at least later than the start; the last step ends at or before it
+        (to rounding).
+    every : int
+        Record every k-th step (the first and the last state always). What lies between compiled
+        kernels take in one go, where loads are constant and there are no force elements, damping
+        and prescribed motion: the same steps for less, unless callbacks, sensors or a function for
+        `progress` look at each.
+    at : sequence of float, optional
+        Record the states nearest to these times instead, beside the first and the last.
+    callbacks : sequence of callable
+        Called with each :class:`StepReport`; one that returns True ends the run.
+    progress : bool or callable
+        True: one line on stderr, kept up to date; a callable gets (time, until) after each step.
+    kernels : {"auto", "numpy", "numba"}
+        Plain numpy kernels, or those compiled by numba (extra ``fast``), six to 35 times
+        faster after some 10 s of compilation, which is kept on disk. "auto" takes them if numba
+        is installed, the estimated time with numpy is above 25 s, or above 1 s where all kernels
+        of the scene are on disk or in this process already, and there are some: not for
+        explicit schemes, springs on rotation vectors, bushings, beams of several orders or with a
+        stored energy function, closed loops in prescribed motion or with multipliers, nor for a
+        plane with multipliers, loads that follow the motion, force elements, damping or
+        prescribed motion. ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken,
+        and why. They keep factors of matrices over iterations and steps as long as these contract
+        well, see :class:`NewtonSettings`.
+    solver : Solver, optional
+        Of linear systems: ``SolverDense()``, ``SolverBanded()``, ``SolverSuperLU()``,
+        ``SolverMetis()`` or ``SolverPardiso()``. By default small and narrow ones are solved by
+        the first two, others by the fastest that is installed (extra ``solvers``). Compiled
+        kernels eliminate chains and trees in blocks, and leave the rest to it.
+        ``history.meta["solver"]`` says what was taken.
+    sensors : mapping of str to Sensor, optional
+        Recorded at every step, whatever `every` and `at` say: ``history.sensors[name]`` has
+        ``times``, ``values`` and ``spectrum()``.
+    events : list of Event, optional
+        What is to happen on conditions, located in time: ``history.events``. Their states are
+        recorded, whatever `every` and `at` say; steps are equal from one to the next, of the size
+        asked for or less, and end exactly at `until`. Where joints, loads or states
+        change, the row after that of the event has the same time; ``history.segments`` are the
+        rows of one system, series of joints that are not there are NaN.
+    path : path, optional
+        Stream the history to this file, block by block. An older file is replaced, but not by a
+        run that goes on from a history.
+    derive : bool
+        Add energies, velocities, section forces and reactions at the end (:func:`derive_series`).
+
+    Returns
+    -------
+    History
+        ``history.meta["status"]`` says whether it ran to the end, was interrupted (Ctrl-C) or
+        stopped by a callback; ``history.meta["warnings"]`` what is doubtful about it, as the
+        warnings that it gives (:class:`CosseratWarning`), each once;
+        ``history.meta["energy_balance"]`` what energies and works there were (J): ``start, end,
+        loads, actuators, drives, dissipated`` (by dampers and events), ``lost`` (by the scheme;
+        negative: gained) and their ``scale``, the largest of them at any time. More than 1 % lost
+        or gained is an :class:`AccuracyWarning`; of schemes that are meant to lose, 10 % lost.
+
+    Raises
+    ------
+    Diverged
+        With ``error.history``, the history up to the failed step. (An error of a callback or a
+        function of time carries it too, and a warning that was made an error.)
+    InputError
+        For bad arguments, before the first step.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import EnergyMomentum, MassPoint, Model, NullSpace
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 0)))
+    >>> history = simulate(model, EnergyMomentum(), NullSpace(), step=0.1, until=0.5)
+    >>> history.position(ball.place())[-1].round(12).tolist()
+    [0.5, 0.0, 0.0]
+    >>> float(history["energy"][-1].round(12))
+    1.0
+    """
+    derive = switch("argument derive", derive)
+    with Notices(system.warnings) as notices:
+        show = Progress(progress, "t = {:.6g} s of {:.6g} s".format)
+        first = _first_step(system, integrator, step, until, start)
+        intended = _intended(first, until, start)
+        eventful = events is not None
+        varying = eventful or isinstance(step, StepControl)
+        maker = Maker(integrator, treatment, settings, kernels, intended, solver, show.say, varying)
+        stepper = maker(system, first)
+        maker.kernels = stepper.choice.name
+        h = None if isinstance(step, StepControl) else stepper.h
+        state, count = _plan(system, start, h, until, every, eventful)
+        state = stepper.own(state)
+        _check_run(callbacks, path, state)
+        found = checked_events(events, integrator, system, state)
+        looked = bool(callbacks or sensors or callable(progress))
+        plan = state, until, count, every, at, eventful, looked
+        pace, wanted = _paced(step, maker, stepper, *plan)
+        recorder = Recorder(system, stepper, state, wanted, path, sensors, varying, notices)
+        _log_if_unresolved(stepper)
+        with recorder, Interrupt() as interrupt:
+            watch = EventMonitor(found, maker, system, state) if found else None
+            run = RunLoop(
+                maker, pace, recorder, callbacks, lambda t: show(t, until), interrupt, watch
+            )
+            with show:
+                status, failure = run.go(state)
+            recorder.more = pace.summary()
+            if failure is None:
+                _warn_of_elements(system, recorder.complete())
+            else:
+                notices.tell(failure)
+            history = recorder.close(status, failure)
+            if failure is not None:
+                notices.tell(failure)  # now with the balance of energy
+                failure.history = history
+            if derive:
+                interrupt.asked = True  # nothing is lost any more: end at once
+                _derive(recorder, history, path)
+        logger.info("%s: %d states up to t = %.6g s", status, len(history), history.times[-1])
+        if failure is not None:
+            raise failure
+        return history
+
+
+def _intended(step: float, until: float, start: State | None) -> int | None:
+    """Number of steps, as far as the arguments make sense: they are checked after that."""
+    try:
+        count = (until - (0.0 if start is None else start.time)) / step
+    except (AttributeError, OverflowError, TypeError, ValueError, ZeroDivisionError):
+        return None
+    return int(count) if isinstance(count, float) and 0 <= count < 1e15 else None
+
+
+def _first_step(
+    system: System,
+    integrator: Integrator,
+    step: float | StepControl,
+    until: float,
+    start: State | None,
+) -> float:
+    """The step asked for, or that which a controller begins with."""
+    if not isinstance(step, StepControl):
+        return step
+    if isinstance(integrator, Integrator):
+        step.check(integrator)
+    state, _ = _plan(system, start, None, until, 1)
+    return step.sizes(until - state.time)[0]
+
+
+def _paced(
+    step: float | StepControl,
+    maker: Maker,
+    stepper: Stepper,
+    state: State,
+    until: float,
+    count: int,
+    every: int,
+    at: Sequence[float] | None,
+    eventful: bool,
+    looked: bool,
+) -> tuple[SteppingPlan, Wanted]:
+    """How a run goes on in time, and which of its states are recorded.
+
+    Steps in between are taken in one go, unless something looks at each (`looked`).
+    """
+    if isinstance(step, StepControl):
+        wanted = timed(state, until, every, at, exact=True)
+        return ControlledSteps(step, maker, stepper, state, until, at or ()), wanted
+    if eventful:
+        wanted = timed(state, until, every, at, exact=False)
+        return FixedSteps(stepper, state, count, until), wanted
+    numbered = Numbered(state, stepper.h, count, every, at)
+    return FixedSteps(stepper, state, count, None, None if looked else numbered.ahead), numbered
+
+
+def _warn_of_elements(system: System, history: History) -> None:
+    """Say what elements are bent too far at the end, or were drawn too much on the way.
+
+    What is drawn too much folds up: of the end nothing may be seen any more.
+    """
+    if not system.beam_groups:
+        return
+    states = history["q"].reshape(len(history), -1, 3)
+    if bent := bent_beam(system, states[-1]):
+        warn(*bent, AccuracyWarning, float(history.times[-1]))
+    points = constraint_points(system, history) if system.theory_rows else states
+    for k in np.unique(np.linspace(0, len(states) - 1, LOOKS).round().astype(int)):
+        force = history["constraint_force"][k]
+        if drawn := drawn_too_far(system, points[k], force):
+            warn(*drawn, AccuracyWarning, float(history.times[k]))
+            break
+
+
+def _log_if_unresolved(stepper: Stepper) -> None:
+    """Log once that the step leaves frequencies unresolved which the integrator needs."""
+    limit, system = stepper.integrator.frequency_limit, stepper.system
+    if limit is None or not system.beam_groups:
+        return
+    try:
+        omega = highest_frequency(system)
+    except (CosseratError, ArithmeticError, ValueError) as error:  # never stops a run
+        logger.debug("the highest frequency could not be estimated: %s", error)
+        return
+    if stepper.h * omega > limit:
+        # a false alarm on many right runs; replaced when steps know their own error
+        logger.info(
+            "the step %.3g s times the highest frequency of the beams, %.3g rad/s, is %.3g: above"
+            " %.3g the %s integrator is likely to fail; try steps below %.2g s, or another one",
+            *(stepper.h, omega, stepper.h * omega, limit, stepper.integrator.name, limit / omega),
+        )
+
+
+def _derive(recorder: Recorder, history: History, path: str | os.PathLike[str] | None) -> None:
+    """Add the derived series; a history that ended badly is kept whatever they give."""
+    with deriving(), np.errstate(all="ignore"):
+        if len(recorder.segments) > 1:
+            derive_segments([segment.system for segment in recorder.segments], history)
+        else:
+            derive_series(recorder.system, history)
+    history.meta["warnings"] = recorder.notices.kept()
+    if path is not None:
+        history.save(path)
+
+
+def _check_run(
+    callbacks: Sequence[Callback], path: str | os.PathLike[str] | None, state: State
+) -> None:
+    if not isinstance(callbacks, Sequence):
+        raise InputError("argument callbacks", f"{callbacks!r}, expected a list of functions")
+    for callback in callbacks:
+        if not callable(callback):
+            raise InputError("argument callbacks", f"{callback!r} is not callable")
+    if path is not None and state.index > 0 and os.path.exists(path):
+        raise InputError(
+            "argument path",
+            f"{os.fspath(path)!r} exists and the run goes on from step {state.index}: name"
+            " another file, or the states before would be lost",
+        )
+
+
+def _plan(
+    system: System,
+    start: State | None,
+    step: float | None,
+    until: float,
+    every: int,
+    exact: bool = False,
+) -> tuple[State, int]:
+    """Where a run starts, and the number of its steps; zero if a tolerance decides on them.
+
+    With `exact` they are shortened to end at `until`.
+    """
+    item = "argument until"
+    until = real(item, "until", until, "a finite number of seconds")
+    whole("argument every", every, 1)
+    state = initial_state(system) if start is None else consistent_start(system, start)
+    left = until - state.time
+    if not 0 < left < np.inf:
+        raise InputError(
+            item,
+            f"{until!r} s, expected a time later than the start, which is at {state.time!r} s",
+        )
+    if step is None:
+        return state, 0
+    steps = left / step
+    if steps > MOST:
+        text = f"{step!r} s gives {steps:.3g} steps until {until!r} s, expected at most {MOST:.0e}"
+        raise InputError("argument step", text)
+    count = int(np.ceil(steps - 1e-9) if exact else np.floor(steps * (1 + 1e-12) + 1e-9))
+    if count == 0:
+        raise InputError(
+            "argument step",
+            f"{step!r} s is longer than the run, {left:.6g} s from {state.time!r} s to {until!r} s:"
+            " take a shorter step, or a later end",
+        )
+    return state, count

@@ -1,0 +1,637 @@
+"""What a run records of its states, with the works since its start."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import diagnostics
+from ..constraints.saddle import nearest_velocity
+from ..diagnostics import Projection
+from ..errors import (
+    AccuracyWarning,
+    CosseratError,
+    Diverged,
+    IncompleteWarning,
+    InputError,
+    StorageError,
+)
+from ..history import EventRecord, History, HistoryWriter
+from ..integrators import Integrator, State, Stepper, StepReport
+from ..model import System
+from ..types import Floats, IndexArray, numbers
+from ..warn import Notices, logger, warn
+from .describe import describe, fingerprint
+from .sensors import Sensor, SensorBank, checked_sensors
+
+__all__ = [
+    "EnergyBalance",
+    "Numbered",
+    "Recorder",
+    "Segment",
+    "Wanted",
+    "Works",
+    "deriving",
+    "energy",
+    "take_along",
+    "timed",
+]
+
+
+# -- work done since the start of a run, and the balance of energy at its end ----------------------
+
+#: share of the scale that energies and works may be out of balance, and that a scheme may lose
+#: which is meant to lose
+OFF, LOST = 0.01, 0.1
+
+#: energies below this share of ``|G^T lambda| . |q|`` are rounding of what holds a scene at rest
+NOISE = 1e-9
+
+
+class EnergyBalance(NamedTuple):
+    """Energies and works of a run (J), as ``history.meta["energy_balance"]`` has them.
+
+    What the scheme takes is `lost`. In the series of the same history it is damping: there
+    ``"dissipated"`` holds it, and ``"energy_balance"`` is the rest. Energies here are of the
+    momenta that the scheme carries on; those of the series are of the momenta at the recorded
+    instants.
+
+    Attributes
+    ----------
+    start, end : float
+        Kinetic and stored energy, see :func:`energy`.
+    loads, actuators, drives : float
+        Work done since the start.
+    dissipated : float
+        By dampers, viscous sections and drag, and what events took; not what the scheme takes.
+    lost : float
+        ``start + loads + actuators + drives - dissipated - end``: what the scheme has lost, or
+        gained where it is negative.
+    scale : float
+        The largest of both energies and of all works at any time: a pendulum that has come back to
+        rest has none of them left.
+    """
+
+    start: float
+    end: float
+    loads: float
+    actuators: float
+    drives: float
+    dissipated: float
+    lost: float
+    scale: float
+
+    def check(self, integrator: Integrator, h: float, time: float) -> None:
+        """Warn if it is off by more than the scheme is allowed to."""
+        if not self.scale > 0:
+            return
+        share = self.lost / self.scale
+        if -OFF <= share <= (LOST if integrator.loses else OFF):
+            return
+        verb = "gained" if self.lost < 0 else "lost"
+        most = f"{self.scale:.3g} J, the largest of its energies and works"
+        amount = f"the run {verb} {abs(self.lost):.3g} J, {100 * abs(share):.3g} % of {most}"
+        if not np.isfinite(share):
+            amount = f"the energy went from {self.start:.3g} J to {self.end} J"
+        warn(
+            "balance of energy",
+            f"{amount}; no load, drive, damper or event explains this, {integrator!r} does not"
+            f" follow the motion in steps of {h:.3g} s: take smaller ones{integrator.keeping}",
+            AccuracyWarning,
+            time=time,
+        )
+
+
+def energy(system: System, integrator: Integrator, state: State) -> float:
+    """Kinetic and stored energy (J) of a state of a run.
+
+    Kinetic energy is that of the momentum in terms of which a scheme has its balance. With the
+    variational scheme this is the one on the hidden constraints: a part along ``G^T``, which what
+    it carries has to first order in the step, moves nothing and only changes the next multipliers
+    (the motion is that of ``stabilized=True``). Others carry the momentum of the node.
+    """
+    q, p, t = state.q, state.p, state.time
+    if integrator.carries_node_momentum:
+        kinetic = diagnostics.kinetic_energy(system, p)
+    else:
+        v = nearest_velocity(system, system.extend(q, t), p, t)
+        kinetic = diagnostics.kinetic_energy_of_velocity(system, v)
+    turns = None if state.turns is None else state.turns[None]
+    coupled = diagnostics.coupling_energy(system, q[None], np.array([t]), turns)
+    stored = diagnostics.strain_energy(system, q)
+    return float(kinetic + stored + coupled[0])
+
+
+class Works:
+    """Sums of the works of all steps.
+
+    Prescribed motion and drives work through the constraint forces: ``-(G^T lambda) . dq``. Where
+    these act at the nodes, a step takes half of the force at its start and half of that at its
+    end, one of which belongs to the step after it (or before it, where they act at its end).
+    """
+
+    def __init__(self, system: System, integrator: Integrator, state: State, h: float) -> None:
+        self._begin(system, integrator, state, h)
+        self.loads = self.actuators = self.dissipated = self.drives = 0.0
+        #: of what was dissipated: by the scheme
+        self._numerical = 0.0
+        self._start, self._largest = self._now, 0.0
+
+    def _begin(self, system: System, integrator: Integrator, state: State, h: float) -> None:
+        self._driven = bool(system.moving)
+        one = integrator.single
+        weight = one.constraint_weight
+        #: of a step's own force, of that of the step after it and of that before it
+        self._own, self._next = (1.0, 0.0) if weight == 0.5 else (0.5, float(weight == 0) / 2)
+        self._before = 1 - self._own - self._next
+        self._q = state.q
+        self._last = one.start_force(system, state, h) if self._driven and self._before else None
+        self._waiting: Floats | None = None
+        self._now = system, integrator, state
+
+    def go_on(
+        self, integrator: Integrator, system: System, state: State, h: float, loss: float
+    ) -> None:
+        """Another state or system follows, at the expense of an energy (J)."""
+        self._begin(system, integrator, state, h)
+        self.dissipated += loss
+
+    def add(self, report: StepReport) -> None:
+        """A step is done; :meth:`finish` has had its report before."""
+        before = None
+        for stage in report.stages:
+            force = self._force(stage, before) if self._driven else None
+            if before is not None:
+                self._end(force)
+            self._add(stage, force)
+            before = stage
+        self._now = self._now[0], self._now[1], report.state
+        sums = abs(self.loads), abs(self.actuators), abs(self.drives), abs(self.dissipated)
+        self._largest = max(self._largest, *sums)
+
+    def _force(self, report: StepReport, before: StepReport | None) -> Floats:
+        """Constraint force of a step; at a node it is over half of the step before it, too."""
+        force = report.constraint_force
+        if before is None or not self._next:
+            return force
+        return force * (2 * report.step / (report.step + before.step))
+
+    def _add(self, report: StepReport, force: Floats | None) -> None:
+        work, q = report.work, report.state.q
+        self.loads += work.loads
+        self.actuators += work.actuators
+        self.dissipated += work.dissipated
+        self._numerical += work.numerical
+        if force is not None:
+            change = q - self._q
+            self.drives += work.ground - self._own * float(force @ change)
+            if self._last is not None:
+                self.drives -= self._before * float(self._last @ change)
+                self._last = force
+            self._waiting, self._ending = (change if self._next else None), force
+        self._q = q
+
+    def finish(self, report: StepReport) -> None:
+        """The step that follows the last one: its constraint force ends that one's work."""
+        if self._waiting is not None:
+            self._end(report.stages[0].constraint_force)
+
+    def _end(self, force: Floats | None) -> None:
+        if self._waiting is not None and force is not None:
+            self.drives -= self._next * float(force @ self._waiting)
+            self._waiting = None
+
+    def balance(self, force: Floats | None) -> EnergyBalance | None:
+        """Of the run so far; None where there is nothing to compare.
+
+        Work of drives that is not known yet is taken with the constraint force that is.
+
+        Parameters
+        ----------
+        force : (n,) array, optional
+            Constraint force of one of its states.
+        """
+        state = self._now[-1]
+        if state is self._start[-1]:
+            return None
+        try:
+            with np.errstate(all="ignore"):
+                start, end = energy(*self._start), energy(*self._now)
+        except CosseratError as error:
+            logger.info("no balance of energy: %s", error)
+            return None
+        drives, lost = self.drives, self.dissipated - self._numerical
+        if self._waiting is not None:
+            drives -= self._next * float(self._ending @ self._waiting)
+        works = self.loads, self.actuators, drives, lost
+        scale = max(abs(start), abs(end), self._largest)
+        held = 0.0 if force is None else float(np.nansum(abs(force * state.q)))
+        if scale <= NOISE * held:
+            scale = 0.0
+        off = start + self.loads + self.actuators + drives - lost - end
+        return EnergyBalance(start, end, *works, off, scale)
+
+    def row(self) -> dict[str, float]:
+        """Entries of the history; the work of drives is NaN while a part of it is unknown."""
+        return {
+            "work_loads": self.loads,
+            "work_actuators": self.actuators,
+            "work_drives": self.drives if self._waiting is None else np.nan,
+            "dissipated": self.dissipated,
+        }
+
+
+# -- which states are recorded, and when a row of the history is complete --------------------------
+
+#: recorded states after which what sensors saw is written, so that a killed run keeps it, too
+SEEN = 50
+
+#: whether a state is to be recorded, by the state and the size of the step that led to it
+Wanted = Callable[[State, float], bool]
+
+
+class Segment(NamedTuple):
+    """Rows of a history from `row` on that belong to a system."""
+
+    row: int
+    system: System
+
+
+#: what the step after the last one may raise: it is beyond the run the user asked for
+_NO_STEP = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
+
+
+@contextmanager
+def deriving() -> Iterator[None]:
+    """Around what is derived from a history: one that ended badly is kept whatever that gives."""
+    try:
+        yield
+    except CosseratError as error:
+        warn("derived series", f"energies and reactions are missing: {error}", IncompleteWarning)
+    except KeyboardInterrupt:
+        text = "energies and reactions are missing, it was interrupted: see derive_series"
+        warn("derived series", text, IncompleteWarning)
+
+
+def take_along(error: BaseException, so_far: Callable[[], History]) -> None:
+    """Give an error of the user's own code, or of a full disk, the history as ``error.history``.
+
+    `so_far` closes what is still open, which may meet a full disk in its turn.
+    """
+    try:
+        with Notices(quiet=True):  # the error is said, its history has the warnings
+            history = so_far()
+    except StorageError as full:
+        history = full.history
+        if full is not error:
+            error.add_note(str(full))
+    error.history = history  # type: ignore[attr-defined]
+    if not isinstance(error, StorageError):
+        error.add_note(f"the history up to t = {history.times[-1]:.6g} is in .history")
+
+
+class Recorder:
+    """Decides what is recorded and writes it."""
+
+    def __init__(
+        self,
+        system: System,
+        stepper: Stepper,
+        state: State,
+        wanted: Wanted,
+        path: str | os.PathLike[str] | None,
+        sensors: Mapping[str, Sensor] | None,
+        varying: bool,
+        notices: Notices,
+    ) -> None:
+        self.system, self.stepper, self.notices = system, stepper, notices
+        self.wanted, self.open = wanted, False
+        #: steps may differ in size: it is recorded
+        self.varying = varying
+        self.segments, self.events = [Segment(0, system)], list[EventRecord]()
+        self.more: dict[str, Any] = {}
+        self._angles = [item.name for item in system.couplings.angles]
+        meta, static = describe(system)
+        meta |= {
+            "integrator": stepper.integrator.name,
+            "treatment": stepper.treatment.name,
+            "step": stepper.h,
+            "solver": stepper.method,
+            "unknowns": stepper.bound.unknowns,
+            "kernels": stepper.choice.name,
+            "kernels_why": stepper.choice.why,
+        }
+        bank = checked_sensors(sensors, system, state)
+        if bank:
+            meta["sensors"] = {
+                name: {"unit": sensor.unit, "derivative": sensor.derivative}
+                for name, sensor in bank.items()
+            }
+        self.works = Works(system, stepper.integrator, state, stepper.h)
+        self.writer = HistoryWriter(meta, static, path)
+        self.iterations = 0
+        self.last: dict[str, Any] | None = None
+        self._complete: History | None = None
+        self.closed: History | None = None
+        self.bank = SensorBank(bank, system, stepper, self.writer)
+        self.bank.begin(state)
+        self._before = state
+        self._rows = 0
+        #: constraint force of a recent state
+        self._force: Floats | None = None
+        weight = stepper.integrator.constraint_weight
+        #: whether a step's constraint force acts at its end, between both
+        self._at_end, self._between = weight == 1, 0 < weight < 1
+        first = stepper.integrator.start_force(system, state, stepper.h)
+        self._append(self._row(state, 0, 1, 0.0, first))
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: object
+    ) -> None:
+        """An error of the user's own code takes the history so far along as ``error.history``."""
+        if error is not None:
+            take_along(error, self._so_far)
+
+    def _so_far(self) -> History:
+        if self.closed is not None:
+            return self.closed
+        return self.writer.history() if self.writer.closed else self.close("failed", None)
+
+    def _row(
+        self,
+        state: State,
+        iterations: int,
+        attempts: int,
+        residual: float,
+        force: Floats | None = None,
+    ) -> dict[str, Any]:
+        nan = np.full(self.system.n, np.nan)
+        known = state.fresh or self.stepper.integrator.carries_node_momentum
+        row: dict[str, Any] = {
+            "t": state.time,
+            "step": state.index,
+            "q": state.q,
+            "p": state.p if known else nan,
+            "carried": state.p,
+            "fresh": float(state.fresh),
+            "constraint_force": nan if force is None else force,
+            "newton_iterations": iterations,
+            "attempts": attempts,
+            "residual": residual,
+            **self.works.row(),
+        }
+        if self._angles:
+            none = np.zeros(len(self._angles), dtype=np.int64)
+            row["turns"] = none if state.turns is None else state.turns
+        if self.varying:
+            row["step_size"] = np.nan if state.maker is None else state.maker[1]
+        if count := self.stepper.integrator.remembered:
+            none = np.full((count, self.system.n), np.nan)
+            row["memory"] = none if state.memory is None else state.memory
+        if self._between:
+            row["constraint_point"] = np.full(3 * self.system.total, np.nan)
+        return row
+
+    def _append(self, row: dict[str, Any]) -> None:
+        self.writer.append(row)
+        self.open, self._rows = True, self._rows + 1
+        if self._rows % SEEN == 0:
+            self.bank.flush()
+
+    def _amend(self, report: StepReport) -> None:
+        self.works.finish(report)
+        if self._at_end:
+            self.open = False  # nothing is missing
+        if self.open:
+            fields: dict[str, Any] = {
+                "p": report.momentum,
+                "constraint_force": report.constraint_force,
+                "work_drives": self.works.drives,
+            }
+            if self._between:
+                fields["constraint_point"] = report.constraint_point.ravel()
+            self._force = fields["constraint_force"]
+            self.writer.amend(**fields)
+            self.open = False
+
+    def take(self, report: StepReport) -> None:
+        """A step is done: complete the row of its start, record its end if wanted."""
+        self._amend(report)
+        self.works.add(report)
+        self.bank.take(self._before, report)
+        self.iterations += report.all_iterations
+        state = self._before = report.state
+        force = report.constraint_force if self._at_end else None
+        self._force = force if self._at_end else self._force
+        row = self._row(state, report.iterations, report.attempts, report.residual, force)
+        if self.wanted(state, report.step):
+            self._append(row)
+            self.last = None
+        else:
+            self.last = row
+
+    def row_of_event(self) -> int:
+        """Number of the row of the present state, which is recorded."""
+        if self.last is not None:
+            self._append(self.last)
+            self.last = None
+        return self._rows - 1
+
+    def switch(
+        self, end: State, system: System, stepper: Stepper, state: State, loss: float
+    ) -> None:
+        """Go on with another state, and perhaps another system, at the same instant."""
+        self.look_ahead(end, end.time + self.stepper.h)
+        if system is not self.system:
+            self.segments.append(Segment(self._rows, system))
+        self.note()
+        self.system, self.stepper = system, stepper
+        self.works.go_on(stepper.integrator, system, state, stepper.h, loss)
+        self.bank.go_on(system)
+        self._before = state
+        first = stepper.integrator.start_force(system, state, stepper.h)
+        self._append(self._row(state, 0, 1, 0.0, first))
+
+    def note(self) -> None:
+        """Write events and warnings so far into the file at once."""
+        self.writer.note(**self._happened(), warnings=self.notices.kept())
+
+    def look_ahead(self, state: State, time: float) -> None:
+        """Momentum and constraint force of the last state belong to the step after it."""
+        if self.last is not None:
+            self._append(self.last)
+            self.last = None
+        if self._at_end:
+            self.open = False
+            return
+        try:
+            self._amend(self.stepper.advance(state, time))
+        except Diverged as error:
+            logger.info("no step after t = %.6g s, momentum projected: %s", state.time, error)
+        except _NO_STEP as error:  # loads and motions that are not known beyond the run
+            text = (
+                f"the step after it, which completes the last momentum, failed ({error!r}): the"
+                " momentum is projected, the last multipliers are NaN"
+            )
+            warn("last state", text, IncompleteWarning, state.time)
+
+    def _happened(self) -> dict[str, Any]:
+        """Events so far, and the systems that rows belong to, as meta data."""
+        meta: dict[str, Any] = {}
+        if self.varying:
+            meta["events"] = [event._asdict() for event in self.events]
+        if len(self.segments) > 1:
+            meta["segments"] = [
+                {
+                    "row": segment.row,
+                    "fingerprint": fingerprint(segment.system),
+                    "joints": [joint.label for joint in segment.system.joints],
+                }
+                for segment in self.segments
+            ]
+        return meta
+
+    def complete(self) -> History:
+        """All rows, the last one with all that can be known of it; the file is not closed."""
+        if self._complete is not None:
+            return self._complete
+        try:
+            self.bank.flush()
+        except StorageError:
+            raise
+        except (CosseratError, *_NO_STEP) as error:  # a user's function: the history is kept
+            warn("sensors", f"their last values are missing: {error}", IncompleteWarning)
+        if self.last is not None:
+            self._append(self.last)
+            self.last = None
+        if self.open:
+            row = self.writer.history().last()
+            if not np.isfinite(row["p"]).all():
+                try:
+                    p = Projection(self.system)(row["q"], row["carried"], float(row["t"]))[1]
+                    self.writer.amend(p=p)
+                except CosseratError as error:  # a singular configuration: p stays NaN
+                    text = f"its momentum could not be projected: {error}"
+                    warn("last state", text, IncompleteWarning, float(row["t"]))
+        self._complete = self.writer.history()
+        return self._complete
+
+    def close(self, status: str, failure: Diverged | None) -> History:
+        """Close the file and give the history."""
+        history = self.complete()
+        extra: dict[str, Any] = {
+            "factorisations": self.stepper.factorisations,
+            "newton_iterations": self.iterations,
+        }
+        if failure is not None:
+            extra["failure"] = str(failure)
+        extra |= self._happened()
+        extra |= self.more
+        balance = self.works.balance(self._force)
+        try:
+            if balance is not None:
+                extra["energy_balance"] = balance._asdict()
+                balance.check(self.stepper.integrator, self.stepper.h, self._before.time)
+        finally:  # a warning is an error, if the user wants it so
+            self.writer.close(status, **extra, warnings=self.notices.kept())
+            history.meta = self.writer.meta
+            self.closed = history
+        return self.closed
+
+
+class Numbered:
+    """States of a run with equal steps: every k-th, or those nearest to given times.
+
+    Parameters
+    ----------
+    state : State
+        Where it starts.
+    h : float
+        Step size (s).
+    count : int
+        Steps.
+    every, at
+        See :func:`simulate`.
+    """
+
+    def __init__(
+        self, state: State, h: float, count: int, every: int, at: Sequence[float] | None
+    ) -> None:
+        self._first, self._count, self._every = state.index, count, int(every)
+        #: numbers asked for, in order; None: every k-th
+        self._at = None if at is None else _numbers(state, h, count, every, at)
+
+    def __call__(self, state: State, h: float) -> bool:
+        """Whether a state is to be recorded."""
+        k = state.index - self._first
+        if self._at is None:
+            return k % self._every == 0 or k == self._count
+        place = int(np.searchsorted(self._at, k))
+        return place < len(self._at) and int(self._at[place]) == k
+
+    def ahead(self, state: State) -> int:
+        """Steps to the next state that is recorded, or the last one; one from such a state.
+
+        The step that follows a recorded state completes its row.
+        """
+        k = state.index - self._first
+        if k == 0 or self(state, 0.0):
+            return 1
+        if self._at is None:
+            return min(self._every - k % self._every, self._count - k)
+        left = self._at[np.searchsorted(self._at, k) :]
+        return int(left[0] if len(left) else self._count) - k
+
+
+def timed(
+    state: State, until: float, every: int, at: Sequence[float] | None, exact: bool
+) -> Wanted:
+    """The same where steps may differ; `exact`: steps end at the given times."""
+    first = state.index
+    if at is None:
+        return lambda state, h: (state.index - first) % every == 0
+    times = np.sort(_times(at, state.time, until, every))
+
+    def wanted(state: State, h: float) -> bool:
+        half = 1e-9 * h if exact else 0.5 * h
+        return bool(((times > state.time - half) & (times <= state.time + half)).any())
+
+    return wanted
+
+
+def _times(at: Sequence[float], start: float, until: float, every: int) -> Floats:
+    """Times asked for, within a run."""
+    times = _asked(at, every)
+    _check_inside(times, (times < start) | (times > until))
+    return times
+
+
+def _numbers(state: State, h: float, count: int, every: int, at: Sequence[float]) -> IndexArray:
+    """Numbers of the steps nearest to times, in order."""
+    times = _asked(at, every)
+    k = np.rint((times - state.time) / h).astype(np.int64)
+    _check_inside(times, (k < 0) | (k > count))
+    return np.unique(k)
+
+
+def _asked(at: Sequence[float], every: int) -> Floats:
+    if every != 1:
+        raise InputError("arguments every, at", f"{every} and {at}, expected only one of them")
+    times = numbers("argument at", "at", at)
+    if times.ndim != 1 or not np.isfinite(times).all():
+        raise InputError("argument at", f"{at!r}, expected a list of times")
+    return times
+
+
+def _check_inside(times: Floats, outside: NDArray[np.bool_]) -> None:
+    if outside.any():
+        bad = float(times[outside][0])
+        raise InputError("argument at", f"time {bad!r} s is outside of the run")

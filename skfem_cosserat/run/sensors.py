@@ -1,0 +1,686 @@
+"""What is looked at in states: by functions of a view, and by sensors at every step."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+import numpy as np
+
+from .. import diagnostics
+from ..constraints.saddle import accelerations, hidden_rate, saddle_point
+from ..diagnostics import SectionValues, evaluate, multipliers, reactions
+from ..diagnostics.joint_motion import rates
+from ..diagnostics.stacked import all_rows
+from ..errors import InputError
+from ..frames import Item, Place, is_beam, with_frame
+from ..history import HistoryWriter
+from ..integrators import State, Stepper, StepReport
+from ..joint import Joint
+from ..model import Model, System, system_of
+from ..model.force_elements import Invariants, kind_of
+from ..model.scene import joint_of
+from ..model.system import FROM
+from ..replacement import Attached, Replacements
+from ..types import ArrayLike, Floats, check_kind, numbers
+
+if TYPE_CHECKING:
+    from ..beam import Beam
+
+
+__all__ = [
+    "Sensor",
+    "SensorAcceleration",
+    "SensorBank",
+    "SensorForce",
+    "SensorPosition",
+    "SensorQuantity",
+    "SensorReaction",
+    "SensorStrain",
+    "SensorVelocity",
+    "View",
+    "checked_sensors",
+    "window_of",
+]
+
+
+# -- A state of a run as the conditions of events see it -------------------------------------------
+
+
+class View:
+    """A state: its configuration, and what follows from it, found when it is asked for.
+
+    Attributes
+    ----------
+    system : System
+        The scene as it is at this state.
+    time : float
+        (s)
+    q, v : (n,) array
+        Configuration, and velocity on the hidden constraints.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, Model, initial_state
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0, position=(0, 0, 5), velocity=(3.0, 0, 0)))
+    >>> system = model.freeze()
+    >>> view = View(system, initial_state(system))
+    >>> view.position(ball.place()).tolist(), view.velocity(ball.place()).tolist()
+    ([0.0, 0.0, 5.0], [3.0, 0.0, 0.0])
+    >>> view.kinetic_energy()
+    9.0
+    """
+
+    def __init__(self, system: Model | System, state: State) -> None:
+        self.system = system_of(system)
+        check_kind("argument state", state, State, ", see initial_state")
+        if np.shape(state.q) != (self.system.n,):
+            given = f"q has shape {np.shape(state.q)}, expected ({self.system.n},)"
+            raise InputError("argument state", given)
+        self.state = state
+        self.time, self.q = state.time, state.q
+
+    def __repr__(self) -> str:
+        return f"<View: t = {self.time:g} s, step {self.state.index}, n = {self.system.n}>"
+
+    @cached_property
+    def y(self) -> Floats:
+        """All rows (total, 3)."""
+        return self.system.extend(self.q, self.time)
+
+    @cached_property
+    def v(self) -> Floats:
+        """See the class."""
+        rate = hidden_rate(self.system, self.y, self.time)
+        return saddle_point(self.system)(self.y, self.state.p, rate)[0]
+
+    def position(self, place: Place) -> Floats:
+        """Of a place (3,) in m."""
+        return self._spot(place, self.y)
+
+    def rotation(self, place: Place) -> Floats:
+        """Of the frame that carries a place (3, 3): in its rows the directors d1, d2, d3."""
+        row = self.system.row_of(with_frame(place))
+        return self.y[row + 1 : row + 4].copy()
+
+    def velocity(self, place: Place) -> Floats:
+        """Of a place (3,) in m/s."""
+        return self._spot(place, rates(self.system, self.v[None], np.array([self.time]))[0])
+
+    def _spot(self, place: Place, rows: Floats) -> Floats:
+        check_kind("argument place", place, Place, FROM)
+        terms = self.system.kinematics.spot_terms(self.system.spot(place))
+        return np.asarray(sum(c * rows[a] for a, c in terms))
+
+    def coordinate(self, joint: Joint | str, name: str | None = None) -> float:
+        """Angle (rad, the principal value) or displacement (m) of a joint.
+
+        Raises
+        ------
+        InputError
+            If there is no such joint or coordinate, or it has several components.
+        """
+        found = self._joint(joint)
+        coordinate = found.coordinate(name)
+        if coordinate.size != 1:
+            raise InputError(found.label, f"its {coordinate.name} has {coordinate.size} components")
+        kind = kind_of((coordinate,))
+        invariants = Invariants([coordinate.forms], self.system.row_of)
+        value = float(kind.value(invariants.values(self.y))[0, 0])
+        if coordinate.kind == "displacement":
+            start = self.system.extend(self.system.q0, 0.0)
+            value -= float(kind.value(invariants.values(start))[0, 0])
+        return value
+
+    def rate(self, joint: Joint | str, name: str | None = None) -> float:
+        """Rate of :meth:`coordinate` (rad/s, m/s)."""
+        found = self._joint(joint)
+        coordinate = found.coordinate(name)
+        pairs = diagnostics.joint_coordinates(self.system, found, self.q, self.v, self.time)
+        return float(pairs[coordinate.name][1])
+
+    def reaction(self, joint: Joint | str) -> tuple[Floats, Floats]:
+        """Force and moment (N, N m) of a joint on its side b, by the equations of motion here."""
+        name = joint_of(self.system, joint).name or ""
+        t, turns = self.time, self.state.turns
+        lam = accelerations(self.system, self.q, self.v, t, turns)[1]
+        force, moment = diagnostics.reactions(self.system, self.y[None], lam[None])[name]
+        return force[0], moment[0]
+
+    def kinetic_energy(self) -> float:
+        """Of the velocity v (J)."""
+        p = diagnostics.momentum(self.system, self.v)
+        return float(diagnostics.kinetic_energy(self.system, p))
+
+    def energy(self) -> float:
+        """Kinetic energy, and that stored in beams and force elements (J)."""
+        turns = None if self.state.turns is None else self.state.turns[None]
+        q, t = self.q[None], np.array([self.time])
+        stored = diagnostics.strain_energy(self.system, q)[0]
+        return self.kinetic_energy() + float(
+            stored + diagnostics.coupling_energy(self.system, q, t, turns)[0]
+        )
+
+    def strain_of(self, beam: Beam, s: float) -> Floats:
+        """Strains (6,) ``(Gamma, K)`` of a beam at an arc length (m) of the reference."""
+        if not is_beam(beam):
+            raise InputError("argument beam", f"is of type {type(beam).__name__}, expected a Beam")
+        return np.asarray(
+            diagnostics.evaluate(self.system, beam, self.q, *beam.along([s])).strain[0]
+        )
+
+    def sensor(self, sensor: Sensor) -> Floats:
+        """What a sensor sees here.
+
+        Raises
+        ------
+        InputError
+            For accelerations and reactions: see :meth:`reaction`.
+        """
+        check_kind("argument sensor", sensor, Sensor)
+        if sensor.forces or sensor.derivative > 1:
+            raise InputError(
+                "sensor", f"{type(sensor).__name__} needs several states, which events do not have"
+            )
+        if sensor.derivative:
+            return _seen_rate(self.system, self.state, self.v, sensor)
+        return _seen(self.system, self.state, sensor)
+
+    def _joint(self, joint: Joint | str) -> Joint:
+        return joint if isinstance(joint, Joint) else joint_of(self.system, joint)
+
+
+def _seen(system: System, state: State, sensor: Sensor) -> Floats:
+    """What a sensor without forces sees at one state."""
+    return np.asarray(sensor.values(system, window_of(system, [state], []))[0])
+
+
+def _seen_rate(system: System, state: State, v: Floats, sensor: Sensor) -> Floats:
+    """Rate of what a sensor sees, for a velocity v (n,): a central difference along the motion."""
+    speed = float(abs(v).max(initial=0.0))
+    s = 1e-5 * system.length / speed if speed > 0 else 1e-5
+    t = state.time + np.array([-s, s]) if state.time > s else state.time + np.array([0.0, 2 * s])
+    q = np.array([state.q + (each - state.time) * v for each in t])
+    none = window_of(system, [], [])
+    before, after = sensor.values(system, none._replace(t=t, q=q))
+    return np.asarray((after - before) / (t[1] - t[0]))
+
+
+# -- sensors: what is recorded at every step while whole states are recorded now and then ----------
+
+#: states that are looked at together
+BLOCK = 128
+
+
+class Window(NamedTuple):
+    """Some states after each other, and the steps that led from one to the next.
+
+    Attributes
+    ----------
+    t : (k,) array
+    q : (k, n) array
+    step_t : (j,) array
+        Instants at which the constraint forces of steps act.
+    points : (j, total, 3) array
+        Where they act; only for sensors that ask for it.
+    force : (j, n) array
+    """
+
+    t: Floats
+    q: Floats
+    step_t: Floats
+    points: Floats
+    force: Floats
+
+
+class Sensor(Attached):
+    """Base of the sensors.
+
+    Attributes
+    ----------
+    unit : str
+    derivative : int
+        How often the record is differentiated in time, by differences of second order.
+    forces : bool
+        Whether it needs the constraint forces of steps.
+    """
+
+    unit = ""
+    derivative = 0
+    forces = False
+
+    @abstractmethod
+    def items(self) -> list[Item]:
+        """Those that have to be in the model."""
+
+    @abstractmethod
+    def values(self, system: System, window: Window) -> Floats:
+        """Values (k, ...) at the window's states; with `forces`, (j, ...) of its steps."""
+
+
+class SensorPosition(Sensor):
+    """Position (m) of a place, or of a point of a beam's axis, at every step.
+
+    Parameters
+    ----------
+    where : Place or Beam
+    s : float, optional
+        On a beam: arc length in the reference from the start of the part (m).
+    part : str, optional
+        On a beam: name of a part of the mesh; default: the whole beam.
+    frame : Place, optional
+        Seen from the frame of this place (of a beam node, a body, or the ground in motion): its
+        components in the moving triad, from the moving place. Default: in space.
+
+    Raises
+    ------
+    InputError
+        If `where` is neither, or `s` is missing or beyond the ends.
+
+    Examples
+    --------
+    Where the end of a falling rod is at every step, while three states are recorded:
+
+    >>> from skfem_cosserat import EnergyMomentum, LoadGravity, Model, NullSpace, RigidBody
+    >>> from skfem_cosserat import simulate
+    >>> model = Model()
+    >>> rod = model.add("rod", RigidBody.box(1.0, (0.1, 0.1, 2.0)))
+    >>> fall = model.add("fall", LoadGravity((0, 0, -10.0)))
+    >>> sensors = {"end": SensorPosition(rod.local((0, 0, 1.0)))}
+    >>> history = simulate(
+    ...     model.freeze(), EnergyMomentum(), NullSpace(), 0.01, 0.2, every=10, sensors=sensors
+    ... )
+    >>> len(history), history.sensors["end"].values[::10, 2].round(9).tolist()
+    (3, [1.0, 0.95, 0.8])
+    """
+
+    unit = "m"
+
+    def __init__(
+        self,
+        where: Place | Beam,
+        s: float | None = None,
+        part: str | None = None,
+        frame: Place | None = None,
+    ) -> None:
+        self._point = _Point(where, s, part)
+        if frame is not None and (not isinstance(frame, Place) or frame.triad is None):
+            raise InputError("sensor", f"frame = {frame!r}, expected the place of a frame")
+        self.frame = frame
+
+    def _parts(self) -> Iterator[tuple[str, Any]]:
+        yield from self._point._parts()
+        if self.frame is not None:
+            yield "frame", self.frame
+
+    def with_replacements(self, replacements: Replacements) -> Self:
+        """See the base class."""
+        other = super().with_replacements(replacements)
+        if (
+            self.frame is not None
+            and other.frame is not None
+            and self.frame.turn_to(other.frame) is not None
+        ):
+            raise InputError("sensor", f"the triad of the {self.frame.label} is another one now")
+        return other
+
+    def items(self) -> list[Item]:
+        """See the base class."""
+        frame = [] if self.frame is None or self.frame.item is None else [self.frame.item]
+        return [*self._point.items(), *frame]
+
+    def values(self, system: System, window: Window) -> Floats:
+        """See the base class."""
+        x = self._point.positions(system, window)
+        if self.frame is None:
+            return x
+        rows = all_rows(system, window.q, window.t)
+        first = system.row_of(self.frame)
+        origin = _place_positions(system, self.frame, rows)
+        return np.einsum("kic,kc->ki", rows[:, first + 1 : first + 4], x - origin)
+
+
+class SensorVelocity(SensorPosition):
+    """Velocity (m/s) of a place or point of a beam, by differences of its positions.
+
+    Central differences, one-sided at the ends, of second order in the step as the integrators;
+    for the arguments see :class:`SensorPosition`.
+    """
+
+    derivative = 1
+
+
+class SensorAcceleration(SensorPosition):
+    """Acceleration (m/s^2) of a place or point of a beam, by second differences of its positions.
+
+    Of second order in the step where it resolves the motion; for the arguments see
+    :class:`SensorPosition`.
+    """
+
+    derivative = 2
+
+
+class SensorStrain(Sensor):
+    """Strains ``(Gamma, K)`` (-, 1/m) at a point of a beam.
+
+    Parameters
+    ----------
+    beam : Beam
+    s : float
+        Arc length in the reference from the start of the part (m).
+    part : str, optional
+        Name of a part of the mesh; default: the whole beam.
+
+    Raises
+    ------
+    InputError
+        If it is no beam, or `s` is beyond the ends.
+
+    Notes
+    -----
+    Those of the interpolated frames (:func:`diagnostics.evaluate`): of order p + 1 at the Gauss
+    points of the element, p elsewhere.
+    """
+
+    unit = "-, 1/m"
+
+    def __init__(self, beam: Beam, s: float, part: str | None = None) -> None:
+        self._point = _Point(beam, s, part)
+        self.beam = beam
+
+    def _parts(self) -> Iterator[tuple[str, Any]]:
+        return self._point._parts()
+
+    def with_replacements(self, replacements: Replacements) -> Self:
+        """See the base class; there must still be a beam."""
+        other = super().with_replacements(replacements)
+        if not is_beam(other.beam):
+            raise InputError("sensor", f"the {self.beam.label} is a rigid body: it has no strains")
+        return other
+
+    def items(self) -> list[Item]:
+        """See the base class."""
+        return self._point.items()
+
+    def values(self, system: System, window: Window) -> Floats:
+        """See the base class."""
+        return self._point.section(system, window).strain[:, 0]
+
+
+class SensorForce(SensorStrain):
+    """Section forces ``(N, M)`` (N, N m) at a point of a beam, in the section's triad.
+
+    On the face with outward normal +d3; the elastic part, as in ``diagnostics.evaluate``. For the
+    arguments see :class:`SensorStrain`. Of a beam whose theory holds strains they are taken where
+    constraint forces act, as those of :class:`SensorReaction`.
+    """
+
+    unit = "N, N m"
+
+    def __init__(self, beam: Beam, s: float, part: str | None = None) -> None:
+        super().__init__(beam, s, part)
+        self.forces = bool(self.beam.theory.held)
+
+    def values(self, system: System, window: Window) -> Floats:
+        """See the base class."""
+        if self.forces:
+            lam = multipliers(system, window.points, window.force)
+            q = window.points[:, : system.rows].reshape(-1, system.n)
+            return self._point.section(system, window, q, lam).resultant[:, 0]
+        return self._point.section(system, window).resultant[:, 0]
+
+
+class SensorReaction(Sensor):
+    """Force and moment (N, N m) that a joint exerts on its side b, about its point there.
+
+    Parameters
+    ----------
+    joint : Joint
+
+    Notes
+    -----
+    ``(N, 6)``, in space. At the nodes t_n with the variational integrator, at the midpoints of
+    steps with energy-momentum: ``record.times`` says which.
+    """
+
+    unit = "N, N m"
+    forces = True
+
+    def __init__(self, joint: Joint) -> None:
+        if not isinstance(joint, Joint):
+            raise InputError("sensor", f"joint = {joint!r}, expected a joint")
+        self.joint = joint
+
+    def items(self) -> list[Item]:
+        """See the base class."""
+        return [self.joint]
+
+    def values(self, system: System, window: Window) -> Floats:
+        """See the base class."""
+        lam = multipliers(system, window.points, window.force)
+        force, moment = reactions(system, window.points, lam)[self.joint.name or ""]
+        return np.concatenate([force, moment], axis=1)
+
+
+class SensorQuantity(Sensor):
+    """Anything that follows from configurations.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(system, q, t) -> (k, ...)`` array for configurations q (k, n) at times t (k,).
+    unit : str
+
+    Raises
+    ------
+    InputError
+        If it cannot be called, or gives no finite numbers of this shape: of the first state before
+        the run, later on during it (what the last states give wrong is a warning).
+    """
+
+    def __init__(
+        self, function: Callable[[System, Floats, Floats], ArrayLike], unit: str = ""
+    ) -> None:
+        if not callable(function):
+            raise InputError("sensor", f"function = {function!r} is not callable")
+        self.function, self.unit = function, unit
+
+    def items(self) -> list[Item]:
+        """See the base class."""
+        return []
+
+    def values(self, system: System, window: Window) -> Floats:
+        """See the base class."""
+        out = numbers("sensor", "values", self.function(system, window.q, window.t))
+        if out.shape[:1] != window.t.shape or not np.isfinite(out).all():
+            raise InputError(
+                "sensor",
+                f"its function gave shape {out.shape} with finite = {bool(np.isfinite(out).all())},"
+                f" expected finite ({len(window.t)}, ...)",
+            )
+        return out
+
+
+class _Point(Attached):
+    """A place, or a point of a beam's axis."""
+
+    def __init__(self, where: Place | Beam, s: float | None, part: str | None) -> None:
+        self.beam: Beam | None = None
+        self.place: Place | None = None
+        if is_beam(where):
+            if s is None:
+                raise InputError("sensor", f"s is missing: the arc length on the {where.label}")
+            length = numbers("sensor", "s", s)
+            if length.shape != ():
+                raise InputError("sensor", f"s has shape {length.shape}, expected a number")
+            self.beam, self._s, self._part = where, length[None], part
+            self._elements, self._xi = where.along(self._s, part)
+        elif isinstance(where, Place):
+            if s is not None or part is not None:
+                raise InputError("sensor", f"s = {s!r} is for beams, not for the {where.label}")
+            self.place = where
+        else:
+            raise InputError("sensor", f"where = {where!r}, expected a Place or a Beam")
+
+    def _parts(self) -> Iterator[tuple[str, Any]]:
+        yield "where", self.place if self.beam is None else self.beam
+        if self.beam is not None:
+            yield "s", self._s[0]
+            if self._part is not None:
+                yield "part", self._part
+
+    def with_replacements(self, replacements: Replacements) -> Self:
+        other = super().with_replacements(replacements)
+        if self.beam is not None:
+            item = replacements.of(self.beam)
+            if is_beam(item):
+                other._elements, other._xi = item.along(self._s, self._part)
+            else:  # a body that stands for it
+                x = self.beam.mesh.mapping().F(self._xi[None], self._elements)[:, 0, 0]
+                other.beam, other.place = None, item.at(x)
+        return other
+
+    def items(self) -> list[Item]:
+        if self.beam is not None:
+            return [self.beam]
+        assert self.place is not None
+        return [] if self.place.item is None else [self.place.item]
+
+    def positions(self, system: System, window: Window) -> Floats:
+        if self.beam is not None:
+            return self.section(system, window).position[:, 0]
+        assert self.place is not None
+        return _place_positions(system, self.place, all_rows(system, window.q, window.t))
+
+    def section(
+        self,
+        system: System,
+        window: Window,
+        q: Floats | None = None,
+        lam: Floats | None = None,
+    ) -> SectionValues:
+        assert self.beam is not None
+        q = window.q if q is None else q
+        return evaluate(system, self.beam, q, self._elements, self._xi, multipliers=lam)
+
+
+def _place_positions(system: System, place: Place, rows: Floats) -> Floats:
+    """Where a place is (k, 3), for all rows (k, total, 3)."""
+    terms = system.kinematics.spot_terms(system.spot(place))
+    return np.asarray(sum(c * rows[:, a] for a, c in terms))
+
+
+class SensorBank:
+    """All sensors of a run: collects states and writes what the sensors see, window by window.
+
+    Parameters
+    ----------
+    sensors : mapping of str to Sensor
+    system : System
+    stepper : Stepper
+    writer : HistoryWriter
+
+    Raises
+    ------
+    InputError
+        If a name is empty or has a slash, something is no sensor, or its item is not in the system.
+    """
+
+    def __init__(
+        self, sensors: Mapping[str, Sensor], system: System, stepper: Stepper, writer: HistoryWriter
+    ) -> None:
+        self.sensors, self.system, self.writer = sensors, system, writer
+        self._weight = stepper.integrator.constraint_weight
+        self._forces = any(sensor.forces for sensor in sensors.values())
+        self._states: list[State] = []
+        self._shapes: dict[str, Floats] = {}
+        self._steps: list[tuple[float, Floats, Floats]] = []
+
+    def go_on(self, system: System) -> None:
+        """The scene has changed; what its sensors saw before is written."""
+        if system is not self.system:
+            self.flush()
+            self.system = system
+
+    def begin(self, state: State) -> None:
+        """The state a run starts from."""
+        if self.sensors:
+            self._states.append(state)
+
+    def take(self, start: State, report: StepReport) -> None:
+        """A step is done."""
+        if not self.sensors:
+            return
+        self._states.append(report.state)
+        if self._forces:
+            point = start.time + self._weight * report.step
+            self._steps.append((point, report.constraint_point, report.constraint_force))
+        if len(self._states) >= BLOCK:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what has been collected."""
+        if not self._states and not self._steps:
+            return
+        window = window_of(self.system, self._states, self._steps)
+        arrays = {}
+        for name, sensor in self.sensors.items():
+            arrays[f"{name}/t"] = window.step_t if sensor.forces else window.t
+            arrays[f"{name}/x"] = self._values(name, sensor, window)
+        self._states.clear()
+        self._steps.clear()
+        self.writer.sense(arrays)
+
+    def _values(self, name: str, sensor: Sensor, window: Window) -> Floats:
+        """What a sensor sees; NaN where its joint has been released."""
+        here = {each.name for each in self.system.joints}
+        gone = [
+            each for each in sensor.items() if isinstance(each, Joint) and each.name not in here
+        ]
+        if not gone:
+            values = self._shapes[name] = sensor.values(self.system, window)
+            return values
+        count = len(window.step_t if sensor.forces else window.t)
+        known = self._shapes.get(name)
+        return np.full((count, *((6,) if known is None else known.shape[1:])), np.nan)
+
+
+def window_of(
+    system: System, states: Sequence[State], steps: Sequence[tuple[float, Floats, Floats]]
+) -> Window:
+    """What has been collected: states, and of steps instants, points and forces."""
+    return Window(
+        np.array([state.time for state in states]),
+        np.array([state.q for state in states]).reshape(-1, system.n),
+        np.array([t for t, _, _ in steps]),
+        np.array([y for _, y, _ in steps]).reshape(-1, system.total, 3),
+        np.array([f for _, _, f in steps]).reshape(-1, system.n),
+    )
+
+
+def checked_sensors(
+    sensors: Mapping[str, Sensor] | None, system: System, start: State
+) -> dict[str, Sensor]:
+    """Sensors by name, of items of this system, which can see the state that a run starts from."""
+    item = "argument sensors"
+    if sensors is None:
+        return {}
+    if not isinstance(sensors, Mapping):
+        raise InputError(item, f"{sensors!r}, expected a dict of names and sensors")
+    known = {id(each) for each in (*system.structures, *system.joints)}
+    for name, sensor in sensors.items():
+        if not isinstance(name, str) or not name or "/" in name:
+            raise InputError(item, f"{name!r}, expected a name without slashes")
+        if not isinstance(sensor, Sensor):
+            raise InputError(item, f"{name!r} is {sensor!r}, expected a sensor")
+        for each in sensor.items():
+            if id(each) not in known:
+                raise InputError(item, f"the {each.label} of {name!r} is not in this system")
+    window = window_of(system, [start], [])
+    for sensor in sensors.values():
+        if not sensor.forces:
+            sensor.values(system, window)
+    return dict(sensors)

@@ -1,0 +1,627 @@
+"""Where a run starts: checked configurations and velocities, also from rates of joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.linalg import cholesky, lstsq, null_space, qr, solve_triangular
+from scipy.sparse import bmat, csr_matrix, identity, kron, vstack
+from scipy.sparse.linalg import splu
+
+from .. import diagnostics
+from ..diagnostics import Projection, ground_part, section_strain_rates
+from ..diagnostics.joint_motion import rates as rates_of_rows
+from ..diagnostics.nearest import motions_out_of_plane, rigid_motions, rigid_pieces
+from ..diagnostics.stacked import material_stiffness, null_space_matrix
+from ..errors import HistoryError, InputError, ModelWarning
+from ..frames import is_beam
+from ..history import History
+from ..integrators import Integrator, State
+from ..joint import Joint
+from ..load import Constant
+from ..model import System, takes_scene
+from ..model.force_elements import Invariants, kind_of
+from ..relative import RelativeCoordinate
+from ..types import ArrayLike, Floats, IndexArray, check_kind, numbers, positive, real
+from ..warn import warn
+from .describe import other_model, recorded_turns
+from .step_size import StepControl
+
+__all__ = ["initial_state", "project", "restart", "with_joint_rates"]
+
+
+# -- velocities from rates of joint coordinates: initial conditions in reduced form ----------------
+
+#: what joints leave of a motion of rigid pieces, relative to others, below which they hold it, and
+#: singular value below which they ask for the same twice
+ZERO, RANK = 1e-12, 1e-9
+#: strain rate, relative to the motion and to the largest one, above which a beam is named
+NOTABLE = 1e-6
+#: rigid pieces above which motions without strains are not sought: the search is dense
+PIECES = 400
+#: relative to the motion, how well rigid pieces have to fulfil what is asked for
+COMPATIBLE = 1e-8
+
+
+def with_joint_rates(
+    system: System, q: Floats, v: Floats, rates: Mapping[str, float], t: float
+) -> Floats:
+    """Velocity nearest to v with given rates of joint coordinates, strains held.
+
+    It fulfils the hidden constraints: loops and drives included. See
+    :func:`~skfem_cosserat.project`.
+    """
+    if not isinstance(rates, Mapping) or not all(isinstance(name, str) for name in rates):
+        raise InputError(
+            "initial state", f"rates = {rates!r}, expected a dict of rates by joint names"
+        )
+    projection = Projection(system)
+    nearest = projection(q, (system.mass @ v.reshape(-1, 3)).reshape(-1), t)[0]
+    if not rates:
+        return nearest
+    y = system.extend(q, t)
+    found = [_coordinate(system, name) for name in rates]
+    slopes = np.array([_slope(system, joint, c, y) for joint, c in found])
+    wanted = np.array([_number(name, rate) for name, rate in rates.items()])
+    ground = rates_of_rows(system, np.zeros((1, system.n)), np.array([t]))[0]
+    own = wanted - (slopes[:, system.rows :] * ground[system.rows :]).sum((1, 2))
+    given = own - slopes[:, : system.rows].reshape(len(found), -1) @ nearest
+    # how the scene answers to a unit impulse on each coordinate
+    still = projection(q, np.zeros(system.n), t)[0]
+    impulses = slopes[:, : system.rows].reshape(len(found), -1)
+    answers = np.array([projection(q, impulse, t)[0] - still for impulse in impulses])
+    gram = impulses @ answers.T
+    size = np.sqrt(np.maximum(np.diagonal(gram), 0.0))  # zero for what a drive holds
+    scale = 1 / np.where(size > 1e-12 * size.max(initial=1e-300), size, 1.0)
+    weights = np.linalg.lstsq(scale[:, None] * gram * scale, scale * given, rcond=1e-10)[0]
+    miss = given - gram @ (scale * weights)
+    worst = int(abs(miss).argmax())
+    if abs(miss[worst]) > 1e-8 * max(1.0, float(abs(wanted).max())):
+        raise InputError(
+            "initial state",
+            f"rates: {list(rates)[worst]!r} cannot have the rate {wanted[worst]:.6g} together with"
+            f" the joints and the other rates (off by {miss[worst]:.6g})",
+        )
+    lightest = np.asarray(nearest + (scale * weights) @ answers)
+    if not system.beam_groups:
+        return lightest
+    # a scene at rest is to have no strain rates at all, what moves already those that it has
+    base = nearest if v.any() else np.zeros(system.n)
+    held = Held(system, y, t, base, impulses, own - impulses @ base)
+    if held.pieces > PIECES:
+        what = f"more than {PIECES} rigid pieces are too many to find a motion without strains"
+        _tell(system, q, lightest - base, list(rates), what)
+        return lightest
+    change = held.rigid()
+    if change is None:
+        change = held.least(lightest - base)
+        what = (
+            "with these rates joints and prescribed motion do not let all beams keep their strains"
+        )
+        _tell(system, q, change, list(rates), what)
+    return base + change
+
+
+class Held:
+    """Changes of a velocity that give rates to joint coordinates and strain beams least.
+
+    Parameters
+    ----------
+    system : System
+    y : (total, 3) array
+        All rows of the configuration.
+    t : float
+        Time (s).
+    base : (n,) array
+        The velocity that is changed.
+    slopes : (k, n) array
+        Derivatives of the coordinates, at fixed ground.
+    given : (k,) array
+        What their rates are to change by.
+    """
+
+    def __init__(
+        self, system: System, y: Floats, t: float, base: Floats, slopes: Floats, given: Floats
+    ) -> None:
+        self.system, self.y, self.slopes = system, y, slopes
+        label, names = rigid_pieces(system, joined=True)
+        self.pieces = len(names)
+        self.E = rigid_motions(system, y, label, self.pieces)[0]
+        G = system.constraints.jacobian(y)[system.internal :]
+        missing = -(ground_part(system, y, t) + system.constraints.rate(y, base))
+        out_of = motions_out_of_plane(system, self.pieces)
+        # of every motion of rigid pieces: what joints, rates and a plane ask for
+        self._asked = vstack([csr_matrix(G @ self.E), csr_matrix(slopes @ self.E), out_of])
+        self._values = np.concatenate(
+            [missing[system.internal :], given, np.zeros(out_of.shape[0])]
+        )
+        self._unsure = 0.0
+        if system.moving:  # as far as rates of the ground are known
+            error = float(np.max(system.ground_rate_and_error(t)[1], initial=0.0))
+            self._unsure = 4 * error + 1e-11 * system.length
+
+    def rigid(self) -> Floats | None:
+        """The change without strain rates that has the least kinetic energy; None if none has."""
+        A, b, there, root = self._scaled()
+        size = np.linalg.norm(A, axis=1)
+        acts = size > ZERO * size.max(initial=0.0)
+        scaled = A[acts] / size[acts, None], b[acts] / size[acts]
+        u = lstsq(*scaled, cond=RANK, lapack_driver="gelsy")[0]
+        allowed = COMPATIBLE * (size * np.linalg.norm(u) + abs(b).max(initial=0.0)) + self._unsure
+        if (abs(A @ u - b) > allowed).any():
+            return None
+        z = np.zeros(self.E.shape[1])
+        z[there] = solve_triangular(root, u)
+        return np.asarray(self.E @ z)
+
+    def least(self, start: Floats) -> Floats:
+        """The change whose strain rates have the least energy in the stiffness of the sections.
+
+        Of several it is the one of least kinetic energy; `start` is any that is asked for.
+        """
+        system = self.system
+        P = null_space_matrix(system, self.y)
+        S = material_stiffness(system, self.y)
+        A, _, there, root = self._scaled()
+        free = null_space(A, rcond=RANK)
+        M = csr_matrix(kron(system.mass, identity(3)))
+        idle = self.E[:, there] @ solve_triangular(root, free)
+        rows = np.vstack([self.slopes @ P, (M @ idle).T @ P])
+        values = np.concatenate([np.zeros(len(self.slopes)), -(idle.T @ (M @ start))])
+        size = np.linalg.norm(rows, axis=1)
+        rows, values = rows / size[:, None], values / size
+        _, R, order = qr(rows.T, pivoting=True, mode="economic")
+        diagonal = abs(np.diag(R))
+        chosen = order[: int((diagonal > RANK * diagonal.max(initial=0.0)).sum())]
+        K = P.T @ S @ P
+        scale = float(abs(K.data).max(initial=0.0)) or 1.0
+        B = csr_matrix(scale * rows[chosen])
+        matrix = bmat([[K, B.T], [B, None]], format="csc")
+        rhs = np.concatenate([-(P.T @ (S @ start)), scale * values[chosen]])
+        nu = splu(matrix).solve(rhs)[: P.shape[1]]
+        return np.asarray(start + P @ nu)
+
+    def _scaled(self) -> tuple[Floats, Floats, IndexArray, Floats]:
+        """What is asked for of motions of unit kinetic energy; which these are, and their root."""
+        E = self.E
+        M = csr_matrix(kron(self.system.mass, identity(3)))
+        mass = (E.T @ M @ E).toarray()
+        there = np.flatnonzero(np.diagonal(mass) > 0)  # a mass point has no rotations
+        mass = mass[np.ix_(there, there)]
+        mass += np.diag(ZERO * np.diagonal(mass))
+        root = cholesky(mass)
+        A = self._asked.toarray()[:, there]
+        return solve_triangular(root, A.T, trans=1).T, self._values, there, root
+
+
+def _tell(system: System, q: Floats, change: Floats, names: list[str], why: str) -> None:
+    """Say which beams cannot keep their strains, if that is more than what q is off its joints."""
+    sizes = {}
+    for beam in (item for item in system.structures if is_beam(item)):
+        rates = section_strain_rates(system, beam, q, change)
+        sizes[beam.label] = float(abs(rates).max(initial=0.0))
+    motion = abs(change.reshape(-1, 3))
+    motion[system.origin_rows] /= system.length
+    largest = max(sizes.values())
+    if largest <= NOTABLE * motion.max():
+        return
+    lagging = [label for label, size in sizes.items() if size > NOTABLE * largest]
+    warn(
+        "argument rates",
+        f"{', '.join(map(repr, names))}: {why}, so {', '.join(lagging[:4])}"
+        f"{' and others' if len(lagging) > 4 else ''} start with strain rates up to {largest:.3g}"
+        " (1/s, 1/(m s)), see project()",
+        ModelWarning,
+    )
+
+
+def _coordinate(system: System, key: str) -> tuple[Joint, RelativeCoordinate]:
+    """Joint and coordinate of a key "joint" or "joint/coordinate"."""
+    named = {joint.name: joint for joint in system.joints}
+    name, _, coordinate = key.rpartition("/")
+    if key in named:
+        return named[key], named[key].coordinate()
+    if name in named:
+        return named[name], named[name].coordinate(coordinate)
+    raise InputError("initial state", f"rates: no joint {key!r}; known: {sorted(map(str, named))}")
+
+
+def _number(name: str, rate: ArrayLike) -> float:
+    value = numbers("initial state", f"rates: {name!r}", rate)
+    if value.shape != () or not np.isfinite(value):
+        raise InputError("initial state", f"rates: {name!r} = {rate!r}, expected a finite number")
+    return float(value)
+
+
+def _slope(system: System, joint: Joint, coordinate: RelativeCoordinate, y: Floats) -> Floats:
+    """``d xi/d y`` (total, 3) of a coordinate with one component."""
+    if coordinate.size != 1:
+        raise InputError(
+            "initial state",
+            f"rates: the {coordinate.name} of the {joint.label} has {coordinate.size} components,"
+            " only angles and displacements can be given",
+        )
+    invariants = Invariants([coordinate.forms], system.row_of)
+    slope = kind_of((coordinate,)).slope(invariants.values(y))[0, 0]
+    out = np.zeros((system.total, 3))
+    np.add.at(out, invariants.rows[0], np.tensordot(slope, invariants.gradients(y)[0], 1))
+    return out
+
+
+# -- where a run starts: from the items, from given states, from the end of a history --------------
+
+#: relative violation of constraints that a state may have which was put together, and one that
+#: steps led to: with loose settings they leave more
+GIVEN, SOLVED = 1e-6, 1e-3
+ALONG = (
+    "Constraints take what is along them in the first step; steps of a run lead on from their state"
+    " without this warning, and so does restart()"
+)
+
+
+@takes_scene
+def project(
+    system: System,
+    q: ArrayLike,
+    v: ArrayLike | None = None,
+    t: float = 0.0,
+    rates: Mapping[str, float] | None = None,
+) -> Floats:
+    """Velocity nearest to v (in the kinetic energy) that fulfils the hidden constraints.
+
+    It is the v of the saddle point with ``p = M v``, see
+    :class:`~skfem_cosserat.Projection` and equations (39), (46).
+
+    With rates beams and bodies move along with their joints as rigid ones, strains held: of all
+    such changes of v it is the one of least kinetic energy. Where joints and prescribed motion do
+    not let all strains be held, as in a loop closed by a beam clamped on both sides, it is that
+    whose strain rates have the least energy in the stiffness of the sections, then the least
+    kinetic energy, and a :class:`ModelWarning` names the beams that are strained; so it does where
+    there are more than 400 pieces, and only the kinetic energy counts. Springs and bushings hold
+    nothing here.
+
+    Parameters
+    ----------
+    q : (n,) array
+        Configuration (m, -).
+    v : (n,) array, optional
+        Velocity (m/s, 1/s); default: rest. With rates its own strain rates stay.
+    t : float
+        Time (s), at which a prescribed motion is taken.
+    rates : dict of str to float, optional
+        Rates (rad/s, m/s) that joint coordinates are to have: by the joint's name, or
+        ``"joint/coordinate"`` if it has several.
+
+    Returns
+    -------
+    (n,) array
+        Velocity with ``G(q) v + g_t = 0``, for :func:`initial_state`.
+
+    Raises
+    ------
+    InputError
+        If the mechanism cannot move with these rates, or there is no such joint or coordinate.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import JointDistance, MassPoint, Model, ground
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> system = model.freeze()
+    >>> project(system, system.q0, [1.0, 0, 3.0]).tolist()   # not along the rod
+    [1.0, 0.0, 0.0]
+    """
+    velocity = np.zeros(system.n) if v is None else _checked(system, "v", v, "projection")
+    configuration = _checked(system, "q", q, "projection")
+    _check_rates(rates)
+    t = _instant("project", "t", t)
+    return with_joint_rates(system, configuration, velocity, rates or {}, t)
+
+
+def _instant(item: str, name: str, value: float) -> float:
+    """A finite time (s)."""
+    out = real(item, name, value, "a finite number")
+    if not np.isfinite(out):
+        raise InputError(item, f"{name} = {value!r}, expected a finite number")
+    return out
+
+
+def _check_rates(rates: object) -> None:
+    if rates is not None and not isinstance(rates, Mapping):
+        raise InputError("argument rates", f"{rates!r}, expected a dict of joints and rates")
+    for name, value in (rates or {}).items():
+        if isinstance(value, str) or any(isinstance(each, str) for each in np.atleast_1d(value)):
+            raise InputError("argument rates", f"{name!r}: {value!r}, expected a number")
+
+
+@takes_scene
+def initial_state(
+    system: System,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    p: ArrayLike | None = None,
+    time: float = 0.0,
+    tolerance: float = 1e-8,
+    *,
+    nu: ArrayLike | None = None,
+    rates: Mapping[str, float] | None = None,
+) -> State:
+    """Start from (q, v), (q, p) or (q, nu); default: reference and the items' initial velocities.
+
+    Parameters
+    ----------
+    q, v, p : (n,) array, optional
+        Configuration (m, -), and velocity (m/s, 1/s) *or* momentum (kg m/s, kg m^2/s).
+    time : float
+        Start (s).
+    tolerance : float
+        Largest relative violation of the constraints and the hidden constraints. (Runs start from
+        states with no more than 1e-6.)
+    nu : (unknowns,) array, optional
+        Reduced velocity instead of v or p: ``v = P(q) nu + qdot_prescribed`` with the null space
+        matrix ``system.null_space(q, time)`` (m/s of translations, rad/s of rotations), see
+        :func:`~skfem_cosserat.diagnostics.prescribed_velocity`.
+    rates : dict of str to float, optional
+        Rates of joint coordinates (rad/s, m/s) instead of v, p or nu: what hangs on a joint moves
+        along, strains held, the rest as little as that allows, see :func:`project`.
+
+    Raises
+    ------
+    InputError
+        If q violates the constraints, or v or p the hidden ones ``G v + g_t = 0``;
+        :func:`project` gives the nearest velocity that does not. If more than one of v, p, nu and
+        rates is given, or the mechanism cannot move with the rates.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Model, MassPoint
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 0)))
+    >>> initial_state(model.freeze()).p.tolist()
+    [2.0, 0.0, 0.0]
+    >>> initial_state(model.freeze(), nu=[0, 3.0, 0]).p.tolist()
+    [0.0, 6.0, 0.0]
+    """
+    _check_rates(rates)
+    if sum(value is not None for value in (v, p, nu, rates)) > 1:
+        raise InputError("initial state", "give v or p or nu or rates, only one of them")
+    q = system.q0.copy() if q is None else _checked(system, "q", q)
+    time = _instant("initial state", "time", time)
+    tolerance = positive("initial state", "tolerance", tolerance)
+    y = system.extend(q, time)
+    wrong = broken_constraint(system, y, tolerance)
+    if wrong:
+        raise InputError("initial state", f"q at t = {time:g} s {wrong}")
+    if system.plane is not None:
+        system.plane.check("initial state", "q", q, system.q0)
+    if p is not None:
+        p = _checked(system, "p", p)
+        wrong = broken_momentum(system, q, p, time, tolerance)
+        if wrong:
+            raise InputError("initial state", f"p {wrong}")
+        if system.plane is not None:
+            system.plane.check("initial state", "p", p)
+        return State(time, 0, q, p)
+    if nu is not None:
+        v = _velocity(system, q, nu, time)
+    if rates is not None:
+        v = project(system, q, None, time, rates)
+    v = system.v0.copy() if v is None else _checked(system, "v", v)
+    _check_velocity(system, y, v, time, tolerance)
+    if system.plane is not None:
+        system.plane.check("initial state", "the velocity", v)
+    return State(time, 0, q, diagnostics.momentum(system, v))
+
+
+def _velocity(system: System, q: Floats, nu: ArrayLike, time: float) -> Floats:
+    """``P nu + qdot_prescribed``."""
+    rates = numbers("initial state", "nu", nu)
+    if rates.shape != (system.unknowns,) or not np.isfinite(rates).all():
+        raise InputError(
+            "initial state",
+            f"nu = {nu!r} with shape {rates.shape}, expected ({system.unknowns},) finite numbers",
+        )
+    start = diagnostics.prescribed_velocity(system, q, time)
+    return np.asarray(system.null_space(q, time) @ rates + start)
+
+
+def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance: float) -> None:
+    """``G v + g_t = 0``, each row compared with the size of its terms."""
+    hidden = abs(system.constraints.rate(y, v) + diagnostics.ground_part(system, y, time))
+    rate, error = system.ground_rate_and_error(time)
+    rates = np.concatenate([v.reshape(-1, 3), rate])
+    # the rate of a prescribed motion is known to a difference quotient's error only
+    floor = 4 * error + (1e-11 * system.length if system.moving else 0.0)
+    # what is held at rest in a moving scene has rates of rounding size only
+    largest = np.full_like(rates, abs(rates).max(initial=0.0))
+    rounding = 1e-13 * system.constraints.magnitudes(y, largest)
+    excess = hidden - tolerance * system.constraints.magnitudes(y, rates) - floor - rounding
+    if excess.max(initial=0.0) > 0:
+        row = int(excess.argmax())
+        raise InputError(
+            "initial state",
+            f"the velocity violates the hidden constraint of {constraint_owner(system, row)} at"
+            f" t = {time:g} s by {hidden[row]:.6g} (initial velocity against joints or prescribed"
+            " motion): use project(system, q, v)",
+        )
+
+
+def broken_constraint(system: System, y: Floats, tolerance: float) -> str | None:
+    """Which constraint does not hold at y, and by how much; relative to its terms."""
+    g = abs(system.constraints.values(y))
+    # a point held at the origin may be off by rounding, with no terms to compare that with
+    excess = g - tolerance * (system.constraints.magnitudes(y) + 1e-7 * system.length)
+    if not excess.max(initial=0.0) > 0:
+        return None
+    row = int(excess.argmax())
+    return f"violates the constraint of the {constraint_owner(system, row)} by {g[row]:.6g}"
+
+
+def broken_momentum(
+    system: System, q: Floats, p: Floats, time: float, tolerance: float
+) -> str | None:
+    """How far p is off the hidden constraints, and what to do; None: not by more than relative."""
+    miss = abs(Projection(system)(q, p, time)[1] - p)
+    allowed = max(tolerance * float(abs(p).max(initial=0.0)), 1e-13)
+    if system.moving:  # as far as rates of the ground are known
+        rate = 4 * system.ground_rate_and_error(time)[1] + 1e-11 * system.length
+        allowed += rate * float(abs(system.mass).sum(axis=1).max())
+    if not miss.max(initial=0.0) > allowed:
+        return None
+    row = int(miss.argmax())
+    owner = system.owner[int(np.searchsorted(system.origin_rows, row // 3, "right")) - 1]
+    return (
+        f"violates the hidden constraints by {miss[row]:.3g} kg m/s at {owner.label}, as velocities"
+        " against joints or prescribed motion do: project it with Projection(system)(q, p, t)[1]"
+    )
+
+
+def checked_start(system: System, start: State, item: str = "argument start") -> State:
+    """A state whose arrays belong to the system."""
+    if not isinstance(start, State):
+        raise InputError(item, f"{start!r}, expected a State, see initial_state")
+    for name, array in (("q", start.q), ("p", start.p)):
+        _checked(system, name, array, item)
+    if system.plane is not None:
+        system.plane.check(item, "its configuration", start.q, system.q0)
+        triads = system.origin_rows[system.is_frame][:, None] + np.arange(1, 4)
+        system.plane.check_momentum(item, start.p, system.q0, triads)
+    return start
+
+
+def consistent_start(system: System, start: State, item: str = "argument start") -> State:
+    """A state to step from: it belongs to the system, q and p fulfil what they have to.
+
+    A state that steps led to has the momentum of their scheme, which may be off the hidden
+    constraints, and constraints as well as it was asked to solve them. Another one whose momentum
+    is off them gets a warning: what the momentum has along ``G^T`` only adds to the first
+    multipliers, and momenta of the variational scheme, turned round for example, have such parts.
+    """
+    checked_start(system, start, item)
+    made = start.maker is not None
+    wrong = broken_constraint(system, system.extend(start.q, start.time), SOLVED if made else GIVEN)
+    if wrong:
+        raise InputError(item, f"q at t = {start.time:g} s {wrong}")
+    if made or not start.fresh:
+        return start
+    wrong = broken_momentum(system, start.q, start.p, start.time, GIVEN)
+    if wrong:
+        warn(item, f"p at t = {start.time:g} s {wrong}. {ALONG}", ModelWarning)
+    return start
+
+
+def constraint_owner(system: System, row: int) -> str:
+    """Which item a constraint row belongs to."""
+    for jr in system.joint_rows:
+        if jr.rows.start <= row < jr.rows.stop:
+            return jr.joint.label
+    for each in system.theory_rows:
+        if each.rows.start <= row < each.rows.stop:
+            return f"{each.beam.label}, {each.beam.theory!r}"
+    frame = int(system.kinematics.frames[row // 6])
+    return f"triad of {system.owner[frame].label}"
+
+
+def _checked(system: System, name: str, value: ArrayLike, item: str = "initial state") -> Floats:
+    array = numbers(item, name, value)
+    if array.shape != (system.n,):
+        raise InputError(item, f"{name} has shape {array.shape}, expected ({system.n},)")
+    if not np.isfinite(array).all():
+        raise InputError(item, f"{name} is not finite at {np.flatnonzero(~np.isfinite(array))[:5]}")
+    return array
+
+
+def _in_time(system: System) -> bool:
+    """Whether loads, actuators or supports are functions of time."""
+    times = *system.loading.times, *system.couplings.times
+    return bool(system.moving) or any(not isinstance(time, Constant) for time in times)
+
+
+@takes_scene
+def restart(
+    system: System, history: History, integrator: Integrator, step: float | StepControl
+) -> State:
+    """State to go on from the last one of a history.
+
+    With the integrator and step of the history the run continues as if it had not stopped; with
+    another step or integrator it starts from (q, p) of the discrete Legendre transform, projected
+    on the hidden constraints. Loads may differ from those of the history: they are no part of the
+    state.
+
+    Parameters
+    ----------
+    system : Model or System
+        Of the same model; where events have changed it, that of the last state, which
+        :func:`after_events` gives.
+    history : History
+        Of a run, also one that diverged or was killed; ``history.truncated(k + 1)`` goes on from
+        its state k.
+    integrator : Integrator
+        Of the run that goes on.
+    step : float or StepControl
+        Its step size (s), or control.
+
+    Returns
+    -------
+    State
+        For the argument ``start`` of :func:`simulate` and :func:`steps`.
+
+    Raises
+    ------
+    HistoryError
+        If the history belongs to another model or has no state.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, Model, NullSpace, Variational, simulate
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 0)))
+    >>> system, scheme = model.freeze(), Variational()
+    >>> first = simulate(system, scheme, NullSpace(), 0.1, until=0.5)
+    >>> start = restart(system, first, scheme, 0.05)   # goes on with half the step
+    >>> simulate(system, scheme, NullSpace(), 0.05, until=1.0, start=start).times[[0, -1]].tolist()
+    [0.5, 1.0]
+    """
+    check_kind("argument history", history, History)
+    check_kind("argument integrator", integrator, Integrator)
+    if not isinstance(step, StepControl):
+        step = positive("argument step", "step", step, " of seconds, or a StepControl")
+    if len(history) == 0:
+        raise HistoryError("history", "has no state to go on from")
+    last = max(k for k, (first, _) in enumerate(history.segments) if first < len(history))
+    difference = other_model(system, history.segment(last).meta.get("fingerprint", {}))
+    if difference:
+        raise HistoryError("history", f"belongs to another model: {difference}")
+    row = history.last()
+    # the end of a path of static(): loads and motions go on from its load factor
+    t, index = float(history.instants[-1]), int(row["step"])
+    y = system.extend(np.array(row["q"]), t)
+    wrong = broken_constraint(system, y, 1e-6)
+    if wrong:
+        raise HistoryError("history", f"belongs to another model: its last state {wrong}")
+    on_path = history.meta["integrator"] == "static" and history.meta.get("time") is None
+    if on_path and _in_time(system):
+        text = (
+            f"the path ends at t = {t:g} s by its load factor, loads or supports depend on time:"
+            " equilibrium(model, path, time=...) starts when you say"
+        )
+        warn("argument history", text, ModelWarning, t)
+    q = np.array(row["q"])
+    same = history.meta["integrator"] == integrator.name
+    size = float(row["step_size"]) if "step_size" in row else float(history.meta["step"])
+    if not isinstance(step, StepControl):
+        same = same and np.isclose(history.meta["step"], step, rtol=1e-12, atol=0)
+    turns = recorded_turns(system, history)
+    if same:
+        memory = np.array(row["memory"]) if "memory" in row else None
+        if memory is not None and np.isnan(memory).any():
+            memory = None
+        fresh, maker = bool(row["fresh"]), None if np.isnan(size) else (integrator.name, size)
+        return State(t, index, q, np.array(row["carried"]), fresh, turns, memory, maker)
+    p = np.array(row["p"])
+    if not np.isfinite(p).all():
+        p = np.array(row["carried"])
+    factor = float(row["load_factor"]) if "load_factor" in row else None
+    return State(t, index, q, Projection(system)(q, p, t)[1], turns=turns, load_factor=factor)

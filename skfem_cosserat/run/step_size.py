@@ -1,0 +1,469 @@
+"""Steps of one size, and steps whose size follows from a tolerance."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..constraints import Treatment
+from ..errors import Diverged, IncompatibleError, InputError
+from ..frozen import Frozen
+from ..integrators import Integrator, State, Stepper, StepReport
+from ..integrators.choice import refusal
+from ..linear import Solver
+from ..model import System
+from ..newton import NewtonSettings
+from ..types import Floats, positive
+from ..warn import logger
+
+__all__ = [
+    "ControlledSteps",
+    "Estimate",
+    "FixedSteps",
+    "Maker",
+    "StepControl",
+    "SteppingPlan",
+    "distance",
+    "size",
+]
+
+
+# -- how a run goes on in time: steps of one size, or others that a controller chooses -------------
+
+#: most steps in one go, and most unknowns moved in all of them together: for less than a second,
+#: as Ctrl-C waits for them
+STRIDE, MOVED = 256, 10**6
+
+
+@dataclass
+class Maker:
+    """Makes steppers with the choices of a run, for any system and step size."""
+
+    integrator: Integrator
+    treatment: Treatment
+    settings: NewtonSettings | None = None
+    kernels: str = "auto"
+    steps: int | None = None
+    solver: Solver | None = None
+    announce: Callable[[str], object] | None = None
+    #: steps differ in size
+    varying: bool = False
+
+    def __call__(self, system: System, h: float) -> Stepper:
+        """A stepper."""
+        more = self.settings, self.kernels, self.steps, self.solver, self.announce
+        stepper = Stepper(system, self.integrator, self.treatment, h, *more)
+        stepper.varying = self.varying
+        return stepper
+
+    def changed(self, system: System, h: float) -> Stepper:
+        """A stepper for a system that has changed: plain kernels if there are no compiled ones."""
+        if self.kernels == "numba" and refusal(system, self.integrator, self.treatment):
+            self.kernels = "numpy"
+        return self(system, h)
+
+
+class SteppingPlan(ABC):
+    """Steps of a run, a few at a time.
+
+    Attributes
+    ----------
+    stepper : Stepper
+        Of the steps that go on.
+    """
+
+    stepper: Stepper
+
+    @abstractmethod
+    def advance(self, state: State) -> list[StepReport]:
+        """The steps after a state; none at the end of the run."""
+
+    @abstractmethod
+    def begin(self, stepper: Stepper, state: State) -> None:
+        """Go on from a state between its steps."""
+
+    def summary(self) -> dict[str, Any]:
+        """What the history is to tell of it."""
+        return {}
+
+
+class FixedSteps(SteppingPlan):
+    """Steps of one size, as many as were asked for.
+
+    Parameters
+    ----------
+    stepper : Stepper
+    state : State
+        Start of the run.
+    count : int
+        Number of steps.
+    until : float, optional
+        Equal steps to this end instead, of the stepper's size or less.
+    ahead : callable, optional
+        From a state, how many steps may be taken in one go; by default one.
+    """
+
+    def __init__(
+        self,
+        stepper: Stepper,
+        state: State,
+        count: int,
+        until: float | None = None,
+        ahead: Callable[[State], int] | None = None,
+    ) -> None:
+        self.stepper, self._size, self._ahead = stepper, stepper.h, ahead
+        self._most = max(1, min(STRIDE, MOVED // max(1, stepper.system.n)))
+        self._origin, self._first, self._count = state.time, state.index, count
+        self._end = until
+        if until is not None:
+            self.begin(stepper, state)
+
+    def advance(self, state: State) -> list[StepReport]:
+        """See the base class: one step, or what follows in one go."""
+        k = state.index + 1 - self._first
+        if k > self._count:
+            return []
+        # t_n = t_0 + n h: no rounding adds up over many steps
+        if self._ahead is None or not self.stepper.takes_blocks(state):
+            return [self.stepper.advance(state, self._origin + k * self.stepper.h)]
+        report = self.stepper.advance_block(state, min(self._ahead(state), self._most))
+        end = report.state
+        end.time = self._origin + (end.index - self._first) * self.stepper.h
+        return [report]
+
+    def begin(self, stepper: Stepper, state: State) -> None:
+        """See the base class: equal steps to the same end, of the size asked for or less."""
+        assert self._end is not None
+        left = self._end - state.time
+        self.stepper, self._origin, self._first = stepper, state.time, state.index
+        self._count = int(np.ceil(left / self._size - 1e-9)) if left > 1e-9 * self._size else 0
+        if self._count:
+            stepper.resize(left / self._count)
+
+
+# -- what a pair of steps is wrong by, in positions and in velocities ------------------------------
+
+#: errors below this (of the scene's extent, rad) are the solver's
+ROUNDING = 1e-12
+#: pairs of steps whose errors bound that of velocities
+RECENT = 50
+
+
+def size(system: System, change: Floats) -> float:
+    """Largest change of a configuration (n,): positions by the scene's extent, directors."""
+    rows = np.linalg.norm(change.reshape(-1, 3), axis=1)
+    rows[system.origin_rows] /= system.length
+    return float(rows.max(initial=0.0))
+
+
+def distance(system: System, a: Floats, b: Floats) -> float:
+    """Largest difference of two configurations (n,), see :func:`size`."""
+    return size(system, a - b)
+
+
+class Estimate:
+    """Local errors of pairs of steps.
+
+    Positions of one step of size H and of two of half the size differ by the error of the pair
+    times ``2^p - 1``: ``e = H^(p+1) c(t)`` for order p. Twice in each swing c passes through zero,
+    where the error is in the velocities. That one, ``H^(p+1) dc/dt``, follows from c of the pair
+    before; it counts by the time in which the motion changes, the root of ``int |v|^2 dt`` by
+    ``int |a|^2 dt`` so far, but not for more than errors of positions did lately: c of vibrations
+    that are not resolved has no rate.
+
+    Parameters
+    ----------
+    order : int
+    """
+
+    def __init__(self, order: int) -> None:
+        self.order = order
+        self._speeds = self._bends = 0.0
+        self._recent: deque[float] = deque(maxlen=RECENT)
+        self._before: tuple[float, Floats] | None = None
+        self._now: tuple[float, Floats] | None = None
+
+    def begin(self) -> None:
+        """What comes is no continuation of what has been."""
+        self._before = None
+
+    def error(
+        self, system: System, time: float, pair: float, whole: Floats, halves: tuple[Floats, ...]
+    ) -> float:
+        """Error of a pair of steps of size `pair` together.
+
+        Parameters
+        ----------
+        time : float
+            At its start.
+        whole : (n,) array
+            Its end by one step.
+        halves : three (n,) arrays
+            Start, middle and end.
+        """
+        scale = pair ** (self.order + 1)
+        c = (whole - halves[2]) / ((2**self.order - 1) * scale)
+        rate, middle = size(system, c), time + pair / 2
+        if rate * scale < ROUNDING:
+            c, rate = np.zeros_like(c), 0.0
+        self._now, self._rate = (middle, c), rate
+        v = size(system, halves[2] - halves[0]) / pair
+        a = 4 * size(system, halves[2] - 2 * halves[1] + halves[0]) / pair**2
+        self._motion = v**2 * pair, a**2 * pair
+        if self._before is None or not self._recent:
+            return rate * scale
+        speeds, bends = self._speeds + self._motion[0], self._bends + self._motion[1]
+        change = np.sqrt(speeds / bends) if bends > 0 else 0.0
+        slope = size(system, c - self._before[1]) / (middle - self._before[0])
+        return scale * max(rate, min(change * slope, max(self._recent)))
+
+    def accept(self) -> None:
+        """The pair whose error was asked for last goes on."""
+        self._before = self._now
+        self._recent.append(self._rate)
+        self._speeds += self._motion[0]
+        self._bends += self._motion[1]
+
+
+# -- step control: what a step may be wrong by, and the sizes that follow from it ------------------
+
+#: share of the step that the estimate asks for, and bounds of its change
+SAFETY, LEAST, MOST = 0.9, 0.2, 2.0
+#: steps are not changed for less than this: kept factors of matrices belong to a step size
+WORTHWHILE = 1.15
+#: exponents of the present and the last error (Gustafsson's proportional-integral control)
+PRESENT, BEFORE = 0.7, 0.3
+
+
+class StepControl(Frozen):
+    """Steps as long as a tolerance allows; for the argument `step` of :func:`simulate`.
+
+    Steps come in pairs. Each pair is compared with one step of twice the size: of order p, it is
+    wrong by ``1/(2^p - 1)`` of their difference; where that changes, velocities are wrong. The
+    error, of positions by the extent of the scene and of directors as it is, the largest of all
+    nodes, may be ``tolerance`` times the pair's share of the run. Local errors of the whole run
+    thus add up to the tolerance at most; what becomes of them in the motion is not known: the true
+    error is of the tolerance's size in regular motion, and proportional to it. The pair goes on,
+    so what the scheme conserves is conserved.
+
+    Parameters
+    ----------
+    tolerance : float
+        Of the whole run: relative to the extent of the scene, and in rad.
+    first : float, optional
+        First step (s); default: a thousandth of the run.
+    smallest, largest : float, optional
+        Bounds of steps (s), but for those that end at a time asked for; default: 1e-9 of the run,
+        and a twentieth of it.
+    span : float, optional
+        Time (s) over which errors add up to the tolerance; default: the run's.
+
+    Raises
+    ------
+    InputError
+        If a number is not positive, or `smallest`, `first` and `largest` are not in this order.
+
+    Notes
+    -----
+    For schemes whose steps may vary: energy-momentum, energy-decaying, generalized-alpha.
+    Symplectic ones are refused; :func:`advise_step` finds the fixed step for a tolerance.
+    A step that cannot be solved counts as one that is too large. Proportional-integral control:
+    Gustafsson, ACM Trans. Math. Softw. 17 (1991) 533; error per unit step: Hairer, Norsett &
+    Wanner, Solving Ordinary Differential Equations I, II.4.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import EnergyMomentum, JointDistance, LoadGravity, MassPoint, Model
+    >>> from skfem_cosserat import NullSpace, ground, simulate
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(1.0, position=(1, 0, 0)))
+    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    >>> gravity = model.add("gravity", LoadGravity((0, 0, -10.0)))
+    >>> run = model.freeze(), EnergyMomentum(), NullSpace()
+    >>> history = simulate(*run, step=StepControl(tolerance=1e-3), until=1.0)
+    >>> control = history.meta["step_control"]
+    >>> float(history.times[-1]), control["smallest"] < control["largest"] / 5
+    (1.0, True)
+    """
+
+    def __init__(
+        self,
+        tolerance: float,
+        first: float | None = None,
+        smallest: float | None = None,
+        largest: float | None = None,
+        *,
+        span: float | None = None,
+    ) -> None:
+        item = "step control"
+        self.tolerance = positive(item, "tolerance", tolerance)
+        given = {"first": first, "smallest": smallest, "largest": largest, "span": span}
+        sizes = {
+            name: None if value is None else positive(item, name, value, " of seconds")
+            for name, value in given.items()
+        }
+        self.first, self.smallest = sizes["first"], sizes["smallest"]
+        self.largest, self.span = sizes["largest"], sizes["span"]
+        order = [x for x in (self.smallest, self.first, self.largest) if x is not None]
+        if order != sorted(order):
+            raise InputError(
+                item,
+                f"smallest = {self.smallest}, first = {self.first}, largest = {self.largest},"
+                " expected them in ascending order",
+            )
+
+    def __repr__(self) -> str:
+        return f"StepControl(tolerance={self.tolerance:g})"
+
+    def check(self, integrator: Integrator) -> None:
+        """Raise IncompatibleError if the steps of a scheme must not vary."""
+        if integrator.fixed_step is not None:
+            raise IncompatibleError(
+                f"{integrator!r} with {self!r}",
+                f"the scheme is {integrator.fixed_step}; give a step, which advise_step() finds for"
+                " a tolerance, or take EnergyMomentum()",
+            )
+
+    def sizes(self, duration: float) -> tuple[float, float, float]:
+        """First, smallest and largest step (s) of a run."""
+        largest = duration / 20 if self.largest is None else self.largest
+        smallest = 1e-9 * duration if self.smallest is None else self.smallest
+        first = duration / 1000 if self.first is None else self.first
+        return max(smallest, min(first, largest)), smallest, largest
+
+
+class ControlledSteps(SteppingPlan):
+    """Pairs of steps under control.
+
+    Parameters
+    ----------
+    control : StepControl
+    maker : Maker
+    stepper : Stepper
+        Of the pairs.
+    state : State
+        Start of the run.
+    until : float
+    at : sequence of float
+        Times that are to be met exactly.
+    """
+
+    def __init__(
+        self,
+        control: StepControl,
+        maker: Maker,
+        stepper: Stepper,
+        state: State,
+        until: float,
+        at: Sequence[float] = (),
+    ) -> None:
+        duration = until - state.time
+        self.control, self.maker = control, maker
+        self.span = duration if control.span is None else control.span
+        self.h, self.smallest, self.largest = control.sizes(duration)
+        self._targets = sorted({*(float(t) for t in at if t > state.time), float(until)})
+        self._order = stepper.integrator.order
+        self._estimate = Estimate(self._order)
+        self._counts = dict.fromkeys(("accepted", "rejected", "unsolved", "iterations"), 0)
+        self._used: list[float] = []
+        self._before = 1.0
+        self.begin(stepper, state)
+
+    def begin(self, stepper: Stepper, state: State) -> None:
+        """See the base class."""
+        self.stepper = stepper
+        self._coarse = self.maker(stepper.system, 2 * stepper.h)
+        self._held = False
+        self._estimate.begin()
+
+    def advance(self, state: State) -> list[StepReport]:
+        """See the base class: a pair of steps."""
+        while self._targets and self._targets[0] - state.time <= 1e-12 * self.span:
+            self._targets.pop(0)
+        if not self._targets:
+            return []
+        while True:
+            pair, end = self._pair(state.time)
+            try:
+                reports, error = self._try(state, pair, end)
+            except Diverged as failure:
+                self._counts["unsolved"] += 1
+                if pair <= 2 * self.smallest:
+                    raise
+                logger.info("%s: a smaller one is tried", failure)
+                self.h, self._held = max(pair / 8, self.smallest), True
+                continue
+            allowed = self.control.tolerance * pair / self.span
+            ratio = error / allowed
+            if ratio <= 1:
+                self._accept(pair, ratio)
+                return reports
+            self._reject(state, pair, ratio)
+
+    def _pair(self, time: float) -> tuple[float, float]:
+        """Size of a pair of steps, and its end: no step is left that is much smaller."""
+        left = self._targets[0] - time
+        if 2 * self.h >= left * (1 - 1e-9):
+            return left, self._targets[0]
+        pair = min(2 * self.h, left / 2)
+        return pair, time + pair
+
+    def _try(self, state: State, pair: float, end: float) -> tuple[list[StepReport], float]:
+        """Two steps and one of twice the size; what the two are wrong by."""
+        self._coarse.resize(pair)
+        whole = self._coarse.advance(state, end)
+        self.stepper.resize(pair / 2)
+        first = self.stepper.advance(state, state.time + pair / 2)
+        second = self.stepper.advance(first.state, end)
+        self._counts["iterations"] += whole.iterations + first.iterations + second.iterations
+        halves = state.q, first.state.q, second.state.q
+        chosen = self.stepper.system, state.time, pair, whole.state.q, halves
+        error = self._estimate.error(*chosen)
+        return [first, second], error
+
+    def _accept(self, pair: float, ratio: float) -> None:
+        self._counts["accepted"] += 2
+        self._estimate.accept()
+        self._used.append(pair / 2)
+        cut = pair < 2 * self.h * (1 - 1e-9)  # to end at a time asked for
+        last, self._before = self._before, max(ratio, 1e-4)
+        change = (SAFETY / self._before) ** (PRESENT / self._order)
+        change *= (last / SAFETY) ** (BEFORE / self._order)
+        change = min(max(change, LEAST), 1.0 if self._held else MOST)
+        self._held = False
+        if cut and change >= 1:
+            return
+        if not 1 / WORTHWHILE < change < WORTHWHILE:
+            self.h = min(max(change * pair / 2, self.smallest), self.largest)
+
+    def _reject(self, state: State, pair: float, ratio: float) -> None:
+        self._counts["rejected"] += 1
+        if pair <= 2 * self.smallest:
+            raise Diverged(
+                state.time,
+                state.index + 1,
+                ratio,
+                f"its error is {ratio:.3g} times what the tolerance of {self.control.tolerance:g}"
+                " allows for the smallest step",
+                f"a smaller one than {self.smallest:g} s, or a larger tolerance",
+            )
+        change = max(LEAST, SAFETY * (1 / ratio) ** (1 / self._order))
+        self.h, self._held = max(change * pair / 2, self.smallest), True
+
+    def summary(self) -> dict[str, Any]:
+        """See the base class."""
+        used = self._used or [self.h]
+        sizes = {"smallest": min(used), "largest": max(used)}
+        counts = {"tolerance": self.control.tolerance, **self._counts, **sizes}
+        counts["factorisations_check"] = self._coarse.factorisations
+        logger.info(
+            "step control: %d steps from %.3g to %.3g s, %d pairs rejected, %d not solved",
+            *(self._counts["accepted"], *sizes.values()),
+            *(self._counts["rejected"], self._counts["unsolved"]),
+        )
+        return {"step_control": counts}

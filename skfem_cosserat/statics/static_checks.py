@@ -1,0 +1,394 @@
+"""What is checked before a path starts, and the rotations that limit its steps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import null_space, qr
+from scipy.sparse import bmat, csr_matrix, diags, vstack
+from scipy.sparse.linalg import splu
+
+from ..constraints import Treatment
+from ..diagnostics.nearest import motions_out_of_plane, rigid_motions, rigid_pieces
+from ..diagnostics.stacked import blocks_matrix, curvature_matrix, reduced_tangent
+from ..errors import InputError
+from ..integrators import State
+from ..linear import SingularMatrixError
+from ..model import System
+from ..model.balance import balance, balance_tangent
+from ..model.loops import closed, tree_values
+from ..model.reparametrisation import Reparametrisation
+from ..newton import NewtonSettings
+from ..run.start import broken_constraint, checked_start
+from ..types import Floats, IndexArray, switch
+from .branch import Branch
+from .control import ArcLength, Control, DisplacementControl, LoadControl
+from .critical_points import LOOSE, inspect
+from .schedule import Point, Schedule, weights
+
+__all__ = ["check_growth", "check_run", "first_point", "held_start", "prescribed_turn", "rotation"]
+
+#: rigid pieces above which free motions are not sought: the search is dense
+PIECES = 400
+#: singular value, relative to the largest, below which a motion counts as free
+FREE = 1e-9
+#: iterations to an equilibrium without free motions
+LOADED = 30
+#: motion, relative to the scene, below which they end when it does not become smaller
+SETTLED = 1e-9
+#: force on free motions, relative to the largest, above which loads do work on them
+WORKS = 1e-9
+#: first motion along free ones, relative to the scene
+NUDGE = 1e-6
+#: instants at which prescribed rotation is looked at within a step
+SAMPLES = 16
+
+
+def check_run(
+    system: object,
+    treatment: object,
+    control: object,
+    settings: object,
+    callbacks: object,
+    switches: Mapping[str, object],
+) -> None:
+    """Kinds of the arguments of :func:`static`; `switches` are those that are True or False."""
+    for name, value in switches.items():
+        switch(f"argument {name}", value)
+    kinds = {
+        "model": (system, System),
+        "treatment": (treatment, Treatment),
+        "control": (control, Control),
+        "settings": (settings, NewtonSettings),
+    }
+    for name, (value, kind) in kinds.items():
+        if not isinstance(value, kind):
+            meant = [k for k, (_, other) in kinds.items() if isinstance(value, other)]
+            raise InputError(
+                f"argument {name}",
+                f"{value!r}, expected an object of type {kind.__name__}"
+                + (f": pass this one as {meant[0]}=" if meant else ""),
+            )
+    if not isinstance(callbacks, Sequence) or not all(callable(c) for c in callbacks):
+        raise InputError("argument callbacks", f"{callbacks!r}, expected a list of functions")
+
+
+def first_point(
+    system: System, schedule: Schedule, start: State | Branch | None
+) -> tuple[Point, Floats | None]:
+    """First point, and the direction in which a branch leads off.
+
+    Raises
+    ------
+    InputError
+        If the start is none of this system, at another instant than the path, or off constraints.
+    """
+    held = schedule.time
+    if isinstance(start, Branch):
+        if start.time != held:
+            raise InputError(
+                "argument time", f"{held!r}, the Branch is of a path with {start.time!r}"
+            )
+        return start.point, start.direction
+    turns = None
+    if start is None:
+        q, t = system.q0, 0.0
+    else:
+        q, turns, t = checked_start(system, start).q, start.turns, _load_factor(start, held)
+        count = len(system.couplings.angles)
+        if turns is not None and np.shape(turns) != (count,):
+            raise InputError("argument start", f"turns = {turns!r}, expected {count} whole numbers")
+    y = system.extend(q, schedule.instant(t))
+    wrong = None if start is None and held is None else broken_constraint(system, y, 1e-6)
+    if wrong is not None:
+        where = f"load factor {t:g}" if held is None else f"the instant time = {held:g} s"
+        what = "it" if start is not None else "the reference"
+        remedy = (
+            ""
+            if held is None
+            else ": start from a state that fulfils it there, as the end of a path that moves the"
+            " supports with the loads held at zero (factors) to this load factor, by"
+            " equilibrium(model, path, time=...)"
+        )
+        raise InputError("argument start", f"at {where} {what} {wrong}{remedy}")
+    return Point(y, t, turns), None
+
+
+def _load_factor(start: State, held: float | None) -> float:
+    """Load factor of a state: that of the path it is from, or its time."""
+    for name in ("time", "load_factor"):
+        value = getattr(start, name)
+        if (name == "time" or value is not None) and (
+            not isinstance(value, int | float) or not np.isfinite(value)
+        ):
+            raise InputError("argument start", f"{name} = {value!r}, expected a finite number")
+    if held is None:
+        return float(start.time if start.load_factor is None else start.load_factor)
+    if start.time != held:
+        raise InputError(
+            "argument start",
+            f"its time is {start.time!r} s, that of the path time = {held!r} s: expected the same"
+            " instant, see initial_state(time=...) and equilibrium(time=...)",
+        )
+    return 0.0 if start.load_factor is None else float(start.load_factor)
+
+
+def check_growth(schedule: Schedule, control: Control) -> None:
+    """Raise InputError if nothing is left that a control by displacements could let grow."""
+    if schedule.time is None or schedule.grows or isinstance(control, LoadControl):
+        return
+    if isinstance(control, ArcLength | DisplacementControl):
+        raise InputError(
+            "argument time",
+            f"{schedule.time!r} s holds all there is, nothing grows with the load factor: give"
+            f" factors that grow, or LoadControl() instead of {control!r}",
+        )
+
+
+def rotation(system: System, before: Floats, after: Floats) -> float:
+    """Largest rotation (rad) of a frame between two configurations."""
+    kin = system.kinematics
+    if not len(kin.frames):
+        return 0.0
+    trace = (kin.directors(before) * kin.directors(after)).sum((1, 2))
+    return float(np.arccos(np.clip((trace.min() - 1) / 2, -1, 1)))
+
+
+def prescribed_turn(system: System, t0: float, t1: float) -> float:
+    """Rotation (rad) of the ground's frames and of driven angles between two load factors."""
+    count = len(system.ground(t0)) // 4
+    drives = [
+        system.spot(d.place).vertex - len(system.origin_rows)
+        for d in system.drives
+        if d.coordinate.kind == "angle"
+    ]
+    total = np.zeros(count)
+    before = system.ground(t0).reshape(count, 4, 3)
+    for t in np.linspace(t0, t1, SAMPLES + 1)[1:]:
+        now = system.ground(float(t)).reshape(count, 4, 3)
+        trace = (before[:, 1:] * now[:, 1:]).sum((1, 2))
+        total += np.arccos(np.clip((trace - 1) / 2, -1, 1))
+        # a drive's frame holds (cos, sin, value)
+        a, b = before[drives, 0, :2], now[drives, 0, :2]
+        total[drives] += abs(np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(1)))
+        before = now
+    return float(total.max())
+
+
+# -- motions that nothing holds --------------------------------------------------------------------
+
+
+@dataclass(eq=False)
+class _Free:
+    """Motions (6 pieces, k) that strain nothing and that no stress holds."""
+
+    N: Floats
+    E: csr_matrix
+    centres: Floats
+    names: list[str]
+
+
+def held_start(system: System, schedule: Schedule, point: Point) -> Point:
+    """The start of a path, in which no motion is free.
+
+    Where the loads that act at the start stress what then holds a motion, as the weight on a
+    spring of no tension does, it is the equilibrium that they lead to.
+
+    Raises
+    ------
+    InputError
+        For a motion that strains nothing and that no stress holds in place.
+    """
+    free = _free_motions(system, schedule, point)
+    if free is None:
+        return point
+    loaded = _loaded(system, schedule, point) if _acts(schedule, point) else None
+    if loaded is not None and _free_motions(system, schedule, loaded) is None:
+        # bent beams may turn freely about their curved axes: that is no rigid motion
+        look = inspect(system, loaded, schedule.at(loaded.t))
+        if look.smallest > LOOSE * look.floor:
+            return loaded
+    raise _refused(system, schedule, point, free)
+
+
+def _acts(schedule: Schedule, point: Point) -> bool:
+    """Whether there are loads at the start."""
+    now = schedule.at(point.t)
+    turns = now.spin is not None and now.spin.velocity.any()
+    return bool(turns or now.loads.any() or now.actuators.any())
+
+
+def _loaded(system: System, schedule: Schedule, point: Point) -> Point | None:
+    """Equilibrium by Newton's method, without motions that strain nothing until the rest is in it.
+
+    None if it is not found.
+    """
+    label, names = rigid_pieces(system)
+    amplitudes, y = schedule.at(point.t), point.y
+    nodal = Reparametrisation(system.kinematics)
+    nodal.begin(y, schedule.ground(point.t))
+    chosen = system.closure.select(y, tree_values(system, y))
+    metric = weights(system).repeat(3)
+    held, last = True, np.inf
+    for k in range(LOADED):
+        at = balance(system, y, amplitudes, turns=point.turns)
+        E, _ = rigid_motions(system, y, label, len(names))
+        rates = csr_matrix(E @ _unheld(system, y, E)) if held else csr_matrix((system.n, 0))
+        try:
+            tangent = reduced_tangent(system, y, amplitudes, at)
+            K, P = tangent.K, tangent.P
+            B = P.T @ diags(metric) @ rates * (float(abs(K).max()) or 1.0)
+            matrix = bmat([[K, B], [B.T, None]], format="csc")
+            increment = splu(matrix).solve(np.append(-tangent.residual, np.zeros(B.shape[1])))
+            u, along = np.split(increment, [K.shape[0]])
+            force = B @ along
+            if k == 0 and not abs(force).max(initial=0.0) <= WORKS * abs(tangent.residual).max():
+                # cables that just fit take the load as soon as something moves
+                u = splu(tangent.metric.tocsc()).solve(P.T @ (metric * (rates @ along)))
+                u *= NUDGE / np.sqrt(metric @ np.square(P @ u))
+        except (SingularMatrixError, RuntimeError):
+            return None
+        nodal.add(system.closure.null_matrix(chosen) @ u)
+        moved, _ = closed(system, nodal, chosen) if chosen else (nodal.configuration(), 0)
+        size = float(np.sqrt(metric @ np.square(P @ u)))
+        if moved is None or not size < 1:
+            return None
+        y = moved
+        if size <= SETTLED and (size > 0.3 * last or size == 0):
+            if not held:
+                return Point(y, point.t, point.turns)
+            held, size = False, np.inf
+        last = size
+    return None
+
+
+def _free_motions(system: System, schedule: Schedule, point: Point) -> _Free | None:
+    """What strains nothing moves every beam and body as a rigid piece: few unknowns decide."""
+    label, names = rigid_pieces(system)
+    if len(names) > PIECES:
+        return None
+    E, centres = rigid_motions(system, point.y, label, len(names))
+    N = _unheld(system, point.y, E)
+    if not N.shape[1]:
+        return None
+    amplitudes = schedule.at(point.t)
+    at = balance(system, point.y, amplitudes, turns=point.turns)
+    A = blocks_matrix(system, balance_tangent(system, at, amplitudes))
+    stiffness = N.T @ _rigid_stiffness(system, point.y, at.R, A, E, label, centres) @ N
+    largest = float(abs(A.data).max(initial=0.0))
+    scale = max(largest * float(np.square(E @ N).max()), float(abs(stiffness).max()))
+    values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
+    free = abs(values) <= 1e-12 * max(scale, 1e-300)
+    return _Free(_echelon(N @ vectors[:, free]), E, centres, names) if free.any() else None
+
+
+def _refused(system: System, schedule: Schedule, point: Point, free: _Free) -> InputError:
+    N, E = free.N, free.E
+    later = schedule.at(point.t + 1.0)
+    force = system.loading.dead_force(later.loads)
+    if not system.loading.dead_only:
+        force = force + system.loading.force(point.y[: system.rows], later.loads)
+    works = abs((E @ N).T @ force.ravel())
+    k = int(works.argmax())
+    worked = works[k] > 1e-9 * np.linalg.norm(force) * np.linalg.norm(E @ N[:, k])
+    text = _described(N[:, k], free.names, free.centres, system.length)
+    # loads that act already do not hold it
+    others = (
+        "" if _acts(schedule, point) else "with loads that act from the start (factors={name: 1}), "
+    )
+    return InputError(
+        "static",
+        f"{text} is free, {N.shape[1]} such motion(s) in all"
+        + (", and the loads do work on it" if worked else "")
+        + f": hold it with joints or springs, {others}or start from a state whose stresses do"
+        " (a guess of it, start=initial_state(system, q))",
+    )
+
+
+def _rigid_stiffness(
+    system: System,
+    y: Floats,
+    R: Floats,
+    A: csr_matrix,
+    E: csr_matrix,
+    label: IndexArray,
+    centres: Floats,
+) -> Floats:
+    """Stiffness (6 pieces, 6 pieces) of rigid pieces by finite motions, with the joints' forces.
+
+    ``E^T A E`` is that of straight paths; rotations add ``F . (w x (w x r))``, joints the curvature
+    of their rows with the forces that balance the pieces best; these are part of the force F.
+    """
+    multipliers, joints = np.zeros(system.m), np.arange(system.internal, system.m)
+    if len(joints):
+        G = system.constraints.jacobian(y)[joints]
+        held = np.asarray((G @ E).todense())
+        multipliers[joints] = np.linalg.lstsq(held.T, -E.T @ R.ravel(), rcond=FREE)[0]
+        R = R + (G.T @ multipliers[joints]).reshape(-1, 3)
+    A = A + curvature_matrix(system, y, multipliers)
+    out = np.asarray((E.T @ A @ E).todense())
+    moments = np.zeros((len(centres), 3, 3))
+    rows = system.origin_rows
+    np.add.at(moments, label, (y[rows] - centres[label])[:, :, None] * R[rows][:, None, :])
+    frames, directors = label[system.kinematics.frames], system.kinematics.director_rows
+    for i in range(3):
+        d = directors[:, i]
+        np.add.at(moments, frames, y[d][:, :, None] * R[d][:, None, :])
+    for k, M in enumerate(moments):
+        turning = slice(6 * k + 3, 6 * k + 6)
+        out[turning, turning] += 0.5 * (M + M.T) - np.trace(M) * np.eye(3)
+    return out
+
+
+def _unheld(system: System, y: Floats, E: csr_matrix) -> Floats:
+    """Combinations (6 pieces, k) of the rigid motions that joints and springs leave free."""
+    held = system.constraints.jacobian(y)[system.internal :] @ E
+    parts = [csr_matrix(held)]
+    if system.couplings.count:
+        blocks = system.mass_tangent(0.0)
+        springs = blocks_matrix(system, [*blocks, system.couplings.stiffness(y)])
+        parts.append(csr_matrix(springs @ E))
+    parts.append(motions_out_of_plane(system, E.shape[1] // 6))
+    matrix = vstack(parts).toarray()
+    size = np.linalg.norm(matrix, axis=1)
+    matrix = matrix[size > 1e-12 * size.max(initial=1e-300)]
+    matrix /= np.linalg.norm(matrix, axis=1)[:, None]
+    # a mass point has no rotations
+    there = np.flatnonzero(np.asarray(abs(E).sum(0)).ravel() > 1e-12 * system.length)
+    out = np.zeros((E.shape[1], 0))
+    if len(there):
+        local = null_space(matrix[:, there], rcond=FREE) if len(matrix) else np.eye(len(there))
+        out = np.zeros((E.shape[1], local.shape[1]))
+        out[there] = local
+    return out
+
+
+def _echelon(N: Floats) -> Floats:
+    """The same motions, as few pieces and components in each as possible."""
+    _, _, order = qr(N.T, pivoting=True, mode="economic")
+    chosen = order[: N.shape[1]]
+    out = np.linalg.solve(N[chosen].T, N.T).T
+    return np.where(abs(out) < 1e-9, 0.0, out)
+
+
+def _described(motion: Floats, names: list[str], centres: Floats, length: float) -> str:
+    """A motion in words; unit translations are those by `length`."""
+    twists = motion.reshape(-1, 6)
+    moving = np.flatnonzero(np.linalg.norm(twists, axis=1) > 1e-9)
+    k = int(moving[np.linalg.norm(twists[moving], axis=1).argmax()])
+    v, w = twists[k, :3], twists[k, 3:]
+    who = " and ".join(names[i] for i in moving[:3]) + (" and others" if len(moving) > 3 else "")
+    turn, shift = float(np.linalg.norm(w)), float(np.linalg.norm(v))
+    if turn < 1e-9 * max(shift, 1.0):
+        return f"translation of {who} along {_triple(v / shift)}"
+    axis = w / turn
+    through = centres[k] + length * np.cross(axis, v) / turn
+    along = length * float(v @ axis) / turn
+    text = f"rotation of {who}: {names[k]} about {_triple(axis)} through {_triple(through)}"
+    return text if abs(along) < 1e-9 * length else f"{text}, with {along:.3g} m a rad along it"
+
+
+def _triple(v: Floats) -> str:
+    return "(" + ", ".join(f"{x + 0.0:.3g}" for x in np.where(abs(v) < 1e-9, 0.0, v)) + ")"

@@ -1,0 +1,231 @@
+"""The balance of energy at the end of a run: kept with it, and a warning where it does not hold."""
+
+import itertools
+import warnings
+from functools import partial
+
+import numpy as np
+import pytest
+from test_failure_map import column
+
+import skfem_cosserat as sc
+
+NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()
+SCHEMES = [
+    *(sc.Variational(), sc.Variational(stabilized=True)),
+    *(sc.EnergyMomentum(), sc.EnergyMomentum(stabilized=True)),
+    *(sc.EnergyDecaying(0.05), sc.EnergyDecaying(rate=2.0), sc.EnergyDecaying(stabilized=True)),
+    *(sc.GeneralizedAlpha(0.8), sc.GeneralizedAlpha(0.8, stabilized=False)),
+    *(sc.Composition(sc.Variational()), sc.Composition(sc.EnergyMomentum())),
+]
+EXPLICIT = [sc.Explicit(rounds=20), sc.Asynchronous()]
+EVERY = [
+    *itertools.product(SCHEMES, (NULL, MULTIPLIERS)),
+    *((scheme, MULTIPLIERS) for scheme in EXPLICIT),
+]
+every_scheme = pytest.mark.parametrize(("scheme", "treatment"), EVERY, ids=repr)
+
+
+@pytest.fixture
+def silent():
+    """No warning is given."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", sc.CosseratWarning)
+        yield
+
+
+def balance_of(*arguments, **options):
+    history = sc.simulate(*arguments, derive=False, kernels="numpy", **options)
+    return history.meta["energy_balance"]
+
+
+def diverged(run):
+    with pytest.raises(sc.Diverged) as caught:
+        run()
+    return caught.value
+
+
+def top():
+    """A free body that turns about its stable axis."""
+    model = sc.Model()
+    model.add("top", sc.RigidBody.box(1.0, (0.1, 0.2, 0.3), angular_velocity=(0, 0, 100.0)))
+    return model.freeze()
+
+
+def rod(gravity=9.81, **options):
+    """A rubber rod, horizontal, with a body at its end."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
+    section = sc.SectionCircle(0.05, sc.Material(5e6, 0.5, 1100))
+    model = sc.Model()
+    beam = model.add("rod", sc.Beam(mesh, section, **options))
+    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.1, 0.2), position=(1, 0, 0)))
+    model.add("weld", sc.JointFixed(beam.node("rod.end"), body.at((1, 0, 0))))
+    model.add("gravity", sc.LoadGravity((0, 0, -gravity)))
+    return model, beam, body
+
+
+def ordinary(scheme):
+    """The rod; hinge with a spring and a damper, and driven where a scheme takes that."""
+    explicit = scheme in EXPLICIT
+    model, beam, body = rod(lumped=explicit)
+    motion = sc.Motion(displacement=lambda t: (0.1 * np.sin(2 * t) ** 2, 0.0, 0.0))
+    at = sc.ground if explicit else partial(sc.ground, motion=motion)
+    hinge = model.add("hinge", sc.JointRevolute(at((0, 0, 0)), beam.node("rod.start"), (0, 1, 0)))
+    model.add("angle", sc.JointSpringDamper(hinge, stiffness=5.0, damping=0.2))
+    model.add("cord", sc.SpringDamper(at((2, 1, 0)), body.at((1, 0, 0)), 20.0, damping=1.0))
+    return model.freeze()
+
+
+@every_scheme
+def test_an_ordinary_run_is_silent(scheme, treatment, silent):
+    found = balance_of(ordinary(scheme), scheme, treatment, 0.01, 0.06)
+    assert found["start"] == pytest.approx(0, abs=1e-12)
+    works = found["loads"] + found["actuators"] + found["drives"] - found["dissipated"]
+    assert found["lost"] == pytest.approx(works - found["end"], abs=1e-12)
+    assert found["scale"] > 0.1
+    exact = isinstance(scheme, sc.EnergyMomentum) and "stabilized" not in scheme.name
+    if exact and not scheme.loses:
+        assert abs(found["lost"]) < 1e-8 * found["scale"]
+    if scheme.loses:
+        assert 0 < found["lost"] < 0.1 * found["scale"]
+
+
+@pytest.mark.parametrize(("scheme", "treatment"), EVERY[1:-2:2] + EVERY[-2:], ids=repr)
+def test_rest_is_silent(scheme, treatment, silent):
+    """What rounding leaves of energies and works is not compared."""
+    free, *_ = rod(gravity=0.0, lumped=scheme in EXPLICIT)
+    assert balance_of(free.freeze(), scheme, treatment, 0.01, 0.03)["scale"] == 0
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.1, 0.2), position=(3, 1, -1)))
+    model.add("hook", sc.JointSpherical(sc.ground((3, 1, 0)), body.at((3, 1, 0))))
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    assert balance_of(model.freeze(), scheme, treatment, 0.01, 0.03)["scale"] == 0
+
+
+def test_a_pendulum_that_has_come_back_to_rest_is_silent(silent):
+    """Nothing is left of energy and work, but for an error that is small beside what there was."""
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(1.0, position=(0.1, 0, 0)))
+    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), bob.place(), 100.0))
+    model.add("push", sc.LoadForce(bob.place(), (5.0, 0, 0)))
+    until = 2 * np.pi / 10
+    found = balance_of(model.freeze(), sc.Variational(), NULL, until / 40, until)
+    assert abs(found["end"]) < 0.01 * found["scale"]
+
+
+def test_fast_rotation_that_is_destroyed_is_told(tmp_path):
+    """The run is "completed" all the same, and each step has been solved."""
+    plain = sc.GeneralizedAlpha(0.8, stabilized=False)
+    told = r"balance of energy, t = 0\.25 s: the run lost 20\.8 J, 99\.9 % of .*stabilized=True"
+    path = tmp_path / "top.sch"
+    with pytest.warns(sc.AccuracyWarning, match=told):
+        history = sc.simulate(top(), plain, NULL, 5e-3, 0.25, derive=False, path=path)
+    assert history.status == "completed"
+    found = history.meta["energy_balance"]
+    assert found == sc.History.load(path).meta["energy_balance"]
+    assert found["lost"] == pytest.approx(found["start"], rel=5e-3)
+    assert found["start"] == found["scale"] == pytest.approx(125 / 6)
+
+
+def test_stabilized_generalized_alpha_keeps_it_and_is_the_default(silent):
+    assert sc.GeneralizedAlpha().stabilized
+    found = balance_of(top(), sc.GeneralizedAlpha(0.8), NULL, 5e-3, 0.25)
+    assert 0 < found["lost"] < 0.01 * found["scale"]
+
+
+def test_histories_are_continued_by_name():
+    """Those from before the default changed are of the scheme without."""
+    system = top()
+    for scheme, name in (
+        (sc.GeneralizedAlpha(0.8), "stabilized generalized-alpha, rho_inf = 0.8"),
+        (sc.GeneralizedAlpha(0.8, stabilized=False), "generalized-alpha, rho_inf = 0.8"),
+    ):
+        whole = sc.simulate(system, scheme, NULL, 1e-3, 0.008)
+        history = sc.simulate(system, scheme, NULL, 1e-3, 0.004)
+        assert history.meta["integrator"] == name
+        start = sc.restart(system, history, eval(repr(scheme), vars(sc)), 1e-3)
+        assert start.memory is not None
+        history = sc.simulate(system, scheme, NULL, 1e-3, 0.008, start=start)
+        assert history["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-12)
+        other = sc.GeneralizedAlpha(0.8, stabilized=not scheme.stabilized)
+        assert sc.restart(system, history, other, 1e-3).memory is None
+
+
+def spring(stiffness):
+    """A body on a spring, along which it moves, and its start."""
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(1.0, position=(0.1, 0, 0), velocity=(1.0, 0, 0)))
+    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), bob.place(), stiffness))
+    return model.freeze()
+
+
+@pytest.mark.parametrize("scheme", [sc.EnergyDecaying(0.05), sc.GeneralizedAlpha(0.5)], ids=repr)
+def test_what_a_scheme_is_meant_to_take_is_kept_and_told_above_a_tenth(scheme, silent):
+    history = sc.simulate(spring(100.0), scheme, NULL, 1e-2, 0.3)
+    found = history.meta["energy_balance"]
+    assert found["dissipated"] == 0 < found["lost"] < 0.1 * found["scale"]
+    assert found["lost"] == pytest.approx(history["energy"][0] - history["energy"][-1], rel=1e-9)
+    with pytest.warns(sc.AccuracyWarning, match=r"lost 0\.\d+ J, [\d.]+ % of 0\.5 J"):
+        found = balance_of(spring(1e4), scheme, NULL, 1e-2, 0.3)
+    assert found["lost"] > 0.1 * found["scale"]
+
+
+@pytest.mark.parametrize("until", [4.0, 20.0])
+def test_a_blow_up_is_told(until):
+    """The variational scheme on a compressed column, above the limit of its alternating nodes.
+
+    It ends as if nothing had been, or with a step that cannot be solved.
+    """
+    system, q = column(400)
+    start = sc.initial_state(system, q, nu=1e-3 * np.sin(np.arange(system.unknowns)))
+    run = partial(balance_of, system, sc.Variational(), NULL, 0.1, until, start=start)
+    with pytest.warns(sc.AccuracyWarning, match="the run gained .* % of .*EnergyMomentum"):
+        found = run() if until < 5 else diverged(run).history.meta["energy_balance"]
+    assert found["lost"] < -0.01 * found["scale"]
+
+
+def test_events_and_steps_under_control_belong_to_it(silent):
+    """A hinge locks while a body swings through: what that takes is no fault of the scheme."""
+    for step in (1e-2, sc.StepControl(1e-2)):
+        model = sc.Model()
+        upper, lower = (
+            model.add(name, sc.RigidBody.box(1.0, (0.1, 0.1, 0.2), position=(0, 0, z)))
+            for name, z in (("upper", -0.5), ("lower", -1.5))
+        )
+        model.add("hook", sc.JointRevolute(sc.ground((0, 0, 0)), upper.at((0, 0, 0)), (0, 1, 0)))
+        ends = upper.at((0, 0, -1)), lower.at((0, 0, -1))
+        hinge = model.add("hinge", sc.JointRevolute(*ends, (0, 1, 0)))
+        model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+        system = model.freeze()
+        start = sc.initial_state(system, rates={"hook": 2.0, "hinge": 12.0})
+        lock = sc.Event(sc.ConditionTime(0.055), sc.ActionLock(hinge), name="lock")
+        options = {"start": start, "events": [lock]}
+        history = sc.simulate(system, sc.EnergyMomentum(), NULL, step, 0.1, **options)
+        found = history.meta["energy_balance"]
+        assert found["dissipated"] == pytest.approx(history.events[0].loss, rel=1e-9)
+        assert found["dissipated"] > 1e-3 * found["scale"]
+        assert abs(found["lost"]) < 1e-8 * found["scale"]
+        assert found["end"] == pytest.approx(history["energy"][-1], rel=1e-9)
+
+
+def test_interrupted_runs_and_those_that_end_with_an_error_have_it(silent):
+    def stop(report):
+        if report.state.index == 3:
+            raise error
+
+    for error in (KeyboardInterrupt(), ZeroDivisionError()):
+        if isinstance(error, KeyboardInterrupt):
+            history = sc.simulate(top(), sc.EnergyMomentum(), NULL, 1e-3, 0.1, callbacks=[stop])
+        else:
+            with pytest.raises(ZeroDivisionError) as caught:
+                sc.simulate(top(), sc.EnergyMomentum(), NULL, 1e-3, 0.1, callbacks=[stop])
+            history = caught.value.history
+        found = history.meta["energy_balance"]
+        assert found["start"] == pytest.approx(found["end"]) == pytest.approx(125 / 6)
+
+
+def test_a_warning_that_is_an_error_leaves_a_whole_file(silent, tmp_path):
+    path = tmp_path / "top.sch"
+    with pytest.raises(sc.AccuracyWarning) as caught:
+        sc.simulate(top(), sc.GeneralizedAlpha(0.8, stabilized=False), NULL, 5e-3, 0.25, path=path)
+    assert sc.History.load(path).status == caught.value.history.status == "completed"

@@ -1,0 +1,61 @@
+"""The stored scenes of states.py: every kind of item is in one, and a changed bit is noticed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import states
+
+import skfem_cosserat as sc
+
+KINDS = (
+    "Joint",
+    "Load",
+    "Section",
+    "Interpolation",
+    "Theory",
+    "Sensor",
+    "Motion",
+    "Ramp",
+    "Solver",
+)
+ITEMS = {"Beam", "Bushing", "Cable", "Foundation", "MassPoint", "RayleighDamping", "RigidBody"}
+ITEMS |= {"SpringDamper", "FunctionOfTime", "Harmonic", "Table", "Explicit", "Asynchronous"}
+ITEMS |= {"ArcLength", "DisplacementControl", "Composition", "EnergyDecaying", "GeneralizedAlpha"}
+#: base classes, what every beam has, what needs more than the core, what only reads
+LEFT_OUT = {
+    "Joint",
+    "Load",
+    "Sensor",
+    "Solver",
+    "Theory",
+    "TheoryReissner",
+    "Motion",
+    "SolverMetis",
+    "SolverPardiso",
+    "SensorQuantity",
+}
+
+
+def test_every_kind_of_item_is_in_a_scene() -> None:
+    names = {name for name in sc.__all__ if name.startswith(KINDS)} | ITEMS
+    used = set(re.findall(r"\bsc\.(\w+)", Path(states.__file__).read_text(encoding="utf-8")))
+    assert names - LEFT_OUT - used == set()
+
+
+def test_a_changed_bit_is_noticed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(tmp_path / "before.npz")
+    words = ["rigid_only", "NullSpace", "numpy"]
+    assert states.main(["store", file, *words]) == 0
+    assert states.main(["compare", file, *words]) == 0
+    with np.load(file) as stored:
+        table = dict(stored)
+    (name,) = (name for name in table if name.endswith("| q"))
+    table[name][-1, -1] = np.nextafter(table[name][-1, -1], 9)
+    np.savez(file, **table)
+    capsys.readouterr()
+    assert states.main(["compare", file, *words]) == 1
+    assert name in capsys.readouterr().out
