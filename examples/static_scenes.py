@@ -81,8 +81,8 @@ class Scene:
     def quaternion(self, history: sc.History, index: Any = -1) -> Floats:
         """Of the point's section (w, x, y, z); its sign is that from the beam's start on (4,)."""
         q = Rotation.from_matrix(self.rotations(history, index)).as_quat()[:, [3, 0, 1, 2]]
-        turned_over = np.count_nonzero((q[1:] * q[:-1]).sum(axis=1) < 0) + (q[0, 0] < 0)
-        return np.asarray(-q[-1] if turned_over % 2 else q[-1])
+        wrong_branch = np.count_nonzero((q[1:] * q[:-1]).sum(axis=1) < 0) + (q[0, 0] < 0)
+        return np.asarray(-q[-1] if wrong_branch % 2 else q[-1])
 
 
 def flat_section(

@@ -131,7 +131,7 @@ class JointDrive(Item):
         cosine, sine = forms
         return [(*self._times(sine, 0), *self._times(cosine, 1, -1.0))]
 
-    def sheets(self) -> list[Form]:
+    def branch_cosines(self) -> list[Form]:
         """``cos(theta - theta(t))``, which is -1 where the row holds half a turn off."""
         if self.coordinate.kind == "displacement":
             return []

@@ -185,7 +185,7 @@ class Joint(Item):
         """Its constraints."""
         raise NotImplementedError
 
-    def sheets(self) -> list[Product]:
+    def branch_cosines(self) -> list[Product]:
         """Cosines that are 1 where its rows hold, and -1 where they do so half a turn off."""
         return []
 
@@ -306,7 +306,7 @@ class JointCylindrical(_OnLine):
         """x_b on the line through x_a, and the axis in common."""
         return [*self._on_line(self.axis), *self._normal(self.axis)]
 
-    def sheets(self) -> list[Product]:
+    def branch_cosines(self) -> list[Product]:
         """See the base class."""
         return [self._same(self.axis)]
 
@@ -344,7 +344,7 @@ class JointPrismatic(_OnLine):
         locked = Product(direction(self.a, first), direction(self.b, second))
         return [*self._on_line(self.axis), *self._normal(self.axis), locked]
 
-    def sheets(self) -> list[Product]:
+    def branch_cosines(self) -> list[Product]:
         """See the base class."""
         return [self._same(self.axis), self._same(normals(self.axis)[0])]
 
@@ -407,7 +407,7 @@ class JointPlanar(Joint):
         r = point(self.b) - point(self.a)
         return [Product(direction(self.a, self.normal), r), *self._normal(self.normal)]
 
-    def sheets(self) -> list[Product]:
+    def branch_cosines(self) -> list[Product]:
         """See the base class."""
         return [self._same(self.normal)]
 
@@ -575,7 +575,7 @@ class JointRevolute(AxialJoint):
         """Spherical, and n^A normal to two directions of B."""
         return [self._coincide(), *self._normal(self.axis)]
 
-    def sheets(self) -> list[Product]:
+    def branch_cosines(self) -> list[Product]:
         """See the base class."""
         return [self._same(self.axis)]
 
@@ -656,7 +656,7 @@ class JointFixed(Joint):
         products = [Product(a[i], b[(i + 1) % 3]) for i in range(3)]
         return [self._coincide(), *products]
 
-    def sheets(self) -> list[Product]:
+    def branch_cosines(self) -> list[Product]:
         """See the base class."""
         return [self._same(e) for e in np.eye(3)]
 

@@ -245,7 +245,7 @@ def test_solutions_that_have_turned_over_are_none(integrator):
     fast._own.start[1:] = over - system.q0.reshape(4, 3)[1:]
     fast.last = None  # begin there
     assert fast.solve(state) is None
-    assert system.turned_over(fast.y1) is not None
+    assert system.wrong_branch(fast.y1) is not None
 
 
 def test_where_there_are_none():

@@ -262,14 +262,14 @@ def test_half_a_turn_off_is_noticed(kind, axes):
     for axis in axes:
         y = turned(axis)
         assert abs(system.constraints.values(y)).max() < 1e-14
-        assert system.turned_over(y) == f"{kind.type} joint 'joint' by half a turn"
-    assert system.turned_over(system.extend(system.q0, 0.0)) is None
+        assert system.wrong_branch(y) == f"{kind.type} joint 'joint' by half a turn"
+    assert system.wrong_branch(system.extend(system.q0, 0.0)) is None
     if kind not in (sc.JointFixed, sc.JointPrismatic, sc.JointUniversal):
-        assert system.turned_over(turned((0, 0, 1))) is None  # about its own axis
+        assert system.wrong_branch(turned((0, 0, 1))) is None  # about its own axis
     y = system.extend(system.q0, 0.0)
     y[3] *= -1  # a left-handed triad
     assert abs(system.constraints.values(y))[:6].max() < 1e-15
-    assert system.turned_over(y) is not None
+    assert system.wrong_branch(y) is not None
 
 
 # -- steps -----------------------------------------------------------------------------------------

@@ -373,5 +373,5 @@ def test_half_turns_are_told(treatment):
         c, s = np.cos(angle), np.sin(angle)
         y1 = y0.copy()
         y1[1:4] = y0[1:4] @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-        found = bound.astray(y1)
+        found = bound.wrong_branch(y1)
         assert (found == "rigid body 'body' by half a turn") if told else found is None

@@ -110,12 +110,12 @@ def bound_constraints(
 def _terms(system: System, plan: Plan) -> dict[str, Any]:
     """Products and linear terms of the constraints; behind them what tells how things lie."""
     places = _Rows(system)
-    own, guards = _joint_terms(system), system.guards.terms()
+    own, cosines = _joint_terms(system), system.branch_cosines.terms()
     both = {
-        name: np.concatenate([getattr(own, name), getattr(guards, name)])
+        name: np.concatenate([getattr(own, name), getattr(cosines, name)])
         for name in ("left", "right", "factor", "drive_row", "drive_component", "constant")
     }
-    number = np.concatenate([own.row, system.m + guards.row])
+    number = np.concatenate([own.row, system.m + cosines.row])
     sides = [both["left"], both["right"]]
     vertex = [places.vertex[a] for a in sides]
     curved = np.full((len(number), 2), -1)

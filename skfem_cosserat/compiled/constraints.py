@@ -339,7 +339,7 @@ def largest_entry(A: Floats, diag: IndexArray) -> float:
 
 
 @inlined
-def turned_over(s: Any, y: Floats) -> bool:
+def wrong_branch(s: Any, y: Floats) -> bool:
     """Whether the constraints are fulfilled only after a reflection or half a turn."""
     g, m = s.g, len(s.multiplier)
     for k in range(m, len(g)):
@@ -358,8 +358,8 @@ def turned_over(s: Any, y: Floats) -> bool:
 
 @part
 def finish(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Momentum carried on; gives the work of the loads, NaN where something has turned over."""
-    if turned_over(s, w.y1):
+    """Momentum carried on; gives the work of the loads, NaN on another branch."""
+    if wrong_branch(s, w.y1):
         return np.nan
     return carried_on(w, numbers)
 

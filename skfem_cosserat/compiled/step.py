@@ -176,7 +176,7 @@ def keeps(numbers: Floats, record: Floats) -> bool:
 def accepted(
     p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats
 ) -> bool:
-    """Finish a step, and keep what the next one starts with; False: something has turned over."""
+    """Finish a step, and keep what the next one starts with; False: it ended on another branch."""
     if p[n.BEAM_FINISH]:
         call_beams(p[n.BEAM_FINISH], g, w, numbers, 0)
     record[n.WORK] = call(p[n.FINISH], s, m, w, numbers, 0)

@@ -297,8 +297,8 @@ class BoundTreatment(ABC):
     def finish(self) -> None:
         """The step is accepted: keep its increment for the next guess."""
 
-    def astray(self, y1: Array) -> str | None:
-        """What fulfils its constraints at a solution in another way than it can get to.
+    def wrong_branch(self, y1: Array) -> str | None:
+        """What the step put on another branch of its constraints, which no motion leads to.
 
         With constraint forces at the midpoint: a frame that has turned by half a turn.
         """

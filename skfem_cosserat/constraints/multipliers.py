@@ -504,9 +504,9 @@ class BoundMultipliers(BoundTreatment):
             force = other + self._inside.within(force - other)
         return force.reshape(-1, 3)
 
-    def astray(self, y1: Array) -> str | None:
+    def wrong_branch(self, y1: Array) -> str | None:
         """See the base class."""
-        return self.system.turned_over(y1) or super().astray(y1)
+        return self.system.wrong_branch(y1) or super().wrong_branch(y1)
 
     def save(self) -> tuple[Array, Array]:
         """See the base class."""

@@ -236,11 +236,11 @@ def nearest_configuration(system: System, y: Floats) -> Floats | None:
 
 
 def _folded(system: System, y: Floats, start: Floats) -> bool:
-    """Whether constraints hold only in a way that no motion leads to: turned over, elements bent.
+    """Whether constraints hold only as no motion leads to: another branch, over-rotated.
 
     Rotations of nodes that Gauss points do not see can make elements longer than they are.
     """
-    if system.turned_over(y) is not None:
+    if system.wrong_branch(y) is not None:
         return True
     return bent_elements(system, y) is not None and bent_elements(system, start) is None
 

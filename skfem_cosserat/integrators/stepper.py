@@ -609,11 +609,11 @@ class Stepper:
             problem = self.problem(step)
             report = newton(problem, self.settings, damped)
             total += report.iterations
-            astray = self.bound.astray(problem.y1) if report.converged else None
+            wrong_branch = self.bound.wrong_branch(problem.y1) if report.converged else None
             if report.converged and self._left(problem, report.residual):
                 report.reason = f"a residual of {report.residual:.3g} is left"
-            elif astray is not None:
-                report.reason = f"it has turned over: {astray}"
+            elif wrong_branch is not None:
+                report.reason = f"it is on another branch: {wrong_branch}"
             elif report.converged:
                 if self.system.moving:
                     self._check_motion(state, problem.y1, report.residual)

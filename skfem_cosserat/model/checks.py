@@ -58,8 +58,8 @@ class Scene(Protocol):
     closure: Closure
     redundant: IndexArray
     joint_rows: list[JointRows]
-    guards: QuadraticConstraints
-    guarded: list[Joint | JointDrive]
+    branch_cosines: QuadraticConstraints
+    of_cosine: list[Joint | JointDrive]
     theory_rows: list[TheoryRows]
     moving: list[Place]
     mass: csr_matrix

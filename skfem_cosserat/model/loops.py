@@ -38,10 +38,10 @@ __all__ = [
     "null_space_matrix",
     "redundancies",
     "tree_values",
-    "turned_over",
     "violated",
     "way_off",
     "way_on",
+    "wrong_branch",
 ]
 
 
@@ -102,11 +102,11 @@ def null_space_matrix(system: Scene, y: Floats) -> csr_matrix:
     return (P.tocsr() @ (kin.T_matrix(values) @ Z.tocsr())).tocsr()
 
 
-def turned_over(system: Scene, y: Floats) -> str | None:
-    """See :meth:`System.turned_over`."""
-    wrong = np.flatnonzero(system.guards.values(y) < -1)  # cosines, less 1
+def wrong_branch(system: Scene, y: Floats) -> str | None:
+    """See :meth:`System.wrong_branch`."""
+    wrong = np.flatnonzero(system.branch_cosines.values(y) < -1)  # cosines, less 1
     if len(wrong):
-        return f"{system.guarded[int(wrong[0])].label} by half a turn"
+        return f"{system.of_cosine[int(wrong[0])].label} by half a turn"
     D = system.kinematics.directors(y)
     wrong = np.flatnonzero((cross(D[:, 0], D[:, 1]) * D[:, 2]).sum(1) < 0)
     if len(wrong):

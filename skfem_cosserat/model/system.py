@@ -48,7 +48,7 @@ from .loops import (
     null_space_matrix,
     redundancies,
     tree_values,
-    turned_over,
+    wrong_branch,
 )
 from .out_of_plane import guard_of
 from .plane import Plane
@@ -271,13 +271,13 @@ class System:
         self.theory_rows: list[TheoryRows] = add_theory_rows(build, self.structures, self.first)
         self.constraints = QuadraticConstraints(build, self.spanned, self.rows)
         self.m = build.size
-        guard = ConstraintBuilder()
-        self.guarded: list[Joint | JointDrive] = []
+        cosines = ConstraintBuilder()
+        self.of_cosine: list[Joint | JointDrive] = []
         for jr in self.joint_rows:
-            for sheet in jr.joint.sheets():
-                self._add_row(guard, sheet)
-                self.guarded.append(jr.joint)
-        self.guards = QuadraticConstraints(guard, self.spanned, self.rows)
+            for cosine in jr.joint.branch_cosines():
+                self._add_row(cosines, cosine)
+                self.of_cosine.append(jr.joint)
+        self.branch_cosines = QuadraticConstraints(cosines, self.spanned, self.rows)
 
     def terms(self, expression: Expression) -> list[tuple[int, float]]:
         """Rows of y and factors whose sum is the expression."""
@@ -395,12 +395,12 @@ class System:
                 keep[s.rows[s.pivots > SINGULAR]] = True
         return keep
 
-    def turned_over(self, y: Floats) -> str | None:
+    def wrong_branch(self, y: Floats) -> str | None:
         """What fulfils its constraints at y only after a reflection or half a turn; None: nothing.
 
         Quadratic rows cannot tell these, which Newton's method may run into in large steps.
         """
-        return turned_over(self, y)
+        return wrong_branch(self, y)
 
     def null_space(self, q: ArrayLike, t: float = 0.0) -> Floats:
         """Null space matrix ``P(q)`` (n, unknowns) with ``G P = 0``, dense.

@@ -117,11 +117,11 @@ def branch(
         raise InputError("argument mode", f"{mode!r}, expected a number from 0 on")
     point = _point(system, history, int(rows[which]))
     time = history.meta.get("time")
-    look = inspect(system, point, Schedule(system, factors, spin, time).at(point.t))
-    values, modes = look.nearest(mode + 1)
+    stability = inspect(system, point, Schedule(system, factors, spin, time).at(point.t))
+    values, modes = stability.nearest(mode + 1)
     if mode >= len(values):
         raise InputError("argument mode", f"{mode!r}: the scene has {len(values)} motion(s)")
-    direction = look.tangent.P @ modes[:, mode]
+    direction = stability.tangent.P @ modes[:, mode]
     largest = direction[int(abs(direction).argmax())]  # so that the sign is no accident
     along = np.sign(number) * np.sign(largest) * direction.reshape(-1, 3)
     return Branch(point, along, time)

@@ -23,9 +23,9 @@ from .schedule import Functional, Neutral, Point, Schedule, weights
 __all__ = [
     "LOOSE",
     "Critical",
-    "FirmLook",
-    "Look",
+    "FirmStability",
     "Pivots",
+    "Stability",
     "counted",
     "inspect",
     "locate",
@@ -63,7 +63,7 @@ LOOSE = 100.0
 
 
 @dataclass(eq=False)
-class Look:
+class Stability:
     """Stability of a point.
 
     Attributes
@@ -139,7 +139,7 @@ class Look:
         # the metric here is a sum over the nodes, there a mean
         return Neutral(kept, LOOSE * self.floor * len(system.origin_rows))
 
-    def crossed(self, later: Look) -> bool:
+    def crossed(self, later: Stability) -> bool:
         """Whether an eigenvalue has changed its sign between two points of a path."""
         change = later.unstable - self.unstable
         both = self.symmetric and later.symmetric
@@ -176,7 +176,7 @@ class Look:
         return values[order], vectors[:, order]
 
 
-class FirmLook(Look):
+class FirmStability(Stability):
     """Of a point whose pivots leave no room for neutral motions: no stiffness for that."""
 
     @property
@@ -189,7 +189,7 @@ def _start(n: int) -> Floats:
     return np.random.default_rng(0).standard_normal(n)
 
 
-def inspect(system: System, point: Point, amplitudes: Amplitudes) -> Look:
+def inspect(system: System, point: Point, amplitudes: Amplitudes) -> Stability:
     """Stability of an equilibrium."""
     at = balance(system, point.y, amplitudes, turns=point.turns)
     tangent = reduced_tangent(system, point.y, amplitudes, at)
@@ -198,7 +198,7 @@ def inspect(system: System, point: Point, amplitudes: Amplitudes) -> Look:
     difference = abs((K - K.T).data).max(initial=0.0)
     symmetric = system.loading.dead_only or bool(difference <= SYMMETRIC * size)
     unstable, pivot = _negative(0.5 * (K + K.T)) if symmetric else _determinant(K)
-    return Look(point, unstable, symmetric, pivot, lambda: tangent)
+    return Stability(point, unstable, symmetric, pivot, lambda: tangent)
 
 
 class Pivots(NamedTuple):
@@ -223,7 +223,9 @@ class Pivots(NamedTuple):
     odd: bool
 
 
-def counted(system: System, point: Point, amplitudes: Amplitudes, pivots: Pivots | None) -> Look:
+def counted(
+    system: System, point: Point, amplitudes: Amplitudes, pivots: Pivots | None
+) -> Stability:
     """Stability of an equilibrium from the pivots of an elimination that was done already.
 
     Where they do not tell, since the smallest may be that of a neutral motion, or forces may be
@@ -239,7 +241,7 @@ def counted(system: System, point: Point, amplitudes: Amplitudes, pivots: Pivots
         return reduced_tangent(system, point.y, amplitudes, at)
 
     unstable = pivots.negative if symmetric else int(pivots.odd)
-    return FirmLook(point, unstable, symmetric, pivots.smallest, assemble)
+    return FirmStability(point, unstable, symmetric, pivots.smallest, assemble)
 
 
 def _determinant(K: csr_matrix) -> tuple[int, float]:
@@ -306,20 +308,20 @@ class Critical:
     Attributes
     ----------
     kind : {"limit", "bifurcation"}
-    look : Look
+    stability : Stability
         At the point.
     constraint_force : (n,) array
     multiplicity : int
         Eigenvalues that change sign there.
-    after : Look
+    after : Stability
         A little further.
     """
 
     kind: str
-    look: Look
+    stability: Stability
     constraint_force: Floats
     multiplicity: int
-    after: Look
+    after: Stability
 
 
 #: solves for the point that fulfils a functional from a start: point and constraint force, or None
@@ -335,7 +337,7 @@ class _Between:
         solve: Solve,
         schedule: Schedule,
         weights: Floats,
-        ends: tuple[Look, Look],
+        ends: tuple[Stability, Stability],
     ) -> None:
         self.system, self._solve, self.schedule = system, solve, schedule
         self.ends = self.first, self.last = ends
@@ -345,22 +347,22 @@ class _Between:
         share = RIGID / max(abs(start.t), abs(end.t)) ** 2
         self._secant = weights * dy, share * dt, float((weights * dy**2).sum()) + share * dt**2
         none = np.zeros(system.n)
-        self._found: dict[float, tuple[Look, Floats]] = {
+        self._found: dict[float, tuple[Stability, Floats]] = {
             0.0: (self.first, none),
             1.0: (self.last, none),
         }
 
-    def at(self, s: float) -> Look:
+    def at(self, s: float) -> Stability:
         """Raises _LostError."""
         if s not in self._found:
             gradient, by_factor, size = self._secant
             solution = self._solve(self.first.point, Functional(gradient, by_factor, s * size))
             if solution is None:
                 raise _LostError(s)
-            self._found[s] = self.look(solution[0]), solution[1]
+            self._found[s] = self.stability(solution[0]), solution[1]
         return self._found[s][0]
 
-    def look(self, point: Point) -> Look:
+    def stability(self, point: Point) -> Stability:
         return inspect(self.system, point, self.schedule.at(point.t))
 
     def force(self, s: float) -> Floats:
@@ -368,18 +370,20 @@ class _Between:
 
     def value(self, s: float) -> float:
         """The eigenvalue nearest to zero, signed by the number of unstable motions."""
-        look = self.at(s)
-        return -look.smallest if look.unstable != self.first.unstable else look.smallest
+        stability = self.at(s)
+        return (
+            -stability.smallest if stability.unstable != self.first.unstable else stability.smallest
+        )
 
     def middle(self) -> float:
         """A guess of the root from both ends alone."""
-        a, b = (self.mean(look) for look in self.ends)
+        a, b = (self.mean(stability) for stability in self.ends)
         return a / (a + b)
 
-    def mean(self, look: Look) -> float:
+    def mean(self, stability: Stability) -> float:
         """Mean magnitude of as many eigenvalues as change their sign."""
         count = max(1, abs(self.last.unstable - self.first.unstable))
-        return float(abs(look.nearest(count)[0]).mean())
+        return float(abs(stability.nearest(count)[0]).mean())
 
     def sound(self, s: float) -> bool:
         """Whether an eigenvalue vanishes there, and not only the number changes."""
@@ -392,7 +396,7 @@ def locate(
     solve: Solve,
     schedule: Schedule,
     weights: Floats,
-    ends: tuple[Look, Look],
+    ends: tuple[Stability, Stability],
 ) -> Critical | None:
     """The critical point between two points of a path with unlike numbers of unstable motions.
 
@@ -419,13 +423,17 @@ def locate(
 
 
 def _classified(
-    between: _Between, look: Look, force: Floats, slope: float, sides: tuple[Look, Look]
+    between: _Between,
+    stability: Stability,
+    force: Floats,
+    slope: float,
+    sides: tuple[Stability, Stability],
 ) -> Critical:
-    t, before, after = look.point.t, *sides
+    t, before, after = stability.point.t, *sides
     scale = max(abs(t - between.first.point.t), abs(between.last.point.t - t))
     multiplicity = max(1, abs(after.unstable - before.unstable))
     level = multiplicity == 1 and abs(slope) <= LEVEL * scale
-    return Critical("limit" if level else "bifurcation", look, force, multiplicity, after)
+    return Critical("limit" if level else "bifurcation", stability, force, multiplicity, after)
 
 
 def _interpolated(between: _Between, guesses: Sequence[float]) -> Critical | None:
@@ -439,33 +447,33 @@ def _interpolated(between: _Between, guesses: Sequence[float]) -> Critical | Non
             moved, guess = abs(root - guess), root
             if moved < AROUND[0] / 4:
                 found = _mean(between, samples, root)
-                if found.look.smallest <= SMALL * max(k.smallest for k in between.ends):
+                if found.stability.smallest <= SMALL * max(k.smallest for k in between.ends):
                     return found
                 break
     return None
 
 
-def _around(between: _Between, guess: float) -> list[tuple[float, Look]]:
+def _around(between: _Between, guess: float) -> list[tuple[float, Stability]]:
     """Points on both sides, that are not on the branch: nearest first."""
     out = []
     slope = sum(between.mean(end) for end in between.ends)
     for d in AROUND:
         for s, end in zip((guess - d, guess + d), between.ends, strict=True):
             try:
-                look = between.at(s)
+                stability = between.at(s)
             except _LostError:
                 continue
-            if look.unstable == end.unstable and between.mean(look) > 0.2 * d * slope:
-                out.append((s, look))
+            if stability.unstable == end.unstable and between.mean(stability) > 0.2 * d * slope:
+                out.append((s, stability))
     return out
 
 
-def _root(between: _Between, samples: list[tuple[float, Look]], guess: float) -> float | None:
+def _root(between: _Between, samples: list[tuple[float, Stability]], guess: float) -> float | None:
     """Where the mean of the eigenvalues that change their sign vanishes."""
     x = (np.array([s for s, _ in samples]) - guess) / AROUND[-1]
     if min((x < 0).sum(), (x > 0).sum()) < 2:
         return None
-    f = np.array([between.mean(look) for _, look in samples]) * -np.sign(x)
+    f = np.array([between.mean(stability) for _, stability in samples]) * -np.sign(x)
     roots = np.roots(np.polyfit(x, f / abs(f).max(), len(x) - 1))
     real = np.real(roots[abs(np.imag(roots)) < 1e-9])
     if not len(real) or abs(real).min() > 1:
@@ -473,9 +481,9 @@ def _root(between: _Between, samples: list[tuple[float, Look]], guess: float) ->
     return guess + AROUND[-1] * float(real[abs(real).argmin()])
 
 
-def _mean(between: _Between, samples: list[tuple[float, Look]], s: float) -> Critical:
+def _mean(between: _Between, samples: list[tuple[float, Stability]], s: float) -> Critical:
     """The point at s by the polynomial through the samples; its triads orthonormal to rounding."""
-    shares, looks = np.array([k for k, _ in samples]), [look for _, look in samples]
+    shares, reports = np.array([k for k, _ in samples]), [stability for _, stability in samples]
     system = between.system
     weights = np.array(
         [
@@ -483,8 +491,8 @@ def _mean(between: _Between, samples: list[tuple[float, Look]], s: float) -> Cri
             for k, x in enumerate(shares)
         ]
     )
-    y = np.tensordot(weights, [look.point.y for look in looks], 1)
-    times = np.array([look.point.t for look in looks])
+    y = np.tensordot(weights, [stability.point.y for stability in reports], 1)
+    times = np.array([stability.point.t for stability in reports])
     t = float(weights @ times)
     rows = system.kinematics.director_rows
     U, _, V = np.linalg.svd(y[rows])
@@ -497,8 +505,8 @@ def _mean(between: _Between, samples: list[tuple[float, Look]], s: float) -> Cri
         max((k for k in samples if k[0] < s), key=lambda k: k[0])[1],
         min((k for k in samples if k[0] > s), key=lambda k: k[0])[1],
     )
-    look = between.look(Point(y, t, looks[0].point.turns))
-    return _classified(between, look, force, slope, sides)
+    stability = between.stability(Point(y, t, reports[0].point.turns))
+    return _classified(between, stability, force, slope, sides)
 
 
 def locate_all(
@@ -506,7 +514,7 @@ def locate_all(
     solve: Solve,
     schedule: Schedule,
     weights: Floats,
-    ends: tuple[Look, Look],
+    ends: tuple[Stability, Stability],
 ) -> list[Critical]:
     """All critical points between two points of a path, one after the other, see :func:`locate`."""
     out: list[Critical] = []

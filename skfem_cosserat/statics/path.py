@@ -28,7 +28,7 @@ from ..types import Floats
 from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
 from .branch import Branch, branch_stage
 from .control import ArcLength, Control, DisplacementControl, LoadControl, Stage
-from .critical_points import Critical, Look, inspect, locate_all
+from .critical_points import Critical, Stability, inspect, locate_all
 from .schedule import (
     Functional,
     Neutral,
@@ -49,7 +49,7 @@ from .static_checks import (
     rotation,
 )
 
-__all__ = ["STATIC", "Callback", "Walk", "static"]
+__all__ = ["STATIC", "Callback", "Continuation", "static"]
 
 
 # -- point after point of a path: steps, what limits them, critical points on the way --------------
@@ -69,10 +69,10 @@ Callback = Callable[[Point], object]
 
 
 @dataclass
-class _Sight:
+class _StepStability:
     """What is known of the stability along a step: at its end, critical points, what is missing."""
 
-    look: Look | None
+    end: Stability | None
     found: list[Critical]
     lost: bool = False
     #: iterations and solves of the step, if critical points were searched for after it
@@ -80,7 +80,7 @@ class _Sight:
 
 
 @dataclass
-class Walk:
+class Continuation:
     """Point after point."""
 
     system: System
@@ -91,7 +91,7 @@ class Walk:
     critical: list[dict[str, Any]] = field(default_factory=list)
     bent: bool = False
     stretched: bool = False
-    _look: Look | None = None
+    _stability: Stability | None = None
     _rate: Floats | None = None
 
     def run(
@@ -134,11 +134,13 @@ class Walk:
         self._spent, self._unrecorded = (0, 0), (0, 0)
         amplitudes = solver.schedule.at(point.t)
         at = balance(system, point.y, amplitudes, turns=point.turns)
-        look = inspect(system, point, amplitudes) if self.watch or direction is not None else None
-        if look is not None:
-            solver.neutral = look.neutral_motions(system, direction)
+        stability = (
+            inspect(system, point, amplitudes) if self.watch or direction is not None else None
+        )
+        if stability is not None:
+            solver.neutral = stability.neutral_motions(system, direction)
         # at a critical point the number of unstable motions is one or the other
-        self._look = look if direction is None else None
+        self._stability = stability if direction is None else None
         tangent = reduced_tangent(system, point.y, amplitudes, at)
         force = system.constraints.jacobian(point.y).T @ tangent.multipliers
         self._record(point, stage.parameter, force, 0.0, effort=self._effort())
@@ -196,12 +198,12 @@ class Walk:
                 if not jumps and (limit is None or turn <= limit):
                     if isinstance(self.control, ArcLength) and self._crosses(point, solution.point):
                         solution = self._at_end(solution)
-                    sight = self._sight(point, solution)
-                    if not sight.lost or limit is None or losses == LOSSES:
+                    along = self._stability_along(point, solution)
+                    if not along.lost or limit is None or losses == LOSSES:
                         break
                     # it may have landed on another branch: a shorter step shows
                     losses += 1
-                    self._unrecorded = sight.effort or (0, 0)
+                    self._unrecorded = along.effort or (0, 0)
                 elif not jumps and limit is not None:
                     shorter = max(0.5, 0.8 * limit / turn)
                 report.reason = "in the shortest step it jumps to a point far away"
@@ -209,8 +211,8 @@ class Walk:
             stage.length = shorter * length
             if abs(stage.length) < stage.shortest:
                 raise self._failure(point, report, "the path cannot be continued", residuals)
-        solution = self._before_crest(point, solution, sight)
-        asked = self._accept(point, solution, stage, functional, length, sight)
+        solution = self._before_crest(point, solution, along)
+        asked = self._accept(point, solution, stage, functional, length, along)
         return solution.point, asked
 
     def _solve(self, point: Point, functional: Functional) -> tuple[Solution | None, NewtonReport]:
@@ -228,38 +230,40 @@ class Walk:
         solver.neutral = neutral
         return solution, report
 
-    def _sight(self, point: Point, solution: Solution) -> _Sight:
+    def _stability_along(self, point: Point, solution: Solution) -> _StepStability:
         """Stability at a point found, and the critical points on the way to it."""
         if not self.watch:
-            return _Sight(None, [])
-        before = self._look
-        look = self.solver.inspect(solution.point)
-        look.unstable = look.firmly_unstable
-        if before is None or look.unstable == before.unstable:
-            return _Sight(look, [])
+            return _StepStability(None, [])
+        before = self._stability
+        stability = self.solver.inspect(solution.point)
+        stability.unstable = stability.firmly_unstable
+        if before is None or stability.unstable == before.unstable:
+            return _StepStability(stability, [])
         effort = self._effort()
-        found = self._locate(before, look)
+        found = self._locate(before, stability)
         if isinstance(self.control, LoadControl):
             # others belong to parts of the path that were passed before, or to other branches
             low, high = sorted((point.t, solution.point.t))
-            found = [c for c in found if low <= c.look.point.t <= high or c.kind == "limit"]
+            found = [c for c in found if low <= c.stability.point.t <= high or c.kind == "limit"]
         last = found[-1].after if found else before
-        return _Sight(look, found, last.crossed(look), effort)
+        return _StepStability(stability, found, last.crossed(stability), effort)
 
-    def _before_crest(self, point: Point, solution: Solution, sight: _Sight) -> Solution:
+    def _before_crest(self, point: Point, solution: Solution, along: _StepStability) -> Solution:
         """The end of an arc length path, if it is crossed on the way to a critical point."""
         if not isinstance(self.control, ArcLength) or self.control.until is None:
             return solution
         until = self.control.until
-        for k, critical in enumerate(sight.found):
-            if until == critical.look.point.t or not self._crosses(point, critical.look.point):
+        for k, critical in enumerate(along.found):
+            if until == critical.stability.point.t or not self._crosses(
+                point, critical.stability.point
+            ):
                 continue
             self.solver.begin(point)
             exact, report = self.solver.solve(point, Functional(None, 1.0, until - point.t))
             if exact is None:
                 raise self._failure(point, report, "the end of the path was not found")
-            del sight.found[k:]
-            sight.look = inspect(self.system, exact.point, self.solver.schedule.at(until))
+            del along.found[k:]
+            along.end = inspect(self.system, exact.point, self.solver.schedule.at(until))
             return exact
         return solution
 
@@ -270,29 +274,29 @@ class Walk:
         stage: Stage,
         functional: Functional,
         length: float,
-        sight: _Sight,
+        along: _StepStability,
     ) -> bool:
         """Accept a point, after the critical ones that were passed; says whether it was asked."""
         solver, parameter = self.solver, stage.parameter
-        spent = self._effort() if sight.effort is None else sight.effort
+        spent = self._effort() if along.effort is None else along.effort
         gained = stage.gained(point, solution.point, length)
-        for critical in sight.found:
-            share = functional.share(point, critical.look.point)
+        for critical in along.found:
+            share = functional.share(point, critical.stability.point)
             self._record_critical(critical, parameter + share * gained)
             self._check_turning(critical)
-        if sight.effort is not None:
+        if along.effort is not None:
             solver.begin(solution.point)
         else:
             solver.accept()
-        if sight.lost:
+        if along.lost:
             text = (
                 f"a critical point between the load factors {point.t:.6g} and"
                 f" {solution.point.t:.6g} was not located"
             )
             warn("path", text, IncompleteWarning, solution.point.t)
-        self._look = sight.look
-        if sight.look is not None:
-            solver.neutral = sight.look.neutral_motions(self.system)
+        self._stability = along.end
+        if along.end is not None:
+            solver.neutral = along.end.neutral_motions(self.system)
         rows = self.system.rows
         self._rate = (solution.point.y[:rows] - point.y[:rows]) / length
         self._warn_of_elements(solution)
@@ -310,7 +314,7 @@ class Walk:
             stage.length = float(np.sign(stage.length)) * min(abs(stage.length), most)
         return asked
 
-    def _locate(self, before: Look, after: Look) -> list[Critical]:
+    def _locate(self, before: Stability, after: Stability) -> list[Critical]:
         solver = self.solver
         # next to the point sought increments along the mode stay at rounding over eigenvalue
         loose = replace(solver.settings, stagnation=CRITICAL)
@@ -388,12 +392,12 @@ class Walk:
         kind: str = "regular",
         effort: tuple[int, int] = (0, 0),
     ) -> None:
-        unstable = -1 if self._look is None else self._look.unstable
+        unstable = -1 if self._stability is None else self._stability.unstable
         self.recorder.take(point, parameter, force, *effort, residual, unstable, kind)
 
     def _record_critical(self, found: Critical, parameter: float) -> None:
-        point = found.look.point
-        self._look = found.look
+        point = found.stability.point
+        self._stability = found.stability
         entry = {
             "kind": found.kind,
             "load_factor": point.t,
@@ -421,7 +425,7 @@ class Walk:
         """Steps of the load factor end where it does not grow any more."""
         if found.kind != "limit" or not isinstance(self.control, LoadControl):
             return
-        t = found.look.point.t
+        t = found.stability.point.t
         if self.control.turn is None:
             text = "there is a limit point: the path jumps to another branch"
             warn("path", text, AccuracyWarning, t)
@@ -596,7 +600,7 @@ def static(
             trial=lambda plan: CompiledBalance(system, settings, plan, solver).prepare(),
         )
         points = PathSolver(system, treatment, schedule, settings, choice, solver)
-        walk = Walk(system, points, control, watch and system.unknowns > 0)
+        continuation = Continuation(system, points, control, watch and system.unknowns > 0)
         show = Progress(progress, "parameter {:.6g}, load factor {:.6g}".format)
         about: dict[str, Any] = {"treatment": treatment.name, "parameter": control.parameter}
         about |= {"solver": points.method, "unknowns": points.bound.unknowns}
@@ -604,7 +608,9 @@ def static(
         recorder = PathRecorder(system, schedule, about, path, notices)
         with recorder, Interrupt() as interrupt:
             with show:
-                status, failure = walk.run(first, direction, recorder, callbacks, show, interrupt)
+                status, failure = continuation.run(
+                    first, direction, recorder, callbacks, show, interrupt
+                )
             if failure is not None:
                 notices.tell(failure)
             history = recorder.close(
@@ -612,8 +618,8 @@ def static(
                 factorisations=points.factorisations,
                 newton_iterations=points.iterations,
                 attempts=points.attempts,
-                rejected=walk.rejected,
-                critical=walk.critical,
+                rejected=continuation.rejected,
+                critical=continuation.critical,
                 **({} if failure is None else {"failure": str(failure)}),
             )
             if derive and len(history):

@@ -21,7 +21,7 @@ from ..model.balance import Balance, balance, balance_tangent, external_force, p
 from ..model.limits import bent_elements
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray
-from .critical_points import Look, Pivots, counted, inspect
+from .critical_points import Pivots, Stability, counted, inspect
 from .schedule import Functional, Neutral, Point, Schedule, Solution, weights
 
 __all__ = [
@@ -738,8 +738,11 @@ class PathSolver:
         report = newton(problem, self.settings if settings is None else settings)
         self.iterations += report.iterations
         self.attempts += 1
-        if report.converged and (astray := bound.astray(problem.y)) is not None:
-            report.converged, report.reason = False, f"it has turned over: {astray}"
+        if report.converged and (wrong_branch := bound.wrong_branch(problem.y)) is not None:
+            report.converged, report.reason = (
+                False,
+                f"it is on another branch: {wrong_branch}",
+            )
         if not report.converged:
             if bound.trouble is not None:
                 report.reason = f"{report.reason}: {bound.trouble}"
@@ -784,7 +787,7 @@ class PathSolver:
         assert self._problem is not None
         return self._problem.rate()
 
-    def inspect(self, point: Point) -> Look:
+    def inspect(self, point: Point) -> Stability:
         """Stability of the point solved last; compiled kernels count pivots."""
         amplitudes = self.schedule.at(point.t)
         problem = self._problem

@@ -207,8 +207,8 @@ def held_start(system: System, schedule: Schedule, point: Point) -> Point:
     loaded = _loaded(system, schedule, point) if _acts(schedule, point) else None
     if loaded is not None and _free_motions(system, schedule, loaded) is None:
         # bent beams may turn freely about their curved axes: that is no rigid motion
-        look = inspect(system, loaded, schedule.at(loaded.t))
-        if look.smallest > LOOSE * look.floor:
+        stability = inspect(system, loaded, schedule.at(loaded.t))
+        if stability.smallest > LOOSE * stability.floor:
             return loaded
     raise _refused(system, schedule, point, free)
 
