@@ -50,9 +50,7 @@ from .damping import (
 from .diagnostics import (
     Projection as Projection,
 )
-from .drive import (
-    JointDrive as JointDrive,
-)
+from .joint import JointDrive as JointDrive
 from .element import (
     InterpolationEquidistant as InterpolationEquidistant,
     InterpolationLobatto as InterpolationLobatto,

@@ -9,7 +9,7 @@ import numpy as np
 
 from .errors import InputError
 from .frames import REPLACED, Place, StructuralItem, Vertices, check_triad, no_place, vector
-from .replacement import Replacements
+from .frozen import Replacements
 from .types import ArrayLike, Floats, numbers, positive
 
 __all__ = ["MassPoint", "RigidBody"]

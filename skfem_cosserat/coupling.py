@@ -10,11 +10,10 @@ import numpy as np
 
 from .errors import InputError
 from .frames import Item, Place, ground, is_beam, no_place, vector
-from .frozen import loosened
+from .frozen import Replacements, loosened
 from .joint import Joint
 from .load import Amplitude, Component, Constant, FunctionOfTime, TimeFunction, time_function
 from .relative import RelativeCoordinate, displacement, distance, rotation
-from .replacement import Replacements
 from .types import ArrayLike, Floats, numbers, positive
 
 if TYPE_CHECKING:

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Self, TypeGuard
 import numpy as np
 
 from .errors import InputError
-from .frozen import Frozen
+from .frozen import Attached, Frozen, Replacements
 from .kernels import exp_quaternion, rotation_matrix
-from .replacement import Attached, Replacements
 from .types import ArrayLike, Floats, numbers, switch
 
 if TYPE_CHECKING:

@@ -15,8 +15,7 @@ import numpy as np
 
 from .errors import InputError
 from .frames import Item, Place, StructuralItem, is_beam, no_place, vector
-from .frozen import Frozen, brief
-from .replacement import Replacements
+from .frozen import Frozen, Replacements, brief
 from .types import ArrayLike, Floats, numbers, switch
 
 if TYPE_CHECKING:

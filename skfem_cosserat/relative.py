@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .frames import Place, ground
-from .replacement import Attached, Replacements
+from .frozen import Attached, Replacements
 from .types import Floats
 
 __all__ = [

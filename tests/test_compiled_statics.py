@@ -14,7 +14,7 @@ import skfem_cosserat as sc
 from skfem_cosserat.compiled import plan
 from skfem_cosserat.integrators.choice import choose, static_refusal
 from skfem_cosserat.statics import solver
-from skfem_cosserat.statics.critical_points import FirmLook, inspect
+from skfem_cosserat.statics.critical_points import FirmStability, inspect
 from skfem_cosserat.statics.path import STATIC
 from skfem_cosserat.statics.schedule import Functional, Point, Schedule
 from skfem_cosserat.statics.solver import CompiledBalance, CompiledProblem, PlainProblem
@@ -288,7 +288,7 @@ def test_pivots_against_eigenvalues(turned):
     rest.begin(start)
     solution, _ = rest.solve(start, Functional(None, 1.0, 0.0))
     look = rest.inspect(solution.point)
-    assert isinstance(look, FirmLook)
+    assert isinstance(look, FirmStability)
     K = look.tangent.K.toarray()
     assert look.unstable == (np.linalg.eigvalsh(0.5 * (K + K.T)) < 0).sum() == 2 * turned
     again = inspect(system, solution.point, schedule.at(0.0))
@@ -378,7 +378,7 @@ def test_sign_of_the_determinant(push, follower):
     points.begin(start)
     solution, _ = points.solve(start, Functional(None, 1.0, 1.0))
     look, again = points.inspect(solution.point), inspect(system, solution.point, schedule.at(1.0))
-    assert isinstance(look, FirmLook) and not isinstance(again, FirmLook)
+    assert isinstance(look, FirmStability) and not isinstance(again, FirmStability)
     assert look.unstable == again.unstable == (push > 2.5)
     assert not look.symmetric and not again.symmetric
 

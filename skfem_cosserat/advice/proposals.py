@@ -10,11 +10,11 @@ from typing import Any
 from ..beam import Beam
 from ..constraints import Treatment
 from ..frames import StructuralItem
+from ..frozen import Replacements
 from ..integrators import Integrator
 from ..mesh import divided
 from ..model import Model, System, model_of
 from ..model.plane import Planar
-from ..replacement import Replacements
 from ..theory import Theory, TheoryInextensible, TheoryKirchhoff, TheoryReissner, TheoryRigid
 
 __all__ = ["THEORIES", "BeamFull", "BeamHeld", "BeamModel", "BeamRigid", "Proposal"]

@@ -16,6 +16,7 @@ from ..constraints import NullSpace, Treatment
 from ..diagnostics import highest_frequency, kinetic_energy, momentum, section_strains
 from ..errors import CosseratError, Diverged, InputError
 from ..frames import Place
+from ..frozen import Replacements
 from ..history import History
 from ..integrators import EnergyMomentum, Integrator, State, StepReport
 from ..kernels import beam_stress
@@ -23,7 +24,6 @@ from ..load import Constant, Load, LoadGravity, Table
 from ..mesh import divided
 from ..model import Model, System, planarity
 from ..model.plane import Planar
-from ..replacement import Replacements
 from ..run import Sensor, derive_series, initial_state, simulate
 from ..run.sensors import checked_sensors
 from ..types import Array, ArrayLike, Floats, numbers, positive

@@ -17,21 +17,7 @@ from ..model.groups import BeamGroup, Group
 from ..model.tree import Coordinate, Edge, Span, Spot
 from ..strain import strain_factors
 from ..types import Floats, IndexArray
-from . import (
-    blocks,
-    constraints,
-    couplings,
-    kkt,
-    kkt_forces,
-    loads,
-    loops,
-    nodes,
-    spans,
-    stresses,
-    structures,
-    tangent,
-    tree,
-)
+from . import blocks, constraints, couplings, elements, kkt, loads, loops, nodes, structures, tree
 from .couplings import ANGLE, DISPLACEMENT, DISTANCE, KIND, ROW, SIDE, SLACK, SLOT
 from .jit import address
 from .numbers import BEAM_PARTS, COUPLED, TREE_PARTS
@@ -232,9 +218,9 @@ def addresses(names: Sequence[str], structures: Sequence[Any], family: str = "tr
 
 def part_named(name: str, family: str = "tree") -> Any:
     """The function of this name."""
-    modules = [nodes, tree, spans, loops, blocks, stresses, tangent, loads, couplings]
+    modules = [nodes, tree, loops, blocks, elements, loads, couplings]
     if family == "multipliers":
-        modules = [kkt, constraints, stresses, kkt_forces]
+        modules = [kkt, constraints, elements]
     if family == "plane":
         modules = [*plane_parts(), *modules]
     return next(vars(m)[name] for m in modules if name in m.__all__)
@@ -242,9 +228,9 @@ def part_named(name: str, family: str = "tree") -> Any:
 
 def plane_parts() -> list[Any]:
     """What parts for scenes in a plane are in, beside those that take any."""
-    from .plane import loops, nodes, spans, tangent, tree
+    from .plane import elements, loops, nodes, tree
 
-    return [nodes, tree, spans, loops, tangent]
+    return [nodes, tree, loops, elements]
 
 
 def signature(name: str, kinds: Sequence[Any]) -> list[Any]:

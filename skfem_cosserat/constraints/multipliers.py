@@ -10,9 +10,9 @@ from scipy.linalg import qr
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
-from ..drive import JointDrive
 from ..errors import InputError
 from ..frames import TOLERANCE
+from ..joint import JointDrive
 from ..kernels import cross, exp_quaternion, rotation_matrix
 from ..linear import LinearSolver
 from ..model import System

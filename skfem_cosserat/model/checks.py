@@ -10,10 +10,9 @@ import numpy as np
 from scipy.linalg import null_space
 from scipy.sparse import csr_matrix
 
-from ..drive import JointDrive
 from ..errors import InputError
 from ..frames import Place, StructuralItem
-from ..joint import Joint
+from ..joint import Joint, JointDrive
 from ..kernels import null_space_blocks
 from ..types import Floats, IndexArray
 from .closure import Closure

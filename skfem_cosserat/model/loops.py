@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
-from ..drive import JointDrive
 from ..errors import InputError, ModelWarning
 from ..frames import Item, is_beam
-from ..joint import Joint
+from ..joint import Joint, JointDrive
 from ..kernels import cross, null_space_blocks
 from ..types import Floats, IndexArray
 from ..warn import warn

@@ -12,11 +12,10 @@ from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 from ..body import MassPoint, RigidBody
 from ..coupling import Coupling, Foundation
 from ..damping import RayleighDamping
-from ..drive import JointDrive
 from ..errors import IncompatibleError, InputError
 from ..frames import Item, Place, StructuralItem, is_beam
-from ..frozen import loosened, seal
-from ..joint import Joint, JointLocked
+from ..frozen import Replacements, loosened, seal
+from ..joint import Joint, JointDrive, JointLocked
 from ..load import (
     Amplitude,
     Constant,
@@ -28,7 +27,6 @@ from ..load import (
     LoadMoment,
     time_function,
 )
-from ..replacement import Replacements
 from ..types import ArrayLike, Floats
 from ..warn import Notices
 from .ground import Placed

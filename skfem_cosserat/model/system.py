@@ -18,11 +18,10 @@ from scipy.sparse import csr_matrix, issparse
 
 from ..coupling import Coupling
 from ..damping import RayleighDamping
-from ..drive import JointDrive
 from ..errors import InputError
 from ..frames import Item, Place, is_beam
 from ..frozen import lock_arrays
-from ..joint import Joint
+from ..joint import Joint, JointDrive
 from ..load import Load
 from ..pattern import product_form, sum_at
 from ..relative import Expression, Form, Product, Zero

@@ -16,6 +16,7 @@ from ..diagnostics.joint_motion import rates
 from ..diagnostics.stacked import all_rows
 from ..errors import InputError
 from ..frames import Item, Place, is_beam, with_frame
+from ..frozen import Attached, Replacements
 from ..history import HistoryWriter
 from ..integrators import State, Stepper, StepReport
 from ..joint import Joint
@@ -23,7 +24,6 @@ from ..model import Model, System, system_of
 from ..model.force_elements import Invariants, kind_of
 from ..model.scene import joint_of
 from ..model.system import FROM
-from ..replacement import Attached, Replacements
 from ..types import ArrayLike, Floats, check_kind, numbers
 
 if TYPE_CHECKING:
