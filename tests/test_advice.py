@@ -214,6 +214,7 @@ def test_beams_go_without_torsion_only_where_nothing_twists_them(twist):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # candidates in large steps
 def test_compiled_kernels_are_asked_in_space_without_the_time_they_take_to_compile():
     pytest.importorskip("numba")
     model = pendulum()

@@ -21,6 +21,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
+from time import monotonic, sleep
 from typing import Any, Protocol, runtime_checkable
 
 from ..errors import CosseratWarning, InputError, JobError
@@ -180,7 +181,9 @@ class _Worker:
         return bool(wait([self.process.sentinel], patience))
 
     def _ending(self) -> str:
-        code = self.process.exitcode
+        until = monotonic() + PATIENCE  # the executor's own thread may be about to note the code
+        while (code := self.process.exitcode) is None and monotonic() < until:
+            sleep(0.01)
         if code is not None and code < 0:
             names = {each.value: each.name for each in signal.Signals}
             return f"by signal {names.get(-code, -code)}"
