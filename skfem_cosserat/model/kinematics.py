@@ -75,10 +75,9 @@ class _SpanElements:
 
     def axial_strain(self, y: Array) -> Array:
         """``Gamma_3`` (ne, ng), the reference's taken off."""
-        d, _ = self.directors(y)
-        ne, nn = self.rows.shape
-        nodal = np.concatenate([y[self.rows][:, :, None], d], axis=2).reshape(ne, nn, 12)
-        fields, slopes = ((S @ nodal).reshape(ne, -1, 4, 3) for S in (self.N, self.slope))
+        _, D = self.directors(y)
+        fields = np.concatenate([(self.N @ y[self.rows])[:, :, None], D], axis=2)
+        slopes = self.slopes(y)[:, :, None]  # of the place alone: Gamma takes no others
         return strain_measures(fields, slopes, (2,))[..., 0] - self.strain[:, :, 2]
 
     def inverse(self, D: Array) -> Array:
