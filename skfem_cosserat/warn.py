@@ -13,7 +13,6 @@ import sys
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from contextvars import ContextVar, Token
-from types import TracebackType
 from typing import Any, Self
 
 from .errors import (
@@ -117,12 +116,7 @@ class Notices:
         self._tokens.append(_open.set((self,) if self.alone else (*_open.get(), self)))
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         _open.reset(self._tokens.pop())
 
     def take(self, notice: Notice) -> bool:

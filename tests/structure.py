@@ -84,7 +84,11 @@ def passages(texts: dict[Path, str]) -> int:
     where: dict[tuple[str, ...], set[Path]] = defaultdict(set)
     for path, text in texts.items():
         lines = [line.strip() for line in text.splitlines()]
-        lines = [line for line in lines if line and not line.startswith(("from ", "import ", "#"))]
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                for k in range(node.lineno - 1, node.end_lineno or node.lineno):
+                    lines[k] = ""
+        lines = [line for line in lines if line and not line.startswith("#")]
         for k in range(len(lines) - PASSAGE + 1):
             where[tuple(lines[k : k + PASSAGE])].add(path)
     return len({pair for paths in where.values() for pair in combinations(sorted(paths), 2)})

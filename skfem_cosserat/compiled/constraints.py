@@ -3,7 +3,7 @@
 Constraints are quadratic forms: first the six of each triad, then those of joints as products
 ``c y_a . y_b`` and linear terms of rows of y, with lists of indices that never change. So these
 parts know no joints. Unknowns are the coordinates and the impulses ``h lambda``. Parts take
-``(s, m, w, numbers, flag)``: s the constraints, m the elimination, w the work, see :mod:`.layout`.
+``(s, m, w, numbers, flag)``: s the constraints, m the elimination, w the work (:mod:`.structures`).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 
 from ..types import Floats, IndexArray
 from .jit import inlined, part
-from .nodes import carried_on, step_balance
-from .numbers import LENGTH, MASS, MIXED, ROTATION, WEIGHT
+from .nodes import capped, carried_on, step_balance
+from .numbers import MASS, WEIGHT
 from .small import Vector, combine, cross, directors, dot, minus, plus, put, row, turned
 
 __all__ = [
@@ -220,10 +220,7 @@ def cap(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                     turn = a
             elif not a <= shift:
                 shift = a
-    out = max(shift / numbers[LENGTH], turn)
-    factor = numbers[ROTATION] / turn if turn > numbers[ROTATION] else 1.0
-    found[0] = turn
-    found[1] = 1.0 if factor * out > numbers[MIXED] else 0.0
+    out, factor = capped(shift, turn, numbers, found)
     if factor != 1.0:
         for r in range(change.shape[0]):
             for c in range(3):

@@ -1,9 +1,8 @@
 """Interpolation in beam elements, and terms of their tangents, for compiled kernels.
 
-Strains are ``Gamma_i = d_i . phi'`` and ``K_i = (d_k . d_j' - d_j . d_k')/2``, (i, j, k) cyclic, as
-in :mod:`skfem_cosserat.strain`. X (nn, 4, 3) are the nodes of an element, directors those of the
-section; ``G = (phi', d, d')`` at a Gauss point. Parts take ``(g, w, numbers, flag)``, see
-:mod:`.layout` and :data:`.numbers.NUMBERS`.
+Strains are those of :mod:`skfem_cosserat.strain`, written out for speed. X (nn, 4, 3) are the nodes
+of an element, directors those of the section; ``G = (phi', d, d')`` at a Gauss point. Parts take
+``(g, w, numbers, flag)``, see :mod:`.structures` and :data:`.numbers.NUMBERS`.
 
 Arrays go with indices, not as ``a[i]``, and fields of structures are taken once: every new view
 counts references, atomically, which would take longer than the arithmetic.

@@ -316,13 +316,23 @@ def node_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     return 0.0
 
 
+@inlined
+def capped(shift: float, turn: float, numbers: Floats, found: Floats) -> tuple[float, float]:
+    """Size of an increment of these largest displacement and rotation, and what to scale it with.
+
+    ``found`` is its rotation, and 1 where the next matrix is to be taken with the predicted
+    stresses, else 0.
+    """
+    out = max(shift / numbers[LENGTH], turn)
+    factor = numbers[ROTATION] / turn if turn > numbers[ROTATION] else 1.0
+    found[0] = turn
+    found[1] = 1.0 if factor * out > numbers[MIXED] else 0.0
+    return out, factor
+
+
 @part
 def cap(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Size of the increment; one with large rotations is scaled down.
-
-    ``w.found`` is its largest rotation, and 1 where the next matrix is to be taken with the
-    predicted stresses, else 0.
-    """
+    """Size of the increment; one with large rotations is scaled down. See :func:`capped`."""
     x, twist, turning, found = w.x, w.twist, s.turning, w.found
     shift = 0.0
     turn = 0.0
@@ -334,10 +344,7 @@ def cap(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                     turn = a
             elif not a <= shift:
                 shift = a
-    out = max(shift / numbers[LENGTH], turn)
-    factor = numbers[ROTATION] / turn if turn > numbers[ROTATION] else 1.0
-    found[0] = turn
-    found[1] = 1.0 if factor * out > numbers[MIXED] else 0.0
+    out, factor = capped(shift, turn, numbers, found)
     for v in range(x.shape[0]):
         for c in range(x.shape[1]):
             x[v, c] *= factor

@@ -57,7 +57,7 @@ __all__ = [
 #
 # The twist of a child is ``X t_parent + S nu``, nu its joint's own coordinates: so a chain of any
 # length costs as much as its joints, where the columns of one matrix T would grow with the depth.
-# See :mod:`skfem_cosserat.model.tree` for what the coordinates are, and :mod:`.layout` for the
+# See :mod:`skfem_cosserat.model.tree` for what the coordinates are, and :mod:`.structures` for the
 # arrays. Parts take ``(s, m, w, numbers, flag)``: s the tree, m the plan of the elimination, w the
 # work.
 

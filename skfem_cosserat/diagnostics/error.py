@@ -14,6 +14,7 @@ from ..kernels import beam_stress
 from ..linear import SingularMatrixError
 from ..model import Model, System, system_of, takes_scene
 from ..model.balance import Amplitudes
+from ..strain import strain_measures
 from ..types import ArrayLike, Floats, IndexArray, numbers, switch
 from .energy import group_of, held_forces, section_strains
 from .forces import element_forces
@@ -320,7 +321,7 @@ def evaluate(
         nodal = y.reshape(*y.shape[:2], -1, 4, 3).copy()
         nodal[..., 1:, :] = beam.rotations[e] @ nodal[..., 1:, :]
         value, slope = (np.einsum("ma,kmaic->kmic", S, nodal) for S in (N, dN))
-        return value, _measures(value, slope)
+        return value, strain_measures(value, slope)
 
     value, strain = at(Q.reshape(len(Q), -1, 3)[:, rows])
     strain = strain - at(beam.reference.reshape(1, -1, 3)[:, _own_rows(beam)[e]])[1]
@@ -367,15 +368,6 @@ def _places(beam: Beam, elements: ArrayLike, xi: ArrayLike) -> tuple[IndexArray,
     if wrong.any():
         raise InputError(beam.label, f"xi = {x[wrong][0]} in element {e[wrong][0]}, not in [0, 1]")
     return e, x
-
-
-def _measures(value: Floats, slope: Floats) -> Floats:
-    """``d_i . phi'`` and ``(1/2) eps_ijk d_k . d_j'`` (k, m, 6)."""
-    d = value[:, :, 1:]
-    gamma = np.einsum("kmic,kmc->kmi", d, slope[:, :, 0])
-    W = d @ np.swapaxes(slope[:, :, 1:], -1, -2)
-    wedge = (W - np.swapaxes(W, -1, -2)) / 2
-    return np.concatenate([gamma, wedge[..., [2, 0, 1], [1, 2, 0]]], axis=-1)
 
 
 # -- where the error of a mesh comes from, element by element, seen from a richer one --------------

@@ -451,20 +451,11 @@ class CompiledStep(CompiledScene):
 
     Parameters
     ----------
-    system : System
     integrator : Integrator
     h : float
         Step size (s).
-    settings : NewtonSettings
-    plan : Plan, optional
-        Of the elimination, if it is there already.
-    solver : Solver, optional
-        Of what elimination in blocks leaves.
-
-    Attributes
-    ----------
-    factorisations : int
-        So far.
+    system, settings, plan, solver
+        As for :class:`CompiledScene`.
     """
 
     def __init__(

@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix
 from ..kernels import cross, director_force
 from ..pattern import sum_at
 from ..relative import normals
+from ..strain import strain_measures
 from ..types import Array, Floats, IndexArray
 from .tree import Coordinate, Pair, Span, Spot, Tree
 
@@ -20,9 +21,9 @@ __all__ = ["Kinematics", "Located", "Spans"]
 
 # -- lines of elements that hold shear strains, from their directors: what they add to the tree ----
 #
-# ``Gamma_i = d_i . phi'`` at p Gauss points gives there ``phi' = D^-1 Gamma`` (rows of D: the
-# interpolated directors), and phi' is a polynomial of degree p - 1: with it all nodes of the
-# element follow from one of them. So do their velocities,
+# The first three strains (../strain.py), ``Gamma = D phi'`` with the interpolated directors as rows
+# of D, give ``phi' = D^-1 Gamma`` at p Gauss points, and phi' is a polynomial of degree p - 1: with
+# it all nodes of the element follow from one of them. So do their velocities,
 #
 # ``dphi'/dt = sum_a A_a omega_a + D^-1 e_3 ds/dt``,  ``A_a = -N_a D^-1 [d_i^a x phi']``
 #
@@ -71,6 +72,13 @@ class _SpanElements:
             d = self.rotations @ d
         ne, nn = self.rows.shape
         return d, (self.N @ d.reshape(ne, nn, 9)).reshape(ne, -1, 3, 3)
+
+    def axial_strain(self, y: Array) -> Array:
+        """``Gamma_3`` (ne, ng), the reference's taken off."""
+        _, D = self.directors(y)
+        fields = np.concatenate([(self.N @ y[self.rows])[:, :, None], D], axis=2)
+        slopes = self.slopes(y)[:, :, None]  # of the place alone: Gamma takes no others
+        return strain_measures(fields, slopes, (2,))[..., 0] - self.strain[:, :, 2]
 
     def inverse(self, D: Array) -> Array:
         """``D^-1`` (ne, ng, 3, 3) of interpolated directors; faster than LAPACK for so few."""
@@ -274,9 +282,7 @@ class Spans:
         out = [np.zeros(0)]
         for g in self.groups:
             if len(g.numbers):
-                _, D = g.directors(y)
-                strain = (D[:, :, 2] * g.slopes(y)).sum(-1) - g.strain[:, :, 2]
-                out.append(strain[g.stretched[:, 0], g.stretched[:, 1]])
+                out.append(g.axial_strain(y)[g.stretched[:, 0], g.stretched[:, 1]])
         return np.concatenate(out)
 
     def arms(self, y: Array, stretches: Array) -> Array:

@@ -1,9 +1,8 @@
 """Constraint rows that hold strains of beams, see :mod:`skfem_cosserat.theory`.
 
-At each Gauss point ``Gamma_i = d_i . phi'`` and ``K_i = (d_k . d_j' - d_j . d_k')/2`` of the
-interpolated directors keep their values in the reference: quadratic rows as those of joints. With
-the weight w of the point and the length l of the element a multiplier is ``w l`` times a stress
-resultant, as the balance holds ``int B^T S ds``.
+At each Gauss point strains (:data:`skfem_cosserat.strain.FORMS`) keep their values in the
+reference: quadratic rows as those of joints. With the weight w of the point and the length l of the
+element a multiplier is ``w l`` times a stress resultant, as the balance holds ``int B^T S ds``.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..frames import is_beam
+from ..strain import FORMS
 from ..types import Floats, IndexArray
 from .groups import Structure
 from .quadratic import ConstraintBuilder
@@ -115,26 +115,23 @@ def _products(beam: Beam, row: int) -> Iterator[tuple[Terms, Terms, float | None
     for e, nodes in enumerate(basis.connectivity):
         origins = (row + 4 * nodes).tolist()
         for g in range(len(basis.points)):
-            position = list(zip(origins, (slope[:, g] / basis.lengths[e]).tolist(), strict=True))
-            d, rate = (
-                [_director(beam, e, origins, values, i) for i in range(3)]
+            fields, slopes = (
+                [_field(beam, e, origins, values, i) for i in range(4)]
                 for values in (N[:, g], slope[:, g] / basis.lengths[e])
             )
             for strain in beam.theory.held:
-                if strain < 3:
-                    yield d[strain], position, 1.0
-                else:
-                    j, k = (strain + 1) % 3, (strain + 2) % 3
-                    yield d[k], rate[j], 0.5
-                    yield d[j], rate[k], -0.5
+                for a, b, factor in FORMS[strain]:
+                    yield fields[a], slopes[b], factor
                 yield [], [], None
 
 
-def _director(beam: Beam, e: int, origins: Sequence[int], values: Floats, i: int) -> Terms:
-    """Director d_i of the section, interpolated with these values of the shape functions."""
+def _field(beam: Beam, e: int, origins: Sequence[int], values: Floats, i: int) -> Terms:
+    """Place (0) or director d_i of the section, interpolated with values of shape functions."""
+    if i == 0:
+        return list(zip(origins, values.tolist(), strict=True))
     return [
         (origin + 1 + j, float(value * factor))
-        for origin, value, turned in zip(origins, values, beam.rotations[e, :, i], strict=True)
+        for origin, value, turned in zip(origins, values, beam.rotations[e, :, i - 1], strict=True)
         for j, factor in enumerate(turned)
         if factor
     ]

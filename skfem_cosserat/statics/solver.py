@@ -378,19 +378,7 @@ STATE = ("turn", "value", "swing")
 class CompiledBalance(CompiledScene):
     """Compiled kernels for the balance of one system at rest, null space method.
 
-    Parameters
-    ----------
-    system : System
-    settings : NewtonSettings
-    plan : Plan, optional
-        Of the elimination, if it is there already.
-    solver : Solver, optional
-        Of what elimination in blocks leaves.
-
-    Attributes
-    ----------
-    factorisations : int
-        So far.
+    Parameters and attributes are those of :class:`CompiledScene`.
     """
 
     def __init__(

@@ -11,7 +11,7 @@ from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
 from ...model import System
 from ...model.groups import BeamGroup
 from ...model.tree import Span, Spot
-from ...strain import strain_factors
+from ...strain import FORMS, strain_factors
 from ...types import Floats, IndexArray
 from .. import structures
 from ..bind import KINDS, bound_spans, coordinates_of, followed, fulcrum_of, integers, nested
@@ -347,9 +347,12 @@ def bound_beams(
     mass = np.einsum("eaij,eajbk,eblk->eabil", Q, scalar, Q)
     left = np.broadcast_to(k[:, None, None], (ne, nn, nn, 3))
     strain = np.zeros((ne, 6, 3))  # Gamma and K by gamma and kappa
-    strain[:, :3, 0], strain[:, :3, 1] = k.real, k.imag
-    j, h = [1, 2, 0], [2, 0, 1]
-    strain[:, 3:, 2] = -(k[:, h].conj() * k[:, j]).imag
+    for i, form in enumerate(FORMS):
+        for a, b, factor in form:
+            if b == 0:  # d_a . phi' = Re(conj(k_a) gamma)
+                strain[:, i, 0], strain[:, i, 1] = k[:, a - 1].real, k[:, a - 1].imag
+            else:  # d_a . d_b' = Re(conj(k_a) k_b conj(e) e'), of which Re(conj(e) e') cancels
+                strain[:, i, 2] -= factor * (k[:, a - 1].conj() * k[:, b - 1]).imag
     forces = elements.stiffness @ strain
     stiffness = strain.swapaxes(1, 2) @ forces
     reference = np.einsum("egi,eij->egj", elements.reference, strain)
