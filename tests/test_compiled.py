@@ -194,7 +194,8 @@ def assert_same_iteration(system, integrator, seed):
         guess = 0.1 * rng.standard_normal(system.unknowns)
         bound = stepper.bound
         bound.begin(system.extend(state.q, state.time), system.ground(state.time + h), h)
-        bound.last = fast.last = guess
+        bound.resume(guess)
+        fast.resume(guess)
         bound.guess(True)
         problem = stepper.problem(method.begin(system, state, h))
         problem.residual()

@@ -19,6 +19,7 @@ from skfem_cosserat.diagnostics import (
     section_strain_rates,
 )
 from skfem_cosserat.diagnostics.stacked import material_stiffness
+from skfem_cosserat.integrators import StepOrigin
 from skfem_cosserat.run import start as joint_rates
 from skfem_cosserat.statics import equilibrium
 
@@ -115,7 +116,7 @@ def test_configurations_off_the_constraints_are_refused(name):
     system = scene(name)
     q = system.q0 + shifted(system, (0, 0, 0.01))
     bad = sc.State(0.0, 0, q, np.zeros(system.n))
-    for start in (bad, replace(bad, maker=("variational", 1e-3))):
+    for start in (bad, replace(bad, made_by=StepOrigin("variational", 1e-3))):
         with pytest.raises(
             sc.InputError,
             match=r"argument start: q at t = 0 s violates .* revolute joint 'pin' by 0\.01",

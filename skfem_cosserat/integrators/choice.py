@@ -15,8 +15,9 @@ from ..errors import InputError, PerformanceWarning
 from ..frames import TOLERANCE
 from ..linear import Solver
 from ..model import System
+from ..newton import NewtonSettings
 from ..warn import warn
-from .base import Integrator, default_settings
+from .base import Integrator
 from .compiled_step import compiled_step, scalar
 
 __all__ = [
@@ -193,7 +194,7 @@ def choose_kernels(
     refused = refusal(system, integrator, treatment)
 
     def trial(plan: Plan) -> None:
-        compiled_step(system, integrator.single, treatment, 1.0, default_settings(), plan, solver)
+        compiled_step(system, integrator.single, treatment, 1.0, NewtonSettings(), plan, solver)
 
     multipliers = isinstance(treatment, Multipliers)
     return choose(kernels, system, refused, seconds, solver, multipliers, trial)

@@ -490,11 +490,8 @@ class CompiledStep(CompiledScene):
         self._viscous: Viscous | None = None
         self._resist(h)
         self._rows = np.zeros(0, dtype=np.int64)
-        #: whether there are closed loops; configuration at the end of the last step, as given away
+        #: whether there are closed loops
         self.looped = len(self._a.mu) > 0
-        self.end: Floats | None = None
-        #: configuration from which the compiled way found no step
-        self.stuck: Floats | None = None
         # how far coordinates went since rows of closed loops were chosen, and in the last step
         self._travelled = self._travel = self._farthest = np.inf
         #: whether nothing changes from step to step but the state, where loads do not
@@ -535,7 +532,8 @@ class CompiledStep(CompiledScene):
         changed |= dict(zip(carried, scheme.carry, strict=True))
         for name, number in changed.items():
             self._all[-1][NUMBERS.index(name)] = number
-        self.last, self._record[KEPT] = self._scaled_last(h / self.h), 0.0
+        self.resume(self._scaled_last(h / self.h))
+        self._record[KEPT] = 0.0
         self.h, self.scheme, self._factors = h, scheme, None
         self._coupled.resize(h)
         self._resist(h)
@@ -565,8 +563,9 @@ class CompiledStep(CompiledScene):
         From another state than the last; or after a motion of length `clearance`, if those that
         there are have come too close to each other, too.
         """
-        here = state.q is self.end or np.array_equal(state.q, self._a.y1.ravel()[: state.q.size])
-        if not here or not np.isfinite(self._travelled):
+        if not np.isfinite(self._travelled):
+            return True
+        if (state.q != self._a.y1.ravel()[: state.q.size]).any():
             return True
         if self._travelled >= bound.clearance:
             rows = self._a.border_row.reshape(len(self._rows), -1)[:, self._numbering]
@@ -581,11 +580,11 @@ class CompiledStep(CompiledScene):
         """What the treatment keeps of the last step, see there; None before the first."""
         return self._a.last.ravel()[self._numbering] if self._record[KNOWN] else None
 
-    @last.setter
-    def last(self, value: Any) -> None:
-        self._record[KNOWN] = self._record[GUESS] = float(value is not None)
-        if value is not None:
-            self._a.last.ravel()[self._numbering] = np.real(value)
+    def resume(self, last: Any) -> None:
+        """See the treatment: the next step is guessed from what is known of another one."""
+        self._record[KNOWN] = self._record[GUESS] = float(last is not None)
+        if last is not None:
+            self._a.last.ravel()[self._numbering] = np.real(last)
 
     def _begin(self, state: State) -> None:
         """Loads, prescribed motion and all that is fixed during a step."""
@@ -618,11 +617,8 @@ class CompiledStep(CompiledScene):
         record, a, rows = self._record, self._a, self.system.rows
         done, spent = int(record[DONE]), int(record[ALL_ITERATIONS])
         before = a.y0[:rows].flatten(), a.p0.flatten()
-        if solved:
-            self.end = a.y1[:rows].flatten()
-            after = self.end, a.carried.flatten()
-        else:  # from here on; nothing is left of how the last one came about
-            after, self.stuck = before, before[0] if done else state.q
+        # of a step that was not solved nothing is left of how the one before came about
+        after = (a.y1[:rows].flatten(), a.carried.flatten()) if solved else before
         last, work = int(record[ITERATIONS]), float(record[ALL_WORK])
         return BlockOfSteps(done, spent, last, not solved, work, before, after)
 
@@ -641,7 +637,7 @@ class CompiledStep(CompiledScene):
             self._travelled = float(record[TRAVELLED])
         if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
             known = known or (self.looped and record[DONE] > 1)
-            self.last = a.before.ravel()[self._numbering] if known else None
+            self.resume(a.before.ravel()[self._numbering] if known else None)
             record[KEPT], a.mu[:] = 0.0, 0.0
             record[DONE] -= 1
             record[ALL_ITERATIONS] -= record[ITERATIONS]
@@ -812,11 +808,11 @@ class CompiledMultipliers(CompiledStep):
             return None
         return self._own.last.ravel().copy(), self._own.last_one.copy()
 
-    @last.setter
-    def last(self, value: Any) -> None:
-        self._record[KNOWN] = self._record[GUESS] = float(value is not None)
-        if value is not None:
-            self._own.last.ravel()[:], self._own.last_one[:] = value
+    def resume(self, last: Any) -> None:
+        """See the base class."""
+        self._record[KNOWN] = self._record[GUESS] = float(last is not None)
+        if last is not None:
+            self._own.last.ravel()[:], self._own.last_one[:] = last
 
     def resized(self, h: float) -> CompiledStep:
         """See the base class; unscaled matrices have the step size in them: bound anew."""
@@ -824,7 +820,8 @@ class CompiledMultipliers(CompiledStep):
             return super().resized(h)
         own = self.system, self.integrator, h, self.settings, self.plan
         other = CompiledMultipliers(*own, scaled=False)
-        other.factorisations, other.last = self.factorisations, self._scaled_last(h / self.h)
+        other.factorisations += self.factorisations
+        other.resume(self._scaled_last(h / self.h))
         return other
 
     def _scaled_last(self, ratio: float) -> Any:

@@ -617,7 +617,7 @@ def static(
                 **({} if failure is None else {"failure": str(failure)}),
             )
             if derive and len(history):
-                interrupt.asked = True  # nothing is lost any more: end at once
+                interrupt.at_once()  # nothing is lost any more
                 _derive(system, schedule, history, path, notices)
         if failure is not None:
             failure.history = history

@@ -15,7 +15,7 @@ from ..constraints.base import BoundTreatment
 from ..integrators.base import Scheme
 from ..integrators.choice import Choice, built
 from ..integrators.compiled_step import CompiledScene
-from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
+from ..linear import SingularMatrixError, Solver, checked_solver
 from ..model import System
 from ..model.balance import Balance, balance, balance_tangent, external_force, predicted
 from ..model.limits import bent_elements
@@ -671,10 +671,10 @@ class PathSolver:
         solver: Solver | None = None,
     ) -> None:
         self.system, self.schedule, self.settings = system, schedule, settings
-        self.bound = treatment.bind(system, 1.0)  # forces act where the balance is taken
-        self._asked = solver
-        if checked_solver(solver) is not None:
-            self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
+        self.bound = treatment.bind(system, 1.0, large=True)  # forces act where the balance is
+        self._asked = checked_solver(solver)
+        if self._asked is not None:
+            self.bound.solve_with(self._asked)
         self.iterations = self.attempts = 0
         self.neutral = Neutral()
         self._accepted: object | None = None
