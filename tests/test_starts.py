@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers_scenes import four_bar
+from helpers_schemes import SCHEMES
 from scipy.linalg import null_space
 
 import skfem_cosserat as sc
@@ -30,15 +31,6 @@ THEORIES = {
     "unshearable": sc.TheoryKirchhoff(),
     "rigid": sc.TheoryRigid(),
 }
-SCHEMES = [
-    sc.Variational(),
-    sc.Variational(stabilized=True),
-    sc.EnergyMomentum(),
-    sc.EnergyMomentum(stabilized=True),
-    sc.EnergyDecaying(chi=0.1),
-    sc.GeneralizedAlpha(0.8),
-    sc.Composition(sc.Variational(), 4),
-]
 
 
 def hinged(item, place, angle=0.0):

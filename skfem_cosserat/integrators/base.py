@@ -361,7 +361,10 @@ class Integrator(Frozen):
     def update(
         self, system: System, step: StepData, evaluation: Evaluation
     ) -> tuple[Array, Array] | None:
-        """What :meth:`tangent` leaves out, as ``sum_k U_k (V_k . dq_1)``: U, V (k, rows, 3)."""
+        """What :meth:`tangent` leaves out, as ``sum_k U_k (V_k . dq_1)``: U, V (k, rows, 3).
+
+        Of a scheme whose rows depend on those of all nodes, as those of EnergyDecaying do.
+        """
         return None
 
     @abstractmethod

@@ -964,7 +964,8 @@ class Marching(March):
         if self._last is None:
             return None
         end, half = self._last
-        same = end.time == state.time and np.array_equal(end.turns, state.turns)
+        before, now = (0 if each.turns is None else each.turns for each in (end, state))
+        same = end.time == state.time and np.array_equal(before, now)
         return half if same and (end.q == state.q).all() and (end.p == state.p).all() else None
 
     def _first(

@@ -162,8 +162,8 @@ def steps(
     ----------
     system : Model or System
     integrator : Integrator
-        ``Variational()``, ``EnergyMomentum()``, ``EnergyDecaying()``, ``GeneralizedAlpha()``, a
-        ``Composition`` of one of the first two, ``Explicit()`` or ``Asynchronous()``.
+        Such as ``Variational()``, ``EnergyMomentum()``, a ``Composition`` of one of them,
+        ``GeneralizedAlpha()`` or ``Explicit()``; the README has a table of all.
     treatment : Treatment
         ``NullSpace()`` or ``Multipliers()``; the explicit schemes take the latter.
     step : float

@@ -269,8 +269,8 @@ class StepControl(Frozen):
 
     Notes
     -----
-    For schemes whose steps may vary: energy-momentum, energy-decaying, generalized-alpha.
-    Symplectic ones are refused; :func:`advise_step` finds the fixed step for a tolerance.
+    For schemes whose steps may vary, such as energy-momentum and generalized-alpha. Symplectic ones
+    are refused; :func:`advise_step` finds the fixed step for a tolerance.
     A step that cannot be solved counts as one that is too large. Proportional-integral control:
     Gustafsson, ACM Trans. Math. Softw. 17 (1991) 533; error per unit step: Hairer, Norsett &
     Wanner, Solving Ordinary Differential Equations I, II.4.
