@@ -323,6 +323,13 @@ class CompiledScene:
         Of what elimination in blocks leaves.
     static : bool
         For a balance at rest, with loads that are evaluated in each iteration.
+    kept_only : bool
+        Take kernels that are in this process or on the disk; compile none.
+
+    Raises
+    ------
+    NotKept
+        If a kernel is neither here nor there.
 
     Attributes
     ----------
@@ -339,8 +346,10 @@ class CompiledScene:
         plan: Plan | None = None,
         solver: Solver | None = None,
         static: bool = False,
+        kept_only: bool = False,
     ) -> None:
         self.system, self.settings, self.scheme = system, settings, scheme
+        self._kept_only = kept_only
         self.plan = plan_of(system, solver is not None) if plan is None else plan
         self.factorisations = 0
         self._drag_factor = 0.0
@@ -369,12 +378,12 @@ class CompiledScene:
 
         system, groups = self.system, self.system.beam_groups
         parts = bind.parts_of(system, weight, ends or is_viscous(system), static)
-        with COMPILING, bind.compiling(system, parts):
+        with COMPILING, bind.compiling(system, parts, kept_only=self._kept_only):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
             w, self._arrays = bind.bound_work(system, self.plan)
             g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
-            table = bind.addresses(parts, (s, m, w, g))
+            table = bind.addresses(parts, (s, m, w, g), kept_only=self._kept_only)
         if len(self.plan.rest):
             A, x = self._arrays["A"], self._arrays["x"]
             self._rest = Rest(self.plan, planned["size"], A, x, self._solver)
@@ -460,6 +469,8 @@ class CompiledStep(CompiledScene):
         Of the elimination, if it is there already.
     solver : Solver, optional
         Of what elimination in blocks leaves.
+    kept_only : bool
+        See the base class.
 
     Attributes
     ----------
@@ -475,12 +486,14 @@ class CompiledStep(CompiledScene):
         settings: NewtonSettings,
         plan: Plan | None = None,
         solver: Solver | None = None,
+        kept_only: bool = False,
     ) -> None:
         from ..compiled import step
 
         scheme = integrator.scheme(h)
         assert isinstance(scheme, Scheme)
-        super().__init__(system, scheme, integrator.constraint_weight, settings, plan, solver)
+        own = system, scheme, integrator.constraint_weight, settings, plan, solver
+        super().__init__(*own, kept_only=kept_only)
         self.integrator, self.h = integrator, h
         self._step = step
         self._record = np.zeros(len(RECORD))
@@ -520,7 +533,7 @@ class CompiledStep(CompiledScene):
         from ..compiled import bind, jit
 
         kinds = tuple(bind.typeof(each) for each in (*self._all, self._record, self._ends))
-        entry: Callable[..., bool] = jit.ready(self._step.solve, kinds).entry_point
+        entry: Callable[..., bool] = jit.ready(self._step.solve, kinds, self._kept_only).entry_point
         return entry
 
     def resized(self, h: float) -> CompiledStep:
@@ -713,18 +726,20 @@ def compiled_step(
     settings: NewtonSettings,
     plan: Plan | None = None,
     solver: Solver | None = None,
+    kept_only: bool = False,
 ) -> CompiledStep:
-    """Steps with one of the treatments; see :class:`.fast.CompiledStep`."""
+    """Steps with one of the treatments; see :class:`CompiledStep`."""
+    own = system, integrator, h, settings, plan
     if isinstance(treatment, Multipliers):
-        return CompiledMultipliers(system, integrator, h, settings, plan, treatment.scaled)
+        return CompiledMultipliers(*own, treatment.scaled, kept_only)
     kind = CompiledStep if system.plane is None else CompiledPlane
-    return kind(system, integrator, h, settings, plan, solver)
+    return kind(*own, solver, kept_only)
 
 
 class CompiledPlane(CompiledStep):
     """Steps of a scene in a plane, with the null space method: three unknowns a frame.
 
-    See :class:`.fast.CompiledStep`.
+    See :class:`CompiledStep`.
     """
 
     def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
@@ -735,14 +750,14 @@ class CompiledPlane(CompiledStep):
         system, groups = self.system, self.system.beam_groups
         parts = bind.parts_of(system, weight, ends or is_viscous(system))
         frames = plane.Frames(system)
-        with COMPILING, bind.compiling(system, parts, "plane"):
+        with COMPILING, bind.compiling(system, parts, "plane", self._kept_only):
             rows, outside = plane.bound_rows(system, frames)
             s, self._tree = plane.bound_tree(system, self.plan, frames, rows)
             m, _ = bind.bound_plan(system, self.plan)
             w, arrays = plane.bound_work(system, self.plan, frames)
             group = groups[0] if groups else None
             g, _ = plane.bound_beams(system, group, self.plan, frames, outside)
-            table = bind.addresses(parts, (s, m, w, g), "plane")
+            table = bind.addresses(parts, (s, m, w, g), "plane", self._kept_only)
         own = ("y0", "y1", "ground1", "p0", "external", "R", "carried")
         self._arrays = arrays | {name: outside[name] for name in own}
         self._number([c for cs in bind.coordinates_of(system) for c in cs])
@@ -765,7 +780,7 @@ class CompiledMultipliers(CompiledStep):
 
     Parameters
     ----------
-    system, integrator, h, settings, plan
+    system, integrator, h, settings, plan, kept_only
         See :class:`CompiledStep`.
     scaled : bool
         See :class:`skfem_cosserat.Multipliers`.
@@ -779,11 +794,12 @@ class CompiledMultipliers(CompiledStep):
         settings: NewtonSettings,
         plan: Plan | None = None,
         scaled: bool = True,
+        kept_only: bool = False,
     ) -> None:
         self._scaled, self._h = scaled, h
         if plan is None:
             plan = plan_of(system, whole=True)
-        super().__init__(system, integrator, h, settings, plan)
+        super().__init__(system, integrator, h, settings, plan, kept_only=kept_only)
 
     def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
         """See the base class."""
@@ -791,12 +807,12 @@ class CompiledMultipliers(CompiledStep):
 
         system, groups = self.system, self.system.beam_groups
         parts = bind_kkt.parts_of(system, ends or is_viscous(system))
-        with COMPILING, bind.compiling(system, parts, "multipliers"):
+        with COMPILING, bind.compiling(system, parts, "multipliers", self._kept_only):
             s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self._h)
             m, _ = bind_kkt.bound_elimination(system, self.plan)
             w, self._arrays = bind_kkt.bound_steps(system, self.plan)
             g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
-            table = bind.addresses(parts, (s, m, w, g), "multipliers")
+            table = bind.addresses(parts, (s, m, w, g), "multipliers", self._kept_only)
         self._own = SimpleNamespace(**own)
         self._nodal = Reparametrisation(system.kinematics)
         return table, s, m, w, g

@@ -593,7 +593,7 @@ def static(
             static_refusal(system, treatment, spin),
             estimated_seconds(system, control.expected, ITERATIONS),
             solver,
-            trial=lambda plan: CompiledBalance(system, settings, plan, solver).prepare(),
+            trial=lambda plan: CompiledBalance(system, settings, plan, solver, True).prepare(),
         )
         points = PathSolver(system, treatment, schedule, settings, choice, solver)
         walk = Walk(system, points, control, watch and system.unknowns > 0)

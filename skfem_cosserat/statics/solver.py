@@ -386,6 +386,8 @@ class CompiledBalance(CompiledScene):
         Of the elimination, if it is there already.
     solver : Solver, optional
         Of what elimination in blocks leaves.
+    kept_only : bool
+        See the base class.
 
     Attributes
     ----------
@@ -399,10 +401,12 @@ class CompiledBalance(CompiledScene):
         settings: NewtonSettings,
         plan: Plan | None = None,
         solver: Solver | None = None,
+        kept_only: bool = False,
     ) -> None:
         from ..compiled import static
 
-        super().__init__(system, REST, 1.0, settings, plan, solver, static=True)
+        own = system, REST, 1.0, settings, plan, solver
+        super().__init__(*own, static=True, kept_only=kept_only)
         self._static = static
         count = len(system.origin_rows)
         self._width = 12 * count
@@ -421,7 +425,8 @@ class CompiledBalance(CompiledScene):
         some = int(False), self._residuals[:1], self._increments[:1]
         kernels = (self._static.begin, ()), (self._static.move, ()), (self._static.solve, some)
         for kernel, others in kernels:
-            jit.ready(kernel, tuple(bind.typeof(each) for each in (*self._all, *others)))
+            kinds = tuple(bind.typeof(each) for each in (*self._all, *others))
+            jit.ready(kernel, kinds, self._kept_only)
 
     @property
     def y(self) -> Floats:
