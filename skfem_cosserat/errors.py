@@ -218,6 +218,7 @@ class Diverged(CosseratError, RuntimeError):
         advice: str,
         residuals: list[list[float]] | None = None,
         at: str | None = None,
+        settings: Any = None,
     ) -> None:
         self.time = time
         self.step = step
@@ -226,7 +227,7 @@ class Diverged(CosseratError, RuntimeError):
         self.advice = advice
         self.residuals = [] if residuals is None else residuals
         self.history: Any = None
-        self.settings: Any = None
+        self.settings = settings
         self.warnings: list[dict[str, Any]] = []
         self.warned = ""
         where = f"t = {time:.9g} s" if at is None else at

@@ -177,9 +177,10 @@ def struck():
     return model.freeze(), sc.Variational(), sc.Multipliers()
 
 
-def blow(iterations):
+def blow(iterations, settings=None):
     """A run of it, with this many iterations each attempt (None: it does not say)."""
-    settings = iterations and sc.NewtonSettings(iterations, damped_iterations=iterations)
+    if iterations:
+        settings = sc.NewtonSettings(iterations, damped_iterations=iterations)
     return sc.simulate(*struck(), step=0.1, until=1.0, settings=settings)
 
 

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from helpers_schemes import SCHEMES, compiled
 
 import skfem_cosserat as sc
 
@@ -279,16 +280,7 @@ def held() -> sc.Model:
 H = 2e-3
 VARIATIONAL, MOMENTUM = sc.Variational(), sc.EnergyMomentum()
 NULL, FULL = sc.NullSpace(), sc.Multipliers()
-OTHERS = (
-    sc.Variational(stabilized=True),
-    sc.EnergyMomentum(stabilized=True),
-    sc.EnergyDecaying(0.1),
-    sc.EnergyDecaying(rate=1.0, stabilized=True),
-    sc.GeneralizedAlpha(0.8),
-    sc.GeneralizedAlpha(0.8, stabilized=False),
-    sc.Composition(sc.Variational(), 4),
-    sc.Composition(sc.EnergyMomentum()),
-)
+OTHERS = [scheme for scheme in SCHEMES if not compiled(scheme)]
 IN_PLANE = {
     "plain": beam_of(gravity=(0.3, -9.81, 0)),
     "inextensible": beam_of(gravity=(0.3, -9.81, 0), theory=sc.TheoryInextensible()),

@@ -440,7 +440,7 @@ def test_proposals_cost_at_most_twice_the_cheapest_of_a_grid(seed):
 
 def test_costs_are_iterations_times_the_least_that_one_took():
     """Slow runs change nothing, nor do those of a single step; steps without iterations count."""
-    pace = RunningCost()
+    cost = RunningCost()
     for first, spent, later in (
         (0.2, 5.2, 100),
         (0.1, 12.1, 100),
@@ -449,9 +449,9 @@ def test_costs_are_iterations_times_the_least_that_one_took():
     ):
         watch = CostMeter(np.inf)
         watch.first_s, watch.spent_s, watch.later = first, spent, later
-        pace.add(watch)
-    assert (pace.first_s, pace.iteration_s) == pytest.approx((0.1, 0.05))
-    assert pace.cost(40) == pytest.approx(2.1)
+        cost.add(watch)
+    assert (cost.first_s, cost.iteration_s) == pytest.approx((0.1, 0.05))
+    assert cost.cost(40) == pytest.approx(2.1)
     assert RunningCost(0.1).cost(0) == 0.1
     watch = CostMeter(np.inf)
     for iterations in (3, 2, 0):

@@ -75,7 +75,8 @@ def test_residual_and_increment_at_random_states(order, integrator, make):
         guess = 0.1 * rng.standard_normal(system.n), size * rng.standard_normal(system.m)
         bound = stepper.bound
         bound.begin(system.extend(state.q, state.time), system.ground(state.time + h), h)
-        bound.last = fast.last = guess
+        bound.resume(guess)
+        fast.resume(guess)
         bound.guess(True)
         problem = stepper.problem(method.begin(system, state, h))
         problem.residual()
@@ -243,7 +244,7 @@ def test_solutions_that_have_turned_over_are_none(integrator):
     half = np.diag([1.0, -1.0, -1.0])  # about x: the axis points the other way
     over = (half @ system.q0.reshape(4, 3)[1:].T).T
     fast._own.start[1:] = over - system.q0.reshape(4, 3)[1:]
-    fast.last = None  # begin there
+    fast.resume(None)  # begin there
     assert fast.solve(state) is None
     assert system.wrong_branch(fast.y1) is not None
 

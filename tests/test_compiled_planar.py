@@ -133,7 +133,9 @@ def test_increments_at_random_states(scene, integrator):
     whole[-1][ROTATION] = np.inf  # as found: not scaled down for its rotations
     bound = stepper.bound
     bound.begin(system.extend(state.q, state.time), system.ground(state.time + h), h)
-    bound.last = fast.last = 0.1 * np.random.default_rng(1).standard_normal(system.unknowns)
+    guess = 0.1 * np.random.default_rng(1).standard_normal(system.unknowns)
+    bound.resume(guess)
+    fast.resume(guess)
     bound.guess(True)
     problem = stepper.problem(method.begin(system, state, h))
     problem.residual()

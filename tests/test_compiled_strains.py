@@ -14,12 +14,12 @@ from helpers_scenes import FULL, full_section, rotation
 from test_compiled import called
 
 import skfem_cosserat as sc
-from skfem_cosserat.compiled import bind, bind_kkt, kkt, spans, stresses, tangent
+from skfem_cosserat.compiled import bind, bind_kkt, elements, kkt
 from skfem_cosserat.compiled.numbers import END, FORCE, NUMBERS, SHARE, START, WEIGHT
 from skfem_cosserat.compiled.plan import plan_of
 from skfem_cosserat.compiled.plane import bind as plane_bind
-from skfem_cosserat.compiled.plane import spans as plane_spans
-from skfem_cosserat.compiled.plane import tangent as plane_tangent
+from skfem_cosserat.compiled.plane import elements as plane_elements
+from skfem_cosserat.compiled.plane import tree as plane_tree
 from skfem_cosserat.kernels import null_space_blocks
 from skfem_cosserat.strain import strain_table
 
@@ -156,14 +156,14 @@ def test_in_space(order):
     for name, y in zip(("y0", "mid", "y1"), states, strict=True):
         work[name][: system.rows] = y
     work["change"][:] = expected.change
-    called(stresses.beam_start)(g, w, numbers(), 0)
+    called(elements.beam_start)(g, w, numbers(), 0)
     assert_near(beams["S0"], expected.start)
-    called(stresses.beam_force)(g, w, numbers(), 0)
+    called(elements.beam_force)(g, w, numbers(), 0)
     assert_near(beams["S"], expected.stress)
     assert_near(work["internal"], expected.force)
-    called(stresses.beam_predicted)(g, w, numbers(), 0)
+    called(elements.beam_predicted)(g, w, numbers(), 0)
     assert_near(beams["predicted"], expected.predicted)
-    called(tangent.beam_tangent)(g, w, numbers(), 0)
+    called(elements.beam_tangent)(g, w, numbers(), 0)
     K = null_space(states[1]).T @ expected.tangent @ null_space(states[2])
     assert_blocks(work["A"], plan.slot, K, 6)
 
@@ -212,17 +212,17 @@ def test_in_a_plane(order):
     def resultants(name: str) -> np.ndarray:
         return np.einsum("eij,egj->egi", beams["resultants"][beams["section"]], beams[name])
 
-    called(plane_tangent.beam_start)(g, w, numbers(), 0)
+    called(plane_elements.beam_start)(g, w, numbers(), 0)
     assert_near(resultants("S0"), expected.start)
-    called(plane_tangent.beam_force)(g, w, numbers(), 0)
+    called(plane_elements.beam_force)(g, w, numbers(), 0)
     assert_near(resultants("S"), expected.stress)
     force = frames.gather(system.rows).conj().T @ frames.flat(expected.force)
     assert_near(work["internal"], plane_bind.pairs(force).reshape(-1, 4))
-    called(plane_tangent.beam_finish)(g, w, numbers(), 0)
+    called(plane_elements.beam_finish)(g, w, numbers(), 0)
     assert_near(rows["internal"], expected.force)
-    called(plane_tangent.beam_predicted)(g, w, numbers(), 0)
+    called(plane_elements.beam_predicted)(g, w, numbers(), 0)
     assert_near(resultants("predicted"), expected.predicted)
-    called(plane_tangent.beam_tangent)(g, w, numbers(), 0)
+    called(plane_elements.beam_tangent)(g, w, numbers(), 0)
     Z = np.zeros((6, 3))  # motions in the plane
     Z[:3, :2], Z[3:, 2] = system.plane.axes.T, system.plane.normal
     Z = np.kron(np.eye(frames.count), Z)
@@ -247,7 +247,7 @@ def test_eliminated_elements(planar):
     if planar:
         frames = plane_bind.Frames(system)
         rows, _ = plane_bind.bound_rows(system, frames)
-        _, tree = plane_bind.bound_tree(system, plan, frames, rows)
+        _, edge_tables = plane_bind.bound_tree(system, plan, frames, rows)
         flat = flat_rows(frames, y)
     else:
         s, _ = bind.bound_tree(system, plan)
@@ -256,12 +256,12 @@ def test_eliminated_elements(planar):
         nodes = beam.basis.connectivity[element]
         moved = y.copy()
         if planar:
-            arguments = tree["edges"], tree["arms"], k, flat
-            found = called(plane_spans.span_stretch)(*arguments)
-            arm = np.array(called(plane_spans.span_arm)(*arguments, 0.3)) @ system.plane.axes
+            arguments = edge_tables["edges"], edge_tables["arms"], k, flat
+            found = called(plane_tree.span_stretch)(*arguments)
+            arm = np.array(called(plane_tree.span_arm)(*arguments, 0.3)) @ system.plane.axes
         else:
-            found = called(spans.span_stretch)(s, k, y)
-            arm = np.array(called(spans.span_arm)(s, k, y, 0.3))
+            found = called(tree.span_stretch)(s, k, y)
+            arm = np.array(called(tree.span_arm)(s, k, y, 0.3))
         assert found == pytest.approx(strain(y, element, nodes)[2], abs=1e-13)
         moved[4 * e.child] = moved[4 * e.parent] + arm
         assert strain(moved, element, nodes) == pytest.approx([0, 0, 0.3], abs=1e-13)

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers_scenes import FULL, SHAKE, TENSOR, chequered, four_bar, random_state, rotation, unit
+from helpers_schemes import SCHEMES
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
@@ -34,17 +35,6 @@ def simulate(system, integrator, step, until, treatment="null space", **options)
 
 # -- the same wherever the scene lies ------------------------------------------------------------
 
-SCHEMES = [
-    sc.Variational(),
-    sc.Variational(stabilized=True),
-    sc.EnergyMomentum(),
-    sc.EnergyMomentum(stabilized=True),
-    sc.EnergyDecaying(),
-    sc.GeneralizedAlpha(0.8, stabilized=False),
-    sc.GeneralizedAlpha(0.8, stabilized=True),
-    sc.Composition(sc.Variational(), 4),
-    sc.Composition(sc.EnergyMomentum()),
-]
 #: oblique to all axes of space
 LEAN = Rotation.from_rotvec([0.4, 1.1, -0.7]).as_matrix()
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers_schemes import SCHEMES
 from rounding import limits, nudged
 
 import skfem_cosserat as sc
@@ -14,18 +15,6 @@ import skfem_cosserat as sc
 pytestmark = pytest.mark.quick
 H = 2e-3
 SECTION = sc.Section((2e4, 2e4, 5e4, 40.0, 60.0, 30.0), mass=1.3, inertia=(2e-3, 3e-3))
-INTEGRATORS = (
-    sc.Variational(),
-    sc.Variational(stabilized=True),
-    sc.EnergyMomentum(),
-    sc.EnergyMomentum(stabilized=True),
-    sc.EnergyDecaying(0.1),
-    sc.EnergyDecaying(rate=1.0, stabilized=True),
-    sc.GeneralizedAlpha(0.8),
-    sc.GeneralizedAlpha(0.8, stabilized=False),
-    sc.Composition(sc.Variational(), 4),
-    sc.Composition(sc.EnergyMomentum()),
-)
 TREATMENTS = (sc.NullSpace(), sc.Multipliers())
 
 
@@ -48,7 +37,7 @@ def scene(order: int = 1, spring: bool = True, damped: bool = False) -> sc.Model
 
 
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=repr)
-@pytest.mark.parametrize("integrator", INTEGRATORS, ids=repr)
+@pytest.mark.parametrize("integrator", SCHEMES, ids=repr)
 def test_three_steps(integrator: sc.Variational, treatment: sc.NullSpace) -> None:
     """They agree with the shortest steps of another scheme to what steps of this size leave."""
     system = scene(damped=True).freeze()

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from helpers_schemes import KINDS
 
 import skfem_cosserat as sc
 from skfem_cosserat.frozen import Frozen
@@ -128,11 +129,7 @@ ITEMS = [
     sc.ActionStop(),
     sc.ActionUnlock("hinge"),
     sc.Event(passing, sc.ActionStop()),
-    sc.Variational(),
-    sc.EnergyMomentum(),
-    sc.EnergyDecaying(1.0),
-    sc.GeneralizedAlpha(),
-    sc.Composition(sc.Variational(), 4),
+    *KINDS,
     sc.Explicit(),
     sc.Asynchronous(),
     sc.NullSpace(),

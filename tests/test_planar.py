@@ -17,17 +17,16 @@ from skfem_cosserat.diagnostics import momentum
 from skfem_cosserat.model.out_of_plane import confined
 from tests.helpers_scenes import chequered, swing
 from tests.helpers_scenes import rotation as random_rotation
+from tests.helpers_schemes import KINDS
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples" / "benchmarks"))
 
+#: those whose own steps are compiled, and others: one of each class, and what else differs
+BOTH = [sc.EnergyMomentum(), sc.Variational()]
 INTEGRATORS = [
-    sc.EnergyMomentum(),
-    sc.Variational(),
+    *KINDS,
     sc.EnergyMomentum(stabilized=True),
-    sc.EnergyDecaying(0.1),
     sc.GeneralizedAlpha(0.8, stabilized=False),
-    sc.GeneralizedAlpha(0.8),
-    sc.Composition(sc.Variational(), 4),
 ]
 TREATMENTS = [sc.NullSpace(), sc.Multipliers()]
 IDENTITY = np.eye(3)
@@ -82,7 +81,7 @@ def test_unknowns_of_the_swing():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
-@pytest.mark.parametrize("integrator", INTEGRATORS[:2], ids=str)
+@pytest.mark.parametrize("integrator", BOTH, ids=str)
 def test_swing_is_that_in_space_to_5_s(integrator: Any, treatment: Any):
     system = swing()
     plane = confined(system, sc.Planar())
@@ -145,7 +144,7 @@ def test_all_joints_and_forces_in_any_plane(Q: np.ndarray, rail: type, roll: flo
     # 5 nodes on a pin; a turn; a slide; two points with one freedom each
     assert plane.unknowns == 5 * 3 - 2 + 1 + 1 + 1 + 1
     for treatment in TREATMENTS:
-        for integrator in INTEGRATORS[:2]:
+        for integrator in BOTH:
             a, b = (sc.simulate(s, integrator, treatment, 2e-2, 0.1) for s in (system, plane))
             assert abs(a["q"][-1] - a["q"][0]).max() > 1e-2
             assert difference(a, b) < 1e-12, (treatment, integrator)
@@ -289,7 +288,7 @@ def test_theories_in_a_plane(theory: Any, unknowns: int, Q: np.ndarray):
     system, plane = model.freeze(), model.freeze(planar=sc.Planar())
     assert plane.unknowns == unknowns
     for treatment in TREATMENTS:
-        for integrator in INTEGRATORS[:2]:
+        for integrator in BOTH:
             a, b = (sc.simulate(s, integrator, treatment, 1e-2, 0.05) for s in (system, plane))
             assert difference(a, b) < 1e-12
             assert difference(a, b, "beam/rod/resultant") < 1e-7

@@ -138,7 +138,7 @@ def test_energy_that_is_zero_by_the_choice_of_a_height():
     assert row["status"] == "ok" and row["energy_error"] < 1e-9
 
 
-def test_runs_of_a_map_have_the_full_protocol_unless_they_choose():
+def test_problems_that_take_settings_get_the_full_protocol():
     """Without settings of their own they fail only after 100 iterations in each attempt."""
     found = stability_map(helpers.blow, {"iterations": (None, 5, 100)}, JudgeEnergy(since=0.35))
     assert found.status.tolist() == ["newton", "error", "newton"]
@@ -149,6 +149,11 @@ def test_runs_of_a_map_have_the_full_protocol_unless_they_choose():
     with pytest.raises(sc.Diverged) as caught:
         helpers.blow(None)
     assert max(len(each) for each in caught.value.residuals[:2]) <= 21
+    chosen = partial(helpers.blow, settings=sc.NewtonSettings(5, damped_iterations=5))
+    found = stability_map(chosen, {"iterations": (None,)}, JudgeEnergy(since=0.35))
+    assert found.status.tolist() == ["error"]  # it has settings already
+    bare = stability_map(_bare_blow, {"step": (0.1,)}, JudgeEnergy(since=0.35))
+    assert "settings=FULL_PROTOCOL" in bare.reason[0]  # it takes none
 
 
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # what fails is warned of
@@ -339,6 +344,10 @@ def test_maps_are_joined(oscillator, tmp_path):
     )
     figure = panels.chart(tmp_path / "six.png")
     assert sum(axis.axison for axis in figure.axes) == 6 and len(figure.axes) == 8
+
+
+def _bare_blow(step):
+    return sc.simulate(*helpers.struck(), step=step, until=1.0)
 
 
 def _third(step, kind, more):

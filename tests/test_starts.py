@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers_scenes import four_bar
+from helpers_schemes import SCHEMES
 from scipy.linalg import null_space
 
 import skfem_cosserat as sc
@@ -19,6 +20,7 @@ from skfem_cosserat.diagnostics import (
     section_strain_rates,
 )
 from skfem_cosserat.diagnostics.stacked import material_stiffness
+from skfem_cosserat.integrators import StepOrigin
 from skfem_cosserat.run import start as joint_rates
 from skfem_cosserat.statics import equilibrium
 
@@ -29,15 +31,6 @@ THEORIES = {
     "unshearable": sc.TheoryKirchhoff(),
     "rigid": sc.TheoryRigid(),
 }
-SCHEMES = [
-    sc.Variational(),
-    sc.Variational(stabilized=True),
-    sc.EnergyMomentum(),
-    sc.EnergyMomentum(stabilized=True),
-    sc.EnergyDecaying(chi=0.1),
-    sc.GeneralizedAlpha(0.8),
-    sc.Composition(sc.Variational(), 4),
-]
 
 
 def hinged(item, place, angle=0.0):
@@ -115,7 +108,7 @@ def test_configurations_off_the_constraints_are_refused(name):
     system = scene(name)
     q = system.q0 + shifted(system, (0, 0, 0.01))
     bad = sc.State(0.0, 0, q, np.zeros(system.n))
-    for start in (bad, replace(bad, maker=("variational", 1e-3))):
+    for start in (bad, replace(bad, made_by=StepOrigin("variational", 1e-3))):
         with pytest.raises(
             sc.InputError,
             match=r"argument start: q at t = 0 s violates .* revolute joint 'pin' by 0\.01",

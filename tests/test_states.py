@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import states
+from helpers_schemes import SCHEMES
 
 import skfem_cosserat as sc
 
@@ -24,7 +25,7 @@ KINDS = (
 )
 ITEMS = {"Beam", "Bushing", "Cable", "Foundation", "MassPoint", "RayleighDamping", "RigidBody"}
 ITEMS |= {"SpringDamper", "FunctionOfTime", "Harmonic", "Table", "Explicit", "Asynchronous"}
-ITEMS |= {"ArcLength", "DisplacementControl", "Composition", "EnergyDecaying", "GeneralizedAlpha"}
+ITEMS |= {"ArcLength", "DisplacementControl"}
 #: base classes, what every beam has, what needs more than the core, what only reads
 LEFT_OUT = {
     "Joint",
@@ -44,6 +45,12 @@ def test_every_kind_of_item_is_in_a_scene() -> None:
     names = {name for name in sc.__all__ if name.startswith(KINDS)} | ITEMS
     used = set(re.findall(r"\bsc\.(\w+)", Path(states.__file__).read_text(encoding="utf-8")))
     assert names - LEFT_OUT - used == set()
+
+
+def test_every_integrator_is_in_a_scene() -> None:
+    every = {each for name in sc.__all__ if isinstance(each := getattr(sc, name), type)}
+    schemes = {each for each in every if issubclass(each, sc.Integrator)} - {sc.Integrator}
+    assert schemes == {sc.Explicit, sc.Asynchronous, *map(type, SCHEMES)}
 
 
 def test_a_changed_bit_is_noticed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

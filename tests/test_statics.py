@@ -504,7 +504,7 @@ def test_push_is_a_derivative_and_pull_its_adjoint(scene, treatment):
     system = SCENES[scene]()
     t = 0.0 if len(system.closure.rows) else 0.35  # random positions do not close loops
     rng = np.random.default_rng(1)
-    bound = treatment.bind(system, 1.0)
+    bound = treatment.bind(system, 1.0, large=True)
     q = system.q0 if t == 0 else random_state(system, rng, t, 0.2)
     bound.begin(system.extend(q, t), system.ground(t), 1.0)
     bound.guess(False)
@@ -545,7 +545,7 @@ def test_moving_the_ground_is_a_fresh_start(scene, treatment):
     increment = 0.1 * rng.standard_normal(system.unknowns)
     found, before = [], None
     for way in ("once", "twice", "fresh"):
-        bound = treatment.bind(system, 1.0)
+        bound = treatment.bind(system, 1.0, large=True)
         bound.begin(y, system.ground(0.5 if way == "fresh" else 0.3), 1.0)
         bound.guess(False)
         if treatment.name == "null-space":

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers_scenes import chequered
+from helpers_schemes import KINDS, compiled
 from scipy.linalg import eigh, null_space
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
@@ -468,9 +469,7 @@ def test_both_treatments_agree(scene, theory, integrator):
 
 OTHERS = (
     sc.EnergyMomentum(stabilized=True),
-    sc.EnergyDecaying(0.2),
-    sc.GeneralizedAlpha(0.8),
-    sc.Composition(sc.Variational(), 4),
+    *(scheme for scheme in KINDS if not compiled(scheme)),
 )
 
 

@@ -75,6 +75,8 @@ FAMILIES: dict[str, dict[str, Callable[[], Any]]] = {
     "explicit": {"explicit": sc.Explicit, "asynchronous": sc.Asynchronous},
 }
 METHODS = {name: make for family in FAMILIES.values() for name, make in family.items()}
+#: those that damp most what is not resolved
+MOST_DISSIPATIVE = ("generalized-alpha 0", "energy-decaying 0.05")
 #: those that need nodal masses and multipliers
 EXPLICIT = tuple(FAMILIES["explicit"])
 

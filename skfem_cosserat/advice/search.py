@@ -433,7 +433,10 @@ class Search:
     def _cheaper(self, own: Candidate, best: Candidate) -> bool:
         """Whether it costs less; if they are close, in runs that take turns."""
         costs = np.array([own.trial.cost_s, best.trial.cost_s])
-        if own.trial.pace is not best.trial.pace and 1 / CLOSE < costs[0] / costs[1] < CLOSE:
+        if (
+            own.trial.running_cost is not best.trial.running_cost
+            and 1 / CLOSE < costs[0] / costs[1] < CLOSE
+        ):
             costs = self._in_turn([own, best], 2)
         return bool(costs[0] < alike(own, best) * costs[1])
 
@@ -459,10 +462,10 @@ class Search:
         """
         if self.best is None:
             return
-        least: dict[int, Candidate] = {id(self.best.trial.pace): self.best}
+        least: dict[int, Candidate] = {id(self.best.trial.running_cost): self.best}
         for each in sorted(filter(self._good, self.candidates), key=cost_of):
             if each.trial.cost_s < CLOSE * self.best.trial.cost_s:
-                least.setdefault(id(each.trial.pace), each)
+                least.setdefault(id(each.trial.running_cost), each)
         last = list(least.values())[:FINALISTS]
         costs = self._in_turn(last, 3)
         k = int(costs.argmin())

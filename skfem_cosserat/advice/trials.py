@@ -468,7 +468,7 @@ class Trial:
     readings : dict of str to Reading
     spent_s : float
         Processor time of the run (s), without what only looks at it.
-    pace : Pace or None
+    running_cost : RunningCost or None
         Of this and all other runs of its scene with its method; None: it did not reach the end.
     later : int
         Newton iterations after the first step.
@@ -485,7 +485,7 @@ class Trial:
     reason: str = ""
     readings: dict[str, Reading] = field(default_factory=dict, repr=False)
     spent_s: float = np.nan
-    pace: RunningCost | None = None
+    running_cost: RunningCost | None = None
     later: int = 0
     unknowns: int = 0
     iterations: float = np.nan
@@ -499,7 +499,7 @@ class Trial:
     @property
     def cost_s(self) -> float:
         """Processor time of such a run (s): what it took, or less where others were faster."""
-        return self.spent_s if self.pace is None else self.pace.cost(self.later)
+        return self.spent_s if self.running_cost is None else self.running_cost.cost(self.later)
 
 
 class Budget:
@@ -581,7 +581,7 @@ class Trials:
         self.trials: dict[tuple[Hashable, int | None], Trial] = {}
         self.history: History | None = None
         self._compiled: set[Hashable] = set()
-        self._paces: dict[Hashable, RunningCost] = {}
+        self._running_costs: dict[Hashable, RunningCost] = {}
         self._kept: dict[Hashable, tuple[System, dict[str, Any]]] = {}
 
     def _plane(self) -> Planar | None:
@@ -658,7 +658,7 @@ class Trials:
         return [trial for (_, seed), trial in self.trials.items() if seed is None]
 
     def again(self, trial: Trial) -> float:
-        """What a trial that is run once more takes (s); its pace is that of the faster one."""
+        """What a trial that is run once more takes (s); the faster run counts for its cost."""
         other = self._run(trial.proposal, PATIENCE * trial.cost_s, None)
         return other.spent_s if other.ok else trial.cost_s
 
@@ -686,8 +686,8 @@ class Trials:
                 if self.quantities.of_history:
                     derive_series(system, history)
                 kind = proposal.scene, proposal.method, history.meta["kernels"]
-                trial.pace = self._paces.setdefault(kind, RunningCost())
-                trial.pace.add(watch)
+                trial.running_cost = self._running_costs.setdefault(kind, RunningCost())
+                trial.running_cost.add(watch)
                 trial.readings = self.quantities.read(system, history)
                 self.history = history
         except Diverged as error:

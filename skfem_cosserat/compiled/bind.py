@@ -23,7 +23,7 @@ from .jit import address
 from .numbers import BEAM_PARTS, COUPLED, TREE_PARTS
 from .plan import Plan, following
 from .tree import AXIS, ROTATION, SLIDE, SPHERE, STRETCH
-from .warm import cold, helped, kept_only
+from .warm import cold, helped
 
 __all__ = [
     "addresses",
@@ -192,16 +192,21 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
 
 
 def compiling(
-    system: System, names: Sequence[str], family: str = "tree"
+    system: System, names: Sequence[str], family: str = "tree", kept_only: bool = False
 ) -> AbstractContextManager[None]:
-    """While these parts and the structures they take are compiled, with help on an empty cache."""
+    """While these parts and the structures they take are compiled, with help on an empty cache.
+
+    `kept_only`: nothing is to be compiled.
+    """
     order = system.beam_groups[0].vertices.shape[1] - 1 if system.beam_groups else 1
-    if not kept_only() and cold([part_named(names[0], family)]):
+    if not kept_only and cold([part_named(names[0], family)]):
         return helped(order, names, family)
     return nullcontext()
 
 
-def addresses(names: Sequence[str], structures: Sequence[Any], family: str = "tree") -> IndexArray:
+def addresses(
+    names: Sequence[str], structures: Sequence[Any], family: str = "tree", kept_only: bool = False
+) -> IndexArray:
     """Addresses of these parts, compiled if need be, at their places; 0 for all others.
 
     Parameters
@@ -210,9 +215,14 @@ def addresses(names: Sequence[str], structures: Sequence[Any], family: str = "tr
         With multipliers (constraints, elimination, work, beams).
     family : {"tree", "plane", "multipliers"}
         Null space method in space, in a plane, or steps with multipliers.
+    kept_only : bool
+        Nothing is to be compiled, see :func:`.jit.ready`.
     """
     kinds = [*map(typeof, structures)]
-    found = {name: address(part_named(name, family), *signature(name, kinds)) for name in names}
+    found = {
+        name: address(part_named(name, family), *signature(name, kinds), kept_only=kept_only)
+        for name in names
+    }
     return np.array([found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)])
 
 

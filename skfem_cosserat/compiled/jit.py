@@ -20,7 +20,7 @@ from numba.core.caching import FunctionCache
 from numba.core.runtime import rtsys
 from numba.extending import intrinsic
 
-from .warm import NotKept, kept_only, stamp
+from .warm import NotKept, stamp
 
 __all__ = ["STAMP", "address", "call", "call_back", "call_beams", "inlined", "jit"]
 __all__ += ["part", "ready"]
@@ -47,11 +47,6 @@ class _Cache(FunctionCache):
         """Code from the disk; files cut short, damaged, or of other sources are made anew.
 
         Numba would get ready to compile first, which takes as long as all else.
-
-        Raises
-        ------
-        NotKept
-            Where nothing may be compiled, and it is not there.
         """
         found = None
         try:
@@ -60,9 +55,14 @@ class _Cache(FunctionCache):
                 found = self._load_overload(sig, target_context)
         except _UNREADABLE:
             self.flush()
-        if found is None and kept_only():
-            raise NotKept(self._name)
         return found
+
+    def holds(self, sig: Any, target_context: Any) -> bool:
+        """Whether there is a whole file of code for these types."""
+        found = None
+        with suppress(*_UNREADABLE), self._guard_against_spurious_io_errors():
+            found = self._cache_file.load(self._index_key(sig, target_context.codegen()))
+        return found is not None
 
 
 def _compiled(function: Kernel, keep: bool, **options: bool) -> Any:
@@ -106,23 +106,25 @@ def inlined(function: Kernel) -> Kernel:
     return cast(Kernel, made)
 
 
-def ready(function: Any, kinds: tuple[Any, ...]) -> Any:
+def ready(function: Any, kinds: tuple[Any, ...], kept_only: bool = False) -> Any:
     """What is compiled of a function for arguments of these types; it is, if need be.
 
     Raises
     ------
     NotKept
-        See :func:`.warm.without_compiling`.
+        With `kept_only`, if it is neither in this process nor on the disk.
     """
-    if kept_only() and kinds not in function.overloads and not isinstance(function._cache, _Cache):
-        raise NotKept(function.__name__)  # no folder to keep it in
+    if kept_only and kinds not in function.overloads:
+        cache = function._cache  # another one where there is no folder to keep it in
+        if not isinstance(cache, _Cache) or not cache.holds(kinds, function.targetctx):
+            raise NotKept(function.__name__)
     function.compile(kinds)
     return function.overloads[kinds]
 
 
-def address(function: Any, *kinds: Any) -> int:
-    """Address of a part for arguments of these types, compiled if need be."""
-    compiled = ready(function, kinds)
+def address(function: Any, *kinds: Any, kept_only: bool = False) -> int:
+    """Address of a part for arguments of these types, compiled if need be; see :func:`ready`."""
+    compiled = ready(function, kinds, kept_only)
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
 
 

@@ -1,7 +1,7 @@
 """Kernels on disk: whether those of a scene are there, and how two processes put them there.
 
-Whether a scene's kernels can be had without compiling is found by reading them
-(:func:`without_compiling`), as only numba knows for which processor and types it has what;
+Whether a scene's kernels can be had without compiling is found by reading them (`kept_only` of
+:func:`.jit.ready`), as only numba knows for which processor and types it has what;
 :func:`promising` tells without numba, whose import takes as long as a short run, whether to try.
 
 Compiling with two processes: parts are compiled one by one, and kept on disk one by one. On an
@@ -18,34 +18,15 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-__all__ = ["NotKept", "cold", "helped", "kept_only", "promising", "stamp", "without_compiling"]
-
-#: whether kernels may be read from the disk only, in this thread
-_KEPT_ONLY: ContextVar[bool] = ContextVar("kept_only", default=False)
+__all__ = ["NotKept", "cold", "helped", "promising", "stamp"]
 
 
 class NotKept(Exception):
-    """A kernel would have to be compiled, in :func:`without_compiling`."""
-
-
-@contextmanager
-def without_compiling() -> Iterator[None]:
-    """Kernels are taken from this process or the disk here; where that fails: NotKept."""
-    token = _KEPT_ONLY.set(True)
-    try:
-        yield
-    finally:
-        _KEPT_ONLY.reset(token)
-
-
-def kept_only() -> bool:
-    """Whether this is within :func:`without_compiling`."""
-    return _KEPT_ONLY.get()
+    """A kernel is not there yet, and would have to be compiled."""
 
 
 @cache

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from ..frozen import Frozen
-from ..linear import LinearSolver, SingularMatrixError
+from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
 from ..model.groups import Blocks
 from ..types import Array, Floats, IndexArray
@@ -171,8 +171,11 @@ class Treatment(Frozen):
         return f"{type(self).__name__}()"
 
     @abstractmethod
-    def bind(self, system: System, weight: float) -> BoundTreatment:
-        """Arrays for `system` and an integrator with this `constraint_weight`."""
+    def bind(self, system: System, weight: float, large: bool = False) -> BoundTreatment:
+        """Arrays for `system` and an integrator with this `constraint_weight`.
+
+        `large`: increments may be large, as those along a path of equilibria.
+        """
 
 
 class BoundTreatment(ABC):
@@ -192,18 +195,25 @@ class BoundTreatment(ABC):
     closing: IndexArray = np.zeros(0, dtype=np.int64)
     #: increments of the last step (each treatment its own), to start the next one with, or None
     last: Any = None
-    #: whether increments may be large, as those along a path: directors are turned by them
-    large: bool = False
-    #: momentum (n,) if a run starts with this step, or goes on after a break
-    momentum: Floats | None = None
 
     def __init__(self, system: System, weight: float) -> None:
         self.system = system
         self.weight = weight
 
     @abstractmethod
-    def begin(self, y0: Array, ground1: Array, h: float) -> None:
-        """Start a step of size h from y0 (all rows), with the ground's rows at its end."""
+    def begin(self, y0: Array, ground1: Array, h: float, momentum: Floats | None = None) -> None:
+        """Start a step of size h from y0 (all rows), with the ground's rows at its end.
+
+        `momentum` (n,): given if a run starts with this step, or goes on after a break.
+        """
+
+    def resume(self, last: Any) -> None:
+        """Start the next step with the increments of one that was solved elsewhere."""
+        self.last = last
+
+    def solve_with(self, solver: Solver) -> None:
+        """Take this solver for the linear systems, not the one chosen by their size."""
+        self.solver = LinearSolver(self.solver.pattern, solver)
 
     @abstractmethod
     def guess(self, extrapolate: bool) -> None:

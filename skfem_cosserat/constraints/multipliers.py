@@ -233,19 +233,19 @@ class Multipliers(Treatment):
     def __repr__(self) -> str:
         return "Multipliers()" if self.scaled else "Multipliers(scaled=False)"
 
-    def bind(self, system: System, weight: float) -> BoundMultipliers:
+    def bind(self, system: System, weight: float, large: bool = False) -> BoundMultipliers:
         """See the base class."""
-        return BoundMultipliers(system, weight, self.scaled)
+        return BoundMultipliers(system, weight, self.scaled, large)
 
 
 class BoundMultipliers(BoundTreatment):
     """See :class:`Multipliers`. Internally the unknown is the impulse ``h lambda``, scaled."""
 
-    def __init__(self, system: System, weight: float, scaled: bool) -> None:
+    def __init__(self, system: System, weight: float, scaled: bool, large: bool = False) -> None:
         super().__init__(system, weight)
         n, m, g = system.n, system.m, system.constraints
         self.scaled = scaled
-        self.large = weight == 1  # equilibria
+        self._large = large
         i, j = group_pairs(system, [group.dofs for group in system.groups])
         gi, gj = g.G_rows, g.G_cols
         self._redundant = system.closure.rank < len(system.closure.rows)
@@ -276,21 +276,21 @@ class BoundMultipliers(BoundTreatment):
         self._away: Floats | None = None
         self._nodal = Reparametrisation(system.kinematics) if system.moving else None
 
-    def begin(self, y0: Array, ground1: Array, h: float) -> None:
+    def begin(self, y0: Array, ground1: Array, h: float, momentum: Floats | None = None) -> None:
         """See the base class."""
         self.y0, self._ground1, self.h = y0, ground1, h
         if len(self.system.closure.rows):
-            self._choose(y0)
+            self._choose(y0, momentum)
         self._q0 = y0[: self.system.rows].reshape(-1)
         self._jacobian = self.system.constraints.jacobian_values(self._regular(y0))
         self._size: float | None = None
 
-    def _choose(self, y0: Array) -> None:
+    def _choose(self, y0: Array, momentum: Floats | None) -> None:
         """Independent rows of closed loops at the start of the step."""
         closure = self.system.closure
         T = tree_values(self.system, y0)
         chosen = closure.select(y0, T)
-        if self.momentum is not None:
+        if momentum is not None:
             self._passages = Passages(self.system)
         self.doubts = self._passages.look(y0, T, chosen)
         self._keep[closure.rows] = 0
@@ -298,13 +298,15 @@ class BoundMultipliers(BoundTreatment):
         for s in chosen:
             self._keep[s.rows] = 1
             if (s.pivots <= SINGULAR).any():
-                self._away = self._way(y0, s) + (0.0 if self._away is None else self._away)
+                self._away = self._way(y0, s, momentum) + (
+                    0.0 if self._away is None else self._away
+                )
 
-    def _way(self, y0: Array, s: Selected) -> Floats:
+    def _way(self, y0: Array, s: Selected, momentum: Floats | None) -> Floats:
         """Increment (n,) that leads away from a singular position."""
-        if self.momentum is None and self.last is not None:
+        if momentum is None and self.last is not None:
             return self.last[0]
-        return way_off(self.system, y0, self._ground1, s, self.momentum, self.h)
+        return way_off(self.system, y0, self._ground1, s, momentum, self.h)
 
     def _regular(self, y0: Array) -> Array:
         """Where the rows are independent: the limit on leaving a singular position."""
@@ -450,7 +452,7 @@ class BoundMultipliers(BoundTreatment):
         if self.weight:
             at = self.constraint_point(y1)
             # on a path those that balance the predicted stresses, at directors that have turned
-            lam = self._balancing(R, y1) if self.large else self._multiplier
+            lam = self._balancing(R, y1) if self._large else self._multiplier
             values.append(self.weight * constraints.curvature_values(lam, at))
         data = self._full.data(np.concatenate(values))
         return data if self._inside is None else self._inside.data(data)
@@ -466,7 +468,7 @@ class BoundMultipliers(BoundTreatment):
         """See the base class."""
         n, increment = self.system.n, self._expanded(increment)
         factor = self._size if self.scaled else self.h
-        if self.large:
+        if self._large:
             self._turn(increment[:n].reshape(-1, 3))
         else:
             self._q = self._q + increment[:n]

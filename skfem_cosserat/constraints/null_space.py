@@ -280,8 +280,8 @@ class NullSpace(Treatment):
         " 677, equation (25)"
     )
 
-    def bind(self, system: System, weight: float) -> BoundNullSpace:
-        """See the base class."""
+    def bind(self, system: System, weight: float, large: bool = False) -> BoundNullSpace:
+        """See the base class; directors are always turned."""
         return BoundNullSpace(system, weight)
 
 
@@ -380,16 +380,16 @@ class BoundNullSpace(BoundTreatment):
 
     # -- a step ----------------------------------------------------------------------------------
 
-    def begin(self, y0: Array, ground1: Array, h: float) -> None:
+    def begin(self, y0: Array, ground1: Array, h: float, momentum: Floats | None = None) -> None:
         """See the base class."""
         self.y0, self.h, self._known = y0, h, None
         self.nodal.begin(y0, ground1)
         if self._loops:
-            self._choose(y0)
+            self._choose(y0, momentum)
         if self.weight == 0:
             self._set_left(y0)
 
-    def _choose(self, y0: Array) -> None:
+    def _choose(self, y0: Array, momentum: Floats | None) -> None:
         """Independent closure rows at the start of the step."""
         T = self._tree_at(y0)[1]
         chosen = self.closure.select(y0, T)
@@ -397,12 +397,12 @@ class BoundNullSpace(BoundTreatment):
         self.regular = least > REGULAR
         self.clearance = CLEAR * least if self.regular else 0.0
         self.closing = np.concatenate([s.rows for s in chosen])
-        if self.momentum is not None:
+        if momentum is not None:
             self._passages, self._direction = Passages(self.system), None
         self.doubts = self._passages.look(y0, T, chosen)
         before = self._direction
         self._chosen = [
-            way_on(self.system, y0, s, None if before is None else before[k], self.momentum)
+            way_on(self.system, y0, s, None if before is None else before[k], momentum)
             for k, s in enumerate(chosen)
         ]
         self._direction = [s.Q2 for s in self._chosen]

@@ -237,7 +237,7 @@ def constraint_points(system: System, history: History) -> Floats:
     """Where the constraint forces of each recorded step act.
 
     The nodes q_n with the variational scheme, generalized-alpha and compositions, the midpoints
-    with energy-momentum and its energy-decaying relative.
+    with energy-momentum and schemes derived from it.
 
     Parameters
     ----------
@@ -320,9 +320,9 @@ def multipliers_at(
     """Multipliers of a run at the nodes t_n, or halfway from there to the next ones.
 
     Those of the variational scheme, generalized-alpha and compositions live at nodes, those of
-    energy-momentum and its energy-decaying relative at midpoints; at the
-    other places the mean of both neighbours is given, which is of second order too. Multipliers
-    taken at different instants agree to first order only.
+    energy-momentum and schemes derived from it at midpoints; at the other places the mean of both
+    neighbours is given, which is of second order too. Multipliers taken at different instants agree
+    to first order only.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Time integrators, each in a module of its equations, and the steps that are taken with them."""
 
-from .base import Integrator, State, StepWork
+from .base import Integrator, State, StepOrigin, StepWork
 from .composition import Composition
 from .energy_decaying import EnergyDecaying
 from .energy_momentum import EnergyMomentum
@@ -18,6 +18,7 @@ __all__ = [
     "GeneralizedAlpha",
     "Integrator",
     "State",
+    "StepOrigin",
     "StepReport",
     "StepWork",
     "Stepper",

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -16,7 +13,6 @@ from ..frozen import Frozen
 from ..model import System
 from ..model.force_elements import CoupledForce, CoupledStart
 from ..model.groups import Blocks, Parts
-from ..newton import NewtonSettings
 from ..types import Array, Floats, IndexArray
 
 __all__ = [
@@ -27,10 +23,36 @@ __all__ = [
     "Scheme",
     "State",
     "StepData",
+    "StepOrigin",
     "StepWork",
-    "default_settings",
-    "unless_given",
 ]
+
+
+@dataclass(frozen=True)
+class StepOrigin:
+    """Scheme and step size of the step that led to a state.
+
+    The momentum and the memory of a state mean something to that scheme only, the memory perhaps
+    to that step size only; see :meth:`Stepper.own`.
+
+    Attributes
+    ----------
+    integrator : str
+        Name of the scheme.
+    step : float
+        Step size (s), negative for a step back; of a composed step as a whole.
+    """
+
+    integrator: str
+    step: float
+
+    def same_scheme(self, other: StepOrigin) -> bool:
+        """Whether both are steps of one scheme."""
+        return self.integrator == other.integrator
+
+    def same_step(self, other: StepOrigin) -> bool:
+        """Whether the steps are of one size, to rounding."""
+        return abs(self.step - other.step) <= 1e-9 * abs(other.step)
 
 
 @dataclass(eq=False, repr=False)
@@ -57,12 +79,14 @@ class State:
     memory : (k, n) array or None
         What the integrator carries on beside (q, p), such as accelerations; None: nothing, or a
         start from (q, p).
-    maker : (str, float) or None
-        Name and step (s) of the scheme that p and memory are of; others start anew from them, as
+    made_by : StepOrigin or None
+        Scheme and step that p and memory are of; others start anew from them, as
         :func:`skfem_cosserat.restart` does. None: any may go on from here.
     load_factor : float or None
         Where on a path it is an equilibrium, for :func:`skfem_cosserat.static`; None: its time is
         taken for that.
+    plain : bool
+        Whether compiled kernels have failed at the next step: it is solved by plain numpy.
 
     Examples
     --------
@@ -85,8 +109,9 @@ class State:
     fresh: bool = True
     turns: IndexArray | None = None
     memory: Floats | None = None
-    maker: tuple[str, float] | None = None
+    made_by: StepOrigin | None = None
     load_factor: float | None = None
+    plain: bool = False
 
     def __repr__(self) -> str:
         """Without the arrays."""
@@ -336,7 +361,10 @@ class Integrator(Frozen):
     def update(
         self, system: System, step: StepData, evaluation: Evaluation
     ) -> tuple[Array, Array] | None:
-        """What :meth:`tangent` leaves out, as ``sum_k U_k (V_k . dq_1)``: U, V (k, rows, 3)."""
+        """What :meth:`tangent` leaves out, as ``sum_k U_k (V_k . dq_1)``: U, V (k, rows, 3).
+
+        Of a scheme whose rows depend on those of all nodes, as those of EnergyDecaying do.
+        """
         return None
 
     @abstractmethod
@@ -514,36 +542,3 @@ def load_force(system: System, step: StepData, y: Array) -> Array:
     if system.loading.dead_only:
         return step.dead
     return step.dead + system.loading.force(y[: system.rows], step.amplitudes)
-
-
-# -- which settings of Newton's method hold where a run gives none ---------------------------------
-
-_CHOSEN: ContextVar[NewtonSettings | None] = ContextVar("settings", default=None)
-
-
-def default_settings() -> NewtonSettings:
-    """What a run without settings of its own takes."""
-    chosen = _CHOSEN.get()
-    return NewtonSettings() if chosen is None else chosen
-
-
-@contextmanager
-def unless_given(settings: NewtonSettings) -> Iterator[None]:
-    """Let runs inside take these settings unless they are given others.
-
-    For studies that call problems of the user's own, which need not know of it. Runs that the
-    problem starts in other threads or processes do not see it.
-
-    Examples
-    --------
-    >>> with unless_given(NewtonSettings(iterations=100)):
-    ...     default_settings().iterations
-    100
-    >>> default_settings().iterations
-    20
-    """
-    token = _CHOSEN.set(settings)
-    try:
-        yield
-    finally:
-        _CHOSEN.reset(token)

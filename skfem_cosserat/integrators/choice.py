@@ -9,14 +9,15 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from ..compiled.plan import Plan, plan_of
-from ..compiled.warm import NotKept, promising, without_compiling
+from ..compiled.warm import NotKept, promising
 from ..constraints import Multipliers, NullSpace, Treatment
 from ..errors import InputError, PerformanceWarning
 from ..frames import TOLERANCE
 from ..linear import Solver
 from ..model import System
+from ..newton import NewtonSettings
 from ..warn import warn
-from .base import Integrator, default_settings
+from .base import Integrator
 from .compiled_step import compiled_step, scalar
 
 __all__ = [
@@ -193,7 +194,8 @@ def choose_kernels(
     refused = refusal(system, integrator, treatment)
 
     def trial(plan: Plan) -> None:
-        compiled_step(system, integrator.single, treatment, 1.0, default_settings(), plan, solver)
+        chosen = integrator.single, treatment, 1.0, NewtonSettings(), plan, solver
+        compiled_step(system, *chosen, kept_only=True)
 
     multipliers = isinstance(treatment, Multipliers)
     return choose(kernels, system, refused, seconds, solver, multipliers, trial)
@@ -223,8 +225,8 @@ def choose(
     multipliers : bool
         They are among the unknowns: compiled kernels eliminate all in blocks then.
     trial : callable, optional
-        Gets all kernels ready that the scene takes, to see whether they are on disk; default:
-        nobody looks.
+        Gets all kernels ready that the scene takes, without compiling: raises NotKept if one is
+        not on disk. Default: nobody looks.
 
     Raises
     ------
@@ -335,8 +337,7 @@ def _kept(
     if plan is None:
         return None
     try:
-        with without_compiling():
-            trial(plan)
+        trial(plan)
     except NotKept:
         return None
     except compile_errors():  # warned of where it is worth while

@@ -323,6 +323,13 @@ class CompiledScene:
         Of what elimination in blocks leaves.
     static : bool
         For a balance at rest, with loads that are evaluated in each iteration.
+    kept_only : bool
+        Take kernels that are in this process or on the disk; compile none.
+
+    Raises
+    ------
+    NotKept
+        If a kernel is neither here nor there.
 
     Attributes
     ----------
@@ -339,8 +346,10 @@ class CompiledScene:
         plan: Plan | None = None,
         solver: Solver | None = None,
         static: bool = False,
+        kept_only: bool = False,
     ) -> None:
         self.system, self.settings, self.scheme = system, settings, scheme
+        self._kept_only = kept_only
         self.plan = plan_of(system, solver is not None) if plan is None else plan
         self.factorisations = 0
         self._drag_factor = 0.0
@@ -369,12 +378,12 @@ class CompiledScene:
 
         system, groups = self.system, self.system.beam_groups
         parts = bind.parts_of(system, weight, ends or is_viscous(system), static)
-        with COMPILING, bind.compiling(system, parts):
+        with COMPILING, bind.compiling(system, parts, kept_only=self._kept_only):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
             w, self._arrays = bind.bound_work(system, self.plan)
             g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
-            table = bind.addresses(parts, (s, m, w, g))
+            table = bind.addresses(parts, (s, m, w, g), kept_only=self._kept_only)
         if len(self.plan.rest):
             A, x = self._arrays["A"], self._arrays["x"]
             self._rest = Rest(self.plan, planned["size"], A, x, self._solver)
@@ -454,7 +463,7 @@ class CompiledStep(CompiledScene):
     integrator : Integrator
     h : float
         Step size (s).
-    system, settings, plan, solver
+    system, settings, plan, solver, kept_only
         As for :class:`CompiledScene`.
     """
 
@@ -466,12 +475,14 @@ class CompiledStep(CompiledScene):
         settings: NewtonSettings,
         plan: Plan | None = None,
         solver: Solver | None = None,
+        kept_only: bool = False,
     ) -> None:
         from ..compiled import step
 
         scheme = integrator.scheme(h)
         assert isinstance(scheme, Scheme)
-        super().__init__(system, scheme, integrator.constraint_weight, settings, plan, solver)
+        own = system, scheme, integrator.constraint_weight, settings, plan, solver
+        super().__init__(*own, kept_only=kept_only)
         self.integrator, self.h = integrator, h
         self._step = step
         self._record = np.zeros(len(RECORD))
@@ -481,11 +492,8 @@ class CompiledStep(CompiledScene):
         self._viscous: Viscous | None = None
         self._resist(h)
         self._rows = np.zeros(0, dtype=np.int64)
-        #: whether there are closed loops; configuration at the end of the last step, as given away
+        #: whether there are closed loops
         self.looped = len(self._a.mu) > 0
-        self.end: Floats | None = None
-        #: configuration from which the compiled way found no step
-        self.stuck: Floats | None = None
         # how far coordinates went since rows of closed loops were chosen, and in the last step
         self._travelled = self._travel = self._farthest = np.inf
         #: whether nothing changes from step to step but the state, where loads do not
@@ -514,7 +522,7 @@ class CompiledStep(CompiledScene):
         from ..compiled import bind, jit
 
         kinds = tuple(bind.typeof(each) for each in (*self._all, self._record, self._ends))
-        entry: Callable[..., bool] = jit.ready(self._step.solve, kinds).entry_point
+        entry: Callable[..., bool] = jit.ready(self._step.solve, kinds, self._kept_only).entry_point
         return entry
 
     def resized(self, h: float) -> CompiledStep:
@@ -526,7 +534,8 @@ class CompiledStep(CompiledScene):
         changed |= dict(zip(carried, scheme.carry, strict=True))
         for name, number in changed.items():
             self._all[-1][NUMBERS.index(name)] = number
-        self.last, self._record[KEPT] = self._scaled_last(h / self.h), 0.0
+        self.resume(self._scaled_last(h / self.h))
+        self._record[KEPT] = 0.0
         self.h, self.scheme, self._factors = h, scheme, None
         self._coupled.resize(h)
         self._resist(h)
@@ -556,8 +565,9 @@ class CompiledStep(CompiledScene):
         From another state than the last; or after a motion of length `clearance`, if those that
         there are have come too close to each other, too.
         """
-        here = state.q is self.end or np.array_equal(state.q, self._a.y1.ravel()[: state.q.size])
-        if not here or not np.isfinite(self._travelled):
+        if not np.isfinite(self._travelled):
+            return True
+        if (state.q != self._a.y1.ravel()[: state.q.size]).any():
             return True
         if self._travelled >= bound.clearance:
             rows = self._a.border_row.reshape(len(self._rows), -1)[:, self._numbering]
@@ -572,11 +582,11 @@ class CompiledStep(CompiledScene):
         """What the treatment keeps of the last step, see there; None before the first."""
         return self._a.last.ravel()[self._numbering] if self._record[KNOWN] else None
 
-    @last.setter
-    def last(self, value: Any) -> None:
-        self._record[KNOWN] = self._record[GUESS] = float(value is not None)
-        if value is not None:
-            self._a.last.ravel()[self._numbering] = np.real(value)
+    def resume(self, last: Any) -> None:
+        """See the treatment: the next step is guessed from what is known of another one."""
+        self._record[KNOWN] = self._record[GUESS] = float(last is not None)
+        if last is not None:
+            self._a.last.ravel()[self._numbering] = np.real(last)
 
     def _begin(self, state: State) -> None:
         """Loads, prescribed motion and all that is fixed during a step."""
@@ -609,11 +619,8 @@ class CompiledStep(CompiledScene):
         record, a, rows = self._record, self._a, self.system.rows
         done, spent = int(record[DONE]), int(record[ALL_ITERATIONS])
         before = a.y0[:rows].flatten(), a.p0.flatten()
-        if solved:
-            self.end = a.y1[:rows].flatten()
-            after = self.end, a.carried.flatten()
-        else:  # from here on; nothing is left of how the last one came about
-            after, self.stuck = before, before[0] if done else state.q
+        # of a step that was not solved nothing is left of how the one before came about
+        after = (a.y1[:rows].flatten(), a.carried.flatten()) if solved else before
         last, work = int(record[ITERATIONS]), float(record[ALL_WORK])
         return BlockOfSteps(done, spent, last, not solved, work, before, after)
 
@@ -632,7 +639,7 @@ class CompiledStep(CompiledScene):
             self._travelled = float(record[TRAVELLED])
         if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
             known = known or (self.looped and record[DONE] > 1)
-            self.last = a.before.ravel()[self._numbering] if known else None
+            self.resume(a.before.ravel()[self._numbering] if known else None)
             record[KEPT], a.mu[:] = 0.0, 0.0
             record[DONE] -= 1
             record[ALL_ITERATIONS] -= record[ITERATIONS]
@@ -708,18 +715,20 @@ def compiled_step(
     settings: NewtonSettings,
     plan: Plan | None = None,
     solver: Solver | None = None,
+    kept_only: bool = False,
 ) -> CompiledStep:
-    """Steps with one of the treatments; see :class:`.fast.CompiledStep`."""
+    """Steps with one of the treatments; see :class:`CompiledStep`."""
+    own = system, integrator, h, settings, plan
     if isinstance(treatment, Multipliers):
-        return CompiledMultipliers(system, integrator, h, settings, plan, treatment.scaled)
+        return CompiledMultipliers(*own, treatment.scaled, kept_only)
     kind = CompiledStep if system.plane is None else CompiledPlane
-    return kind(system, integrator, h, settings, plan, solver)
+    return kind(*own, solver, kept_only)
 
 
 class CompiledPlane(CompiledStep):
     """Steps of a scene in a plane, with the null space method: three unknowns a frame.
 
-    See :class:`.fast.CompiledStep`.
+    See :class:`CompiledStep`.
     """
 
     def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
@@ -730,14 +739,14 @@ class CompiledPlane(CompiledStep):
         system, groups = self.system, self.system.beam_groups
         parts = bind.parts_of(system, weight, ends or is_viscous(system))
         frames = plane.Frames(system)
-        with COMPILING, bind.compiling(system, parts, "plane"):
+        with COMPILING, bind.compiling(system, parts, "plane", self._kept_only):
             rows, outside = plane.bound_rows(system, frames)
             s, self._tree = plane.bound_tree(system, self.plan, frames, rows)
             m, _ = bind.bound_plan(system, self.plan)
             w, arrays = plane.bound_work(system, self.plan, frames)
             group = groups[0] if groups else None
             g, _ = plane.bound_beams(system, group, self.plan, frames, outside)
-            table = bind.addresses(parts, (s, m, w, g), "plane")
+            table = bind.addresses(parts, (s, m, w, g), "plane", self._kept_only)
         own = ("y0", "y1", "ground1", "p0", "external", "R", "carried")
         self._arrays = arrays | {name: outside[name] for name in own}
         self._number([c for cs in bind.coordinates_of(system) for c in cs])
@@ -760,7 +769,7 @@ class CompiledMultipliers(CompiledStep):
 
     Parameters
     ----------
-    system, integrator, h, settings, plan
+    system, integrator, h, settings, plan, kept_only
         See :class:`CompiledStep`.
     scaled : bool
         See :class:`skfem_cosserat.Multipliers`.
@@ -774,11 +783,12 @@ class CompiledMultipliers(CompiledStep):
         settings: NewtonSettings,
         plan: Plan | None = None,
         scaled: bool = True,
+        kept_only: bool = False,
     ) -> None:
         self._scaled, self._h = scaled, h
         if plan is None:
             plan = plan_of(system, whole=True)
-        super().__init__(system, integrator, h, settings, plan)
+        super().__init__(system, integrator, h, settings, plan, kept_only=kept_only)
 
     def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
         """See the base class."""
@@ -786,12 +796,12 @@ class CompiledMultipliers(CompiledStep):
 
         system, groups = self.system, self.system.beam_groups
         parts = bind_kkt.parts_of(system, ends or is_viscous(system))
-        with COMPILING, bind.compiling(system, parts, "multipliers"):
+        with COMPILING, bind.compiling(system, parts, "multipliers", self._kept_only):
             s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self._h)
             m, _ = bind_kkt.bound_elimination(system, self.plan)
             w, self._arrays = bind_kkt.bound_steps(system, self.plan)
             g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
-            table = bind.addresses(parts, (s, m, w, g), "multipliers")
+            table = bind.addresses(parts, (s, m, w, g), "multipliers", self._kept_only)
         self._own = SimpleNamespace(**own)
         self._nodal = Reparametrisation(system.kinematics)
         return table, s, m, w, g
@@ -803,11 +813,11 @@ class CompiledMultipliers(CompiledStep):
             return None
         return self._own.last.ravel().copy(), self._own.last_one.copy()
 
-    @last.setter
-    def last(self, value: Any) -> None:
-        self._record[KNOWN] = self._record[GUESS] = float(value is not None)
-        if value is not None:
-            self._own.last.ravel()[:], self._own.last_one[:] = value
+    def resume(self, last: Any) -> None:
+        """See the base class."""
+        self._record[KNOWN] = self._record[GUESS] = float(last is not None)
+        if last is not None:
+            self._own.last.ravel()[:], self._own.last_one[:] = last
 
     def resized(self, h: float) -> CompiledStep:
         """See the base class; unscaled matrices have the step size in them: bound anew."""
@@ -815,7 +825,8 @@ class CompiledMultipliers(CompiledStep):
             return super().resized(h)
         own = self.system, self.integrator, h, self.settings, self.plan
         other = CompiledMultipliers(*own, scaled=False)
-        other.factorisations, other.last = self.factorisations, self._scaled_last(h / self.h)
+        other.factorisations += self.factorisations
+        other.resume(self._scaled_last(h / self.h))
         return other
 
     def _scaled_last(self, ratio: float) -> Any:

@@ -20,7 +20,7 @@ from ..model.balance import (
 )
 from ..model.groups import Blocks
 from ..types import Array, Floats, IndexArray, real, switch
-from .base import Evaluation, Integrator, State, StepData, StepWork
+from .base import Evaluation, Integrator, State, StepData, StepOrigin, StepWork
 
 __all__ = ["GeneralizedAlpha"]
 
@@ -188,11 +188,11 @@ class GeneralizedAlpha(Integrator):
 
     def resized(self, state: State, h: float) -> State:
         """See the base class: alpha is an acceleration a share of the step earlier or later."""
-        if state.memory is None or state.maker is None:
+        if state.memory is None or state.made_by is None:
             return state
         memory = state.memory.copy()
-        memory[2] = memory[1] + h / state.maker[1] * (memory[2] - memory[1])
-        return replace(state, memory=memory, maker=(self.name, h))
+        memory[2] = memory[1] + h / state.made_by.step * (memory[2] - memory[1])
+        return replace(state, memory=memory, made_by=StepOrigin(self.name, h))
 
     def start_force(self, system: System, state: State, h: float) -> Floats:
         """See the base class: what the accelerations leave of the balance."""

@@ -18,7 +18,7 @@ from ..model.loops import contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, check_kind, positive, switch, whole
 from ..warn import Notices, listening, logger, warn
-from .base import Evaluation, Integrator, March, State, StepData, StepWork, default_settings
+from .base import Evaluation, Integrator, March, State, StepData, StepOrigin, StepWork
 from .choice import built, choose_kernels
 from .compiled_step import CompiledStep, compiled_step
 
@@ -314,6 +314,11 @@ class Stepper:
         Called with a text before compiling.
     backwards : bool
         Of a negative step, as compositions have them.
+    varying : bool
+        Whether steps will be of several sizes.
+    origin : StepOrigin, optional
+        What its states are made by; default: the scheme and the step. Of a stepper of one of the
+        steps of a composition: the composed scheme and step.
 
     Raises
     ------
@@ -330,6 +335,10 @@ class Stepper:
         Kernels in use, and why.
     notices : Notices
         Warnings so far; each is given once by a stepper.
+    origin : StepOrigin
+        See above.
+    varying : bool
+        Whether states of the same scheme go on as they are after steps of other sizes.
 
     Examples
     --------
@@ -359,6 +368,8 @@ class Stepper:
         announce: Callable[[str], object] | None = None,
         *,
         backwards: bool = False,
+        varying: bool = False,
+        origin: StepOrigin | None = None,
     ) -> None:
         system = system_of(system)
         check_kind("argument integrator", integrator, Integrator)
@@ -370,12 +381,10 @@ class Stepper:
         self.h = (-1 if backwards else 1) * positive(
             "argument step", "step", -h if backwards else h, " of seconds"
         )
-        self.settings = default_settings() if settings is None else settings
+        self.settings = NewtonSettings() if settings is None else settings
         check_kind("argument settings", self.settings, NewtonSettings)
-        #: name and step by which its states are known, and what a failed step is called by
-        self.maker = integrator.name, self.h
-        #: whether states of the same scheme go on as they are after steps of other sizes
-        self.varying = False
+        self.origin = StepOrigin(integrator.name, self.h) if origin is None else origin
+        self.varying = varying
         if checked_solver(solver) is not None and not integrator.solves:
             reason = "its steps are not solved for, there are no linear systems"
             raise IncompatibleError(f"{integrator!r} with {solver!r}", reason)
@@ -394,9 +403,8 @@ class Stepper:
         system, integrator, treatment = self.system, self.integrator, self.treatment
         self._march = integrator.march(system, treatment, self.h)
         self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
-        self.bound.large = False
         if solver is not None:
-            self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
+            self.bound.solve_with(solver)
         self._first, self._warned = True, False
         self._end: tuple[Floats, Evaluation] | None = None  # of the last step: q, what was found
         self._fast: CompiledStep | None = None
@@ -408,12 +416,11 @@ class Stepper:
         one = integrator.single
         if one is not integrator:
             common = self.settings, self.choice.name, steps, solver, announce
-            self._stages = {
-                share: Stepper(system, one, treatment, share * self.h, *common, backwards=share < 0)
-                for share in integrator.shares
-            }
-            for stage in self._stages.values():
-                stage.maker = self.maker
+            for share in integrator.shares:
+                size, back = share * self.h, share < 0
+                self._stages[share] = Stepper(
+                    system, one, treatment, size, *common, backwards=back, origin=self.origin
+                )
             return
         if self.choice.name == "numba":
             text = "kernels are compiled, some 10 s at the first time, or read from the cache"
@@ -448,8 +455,11 @@ class Stepper:
             return next(iter(self._stages.values())).method
         return self.bound.solver.method if self._fast is None else self._fast.method
 
-    def resize(self, h: float) -> None:
-        """Take steps of another size (s), of the same sign, from now on; not if explicit."""
+    def resize(self, h: float, origin: StepOrigin | None = None) -> None:
+        """Take steps of another size (s), of the same sign, from now on; not if explicit.
+
+        `origin` is as for the class.
+        """
         self.varying = True
         if h == self.h:
             return
@@ -458,10 +468,9 @@ class Stepper:
         sign = -1 if self.h < 0 else 1
         size = positive("argument step", "step", sign * h, " of seconds")
         ratio, self.h = h / self.h, sign * size
-        self.maker = self.integrator.name, self.h
+        self.origin = StepOrigin(self.integrator.name, self.h) if origin is None else origin
         for share, stage in self._stages.items():
-            stage.resize(share * h)
-            stage.maker = self.maker
+            stage.resize(share * h, self.origin)
         self.bound.rescale(ratio)
         if self._fast is not None:
             self._fast = self._fast.resized(h)
@@ -494,7 +503,6 @@ class Stepper:
         except Diverged as error:
             self.notices.tell(error)
             raise
-        report.state.maker = self.maker
         return report
 
     def _step(self, state: State, time: float) -> StepReport:
@@ -512,7 +520,9 @@ class Stepper:
         """
         return self._fast is not None and self._fast.takes_blocks(state.time)
 
-    def advance_block(self, state: State, steps: int) -> StepReport:
+    def advance_block(
+        self, state: State, steps: int, time: Callable[[int], float] | None = None
+    ) -> StepReport:
         """Solve up to so many steps in one go, at least one: the same ones, for less.
 
         Parameters
@@ -521,6 +531,8 @@ class Stepper:
             As for :meth:`advance`.
         steps : int
             How many at most; fewer are taken where something has to be looked at.
+        time : callable, optional
+            Time (s) of the new state by its index; default: that of `state` and the steps.
 
         Returns
         -------
@@ -552,18 +564,23 @@ class Stepper:
         """
         whole("argument steps", steps, 1)
         fast, state = self._fast, self.own(state)
-        if steps < 2 or fast is None or not fast.takes_blocks(state.time) or state.q is fast.stuck:
-            return self.advance(state)
+
+        def single(start: State) -> StepReport:
+            return self.advance(start, None if time is None else time(state.index + 1))
+
+        if steps < 2 or fast is None or not fast.takes_blocks(state.time) or state.plain:
+            return single(state)
         if (fast.looped and fast.due(state, self.bound)) or not self.bound.regular:
-            return self.advance(state)
+            return single(state)
         block = fast.advance_block(state, steps)
         if not block.steps:
-            return self.advance(state)  # by the general way
-        self._first, k = False, block.steps
-        fresh, where = state.fresh and k == 1, (state.time + (k - 1) * self.h, state.index + k - 1)
-        before = State(*where, *block.before, fresh, maker=self.maker)
-        new = State(state.time + k * self.h, state.index + k, *block.after, False)
-        new.maker, y1, impulse = self.maker, fast.y1, fast.impulse
+            return single(replace(state, plain=True))
+        self._first, k, index = False, block.steps, state.index + block.steps
+        fresh, where = state.fresh and k == 1, (state.time + (k - 1) * self.h, index - 1)
+        before = State(*where, *block.before, fresh, made_by=self.origin)
+        end = state.time + k * self.h if time is None else time(index)
+        new = State(end, index, *block.after, False, made_by=self.origin, plain=block.stuck)
+        y1, impulse = fast.y1, fast.impulse
         if block.stuck:
             y1, impulse = self.system.extend(new.q, new.time), np.full_like(impulse, np.nan)
         solved = Solved(self.system, self.integrator, self.h, before, y1, impulse)
@@ -575,18 +592,17 @@ class Stepper:
 
         Its momentum is then that on the hidden constraints: schemes carry on different momenta.
         """
-        if state.maker is None:
+        if state.made_by is None:
             return state
-        name, step = state.maker
-        if name == self.maker[0]:
-            if abs(step - self.maker[1]) <= 1e-9 * abs(self.maker[1]):
+        if state.made_by.same_scheme(self.origin):
+            if state.made_by.same_step(self.origin):
                 return state
             if self.varying:
                 return self.integrator.resized(state, self.h)
         y = self.system.extend(state.q, state.time)
         v = nearest_velocity(self.system, y, state.p, state.time)
         p = np.asarray(self.system.mass @ v.reshape(-1, 3)).reshape(-1)
-        return replace(state, p=p, fresh=True, memory=None, maker=None)
+        return replace(state, p=p, fresh=True, memory=None, made_by=None, plain=False)
 
     def _solve(self, state: State, new_time: float) -> StepReport:
         step: StepData | None = None
@@ -594,11 +610,11 @@ class Stepper:
             if self._fast.looped and self._fast.due(state, self.bound):
                 step = self._begin(state)
                 self._fast.close(self.bound.closing)
-            if self.bound.regular and state.q is not self._fast.stuck:
+            if self.bound.regular and not state.plain:
                 solved = self._fast.solve(state)
                 if solved is not None:
                     return self._accept_compiled(self._fast, state, new_time, *solved)
-            self.bound.last = self._fast.last  # the general way tries again from there
+            self.bound.resume(self._fast.last)  # the general way tries again from there
         if step is None:
             step = self._begin(state)
         total = 0
@@ -629,9 +645,8 @@ class Stepper:
         effort = f"after {len(ATTEMPTS)} attempts with {total} Newton iterations"
         reason, advice = self._explained(step, best.reason, problem.y1)
         where = state.time, state.index + 1, best.residual
-        error = Diverged(*where, f"{reason}, {effort}", advice, residuals)
-        error.settings = self.settings
-        raise error
+        text = f"{reason}, {effort}"
+        raise Diverged(*where, text, advice, residuals, settings=self.settings)
 
     def _left(self, problem: StepProblem, residual: float) -> bool:
         """Whether a residual asks for more, although increments have vanished."""
@@ -649,7 +664,7 @@ class Stepper:
         for k, share in enumerate(shares, 1):
             done += share
             stage = self._stages[share]
-            stage._first = True  # what it knows of the motion is of another place
+            stage.start_anew()  # what it knows of the motion is of another place
             end = time if k == len(shares) else state.time + done * self.h
             reports.append(stage.advance(now, end))
             now = replace(reports[-1].state, index=state.index)
@@ -668,17 +683,22 @@ class Stepper:
 
     def _marched(self, march: March, state: State, time: float) -> StepReport:
         new, iterations, residual, work = march.advance(state, time)
+        new = replace(new, made_by=self.origin)
         y1, none = self.system.extend(new.q, new.time), np.zeros((self.system.rows, 3))
         solved = Solved(self.system, self.integrator, self.h, state, y1, none)
         return ComposedReport(new, iterations, 1, residual, work, solved, [])
+
+    def start_anew(self) -> None:
+        """The next step does not go on from the last one: treat it as the first of a run."""
+        self._first = True
 
     def _begin(self, state: State) -> StepData:
         """Data of a step for the general way, and its treatment at its start."""
         before = None if self._end is None or (self._end[0] != state.q).any() else self._end[1]
         step = self.integrator.begin(self.system, state, self.h, before)
-        self.bound.momentum = state.p if state.fresh or self._first else None
+        momentum = state.p if state.fresh or self._first else None
         self._first = False
-        self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h)
+        self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h, momentum)
         for item, text in self.bound.doubts:
             logger.info("t = %.6g s: the %s %s", state.time, item, text)  # each time
             warn(item, text, AccuracyWarning, state.time)
@@ -704,7 +724,7 @@ class Stepper:
             bent = bent_elements(self.system, y1)
         drawn = overstretched(self.system, step.y0)  # forces at y1 mean nothing
         reason = "; ".join(text for text in (reason, bent, drawn) if text is not None)
-        return reason, f"try a smaller step than {self.maker[1]:g} s, {self.integrator.advice}"
+        return reason, f"try a smaller step than {self.origin.step:g} s, {self.integrator.advice}"
 
     def _check_motion(self, state: State, y1: Array, residual: float) -> None:
         """Raise Diverged if prescribed motions no longer agree around a closed loop."""
@@ -726,7 +746,7 @@ class Stepper:
         assert evaluation is not None
         self.bound.finish()
         if self._fast is not None:
-            self._fast.last = self.bound.last
+            self._fast.resume(self.bound.last)
         impulse: Array = self.bound.constraint_impulse(evaluation.R)
         R, evaluation = evaluation.R, self.integrator.finished(self.system, step, evaluation)
         if evaluation.R is not R:
@@ -741,6 +761,7 @@ class Stepper:
             if step.couplings is None
             else self.system.couplings.turns(step.couplings, y1, time),
             memory=self.integrator.memory(evaluation),
+            made_by=self.origin,
         )
         self._end = y1[: self.system.rows].reshape(-1), evaluation
         work = self.integrator.work(self.system, step, evaluation, y1)
@@ -750,9 +771,9 @@ class Stepper:
     def _accept_compiled(
         self, fast: CompiledStep, state: State, time: float, iterations: int, residual: float
     ) -> StepReport:
-        y1, rows = fast.y1, self.system.rows
-        fast.end = y1[:rows].ravel()
-        new = State(time, state.index + 1, fast.end, fast.carried().ravel(), False, fast.turns())
+        y1, p = fast.y1, fast.carried().ravel()
+        q = y1[: self.system.rows].ravel()
+        new = State(time, state.index + 1, q, p, False, fast.turns(), made_by=self.origin)
         self._first = False
         solved = Solved(self.system, self.integrator, self.h, state, y1, fast.impulse)
         return StepReport(new, iterations, 1, residual, fast.work(), solved)

@@ -54,8 +54,8 @@ class Variational(Integrator):
     ``-sum_k (E_k/omega_k) d(omega_k)/dq``. A beam's frequencies have no such gap (those of bending
     go from below 1/h to far above it), they come close to each other where it deforms, and then
     actions are exchanged; and the blow-up above is no matter of neglected vibrations but of node
-    rotations that the midpoint stresses do not see. What is not resolved is taken out by
-    :class:`EnergyDecaying` and :class:`GeneralizedAlpha`.
+    rotations that the midpoint stresses do not see. What is not resolved is taken out by schemes
+    that are meant to lose energy (``scheme.loses``), such as :class:`GeneralizedAlpha`.
 
     Parameters
     ----------

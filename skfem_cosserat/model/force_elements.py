@@ -67,8 +67,8 @@ class CouplingLaw(ABC):
     ) -> tuple[Array, Array, Array, Array]:
         """Force sigma (c, m), ``dsigma/de_1`` (c, m, m), what is dissipated (c,), numerically (c,).
 
-        ``sigma . (e_1 - e_0)`` is the change of energy plus what is dissipated; the scheme's own
-        damping is that of the stiffness with the factor ``h decay/2``.
+        ``sigma . (e_1 - e_0)`` is the change of energy plus what is dissipated. `decay` is for
+        EnergyDecaying, which damps by the stiffness with the factor ``h decay/2``.
         """
 
     @abstractmethod

@@ -16,7 +16,7 @@ from ..types import check_kind, positive, switch
 from ..warn import logger
 from .conditions import Action, ActionFunction, ActionNone, Condition, ConditionFunction
 from .sensors import View
-from .step_size import Maker
+from .step_size import StepperFactory
 
 __all__ = [
     "LOCATED",
@@ -363,15 +363,17 @@ class EventMonitor:
     Parameters
     ----------
     events : list of Event
-    maker : Maker
+    factory : StepperFactory
         Of the steppers that repeat a step.
     system : System
     state : State
         Start of the run.
     """
 
-    def __init__(self, events: list[Event], maker: Maker, system: System, state: State) -> None:
-        self.events, self.maker = list(events), maker
+    def __init__(
+        self, events: list[Event], factory: StepperFactory, system: System, state: State
+    ) -> None:
+        self.events, self.factory = list(events), factory
         self._sides: dict[str, int] = {}
         self._times: dict[str, list[float]] = {event.name: [] for event in events}
         self._stepper: Stepper | None = None
@@ -509,7 +511,7 @@ class EventMonitor:
     def step(self, state: State, size: float, like: float) -> StepReport:
         """A step of any size (s) from a state; `like`: the size of those of the run."""
         if self._stepper is None:
-            self._stepper = self.maker.changed(self.system, like)
+            self._stepper = self.factory.changed(self.system, like)
         self._stepper.resize(size)
         return self._stepper.advance(state, state.time + size)
 

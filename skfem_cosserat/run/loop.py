@@ -27,7 +27,7 @@ from .progress import Interrupt, Progress
 from .recorder import Numbered, Recorder, Wanted, deriving, energy, timed
 from .sensors import Sensor, View
 from .start import consistent_start, initial_state
-from .step_size import ControlledSteps, FixedSteps, Maker, StepControl, SteppingPlan
+from .step_size import ControlledSteps, FixedSteps, StepControl, StepperFactory, SteppingPlan
 
 __all__ = ["Callback", "RunLoop", "simulate", "steps"]
 
@@ -43,19 +43,19 @@ class RunLoop:
 
     Attributes
     ----------
-    maker : Maker
-    pace : Pace
+    factory : StepperFactory
+    plan : SteppingPlan
     recorder : Recorder
     callbacks : sequence of callable
     show : callable
         Gets the time after each step.
     interrupt : Interrupt
-    watch : Watch or None
+    watch : EventMonitor or None
         None: there are no events.
     """
 
-    maker: Maker
-    pace: SteppingPlan
+    factory: StepperFactory
+    plan: SteppingPlan
     recorder: Recorder
     callbacks: Sequence[Callback]
     show: Callable[[float], object]
@@ -66,7 +66,7 @@ class RunLoop:
         """Go on from a state to the end; the status, and why a step could not be solved."""
         self.state, status = state, "completed"
         try:
-            while status == "completed" and (reports := self.pace.advance(self.state)):
+            while status == "completed" and (reports := self.plan.advance(self.state)):
                 for report in reports:
                     found = None if self.watch is None else self.watch.look(self.state, report)
                     status = self._take(report if found is None else found.report)
@@ -76,7 +76,7 @@ class RunLoop:
                         break
             if status != "interrupted":
                 end = self.state
-                self.recorder.look_ahead(end, end.time + self.pace.stepper.h)
+                self.recorder.look_ahead(end, end.time + self.plan.stepper.h)
         except KeyboardInterrupt:  # raised by a callback, or a second Ctrl-C
             return "interrupted", None
         except Diverged as error:
@@ -109,16 +109,16 @@ class RunLoop:
             self.recorder.events.append(record)
             logger.info("%s", record)
             self.state, losses, stop = state, losses + loss, stop or outcome.stop
-        stepper = self.pace.stepper
+        stepper = self.plan.stepper
         if self.state is not start:
             if system is not before:
-                stepper = self.maker.changed(system, stepper.h)
+                stepper = self.factory.changed(system, stepper.h)
             self.recorder.switch(start, system, stepper, self.state, losses)
         else:
             self.recorder.note()
         if not stop:
             self.watch.go_on(system, self.state, found)
-        self.pace.begin(stepper, self.state)
+        self.plan.begin(stepper, self.state)
         return stop
 
     def _outcome(self, system: System, outcome: ActionOutcome) -> tuple[System, State, float]:
@@ -128,7 +128,7 @@ class RunLoop:
             return system, state, 0.0
         new = system if outcome.system is None else outcome.system
         own = Projection(system)(state.q, state.p, state.time)[1]
-        integrator = self.maker.integrator
+        integrator = self.factory.integrator
         before = energy(system, integrator, state)
         if outcome.state is None:
             p = Projection(new)(state.q, own, state.time)[1]
@@ -162,16 +162,16 @@ def steps(
     ----------
     system : Model or System
     integrator : Integrator
-        ``Variational()``, ``EnergyMomentum()``, ``EnergyDecaying()``, ``GeneralizedAlpha()``, a
-        ``Composition`` of one of the first two, ``Explicit()`` or ``Asynchronous()``.
+        Such as ``Variational()``, ``EnergyMomentum()``, a ``Composition`` of one of them,
+        ``GeneralizedAlpha()`` or ``Explicit()``; the README has a table of all.
     treatment : Treatment
         ``NullSpace()`` or ``Multipliers()``; the explicit schemes take the latter.
     step : float
         Step size (s).
     start : State, optional
         Default: :func:`initial_state`. One that another integrator or step led to starts anew from
-        its q and p, as with :func:`restart`. One that was put together (without a ``maker``) has to
-        fulfil the constraints, and its momentum the hidden ones.
+        its q and p, as with :func:`restart`. One that was put together (without a ``made_by``) has
+        to fulfil the constraints, and its momentum the hidden ones.
     settings : NewtonSettings, optional
         When Newton's method stops.
     kernels : {"auto", "numpy", "numba"}
@@ -326,27 +326,28 @@ def simulate(
         intended = _intended(first, until, start)
         eventful = events is not None
         varying = eventful or isinstance(step, StepControl)
-        maker = Maker(integrator, treatment, settings, kernels, intended, solver, show.say, varying)
-        stepper = maker(system, first)
-        maker.kernels = stepper.choice.name
+        chosen = integrator, treatment, settings, kernels, intended, solver, show.say, varying
+        factory = StepperFactory(*chosen)
+        stepper = factory(system, first)
+        factory = replace(factory, kernels=stepper.choice.name)  # others take the same
         h = None if isinstance(step, StepControl) else stepper.h
-        state, count = _plan(system, start, h, until, every, eventful)
+        state, count = _extent(system, start, h, until, every, eventful)
         state = stepper.own(state)
         _check_run(callbacks, path, state)
         found = checked_events(events, integrator, system, state)
         looked = bool(callbacks or sensors or callable(progress))
-        plan = state, until, count, every, at, eventful, looked
-        pace, wanted = _paced(step, maker, stepper, *plan)
+        extent = state, until, count, every, at, eventful, looked
+        plan, wanted = _planned(step, factory, stepper, *extent)
         recorder = Recorder(system, stepper, state, wanted, path, sensors, varying, notices)
         _log_if_unresolved(stepper)
         with recorder, Interrupt() as interrupt:
-            watch = EventMonitor(found, maker, system, state) if found else None
+            watch = EventMonitor(found, factory, system, state) if found else None
             run = RunLoop(
-                maker, pace, recorder, callbacks, lambda t: show(t, until), interrupt, watch
+                factory, plan, recorder, callbacks, lambda t: show(t, until), interrupt, watch
             )
             with show:
                 status, failure = run.go(state)
-            recorder.more = pace.summary()
+            recorder.tell(plan.summary())
             if failure is None:
                 _warn_of_elements(system, recorder.complete())
             else:
@@ -356,7 +357,7 @@ def simulate(
                 notices.tell(failure)  # now with the balance of energy
                 failure.history = history
             if derive:
-                interrupt.asked = True  # nothing is lost any more: end at once
+                interrupt.at_once()  # nothing is lost any more
                 _derive(recorder, history, path)
         logger.info("%s: %d states up to t = %.6g s", status, len(history), history.times[-1])
         if failure is not None:
@@ -385,13 +386,13 @@ def _first_step(
         return step
     if isinstance(integrator, Integrator):
         step.check(integrator)
-    state, _ = _plan(system, start, None, until, 1)
+    state, _ = _extent(system, start, None, until, 1)
     return step.sizes(until - state.time)[0]
 
 
-def _paced(
+def _planned(
     step: float | StepControl,
-    maker: Maker,
+    factory: StepperFactory,
     stepper: Stepper,
     state: State,
     until: float,
@@ -407,7 +408,7 @@ def _paced(
     """
     if isinstance(step, StepControl):
         wanted = timed(state, until, every, at, exact=True)
-        return ControlledSteps(step, maker, stepper, state, until, at or ()), wanted
+        return ControlledSteps(step, factory, stepper, state, until, at or ()), wanted
     if eventful:
         wanted = timed(state, until, every, at, exact=False)
         return FixedSteps(stepper, state, count, until), wanted
@@ -480,7 +481,7 @@ def _check_run(
         )
 
 
-def _plan(
+def _extent(
     system: System,
     start: State | None,
     step: float | None,

@@ -39,10 +39,14 @@ class Interrupt:
             signal.signal(signal.SIGINT, self._ask)
         return self
 
+    def at_once(self) -> None:
+        """The next Ctrl-C ends all, as if it had been pressed before."""
+        self.asked = True
+
     def _ask(self, number: int, frame: object) -> None:
         around = getattr(self._before, "__self__", None)
         if isinstance(around, Interrupt):
-            around.asked = True
+            around.at_once()
         if self.asked:
             raise KeyboardInterrupt
         self.asked = True

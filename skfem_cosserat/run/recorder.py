@@ -314,7 +314,7 @@ class Recorder:
         #: steps may differ in size: it is recorded
         self.varying = varying
         self.segments, self.events = [Segment(0, system)], list[EventRecord]()
-        self.more: dict[str, Any] = {}
+        self._more: dict[str, Any] = {}
         self._angles = [item.name for item in system.couplings.angles]
         meta, static = describe(system)
         meta |= {
@@ -392,7 +392,7 @@ class Recorder:
             none = np.zeros(len(self._angles), dtype=np.int64)
             row["turns"] = none if state.turns is None else state.turns
         if self.varying:
-            row["step_size"] = np.nan if state.maker is None else state.maker[1]
+            row["step_size"] = np.nan if state.made_by is None else state.made_by.step
         if count := self.stepper.integrator.remembered:
             none = np.full((count, self.system.n), np.nan)
             row["memory"] = none if state.memory is None else state.memory
@@ -499,6 +499,10 @@ class Recorder:
             ]
         return meta
 
+    def tell(self, more: dict[str, Any]) -> None:
+        """What the metadata of the history are to say beside what is recorded."""
+        self._more = more
+
     def complete(self) -> History:
         """All rows, the last one with all that can be known of it; the file is not closed."""
         if self._complete is not None:
@@ -534,7 +538,7 @@ class Recorder:
         if failure is not None:
             extra["failure"] = str(failure)
         extra |= self._happened()
-        extra |= self.more
+        extra |= self._more
         balance = self.works.balance(self._force)
         try:
             if balance is not None:

@@ -17,7 +17,7 @@ from ..diagnostics.stacked import material_stiffness, null_space_matrix
 from ..errors import HistoryError, InputError, ModelWarning
 from ..frames import is_beam
 from ..history import History
-from ..integrators import Integrator, State
+from ..integrators import Integrator, State, StepOrigin
 from ..joint import Joint
 from ..load import Constant
 from ..model import System, takes_scene
@@ -500,7 +500,7 @@ def consistent_start(system: System, start: State, item: str = "argument start")
     multipliers, and momenta of the variational scheme, turned round for example, have such parts.
     """
     checked_start(system, start, item)
-    made = start.maker is not None
+    made = start.made_by is not None
     wrong = broken_constraint(system, system.extend(start.q, start.time), SOLVED if made else GIVEN)
     if wrong:
         raise InputError(item, f"q at t = {start.time:g} s {wrong}")
@@ -618,8 +618,9 @@ def restart(
         memory = np.array(row["memory"]) if "memory" in row else None
         if memory is not None and np.isnan(memory).any():
             memory = None
-        fresh, maker = bool(row["fresh"]), None if np.isnan(size) else (integrator.name, size)
-        return State(t, index, q, np.array(row["carried"]), fresh, turns, memory, maker)
+        origin = None if np.isnan(size) else StepOrigin(integrator.name, size)
+        p, fresh = np.array(row["carried"]), bool(row["fresh"])
+        return State(t, index, q, p, fresh, turns, memory, origin)
     p = np.array(row["p"])
     if not np.isfinite(p).all():
         p = np.array(row["carried"])

@@ -25,8 +25,8 @@ __all__ = [
     "ControlledSteps",
     "Estimate",
     "FixedSteps",
-    "Maker",
     "StepControl",
+    "StepperFactory",
     "SteppingPlan",
     "distance",
     "size",
@@ -41,7 +41,7 @@ STRIDE, MOVED = 256, 10**6
 
 
 @dataclass
-class Maker:
+class StepperFactory:
     """Makes steppers with the choices of a run, for any system and step size."""
 
     integrator: Integrator
@@ -57,9 +57,7 @@ class Maker:
     def __call__(self, system: System, h: float) -> Stepper:
         """A stepper."""
         more = self.settings, self.kernels, self.steps, self.solver, self.announce
-        stepper = Stepper(system, self.integrator, self.treatment, h, *more)
-        stepper.varying = self.varying
-        return stepper
+        return Stepper(system, self.integrator, self.treatment, h, *more, varying=self.varying)
 
     def changed(self, system: System, h: float) -> Stepper:
         """A stepper for a system that has changed: plain kernels if there are no compiled ones."""
@@ -128,13 +126,14 @@ class FixedSteps(SteppingPlan):
         k = state.index + 1 - self._first
         if k > self._count:
             return []
-        # t_n = t_0 + n h: no rounding adds up over many steps
         if self._ahead is None or not self.stepper.takes_blocks(state):
-            return [self.stepper.advance(state, self._origin + k * self.stepper.h)]
-        report = self.stepper.advance_block(state, min(self._ahead(state), self._most))
-        end = report.state
-        end.time = self._origin + (end.index - self._first) * self.stepper.h
-        return [report]
+            return [self.stepper.advance(state, self._time(state.index + 1))]
+        ahead = min(self._ahead(state), self._most)
+        return [self.stepper.advance_block(state, ahead, self._time)]
+
+    def _time(self, index: int) -> float:
+        """Of the state with this index: t_n = t_0 + n h, no rounding adds up over many steps."""
+        return self._origin + (index - self._first) * self.stepper.h
 
     def begin(self, stepper: Stepper, state: State) -> None:
         """See the base class: equal steps to the same end, of the size asked for or less."""
@@ -270,8 +269,8 @@ class StepControl(Frozen):
 
     Notes
     -----
-    For schemes whose steps may vary: energy-momentum, energy-decaying, generalized-alpha.
-    Symplectic ones are refused; :func:`advise_step` finds the fixed step for a tolerance.
+    For schemes whose steps may vary, such as energy-momentum and generalized-alpha. Symplectic ones
+    are refused; :func:`advise_step` finds the fixed step for a tolerance.
     A step that cannot be solved counts as one that is too large. Proportional-integral control:
     Gustafsson, ACM Trans. Math. Softw. 17 (1991) 533; error per unit step: Hairer, Norsett &
     Wanner, Solving Ordinary Differential Equations I, II.4.
@@ -343,7 +342,7 @@ class ControlledSteps(SteppingPlan):
     Parameters
     ----------
     control : StepControl
-    maker : Maker
+    factory : StepperFactory
     stepper : Stepper
         Of the pairs.
     state : State
@@ -356,14 +355,14 @@ class ControlledSteps(SteppingPlan):
     def __init__(
         self,
         control: StepControl,
-        maker: Maker,
+        factory: StepperFactory,
         stepper: Stepper,
         state: State,
         until: float,
         at: Sequence[float] = (),
     ) -> None:
         duration = until - state.time
-        self.control, self.maker = control, maker
+        self.control, self.factory = control, factory
         self.span = duration if control.span is None else control.span
         self.h, self.smallest, self.largest = control.sizes(duration)
         self._targets = sorted({*(float(t) for t in at if t > state.time), float(until)})
@@ -377,7 +376,7 @@ class ControlledSteps(SteppingPlan):
     def begin(self, stepper: Stepper, state: State) -> None:
         """See the base class."""
         self.stepper = stepper
-        self._coarse = self.maker(stepper.system, 2 * stepper.h)
+        self._coarse = self.factory(stepper.system, 2 * stepper.h)
         self._held = False
         self._estimate.begin()
 

@@ -597,7 +597,7 @@ def static(
             static_refusal(system, treatment, spin),
             estimated_seconds(system, control.expected, ITERATIONS),
             solver,
-            trial=lambda plan: CompiledBalance(system, settings, plan, solver).prepare(),
+            trial=lambda plan: CompiledBalance(system, settings, plan, solver, True).prepare(),
         )
         points = PathSolver(system, treatment, schedule, settings, choice, solver)
         continuation = Continuation(system, points, control, watch and system.unknowns > 0)
@@ -623,7 +623,7 @@ def static(
                 **({} if failure is None else {"failure": str(failure)}),
             )
             if derive and len(history):
-                interrupt.asked = True  # nothing is lost any more: end at once
+                interrupt.at_once()  # nothing is lost any more
                 _derive(system, schedule, history, path, notices)
         if failure is not None:
             failure.history = history

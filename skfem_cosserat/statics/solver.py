@@ -15,7 +15,7 @@ from ..constraints.base import BoundTreatment
 from ..integrators.base import Scheme
 from ..integrators.choice import Choice, built
 from ..integrators.compiled_step import CompiledScene
-from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
+from ..linear import SingularMatrixError, Solver, checked_solver
 from ..model import System
 from ..model.balance import Balance, balance, balance_tangent, external_force, predicted
 from ..model.limits import bent_elements
@@ -387,10 +387,12 @@ class CompiledBalance(CompiledScene):
         settings: NewtonSettings,
         plan: Plan | None = None,
         solver: Solver | None = None,
+        kept_only: bool = False,
     ) -> None:
         from ..compiled import static
 
-        super().__init__(system, REST, 1.0, settings, plan, solver, static=True)
+        own = system, REST, 1.0, settings, plan, solver
+        super().__init__(*own, static=True, kept_only=kept_only)
         self._static = static
         count = len(system.origin_rows)
         self._width = 12 * count
@@ -409,7 +411,8 @@ class CompiledBalance(CompiledScene):
         some = int(False), self._residuals[:1], self._increments[:1]
         kernels = (self._static.begin, ()), (self._static.move, ()), (self._static.solve, some)
         for kernel, others in kernels:
-            jit.ready(kernel, tuple(bind.typeof(each) for each in (*self._all, *others)))
+            kinds = tuple(bind.typeof(each) for each in (*self._all, *others))
+            jit.ready(kernel, kinds, self._kept_only)
 
     @property
     def y(self) -> Floats:
@@ -659,10 +662,10 @@ class PathSolver:
         solver: Solver | None = None,
     ) -> None:
         self.system, self.schedule, self.settings = system, schedule, settings
-        self.bound = treatment.bind(system, 1.0)  # forces act where the balance is taken
-        self._asked = solver
-        if checked_solver(solver) is not None:
-            self.bound.solver = LinearSolver(self.bound.solver.pattern, solver)
+        self.bound = treatment.bind(system, 1.0, large=True)  # forces act where the balance is
+        self._asked = checked_solver(solver)
+        if self._asked is not None:
+            self.bound.solve_with(self._asked)
         self.iterations = self.attempts = 0
         self.neutral = Neutral()
         self._accepted: object | None = None

@@ -6,6 +6,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from inspect import Parameter, signature
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,6 @@ import numpy as np
 from ..errors import InputError, JobError
 from ..figures import new_figure, write_figure
 from ..history import History
-from ..integrators.base import unless_given
 from ..parallel import Executor, Job, Outcome
 from ..parallel.jobs import Caught
 from ..types import Array, Floats, positive, switch
@@ -418,8 +418,8 @@ def stability_map(
     problem : callable
         Called as ``problem(step=1e-3, stiffness=1e4)`` with one value of each axis; gives a
         History, or raises. A step that fails counts as such only after the full protocol of
-        attempts, ``FULL_PROTOCOL`` of :mod:`skfem_cosserat.study`: runs in here take it unless
-        they are given other settings.
+        attempts: give runs ``settings=FULL_PROTOCOL`` of :mod:`skfem_cosserat.study`. A problem
+        with an argument `settings` that has no value yet gets it from here.
     axes : mapping
         Values of each parameter by its name.
     outcome : callable, optional
@@ -475,7 +475,7 @@ def stability_map(
     if timeout_s is not None:
         timeout_s = positive("argument timeout_s", "timeout_s", timeout_s, " of seconds")
     choices = [dict(zip(values, choice, strict=True)) for choice in product(*values.values())]
-    check_call(problem, choices[0])
+    check_call(problem, choices[0] | _settings(problem, choices[0]))
     jobs = [Job(case_name(c), _cell, case_name(c), problem, judge, c, timeout_s) for c in choices]
     if len({job.name for job in jobs}) < len(jobs):
         raise InputError("argument axes", "holds the same value twice on an axis")
@@ -522,8 +522,9 @@ def _cell(
 ) -> Verdict:
     """Run and judge a cell; what the judge raises is the cell's error."""
     running, history = Caught(), None
-    with running, TimeLimit(timeout_s), unless_given(FULL_PROTOCOL):
-        history = problem(**parameters)
+    arguments = parameters | _settings(problem, parameters)
+    with running, TimeLimit(timeout_s):
+        history = problem(**arguments)
     error = running.error
     if error is not None and not isinstance(error, Exception):
         raise error
@@ -535,6 +536,18 @@ def _cell(
     if not isinstance(found, Verdict):
         raise InputError("argument outcome", f"gave {found!r}, expected a Verdict or its status")
     return replace(found, kernels=ran(history if error is None else error))
+
+
+def _settings(problem: Callable[..., Any], parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of runs, as an argument of a problem that takes them and has none."""
+    try:
+        taken = signature(problem).parameters.get("settings")
+    except (TypeError, ValueError):
+        return {}  # a builtin that does not tell, or nothing to call
+    if taken is None or "settings" in parameters:
+        return {}
+    free = taken.default is None or taken.default is Parameter.empty
+    return {"settings": FULL_PROTOCOL} if free else {}
 
 
 def _check(outcome: Outcome) -> None:
