@@ -559,7 +559,7 @@ def test_numpy_takes_over_where_numba_does_not_compile(error, monkeypatch):
     system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
     plain = sc.simulate(system, *pair, 1e-3, 3e-3, kernels="numpy")
 
-    def fails(*_):
+    def fails(*_, **__):
         raise error
 
     monkeypatch.setattr("skfem_cosserat.compiled.bind.addresses", fails)

@@ -567,7 +567,8 @@ class CompiledStep(CompiledScene):
         """
         if not np.isfinite(self._travelled):
             return True
-        if (state.q != self._a.y1.ravel()[: state.q.size]).any():
+        # as bytes: this is asked in each step, and comparing arrays takes longer
+        if state.q.tobytes() != self._a.y1[: self.system.rows].tobytes():
             return True
         if self._travelled >= bound.clearance:
             rows = self._a.border_row.reshape(len(self._rows), -1)[:, self._numbering]

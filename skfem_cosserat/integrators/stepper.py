@@ -564,17 +564,14 @@ class Stepper:
         """
         whole("argument steps", steps, 1)
         fast, state = self._fast, self.own(state)
-
-        def single(start: State) -> StepReport:
-            return self.advance(start, None if time is None else time(state.index + 1))
-
+        next_time = None if time is None else time(state.index + 1)
         if steps < 2 or fast is None or not fast.takes_blocks(state.time) or state.plain:
-            return single(state)
+            return self.advance(state, next_time)
         if (fast.looped and fast.due(state, self.bound)) or not self.bound.regular:
-            return single(state)
+            return self.advance(state, next_time)
         block = fast.advance_block(state, steps)
         if not block.steps:
-            return single(replace(state, plain=True))
+            return self.advance(replace(state, plain=True), next_time)
         self._first, k, index = False, block.steps, state.index + block.steps
         fresh, where = state.fresh and k == 1, (state.time + (k - 1) * self.h, index - 1)
         before = State(*where, *block.before, fresh, made_by=self.origin)
