@@ -14,7 +14,7 @@ from helpers_scenes import FULL, full_section, rotation
 from test_compiled import called
 
 import skfem_cosserat as sc
-from skfem_cosserat.compiled import bind, bind_kkt, elements, kkt
+from skfem_cosserat.compiled import bind, bind_kkt, elements, kkt, tree
 from skfem_cosserat.compiled.numbers import END, FORCE, NUMBERS, SHARE, START, WEIGHT
 from skfem_cosserat.compiled.plan import plan_of
 from skfem_cosserat.compiled.plane import bind as plane_bind
