@@ -22,10 +22,6 @@ from ..load import (
     Constant,
     FunctionOfTime,
     Load,
-    LoadForce,
-    LoadGravity,
-    LoadLine,
-    LoadMoment,
     time_function,
 )
 from ..replacement import Replacements
@@ -138,8 +134,9 @@ def with_amplitude(system: System, load: Load | str, amplitude: Amplitude) -> Sy
     """
     old = load_of(system, load)
     time, new = time_function(old.label, amplitude), loosened(copy(old))
-    if len(old.channels) == 1:
-        new.channels = ((old.channels[0][0], time),)
+    if len(old.channels) < 2:
+        new.channels = tuple((value, time) for value, _ in old.channels)
+        new.time = time
     elif isinstance(time, Constant):
         factor = time.number
         new.channels = tuple(
@@ -196,7 +193,6 @@ def _described(system: System, place: Place, y: Floats, x: Floats) -> Place:
 # -- the scene: items with names, collected first and numbered when frozen -------------------------
 
 #: kinds that the arrays of a system know
-LOADS = (LoadForce, LoadMoment, LoadLine, LoadGravity)
 MASSES = (RigidBody, MassPoint)
 
 ItemT = TypeVar("ItemT", bound=Item)
@@ -495,9 +491,9 @@ def takes_scene(
 
 
 def _check_kind(name: str, item: Item) -> None:
-    """Loads and what has mass enter in as many ways as there are classes here, and subclasses."""
-    if isinstance(item, Load) and not isinstance(item, LOADS):
-        known = "LoadForce, LoadMoment, LoadLine or LoadGravity"
+    """Loads enter by their terms; what has mass in as many ways as there are classes here."""
+    if isinstance(item, Load) and type(item).terms is Load.terms:
+        known = "LoadForce, LoadMoment, LoadLine or LoadGravity, or write its method terms"
     elif isinstance(item, StructuralItem) and not (is_beam(item) or isinstance(item, MASSES)):
         known = "Beam, RigidBody or MassPoint"
     else:
