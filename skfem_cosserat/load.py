@@ -457,8 +457,8 @@ class Term(Frozen):
         The factor.
     follower : bool
         Components are taken in the moving triad instead of in space.
-    site : Place, Beam or None
-        What it acts on; None: everything that has mass.
+    site : tuple
+        Tells what it acts on from what other terms act on; empty: everything that has mass.
     axial : bool
         Whether the vector is that of a moment.
     """
@@ -466,7 +466,7 @@ class Term(Frozen):
     kind = "term of a load"
     axial = False
     follower = False
-    site: Place | Beam | None = None
+    site: tuple[object, ...] = ()
     value: Floats
     time: TimeFunction
 
@@ -557,7 +557,8 @@ class TermForce(Term):
         follower: bool = False,
     ) -> None:
         self._set(value, amplitude, follower)
-        self.place = self.site = _checked_place(self.kind, place, self.axial or self.follower)
+        self.place = _checked_place(self.kind, place, self.axial or self.follower)
+        self.site = (id(place),)
 
     def places(self) -> Sequence[Place]:
         """Its place."""
@@ -645,8 +646,12 @@ class TermLine(Term):
         self._set(value, amplitude, follower)
         if not is_beam(beam):
             raise InputError(self.kind, f"acts on {type(beam).__name__}, expected a beam")
-        self.beam = self.site = beam
-        self.elements = beam.part(None) if elements is None else elements
+        self.beam, every = beam, beam.part(None)
+        self.elements = every if elements is None else np.asarray(elements)
+        if self.elements.dtype.kind != "i" or not np.isin(self.elements, every).all():
+            text = f"elements = {elements!r}, expected numbers from 0 to {every[-1]}"
+            raise InputError(self.kind, text)
+        self.site = id(beam), self.elements.tobytes()
 
     def items(self) -> Sequence[StructuralItem]:
         """The beam."""

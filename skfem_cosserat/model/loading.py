@@ -130,7 +130,7 @@ class Loading:
                 elif term.follower:
                     self._add_follower(term, channel)
                 else:
-                    dead.append(self._dead(load, term))
+                    dead.append(self._dead(term))
                     self._dead_times.append(channel)
         self.dead = np.array(dead).reshape(len(dead), rows, 3)
         self.constant = all(isinstance(t, Constant) for t in self.times)
@@ -157,7 +157,7 @@ class Loading:
             assert self._frame_group is not None
             self._moment_rows = self._frame_group.rows[self._moment_block][:, 1:]
 
-    def _dead(self, load: Load, term: Term) -> Floats:
+    def _dead(self, term: Term) -> Floats:
         out, value = np.zeros((self._rows, 3)), term.value
         if isinstance(term, TermAcceleration):
             out[self._origins] = value
@@ -168,8 +168,7 @@ class Loading:
             weights = term.beam.line_weights(term.elements)
             np.add.at(out, r + 4 * nodes, weights[:, :, None] * value)
             return out
-        if not isinstance(term, TermForce):
-            raise InputError(load.label, f"has {term!r} among its terms, expected TermForce(...)")
+        assert isinstance(term, TermForce)
         _, r = self._first[id(term.place.item)]
         if term.place.triad is None:
             out[r + term.place.vertex] = value
@@ -202,7 +201,7 @@ class Loading:
         """Channels whose vectors add up: those of one load that act on one thing in one way."""
         found: dict[tuple[object, ...], list[int]] = {}
         for k, (owner, term) in enumerate(zip(self.owners, self.terms, strict=True)):
-            key = id(owner), type(term), id(term.site), term.follower
+            key = id(owner), type(term), term.site, term.follower
             found.setdefault(key, []).append(k)
         return list(found.values())
 

@@ -22,6 +22,7 @@ from ..load import (
     Constant,
     FunctionOfTime,
     Load,
+    Term,
     time_function,
 )
 from ..replacement import Replacements
@@ -130,7 +131,8 @@ def with_amplitude(system: System, load: Load | str, amplitude: Amplitude) -> Sy
     Raises
     ------
     InputError
-        If the components of the load are functions of time and the amplitude is no number.
+        If the components of the load are functions of time and the amplitude is no number, or the
+        terms of an own load do not have its amplitude.
     """
     old = load_of(system, load)
     time, new = time_function(old.label, amplitude), loosened(copy(old))
@@ -146,6 +148,8 @@ def with_amplitude(system: System, load: Load | str, amplitude: Amplitude) -> Sy
     else:
         raise InputError(old.label, "its components are functions of time: give a number")
     seal(new)
+    if len(old.channels) < 2 and all(term.time is not time for term in new.terms()):
+        raise InputError(old.label, "its terms have no amplitude of the load: give them self.time")
     loads = [new if each is old else each for each in system.loads]
     return _anew(system, system.joints, loads, system.drives, system.placed)
 
@@ -496,6 +500,12 @@ def _check_kind(name: str, item: Item) -> None:
         known = "LoadForce, LoadMoment, LoadLine or LoadGravity, or write its method terms"
     elif isinstance(item, StructuralItem) and not (is_beam(item) or isinstance(item, MASSES)):
         known = "Beam, RigidBody or MassPoint"
+    elif isinstance(item, Load):
+        for term in item.terms():
+            if not isinstance(term, Term):
+                text = f"has {term!r} among its terms, expected TermForce(...) or the like"
+                raise InputError(f"model, item {name!r}", text)
+        return
     else:
         return
     raise InputError(
