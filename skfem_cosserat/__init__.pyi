@@ -103,6 +103,7 @@ from .integrators import (
     Variational as Variational,
 )
 from .joint import (
+    Freedom as Freedom,
     Joint as Joint,
     JointCylindrical as JointCylindrical,
     JointDistance as JointDistance,
@@ -113,6 +114,8 @@ from .joint import (
     JointRevolute as JointRevolute,
     JointSpherical as JointSpherical,
     JointUniversal as JointUniversal,
+    Slide as Slide,
+    Turn as Turn,
 )
 from .linear import (
     Solver as Solver,
@@ -133,6 +136,11 @@ from .load import (
     RampLinear as RampLinear,
     RampSmooth as RampSmooth,
     Table as Table,
+    TermAcceleration as TermAcceleration,
+    TermForce as TermForce,
+    TermFunction as TermFunction,
+    TermLine as TermLine,
+    TermMoment as TermMoment,
 )
 from .mesh import (
     MeshCurve as MeshCurve,
@@ -178,6 +186,12 @@ from .profile import (
     ProfileRings as ProfileRings,
     ProfileTube as ProfileTube,
     Region as Region,
+)
+from .relative import (
+    Product as Product,
+    Zero as Zero,
+    direction as direction,
+    point as point,
 )
 from .run import (
     ActionFunction as ActionFunction,

@@ -16,7 +16,8 @@ import numpy as np
 from .errors import InputError
 from .frames import Item, Place, StructuralItem, is_beam, no_place, vector
 from .frozen import Frozen, Replacements, brief
-from .types import ArrayLike, Floats, numbers, switch
+from .relative import Expression, point
+from .types import ArrayLike, Floats, IndexArray, numbers, switch
 
 if TYPE_CHECKING:
     from .beam import Beam
@@ -35,6 +36,12 @@ __all__ = [
     "RampLinear",
     "RampSmooth",
     "Table",
+    "Term",
+    "TermAcceleration",
+    "TermForce",
+    "TermFunction",
+    "TermLine",
+    "TermMoment",
     "TimeFunction",
 ]
 
@@ -421,59 +428,6 @@ def time_function(item: str, value: Amplitude) -> TimeFunction:
     return FunctionOfTime(value)
 
 
-class Load(Item):
-    """Base of the loads: channels of (unit load vector, function of time).
-
-    Parameters
-    ----------
-    value : (3,) array or callable
-        Constant components, or ``t -> (3,)``.
-    amplitude : float, TimeFunction or callable, optional
-        Factor in time; not with a callable `value`.
-    follower : bool
-        Components are taken in the moving triad instead of in space.
-    """
-
-    kind = "load"
-
-    def __init__(self, value: Any, amplitude: Amplitude = None, follower: bool = False) -> None:
-        self.follower = switch(self.label, follower, "follower")
-        if callable(value):
-            if amplitude is not None:
-                raise InputError(self.label, "give value as a function of time or an amplitude")
-            vector(self.label, "value(0)", value(0.0))
-            self.channels: tuple[tuple[Floats, TimeFunction], ...] = tuple(
-                (np.eye(3)[i], FunctionOfTime(Component(value, i, "load", "value")))
-                for i in range(3)
-            )
-        else:
-            own = vector(self.label, "value", value)
-            self.channels = ((own, time_function(self.label, amplitude)),)
-
-    def _parts(self) -> Iterator[tuple[str, Any]]:
-        (value, time), *more = self.channels
-        if isinstance(time, FunctionOfTime) and isinstance(time.function, Component):
-            yield "value", time.function.function
-        elif not more:
-            yield "value", value
-            if not (isinstance(time, Constant) and time.number == 1):
-                yield "amplitude", time
-        yield from super()._parts()
-
-    def frame_place(self) -> Place | None:
-        """Place of a single frame whose directors it depends on."""
-        return None
-
-    def places(self) -> Sequence[Place]:
-        """The points it acts at, if it has any."""
-        return ()
-
-    @property
-    def constant(self) -> bool:
-        """Whether it does not change in time."""
-        return all(isinstance(time, Constant) for _, time in self.channels)
-
-
 @dataclass(frozen=True, eq=False)
 class Component(Frozen):
     """One component of a function of time that gives three; errors name item and argument."""
@@ -488,18 +442,480 @@ class Component(Frozen):
         return float(vector(self.item, f"{self.name}({t!r})", self.function(t))[self.number])
 
 
+# -- terms: what loads are made of, as data --------------------------------------------------------
+
+
+class Term(Frozen):
+    """Base of the terms of loads: a vector that acts somewhere, times a function of time.
+
+    Attributes
+    ----------
+    value : (3,) array
+        Components for a factor of one.
+    time : TimeFunction
+        The factor.
+    follower : bool
+        Components are taken in the moving triad instead of in space.
+    site : tuple
+        Tells what it acts on from what other terms act on; empty: everything that has mass.
+    axial : bool
+        Whether the vector is that of a moment.
+    """
+
+    kind = "term of a load"
+    axial = False
+    follower = False
+    site: tuple[object, ...] = ()
+    value: Floats
+    time: TimeFunction
+
+    def _set(self, value: ArrayLike, amplitude: Amplitude, follower: bool = False) -> None:
+        self.value = vector(self.kind, "value", value)
+        self.time = time_function(self.kind, amplitude)
+        self.follower = switch(self.kind, follower, "follower")
+
+    def items(self) -> Sequence[StructuralItem]:
+        """The items it acts on."""
+        return [place.item for place in self.places() if place.item is not None]
+
+    def places(self) -> Sequence[Place]:
+        """The points it acts at, if it has any."""
+        return ()
+
+    @property
+    def frame(self) -> Place | None:
+        """Place of a single frame whose directors it depends on."""
+        return None
+
+    def vectors(self, value: Floats) -> Floats:
+        """A value (3,) in space in the reference, (k, 3): for each triad that it follows."""
+        return value[None]
+
+    def acceleration(self) -> Floats:
+        """Acceleration (3,) that it gives to everything that has mass (m/s^2)."""
+        return np.zeros(3)
+
+    def on_elements(self, beam: Beam, mass: Floats, nodal: Floats, factor: float) -> Floats | float:
+        """Consistent nodal forces (ne, p + 1, 4, 3) on the elements of a beam, of what it spreads.
+
+        Parameters
+        ----------
+        beam : Beam
+        mass : (ne, n, n) array
+            Mass matrices of its elements.
+        nodal : (ne, p + 1, 4, 3) array
+            Configuration.
+        factor : float
+            What the value is multiplied by.
+        """
+        return 0.0
+
+
+def _checked_place(item: str, place: Place, framed: bool) -> Place:
+    """The place, if a force or moment can act there; `framed`: its triad is needed."""
+    if not isinstance(place, Place):
+        raise InputError(item, f"acts on {no_place(place)}")
+    if place.item is None:
+        raise InputError(item, f"acts on {place.label}, expected the place of an item")
+    if place.triad is None and framed:
+        raise InputError(item, f"{place.label} is a mass point and has no directions")
+    return place
+
+
+class TermForce(Term):
+    """Force (N) at a place, dead (fixed in space) or following the triad.
+
+    Parameters
+    ----------
+    place : Place
+        Of a beam node, body or mass point.
+    value : (3,) array
+        In space, or in the triad of the place if `follower` (N).
+    amplitude : float, TimeFunction or callable, optional
+        Factor in time.
+    follower : bool
+
+    Raises
+    ------
+    InputError
+        If it acts on the ground, follows a mass point, or numbers are not finite.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import RigidBody
+    >>> nozzle = RigidBody.box(1.0, (1, 1, 1)).local((0, 0, -0.5))
+    >>> TermForce(nozzle, (0, 0, 5.0), follower=True).vectors(np.array([0, 0, 5.0])).tolist()
+    [[0.0, 0.0, 5.0]]
+    """
+
+    def __init__(
+        self,
+        place: Place,
+        value: ArrayLike,
+        amplitude: Amplitude = None,
+        follower: bool = False,
+    ) -> None:
+        self._set(value, amplitude, follower)
+        self.place = _checked_place(self.kind, place, self.axial or self.follower)
+        self.site = (id(place),)
+
+    def places(self) -> Sequence[Place]:
+        """Its place."""
+        return (self.place,)
+
+    @property
+    def frame(self) -> Place | None:
+        """Its place, if it follows the triad."""
+        return self.place if self.follower else None
+
+    def vectors(self, value: Floats) -> Floats:
+        """See the base class."""
+        triad = self.place.triad if self.follower else None
+        return (value if triad is None else value @ triad)[None]
+
+
+class TermMoment(TermForce):
+    """Moment (N m) at a place, about axes fixed in space or following the triad.
+
+    Parameters
+    ----------
+    place : Place
+        Of a beam node or body.
+    value : (3,) array
+        In space, or in the triad of the place if `follower` (N m).
+    amplitude, follower
+        See :class:`TermForce`.
+
+    Raises
+    ------
+    InputError
+        If it acts on the ground or a mass point, or numbers are not finite.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import RigidBody
+    >>> wheel = RigidBody.cylinder(2.0, radius=1.0, length=0.1)
+    >>> TermMoment(wheel.local((0, 0, 0)), (0, 0, 3.0), amplitude=2.0).time.value(0.0)
+    2.0
+    """
+
+    axial = True
+
+    @property
+    def frame(self) -> Place | None:
+        """Its place: even a dead moment acts through the directors."""
+        return self.place
+
+
+class TermLine(Term):
+    """Force per reference length (N/m) along a beam, dead or following the section triad.
+
+    Parameters
+    ----------
+    beam : Beam
+    value : (3,) array
+        In space, or in the section triad if `follower` (N/m).
+    amplitude, follower
+        See :class:`TermForce`.
+    elements : int array, optional
+        Numbers of the elements, as of ``beam.part(name)``; default: all.
+
+    Raises
+    ------
+    InputError
+        If `beam` is no beam or numbers are not finite.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Beam, MeshCurve, Section
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4, name="boom"), section)
+    >>> TermLine(beam, (3.0, 0, 0)).elements.tolist()
+    [0, 1, 2, 3]
+    """
+
+    def __init__(
+        self,
+        beam: Beam,
+        value: ArrayLike,
+        amplitude: Amplitude = None,
+        follower: bool = False,
+        elements: IndexArray | None = None,
+    ) -> None:
+        self._set(value, amplitude, follower)
+        if not is_beam(beam):
+            raise InputError(self.kind, f"acts on {type(beam).__name__}, expected a beam")
+        self.beam, every = beam, beam.part(None)
+        self.elements = every if elements is None else np.asarray(elements)
+        if self.elements.dtype.kind != "i" or not np.isin(self.elements, every).all():
+            text = f"elements = {elements!r}, expected numbers from 0 to {every[-1]}"
+            raise InputError(self.kind, text)
+        self.site = id(beam), self.elements.tobytes()
+
+    def items(self) -> Sequence[StructuralItem]:
+        """The beam."""
+        return (self.beam,)
+
+    def vectors(self, value: Floats) -> Floats:
+        """See the base class."""
+        if not self.follower:
+            return value[None]
+        beam = self.beam
+        nodes = beam.basis.connectivity[self.elements]
+        triads = beam.rotations[self.elements] @ beam.triads[nodes]
+        return np.einsum("i,eaij->eaj", value, triads).reshape(-1, 3)
+
+    def on_elements(self, beam: Beam, mass: Floats, nodal: Floats, factor: float) -> Floats | float:
+        """See the base class."""
+        if self.beam is not beam:
+            return 0.0
+        out, e, value = np.zeros_like(nodal), self.elements, factor * self.value
+        if self.follower:
+            spatial = np.einsum("i,ebij,ebjc->ebc", value, beam.rotations[e], nodal[e, :, 1:])
+            out[e, :, 0] = beam.basis.elemental_mass()[e] @ spatial
+        else:
+            out[e, :, 0] = beam.line_weights(e)[:, :, None] * value
+        return out
+
+
+class TermAcceleration(Term):
+    """Acceleration (m/s^2) of everything that has mass, as by gravity.
+
+    Parameters
+    ----------
+    value : (3,) array
+        In space (m/s^2).
+    amplitude
+        See :class:`TermForce`.
+
+    Raises
+    ------
+    InputError
+        If numbers are not finite.
+
+    Examples
+    --------
+    >>> TermAcceleration((0, 0, -9.81), amplitude=0.5).acceleration().tolist()
+    [0.0, 0.0, -9.81]
+    """
+
+    def __init__(self, value: ArrayLike, amplitude: Amplitude = None) -> None:
+        self._set(value, amplitude)
+
+    def acceleration(self) -> Floats:
+        """See the base class."""
+        return self.value
+
+    def on_elements(self, beam: Beam, mass: Floats, nodal: Floats, factor: float) -> Floats | float:
+        """See the base class."""
+        field = np.zeros_like(nodal)
+        field[:, :, 0] = factor * self.value
+        return (mass @ field.reshape(len(field), -1, 1)).reshape(field.shape)
+
+
+#: ``(x, v, t) -> (k, 3)``, see :class:`TermFunction`
+ForceFunction = Callable[[Any, Any, float], ArrayLike]
+#: ``(x, v, t) -> two arrays (k, 3, k, 3)``
+SlopeFunction = Callable[[Any, Any, float], tuple[ArrayLike, ArrayLike]]
+
+
+class TermFunction(Term):
+    """Forces (N) at k points as a function of the points, their velocities and time.
+
+    In a step it is taken at the midpoints of positions and time with the mean velocity, by
+    generalized-alpha at the end; in statics at rest. Newton's method needs its slopes. They are
+    found by complex steps, for which `force` must be made of what is differentiable:
+    ``np.sqrt((v * v).sum())``, not ``abs`` or ``np.linalg.norm``. When a scene is frozen they are
+    compared with differences. Scenes with such a term have no compiled kernels, `modes` leaves its
+    slopes by the velocities out, and so does the step limit of explicit schemes with all of them.
+
+    Parameters
+    ----------
+    points : sequence of Place or Expression
+        The points; expressions such as :func:`direction` give other vectors, whose `force` does
+        work on their change. Places of the ground are allowed.
+    force : callable
+        ``force(x, v, t) -> (k, 3)`` of points x (k, 3) in m, velocities v (k, 3) in m/s and the
+        time t (s); x and v may be complex.
+    amplitude : float, TimeFunction or callable, optional
+        Factor in time; on a path of :func:`static` it grows as that of other loads.
+    slopes : callable, optional
+        ``slopes(x, v, t)``: the derivatives of the forces by x and by v, (k, 3, k, 3) each.
+
+    Raises
+    ------
+    InputError
+        If there are no points, or something cannot be called; when a scene is frozen, if slopes
+        are wrong; in a run, if a force is not finite.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint
+    >>> ball = MassPoint(1.0)
+    >>> drag = TermFunction([ball.place()], lambda x, v, t: -0.2 * np.sqrt((v * v).sum()) * v)
+    >>> [place.label for place in drag.places()]
+    ['mass point at [0.0, 0.0, 0.0]']
+    """
+
+    def __init__(
+        self,
+        points: Sequence[Place | Expression],
+        force: ForceFunction,
+        amplitude: Amplitude = None,
+        slopes: SlopeFunction | None = None,
+    ) -> None:
+        self._set(np.zeros(3), amplitude)
+        for each in points:
+            if not isinstance(each, Place | Expression):
+                raise InputError(self.kind, f"acts on {no_place(each)}")
+        if not points:
+            raise InputError(self.kind, "points is empty, expected places")
+        for name, function in (("force", force), ("slopes", slopes)):
+            if not (callable(function) or (function is None and name == "slopes")):
+                raise InputError(self.kind, f"{name} = {function!r}, expected a function")
+        self.points = tuple(points)
+        self.expressions = tuple(point(p) if isinstance(p, Place) else p for p in points)
+        self.force, self.slopes = force, slopes
+
+    def places(self) -> Sequence[Place]:
+        """Of all its points, but those at rest."""
+        found = {id(p): p for each in self.expressions for p, _, _ in each.terms}
+        return [p for p in found.values() if p.item is not None or p.motion is not None]
+
+
+# -- loads -----------------------------------------------------------------------------------------
+
+
+class Load(Item):
+    """Base of the loads. An own one gives its terms as data, by the method :meth:`terms`.
+
+    Where a load acts, whether it leaves a plane, its work, its part in resultants and the kernels
+    that step it all follow from its terms: :class:`TermForce`, :class:`TermMoment`,
+    :class:`TermLine`, :class:`TermAcceleration`, and :class:`TermFunction` for any function of
+    points, velocities and time. Terms may be made anew at each call, but must be the same ones.
+
+    Parameters
+    ----------
+    value : (3,) array or callable, optional
+        Constant components, or ``t -> (3,)``; default: the load has no such value.
+    amplitude : float, TimeFunction or callable, optional
+        Factor in time; not with a callable `value`.
+    follower : bool
+        Components are taken in the moving triad instead of in space.
+
+    Attributes
+    ----------
+    channels : tuple of ((3,) array, TimeFunction)
+        The value as a sum of vectors and their factors: one, or three of a callable `value`.
+    time : TimeFunction
+        The amplitude.
+
+    Examples
+    --------
+    A rotor pushes along the third director of a body, and turns it back:
+
+    >>> from skfem_cosserat import EnergyMomentum, Model, NullSpace, RigidBody, simulate
+    >>> class LoadRotor(Load):
+    ...     def __init__(self, place, thrust, torque, amplitude=None):
+    ...         super().__init__(amplitude=amplitude)
+    ...         self.place, self.thrust, self.torque = place, thrust, torque
+    ...
+    ...     def terms(self):
+    ...         push, turn = (0, 0, self.thrust), (0, 0, -self.torque)
+    ...         return [
+    ...             TermForce(self.place, push, self.time, follower=True),
+    ...             TermMoment(self.place, turn, self.time, follower=True),
+    ...         ]
+    >>> model = Model()
+    >>> drone = model.add("drone", RigidBody.cylinder(2.0, radius=1.0, length=0.1))
+    >>> rotor = model.add("rotor", LoadRotor(drone.local((0, 0, 0)), 4.0, 0.5))
+    >>> history = simulate(model.freeze(), EnergyMomentum(), NullSpace(), 0.1, until=1.0)
+    >>> round(float(history.position(rotor.place)[-1, 2]), 9)   # thrust t^2/(2 m)
+    1.0
+    >>> round(float(history["angular_momentum"][-1, 2]), 9)
+    -0.5
+
+    Drag in air against the square of the speed:
+
+    >>> class LoadDrag(Load):
+    ...     def __init__(self, place, factor):
+    ...         super().__init__()
+    ...         self.place, self.factor = place, factor
+    ...
+    ...     def terms(self):
+    ...         return [TermFunction([self.place], self.force)]
+    ...
+    ...     def force(self, x, v, t):
+    ...         return -self.factor * np.sqrt((v * v).sum()) * v
+    >>> model = Model()
+    >>> ball = model.add("ball", RigidBody.sphere(1.0, 0.1, velocity=(2.0, 0, 0)))
+    >>> drag = model.add("drag", LoadDrag(ball.local((0, 0, 0)), 0.5))
+    >>> history = simulate(model.freeze(), EnergyMomentum(), NullSpace(), 0.01, until=1.0)
+    >>> speed = history.velocity(drag.place)[-1, 0]
+    >>> round(float(speed), 4)   # 2/(1 + 0.5 * 2 t)
+    1.0
+    """
+
+    kind = "load"
+
+    def __init__(
+        self, value: Any = (), amplitude: Amplitude = None, follower: bool = False
+    ) -> None:
+        self.follower = switch(self.label, follower, "follower")
+        self.channels: tuple[tuple[Floats, TimeFunction], ...] = ()
+        self.time: TimeFunction = Constant(1.0)
+        if callable(value):
+            if amplitude is not None:
+                raise InputError(self.label, "give value as a function of time or an amplitude")
+            vector(self.label, "value(0)", value(0.0))
+            self.channels = tuple(
+                (np.eye(3)[i], FunctionOfTime(Component(value, i, "load", "value")))
+                for i in range(3)
+            )
+            return
+        none = isinstance(value, tuple) and not value
+        own = None if none else vector(self.label, "value", value)
+        self.time = time_function(self.label, amplitude)
+        if own is not None:
+            self.channels = ((own, self.time),)
+
+    def _parts(self) -> Iterator[tuple[str, Any]]:
+        time = self.channels[0][1] if self.channels else self.time
+        if isinstance(time, FunctionOfTime) and isinstance(time.function, Component):
+            yield "value", time.function.function
+        elif len(self.channels) < 2:
+            if self.channels:
+                yield "value", self.channels[0][0]
+            if not (isinstance(time, Constant) and time.number == 1):
+                yield "amplitude", time
+        yield from super()._parts()
+
+    def terms(self) -> Sequence[Term]:
+        """What it is made of."""
+        raise NotImplementedError
+
+    def references(self) -> list[StructuralItem]:
+        """The items it acts on."""
+        return list({id(i): i for term in self.terms() for i in term.items()}.values())
+
+    def places(self) -> Sequence[Place]:
+        """The points it acts at, if it has any."""
+        return list({id(p): p for term in self.terms() for p in term.places()}.values())
+
+    @property
+    def constant(self) -> bool:
+        """Whether it does not change in time, but by what functions make of it."""
+        return all(isinstance(term.time, Constant) for term in self.terms())
+
+
 class _NodalLoad(Load):
+    _term: type[TermForce]
+
     def __init__(
         self, place: Place, value: Any, amplitude: Amplitude = None, follower: bool = False
     ) -> None:
         super().__init__(value, amplitude, follower)
-        if not isinstance(place, Place):
-            raise InputError(self.label, f"acts on {no_place(place)}")
-        if place.item is None:
-            raise InputError(self.label, f"acts on {place.label}, expected the place of an item")
-        if place.triad is None and (follower or isinstance(self, LoadMoment)):
-            raise InputError(self.label, f"{place.label} is a mass point and has no directions")
-        self.place = place
+        self.place = _checked_place(self.label, place, follower or self._term.axial)
 
     def with_replacements(self, replacements: Replacements) -> Self:
         """See the base class; what follows a triad is turned into that of its new place."""
@@ -509,17 +925,9 @@ class _NodalLoad(Load):
             other.channels = tuple((turn @ value, time) for value, time in self.channels)
         return other
 
-    def references(self) -> list[StructuralItem]:
-        """The item it acts on."""
-        return [] if self.place.item is None else [self.place.item]
-
-    def places(self) -> Sequence[Place]:
-        """Its place."""
-        return (self.place,)
-
-    def frame_place(self) -> Place | None:
-        """Its place, if it follows the triad."""
-        return self.place if self.follower else None
+    def terms(self) -> Sequence[Term]:
+        """See the base class."""
+        return [self._term(self.place, *channel, self.follower) for channel in self.channels]
 
 
 class LoadForce(_NodalLoad):
@@ -551,6 +959,8 @@ class LoadForce(_NodalLoad):
     >>> push.constant, thrust.constant
     (False, True)
     """
+
+    _term = TermForce
 
 
 class LoadMoment(_NodalLoad):
@@ -587,9 +997,7 @@ class LoadMoment(_NodalLoad):
     0.6
     """
 
-    def frame_place(self) -> Place | None:
-        """Its place: even a dead moment acts through the directors."""
-        return self.place
+    _term = TermMoment
 
 
 class LoadLine(Load):
@@ -644,9 +1052,10 @@ class LoadLine(Load):
         other.elements = other.beam.part(self.part)
         return other
 
-    def references(self) -> list[StructuralItem]:
-        """The beam."""
-        return [self.beam]
+    def terms(self) -> Sequence[Term]:
+        """See the base class."""
+        rest = self.follower, self.elements
+        return [TermLine(self.beam, *channel, *rest) for channel in self.channels]
 
 
 class LoadGravity(Load):
@@ -677,3 +1086,7 @@ class LoadGravity(Load):
 
     def __init__(self, value: Any, amplitude: Amplitude = None) -> None:
         super().__init__(value, amplitude)
+
+    def terms(self) -> Sequence[Term]:
+        """See the base class."""
+        return [TermAcceleration(*channel) for channel in self.channels]

@@ -20,7 +20,7 @@ from ..frozen import Replacements
 from ..history import History
 from ..integrators import EnergyMomentum, Integrator, State, StepReport
 from ..kernels import beam_stress
-from ..load import Constant, Load, LoadGravity, Table
+from ..load import Constant, Load, Table
 from ..mesh import divided
 from ..model import Model, System, planarity
 from ..model.plane import Planar
@@ -181,11 +181,11 @@ def duration(model: Model, system: System, state: State) -> float:
         item = model[name]
         if not isinstance(item, Load):
             continue
-        for value, function in item.channels:
-            if isinstance(function, Table) and function.times[-1] > 0:
-                found.append(2 * float(function.times[-1]))
-            elif isinstance(function, Constant) and isinstance(item, LoadGravity):
-                size = abs(function.number) * float(np.linalg.norm(value))
+        for term in item.terms():
+            if isinstance(term.time, Table) and term.time.times[-1] > 0:
+                found.append(2 * float(term.time.times[-1]))
+            elif isinstance(term.time, Constant):
+                size = abs(term.time.number) * float(np.linalg.norm(term.acceleration()))
                 if size > 0:
                     found.append(2 * np.pi * float(np.sqrt(system.length / size)))
     energy = state.p.reshape(-1, 3)[system.origin_rows]

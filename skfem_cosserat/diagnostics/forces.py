@@ -12,7 +12,6 @@ from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper
 from ..kernels import director_force
-from ..load import Load, LoadGravity, LoadLine
 from ..model import System, takes_scene
 from ..model.groups import BeamGroup
 from ..model.limits import drawn_beam
@@ -148,10 +147,10 @@ def element_forces(
     """
     group = group_of(system, beam)
     own = group.slices[id(beam)]
-    loads = [(load, value) for load in system.loads for value, _ in load.channels]
     F = _forces(group, own, y, velocity, acceleration, held)
-    for (load, value), factor in zip(loads, factors, strict=True):
-        _subtract(F, load, factor * value, beam, group, own, y)
+    mass, nodal = group.mass[own], y[group.rows[own]].reshape(F.shape)
+    for term, factor in zip(system.loading.terms, factors, strict=True):
+        F -= term.on_elements(beam, mass, nodal, factor)
     return F
 
 
@@ -209,24 +208,6 @@ def _forces(
             local = rate[group.rows[own]].reshape(len(F), -1, 1)
             F = F + (matrix[own] @ local)[:, :, 0]
     return F.reshape(len(F), -1, 4, 3)
-
-
-def _subtract(
-    F: Floats, load: Load, value: Floats, beam: Beam, group: BeamGroup, own: slice, y: Floats
-) -> None:
-    """Take the consistent nodal forces of a distributed load off F (ne, p + 1, 4, 3)."""
-    if isinstance(load, LoadGravity):
-        field = np.zeros_like(F)
-        field[:, :, 0] = value
-        F -= (group.mass[own] @ field.reshape(len(F), -1, 1)).reshape(F.shape)
-    elif isinstance(load, LoadLine) and load.beam is beam:
-        e = load.elements
-        if load.follower:
-            local = y[group.rows[own][e]].reshape(len(e), -1, 4, 3)
-            spatial = np.einsum("i,ebij,ebjc->ebc", value, beam.rotations[e], local[:, :, 1:])
-            F[e, :, 0] -= beam.basis.elemental_mass()[e] @ spatial
-        else:
-            F[e, :, 0] -= beam.line_weights(e)[:, :, None] * value
 
 
 # -- multipliers, reactions of joints, conditioning ------------------------------------------------

@@ -446,6 +446,7 @@ class Integrator(Frozen):
             return StepWork(loads, dissipated=lost)
         done = system.couplings.work(step.couplings, evaluation.coupled, y1)
         lost += done.dissipated
+        loads += done.loads
         return StepWork(loads, done.actuators, lost, done.ground, done.numerical)
 
 

@@ -66,7 +66,7 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
         (NullSpace,),
         {
             "closed loops": len(system.closure.rows) > 0,
-            "springs, dampers and actuators": system.couplings.count > 0,
+            "springs, dampers and actuators": len(system.couplings.items) > 0,
             **_everywhere(system),
             "scenes confined to a plane": system.plane is not None,
             "beams that hold strains": len(system.theory_rows) > 0,
@@ -77,6 +77,7 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
 
 def _everywhere(system: System) -> dict[str, bool]:
     return {
+        "loads that are functions of the motion": len(system.loading.functions) > 0,
         "beams of several orders": len(system.beam_groups) > 1,
         "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),
     }
@@ -89,7 +90,7 @@ def _plane(system: System, treatment: Treatment) -> dict[str, bool]:
     return {
         "scenes confined to a plane with multipliers": isinstance(treatment, Multipliers),
         "moments and forces that follow the motion in a plane": not system.loading.dead_only,
-        "springs, dampers and actuators in a plane": system.couplings.count > 0,
+        "springs, dampers and actuators in a plane": len(system.couplings.items) > 0,
         "viscous sections and drag in a plane": system.damped,
         "prescribed motion in a plane": bool(system.moving),
         "beams in a plane whose sections are turned out of it": _oblique(system),

@@ -82,6 +82,7 @@ def separate_parts(system: System) -> Separate:
     own = g.inside
     links.append(np.stack([g.cols[own] // 3, rows + g.rows[own]], axis=1))
     ends = [[system.row_of(c.a), system.row_of(c.b)] for c in system.couplings.items]
+    ends += [pair for each in system.couplings.functions for pair in each.pairs.tolist()]
     pairs = np.array(ends, dtype=np.int64).reshape(-1, 2)
     inside = (pairs < rows).all(axis=1)
     edges = np.concatenate([*links, pairs[inside]])

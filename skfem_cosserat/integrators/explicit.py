@@ -853,11 +853,11 @@ class Marching(March):
         self.system, self.h, self.method = system, h, method
         self._scheme, self._watch, self.nodes = scheme, watch, Nodes(system)
         self.evaluations, self.shortened = 0, False
-        viscous = system.drag is not None or any(c.damping.any() for c in system.couplings.items)
+        couplings = system.couplings
+        viscous = system.drag is not None or any(c.damping.any() for c in couplings.items)
+        viscous = viscous or bool(couplings.functions)
         self._viscous = viscous or any(g.viscous for g in system.beam_groups)
-        self._loaded = bool(system.loading.times or system.couplings.count) or (
-            system.drag is not None
-        )
+        self._loaded = bool(system.loading.times or couplings.count) or (system.drag is not None)
         self._last: tuple[State, Half] | None = None
         self._plan(*scheme.plan(system, h, watch))
 
@@ -949,6 +949,12 @@ class Marching(March):
                     couplings = self.system.couplings
                     actuators += couplings.work(outer.start, half.ends.coupled, y[:-1]).actuators
                     turns = couplings.turns(outer.start, y[:-1], t0 + h)
+                    assert first.ends.coupled is not None
+                    change = y[:-1].copy()
+                    change[:rows] -= y0
+                    change[rows:] = 0.0
+                    pushed = first.ends.coupled, half.ends.coupled
+                    loads += 0.5 * sum(coupled.work_of_loads(change) for coupled in pushed)
         self.nodes.tidy(y)
         for cluster in self.nodes.clusters:
             cluster.projection(y)(m)

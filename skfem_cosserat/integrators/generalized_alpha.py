@@ -148,7 +148,7 @@ class GeneralizedAlpha(Integrator):
         at_end = amplitudes_at(system, t1)
         coupled = None
         if system.couplings.count:
-            coupled = system.couplings.starting(y0, state.turns, at_end.actuators, 1.0)
+            coupled = system.couplings.starting(y0, state.turns, at_end.actuators, 1.0, t1)
         dead = system.loading.dead_force(at_end.loads)
         fields = y0, state.p.reshape(-1, 3), state.time, h, at_end.loads, dead, coupled
         return _AlphaStep(*fields, state.turns, v0, a0, alpha0, at_end, system.ground_rate(t1))
@@ -307,8 +307,10 @@ class GeneralizedAlpha(Integrator):
         if step.couplings is None or e.coupled is None or start.coupled is None:
             return StepWork(loads, dissipated=lost)
         couplings = system.couplings
-        at0 = couplings.starting(step.y0, step.turns, before.actuators, 1.0)
+        at0 = couplings.starting(step.y0, step.turns, before.actuators, 1.0, step.t0)
         done = couplings.work(at0, e.coupled, y1), couplings.work(step.couplings, e.coupled, y1)
+        both = start.coupled, e.coupled
+        loads += 0.5 * sum(coupled.work_of_loads(change) for coupled in both)
         forces = start.coupled.force[rows:] + e.coupled.force[rows:]
         ground = 0.5 * float((forces * change[rows:]).sum())
         return StepWork(loads, 0.5 * (done[0].actuators + done[1].actuators), lost, ground)

@@ -222,7 +222,8 @@ def _geometric(at: Equilibrium, loads: Amplitudes, dq: Floats) -> csr_matrix:
         # the derivative along the response by the complex step
         moved = y.astype(complex)
         moved[: system.rows] += 1j * STEP * dq
-        start = system.couplings.starting(y, None, 1j * STEP * loads.actuators, 1.0)
+        factors = 1j * STEP * loads.actuators
+        start = system.couplings.starting(y, None, factors, 1.0, loads.time)
         coupled = system.couplings.static(start, moved)
         R = R + coupled.force[: system.rows].imag / STEP
         blocks.append(system.couplings.tangent(coupled, 1.0).imag / STEP)

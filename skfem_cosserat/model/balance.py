@@ -92,11 +92,14 @@ class Amplitudes:
         One for each channel of ``system.couplings``, and a zero.
     spin : Spin or None
         A turning frame, whose centrifugal forces are loads.
+    time : float
+        At which loads that are functions of the motion are taken (s).
     """
 
     loads: Floats
     actuators: Floats
     spin: Spin | None = None
+    time: float = 0.0
 
 
 @dataclass(eq=False)
@@ -135,7 +138,7 @@ class Balance:
 def amplitudes_at(system: System, t: float) -> Amplitudes:
     """Factors of all loads and actuators as they are at time t (s)."""
     actuators = [time.value(t) for time in system.couplings.times]
-    return Amplitudes(system.loading.values(t), np.array([*actuators, 0.0]))
+    return Amplitudes(system.loading.values(t), np.array([*actuators, 0.0]), time=t)
 
 
 def balance(
@@ -178,7 +181,8 @@ def balance(
     coupled = None
     if system.couplings.count:
         origin = np.real(y) if before is None else before
-        start = system.couplings.starting(origin, turns, amplitudes.actuators, 1.0)
+        now = amplitudes.actuators, 1.0, amplitudes.time
+        start = system.couplings.starting(origin, turns, *now)
         coupled = system.couplings.static(start, y, ydot, share)
         internal = internal + coupled.force[: system.rows]
         lost += float(sum(r.dissipated.sum().real for r in coupled.responses))

@@ -12,11 +12,12 @@ from scipy.sparse import csr_matrix
 from ..coupling import Coupling
 from ..errors import AccuracyWarning, InputError
 from ..frames import Place
-from ..load import Constant, TimeFunction
+from ..load import Constant, Load, TimeFunction
 from ..relative import Form, RelativeCoordinate
 from ..types import Array, Floats, IndexArray
 from ..warn import warn
 from .coordinates import KINDS, Joined, Kind
+from .loading import FunctionLoad, Push
 
 __all__ = [
     "CoupledForce",
@@ -463,11 +464,21 @@ class _Group:
 
 @dataclass(eq=False)
 class CoupledStart:
-    """All couplings at the start of a step of size h."""
+    """All couplings at the start of a step of size h.
+
+    Attributes
+    ----------
+    time : float
+        At which functions of the motion are taken (s).
+    factors : array
+        Of these functions.
+    """
 
     h: float
     y0: Floats
     groups: list[_Start]
+    time: float
+    factors: Array
 
 
 @dataclass(eq=False)
@@ -478,27 +489,39 @@ class CoupledForce:
     ----------
     force : (total, 3) array
         On all rows of y, the ground included, in the sense of an internal force.
+    pushes : list of Push
+        Loads that are functions of the motion.
     """
 
     force: Array
     responses: list[_Response]
+    pushes: list[Push]
+
+    def work_of_loads(self, change: Floats) -> float:
+        """Work (J) of the loads that are functions along a change (total, 3) of the rows."""
+        return sum(push.work(change) for push in self.pushes)
 
 
 @dataclass(frozen=True)
 class CouplingWork:
     """Work in a step (J): by actuators, lost in dampers, done by moving ground on couplings.
 
-    What is lost has a part by the scheme itself, `numerical`.
+    What is lost has a part by the scheme itself, `numerical`; `loads` is the work of loads that are
+    functions of the motion.
     """
 
     actuators: float
     dissipated: float
     ground: float
     numerical: float = 0.0
+    loads: float = 0.0
 
 
 class Couplings:
-    """Springs, dampers, cables, bushings and actuators of a scene.
+    """Springs, dampers, cables, bushings and actuators of a scene; loads that are functions.
+
+    Loads that are functions of points, velocities and time act like force elements: on any rows of
+    y, with tangents at pairs of them.
 
     Parameters
     ----------
@@ -509,11 +532,12 @@ class Couplings:
         Reference configuration, all rows: displacements count from there.
     free : int
         Rows of y that are unknowns; the rest is ground.
+    functions : list of FunctionLoad
 
     Attributes
     ----------
     count : int
-        Number of couplings.
+        Number of couplings and functions.
     pairs : (k, 2) int array
         Rows (a, b) of y, both unknowns, at which :meth:`tangent` has blocks.
     angles : list of Coupling
@@ -521,26 +545,36 @@ class Couplings:
     """
 
     def __init__(
-        self, items: Sequence[Coupling], row_of: RowOf, reference: Floats, free: int
+        self,
+        items: Sequence[Coupling],
+        row_of: RowOf,
+        reference: Floats,
+        free: int,
+        functions: Sequence[FunctionLoad] = (),
     ) -> None:
-        self.items, self.count, self._free = list(items), len(items), free
+        self.items, self.functions, self._free = list(items), list(functions), free
+        self.count = len(self.items) + len(self.functions)
         families: dict[tuple[object, ...], list[Coupling]] = {}
         for item in items:
             key = (item.slack, *(c.kind for c in item.coordinates))
             families.setdefault(key, []).append(item)
         self.times: list[TimeFunction] = []
         #: whose times they are
-        self.owners: list[Coupling] = []
+        self.owners: list[Coupling | Load] = []
         self._groups: list[_Group] = []
         for members in families.values():
             self._groups.append(_Group(members, row_of, reference, free, len(self.times)))
             for member in members:
                 self.times += member.channels
                 self.owners += [member] * len(member.channels)
+        self._factors = len(self.times) + np.arange(len(self.functions))
+        self.times += [function.term.time for function in self.functions]
+        self.owners += [function.load for function in self.functions]
         self._constant = all(isinstance(time, Constant) for time in self.times)
         self._amplitudes: Floats | None = None
         none = np.zeros((0, 2), dtype=np.int64)
-        self.pairs: IndexArray = np.concatenate([none, *(g.pairs for g in self._groups)])
+        pairs = [*(g.pairs for g in self._groups), *(f.pairs for f in self.functions)]
+        self.pairs: IndexArray = np.concatenate([none, *pairs])
         self.angles = [m for g in self._groups if g.kind.period for m in g.members]
         rows = np.concatenate([none.ravel(), *(g.invariants.rows.ravel() for g in self._groups)])
         self._scatter = csr_matrix(
@@ -551,29 +585,34 @@ class Couplings:
 
     def begin(self, y0: Floats, turns: IndexArray | None, t0: float, h: float) -> CoupledStart:
         """Couplings at the start of a step; `turns` as in a state."""
-        return self.starting(y0, turns, self.averages(t0, t0 + h), h)
+        return self.starting(y0, turns, self.averages(t0, t0 + h), h, t0 + 0.5 * h)
 
     def starting(
-        self, y0: Floats, turns: IndexArray | None, amplitudes: Array, h: float
+        self, y0: Floats, turns: IndexArray | None, amplitudes: Array, h: float, time: float
     ) -> CoupledStart:
-        """Couplings at the start of a step with given amplitudes of actuators, and a zero."""
+        """Couplings at the start of a step with given amplitudes of actuators, and a zero.
+
+        Functions are taken at a time (s).
+        """
         starts = [
             _Start(pi, xi, amplitudes[g.channels])
             for g, (pi, xi) in zip(self._groups, self._values(y0, turns), strict=True)
         ]
-        return CoupledStart(h, y0, starts)
+        return CoupledStart(h, y0, starts, time, amplitudes[self._factors])
 
     def discrete(
         self, start: CoupledStart, mid: Array, y1: Array, decay: float = 0.0
     ) -> CoupledForce:
         """Forces that do the work ``V_1 - V_0``, but for dampers, actuators and `decay`."""
         pairs = zip(self._groups, start.groups, strict=True)
-        return self._assemble([g.discrete(s, start.h, mid, y1, decay) for g, s in pairs])
+        responses = [g.discrete(s, start.h, mid, y1, decay) for g, s in pairs]
+        return self._assemble(responses, self._in_step(start, mid, y1))
 
     def midpoint(self, start: CoupledStart, mid: Array, y1: Array) -> CoupledForce:
         """Forces of the midpoint configuration: springs have the potential ``V(y_mid)``."""
         pairs = zip(self._groups, start.groups, strict=True)
-        return self._assemble([g.midpoint(s, start.h, mid, y1) for g, s in pairs])
+        responses = [g.midpoint(s, start.h, mid, y1) for g, s in pairs]
+        return self._assemble(responses, self._in_step(start, mid, y1))
 
     def static(
         self, start: CoupledStart, y: Array, ydot: Array | None = None, share: float = 0.0
@@ -584,15 +623,41 @@ class Couplings:
         """
         rates = np.zeros_like(y) if ydot is None else ydot
         pairs = zip(self._groups, start.groups, strict=True)
-        return self._assemble([g.static(s, y, rates, share) for g, s in pairs])
+        responses = [g.static(s, y, rates, share) for g, s in pairs]
+        return self._assemble(responses, self._pushes(start, y, rates, 1.0, share))
 
-    def _assemble(self, responses: list[_Response]) -> CoupledForce:
+    def pushed(self, y: Array, amplitudes: Array, time: float) -> Array:
+        """Loads (free rows, 3) that are functions, at rest at y; amplitudes as of a start."""
+        out = np.zeros_like(y)
+        for function, factor in zip(self.functions, amplitudes[self._factors], strict=True):
+            push = function.push(y, np.zeros_like(y), time, factor, 1.0, 0.0)
+            out[function.rows] += push.nodal()
+        return out[: self._free]
+
+    def _in_step(self, start: CoupledStart, mid: Array, y1: Array) -> list[Push]:
+        """Functions of the midpoint configuration and the mean rates of a step."""
+        if not self.functions:
+            return []
+        return self._pushes(start, mid, (y1 - start.y0) / start.h, 0.5, 1 / start.h)
+
+    def _pushes(
+        self, start: CoupledStart, y: Array, rates: Array, by_y: float, by_rate: float
+    ) -> list[Push]:
+        pairs = zip(self.functions, start.factors, strict=True)
+        return [f.push(y, rates, start.time, factor, by_y, by_rate) for f, factor in pairs]
+
+    def _assemble(self, responses: list[_Response], pushes: list[Push]) -> CoupledForce:
         nodal = [(r.s[:, :, None, None] * r.gradients).sum(1).reshape(-1, 3) for r in responses]
-        return CoupledForce(self._scatter @ np.concatenate(nodal), responses)
+        force = self._scatter @ np.concatenate([np.zeros((0, 3)), *nodal])
+        for push in pushes:
+            force = force.astype(np.result_type(force, push.force))
+            force[push.function.rows] -= push.nodal()
+        return CoupledForce(force, responses, pushes)
 
     def tangent(self, force: CoupledForce, factor: float) -> Array:
         """``factor`` times the derivative of the force on row a by row b of y_1, (k, 3, 3)."""
         blocks = [g.tangent(r) for g, r in zip(self._groups, force.responses, strict=True)]
+        blocks += [-push.tangent() for push in force.pushes]
         return factor * np.concatenate(blocks)
 
     def work(self, start: CoupledStart, force: CoupledForce, y1: Floats) -> CouplingWork:
@@ -604,6 +669,7 @@ class Couplings:
             sum(float(r.dissipated.sum()) for _, r in pairs),
             float((force.force[self._free :] * moved).sum()),
             sum(float(r.numerical.sum()) for _, r in pairs if r.numerical is not None),
+            force.work_of_loads(y1 - start.y0) if force.pushes else 0.0,
         )
 
     def turns(
@@ -640,16 +706,19 @@ class Couplings:
 
         `taut`: also of cables that are slack at y.
         """
-        none = np.zeros((0, 3, 3))
-        return np.concatenate([none, *(g.stiffness(y, taut) for g in self._groups)])
+        return self._padded([g.stiffness(y, taut) for g in self._groups])
 
     def damping(self, y: Array, taut: bool = False) -> Array:
         """Damping of force elements by velocity b on row a, at :attr:`pairs`; (k, 3, 3).
 
         `taut`: also of cables that are slack at y.
         """
-        none = np.zeros((0, 3, 3))
-        return np.concatenate([none, *(g.damping(y, taut) for g in self._groups)])
+        return self._padded([g.damping(y, taut) for g in self._groups])
+
+    def _padded(self, blocks: list[Array]) -> Array:
+        """Blocks of springs at all pairs: zero at those of functions."""
+        rest = len(self.pairs) - sum(map(len, blocks))
+        return np.concatenate([*blocks, np.zeros((rest, 3, 3))])
 
     def forces(
         self, y: Floats, ydot: Floats, turns: IndexArray | None = None

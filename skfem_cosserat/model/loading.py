@@ -1,31 +1,34 @@
-"""All loads of a scene as arrays: dead loads, follower forces, moments."""
+"""All loads of a scene as arrays: dead loads, follower forces, moments, functions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from ..errors import InputError
+from ..frames import Place
 from ..kernels import cross, skew
 from ..load import (
     Constant,
     Load,
-    LoadForce,
-    LoadGravity,
-    LoadLine,
-    LoadMoment,
+    Term,
+    TermAcceleration,
+    TermForce,
+    TermFunction,
+    TermLine,
+    TermMoment,
     TimeFunction,
     settled,
 )
 from ..types import Array, Floats, IndexArray
 from .groups import BeamGroup, Group
 
-__all__ = ["Followers", "Loading", "Moments"]
+__all__ = ["Followers", "FunctionLoad", "Loading", "Moments", "Push"]
 
 
 class Followers(NamedTuple):
@@ -64,7 +67,9 @@ class Moments(NamedTuple):
 
 
 class Loading:
-    """Generalised forces ``f(y, amplitudes)`` and their derivative.
+    """Generalised forces ``f(y, amplitudes)`` of the terms of all loads, and their derivative.
+
+    Those of functions of the motion depend on velocities and time, too: :class:`FunctionLoad`.
 
     Parameters
     ----------
@@ -80,6 +85,13 @@ class Loading:
     beam_groups : list of BeamGroup
     frame_group : Group or None
         Group that holds single frames; places of moments and follower forces are among them.
+
+    Attributes
+    ----------
+    terms, times, owners : list
+        For each channel its term, function of time and load.
+    functions : list of (Load, TermFunction)
+        Terms that are functions of the motion, which have no channel here.
     """
 
     def __init__(
@@ -96,38 +108,44 @@ class Loading:
         self._first, self._mass, self._origins = first, mass, origins
         self._beam_groups, self._frame_group = beam_groups, frame_group
         self.times: list[TimeFunction] = []
-        #: whose times they are
         self.owners: list[Load] = []
+        self.terms: list[Term] = []
+        self.functions: list[tuple[Load, TermFunction]] = []
         dead: list[Floats] = []
         self._dead_times: list[int] = []
         #: (channel, group number or -1 for frames, element ids, (e, r, r) scalar blocks)
         self._followers: list[tuple[int, int, IndexArray, Floats]] = []
         moments: list[tuple[int, int, bool, Floats]] = []
         for load in loads:
-            for value, time in load.channels:
+            for term in load.terms():
+                if isinstance(term, TermFunction):
+                    self.functions.append((load, term))
+                    continue
                 channel = len(self.times)
-                self.times.append(time)
+                self.times.append(term.time)
                 self.owners.append(load)
-                if isinstance(load, LoadMoment):
-                    v, _ = first[id(load.place.item)]
-                    block = self._frame_block(v + load.place.vertex)
-                    moments.append((channel, block, load.follower, value))
-                elif load.follower:
-                    self._add_follower(load, value, channel)
+                self.terms.append(term)
+                if isinstance(term, TermMoment):
+                    moments.append((channel, self._block_of(term.place), term.follower, term.value))
+                elif term.follower:
+                    self._add_follower(term, channel)
                 else:
-                    dead.append(self._dead(load, value))
+                    dead.append(self._dead(term))
                     self._dead_times.append(channel)
         self.dead = np.array(dead).reshape(len(dead), rows, 3)
         self.constant = all(isinstance(t, Constant) for t in self.times)
         #: time (s) from which no channel changes
         self.settled = max(map(settled, self.times), default=-np.inf)
-        self.dead_only = not self._followers and not moments
+        #: whether no load depends on the motion
+        self.dead_only = not self._followers and not moments and not self.functions
         #: what looks at the factors of all channels at a time (s): whether they leave a plane
         self.guard: Callable[[Floats, float], None] | None = None
         self._set_moments(moments)
 
-    def _frame_block(self, vertex: int) -> int:
+    def _block_of(self, place: Place) -> int:
+        """Number of a place's frame in the group of single frames."""
         assert self._frame_group is not None  # the system puts all such frames there
+        vertex = self._first[id(place.item)][0] + place.vertex
         return int(np.flatnonzero(self._frame_group.vertices[:, 0] == vertex)[0])
 
     def _set_moments(self, moments: list[tuple[int, int, bool, Floats]]) -> None:
@@ -139,47 +157,53 @@ class Loading:
             assert self._frame_group is not None
             self._moment_rows = self._frame_group.rows[self._moment_block][:, 1:]
 
-    def _dead(self, load: Load, value: Floats) -> Floats:
-        out = np.zeros((self._rows, 3))
-        if isinstance(load, LoadGravity):
-            field = np.zeros((self._rows, 3))
-            field[self._origins] = value
-            return self._mass @ field
-        if isinstance(load, LoadLine):
-            _, r = self._first[id(load.beam)]
-            nodes = load.beam.basis.connectivity[load.elements]
-            weights = load.beam.line_weights(load.elements)
+    def _dead(self, term: Term) -> Floats:
+        out, value = np.zeros((self._rows, 3)), term.value
+        if isinstance(term, TermAcceleration):
+            out[self._origins] = value
+            return self._mass @ out
+        if isinstance(term, TermLine):
+            _, r = self._first[id(term.beam)]
+            nodes = term.beam.basis.connectivity[term.elements]
+            weights = term.beam.line_weights(term.elements)
             np.add.at(out, r + 4 * nodes, weights[:, :, None] * value)
             return out
-        assert isinstance(load, LoadForce)
-        _, r = self._first[id(load.place.item)]
-        if load.place.triad is None:
-            out[r + load.place.vertex] = value
+        assert isinstance(term, TermForce)
+        _, r = self._first[id(term.place.item)]
+        if term.place.triad is None:
+            out[r + term.place.vertex] = value
         else:
-            base = r + 4 * load.place.vertex
+            base = r + 4 * term.place.vertex
             out[base] = value
-            out[base + 1 : base + 4] = load.place.offset[:, None] * value
+            out[base + 1 : base + 4] = term.place.offset[:, None] * value
         return out
 
-    def _add_follower(self, load: Load, value: Floats, channel: int) -> None:
+    def _add_follower(self, term: Term, channel: int) -> None:
         """f_a = sum_b L_ab y_b with constant L: components times directors."""
-        if isinstance(load, LoadLine):
-            beam = load.beam
+        value = term.value
+        if isinstance(term, TermLine):
+            beam = term.beam
             number = next(k for k, g in enumerate(self._beam_groups) if id(beam) in g.slices)
-            ids = load.elements + self._beam_groups[number].slices[id(beam)].start
-            shape = beam.basis.elemental_mass()[load.elements]
+            ids = term.elements + self._beam_groups[number].slices[id(beam)].start
+            shape = beam.basis.elemental_mass()[term.elements]
             ne, nn = shape.shape[:2]
             block = np.zeros((ne, nn, 4, nn, 4))
-            turned = np.einsum("i,ebij->ebj", value, beam.rotations[load.elements])
+            turned = np.einsum("i,ebij->ebj", value, beam.rotations[term.elements])
             block[:, :, 0, :, 1:] = shape[:, :, :, None] * turned[:, None]
             self._followers.append((channel, number, ids, block.reshape(ne, 4 * nn, 4 * nn)))
             return
-        assert isinstance(load, LoadForce)
-        v, _ = self._first[id(load.place.item)]
+        assert isinstance(term, TermForce)
         block = np.zeros((1, 4, 4))
-        block[0, :, 1:] = np.outer(np.concatenate([[1.0], load.place.offset]), value)
-        ids = np.array([self._frame_block(v + load.place.vertex)])
-        self._followers.append((channel, -1, ids, block))
+        block[0, :, 1:] = np.outer(np.concatenate([[1.0], term.place.offset]), value)
+        self._followers.append((channel, -1, np.array([self._block_of(term.place)]), block))
+
+    def sites(self) -> list[list[int]]:
+        """Channels whose vectors add up: those of one load that act on one thing in one way."""
+        found: dict[tuple[object, ...], list[int]] = {}
+        for k, (owner, term) in enumerate(zip(self.owners, self.terms, strict=True)):
+            key = id(owner), type(term), term.site, term.follower
+            found.setdefault(key, []).append(k)
+        return list(found.values())
 
     def _group(self, number: int) -> Group:
         if number >= 0:
@@ -319,3 +343,204 @@ class Loading:
                 self._moment_block,
                 factor * derivative.reshape(-1, 12, 12),
             )
+
+
+# -- forces that are functions of points, their velocities and time --------------------------------
+
+#: of the complex step, relative to the size of what is changed
+TINY = 1e-20
+#: of differences, likewise
+SMALL = 1e-6
+#: difference to slopes by differences, relative to the largest slope, above which slopes are wrong
+WRONG = 1e-3
+
+
+class Push(NamedTuple):
+    """A function at a trial configuration.
+
+    Attributes
+    ----------
+    function : FunctionLoad
+    factor, t : float
+        Amplitude, and time (s).
+    x, v : (k, 3) array
+        Points and velocities.
+    force : (k, 3) array
+        With its factor.
+    by_y, by_rate : float
+        Derivatives of y, and of its rates, by what is sought.
+    """
+
+    function: FunctionLoad
+    factor: Any
+    t: float
+    x: Array
+    v: Array
+    force: Array
+    by_y: float
+    by_rate: float
+
+    def work(self, change: Floats) -> float:
+        """Of the force along a change (total, 3) of the rows."""
+        return float((self.force * self.function.points(change)).sum())
+
+    def nodal(self) -> Array:
+        """Generalised force (R, 3) on the rows of the function."""
+        return self.function.matrix.T @ self.force
+
+    def tangent(self) -> Array:
+        """Derivative of the force by what is sought, at the function's pairs; (p, 3, 3)."""
+        f = self.function
+        by_x, by_v = f.slopes(self.x, self.v, self.t)
+        K = self.factor * (self.by_y * by_x + self.by_rate * by_v)
+        return np.einsum("ka,kilj,lb->abij", f.matrix, K, f.matrix)[f.kept]
+
+
+class FunctionLoad:
+    """A term of a load that is a function, as arrays: ``x = matrix y[rows]``.
+
+    Parameters
+    ----------
+    load : Load
+    term : TermFunction
+    row_of : callable
+        First row of y of a place's vertex.
+    free : int
+        Rows of y that are unknowns; the rest is ground.
+
+    Attributes
+    ----------
+    rows : (R,) int array
+        Rows of y on which the points depend.
+    matrix : (k, R) array
+    pairs : (p, 2) int array
+        Pairs of them that are unknowns both.
+    kept : (R, R) bool array
+        Which pairs those are.
+    """
+
+    def __init__(
+        self, load: Load, term: TermFunction, row_of: Callable[[Place], int], free: int
+    ) -> None:
+        self.load, self.term = load, term
+        cells: dict[tuple[int, int], float] = {}
+        for k, expression in enumerate(term.expressions):
+            for place, i, factor in expression.terms:
+                at = k, row_of(place) + i
+                cells[at] = cells.get(at, 0.0) + factor
+        self.rows: IndexArray = np.unique([row for _, row in cells])
+        self.matrix = np.zeros((len(term.expressions), len(self.rows)))
+        for (k, row), factor in cells.items():
+            self.matrix[k, np.searchsorted(self.rows, row)] = factor
+        inside = self.rows < free
+        self.kept = inside[:, None] & inside
+        self.pairs = np.stack([self.rows[i] for i in np.nonzero(self.kept)], axis=-1)
+
+    def points(self, y: Array) -> Array:
+        """The points (k, 3), or their rates, at all rows (total, 3)."""
+        return np.asarray(self.matrix @ y[self.rows])
+
+    def push(
+        self, y: Array, rates: Array, t: float, factor: Any, by_y: float, by_rate: float
+    ) -> Push:
+        """The force at rows y (total, 3) and their rates."""
+        x, v = self.points(y), self.points(rates)
+        return Push(self, factor, t, x, v, factor * self.force(x, v, t), by_y, by_rate)
+
+    def force(self, x: Array, v: Array, t: float) -> Array:
+        """The function's value (k, 3), which must be finite numbers, real ones of real ones."""
+        out = np.asarray(self.term.force(x.copy(), v.copy(), t))
+        real = not (np.iscomplexobj(x) or np.iscomplexobj(v))
+        if out.shape != x.shape or out.dtype.kind not in ("iuf" if real else "iufc"):
+            kind = f"an array {out.shape} of {out.dtype}"
+            raise InputError(self.load.label, f"force gives {kind}, expected {x.shape} numbers")
+        if not np.isfinite(out).all():
+            text = f"force is {out.tolist()} at t = {t!r} s, not finite: x = {x.tolist()}"
+            raise InputError(self.load.label, f"{text}, v = {v.tolist()}")
+        return out
+
+    def slopes(self, x: Array, v: Array, t: float) -> tuple[Array, Array]:
+        """Derivatives (k, 3, k, 3) of the force by x and v.
+
+        In complex points, as of a complex step through a tangent, by differences along their
+        imaginary part.
+        """
+        size = max(float(abs(each.imag).max(initial=0.0)) for each in (x, v))
+        if not size:
+            return self._real_slopes(x.real, v.real, t)
+        dx, dv = SMALL * self._size(x) / size * np.array([x.imag, v.imag])
+        near, far = (
+            self._real_slopes(x.real + sign * dx, v.real + sign * dv, t) for sign in (-1, 1)
+        )
+        factor = 1j * size / (2 * SMALL * self._size(x))
+        by_x, by_v = (0.5 * (a + b) + factor * (b - a) for a, b in zip(near, far, strict=True))
+        return by_x, by_v
+
+    @staticmethod
+    def _size(x: Array) -> float:
+        return max(1.0, float(abs(x).max()))
+
+    def _real_slopes(self, x: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
+        shape = *x.shape, *x.shape
+        if self.term.slopes is not None:
+            given = [np.asarray(each, dtype=float) for each in self.term.slopes(x, v, t)]
+            if [each.shape for each in given] != [shape, shape]:
+                found = [each.shape for each in given]
+                text = f"slopes gives arrays {found}, expected two of {shape}"
+                raise InputError(self.load.label, text)
+            return given[0], given[1]
+        both = np.array([x, v]) + 0j
+        out = np.empty((2, *shape))
+        for i in np.ndindex(both.shape):
+            moved = both.copy()
+            moved[i] += 1j * TINY
+            out[(i[0], ..., *i[1:])] = self.force(moved[0], moved[1], t).imag / TINY
+        return out[0], out[1]
+
+    def check(self, y: Floats, length: float) -> None:
+        """Compare its slopes with differences near a configuration y (total, 3), in motion.
+
+        A kink may be at one configuration, but hardly at both that are looked at.
+
+        Raises
+        ------
+        InputError
+            If they differ at both.
+        """
+        rng = np.random.default_rng(0)
+        for _ in range(2):
+            x = self.points(y) + 1e-2 * length * rng.standard_normal(self.points(y).shape)
+            v = rng.standard_normal(x.shape)
+            off = self._error(x, v)
+            if off <= WRONG:
+                return
+        remedy = "give the right ones"
+        if self.term.slopes is None:
+            remedy = (
+                "make the force of what can be differentiated, np.sqrt((v * v).sum()) instead of"
+                " abs or np.linalg.norm, or give slopes"
+            )
+        text = f"slopes of its force differ from differences by a share of {off:.3g}: {remedy}"
+        raise InputError(self.load.label, text)
+
+    def _error(self, x: Floats, v: Floats) -> float:
+        """Largest difference of slopes, relative to the largest slope, above rounding."""
+        try:
+            slopes = np.array(self.slopes(x, v, 0.0))
+        except (TypeError, ValueError) as error:
+            if isinstance(error, InputError):
+                raise
+            text = f"its force or slopes failed at complex numbers, as slopes need it: {error}"
+            raise InputError(self.load.label, text) from error
+        both, step = np.array([x, v]), SMALL * self._size(np.array([x, v]))
+        other = np.empty_like(slopes)
+        for i in np.ndindex(both.shape):
+            ends = []
+            for sign in (1, -1):
+                moved = both.copy()
+                moved[i] += sign * step
+                ends.append(self.force(moved[0], moved[1], 0.0))
+            other[(i[0], ..., *i[1:])] = (ends[0] - ends[1]) / (2 * step)
+        rounding = 1e-14 * float(abs(self.force(x, v, 0.0)).max()) / step
+        gap = max(0.0, float(abs(slopes - other).max()) - rounding)
+        return gap / max(float(abs(other).max()), rounding, 1e-300)

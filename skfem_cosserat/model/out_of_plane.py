@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from typing import TYPE_CHECKING
@@ -16,10 +16,11 @@ from ..frames import TOLERANCE, Place, is_beam
 from ..joint import Joint
 from ..kernels import cross, exp_quaternion, rotation_matrix
 from ..law import Law
-from ..load import Load, LoadLine, LoadMoment
+from ..load import Constant, Term
 from ..types import Floats
 from .force_elements import Couplings
 from .groups import lumped
+from .loading import FunctionLoad, Loading
 from .plane import Planar, Plane
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from .system import System
 
 
-__all__ = ["Planarity", "confined", "guard_of", "inspect", "leaving", "places", "turned"]
+__all__ = ["Planarity", "confined", "guard_of", "inspect", "leaving", "places"]
 
 
 # -- what leaves a plane: every item of a scene against its mirror image ---------------------------
@@ -80,10 +81,12 @@ def leaving(system: System, plane: Plane) -> Leaving:
     for drive in system.drives:
         if not _in_plane(drive.joint, drive.coordinate.name, plane):
             yield drive.label, f"prescribes the {drive.coordinate.name}, which leaves the plane"
-    for load in system.loads:
-        yield from _load(load, plane)
+    yield from _loads(system.loading, plane)
     for coupling in system.couplings.items:
         yield from _coupling(system, coupling, plane)
+    for function in system.couplings.functions:
+        alone = _alone(system, [], [function])
+        yield from _pushed(system, alone, function.load.label, INSTANTS, plane)
     yield from _ground(system, plane)
 
 
@@ -240,59 +243,45 @@ def _in_plane(joint: Joint, name: str, plane: Plane) -> bool:
 # -- forces ----------------------------------------------------------------------------------------
 
 
-def turned(load: Load, value: Floats) -> Floats:
-    """Value (3,) of a load in space in the reference, (k, 3): for each triad that it follows."""
-    if not load.follower:
-        return value[None]
-    if isinstance(load, LoadLine):
-        beam = load.beam
-        nodes = beam.basis.connectivity[load.elements]
-        triads = beam.rotations[load.elements] @ beam.triads[nodes]
-        return np.einsum("i,eaij->eaj", value, triads).reshape(-1, 3)
-    place = load.frame_place()
-    assert place is not None
-    assert place.triad is not None
-    return (value @ place.triad)[None]
-
-
-def _stray(load: Load, value: Floats, plane: Plane) -> float:
-    """How far a value of a load leaves the plane (N, N m, N/m, m/s^2)."""
-    v, n = turned(load, value), plane.normal
-    if isinstance(load, LoadMoment):
+def _stray(term: Term, value: Floats, plane: Plane) -> float:
+    """How far a value of a term leaves the plane (N, N m, N/m, m/s^2)."""
+    v, n = term.vectors(value), plane.normal
+    if term.axial:
         return float(np.linalg.norm(v - np.outer(v @ n, n), axis=1).max())
     return float(abs(v @ n).max())
 
 
-def _load(load: Load, plane: Plane) -> Leaving:
-    single = len(load.channels) == 1
-    for t in (0.0,) if single else INSTANTS:
-        value = load.channels[0][0]
-        if not single:
-            value = np.asarray(sum(v * time.value(t) for v, time in load.channels))
-        off = _stray(load, value, plane)
-        if off > TOLERANCE * float(np.linalg.norm(value)):
-            when = "" if single else f" at t = {t:g} s"
-            where = "is off the normal" if isinstance(load, LoadMoment) else "leaves the plane"
-            yield load.label, f"{value.round(9).tolist()}{when} {where} by {off:.6g}"
-            return
+def _loads(loading: Loading, plane: Plane) -> Leaving:
+    for site in loading.sites():
+        terms, single = [loading.terms[k] for k in site], len(site) == 1
+        for t in (0.0,) if single else INSTANTS:
+            value = terms[0].value
+            if not single:
+                value = np.asarray(sum(term.value * term.time.value(t) for term in terms))
+            off = _stray(terms[0], value, plane)
+            if off > TOLERANCE * float(np.linalg.norm(value)):
+                when = "" if single else f" at t = {t:g} s"
+                where = "is off the normal" if terms[0].axial else "leaves the plane"
+                text = f"{value.round(9).tolist()}{when} {where} by {off:.6g}"
+                yield loading.owners[site[0]].label, text
+                break
 
 
-def guard_of(loads: list[Load], plane: Plane) -> Callable[[Floats, float], None]:
-    """Check of the factors of all channels at a time, of loads given as functions (3,) of it."""
-    watched = []
-    first = 0
-    for load in loads:
-        if len(load.channels) > 1 and not load.constant:
-            watched.append((load, slice(first, first + len(load.channels))))
-        first += len(load.channels)
+def guard_of(loading: Loading, plane: Plane) -> Callable[[Floats, float], None]:
+    """Check of the factors of all channels at a time, of vectors that are functions of it."""
+    watched = [
+        site
+        for site in loading.sites()
+        if len(site) > 1 and not all(isinstance(loading.times[k], Constant) for k in site)
+    ]
 
     def check(factors: Floats, t: float) -> None:
-        for load, channels in watched:
-            value = factors[channels] @ np.array([v for v, _ in load.channels])
-            off = _stray(load, value, plane)
+        for site in watched:
+            value = factors[site] @ np.array([loading.terms[k].value for k in site])
+            off = _stray(loading.terms[site[0]], value, plane)
             if off > SHARE * float(np.linalg.norm(value)):
                 raise InputError(
-                    load.label,
+                    loading.owners[site[0]].label,
                     f"leaves the plane normal to {plane.normal.tolist()} that the scene is confined"
                     f" to, by {off:.6g} at t = {t:g} s",
                 )
@@ -301,7 +290,7 @@ def guard_of(loads: list[Load], plane: Plane) -> Callable[[Floats, float], None]
 
 
 def _coupling(system: System, item: Coupling, plane: Plane) -> Leaving:
-    """Forces out of the plane at states in it; springs on a joint by its coordinate."""
+    """By its forces; springs on a joint by its coordinate."""
     coordinate = item.coordinates[0]
     if isinstance(item, JointSpringDamper | JointActuator) and coordinate.kind != "rotation":
         if _in_plane(item.joint, coordinate.name, plane):
@@ -310,21 +299,34 @@ def _coupling(system: System, item: Coupling, plane: Plane) -> Leaving:
         if (item.stiffness @ item.neutral).any() or any(driven):
             yield item.label, f"acts on the {coordinate.name}, which leaves the plane"
         return
-    alone = Couplings([item], system.row_of, system.extend(system.q0, 0.0), system.rows)
+    instants = INSTANTS if item.channels else INSTANTS[:3]
+    yield from _pushed(system, _alone(system, [item], []), item.label, instants, plane)
+
+
+def _alone(system: System, items: list[Coupling], functions: list[FunctionLoad]) -> Couplings:
+    """Some of a scene's force elements and functions."""
+    start = system.extend(system.q0, 0.0)
+    return Couplings(items, system.row_of, start, system.rows, functions)
+
+
+def _pushed(
+    system: System, alone: Couplings, label: str, instants: Sequence[float], plane: Plane
+) -> Leaving:
+    """Forces out of the plane at states in it, and at instants."""
     rng = np.random.default_rng(0)
     worst, most = 0.0, 0.0
-    for t in INSTANTS if item.channels else INSTANTS[:3]:
+    for t in instants:
         y, ydot = _motion(system, plane, rng), _motion(system, plane, rng)
         ydot = ydot - system.extend(system.q0, 0.0)
-        factors = np.array([*(time.value(t) for time in item.channels), 0.0])
-        start = alone.starting(system.extend(system.q0, 0.0), None, factors, 1.0)
+        factors = np.array([*(time.value(t) for time in alone.times), 0.0])
+        start = alone.starting(system.extend(system.q0, 0.0), None, factors, 1.0, t)
         force = alone.static(start, y, ydot).force[: system.rows]
         twists = _twist_forces(system, y, force)
         off = _out_of_plane(twists, plane)
         worst, most = max(worst, off), max(most, float(abs(twists).max()))
     if worst > TOLERANCE * most:
         yield (
-            item.label,
+            label,
             f"pushes out of the plane where all is in it, by a share of {worst / most:.3g}",
         )
 
@@ -462,10 +464,10 @@ def _candidates(system: System) -> list[Floats]:
         about.append(vertices.angular_velocities[0])
         if vertices.triads is not None:
             about = [*vertices.triads[0], *about]
-    for load in system.loads:
-        if len(load.channels) == 1:
-            vectors = turned(load, load.channels[0][0])
-            (about if isinstance(load, LoadMoment) else along).extend(vectors)
+    for site in system.loading.sites():
+        if len(site) == 1:
+            term = system.loading.terms[site[0]]
+            (about if term.axial else along).extend(term.vectors(term.value))
     for joint in system.joints:
         free = joint.freedom()
         about += [turn.axis for turn in free.turns or ()]

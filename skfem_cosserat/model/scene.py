@@ -21,10 +21,7 @@ from ..load import (
     Constant,
     FunctionOfTime,
     Load,
-    LoadForce,
-    LoadGravity,
-    LoadLine,
-    LoadMoment,
+    Term,
     time_function,
 )
 from ..types import ArrayLike, Floats
@@ -132,12 +129,14 @@ def with_amplitude(system: System, load: Load | str, amplitude: Amplitude) -> Sy
     Raises
     ------
     InputError
-        If the components of the load are functions of time and the amplitude is no number.
+        If the components of the load are functions of time and the amplitude is no number, or the
+        terms of an own load do not have its amplitude.
     """
     old = load_of(system, load)
     time, new = time_function(old.label, amplitude), loosened(copy(old))
-    if len(old.channels) == 1:
-        new.channels = ((old.channels[0][0], time),)
+    if len(old.channels) < 2:
+        new.channels = tuple((value, time) for value, _ in old.channels)
+        new.time = time
     elif isinstance(time, Constant):
         factor = time.number
         new.channels = tuple(
@@ -147,6 +146,8 @@ def with_amplitude(system: System, load: Load | str, amplitude: Amplitude) -> Sy
     else:
         raise InputError(old.label, "its components are functions of time: give a number")
     seal(new)
+    if len(old.channels) < 2 and all(term.time is not time for term in new.terms()):
+        raise InputError(old.label, "its terms have no amplitude of the load: give them self.time")
     loads = [new if each is old else each for each in system.loads]
     return _anew(system, system.joints, loads, system.drives, system.placed)
 
@@ -194,7 +195,6 @@ def _described(system: System, place: Place, y: Floats, x: Floats) -> Place:
 # -- the scene: items with names, collected first and numbered when frozen -------------------------
 
 #: kinds that the arrays of a system know
-LOADS = (LoadForce, LoadMoment, LoadLine, LoadGravity)
 MASSES = (RigidBody, MassPoint)
 
 ItemT = TypeVar("ItemT", bound=Item)
@@ -493,11 +493,17 @@ def takes_scene(
 
 
 def _check_kind(name: str, item: Item) -> None:
-    """Loads and what has mass enter in as many ways as there are classes here, and subclasses."""
-    if isinstance(item, Load) and not isinstance(item, LOADS):
-        known = "LoadForce, LoadMoment, LoadLine or LoadGravity"
+    """Loads enter by their terms; what has mass in as many ways as there are classes here."""
+    if isinstance(item, Load) and type(item).terms is Load.terms:
+        known = "LoadForce, LoadMoment, LoadLine or LoadGravity, or write its method terms"
     elif isinstance(item, StructuralItem) and not (is_beam(item) or isinstance(item, MASSES)):
         known = "Beam, RigidBody or MassPoint"
+    elif isinstance(item, Load):
+        for term in item.terms():
+            if not isinstance(term, Term):
+                text = f"has {term!r} among its terms, expected TermForce(...) or the like"
+                raise InputError(f"model, item {name!r}", text)
+        return
     else:
         return
     raise InputError(

@@ -39,7 +39,7 @@ from .force_elements import Couplings
 from .ground import Ground, Placed
 from .groups import BeamGroup, Group, Structure, assemble_mass, damping_factors, lump_group
 from .kinematics import Kinematics
-from .loading import Loading
+from .loading import FunctionLoad, Loading
 from .loops import (
     almost_redundant,
     close_loops,
@@ -137,7 +137,11 @@ class System:
         check_joints([*self.joints, *self.drives], 0.0, self.length)
         check_drives(self.drives)
         self._constrain()
-        self.couplings = Couplings(couplings, self.row_of, self.extend(self._y0, 0.0), self.rows)
+        start, functions = self.extend(self._y0, 0.0), self.loading.functions
+        pushes = [FunctionLoad(*each, self.row_of, self.rows) for each in functions]
+        for push in pushes:
+            push.check(start, self.length)
+        self.couplings = Couplings(couplings, self.row_of, start, self.rows, pushes)
         self.plane: Plane | None = None
         self._space: System | None = None
         self._span()
@@ -156,7 +160,7 @@ class System:
         out.__dict__.update(self.spatial.__dict__)
         out.warnings = list(self.warnings)
         out.plane, out._space, out.loading = plane, self.spatial, copy(self.loading)
-        out.loading.guard = guard_of(self.loads, plane)
+        out.loading.guard = guard_of(self.loading, plane)
         out.grounds = self.grounds.confined(plane, [drive.place for drive in self.drives])
         out._span()
         out._lock()
@@ -209,6 +213,7 @@ class System:
         places += [place for item in couplings for place in (item.a, item.b)]
         self._sides = [place.position for place in places]
         places += [drive.place for drive in self.drives]
+        places += [place for load in self.loads for place in load.places()]
         self.grounds = Ground(places) if self.placed is None else self.placed.ground
         self.moving = self.grounds.moving
         self.total = self.rows + self.grounds.rows
@@ -240,8 +245,8 @@ class System:
         self.beam_groups = [BeamGroup(members, alpha, beta) for members in kinds.values()]
         self.damped = bool(alpha) or any(g.viscous for g in self.beam_groups)
         single = {v for v, _, framed in self.lumps if framed}
-        places = [place for load in self.loads if (place := load.frame_place()) is not None]
-        single |= {self.spot(place).vertex for place in places}
+        frames = [term.frame for load in self.loads for term in load.terms()]
+        single |= {self.spot(place).vertex for place in frames if place is not None}
         points = {v for v, _, framed in self.lumps if not framed}
         self.frame_group, self.point_group = (
             lump_group(sorted(each), size, self.origin_rows, self.lumps, drags)

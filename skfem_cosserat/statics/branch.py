@@ -260,7 +260,7 @@ def _alone(amplitudes: Amplitudes, kind: str, channels: list[int]) -> Amplitudes
     loads, actuators = np.zeros_like(amplitudes.loads), np.zeros_like(amplitudes.actuators)
     out = {"loads": loads, "actuators": actuators}
     out[kind][channels] = getattr(amplitudes, kind)[channels]
-    return Amplitudes(loads, actuators)
+    return Amplitudes(loads, actuators, time=amplitudes.time)
 
 
 def _is_whole(value: object) -> bool:

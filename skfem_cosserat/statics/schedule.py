@@ -269,7 +269,7 @@ class Schedule:
         self.moving = bool(system.moving) and time is None
         given = dict(factors or {})
         loading, couplings = system.loading, system.couplings
-        owners: list[Load | Coupling] = [*loading.owners, *couplings.owners]
+        owners: list[Coupling | Load] = [*loading.owners, *couplings.owners]
         known = {str(owner.name) for owner in owners} | ({"spin"} if spin is not None else set())
         for name, factor in given.items():
             if name not in known:
@@ -285,7 +285,7 @@ class Schedule:
         self._actuators = self._factors(couplings.owners, couplings.times)
 
     def _factors(
-        self, owners: Sequence[Load | Coupling], times: Sequence[TimeFunction]
+        self, owners: Sequence[Coupling | Load], times: Sequence[TimeFunction]
     ) -> list[_Channel]:
         """(own time, factor, name) of each channel; None: the load factor itself."""
         out: list[_Channel] = []
@@ -326,7 +326,7 @@ class Schedule:
             share = t if factor is None else _value(factor, t, "spin")
             spin = Spin(share * spin.velocity, spin.point)
         loads = self.system.loading.checked(np.array(numbers(self._loads)), t)
-        return Amplitudes(loads, np.array([*numbers(self._actuators), 0.0]), spin)
+        return Amplitudes(loads, np.array([*numbers(self._actuators), 0.0]), spin, now)
 
     def potential(self, q: Floats, times: Floats) -> Floats:
         """``-f(t) . q`` (N,) of the dead loads (J)."""
@@ -428,15 +428,17 @@ class PathRecorder:
     def _add_work(self, point: Point, q: Floats) -> None:
         """Work of the loads along the path, by the trapezoidal rule between its points."""
         system, loading = self.system, self.system.loading
-        amplitudes = self.schedule.at(point.t).loads
-        force = loading.dead_force(amplitudes)
+        amplitudes = self.schedule.at(point.t)
+        force = loading.dead_force(amplitudes.loads)
         if not loading.dead_only:
-            force = force + loading.force(point.y[: system.rows], amplitudes)
-        now = force.reshape(-1)
+            force = force + loading.force(point.y[: system.rows], amplitudes.loads)
+            now = amplitudes.actuators, amplitudes.time
+            force = force + system.couplings.pushed(point.y, *now)
+        force = force.reshape(-1)
         if self._before is not None:
             q0, f0 = self._before
-            self._work += float((f0 + now) @ (q - q0)) / 2
-        self._before = q, now
+            self._work += float((f0 + force) @ (q - q0)) / 2
+        self._before = q, force
 
     def close(self, status: str, **extra: Any) -> History:
         """Close the file and give the history."""
@@ -460,7 +462,8 @@ def recorded_amplitudes(history: History, index: int = -1) -> Amplitudes:
     loads, actuators, spin = (
         np.array(history[f"amplitudes/{name}"][index]) for name in ("loads", "actuators", "spin")
     )
-    return Amplitudes(loads, actuators, Spin(*spin) if spin[0].any() else None)
+    time = float(history.instants[index])
+    return Amplitudes(loads, actuators, Spin(*spin) if spin[0].any() else None, time)
 
 
 def derive_path(system: System, schedule: Schedule, history: History) -> None:

@@ -791,7 +791,7 @@ class PathSolver:
         if not couplings.count:
             return None
         none = np.zeros(len(couplings.times) + 1)
-        return couplings.turns(couplings.starting(start.y, start.turns, none, 1.0), y)
+        return couplings.turns(couplings.starting(start.y, start.turns, none, 1.0, 0.0), y)
 
     def accept(self) -> None:
         """The point solved last is where the next one starts."""

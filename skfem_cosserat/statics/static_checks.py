@@ -290,6 +290,7 @@ def _refused(system: System, schedule: Schedule, point: Point, free: _Free) -> I
     force = system.loading.dead_force(later.loads)
     if not system.loading.dead_only:
         force = force + system.loading.force(point.y[: system.rows], later.loads)
+        force = force + system.couplings.pushed(point.y, later.actuators, later.time)
     works = abs((E @ N).T @ force.ravel())
     k = int(works.argmax())
     worked = works[k] > 1e-9 * np.linalg.norm(force) * np.linalg.norm(E @ N[:, k])
