@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -20,6 +19,7 @@ from ..figures import new_figure, write_figure
 from ..history import History
 from ..mesh import MeshCurve
 from ..model import Model, System, system_of
+from ..study.results import ResultTable
 from ..types import Floats, IndexArray, numbers, positive
 from ..warn import Notices, logger, sum_up, told, warn
 from .runs import Quantity, Run, RunStatic
@@ -471,22 +471,24 @@ class Adapted:
         last = self.levels[-1]
         return last.estimate if np.isnan(last.verified) else last.verified
 
+    @property
+    def table(self) -> ResultTable:
+        """One row a level: elements, orders, unknowns, values, estimates and what was done."""
+        return ResultTable(
+            [
+                {"level": k, "elements": level.elements, "order": level.order}
+                | {"unknowns": level.unknowns}
+                | {f"value_{i}": float(each) for i, each in enumerate(level.value.ravel())}
+                | {"estimate": level.estimate, "verified": level.verified}
+                | {"shares": level.origin, "change": level.change}
+                | {"warnings": told(level.warnings)}
+                for k, level in enumerate(self.levels)
+            ]
+        )
+
     def write_csv(self, path: str | os.PathLike[str]) -> Path:
-        """One line a level: elements, orders, unknowns, values, estimates and what was done."""
-        target = Path(path)
-        with target.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            count = self.levels[0].value.size
-            values = [f"value_{k}" for k in range(count)]
-            head = ["level", "elements", "order", "unknowns", *values, "estimate", "verified"]
-            writer.writerow([*head, "shares", "change", "warnings"])
-            for k, level in enumerate(self.levels):
-                numbers = [repr(float(v)) for v in level.value.ravel()]
-                row = [k, level.elements, level.order, level.unknowns, *numbers, level.estimate]
-                writer.writerow(
-                    [*row, level.verified, level.origin, level.change, told(level.warnings)]
-                )
-        return target
+        """Write the :attr:`table`."""
+        return self.table.to_csv(path)
 
     def chart(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Estimated errors against unknowns (needs matplotlib); written to a file if given."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,6 +14,7 @@ from ..errors import InputError
 from ..figures import check_folder, new_figure, write_figure
 from ..integrators import EnergyMomentum, Integrator, Variational
 from ..model import Model, System, model_of
+from ..study.results import ResultTable
 from ..types import positive, whole
 from ..warn import sum_up, told
 from .proposals import Proposal
@@ -102,6 +102,11 @@ class Advice:
             raise InputError("advice", "has no proposal: " + "; ".join(self.reasons))
         return self.proposal.build(model)
 
+    @property
+    def table(self) -> ResultTable:
+        """One row a candidate."""
+        return ResultTable(self.candidates)
+
     def csv(self, path: str | os.PathLike[str]) -> None:
         """Write the candidates, one a line.
 
@@ -111,12 +116,7 @@ class Advice:
             If the folder does not exist.
         """
         check_folder(path)
-        with open(path, "w", newline="", encoding="utf-8") as handle:
-            writer = csv.DictWriter(
-                handle, list(self.candidates[0]) if self.candidates else ["status"]
-            )
-            writer.writeheader()
-            writer.writerows(self.candidates)
+        self.table.to_csv(path)
 
     def chart(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Errors over costs of all candidates, the proposal marked; see :meth:`csv`.

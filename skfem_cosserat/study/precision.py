@@ -22,7 +22,7 @@ from ..warn import sum_up, told
 from .cases import OnOutcome, identity, run_cases
 from .orders import euclidean
 from .quantities import OverTime, Quantities, Sample, aligned
-from .results import provenance, write_table
+from .results import ResultTable, provenance
 from .setups import (
     Measured,
     Setup,
@@ -326,18 +326,23 @@ class PrecisionTable:
         return Standing(quantity, levels)
 
     def csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write the rows, with the reference's error, versions, machine and commit before them.
+        """Write the :attr:`table`.
 
         Raises
         ------
         InputError
             If the file cannot be written.
         """
+        return self.table.to_csv(path)
+
+    @property
+    def table(self) -> ResultTable:
+        """The rows, with the reference's error, versions, machine and commit."""
         own = {
             name: each if isfinite(each) else None for name, each in self.reference_errors.items()
         }
         notes = {"work and precision": f"{len(self.rows)} setups", **self.notes}
-        return write_table(path, notes | {"reference error": own} | provenance(), self.rows)
+        return ResultTable(self.rows, notes | {"reference error": own} | provenance())
 
     def chart(
         self,

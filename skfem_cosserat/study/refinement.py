@@ -35,7 +35,7 @@ from .levels import (
 )
 from .orders import Convergence, Norm, convergence, euclidean
 from .quantities import OverTime, Quantities, aligned
-from .results import provenance, write_table
+from .results import ResultTable, provenance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -296,17 +296,22 @@ class Refinement:
         return row
 
     def csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write the rows, with verdicts, versions, machine and commit in front of them.
+        """Write the :attr:`table`.
 
         Raises
         ------
         InputError
             If the file cannot be written.
         """
+        return self.table.to_csv(path)
+
+    @property
+    def table(self) -> ResultTable:
+        """The rows, with verdicts, versions, machine and commit."""
         notes: dict[str, Any] = {"refinement": self.title, **self.notes, "verdicts": self.verdicts}
         limits = {name: each for name, each in self.extrapolated.items() if each is not None}
         notes["extrapolated"] = {n: v.tolist() for n, v in limits.items() if not np.iscomplexobj(v)}
-        return write_table(path, notes | provenance(), self.rows)
+        return ResultTable(self.rows, notes | provenance())
 
     def chart(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Errors over sizes, both logarithmic, with a slope where the order is trusted.

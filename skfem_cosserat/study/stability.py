@@ -23,7 +23,7 @@ from ..warn import sum_up, told
 from .cases import OnOutcome, TimeLimit, identity, run_cases
 from .levels import case_name, check_call
 from .refinement import title_of
-from .results import provenance, write_table
+from .results import ResultTable, provenance
 from .setups import ran
 from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 
@@ -298,19 +298,24 @@ class Map:
         ]
 
     def csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write the rows, with versions, machine and commit in front of them.
+        """Write the :attr:`table`.
 
         Raises
         ------
         InputError
             If the file cannot be written.
         """
+        return self.table.to_csv(path)
+
+    @property
+    def table(self) -> ResultTable:
+        """The rows, with versions, machine and commit."""
         plain = int | float | str | bool
         rows = [
             {name: value if isinstance(value, plain) else str(value) for name, value in row.items()}
             for row in self.rows
         ]
-        return write_table(path, {"stability map": self.title, **provenance()}, rows)
+        return ResultTable(rows, {"stability map": self.title, **provenance()})
 
     def chart(
         self,
