@@ -254,7 +254,7 @@ def chart(result: dict[str, Any], path: Path) -> Path:
     """True errors against unknowns, a panel for each problem."""
     from matplotlib.figure import Figure
 
-    from skfem_cosserat.adaptive.adapt import draw_errors
+    from skfem_cosserat.study.charts import draw_errors
 
     problems = {k: v for k, v in result.items() if k in CASES}
     figure = Figure(figsize=(3.2 * len(problems), 3.4), layout="constrained")

@@ -18,13 +18,11 @@ MODULES = sorted(
 
 #: modules whose examples need an extra, or that need it themselves
 NEEDS = {
-    "adaptive.chart": "matplotlib",
     "compiled": "numba",
     "figures": "matplotlib",
     "plot": "pyvista",
     "profile.polygon": "shapely",
-    "study.chart": "matplotlib",
-    "study.stability_chart": "matplotlib",
+    "study.charts": "matplotlib",
 }
 
 

@@ -8,6 +8,7 @@ import math
 import signal
 import subprocess
 import sys
+import types
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -24,6 +25,7 @@ from skfem_cosserat.study import (
     MaximumOverTime,
     ReferenceFinest,
     ReferenceRun,
+    ResultTable,
     RootMeanSquare,
     convergence,
     run_cases,
@@ -327,6 +329,22 @@ def test_a_level_that_fails_is_kept_with_its_reason(tmp_path):
     assert [line["status"] for line in table] == ["ok", "ok", "diverged", "ok", "ok"]
     assert float(table[4]["value"]) == problems.trapezoid(64)
     assert float(table[4]["error_value"]) == study.errors["value"][4]
+
+
+def test_a_table_of_results_as_text_and_for_pandas(monkeypatch):
+    """Rows need not have the same names; pandas is asked for only here."""
+    table = ResultTable([{"a|b": 1 / 3}, {"why": "two\nlines"}], {"problem": "bend"})
+    head, _, first, second = table.to_markdown().splitlines()
+    assert head == r"| a\|b | why |"
+    assert first == "| 0.333333 |  |"
+    assert second == "|  | two lines |"
+    made = types.SimpleNamespace(attrs={})
+    frame = types.SimpleNamespace(DataFrame=lambda cells, columns: made)
+    monkeypatch.setitem(sys.modules, "pandas", frame)
+    assert table.to_pandas().attrs == {"problem": "bend"}
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match="pandas is needed here"):
+        table.to_pandas()
 
 
 def test_values_that_are_not_finite_fail_their_level():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -16,16 +15,16 @@ from ..beam import Beam
 from ..diagnostics import missing_strains
 from ..diagnostics.error import beam_of
 from ..errors import AccuracyWarning, Diverged, InputError
-from ..figures import new_figure, write_figure
 from ..history import History
 from ..mesh import MeshCurve
 from ..model import Model, System, system_of
+from ..study.charts import chart_errors
+from ..study.results import ResultTable
 from ..types import Floats, IndexArray, numbers, positive
 from ..warn import Notices, logger, sum_up, told, warn
 from .runs import Quantity, Run, RunStatic
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -43,84 +42,11 @@ __all__ = [
     "Uniform",
     "adapt",
     "beams",
-    "chart_errors",
     "checked_space",
-    "draw_errors",
     "named",
     "owners",
     "whole",
 ]
-
-
-# -- errors against unknowns as a log-log chart (matplotlib, optional) -----------------------------
-
-
-def chart_errors(
-    lines: Mapping[str, tuple[Sequence[float], Sequence[float]]],
-    tolerance: float | None = None,
-    path: str | os.PathLike[str] | None = None,
-    title: str = "",
-) -> Figure:
-    """Errors against unknowns, each line with markers.
-
-    Parameters
-    ----------
-    lines : mapping of str to (unknowns, errors)
-        By what the legend says.
-    tolerance : float, optional
-        A dashed line.
-    path : path, optional
-        Picture to write.
-    title : str
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If there is nothing to draw, or the folder of `path` does not exist.
-    ImportError
-        Without matplotlib.
-
-    Examples
-    --------
-    >>> figure = chart_errors({"uniform": ([10, 20, 40], [1e-1, 6e-3, 4e-4])}, tolerance=1e-3)
-    >>> len(figure.axes[0].lines)
-    2
-    """
-    if not lines:
-        raise InputError("argument lines", "there is nothing to draw")
-    figure = new_figure(5.0, 4.0)
-    draw_errors(figure.subplots(), lines, tolerance, title)
-    return write_figure(figure, path)
-
-
-def draw_errors(
-    axes: Axes,
-    lines: Mapping[str, tuple[Sequence[float], Sequence[float]]],
-    tolerance: float | None = None,
-    title: str = "",
-) -> None:
-    """The same on axes that there are; what is zero or not finite is left out."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
-    for (label, (unknowns, errors)), marker in zip(
-        lines.items(), "osd^v" * len(lines), strict=False
-    ):
-        known = [(n, e) for n, e in zip(unknowns, errors, strict=True) if 0 < e < float("inf")]
-        axes.loglog(*zip(*known, strict=True), marker=marker, markersize=4, label=label)
-    if tolerance is not None:
-        axes.axhline(tolerance, color="0.5", linestyle="--", linewidth=1)
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter("{x:.0f}")
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("unknowns")
-    axes.set_ylabel("error")
-    axes.set_title(title)
-    axes.grid(True, which="major", linewidth=0.3)
-    axes.legend()
 
 
 # -- what to do about an error: which elements to halve, which orders to raise ---------------------
@@ -471,22 +397,24 @@ class Adapted:
         last = self.levels[-1]
         return last.estimate if np.isnan(last.verified) else last.verified
 
+    @property
+    def table(self) -> ResultTable:
+        """One row a level: elements, orders, unknowns, values, estimates and what was done."""
+        return ResultTable(
+            [
+                {"level": k, "elements": level.elements, "order": level.order}
+                | {"unknowns": level.unknowns}
+                | {f"value_{i}": float(each) for i, each in enumerate(level.value.ravel())}
+                | {"estimate": level.estimate, "verified": level.verified}
+                | {"shares": level.origin, "change": level.change}
+                | {"warnings": told(level.warnings)}
+                for k, level in enumerate(self.levels)
+            ]
+        )
+
     def write_csv(self, path: str | os.PathLike[str]) -> Path:
-        """One line a level: elements, orders, unknowns, values, estimates and what was done."""
-        target = Path(path)
-        with target.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            count = self.levels[0].value.size
-            values = [f"value_{k}" for k in range(count)]
-            head = ["level", "elements", "order", "unknowns", *values, "estimate", "verified"]
-            writer.writerow([*head, "shares", "change", "warnings"])
-            for k, level in enumerate(self.levels):
-                numbers = [repr(float(v)) for v in level.value.ravel()]
-                row = [k, level.elements, level.order, level.unknowns, *numbers, level.estimate]
-                writer.writerow(
-                    [*row, level.verified, level.origin, level.change, told(level.warnings)]
-                )
-        return target
+        """Write the :attr:`table`."""
+        return self.table.to_csv(path)
 
     def chart(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Estimated errors against unknowns (needs matplotlib); written to a file if given."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,6 +14,8 @@ from ..errors import InputError
 from ..figures import check_folder, new_figure, write_figure
 from ..integrators import EnergyMomentum, Integrator, Variational
 from ..model import Model, System, model_of
+from ..study.charts import draw_candidates
+from ..study.results import ResultTable
 from ..types import positive, whole
 from ..warn import sum_up, told
 from .proposals import Proposal
@@ -102,6 +103,11 @@ class Advice:
             raise InputError("advice", "has no proposal: " + "; ".join(self.reasons))
         return self.proposal.build(model)
 
+    @property
+    def table(self) -> ResultTable:
+        """One row a candidate."""
+        return ResultTable(self.candidates)
+
     def csv(self, path: str | os.PathLike[str]) -> None:
         """Write the candidates, one a line.
 
@@ -111,12 +117,7 @@ class Advice:
             If the folder does not exist.
         """
         check_folder(path)
-        with open(path, "w", newline="", encoding="utf-8") as handle:
-            writer = csv.DictWriter(
-                handle, list(self.candidates[0]) if self.candidates else ["status"]
-            )
-            writer.writeheader()
-            writer.writerows(self.candidates)
+        self.table.to_csv(path)
 
     def chart(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Errors over costs of all candidates, the proposal marked; see :meth:`csv`.
@@ -132,39 +133,7 @@ class Advice:
 
     def draw(self, axis: Any) -> None:
         """Draw the chart on axes of matplotlib."""
-        axis.set(xscale="log", yscale="log", xlabel="cost in s", ylabel="error / tolerance")
-        axis.xaxis.set_minor_formatter(_few)  # costs seldom span a decade
-        done = [row for row in self.candidates if row["status"] == "ok" and row["error"] > 0]
-        for k, kind in enumerate(sorted({row["theories"] for row in done})):
-            own = [row for row in done if row["theories"] == kind]
-            for row in own:
-                fill = {} if row["robust"] else {"mfc": "none"}
-                style = "osD^v<>p"[k % 8]
-                axis.plot(row["cost_s"], row["error"], style, color=f"C{k}", ms=4, **fill)
-            axis.plot([], [], "osD^v<>p"[k % 8], color=f"C{k}", label=kind or "bodies")
-        if not all(row["robust"] for row in done):
-            axis.plot([], [], "o", mfc="none", color="grey", label="fails with half the step")
-        failed = [row["cost_s"] for row in self.candidates if row["status"] != "ok"]
-        failed = [cost for cost in failed if np.isfinite(cost)]
-        if failed:
-            top = axis.get_xaxis_transform()
-            axis.plot(failed, [0.97] * len(failed), "xk", transform=top, label="failed")
-        axis.axhline(1.0, color="black", linewidth=0.8)
-        for row in self.candidates:
-            if row["chosen"]:
-                axis.plot(
-                    row["cost_s"],
-                    row["error"],
-                    "o",
-                    mfc="none",
-                    mec="red",
-                    ms=13,
-                    mew=2,
-                    label="proposal",
-                )
-        axis.grid(which="major", alpha=0.3)
-        axis.tick_params(axis="x", which="both", labelsize="x-small", rotation=45)
-        axis.legend(fontsize="x-small")
+        draw_candidates(axis, self.candidates)
 
 
 def explained(advice: Advice, lines: Sequence[str], tolerance: dict[str, float]) -> str:
@@ -220,11 +189,6 @@ def _worth_telling(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             out.append(row)
             least = min(least, row["error"])
     return out + [row for row in rows if row["status"] != "ok"][:5]
-
-
-def _few(value: float, _place: object = None) -> str:
-    """Labels of ticks between powers of ten, those that have room."""
-    return f"{value:g}" if round(value / 10.0 ** np.floor(np.log10(value))) in (2, 5) else ""
 
 
 # -- the advisor: the cheapest model, mesh, integrator and step that give what is asked ------------

@@ -1,20 +1,22 @@
-"""Series as a table of comma separated values."""
+"""Files of comma separated values: series of a history, rows of a study."""
 
 from __future__ import annotations
 
 import csv
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..history import History
+from ..history.file import plain
 from ..types import check_kind
 
-__all__ = ["write_csv"]
+__all__ = ["write_csv", "write_rows"]
 
 #: Series with more numbers per state than this are not in a table unless named.
 _WIDE = 6
@@ -93,16 +95,46 @@ def write_csv(
             )
         header += _header(name, array)
         columns += (array[:, None] if array.ndim == 1 else array).T.tolist()
+    notes = {key: history.meta[key] for key in _PROVENANCE if key in history.meta}
+    return write_rows(path, notes, header, zip(*columns, strict=True), "skfem-cosserat history")
+
+
+def write_rows(
+    path: str | os.PathLike[str],
+    notes: Mapping[str, Any],
+    header: Sequence[str],
+    rows: Iterable[Sequence[Any]],
+    title: str = "",
+) -> Path:
+    """Write rows of cells under a header.
+
+    Parameters
+    ----------
+    path : path-like
+        Name of the file; an older one is replaced.
+    notes : mapping
+        JSON data, for the lines in front that start with ``#``.
+    header : sequence of str
+    rows : iterable of sequences
+        Numbers (all digits are written) and text.
+    title : str
+        A line above the notes.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
     path = Path(path)
     try:
         with path.open("w", newline="", encoding="utf-8") as handle:
-            handle.write("# skfem-cosserat history\n")
-            for key in _PROVENANCE:
-                if key in history.meta:
-                    handle.write(f"# {key}: {json.dumps(history.meta[key])}\n")
+            if title:
+                handle.write(f"# {title}\n")
+            for key, value in notes.items():
+                handle.write(f"# {key}: {json.dumps(plain(value, f'note {key!r}'))}\n")
             writer = csv.writer(handle, lineterminator="\n")
             writer.writerow(header)
-            writer.writerows(zip(*columns, strict=True))
+            writer.writerows(rows)
     except OSError as error:
         raise InputError(f"file {str(path)!r}", f"cannot be written: {error.strerror}") from error
     return path

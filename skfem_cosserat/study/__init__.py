@@ -1,17 +1,18 @@
 """Studies: many runs of a problem, and what they say together.
 
 :func:`refine` for meshes and steps. What it is made of serves other studies too: `run_cases` (any
-executor, resumed from a folder), `write_table` with `provenance`, `convergence`.
+executor, resumed from a folder), `ResultTable` with `provenance`, `convergence`.
 :func:`work_precision` for errors against costs, :func:`stability_map` for where methods fail.
 """
 
+from ..export.table import write_rows
 from .cases import TimedOut, TimeLimit, identity, run_cases, status
 from .levels import ReferenceFinest, ReferenceRun
 from .orders import Convergence, convergence
 from .precision import Front, Level, PrecisionTable, Standing, work_precision
 from .quantities import AtInstants, MaximumOverTime, OverTime, RootMeanSquare
 from .refinement import Refinement, refine
-from .results import provenance, write_rows, write_table
+from .results import ResultTable, provenance
 from .setups import ReferenceKnown, ReferencePair, Setup, setup_grid
 from .stability import Map, stability_map
 from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
@@ -32,6 +33,7 @@ __all__ = [
     "ReferencePair",
     "ReferenceRun",
     "Refinement",
+    "ResultTable",
     "RootMeanSquare",
     "Setup",
     "Standing",
@@ -48,5 +50,4 @@ __all__ = [
     "status",
     "work_precision",
     "write_rows",
-    "write_table",
 ]

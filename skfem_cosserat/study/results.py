@@ -1,13 +1,12 @@
-"""Tables of results with where they come from, in files of comma separated values."""
+"""The table of results of a study, with where they come from."""
 
 from __future__ import annotations
 
-import csv
-import json
 import os
 import platform
 import subprocess
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,11 +16,10 @@ import numpy as np
 import scipy
 import skfem
 
-from ..errors import InputError
-from ..history.file import plain
+from ..export.table import write_rows
 from ..version import VERSION
 
-__all__ = ["provenance", "write_rows", "write_table"]
+__all__ = ["ResultTable", "provenance"]
 
 
 # -- where numbers come from: versions, machine, commit, threads of the linear algebra -------------
@@ -86,56 +84,87 @@ def _processor() -> str:
     return names[0] if names else "unknown processor"
 
 
-# -- rows with names, and where they come from: a file of comma separated values -------------------
+# -- rows with names, and where they come from -----------------------------------------------------
 
 
-def write_table(
-    path: str | os.PathLike[str], notes: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]
-) -> Path:
-    """Write rows under the names of all of them; what a row does not have stays empty.
+@dataclass(frozen=True, eq=False)
+class ResultTable:
+    """Rows of results under their names; what a row does not have stays empty.
 
-    Parameters
+    Attributes
     ----------
-    path : path-like
-        Name of the file; an older one is replaced.
-    notes : mapping
-        JSON data, for the lines in front that start with ``#``.
     rows : sequence of mappings
-        Numbers (all digits are written) and text.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
+        Numbers and text.
+    notes : mapping
+        JSON data on where they come from.
 
     Examples
     --------
-    >>> import tempfile
     >>> rows = [{"step": 0.5, "status": "diverged"}, {"step": 0.25, "status": "ok", "tip": 1.5}]
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = write_table(Path(folder) / "study.csv", {"problem": "bend"}, rows)
-    ...     path.read_text().splitlines()
-    ['# problem: "bend"', 'step,status,tip', '0.5,diverged,', '0.25,ok,1.5']
+    >>> print(ResultTable(rows).to_markdown())
+    | step | status | tip |
+    | --- | --- | --- |
+    | 0.5 | diverged |  |
+    | 0.25 | ok | 1.5 |
     """
-    header = list(dict.fromkeys(name for row in rows for name in row))
-    return write_rows(path, notes, header, ([row.get(name) for name in header] for row in rows))
+
+    rows: Sequence[Mapping[str, Any]]
+    notes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def columns(self) -> list[str]:
+        """The names of all rows."""
+        return list(dict.fromkeys(name for row in self.rows for name in row))
+
+    @property
+    def cells(self) -> list[list[Any]]:
+        """By row and column; None where a row has nothing."""
+        columns = self.columns
+        return [[row.get(name) for name in columns] for row in self.rows]
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write rows with all digits, the notes in front of them; an older file is replaced.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> table = ResultTable([{"step": 0.5}], {"problem": "bend"})
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = table.to_csv(f"{folder}/study.csv")
+        ...     path.read_text().splitlines()
+        ['# problem: "bend"', 'step', '0.5']
+        """
+        return write_rows(path, self.notes, self.columns, self.cells)
+
+    def to_markdown(self) -> str:
+        """The rows as text, numbers with six digits."""
+        lines = [self.columns, ["---"] * len(self.columns), *self.cells]
+        return "\n".join(f"| {' | '.join(map(_short, line))} |" for line in lines)
+
+    def to_pandas(self) -> Any:
+        """The rows as a ``pandas.DataFrame``, the notes as its ``attrs``.
+
+        Raises
+        ------
+        ImportError
+            Without pandas.
+        """
+        try:
+            from pandas import DataFrame
+        except ImportError as error:
+            raise ImportError("pandas is needed here: pip install pandas") from error
+        frame = DataFrame(self.cells, columns=self.columns)
+        frame.attrs |= self.notes
+        return frame
 
 
-def write_rows(
-    path: str | os.PathLike[str],
-    notes: Mapping[str, Any],
-    header: Sequence[str],
-    rows: Iterable[Sequence[Any]],
-) -> Path:
-    """Write rows of cells under a header; `notes` and errors as in :func:`write_table`."""
-    path = Path(path)
-    try:
-        with path.open("w", newline="", encoding="utf-8") as handle:
-            for key, value in notes.items():
-                handle.write(f"# {key}: {json.dumps(plain(value, f'note {key!r}'))}\n")
-            writer = csv.writer(handle, lineterminator="\n")
-            writer.writerow(header)
-            writer.writerows(rows)
-    except OSError as error:
-        raise InputError(f"file {str(path)!r}", f"cannot be written: {error.strerror}") from error
-    return path
+def _short(cell: Any) -> str:
+    if cell is None:
+        return ""
+    shown = f"{cell:.6g}" if isinstance(cell, float) else str(cell)
+    return shown.replace("|", "\\|").replace("\n", " ")
