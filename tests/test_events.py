@@ -17,8 +17,8 @@ from skfem_cosserat.run.events import EventMonitor, TimedValue, dip
 
 G = 10.0
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
-PLAIN = [scheme for scheme in SCHEMES if not stabilized(scheme)]
-SINGLE = [scheme for scheme in PLAIN if scheme.part is None] + [sc.EnergyMomentum(stabilized=True)]
+PLAIN = [s for s in SCHEMES if not stabilized(s)] + [sc.EnergyMomentum(stabilized=True)]
+SINGLE = [scheme for scheme in PLAIN if scheme.part is None]
 STEPS = {"equal": 5e-3, "controlled": sc.StepControl(1e-3)}
 #: those that may be controlled, both ways
 PACES = [(s, step) for s in SINGLE for step in STEPS if step == "equal" or not s.fixed_step]
