@@ -449,7 +449,7 @@ def by_hand(x, v, t):
 @schemes
 @treatments
 @pytest.mark.parametrize("slopes", [None, by_hand], ids=["complex step", "slopes"])
-def test_a_spring_as_a_function_is_a_bushing(scheme, treatment, slopes):
+def test_a_function_pulls_as_a_spring_of_no_length(scheme, treatment, slopes):
     """f = k (x_b - x_a), which a spring of vanishing length has as well."""
     own = run(
         two(lambda a, b: LoadAttraction(a, b, 7.0, True, slopes)), scheme, treatment, 0.02, 0.5
