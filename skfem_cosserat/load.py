@@ -15,7 +15,7 @@ import numpy as np
 
 from .errors import InputError
 from .frames import Item, Place, StructuralItem, is_beam, no_place, vector
-from .frozen import Frozen, Replacements, brief
+from .frozen import Attached, Frozen, Replacements, brief
 from .relative import Expression, point
 from .types import ArrayLike, Floats, IndexArray, numbers, switch
 
@@ -445,7 +445,7 @@ class Component(Frozen):
 # -- terms: what loads are made of, as data --------------------------------------------------------
 
 
-class Term(Frozen):
+class Term(Attached):
     """Base of the terms of loads: a vector that acts somewhere, times a function of time.
 
     Attributes
@@ -456,8 +456,6 @@ class Term(Frozen):
         The factor.
     follower : bool
         Components are taken in the moving triad instead of in space.
-    site : tuple
-        Tells what it acts on from what other terms act on; empty: everything that has mass.
     axial : bool
         Whether the vector is that of a moment.
     """
@@ -465,7 +463,6 @@ class Term(Frozen):
     kind = "term of a load"
     axial = False
     follower = False
-    site: tuple[object, ...] = ()
     value: Floats
     time: TimeFunction
 
@@ -480,6 +477,11 @@ class Term(Frozen):
 
     def places(self) -> Sequence[Place]:
         """The points it acts at, if it has any."""
+        return ()
+
+    @property
+    def site(self) -> tuple[object, ...]:
+        """Tells what it acts on from what others act on; empty: everything that has mass."""
         return ()
 
     @property
@@ -557,7 +559,11 @@ class TermForce(Term):
     ) -> None:
         self._set(value, amplitude, follower)
         self.place = _checked_place(self.kind, place, self.axial or self.follower)
-        self.site = (id(place),)
+
+    @property
+    def site(self) -> tuple[object, ...]:
+        """See the base class."""
+        return (id(self.place),)
 
     def places(self) -> Sequence[Place]:
         """Its place."""
@@ -650,7 +656,11 @@ class TermLine(Term):
         if self.elements.dtype.kind != "i" or not np.isin(self.elements, every).all():
             text = f"elements = {elements!r}, expected numbers from 0 to {every[-1]}"
             raise InputError(self.kind, text)
-        self.site = id(beam), self.elements.tobytes()
+
+    @property
+    def site(self) -> tuple[object, ...]:
+        """See the base class."""
+        return id(self.beam), self.elements.tobytes()
 
     def items(self) -> Sequence[StructuralItem]:
         """The beam."""
@@ -726,8 +736,8 @@ class TermFunction(Term):
     generalized-alpha at the end; in statics at rest. Newton's method needs its slopes. They are
     found by complex steps, for which `force` must be made of what is differentiable:
     ``np.sqrt((v * v).sum())``, not ``abs`` or ``np.linalg.norm``. When a scene is frozen they are
-    compared with differences. Scenes with such a term have no compiled kernels, `modes` leaves its
-    slopes by the velocities out, and so does the step limit of explicit schemes with all of them.
+    compared with differences. Scenes with such a term are stepped by numpy alone; `modes` leaves
+    its slopes by the velocities out, and the step limit of explicit schemes all of them.
 
     Parameters
     ----------

@@ -262,6 +262,74 @@ def test_own_loads_of_data_in_statics(treatment):
     assert abs(ends[0][1]) > 1e-3
 
 
+@pytest.mark.parametrize("kernels", ["numba", "numpy"])
+def test_own_loads_of_data_in_statics_by_kernels(kernels):
+    if kernels == "numba":
+        pytest.importorskip("numba")
+    ends = []
+    for own in (True, False):
+        mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
+        model = sc.Model()
+        beam = model.add("beam", sc.Beam(mesh, SECTION, director=Z))
+        model.add("clamp", sc.JointFixed(GROUND, beam.node("rod.start")))
+        end = beam.node("rod.end")
+        if own:
+            model.add("rotor", LoadRotor(end, 3.0, 0.4))
+            model.add("storm", LoadStorm(beam, end, WIND, PRESSURE, PUSH, WEIGHT, 1.0))
+        else:
+            model.add("thrust", sc.LoadForce(end, (0, 0, 3.0), follower=True))
+            model.add("torque", sc.LoadMoment(end, (0, 0, 0.4), follower=True))
+            model.add("wind", sc.LoadLine(beam, WIND))
+            model.add("pressure", sc.LoadLine(beam, PRESSURE, follower=True))
+            model.add("push", sc.LoadForce(end, PUSH))
+            model.add("weight", sc.LoadGravity(2 * np.array(WEIGHT)))
+        path = sc.static(model, kernels=kernels)
+        assert path.meta["kernels"] == kernels
+        ends.append(path["q"][-1])
+    assert np.abs(ends[0] - path["q"][0]).max() > 1e-3
+    assert ends[0] == pytest.approx(ends[1], abs=1e-10)
+
+
+def test_own_dead_loads_have_the_kernels_of_the_plane():
+    pytest.importorskip("numba")
+
+    class LoadTilt(sc.Load):
+        def __init__(self, place):
+            super().__init__()
+            self.place = place
+
+        def terms(self):
+            return [sc.TermForce(self.place, (2.0, 1.0, 0)), sc.TermAcceleration((0, -9.81, 0))]
+
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (1.0, 0.1, 0.1), position=(0.5, 0, 0)))
+    model.add("hinge", sc.JointRevolute(GROUND, body.at((0, 0, 0)), Z))
+    model.add("tilt", LoadTilt(body.at((1, 0, 0))))
+    flat, space = (
+        run(model.freeze(planar=planar), "variational", "null space", kernels=kernels)
+        for planar, kernels in ((sc.Planar(Z), "numba"), (None, "numpy"))
+    )
+    assert flat.meta["kernels"] == "numba"
+    assert flat["q"] == pytest.approx(space["q"], abs=1e-10)
+
+
+def test_terms_that_a_load_keeps_go_along_with_replaced_items():
+    class LoadKept(sc.Load):
+        def __init__(self, place):
+            super().__init__()
+            self.kept = (sc.TermForce(place, Z, follower=True),)
+
+        def terms(self):
+            return self.kept
+
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.sphere(1.0, 0.1))
+    model.add("push", LoadKept(body.local((0, 0, 0))))
+    other = model.with_items({"body": sc.RigidBody.sphere(4.0, 0.1)})
+    history = run(other, "energy-momentum", "null space", 0.1, 1.0)
+    assert history["v"][-1, 2] == pytest.approx(0.25)
+
+
 def test_resultants_leave_out_what_own_loads_spread():
     own, known = arm(True), arm(False)
     rng = np.random.default_rng(3)
@@ -381,7 +449,7 @@ def by_hand(x, v, t):
 @schemes
 @treatments
 @pytest.mark.parametrize("slopes", [None, by_hand], ids=["complex step", "slopes"])
-def test_a_spring_as_a_function_is_a_bushing(scheme, treatment, slopes):
+def test_a_function_pulls_as_a_spring_of_no_length(scheme, treatment, slopes):
     """f = k (x_b - x_a), which a spring of vanishing length has as well."""
     own = run(
         two(lambda a, b: LoadAttraction(a, b, 7.0, True, slopes)), scheme, treatment, 0.02, 0.5

@@ -167,7 +167,7 @@ def duration(model: Model, system: System, state: State) -> float:
 
     Examples
     --------
-    >>> from skfem_cosserat import JointDistance, MassPoint, ground, initial_state
+    >>> from skfem_cosserat import JointDistance, LoadGravity, MassPoint, ground, initial_state
     >>> model = Model()
     >>> bob = model.add("bob", MassPoint(1.0, position=(1.0, 0, 0)))
     >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
