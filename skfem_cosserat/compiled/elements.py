@@ -14,7 +14,7 @@ from typing import Any
 
 from ..types import Floats, IndexArray
 from .jit import inlined
-from .lanes import load
+from .simd import load
 from .small import Rotation, Vector, combine, dot, plus, put, times
 
 __all__ = ["Point", "add_geometric", "at_point", "scalar_block", "take"]

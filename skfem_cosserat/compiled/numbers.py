@@ -40,7 +40,7 @@ SHORT_WAY = 1.0
 #: functions that take ``(s, m, w, numbers, flag)``, and those that take ``(g, w, numbers, flag)``
 TREE_PARTS = (
     *("begin", "move", "balance", "size", "clear", "node_matrix", "cap", "predict_changes"),
-    *("finish", "better", "lump_matrix", "factor", "sweep"),
+    *("finish", "better", "nodal_mass_matrix", "factor", "sweep"),
     *("joint_begin", "joint_add", "joint_move", "joint_maps", "joint_reduce", "joint_curvature"),
     *("loop_force", "loop_curvature", "loop_row", "loop_keep", "loop_schur", "loop_correct"),
     *("load", "couple", "span_curvature"),

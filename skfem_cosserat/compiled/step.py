@@ -10,7 +10,7 @@ from .. import newton
 from ..types import Floats, IndexArray
 from . import numbers as n
 from .jit import call, call_beams, inlined, jit
-from .lanes import WIDTH, load, store
+from .simd import WIDTH, load, store
 
 __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
 

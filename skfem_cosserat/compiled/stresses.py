@@ -14,8 +14,8 @@ import numpy as np
 from ..types import Floats, IndexArray
 from .elements import Point, at_point
 from .jit import inlined, part
-from .lanes import WIDTH, add_rows, gather, load, rows, scatter, store
 from .numbers import END, SHARE, START
+from .simd import WIDTH, add_rows, gather, load, rows, scatter, store
 from .small import Places, Vector, block, chosen, combine, counted, dot, minus, times
 
 __all__ = ["beam_force", "beam_predicted", "beam_start"]

@@ -6,8 +6,8 @@ from typing import Any
 
 from ..types import Floats
 from .jit import inlined, part
-from .lanes import add_product, put_product
 from .numbers import WEIGHT
+from .simd import add_product, put_product
 from .small import (
     Rotation,
     Vector,

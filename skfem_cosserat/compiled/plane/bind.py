@@ -17,7 +17,7 @@ from .. import structures
 from ..bind import KINDS, bound_spans, coordinates_of, followed, fulcrum_of, integers, nested
 from ..numbers import COUPLED
 from ..plan import Plan
-from . import pairs as places
+from . import complex_numbers as places
 
 __all__ = ["Frames", "bound_beams", "bound_rows", "bound_tree", "bound_work", "choose_rows"]
 
@@ -147,7 +147,7 @@ def bound_tree(system: System, plan: Plan, frames: Frames, rows: Any) -> tuple[A
         **_masses(mass),
         **_edges(system, plan, frames),
         **_coordinates(system, frames),
-        **_lumps(system, frames),
+        **_nodal_masses(system, frames),
         **_loops(system, plan, frames),
     }
     return structures.plane_tree(tuple(fields[name] for name in structures.PLANE_TREE)), fields
@@ -176,7 +176,7 @@ def _edges(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
         ):
             put(arms, k, column, frames.offset(spot))
         if (number := spans["span"][k]) >= 0:
-            arms[k, places.REACH] = spans["span_reach"][number]
+            arms[k, places.SPAN_LENGTH] = spans["span_length"][number]
             put(arms, k, places.STRAIN, spans["strain"][number])
             put(arms, k, places.SECTION_A, spans["turned"][number, 0])
             put(arms, k, places.SECTION_B, spans["turned"][number, 1])
@@ -223,17 +223,17 @@ def _coordinates(system: System, frames: Frames) -> dict[str, Any]:
     return tables | {"value": zero, "driven": zero.copy()}
 
 
-def _lumps(system: System, frames: Frames) -> dict[str, Any]:
+def _nodal_masses(system: System, frames: Frames) -> dict[str, Any]:
     """Masses of single frames, by origin and unit vector, and of mass points."""
-    lumps, vertices = np.zeros((0, 4), dtype=complex), integers([])
+    nodal_masses, vertices = np.zeros((0, 4), dtype=complex), integers([])
     if (group := system.frame_group) is not None:
         vertices = integers(group.vertices[:, 0])
         scalar = group.mass.reshape(-1, 4, 3, 4, 3)[:, :, 0, :, 0]
-        lumps = _reduced(scalar, frames.director[vertices], frames.director[vertices])
+        nodal_masses = _reduced(scalar, frames.director[vertices], frames.director[vertices])
     none, points = np.zeros(0), system.point_group
     return {
-        "lump_vertex": vertices,
-        "lumps": pairs(lumps),
+        "nodal_mass_vertex": vertices,
+        "nodal_masses": pairs(nodal_masses),
         "point_vertex": integers([] if points is None else points.vertices[:, 0]),
         "point_masses": none if points is None else points.mass[:, 0, 0].copy(),
     }

@@ -12,27 +12,27 @@ from ...types import Floats, IndexArray
 from ..jit import inlined, part
 from ..numbers import WEIGHT
 from ..tree import STRETCH
-from .pairs import (
+from .complex_numbers import (
     CHILD,
     FIRST,
     KIND,
     LAST,
     OWN,
     PARENT_AT,
-    REACH,
     SECTION_A,
     SECTION_B,
     SPAN,
+    SPAN_LENGTH,
     STRAIN,
-    Pair,
+    ComplexNumber,
     add_scaled,
     arrow,
+    complex_at,
     crossed,
     inner,
     left,
     minus,
     over,
-    pair,
     plus,
     point,
     product,
@@ -43,20 +43,22 @@ __all__ = ["span_arm", "span_curvature", "span_maps", "span_stretch"]
 
 
 @inlined
-def sections(edges: IndexArray, arms: Floats, e: int, y: Floats) -> tuple[Pair, Pair]:
+def sections(
+    edges: IndexArray, arms: Floats, e: int, y: Floats
+) -> tuple[ComplexNumber, ComplexNumber]:
     """Unit vectors of the section at the parent and at the child."""
     a, b = arrow(y, edges[e, PARENT_AT]), arrow(y, edges[e, CHILD])
-    return product(pair(arms, e, SECTION_A), a), product(pair(arms, e, SECTION_B), b)
+    return product(complex_at(arms, e, SECTION_A), a), product(complex_at(arms, e, SECTION_B), b)
 
 
 @inlined
-def between(edges: IndexArray, e: int, y: Floats) -> Pair:
+def between(edges: IndexArray, e: int, y: Floats) -> ComplexNumber:
     """From parent to child."""
     return minus(point(y, edges[e, CHILD]), point(y, edges[e, PARENT_AT]))
 
 
 @inlined
-def conjugate(a: Pair) -> Pair:
+def conjugate(a: ComplexNumber) -> ComplexNumber:
     """``conj(a)``."""
     return a[0], -a[1]
 
@@ -65,16 +67,16 @@ def conjugate(a: Pair) -> Pair:
 def span_stretch(edges: IndexArray, arms: Floats, e: int, y: Floats) -> float:
     """Axial strain."""
     a, b = sections(edges, arms, e, y)
-    line = scaled(0.5 / arms[e, REACH], between(edges, e, y))
+    line = scaled(0.5 / arms[e, SPAN_LENGTH], between(edges, e, y))
     return inner(plus(a, b), line) - arms[e, STRAIN]
 
 
 @inlined
-def span_arm(edges: IndexArray, arms: Floats, e: int, y: Floats, stretched: float) -> Pair:
+def span_arm(edges: IndexArray, arms: Floats, e: int, y: Floats, stretched: float) -> ComplexNumber:
     """From parent to child, whose unit vectors are in place, with this axial strain."""
     a, b = sections(edges, arms, e, y)
     strain = arms[e, STRAIN] + stretched, arms[e, STRAIN + 1]
-    return over(scaled(2.0 * arms[e, REACH], strain), conjugate(plus(a, b)))
+    return over(scaled(2.0 * arms[e, SPAN_LENGTH], strain), conjugate(plus(a, b)))
 
 
 @inlined
@@ -98,7 +100,7 @@ def span_maps(
     for j in range(edges[e, FIRST], edges[e, LAST]):
         o = coordinates[j, OWN]
         if coordinates[j, KIND] == STRETCH:
-            u, turning = scaled(2.0 * arms[e, REACH], inverse), 0.0
+            u, turning = scaled(2.0 * arms[e, SPAN_LENGTH], inverse), 0.0
         else:
             u, turning = crossed(b, turned), 1.0
         S[e, o] = u[0]
@@ -129,12 +131,12 @@ def span_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         v, p = edges[e, CHILD], edges[e, PARENT_AT]
         a, b = sections(edges, arms, e, mid)
         c, d = sections(edges, arms, e, y1)
-        reach, f = arms[e, REACH], point(F, v)
-        mu = over(scaled(2.0 * reach, f), plus(a, b))
-        on_both = scaled(0.5 / reach, product(between(edges, e, mid), conjugate(mu)))
-        take_off(R, p, scaled(-1.0, f), crossed(pair(arms, e, SECTION_A), on_both))
-        take_off(R, v, f, crossed(pair(arms, e, SECTION_B), on_both))
-        n = scaled(-0.5 * weight / reach, mu)
+        length, f = arms[e, SPAN_LENGTH], point(F, v)
+        mu = over(scaled(2.0 * length, f), plus(a, b))
+        on_both = scaled(0.5 / length, product(between(edges, e, mid), conjugate(mu)))
+        take_off(R, p, scaled(-1.0, f), crossed(complex_at(arms, e, SECTION_A), on_both))
+        take_off(R, v, f, crossed(complex_at(arms, e, SECTION_B), on_both))
+        n = scaled(-0.5 * weight / length, mu)
         other, back = scaled(-1.0, n), conjugate(n)
         back_other = scaled(-1.0, back)
         add_scaled(0.0, other, back_other, none, a, c, A, slot[k, 0, 0])
@@ -145,7 +147,7 @@ def span_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
-def take_off(R: Floats, v: int, f: Pair, on_arrow: Pair) -> None:
+def take_off(R: Floats, v: int, f: ComplexNumber, on_arrow: ComplexNumber) -> None:
     """Forces on the origin and the unit vector of a frame off R."""
     R[v, 0] -= f[0]
     R[v, 1] -= f[1]
