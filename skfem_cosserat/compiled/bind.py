@@ -530,8 +530,8 @@ def bound_nodal_masses(frames: Group | None, points: Group | None) -> dict[str, 
 
     none = integers([])
     return {
-        "nodal_mass_vertex": none if frames is None else integers(frames.vertices[:, 0]),
-        "nodal_masses": np.zeros((0, 4, 4)) if frames is None else scalar(frames, 4),
+        "frame_vertex": none if frames is None else integers(frames.vertices[:, 0]),
+        "frame_masses": np.zeros((0, 4, 4)) if frames is None else scalar(frames, 4),
         "point_vertex": none if points is None else integers(points.vertices[:, 0]),
         "point_masses": np.zeros(0) if points is None else scalar(points, 1)[:, 0, 0].copy(),
     }

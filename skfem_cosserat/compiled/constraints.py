@@ -294,12 +294,12 @@ def add_curvature(s: Any, diag: IndexArray, y: Floats, weight: float, A: Floats)
 def nodal_mass_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add masses of single frames and of mass points."""
     A, diag, mass = w.A, m.diag, numbers[MASS]
-    for k in range(len(s.nodal_mass_vertex)):
-        v = diag[s.nodal_mass_vertex[k]]
+    for k in range(len(s.frame_vertex)):
+        v = diag[s.frame_vertex[k]]
         for a in range(4):
             for b in range(4):
                 for c in range(3):
-                    A[v, 3 * a + c, 3 * b + c] += mass * s.nodal_masses[k, a, b]
+                    A[v, 3 * a + c, 3 * b + c] += mass * s.frame_masses[k, a, b]
     for k in range(len(s.point_vertex)):
         for c in range(3):
             A[diag[s.point_vertex[k]], c, c] += mass * s.point_masses[k]

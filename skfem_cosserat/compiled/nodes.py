@@ -268,22 +268,15 @@ def nodal_mass_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> flo
     """Add masses of single frames and of mass points."""
     V, C = np.empty((3, 3)), np.empty((1, 1, 4, 4))
     L, R = np.empty((1, 4, 3)), np.empty((1, 4, 3))
-    A, y0, y1, diag, first, nodal_masses, framed = (
-        w.A,
-        w.y0,
-        w.y1,
-        m.diag,
-        s.row,
-        s.nodal_masses,
-        s.framed,
-    )
+    A, y0, y1, diag, first = w.A, w.y0, w.y1, m.diag, s.row
+    masses, framed = s.frame_masses, s.framed
     mass, weight = numbers[MASS], numbers[WEIGHT]
-    for k in range(len(s.nodal_mass_vertex)):
-        v = s.nodal_mass_vertex[k]
+    for k in range(len(s.frame_vertex)):
+        v = s.frame_vertex[k]
         for a in range(4):
             r = first[v] + a
             for b in range(4):
-                C[0, 0, a, b] = mass * nodal_masses[k, a, b]
+                C[0, 0, a, b] = mass * masses[k, a, b]
             for c in range(3):
                 L[0, a, c] = y0[r, c] if weight == 0.0 else w.mid[r, c]
                 R[0, a, c] = y1[r, c]

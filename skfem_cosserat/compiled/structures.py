@@ -244,14 +244,7 @@ TREE = (
     *("centre_row", "centre_offset", "centre_vertex"),
     *("mass_data", "mass_indices", "mass_indptr"),
     *("loop_products", "loop_factors", "loop_linear", "loop_linear_factors", "loop_constant"),
-    *(
-        "loop_vertices",
-        "triple",
-        "nodal_mass_vertex",
-        "nodal_masses",
-        "point_vertex",
-        "point_masses",
-    ),
+    *("loop_vertices", "triple", "frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *FOLLOWING,
     *COUPLINGS,
     *SPANS,
@@ -266,7 +259,7 @@ PLAN = (
 #: how things lie; multipliers (impulses) and what is kept of steps
 CONSTRAINTS = (
     *("row", "framed", "director", "mass_data", "mass_indices", "mass_indptr"),
-    *("nodal_mass_vertex", "nodal_masses", "point_vertex", "point_masses"),
+    *("frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *("products", "product_row", "left", "right", "factor", "drive_row", "drive_component"),
     *("product_place", "product_column", "curved", "linear_row", "linear", "linear_factor"),
     *("linear_place", "linear_column", "constant", "magnitude", "scaled", "step"),
@@ -318,7 +311,7 @@ PLANE_TREE = (
     *("rows", "framed", "free", "loose", "followed", "turn", "turning"),
     *("child", "parent", "edges", "arms", "coordinates", "along", "value", "driven"),
     *("mass_blocks", "mass_indices", "mass_indptr"),
-    *("nodal_mass_vertex", "nodal_masses", "point_vertex", "point_masses"),
+    *("frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *("products", "factors", "linear", "directions", "loop_constant", "loop_vertices"),
     "span_slot",
 )

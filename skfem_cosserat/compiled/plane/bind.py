@@ -21,7 +21,7 @@ from . import complex_numbers as places
 
 __all__ = ["Frames", "bound_beams", "bound_rows", "bound_tree", "bound_work", "choose_rows"]
 
-Complex = NDArray[np.complex128]
+ComplexArray = NDArray[np.complex128]
 
 
 class Frames:
@@ -66,7 +66,7 @@ class Frames:
                 inside = np.flatnonzero(abs(d) > abs(d).max() - 1e-9)[-1]
                 self.director[v] = d * (d[inside] / abs(d[inside])).conj()
 
-    def flat(self, vectors: Floats) -> Complex:
+    def flat(self, vectors: Floats) -> ComplexArray:
         """Vectors (..., 3) in the plane (...)."""
         both = vectors @ self.plane.axes.T
         return np.asarray(both[..., 0] + 1j * both[..., 1])
@@ -225,21 +225,21 @@ def _coordinates(system: System, frames: Frames) -> dict[str, Any]:
 
 def _nodal_masses(system: System, frames: Frames) -> dict[str, Any]:
     """Masses of single frames, by origin and unit vector, and of mass points."""
-    nodal_masses, vertices = np.zeros((0, 4), dtype=complex), integers([])
+    frame_masses, vertices = np.zeros((0, 4), dtype=complex), integers([])
     if (group := system.frame_group) is not None:
         vertices = integers(group.vertices[:, 0])
         scalar = group.mass.reshape(-1, 4, 3, 4, 3)[:, :, 0, :, 0]
-        nodal_masses = _reduced(scalar, frames.director[vertices], frames.director[vertices])
+        frame_masses = _reduced(scalar, frames.director[vertices], frames.director[vertices])
     none, points = np.zeros(0), system.point_group
     return {
-        "nodal_mass_vertex": vertices,
-        "nodal_masses": pairs(nodal_masses),
+        "frame_vertex": vertices,
+        "frame_masses": pairs(frame_masses),
         "point_vertex": integers([] if points is None else points.vertices[:, 0]),
         "point_masses": none if points is None else points.mass[:, 0, 0].copy(),
     }
 
 
-def _reduced(scalar: Floats, left: Complex, right: Complex) -> Complex:
+def _reduced(scalar: Floats, left: ComplexArray, right: ComplexArray) -> ComplexArray:
     """Scalar masses (..., 4, 4) by origins and unit vectors (..., 4): xx, xe, ex, ee."""
     xe = (scalar[..., 0, 1:] * right).sum(-1)
     ex = (scalar[..., 1:, 0] * left.conj()).sum(-1)
@@ -304,7 +304,7 @@ def _spans(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
     return space | {"strain": (section * space["span_strain"]).sum(-1), "turned": turned}
 
 
-def sections_of(rotations: Floats, director: Complex) -> tuple[Complex, Complex]:
+def sections_of(rotations: Floats, director: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Unit vectors of sections at nodes (ne, nn) by those of the nodes, and ``k_i`` (ne, 3).
 
     From rotations (ne, nn, 3, 3) and directors of nodes (ne, nn, 3): sections of an element have

@@ -1,4 +1,4 @@
-"""ComplexNumber coordinates of a plane, and where frames of a plane are in space."""
+"""Complex coordinates of a plane, and where frames of a plane are in space."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = [
     "ARMS",
     "COORDINATES",
     "EDGES",
-    "ComplexNumber",
+    "Complex",
     "add_scaled",
     "arrow",
     "complex_at",
@@ -68,97 +68,97 @@ SIGN, SLIDE, TARGET_SPOT, CENTRE_SPOT, SLIDE0 = 0, 1, 3, 5, 7
 
 # -- vectors of a plane as complex numbers, each two numbers or SIMD vectors ---------------------
 
-ComplexNumber = tuple[float, float]
+Complex = tuple[float, float]
 
 
 @inlined
-def complex_at(a: Floats, k: int, c: int) -> ComplexNumber:
+def complex_at(a: Floats, k: int, c: int) -> Complex:
     """``a_k``, from column c on."""
     return a[k, c], a[k, c + 1]
 
 
 @inlined
-def put_complex(a: Floats, k: int, c: int, z: ComplexNumber) -> None:
+def put_complex(a: Floats, k: int, c: int, z: Complex) -> None:
     """``a_k = z``, from column c on."""
     a[k, c] = z[0]
     a[k, c + 1] = z[1]
 
 
 @inlined
-def point(y: Floats, v: int) -> ComplexNumber:
+def point(y: Floats, v: int) -> Complex:
     """Origin of a frame."""
     return y[v, 0], y[v, 1]
 
 
 @inlined
-def arrow(y: Floats, v: int) -> ComplexNumber:
+def arrow(y: Floats, v: int) -> Complex:
     """Unit vector of a frame."""
     return y[v, 2], y[v, 3]
 
 
 @inlined
-def plus(a: ComplexNumber, b: ComplexNumber) -> ComplexNumber:
+def plus(a: Complex, b: Complex) -> Complex:
     """``a + b``."""
     return a[0] + b[0], a[1] + b[1]
 
 
 @inlined
-def minus(a: ComplexNumber, b: ComplexNumber) -> ComplexNumber:
+def minus(a: Complex, b: Complex) -> Complex:
     """``a - b``."""
     return a[0] - b[0], a[1] - b[1]
 
 
 @inlined
-def scaled(c: float, a: ComplexNumber) -> ComplexNumber:
+def scaled(c: float, a: Complex) -> Complex:
     """``c a``."""
     return c * a[0], c * a[1]
 
 
 @inlined
-def left(a: ComplexNumber) -> ComplexNumber:
+def left(a: Complex) -> Complex:
     """``i a``: turned to the left by a right angle."""
     return 0.0 - a[1], a[0]
 
 
 @inlined
-def product(a: ComplexNumber, b: ComplexNumber) -> ComplexNumber:
+def product(a: Complex, b: Complex) -> Complex:
     """``a b``."""
     return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
 
 
 @inlined
-def crossed(a: ComplexNumber, b: ComplexNumber) -> ComplexNumber:
+def crossed(a: Complex, b: Complex) -> Complex:
     """``conj(a) b``."""
     return a[0] * b[0] + a[1] * b[1], a[0] * b[1] - a[1] * b[0]
 
 
 @inlined
-def inner(a: ComplexNumber, b: ComplexNumber) -> float:
+def inner(a: Complex, b: Complex) -> float:
     """``Re(conj(a) b)``: the scalar product."""
     return a[0] * b[0] + a[1] * b[1]
 
 
 @inlined
-def outer(a: ComplexNumber, b: ComplexNumber) -> float:
+def outer(a: Complex, b: Complex) -> float:
     """``Im(conj(a) b)``: along the normal of the vector product."""
     return a[0] * b[1] - a[1] * b[0]
 
 
 @inlined
-def over(a: ComplexNumber, b: ComplexNumber) -> ComplexNumber:
+def over(a: Complex, b: Complex) -> Complex:
     """``a / b``."""
     f = 1.0 / (b[0] * b[0] + b[1] * b[1])
     return scaled(f, crossed(b, a))
 
 
 @inlined
-def spot(y: Floats, v: int, offset: ComplexNumber) -> ComplexNumber:
+def spot(y: Floats, v: int, offset: Complex) -> Complex:
     """Position of a material point, whose offset is a multiple of e."""
     return plus(point(y, v), product(offset, arrow(y, v)))
 
 
 @inlined
-def turn_by(theta: float) -> ComplexNumber:
+def turn_by(theta: float) -> Complex:
     """``exp(i theta)``."""
     square = theta * theta
     if square < 0.01:
@@ -169,14 +169,7 @@ def turn_by(theta: float) -> ComplexNumber:
 
 @inlined
 def add_scaled(
-    xx: float,
-    xe: ComplexNumber,
-    ex: ComplexNumber,
-    ee: ComplexNumber,
-    L: ComplexNumber,
-    R: ComplexNumber,
-    A: Floats,
-    k: int,
+    xx: float, xe: Complex, ex: Complex, ee: Complex, L: Complex, R: Complex, A: Floats, k: int
 ) -> None:
     """Add ``P_L^T C P_R`` to block k, C by origins and unit vectors; L, R: e on both sides."""
     column, row = product(xe, left(R)), crossed(ex, left(L))

@@ -15,7 +15,7 @@ from ..jit import inlined, part
 from ..loops import add_impulses, correct, keep_motion, put_aside
 from ..numbers import WEIGHT
 from .complex_numbers import (
-    ComplexNumber,
+    Complex,
     add_scaled,
     arrow,
     complex_at,
@@ -38,13 +38,13 @@ ROW, LEFT, LEFT_PLACE, RIGHT, RIGHT_PLACE, SLOT, SLOT_BACK = range(7)
 
 
 @inlined
-def half(y: Floats, v: int, place: int) -> ComplexNumber:
+def half(y: Floats, v: int, place: int) -> Complex:
     """Origin or unit vector."""
     return y[v, 2 * place], y[v, 2 * place + 1]
 
 
 @inlined
-def pull(f: Floats, v: int, place: int, factor: float, z: ComplexNumber) -> None:
+def pull(f: Floats, v: int, place: int, factor: float, z: Complex) -> None:
     """Add a force, if it is not on the ground."""
     if v < len(f):
         f[v, 2 * place] += factor * z[0]
@@ -158,7 +158,7 @@ def loop_row(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
-def rate_of(y1: Floats, twist: Floats, v: int, place: int) -> ComplexNumber:
+def rate_of(y1: Floats, twist: Floats, v: int, place: int) -> Complex:
     """Velocity of an origin or unit vector."""
     if place == 0:
         return point(twist, v)

@@ -15,7 +15,7 @@ from ..small import block, chosen, cosines
 from .complex_numbers import (
     CHILD,
     FRAMED,
-    ComplexNumber,
+    Complex,
     add_scaled,
     arrow,
     crossed,
@@ -81,7 +81,7 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
-def along(axes: Floats, a: Floats, r: int) -> ComplexNumber:
+def along(axes: Floats, a: Floats, r: int) -> Complex:
     """Row r in the plane."""
     return (
         axes[0, 0] * a[r, 0] + axes[0, 1] * a[r, 1] + axes[0, 2] * a[r, 2],
@@ -90,7 +90,7 @@ def along(axes: Floats, a: Floats, r: int) -> ComplexNumber:
 
 
 @inlined
-def gathered(axes: Floats, director: Floats, a: Floats, r: int, v: int) -> ComplexNumber:
+def gathered(axes: Floats, director: Floats, a: Floats, r: int, v: int) -> Complex:
     """``sum conj(k_i) a_i`` over the directors of vertex v, whose first row is r."""
     z = (0.0, 0.0)
     for i in range(3):
@@ -212,15 +212,15 @@ def balance(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 def nodal_mass_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add masses of single frames and of mass points."""
     A, y1, diag, framed, y = w.A, w.y1, m.diag, s.framed, w.y0
-    nodal_masses, where, mass = s.nodal_masses, s.nodal_mass_vertex, numbers[MASS]
+    masses, where, mass = s.frame_masses, s.frame_vertex, numbers[MASS]
     if numbers[WEIGHT] != 0.0:
         y = w.mid
     for k in range(len(where)):
         v = where[k]
-        xe = scaled(mass, (nodal_masses[k, 1, 0], nodal_masses[k, 1, 1]))
-        ex = scaled(mass, (nodal_masses[k, 2, 0], nodal_masses[k, 2, 1]))
-        ee = scaled(mass, (nodal_masses[k, 3, 0], nodal_masses[k, 3, 1]))
-        add_scaled(mass * nodal_masses[k, 0, 0], xe, ex, ee, arrow(y, v), arrow(y1, v), A, diag[v])
+        xe = scaled(mass, (masses[k, 1, 0], masses[k, 1, 1]))
+        ex = scaled(mass, (masses[k, 2, 0], masses[k, 2, 1]))
+        ee = scaled(mass, (masses[k, 3, 0], masses[k, 3, 1]))
+        add_scaled(mass * masses[k, 0, 0], xe, ex, ee, arrow(y, v), arrow(y1, v), A, diag[v])
     for v in range(len(diag)):
         if not framed[v]:
             A[diag[v], 10] = 1.0
@@ -253,7 +253,7 @@ def predict_changes(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
 
 
 @inlined
-def put_row(axes: Floats, rest: Floats, z: ComplexNumber, a: Floats, r: int) -> None:
+def put_row(axes: Floats, rest: Floats, z: Complex, a: Floats, r: int) -> None:
     """Row r in space from what it is in the plane, and along the normal."""
     for c in range(3):
         a[r, c] = rest[r, c] + z[0] * axes[0, c] + z[1] * axes[1, c]

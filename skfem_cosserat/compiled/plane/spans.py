@@ -24,7 +24,7 @@ from .complex_numbers import (
     SPAN,
     SPAN_LENGTH,
     STRAIN,
-    ComplexNumber,
+    Complex,
     add_scaled,
     arrow,
     complex_at,
@@ -43,22 +43,20 @@ __all__ = ["span_arm", "span_curvature", "span_maps", "span_stretch"]
 
 
 @inlined
-def sections(
-    edges: IndexArray, arms: Floats, e: int, y: Floats
-) -> tuple[ComplexNumber, ComplexNumber]:
+def sections(edges: IndexArray, arms: Floats, e: int, y: Floats) -> tuple[Complex, Complex]:
     """Unit vectors of the section at the parent and at the child."""
     a, b = arrow(y, edges[e, PARENT_AT]), arrow(y, edges[e, CHILD])
     return product(complex_at(arms, e, SECTION_A), a), product(complex_at(arms, e, SECTION_B), b)
 
 
 @inlined
-def between(edges: IndexArray, e: int, y: Floats) -> ComplexNumber:
+def between(edges: IndexArray, e: int, y: Floats) -> Complex:
     """From parent to child."""
     return minus(point(y, edges[e, CHILD]), point(y, edges[e, PARENT_AT]))
 
 
 @inlined
-def conjugate(a: ComplexNumber) -> ComplexNumber:
+def conjugate(a: Complex) -> Complex:
     """``conj(a)``."""
     return a[0], -a[1]
 
@@ -72,7 +70,7 @@ def span_stretch(edges: IndexArray, arms: Floats, e: int, y: Floats) -> float:
 
 
 @inlined
-def span_arm(edges: IndexArray, arms: Floats, e: int, y: Floats, stretched: float) -> ComplexNumber:
+def span_arm(edges: IndexArray, arms: Floats, e: int, y: Floats, stretched: float) -> Complex:
     """From parent to child, whose unit vectors are in place, with this axial strain."""
     a, b = sections(edges, arms, e, y)
     strain = arms[e, STRAIN] + stretched, arms[e, STRAIN + 1]
@@ -147,7 +145,7 @@ def span_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
-def take_off(R: Floats, v: int, f: ComplexNumber, on_arrow: ComplexNumber) -> None:
+def take_off(R: Floats, v: int, f: Complex, on_arrow: Complex) -> None:
     """Forces on the origin and the unit vector of a frame off R."""
     R[v, 0] -= f[0]
     R[v, 1] -= f[1]

@@ -12,7 +12,7 @@ from ..numbers import END, FORCE, MASS, SHARE, START, WEIGHT
 from ..simd import WIDTH, add_rows, gather, load, rows, scatter, store
 from ..small import Places, Rotation, Vector, block, chosen, counted, dot, minus, times
 from ..stresses import give, origins, triple
-from .complex_numbers import ComplexNumber, crossed, inner, left, outer, plus, product, scaled
+from .complex_numbers import Complex, crossed, inner, left, outer, plus, product, scaled
 
 __all__ = [
     "Field",
@@ -33,17 +33,17 @@ __all__ = [
 # Parts take ``(g, w, numbers, flag)``.
 
 #: slope of the centre line, unit vector of the section and its slope
-Field = tuple[ComplexNumber, ComplexNumber, ComplexNumber]
+Field = tuple[Complex, Complex, Complex]
 
 
 @inlined
-def two(a: Floats, k: int) -> ComplexNumber:
+def two(a: Floats, k: int) -> Complex:
     """Vectors k and the next one."""
     return load(a, k), load(a, k + 1)
 
 
 @inlined
-def turning(rotations: Floats, es: Places, nn: int, a: int) -> ComplexNumber:
+def turning(rotations: Floats, es: Places, nn: int, a: int) -> Complex:
     """From the unit vectors of nodes a to those of their sections."""
     return gather(rotations, es, 2 * nn, 2 * a), gather(rotations, es, 2 * nn, 2 * a + 1)
 
@@ -66,7 +66,7 @@ def take(
 
 
 @inlined
-def summed(N: Any, X: Floats, i: int) -> ComplexNumber:
+def summed(N: Any, X: Floats, i: int) -> Complex:
     """``sum N_a X_a``, of origins (i = 0) or unit vectors (2)."""
     s = scaled(N[0], two(X, i))
     for a in range(1, len(N)):
@@ -275,7 +275,7 @@ def beam_finish(g: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
-def add_vector(F: Floats, k: int, axes: Floats, f: ComplexNumber) -> None:
+def add_vector(F: Floats, k: int, axes: Floats, f: Complex) -> None:
     """Add a vector of the plane, by its components in space, to vectors k and the two behind."""
     for c in range(3):
         store(F, k + c, load(F, k + c) + axes[0, c] * f[0] + axes[1, c] * f[1])
@@ -287,7 +287,7 @@ def add_vector(F: Floats, k: int, axes: Floats, f: ComplexNumber) -> None:
 
 
 @inlined
-def by_turn(N: float, dN: float, G: Field, e: ComplexNumber) -> Vector:
+def by_turn(N: float, dN: float, G: Field, e: Complex) -> Vector:
     """Strains by the angular velocity of a node whose section has the unit vector e."""
     z = crossed(e, G[0])
     return N * z[1], (0.0 - N) * z[0], dN * inner(G[1], e) - N * inner(e, G[2])
@@ -307,14 +307,7 @@ def add(a: Floats, k: int, value: float) -> None:
 
 @inlined
 def add_coefficients(
-    a: Floats,
-    k: int,
-    xx: float,
-    xe: ComplexNumber,
-    ex: ComplexNumber,
-    ee: ComplexNumber,
-    L: ComplexNumber,
-    R: ComplexNumber,
+    a: Floats, k: int, xx: float, xe: Complex, ex: Complex, ee: Complex, L: Complex, R: Complex
 ) -> None:
     """As :func:`.complex_numbers.add_scaled`, of vectors from k on."""
     column, row = product(xe, left(R)), crossed(ex, left(L))

@@ -37,7 +37,7 @@ from .complex_numbers import (
     SPAN,
     TARGET,
     TARGET_SPOT,
-    ComplexNumber,
+    Complex,
     arrow,
     complex_at,
     inner,
@@ -177,7 +177,7 @@ def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
 
 
 @inlined
-def lever(coordinates: IndexArray, along: Floats, j: int, y: Floats) -> ComplexNumber:
+def lever(coordinates: IndexArray, along: Floats, j: int, y: Floats) -> Complex:
     """From the point that a coordinate turns about to the one that it moves."""
     return minus(
         spot(y, coordinates[j, TARGET], complex_at(along, j, TARGET_SPOT)),
@@ -238,7 +238,7 @@ def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
 
 
 @inlined
-def add_row(C: Floats, e: int, o: int, g: ComplexNumber, turning: float) -> None:
+def add_row(C: Floats, e: int, o: int, g: Complex, turning: float) -> None:
     """Add to row o of block e."""
     C[e, 4 * o] += g[0]
     C[e, 4 * o + 1] += g[1]
@@ -252,7 +252,7 @@ def parent_curvature(
     framed: Any,
     e: int,
     y1: Floats,
-    f: ComplexNumber,
+    f: Complex,
     A: Floats,
     own: int,
     other: int,
