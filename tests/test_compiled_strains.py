@@ -14,12 +14,15 @@ from helpers_scenes import FULL, full_section, rotation
 from test_compiled import called
 
 import skfem_cosserat as sc
-from skfem_cosserat.compiled import bind, bind_kkt, kkt, spans, stresses, tangent
+from skfem_cosserat.compiled import bind, bind_kkt, kkt
+from skfem_cosserat.compiled import elements as stresses
+from skfem_cosserat.compiled import elements as tangent
+from skfem_cosserat.compiled import tree as spans
 from skfem_cosserat.compiled.numbers import END, FORCE, NUMBERS, SHARE, START, WEIGHT
 from skfem_cosserat.compiled.plan import plan_of
 from skfem_cosserat.compiled.plane import bind as plane_bind
-from skfem_cosserat.compiled.plane import spans as plane_spans
-from skfem_cosserat.compiled.plane import tangent as plane_tangent
+from skfem_cosserat.compiled.plane import elements as plane_tangent
+from skfem_cosserat.compiled.plane import tree as plane_spans
 from skfem_cosserat.kernels import null_space_blocks
 from skfem_cosserat.strain import strain_table
 

@@ -10,6 +10,10 @@ import numpy as np
 from numba import typeof, types
 from numpy.typing import NDArray
 
+from ..compiled import elements as stresses
+from ..compiled import elements as tangent
+from ..compiled import kkt as kkt_forces
+from ..compiled import tree as spans
 from ..coupling import Coupling
 from ..model import System
 from ..model.force_elements import Invariants
@@ -17,21 +21,7 @@ from ..model.groups import BeamGroup, Group
 from ..model.tree import Coordinate, Edge, Span, Spot
 from ..strain import strain_factors
 from ..types import Floats, IndexArray
-from . import (
-    blocks,
-    constraints,
-    couplings,
-    kkt,
-    kkt_forces,
-    loads,
-    loops,
-    nodes,
-    spans,
-    stresses,
-    structures,
-    tangent,
-    tree,
-)
+from . import blocks, constraints, couplings, kkt, loads, loops, nodes, structures, tree
 from .couplings import ANGLE, DISPLACEMENT, DISTANCE, KIND, ROW, SIDE, SLACK, SLOT
 from .jit import address
 from .numbers import BEAM_PARTS, COUPLED, TREE_PARTS
@@ -242,7 +232,9 @@ def part_named(name: str, family: str = "tree") -> Any:
 
 def plane_parts() -> list[Any]:
     """What parts for scenes in a plane are in, beside those that take any."""
-    from .plane import loops, nodes, spans, tangent, tree
+    from .plane import elements as tangent
+    from .plane import loops, nodes, tree
+    from .plane import tree as spans
 
     return [nodes, tree, spans, loops, tangent]
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from ...types import Floats, IndexArray
+from ..elements import give, origins, triple
 from ..jit import inlined, part
 from ..numbers import END, FORCE, MASS, SHARE, START, WEIGHT
 from ..simd import WIDTH, add_rows, gather, load, rows, scatter, store
 from ..small import Places, Rotation, Vector, block, chosen, counted, dot, minus, times
-from ..stresses import give, origins, triple
 from .complex_numbers import Complex, crossed, inner, left, outer, plus, product, scaled
 
 __all__ = [
@@ -24,7 +24,6 @@ __all__ = [
     "beam_tangent",
     "take",
 ]
-
 
 # -- compiled stresses and internal force of beam elements in a plane, :data:`WIDTH` at a time -----
 #
@@ -361,7 +360,7 @@ def start_blocks(masses: Floats, es: Places, nn: int, factor: float, X: Any, a: 
 def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add the blocks of all elements, in reduced coordinates, to their slots.
 
-    See :func:`skfem_cosserat.compiled.tangent.beam_tangent`.
+    See :func:`skfem_cosserat.compiled.elements.beam_tangent`.
     """
     y0, y1, mid, S, A = w.y0, w.y1, w.mid, g.S, w.A
     if flag == 1:
