@@ -5,7 +5,7 @@ import pytest
 
 numba = pytest.importorskip("numba")
 blocks = pytest.importorskip("skfem_cosserat.compiled.blocks")
-sixes = pytest.importorskip("skfem_cosserat.compiled.sixes")
+algebra = pytest.importorskip("skfem_cosserat.compiled.block_algebra")
 EPS = np.finfo(float).eps
 
 
@@ -21,7 +21,7 @@ def random_blocks(seed, count):
 @pytest.fixture(scope="module")
 def inverses():
     """Transposed inverse without and with exchange of rows; what each says of the block."""
-    plain, exchanging = called(sixes.invert), called(blocks.invert_exchanging)
+    plain, exchanging = called(algebra.invert), called(blocks.invert_exchanging)
 
     def both(M):
         A, out = np.array([np.zeros((6, 6)), M]), np.zeros((2, 6, 6))
@@ -45,7 +45,7 @@ PRODUCTS = {
 
 @pytest.mark.parametrize("name", PRODUCTS)
 def test_products(name):
-    product, expected = called(getattr(sixes, name)), PRODUCTS[name]
+    product, expected = called(getattr(algebra, name)), PRODUCTS[name]
     for place in range(3):  # in the place of a factor as well
         X = random_blocks(0, 3)
         wanted = expected(X[0], X[1], X[place])

@@ -35,7 +35,7 @@ COLUMNS = (
 #: parts that an iteration calls, in their order; those of a matrix only; those of a step
 ITERATION = ("move", "joint_add", "joint_move", "beam_force", "balance", "joint_maps")
 ITERATION += ("joint_reduce", "sweep", "cap")
-MATRIX = ("clear", "beam_tangent", "lump_matrix", "node_matrix", "factor")
+MATRIX = ("clear", "beam_tangent", "nodal_mass_matrix", "node_matrix", "factor")
 ONCE = ("beam_start", "better", "finish")
 
 
@@ -104,7 +104,7 @@ def profile(elements: int, integrator: str) -> list[dict[str, Any]]:
     fast.solve(run.state)
     places, s, m, w, g, numbers = fast._all
     tree, beam, factor = caller(beam=False), caller(beam=True), factors()
-    for name in ("clear", "beam_tangent", "lump_matrix", "node_matrix"):
+    for name in ("clear", "beam_tangent", "nodal_mass_matrix", "node_matrix"):
         k = (*TREE_PARTS, *BEAM_PARTS).index(name)
         if places[k] and name in BEAM_PARTS:
             beam(places[k], g, w, numbers, 0, 1)

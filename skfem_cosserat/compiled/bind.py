@@ -29,7 +29,7 @@ __all__ = [
     "addresses",
     "bound_beams",
     "bound_couplings",
-    "bound_lumps",
+    "bound_nodal_masses",
     "bound_plan",
     "bound_spans",
     "bound_tree",
@@ -116,16 +116,16 @@ def _fill(system: System, invariants: Invariants, vertices: list[int], out: Floa
 def bound_spans(system: System, plan: Plan) -> dict[str, Any]:
     """Elements whose lines follow from their directors."""
     number = np.full(len(system.tree.edges), -1)
-    reach: list[float] = []
+    length: list[float] = []
     strain, turned, slots = [], [], []
     for k, edge in enumerate(system.tree.edges):
         span = edge.joint
         if not edge.spans or not isinstance(span, Span):
             continue
-        number[k] = len(reach)
+        number[k] = len(length)
         places = [span.vertices.index(v) for v in (edge.parent, edge.child)]
         elements = span.item.elements
-        reach.append((places[1] - places[0]) * elements.lengths[span.element])
+        length.append((places[1] - places[0]) * elements.lengths[span.element])
         strain.append(elements.reference[span.element, 0, :3])
         turned.append(span.item.rotations[span.element][places])
         both = edge.parent, edge.child
@@ -133,7 +133,7 @@ def bound_spans(system: System, plan: Plan) -> dict[str, Any]:
     rotations = np.array(turned, dtype=float).reshape(-1, 2, 3, 3)
     return {
         "span": number,
-        "span_reach": np.array(reach, dtype=float),
+        "span_length": np.array(length, dtype=float),
         "span_strain": np.array(strain, dtype=float).reshape(-1, 3),
         "span_rotation": rotations,
         "span_turned": (rotations != np.eye(3)).any((1, 2, 3)),
@@ -177,7 +177,7 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
     if not weight:
         unused |= {"joint_curvature", "node_matrix", "loop_curvature"}
     if system.frame_group is None and system.point_group is None:
-        unused.add("lump_matrix")
+        unused.add("nodal_mass_matrix")
     if not ends:
         unused.add("beam_start")
     if not system.beam_groups:
@@ -372,7 +372,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         **_edges(system),
         **_coordinates(system),
         **_loops(system, plan),
-        **bound_lumps(system.frame_group, system.point_group),
+        **bound_nodal_masses(system.frame_group, system.point_group),
         **bound_following(system, plan),
         **bound_couplings(system, plan),
         **bound_spans(system, plan),
@@ -517,7 +517,7 @@ def _triples(system: System, each: list[list[Coordinate]]) -> IndexArray:
     return triple
 
 
-def bound_lumps(frames: Group | None, points: Group | None) -> dict[str, Any]:
+def bound_nodal_masses(frames: Group | None, points: Group | None) -> dict[str, Any]:
     """Masses of single frames and of mass points."""
 
     def scalar(group: Group, size: int) -> Floats:
@@ -526,8 +526,8 @@ def bound_lumps(frames: Group | None, points: Group | None) -> dict[str, Any]:
 
     none = integers([])
     return {
-        "lump_vertex": none if frames is None else integers(frames.vertices[:, 0]),
-        "lumps": np.zeros((0, 4, 4)) if frames is None else scalar(frames, 4),
+        "frame_vertex": none if frames is None else integers(frames.vertices[:, 0]),
+        "frame_masses": np.zeros((0, 4, 4)) if frames is None else scalar(frames, 4),
         "point_vertex": none if points is None else integers(points.vertices[:, 0]),
         "point_masses": np.zeros(0) if points is None else scalar(points, 1)[:, 0, 0].copy(),
     }

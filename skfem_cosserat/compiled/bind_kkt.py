@@ -11,7 +11,7 @@ from ..model import System
 from ..model.quadratic import Terms
 from ..types import Floats, IndexArray
 from . import structures
-from .bind import bound_couplings, bound_following, bound_lumps, bound_work
+from .bind import bound_couplings, bound_following, bound_nodal_masses, bound_work
 from .kkt import PIVOT, WIDE
 from .numbers import BEAM_PARTS
 from .plan import Plan
@@ -23,7 +23,7 @@ def parts_of(system: System, ends: bool) -> list[str]:
     """Names of all parts that a step takes; `ends`: stresses are a mean of both."""
     names = ["begin", "move", "balance", "size", "clear", "cap", "finish", "better"]
     if system.frame_group is not None or system.point_group is not None:
-        names.append("lump_matrix")
+        names.append("nodal_mass_matrix")
     names += ["factor", "sweep"]
     if not (system.loading.dead_only and system.drag is None):
         names.append("load")
@@ -94,7 +94,7 @@ def bound_constraints(
         "mass_data": mass.data,
         "mass_indices": mass.indices.astype(np.int64),
         "mass_indptr": mass.indptr.astype(np.int64),
-        **bound_lumps(system.frame_group, system.point_group),
+        **bound_nodal_masses(system.frame_group, system.point_group),
         **_terms(system, plan),
         **bound_following(system, plan),
         **bound_couplings(system, plan),

@@ -16,9 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..types import Floats
-from .jit import call_back, inlined, part
-from .lanes import WIDTH, add_product, load, put_product, put_rows, rows, store
-from .sixes import (
+from .block_algebra import (
     add_block,
     add_crossed,
     add_times,
@@ -30,6 +28,8 @@ from .sixes import (
     put_turned,
     subtract_crossed,
 )
+from .jit import call_back, inlined, part
+from .simd import WIDTH, add_product, load, put_product, put_rows, rows, store
 from .small import Rotation, block, chosen, combine, directors, frames, times, turned
 
 __all__ = ["factor", "solve_blocks", "sweep"]

@@ -27,8 +27,8 @@ __all__ = [
     "cap",
     "clear",
     "finish",
-    "lump_matrix",
     "move",
+    "nodal_mass_matrix",
     "size",
 ]
 
@@ -291,15 +291,15 @@ def add_curvature(s: Any, diag: IndexArray, y: Floats, weight: float, A: Floats)
 
 
 @part
-def lump_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+def nodal_mass_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add masses of single frames and of mass points."""
     A, diag, mass = w.A, m.diag, numbers[MASS]
-    for k in range(len(s.lump_vertex)):
-        v = diag[s.lump_vertex[k]]
+    for k in range(len(s.frame_vertex)):
+        v = diag[s.frame_vertex[k]]
         for a in range(4):
             for b in range(4):
                 for c in range(3):
-                    A[v, 3 * a + c, 3 * b + c] += mass * s.lumps[k, a, b]
+                    A[v, 3 * a + c, 3 * b + c] += mass * s.frame_masses[k, a, b]
     for k in range(len(s.point_vertex)):
         for c in range(3):
             A[diag[s.point_vertex[k]], c, c] += mass * s.point_masses[k]

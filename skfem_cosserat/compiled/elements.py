@@ -16,8 +16,8 @@ import numpy as np
 
 from ..types import Floats, IndexArray
 from .jit import inlined, part
-from .lanes import WIDTH, add_rows, gather, load, pack, rows, scatter, store
 from .numbers import END, FORCE, MASS, SHARE, START, WEIGHT
+from .simd import WIDTH, add_rows, gather, load, pack, rows, scatter, store
 from .small import (
     Places,
     Rotation,
@@ -405,9 +405,9 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
 # --------------------------------------------------------------------------------------------------
 # Compiled tangent of beam elements in reduced coordinates, :data:`WIDTH` elements at a time.
 #
-# All that is made on the way lies in one array of lanes, ``a``; matrices are rows of three, and H,
-# L, T... are where they start. Terms of Gauss points are made first and then summed up block by
-# block: sums stay in registers. Parts take ``(g, w, numbers, flag)``, see :mod:`.elements`.
+# All that is made on the way lies in one array of SIMD vectors, ``a``; matrices are rows of three,
+# and H, L, T... are where they start. Terms of Gauss points are made first and then summed up block
+# by block: sums stay in registers. Parts take ``(g, w, numbers, flag)``, see :mod:`.elements`.
 
 #: where matrices start: the block (6, 6), of an element its stiffness (6, 6), of a point slopes of
 #: strains by velocities (3, 3), their stresses (6, 3), strains by one angular velocity (6, 3); then
@@ -418,7 +418,7 @@ Further = tuple[int, int, int, int, int, int]
 
 @inlined
 def three(a: Floats, k: int) -> Vector:
-    """Lanes k and the two behind them."""
+    """Vectors k and the two behind them."""
     return load(a, k), load(a, k + 1), load(a, k + 2)
 
 
@@ -435,7 +435,7 @@ def further(points: int, nodes: int) -> Further:
     """Where H, L, T, P, Q start: of each point H (3, 3), of each of its nodes the others.
 
     L, T (6, 3): strains on the left, stresses on the right by its angular velocity; P, Q (3, 3):
-    those between it and a velocity on the left, on the right. The last one: how many lanes.
+    those between it and a velocity on the left, on the right. The last one: how many vectors.
     """
     H = STRESSES + 6 * points
     L = H + 9 * points

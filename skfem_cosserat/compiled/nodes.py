@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..types import Floats, IndexArray
-from . import lanes
+from . import simd
 from .elements import scalar_block
 from .jit import inlined, part
-from .lanes import WIDTH, add_rows, put_rows, rows, store
 from .numbers import (
     CARRY_FORCE,
     CARRY_MASS,
@@ -28,6 +27,7 @@ from .numbers import (
     START,
     WEIGHT,
 )
+from .simd import WIDTH, add_rows, put_rows, rows, store
 from .small import (
     block,
     chosen,
@@ -54,8 +54,8 @@ __all__ = [
     "cap",
     "clear",
     "finish",
-    "lump_matrix",
     "move",
+    "nodal_mass_matrix",
     "node_matrix",
     "predict_changes",
     "size",
@@ -189,8 +189,8 @@ def sum_balance(w: Any, numbers: Floats, sized: bool) -> float:
     momentum, force = numbers[MOMENTUM], numbers[FORCE]
     R, inertia, p0, internal, external = w.R, w.momentum, w.p0, w.internal, w.external
     for k in range(R.size // WIDTH):
-        f = force * (lanes.load(internal, k) - lanes.load(external, k))
-        store(R, k, lanes.load(inertia, k) - momentum * lanes.load(p0, k) + f)
+        f = force * (simd.load(internal, k) - simd.load(external, k))
+        store(R, k, simd.load(inertia, k) - momentum * simd.load(p0, k) + f)
     for r in range(max(R.shape[0] - 1, 0), R.shape[0]):  # what may be left
         for c in range(3):
             f = force * (internal[r, c] - external[r, c])
@@ -199,16 +199,16 @@ def sum_balance(w: Any, numbers: Floats, sized: bool) -> float:
         return 0.0
     # one term, as in the variational scheme's evaluation
     single = numbers[START] == 0.0 and numbers[SHARE] < 1.0
-    none = lanes.pack((0.0, 0.0, 0.0, 0.0))
+    none = simd.pack((0.0, 0.0, 0.0, 0.0))
     most = none
     for k in range(R.size // WIDTH):
-        f, x = force * lanes.load(internal, k), force * lanes.load(external, k)
+        f, x = force * simd.load(internal, k), force * simd.load(external, k)
         if single:
             f, x = f - x, f - x
         # only the last of these waits for the entries before
-        here = lanes.farther(lanes.farther(none, lanes.load(inertia, k)), lanes.load(p0, k))
-        most = lanes.farther(most, lanes.farther(lanes.farther(here, f), x))
-    largest = lanes.largest(most)
+        here = simd.farther(simd.farther(none, simd.load(inertia, k)), simd.load(p0, k))
+        most = simd.farther(most, simd.farther(simd.farther(here, f), x))
+    largest = simd.largest(most)
     for r in range(max(R.shape[0] - 1, 0), R.shape[0]):
         for c in range(3):
             f, x = force * internal[r, c], force * external[r, c]
@@ -257,25 +257,26 @@ def size(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 @part
 def clear(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """All blocks zero."""
-    A, none = w.A, lanes.pack((0.0, 0.0, 0.0, 0.0))
+    A, none = w.A, simd.pack((0.0, 0.0, 0.0, 0.0))
     for k in range(A.size // WIDTH):
         store(A, k, none)
     return 0.0
 
 
 @part
-def lump_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+def nodal_mass_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add masses of single frames and of mass points."""
     V, C = np.empty((3, 3)), np.empty((1, 1, 4, 4))
     L, R = np.empty((1, 4, 3)), np.empty((1, 4, 3))
-    A, y0, y1, diag, first, lumps, framed = w.A, w.y0, w.y1, m.diag, s.row, s.lumps, s.framed
+    A, y0, y1, diag, first = w.A, w.y0, w.y1, m.diag, s.row
+    masses, framed = s.frame_masses, s.framed
     mass, weight = numbers[MASS], numbers[WEIGHT]
-    for k in range(len(s.lump_vertex)):
-        v = s.lump_vertex[k]
+    for k in range(len(s.frame_vertex)):
+        v = s.frame_vertex[k]
         for a in range(4):
             r = first[v] + a
             for b in range(4):
-                C[0, 0, a, b] = mass * lumps[k, a, b]
+                C[0, 0, a, b] = mass * masses[k, a, b]
             for c in range(3):
                 L[0, a, c] = y0[r, c] if weight == 0.0 else w.mid[r, c]
                 R[0, a, c] = y1[r, c]
@@ -307,7 +308,7 @@ def node_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         F = times(f, F[0]), times(f, F[1]), times(f, F[2])
         trace = dot(D[0], F[0]) + dot(D[1], F[1]) + dot(D[2], F[2])
         g = combine((D[0][0], D[1][0], D[2][0]), F)
-        none = lanes.pack((0.0, 0.0, 0.0, 0.0))  # rows of four begin before the triad's
+        none = simd.pack((0.0, 0.0, 0.0, 0.0))  # rows of four begin before the triad's
         add_rows(A, slots, 36, 20, (none, g[0] - trace, g[1], g[2]))
         g = combine((D[0][1], D[1][1], D[2][1]), F)
         add_rows(A, slots, 36, 26, (none, g[0], g[1] - trace, g[2]))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..types import Floats, IndexArray
 from .jit import inlined
-from .lanes import largest, pack, put_rows, rows
+from .simd import largest, pack, put_rows, rows
 
 __all__ = [
     "Places",
@@ -146,7 +146,7 @@ def quaternion(theta: Vector) -> Quaternion:
 
 @inlined
 def cosines(square: float) -> tuple[float, float]:
-    """The same for lanes of any size: those of a fraction of the angle, doubled again."""
+    """The same for SIMD vectors of any size: those of a fraction of the angle, doubled again."""
     part = square
     doubled = 0
     while largest(part) >= 0.01 and doubled < 30:
@@ -161,7 +161,7 @@ def cosines(square: float) -> tuple[float, float]:
 
 @inlined
 def quaternions(theta: Vector) -> Quaternion:
-    """The same for lanes."""
+    """The same for SIMD vectors."""
     w, f = cosines(0.25 * dot(theta, theta))
     f = 0.5 * f
     return w, f * theta[0], f * theta[1], f * theta[2]

@@ -10,7 +10,7 @@ from .. import newton
 from ..types import Floats, IndexArray
 from . import numbers as n
 from .jit import call, call_beams, inlined, jit
-from .lanes import WIDTH, load, store
+from .simd import WIDTH, load, store
 
 __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
 
@@ -98,8 +98,8 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
         call(p[n.LOAD], s, m, w, numbers, 1)
     if p[n.COUPLE]:
         call(p[n.COUPLE], s, m, w, numbers, 1)
-    if p[n.LUMP_MATRIX]:
-        call(p[n.LUMP_MATRIX], s, m, w, numbers, 0)
+    if p[n.NODAL_MASS_MATRIX]:
+        call(p[n.NODAL_MASS_MATRIX], s, m, w, numbers, 0)
     other = mixed
     if p[n.SPAN_CURVATURE]:
         call(p[n.SPAN_CURVATURE], s, m, w, numbers, mixed)

@@ -219,7 +219,7 @@ COUPLINGS = ("coupling", "coupling_law", "coupling_forms")
 #: elements whose lines follow from their directors: of each edge which of them, or -1; length from
 #: parent to child, negative against the element; Gamma of the reference, rotations of the section
 #: at both, blocks of both
-SPANS = ("span", "span_reach", "span_strain", "span_rotation", "span_turned", "span_slot")
+SPANS = ("span", "span_length", "span_strain", "span_rotation", "span_turned", "span_slot")
 #: vertices, edges (joints from parent to child) and their coordinates
 TREE = (
     *(
@@ -244,7 +244,7 @@ TREE = (
     *("centre_row", "centre_offset", "centre_vertex"),
     *("mass_data", "mass_indices", "mass_indptr"),
     *("loop_products", "loop_factors", "loop_linear", "loop_linear_factors", "loop_constant"),
-    *("loop_vertices", "triple", "lump_vertex", "lumps", "point_vertex", "point_masses"),
+    *("loop_vertices", "triple", "frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *FOLLOWING,
     *COUPLINGS,
     *SPANS,
@@ -259,7 +259,7 @@ PLAN = (
 #: how things lie; multipliers (impulses) and what is kept of steps
 CONSTRAINTS = (
     *("row", "framed", "director", "mass_data", "mass_indices", "mass_indptr"),
-    *("lump_vertex", "lumps", "point_vertex", "point_masses"),
+    *("frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *("products", "product_row", "left", "right", "factor", "drive_row", "drive_component"),
     *("product_place", "product_column", "curved", "linear_row", "linear", "linear_factor"),
     *("linear_place", "linear_column", "constant", "magnitude", "scaled", "step"),
@@ -311,7 +311,7 @@ PLANE_TREE = (
     *("rows", "framed", "free", "loose", "followed", "turn", "turning"),
     *("child", "parent", "edges", "arms", "coordinates", "along", "value", "driven"),
     *("mass_blocks", "mass_indices", "mass_indptr"),
-    *("lump_vertex", "lumps", "point_vertex", "point_masses"),
+    *("frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *("products", "factors", "linear", "directions", "loop_constant", "loop_vertices"),
     "span_slot",
 )

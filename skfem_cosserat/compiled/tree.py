@@ -9,8 +9,8 @@ import numpy as np
 from ..types import Floats
 from .elements import scalar_block
 from .jit import inlined, part
-from .lanes import add_product, put_product
 from .numbers import WEIGHT
+from .simd import add_product, put_product
 from .small import (
     Rotation,
     Vector,
@@ -487,7 +487,7 @@ def inverse(D: Rotation) -> Rotation:
 @inlined
 def slope(s: Any, e: int, y: Floats) -> Vector:
     """``phi'``."""
-    f = 1.0 / s.span_reach[s.span[e]]
+    f = 1.0 / s.span_length[s.span[e]]
     return times(f, minus(row(y, s.child_row[e]), row(y, s.parent_row[e])))
 
 
@@ -504,17 +504,17 @@ def span_arm(s: Any, e: int, y: Floats, stretched: float) -> Vector:
     k = s.span[e]
     a, b = sections(s, e, y)
     strain = plus(row(s.span_strain, k), (0.0, 0.0, stretched))
-    return times(s.span_reach[k], combine(strain, inverse(middle(a, b))))
+    return times(s.span_length[k], combine(strain, inverse(middle(a, b))))
 
 
 @inlined
-def by_turns(reach: float, C: Rotation, d: Rotation, phi: Vector) -> Rotation:
+def by_turns(length: float, C: Rotation, d: Rotation, phi: Vector) -> Rotation:
     """Rows of what an angular velocity of a node with directors d is multiplied with in the arm's.
 
     C are the columns of ``D^-1``.
     """
     t = cross(d[0], phi), cross(d[1], phi), cross(d[2], phi)
-    f = -0.5 * reach
+    f = -0.5 * length
     return (
         times(f, combine((C[0][0], C[1][0], C[2][0]), t)),
         times(f, combine((C[0][1], C[1][1], C[2][1]), t)),
@@ -525,18 +525,18 @@ def by_turns(reach: float, C: Rotation, d: Rotation, phi: Vector) -> Rotation:
 @inlined
 def span_maps(s: Any, e: int, y: Floats, S: Floats, X: Floats, kinds: Any, stretches: int) -> None:
     """S and X of a child, in place of zeros but for the identity of X's velocities."""
-    reach, own, first = s.span_reach[s.span[e]], s.own, s.first
+    length, own, first = s.span_length[s.span[e]], s.own, s.first
     a, b = sections(s, e, y)
     C, phi = inverse(middle(a, b)), slope(s, e, y)
-    E = by_turns(reach, C, a, phi)
+    E = by_turns(length, C, a, phi)
     for c in range(3):
         X[e, 0, 3 + c] = E[0][c]
         X[e, 1, 3 + c] = E[1][c]
         X[e, 2, 3 + c] = E[2][c]
-    E = by_turns(reach, C, b, phi)
+    E = by_turns(length, C, b, phi)
     for j in range(first[e], first[e + 1]):
         o = own[j]
-        v, turn = times(reach, C[2]), (0.0, 0.0, 0.0)
+        v, turn = times(length, C[2]), (0.0, 0.0, 0.0)
         if kinds[j] != stretches:
             turn = row(s.axis, j)
             v = dot(E[0], turn), dot(E[1], turn), dot(E[2], turn)
@@ -566,20 +566,20 @@ def span_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         k = spans[e]
         if k < 0:
             continue
-        reach = s.span_reach[k]
+        length = s.span_length[k]
         a, b = sections(s, e, mid)
         D, phi = middle(a, b), slope(s, e, mid)
-        n = times(reach, row(F, child[e]))
+        n = times(length, row(F, child[e]))
         columns = inverse(D)
         mu = dot(columns[0], n), dot(columns[1], n), dot(columns[2], n)
         # the forces G^T mu taken off, those on directors turned back to the nodes'
-        line = times(1.0 / reach, combine(mu, D))
+        line = times(1.0 / length, combine(mu, D))
         increase(R, s.parent_row[e], line)
         increase(R, s.child_row[e], times(-1.0, line))
         take_off(s, k, 0, mu, phi, R, s.parent_row[e])
         take_off(s, k, 1, mu, phi, R, s.child_row[e])
         for i in range(3):
-            f = -0.5 * weight * mu[i] / reach
+            f = -0.5 * weight * mu[i] / length
             for c in range(2):
                 for d in range(2):
                     C[c, d, 0, 1 + i] = f if c == 1 else -f

@@ -41,13 +41,13 @@ __all__ = [
     "BeamGroup",
     "Blocks",
     "Group",
-    "Lump",
+    "NodalMass",
     "Parts",
     "Structure",
     "assemble_mass",
     "damping_factors",
-    "lump_group",
     "lumped",
+    "nodal_group",
 ]
 
 
@@ -56,7 +56,7 @@ __all__ = [
 Structure: TypeAlias = "Beam | RigidBody | MassPoint"
 
 #: Of a body or mass point: vertex, scalar mass (4, 4) or (1, 1), whether that is a frame's.
-Lump = tuple[int, Floats, bool]
+NodalMass = tuple[int, Floats, bool]
 
 
 def assemble_mass(
@@ -64,8 +64,8 @@ def assemble_mass(
     first: Mapping[int, tuple[int, int]],
     size: int,
     factors: Mapping[int, float] | None = None,
-) -> tuple[csr_matrix, list[Lump]]:
-    """Mass matrix (64), (114) without the factor I_3, and the lumps on single vertices.
+) -> tuple[csr_matrix, list[NodalMass]]:
+    """Mass matrix (64), (114) without the factor I_3, and the masses of single vertices.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def assemble_mass(
         j.append(np.broadcast_to(rows[:, None, :], (ne, r, r)).ravel())
         c.append(blocks.ravel())
 
-    lumps: list[Lump] = []
+    nodal_masses: list[NodalMass] = []
     for item in structures:
         mass_of_item = item.scalar_mass()
         if factors is not None:
@@ -100,13 +100,13 @@ def assemble_mass(
         host, node = (item, 0) if place is None else (place.item, place.vertex)
         vertex, row = first[id(host)]
         framed = len(mass_of_item) == 4
-        lumps.append((vertex + node, mass_of_item, framed))
+        nodal_masses.append((vertex + node, mass_of_item, framed))
         step = 4 if framed or is_beam(host) or isinstance(host, RigidBody) else 1
         add(row + step * node + np.arange(len(mass_of_item))[None], mass_of_item[None])
     ij = (np.concatenate(i), np.concatenate(j))
     mass = coo_matrix((np.concatenate(c), ij), shape=(size, size)).tocsr()
     mass.eliminate_zeros()
-    return mass, lumps
+    return mass, nodal_masses
 
 
 def lumped(item: Structure) -> RigidBody | MassPoint:
@@ -243,14 +243,14 @@ def mass_blocks(scalar: Floats) -> Floats:
     return np.einsum("eij,cd->eicjd", scalar, np.eye(3)).reshape(ne, 3 * r, 3 * r)
 
 
-def lump_group(
+def nodal_group(
     vertices: Sequence[int],
     size: int,
     rows: IndexArray,
-    lumps: Sequence[Lump],
-    drags: Sequence[Lump],
+    nodal_masses: Sequence[NodalMass],
+    drags: Sequence[NodalMass],
 ) -> Group | None:
-    """Single frames (`size` 4) or points (1), with all that is lumped on them.
+    """Single frames (`size` 4) or points (1), with all masses on them.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def lump_group(
     size : int
     rows : (N,) int array
         First row of y of every vertex.
-    lumps, drags : list of Lump
+    nodal_masses, drags : list of NodalMass
         Masses, and drag per velocity.
     """
     if not vertices:
@@ -268,15 +268,15 @@ def lump_group(
     return Group(
         number[:, None],
         rows[number][:, None] + np.arange(size),
-        _summed(vertices, size, lumps),
+        _summed(vertices, size, nodal_masses),
         framed=size == 4,
         drag=drag if drag.any() else None,
     )
 
 
-def _summed(vertices: Sequence[int], size: int, lumps: Sequence[Lump]) -> Floats:
+def _summed(vertices: Sequence[int], size: int, nodal_masses: Sequence[NodalMass]) -> Floats:
     scalar = np.zeros((len(vertices), size, size))
-    for v, block, _ in lumps:
+    for v, block, _ in nodal_masses:
         if v in vertices and len(block) == size:
             scalar[vertices.index(v)] += block
     return mass_blocks(scalar)

@@ -288,8 +288,8 @@ class Model:
     def with_items(self, items: Mapping[str, StructuralItem]) -> Model:
         """The same scene with other beams (or bodies) of some names; this one does not change.
 
-        Everything that refers to them (joints, loads, lumps, springs, dampings, foundations) is
-        there again and refers to the new ones, at the same material points.
+        Everything that refers to them (joints, loads, masses on them, springs, dampings,
+        foundations) is there again and refers to the new ones, at the same material points.
 
         Parameters
         ----------

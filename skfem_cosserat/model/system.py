@@ -37,7 +37,7 @@ from .checks import (
 from .closure import SINGULAR
 from .force_elements import Couplings
 from .ground import Ground, Placed
-from .groups import BeamGroup, Group, Structure, assemble_mass, damping_factors, lump_group
+from .groups import BeamGroup, Group, Structure, assemble_mass, damping_factors, nodal_group
 from .kinematics import Kinematics
 from .loading import FunctionLoad, Loading
 from .loops import (
@@ -129,7 +129,7 @@ class System:
         self.drives, self.dampings = list(drives), list(dampings)
         self._number()
         self._place_ground(couplings)
-        self.mass, self.lumps = assemble_mass(self.structures, self.first, self.rows)
+        self.mass, self.nodal_masses = assemble_mass(self.structures, self.first, self.rows)
         self.inertia = product_form(self.mass)
         self._group(dampings)
         places = self.first, self.rows, self.mass, self.origin_rows
@@ -244,12 +244,12 @@ class System:
             kinds.setdefault(b.basis.interpolation, []).append((b, *self.first[id(b)]))
         self.beam_groups = [BeamGroup(members, alpha, beta) for members in kinds.values()]
         self.damped = bool(alpha) or any(g.viscous for g in self.beam_groups)
-        single = {v for v, _, framed in self.lumps if framed}
+        single = {v for v, _, framed in self.nodal_masses if framed}
         frames = [term.frame for load in self.loads for term in load.terms()]
         single |= {self.spot(place).vertex for place in frames if place is not None}
-        points = {v for v, _, framed in self.lumps if not framed}
+        points = {v for v, _, framed in self.nodal_masses if not framed}
         self.frame_group, self.point_group = (
-            lump_group(sorted(each), size, self.origin_rows, self.lumps, drags)
+            nodal_group(sorted(each), size, self.origin_rows, self.nodal_masses, drags)
             for each, size in ((single, 4), (points, 1))
         )
         lumped = [each for each in (self.frame_group, self.point_group) if each]

@@ -17,11 +17,11 @@ from .. import structures
 from ..bind import KINDS, bound_spans, coordinates_of, followed, fulcrum_of, integers, nested
 from ..numbers import COUPLED
 from ..plan import Plan
-from . import pairs as places
+from . import complex_numbers as places
 
 __all__ = ["Frames", "bound_beams", "bound_rows", "bound_tree", "bound_work", "choose_rows"]
 
-Complex = NDArray[np.complex128]
+ComplexArray = NDArray[np.complex128]
 
 
 class Frames:
@@ -66,7 +66,7 @@ class Frames:
                 inside = np.flatnonzero(abs(d) > abs(d).max() - 1e-9)[-1]
                 self.director[v] = d * (d[inside] / abs(d[inside])).conj()
 
-    def flat(self, vectors: Floats) -> Complex:
+    def flat(self, vectors: Floats) -> ComplexArray:
         """Vectors (..., 3) in the plane (...)."""
         both = vectors @ self.plane.axes.T
         return np.asarray(both[..., 0] + 1j * both[..., 1])
@@ -147,7 +147,7 @@ def bound_tree(system: System, plan: Plan, frames: Frames, rows: Any) -> tuple[A
         **_masses(mass),
         **_edges(system, plan, frames),
         **_coordinates(system, frames),
-        **_lumps(system, frames),
+        **_nodal_masses(system, frames),
         **_loops(system, plan, frames),
     }
     return structures.plane_tree(tuple(fields[name] for name in structures.PLANE_TREE)), fields
@@ -176,7 +176,7 @@ def _edges(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
         ):
             put(arms, k, column, frames.offset(spot))
         if (number := spans["span"][k]) >= 0:
-            arms[k, places.REACH] = spans["span_reach"][number]
+            arms[k, places.SPAN_LENGTH] = spans["span_length"][number]
             put(arms, k, places.STRAIN, spans["strain"][number])
             put(arms, k, places.SECTION_A, spans["turned"][number, 0])
             put(arms, k, places.SECTION_B, spans["turned"][number, 1])
@@ -223,23 +223,23 @@ def _coordinates(system: System, frames: Frames) -> dict[str, Any]:
     return tables | {"value": zero, "driven": zero.copy()}
 
 
-def _lumps(system: System, frames: Frames) -> dict[str, Any]:
+def _nodal_masses(system: System, frames: Frames) -> dict[str, Any]:
     """Masses of single frames, by origin and unit vector, and of mass points."""
-    lumps, vertices = np.zeros((0, 4), dtype=complex), integers([])
+    frame_masses, vertices = np.zeros((0, 4), dtype=complex), integers([])
     if (group := system.frame_group) is not None:
         vertices = integers(group.vertices[:, 0])
         scalar = group.mass.reshape(-1, 4, 3, 4, 3)[:, :, 0, :, 0]
-        lumps = _reduced(scalar, frames.director[vertices], frames.director[vertices])
+        frame_masses = _reduced(scalar, frames.director[vertices], frames.director[vertices])
     none, points = np.zeros(0), system.point_group
     return {
-        "lump_vertex": vertices,
-        "lumps": pairs(lumps),
+        "frame_vertex": vertices,
+        "frame_masses": pairs(frame_masses),
         "point_vertex": integers([] if points is None else points.vertices[:, 0]),
         "point_masses": none if points is None else points.mass[:, 0, 0].copy(),
     }
 
 
-def _reduced(scalar: Floats, left: Complex, right: Complex) -> Complex:
+def _reduced(scalar: Floats, left: ComplexArray, right: ComplexArray) -> ComplexArray:
     """Scalar masses (..., 4, 4) by origins and unit vectors (..., 4): xx, xe, ex, ee."""
     xe = (scalar[..., 0, 1:] * right).sum(-1)
     ex = (scalar[..., 1:, 0] * left.conj()).sum(-1)
@@ -304,7 +304,7 @@ def _spans(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
     return space | {"strain": (section * space["span_strain"]).sum(-1), "turned": turned}
 
 
-def sections_of(rotations: Floats, director: Complex) -> tuple[Complex, Complex]:
+def sections_of(rotations: Floats, director: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Unit vectors of sections at nodes (ne, nn) by those of the nodes, and ``k_i`` (ne, 3).
 
     From rotations (ne, nn, 3, 3) and directors of nodes (ne, nn, 3): sections of an element have

@@ -9,10 +9,10 @@ import numpy as np
 from ...types import Floats, IndexArray
 from ..elements import give, origins, triple
 from ..jit import inlined, part
-from ..lanes import WIDTH, add_rows, gather, load, rows, scatter, store
 from ..numbers import END, FORCE, MASS, SHARE, START, WEIGHT
+from ..simd import WIDTH, add_rows, gather, load, rows, scatter, store
 from ..small import Places, Rotation, Vector, block, chosen, counted, dot, minus, times
-from .pairs import Pair, crossed, inner, left, outer, plus, product, scaled
+from .complex_numbers import Complex, crossed, inner, left, outer, plus, product, scaled
 
 __all__ = [
     "Field",
@@ -32,17 +32,17 @@ __all__ = [
 # Parts take ``(g, w, numbers, flag)``.
 
 #: slope of the centre line, unit vector of the section and its slope
-Field = tuple[Pair, Pair, Pair]
+Field = tuple[Complex, Complex, Complex]
 
 
 @inlined
-def two(a: Floats, k: int) -> Pair:
-    """Lanes k and the next one."""
+def two(a: Floats, k: int) -> Complex:
+    """Vectors k and the next one."""
     return load(a, k), load(a, k + 1)
 
 
 @inlined
-def turning(rotations: Floats, es: Places, nn: int, a: int) -> Pair:
+def turning(rotations: Floats, es: Places, nn: int, a: int) -> Complex:
     """From the unit vectors of nodes a to those of their sections."""
     return gather(rotations, es, 2 * nn, 2 * a), gather(rotations, es, 2 * nn, 2 * a + 1)
 
@@ -65,7 +65,7 @@ def take(
 
 
 @inlined
-def summed(N: Any, X: Floats, i: int) -> Pair:
+def summed(N: Any, X: Floats, i: int) -> Complex:
     """``sum N_a X_a``, of origins (i = 0) or unit vectors (2)."""
     s = scaled(N[0], two(X, i))
     for a in range(1, len(N)):
@@ -274,8 +274,8 @@ def beam_finish(g: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
-def add_vector(F: Floats, k: int, axes: Floats, f: Pair) -> None:
-    """Add a vector of the plane, by its components in space, to lanes k and the two behind."""
+def add_vector(F: Floats, k: int, axes: Floats, f: Complex) -> None:
+    """Add a vector of the plane, by its components in space, to vectors k and the two behind."""
     for c in range(3):
         store(F, k + c, load(F, k + c) + axes[0, c] * f[0] + axes[1, c] * f[1])
 
@@ -286,7 +286,7 @@ def add_vector(F: Floats, k: int, axes: Floats, f: Pair) -> None:
 
 
 @inlined
-def by_turn(N: float, dN: float, G: Field, e: Pair) -> Vector:
+def by_turn(N: float, dN: float, G: Field, e: Complex) -> Vector:
     """Strains by the angular velocity of a node whose section has the unit vector e."""
     z = crossed(e, G[0])
     return N * z[1], (0.0 - N) * z[0], dN * inner(G[1], e) - N * inner(e, G[2])
@@ -300,15 +300,15 @@ def stiff(D: Rotation, v: Vector) -> Vector:
 
 @inlined
 def add(a: Floats, k: int, value: float) -> None:
-    """Add to lanes k."""
+    """Add to vectors k."""
     store(a, k, load(a, k) + value)
 
 
 @inlined
 def add_coefficients(
-    a: Floats, k: int, xx: float, xe: Pair, ex: Pair, ee: Pair, L: Pair, R: Pair
+    a: Floats, k: int, xx: float, xe: Complex, ex: Complex, ee: Complex, L: Complex, R: Complex
 ) -> None:
-    """As :func:`.pairs.add_scaled`, of lanes from k on."""
+    """As :func:`.complex_numbers.add_scaled`, of vectors from k on."""
     column, row = product(xe, left(R)), crossed(ex, left(L))
     add(a, k, xx)
     add(a, k + 2, column[0])

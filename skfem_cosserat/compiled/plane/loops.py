@@ -14,18 +14,18 @@ from ...types import Floats
 from ..jit import inlined, part
 from ..loops import add_impulses, correct, keep_motion, put_aside
 from ..numbers import WEIGHT
-from .pairs import (
-    Pair,
+from .complex_numbers import (
+    Complex,
     add_scaled,
     arrow,
+    complex_at,
     crossed,
     inner,
     left,
     outer,
-    pair,
     point,
     product,
-    put_pair,
+    put_complex,
     scaled,
 )
 
@@ -38,13 +38,13 @@ ROW, LEFT, LEFT_PLACE, RIGHT, RIGHT_PLACE, SLOT, SLOT_BACK = range(7)
 
 
 @inlined
-def half(y: Floats, v: int, place: int) -> Pair:
+def half(y: Floats, v: int, place: int) -> Complex:
     """Origin or unit vector."""
     return y[v, 2 * place], y[v, 2 * place + 1]
 
 
 @inlined
-def pull(f: Floats, v: int, place: int, factor: float, z: Pair) -> None:
+def pull(f: Floats, v: int, place: int, factor: float, z: Complex) -> None:
     """Add a force, if it is not on the ground."""
     if v < len(f):
         f[v, 2 * place] += factor * z[0]
@@ -58,12 +58,12 @@ def add_forces(s: Any, y: Floats, mu: Floats, f: Floats) -> None:
     for t in range(len(table)):
         a, i, b, j = table[t, LEFT], table[t, LEFT_PLACE], table[t, RIGHT], table[t, RIGHT_PLACE]
         if table[t, ROW] >= 0:
-            c, k = mu[table[t, ROW]], pair(factors, t, 0)
+            c, k = mu[table[t, ROW]], complex_at(factors, t, 0)
             pull(f, a, i, c, product(k, half(y, b, j)))
             pull(f, b, j, c, crossed(k, half(y, a, i)))
     for t in range(len(linear)):
         if linear[t, 0] >= 0:
-            pull(f, linear[t, 1], linear[t, 2], mu[linear[t, 0]], pair(directions, t, 0))
+            pull(f, linear[t, 1], linear[t, 2], mu[linear[t, 0]], complex_at(directions, t, 0))
 
 
 @inlined
@@ -108,11 +108,11 @@ def loop_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         if table[t, ROW] >= 0:
             a = half(y1, table[t, LEFT], table[t, LEFT_PLACE])
             b = half(y1, table[t, RIGHT], table[t, RIGHT_PLACE])
-            gap[table[t, ROW]] += inner(a, product(pair(factors, t, 0), b))
+            gap[table[t, ROW]] += inner(a, product(complex_at(factors, t, 0), b))
     for t in range(len(linear)):
         if linear[t, 0] >= 0:
             z = half(y1, linear[t, 1], linear[t, 2])
-            gap[linear[t, 0]] += inner(pair(directions, t, 0), z)
+            gap[linear[t, 0]] += inner(complex_at(directions, t, 0), z)
     return 0.0
 
 
@@ -125,7 +125,7 @@ def loop_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     for t in range(len(table)):
         if table[t, SLOT] < 0 or table[t, ROW] < 0:
             continue
-        c = scaled(weight * w.mu[table[t, ROW]], pair(factors, t, 0))
+        c = scaled(weight * w.mu[table[t, ROW]], complex_at(factors, t, 0))
         for side in range(2):
             i, j, k = table[t, LEFT_PLACE], table[t, RIGHT_PLACE], table[t, SLOT]
             u, v = table[t, LEFT], table[t, RIGHT]
@@ -133,11 +133,13 @@ def loop_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                 i, j, k = j, i, table[t, SLOT_BACK]
                 u, v = v, u
                 c = c[0], -c[1]
-            put_pair(C, 2 * i + j, 0, c)
+            put_complex(C, 2 * i + j, 0, c)
             L, T = arrow(mid, u), arrow(y1, v)
             # a product of two origins has a real factor
-            add_scaled(C[0, 0], pair(C, 1, 0), pair(C, 2, 0), pair(C, 3, 0), L, T, A, k)
-            put_pair(C, 2 * i + j, 0, (0.0, 0.0))
+            add_scaled(
+                C[0, 0], complex_at(C, 1, 0), complex_at(C, 2, 0), complex_at(C, 3, 0), L, T, A, k
+            )
+            put_complex(C, 2 * i + j, 0, (0.0, 0.0))
     return 0.0
 
 
@@ -156,7 +158,7 @@ def loop_row(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
-def rate_of(y1: Floats, twist: Floats, v: int, place: int) -> Pair:
+def rate_of(y1: Floats, twist: Floats, v: int, place: int) -> Complex:
     """Velocity of an origin or unit vector."""
     if place == 0:
         return point(twist, v)
@@ -174,7 +176,7 @@ def rates_of(s: Any, y1: Floats, twist: Floats, out: Floats) -> None:
         if r < 0:
             continue
         a, i, b, j = table[t, LEFT], table[t, LEFT_PLACE], table[t, RIGHT], table[t, RIGHT_PLACE]
-        factor = pair(factors, t, 0)
+        factor = complex_at(factors, t, 0)
         if a < len(twist):
             out[r] += inner(rate_of(y1, twist, a, i), product(factor, half(y1, b, j)))
         if b < len(twist):
@@ -182,7 +184,7 @@ def rates_of(s: Any, y1: Floats, twist: Floats, out: Floats) -> None:
     for t in range(len(linear)):
         r, v = linear[t, 0], linear[t, 1]
         if r >= 0 and v < len(twist):
-            out[r] += inner(pair(directions, t, 0), rate_of(y1, twist, v, linear[t, 2]))
+            out[r] += inner(complex_at(directions, t, 0), rate_of(y1, twist, v, linear[t, 2]))
 
 
 @part

@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 from ...types import Floats
-from .. import lanes
+from .. import simd
 from ..blocks import solve_blocks
 from ..jit import inlined, part
-from ..lanes import WIDTH, load, pack, put_rows, rows, store
 from ..nodes import carried_on, mass_times, start_increments, sum_balance
 from ..numbers import FORCE, MASS, WEIGHT
+from ..simd import WIDTH, load, pack, put_rows, rows, store
 from ..small import block, chosen, cosines
-from .pairs import (
+from .complex_numbers import (
     CHILD,
     FRAMED,
-    Pair,
+    Complex,
     add_scaled,
     arrow,
     crossed,
@@ -24,7 +24,7 @@ from .pairs import (
     plus,
     point,
     product,
-    put_pair,
+    put_complex,
     scaled,
 )
 
@@ -32,8 +32,8 @@ __all__ = [
     "balance",
     "begin",
     "finish",
-    "lump_matrix",
     "move",
+    "nodal_mass_matrix",
     "node_matrix",
     "predict_changes",
     "sweep",
@@ -46,7 +46,7 @@ __all__ = [
 @inlined
 def turn(a: Floats, v: int, y: Floats, z: Floats) -> None:
     """Turn the first two of a_v with the frame: from where it is at y to where at z."""
-    put_pair(a, v, 0, product(crossed(arrow(y, v), arrow(z, v)), point(a, v)))
+    put_complex(a, v, 0, product(crossed(arrow(y, v), arrow(z, v)), point(a, v)))
 
 
 @part
@@ -68,7 +68,7 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         for k in range(len(loose)):
             v = loose[k]
             turn(x, v, then, now)
-            put_pair(twist, v, 0, point(x, v))
+            put_complex(twist, v, 0, point(x, v))
         for e in range(len(edges)):
             if edges[e, FRAMED]:
                 turn(twist, edges[e, CHILD], then, now)
@@ -81,7 +81,7 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
-def along(axes: Floats, a: Floats, r: int) -> Pair:
+def along(axes: Floats, a: Floats, r: int) -> Complex:
     """Row r in the plane."""
     return (
         axes[0, 0] * a[r, 0] + axes[0, 1] * a[r, 1] + axes[0, 2] * a[r, 2],
@@ -90,7 +90,7 @@ def along(axes: Floats, a: Floats, r: int) -> Pair:
 
 
 @inlined
-def gathered(axes: Floats, director: Floats, a: Floats, r: int, v: int) -> Pair:
+def gathered(axes: Floats, director: Floats, a: Floats, r: int, v: int) -> Complex:
     """``sum conj(k_i) a_i`` over the directors of vertex v, whose first row is r."""
     z = (0.0, 0.0)
     for i in range(3):
@@ -104,11 +104,11 @@ def take_frame(
     axes: Floats, director: Floats, framed: Any, a: Floats, r: int, v: int, y: Floats, k: int
 ) -> None:
     """Frame k of y from rows in space; e of length one to rounding, whatever it was."""
-    put_pair(y, k, 0, along(axes, a, r))
+    put_complex(y, k, 0, along(axes, a, r))
     if framed[v]:
         e = gathered(axes, director, a, r, v)
         # |k_1|^2 + |k_2|^2 + |k_3|^2 = 2; then one step to the inverse of a square root
-        put_pair(y, k, 2, scaled(0.5 * (1.5 - 0.125 * inner(e, e)), e))
+        put_complex(y, k, 2, scaled(0.5 * (1.5 - 0.125 * inner(e, e)), e))
 
 
 @part
@@ -122,11 +122,11 @@ def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     for v in range(len(p)):
         r = first[v]
         take_frame(axes, director, framed, y0, r, v, y, v)
-        put_pair(p, v, 0, along(axes, p0, r))
-        put_pair(f, v, 0, along(axes, external, r))
+        put_complex(p, v, 0, along(axes, p0, r))
+        put_complex(f, v, 0, along(axes, external, r))
         if framed[v]:
-            put_pair(p, v, 2, gathered(axes, director, p0, r, v))
-            put_pair(f, v, 2, gathered(axes, director, external, r, v))
+            put_complex(p, v, 2, gathered(axes, director, p0, r, v))
+            put_complex(f, v, 2, gathered(axes, director, external, r, v))
     count = len(p)
     for v in range(count, len(y)):
         take_frame(axes, director, framed, y0, first[v], v, y, v)
@@ -144,7 +144,7 @@ def move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         store(total, v, load(total, v) + load(x, v))
     for g in range(len(ground1)):
         store(y1, nv + g, load(ground1, g))
-        put_pair(turn, nv + g, 0, crossed(arrow(y0, nv + g), arrow(ground1, g)))
+        put_complex(turn, nv + g, 0, crossed(arrow(y0, nv + g), arrow(ground1, g)))
     for k in range(0, count, WIDTH):
         vs = chosen(loose, block(k, count))
         t, y = rows(total, vs, 4, 0), rows(y0, vs, 4, 0)
@@ -154,9 +154,9 @@ def move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     for k in range(len(free)):
         v = free[k]
         if not framed[v]:
-            put_pair(y1, v, 0, plus(point(y0, v), point(total, v)))
+            put_complex(y1, v, 0, plus(point(y0, v), point(total, v)))
         elif followed[v]:
-            put_pair(turn, v, 0, crossed(arrow(y0, v), arrow(y1, v)))
+            put_complex(turn, v, 0, crossed(arrow(y0, v), arrow(y1, v)))
     return 0.0
 
 
@@ -165,7 +165,7 @@ def inertia(s: Any, y1: Floats, y0: Floats, factor: float, out: Floats) -> None:
     """``factor M (y1 - y0)``, M by blocks of four columns."""
     first, vertices, blocks = s.mass_indptr, s.mass_indices, s.mass_blocks
     for v in range(len(out)):
-        u = lanes.pack((0.0, 0.0, 0.0, 0.0))
+        u = simd.pack((0.0, 0.0, 0.0, 0.0))
         for k in range(first[v], first[v + 1]):
             j = vertices[k]
             for c in range(4):
@@ -181,7 +181,7 @@ def twist_force(y: Floats, R: Floats, F: Floats, b: Floats) -> None:
         vs = block(k, count)
         e, f = rows(y, vs, 4, 0), rows(R, vs, 4, 0)
         moment = e[2] * f[3] - e[3] * f[2]
-        four = f[0], f[1], moment, lanes.pack((0.0, 0.0, 0.0, 0.0))
+        four = f[0], f[1], moment, simd.pack((0.0, 0.0, 0.0, 0.0))
         put_rows(F, vs, 4, 0, four)
         put_rows(b, vs, 4, 0, four)
 
@@ -209,18 +209,18 @@ def balance(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @part
-def lump_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+def nodal_mass_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add masses of single frames and of mass points."""
     A, y1, diag, framed, y = w.A, w.y1, m.diag, s.framed, w.y0
-    lumps, where, mass = s.lumps, s.lump_vertex, numbers[MASS]
+    masses, where, mass = s.frame_masses, s.frame_vertex, numbers[MASS]
     if numbers[WEIGHT] != 0.0:
         y = w.mid
     for k in range(len(where)):
         v = where[k]
-        xe = scaled(mass, (lumps[k, 1, 0], lumps[k, 1, 1]))
-        ex = scaled(mass, (lumps[k, 2, 0], lumps[k, 2, 1]))
-        ee = scaled(mass, (lumps[k, 3, 0], lumps[k, 3, 1]))
-        add_scaled(mass * lumps[k, 0, 0], xe, ex, ee, arrow(y, v), arrow(y1, v), A, diag[v])
+        xe = scaled(mass, (masses[k, 1, 0], masses[k, 1, 1]))
+        ex = scaled(mass, (masses[k, 2, 0], masses[k, 2, 1]))
+        ee = scaled(mass, (masses[k, 3, 0], masses[k, 3, 1]))
+        add_scaled(mass * masses[k, 0, 0], xe, ex, ee, arrow(y, v), arrow(y1, v), A, diag[v])
     for v in range(len(diag)):
         if not framed[v]:
             A[diag[v], 10] = 1.0
@@ -247,13 +247,13 @@ def predict_changes(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
     """``P_int(y_1) twist``."""
     y, twist, change = w.y1, w.twist, w.change
     for v in range(len(change)):
-        put_pair(change, v, 0, point(twist, v))
-        put_pair(change, v, 2, scaled(twist[v, 2], left(arrow(y, v))))
+        put_complex(change, v, 0, point(twist, v))
+        put_complex(change, v, 2, scaled(twist[v, 2], left(arrow(y, v))))
     return 0.0
 
 
 @inlined
-def put_row(axes: Floats, rest: Floats, z: Pair, a: Floats, r: int) -> None:
+def put_row(axes: Floats, rest: Floats, z: Complex, a: Floats, r: int) -> None:
     """Row r in space from what it is in the plane, and along the normal."""
     for c in range(3):
         a[r, c] = rest[r, c] + z[0] * axes[0, c] + z[1] * axes[1, c]

@@ -11,7 +11,7 @@ from ...types import Floats, IndexArray
 from ..jit import inlined, part
 from ..numbers import WEIGHT
 from ..tree import AXIS, ROTATION, SLIDE, SPHERE, STRETCH
-from .pairs import (
+from .complex_numbers import (
     ARM,
     CARRIED,
     CENTRE,
@@ -31,35 +31,35 @@ from .pairs import (
     PARENT,
     PARENT_AT,
     PARENT_SPOT,
-    REACH,
     RELATIVE,
     SECTION_A,
     SECTION_B,
     SIGN,
     SLIDE0,
     SPAN,
+    SPAN_LENGTH,
     STRAIN,
     TARGET,
     TARGET_SPOT,
-    Pair,
+    Complex,
     add_scaled,
     arrow,
+    complex_at,
     crossed,
     inner,
     left,
     minus,
     outer,
     over,
-    pair,
     plus,
     point,
     product,
-    put_pair,
+    put_complex,
     scaled,
     spot,
     turn_by,
 )
-from .pairs import SLIDE as DIRECTION
+from .complex_numbers import SLIDE as DIRECTION
 
 __all__ = [
     "joint_add",
@@ -82,12 +82,12 @@ def joint_begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     for j in range(len(value)):
         value[j] = driven[j]
         if coordinates[j, KIND] == SLIDE:
-            u = product(pair(along, j, DIRECTION), arrow(y0, coordinates[j, GUIDE]))
-            put_pair(along, j, SLIDE0, u)
+            u = product(complex_at(along, j, DIRECTION), arrow(y0, coordinates[j, GUIDE]))
+            put_complex(along, j, SLIDE0, u)
     for e in range(len(edges)):
-        a = spot(y0, edges[e, PARENT_AT], pair(arms, e, PARENT_SPOT))
-        b = spot(y0, edges[e, CHILD], pair(arms, e, CHILD_SPOT))
-        put_pair(arms, e, ARM, minus(b, a))
+        a = spot(y0, edges[e, PARENT_AT], complex_at(arms, e, PARENT_SPOT))
+        b = spot(y0, edges[e, CHILD], complex_at(arms, e, CHILD_SPOT))
+        put_complex(arms, e, ARM, minus(b, a))
         for j in range(edges[e, FIRST], edges[e, LAST]):
             if coordinates[j, KIND] == STRETCH:
                 value[j] = span_stretch(edges, arms, e, y0)
@@ -119,9 +119,9 @@ def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                     theta += along[j, SIGN] * value[j]
             by = turn_by(theta)
             if edges[e, RELATIVE]:
-                by = product(by, pair(turn, edges[e, PARENT_AT], 0))
-            put_pair(turn, v, 0, by)
-            put_pair(y1, v, 2, product(by, arrow(y0, v)))
+                by = product(by, complex_at(turn, edges[e, PARENT_AT], 0))
+            put_complex(turn, v, 0, by)
+            put_complex(y1, v, 2, product(by, arrow(y0, v)))
         if edges[e, SPAN] >= 0:
             stretched = 0.0
             for j in range(edges[e, FIRST], edges[e, LAST]):
@@ -129,17 +129,17 @@ def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                     stretched += value[j]
             x = plus(point(y1, edges[e, PARENT_AT]), span_arm(edges, arms, e, y1, stretched))
         else:
-            x = spot(y1, edges[e, PARENT_AT], pair(arms, e, PARENT_SPOT))
-            x = minus(x, product(pair(arms, e, CHILD_SPOT), arrow(y1, v)))
-            slid = pair(arms, e, ARM)
+            x = spot(y1, edges[e, PARENT_AT], complex_at(arms, e, PARENT_SPOT))
+            x = minus(x, product(complex_at(arms, e, CHILD_SPOT), arrow(y1, v)))
+            slid = complex_at(arms, e, ARM)
             for j in range(edges[e, FIRST], edges[e, LAST]):
                 if coordinates[j, KIND] == SLIDE:
-                    slid = plus(slid, scaled(value[j], pair(along, j, SLIDE0)))
+                    slid = plus(slid, scaled(value[j], complex_at(along, j, SLIDE0)))
                 elif coordinates[j, KIND] == SPHERE:
-                    x = plus(x, product(turn_by(value[j]), pair(arms, e, ARM)))
+                    x = plus(x, product(turn_by(value[j]), complex_at(arms, e, ARM)))
             if edges[e, OPEN]:
-                x = plus(x, product(slid, pair(turn, edges[e, GUIDE_AT], 0)))
-        put_pair(y1, v, 0, x)
+                x = plus(x, product(slid, complex_at(turn, edges[e, GUIDE_AT], 0)))
+        put_complex(y1, v, 0, x)
     return 0.0
 
 
@@ -173,7 +173,7 @@ def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
             if o < 0:
                 continue
             if kind == SLIDE:
-                u = product(pair(along, j, DIRECTION), arrow(y, coordinates[j, GUIDE]))
+                u = product(complex_at(along, j, DIRECTION), arrow(y, coordinates[j, GUIDE]))
                 turning = 0.0
             else:
                 u = scaled(along[j, SIGN], left(lever(coordinates, along, j, y)))
@@ -184,7 +184,7 @@ def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
             S[e, 4 + o] = u[1]
             S[e, 8 + o] = turning
         if edges[e, CARRIED]:
-            f = spot(y, edges[e, FULCRUM], pair(arms, e, FULCRUM_SPOT))
+            f = spot(y, edges[e, FULCRUM], complex_at(arms, e, FULCRUM_SPOT))
             u = left(minus(f, point(y, edges[e, PARENT])))
             X[e, 2] = u[0]
             X[e, 6] = u[1]
@@ -193,11 +193,11 @@ def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
 
 
 @inlined
-def lever(coordinates: IndexArray, along: Floats, j: int, y: Floats) -> Pair:
+def lever(coordinates: IndexArray, along: Floats, j: int, y: Floats) -> Complex:
     """From the point that a coordinate turns about to the one that it moves."""
     return minus(
-        spot(y, coordinates[j, TARGET], pair(along, j, TARGET_SPOT)),
-        spot(y, coordinates[j, CENTRE], pair(along, j, CENTRE_SPOT)),
+        spot(y, coordinates[j, TARGET], complex_at(along, j, TARGET_SPOT)),
+        spot(y, coordinates[j, CENTRE], complex_at(along, j, CENTRE_SPOT)),
     )
 
 
@@ -230,7 +230,7 @@ def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
             if coordinates[j, KIND] == SLIDE:
                 guide = coordinates[j, GUIDE]
                 # of the direction times f
-                moment = outer(product(pair(along, j, DIRECTION), arrow(y1, guide)), f)
+                moment = outer(product(complex_at(along, j, DIRECTION), arrow(y1, guide)), f)
                 if guide == v:
                     C_child[e, 4 * o + 2] += moment
                 elif guide < len(diag):
@@ -239,9 +239,9 @@ def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
             # of the sign times lever x f
             g = scaled(-along[j, SIGN], left(f))
             for side in range(2):
-                u, offset = coordinates[j, TARGET], pair(along, j, TARGET_SPOT)
+                u, offset = coordinates[j, TARGET], complex_at(along, j, TARGET_SPOT)
                 if side == 1:
-                    u, offset = coordinates[j, CENTRE], pair(along, j, CENTRE_SPOT)
+                    u, offset = coordinates[j, CENTRE], complex_at(along, j, CENTRE_SPOT)
                     g = scaled(-1.0, g)
                 if u >= len(diag):
                     continue
@@ -254,7 +254,7 @@ def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
 
 
 @inlined
-def add_row(C: Floats, e: int, o: int, g: Pair, turning: float) -> None:
+def add_row(C: Floats, e: int, o: int, g: Complex, turning: float) -> None:
     """Add to row o of block e."""
     C[e, 4 * o] += g[0]
     C[e, 4 * o + 1] += g[1]
@@ -268,14 +268,14 @@ def parent_curvature(
     framed: Any,
     e: int,
     y1: Floats,
-    f: Pair,
+    f: Complex,
     A: Floats,
     own: int,
     other: int,
 ) -> None:
     """Of the moment ``(x_fulcrum - phi_p) x f`` on a parent."""
     u = edges[e, FULCRUM]
-    arm = product(pair(arms, e, FULCRUM_SPOT), arrow(y1, u))
+    arm = product(complex_at(arms, e, FULCRUM_SPOT), arrow(y1, u))
     g = scaled(-1.0, left(f))
     if u == edges[e, PARENT]:
         A[own, 10] += inner(g, left(arm))
@@ -292,20 +292,20 @@ def parent_curvature(
 
 
 @inlined
-def sections(edges: IndexArray, arms: Floats, e: int, y: Floats) -> tuple[Pair, Pair]:
+def sections(edges: IndexArray, arms: Floats, e: int, y: Floats) -> tuple[Complex, Complex]:
     """Unit vectors of the section at the parent and at the child."""
     a, b = arrow(y, edges[e, PARENT_AT]), arrow(y, edges[e, CHILD])
-    return product(pair(arms, e, SECTION_A), a), product(pair(arms, e, SECTION_B), b)
+    return product(complex_at(arms, e, SECTION_A), a), product(complex_at(arms, e, SECTION_B), b)
 
 
 @inlined
-def between(edges: IndexArray, e: int, y: Floats) -> Pair:
+def between(edges: IndexArray, e: int, y: Floats) -> Complex:
     """From parent to child."""
     return minus(point(y, edges[e, CHILD]), point(y, edges[e, PARENT_AT]))
 
 
 @inlined
-def conjugate(a: Pair) -> Pair:
+def conjugate(a: Complex) -> Complex:
     """``conj(a)``."""
     return a[0], -a[1]
 
@@ -314,16 +314,16 @@ def conjugate(a: Pair) -> Pair:
 def span_stretch(edges: IndexArray, arms: Floats, e: int, y: Floats) -> float:
     """Axial strain."""
     a, b = sections(edges, arms, e, y)
-    line = scaled(0.5 / arms[e, REACH], between(edges, e, y))
+    line = scaled(0.5 / arms[e, SPAN_LENGTH], between(edges, e, y))
     return inner(plus(a, b), line) - arms[e, STRAIN]
 
 
 @inlined
-def span_arm(edges: IndexArray, arms: Floats, e: int, y: Floats, stretched: float) -> Pair:
+def span_arm(edges: IndexArray, arms: Floats, e: int, y: Floats, stretched: float) -> Complex:
     """From parent to child, whose unit vectors are in place, with this axial strain."""
     a, b = sections(edges, arms, e, y)
     strain = arms[e, STRAIN] + stretched, arms[e, STRAIN + 1]
-    return over(scaled(2.0 * arms[e, REACH], strain), conjugate(plus(a, b)))
+    return over(scaled(2.0 * arms[e, SPAN_LENGTH], strain), conjugate(plus(a, b)))
 
 
 @inlined
@@ -347,7 +347,7 @@ def span_maps(
     for j in range(edges[e, FIRST], edges[e, LAST]):
         o = coordinates[j, OWN]
         if coordinates[j, KIND] == STRETCH:
-            u, turning = scaled(2.0 * arms[e, REACH], inverse), 0.0
+            u, turning = scaled(2.0 * arms[e, SPAN_LENGTH], inverse), 0.0
         else:
             u, turning = crossed(b, turned), 1.0
         S[e, o] = u[0]
@@ -378,12 +378,12 @@ def span_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         v, p = edges[e, CHILD], edges[e, PARENT_AT]
         a, b = sections(edges, arms, e, mid)
         c, d = sections(edges, arms, e, y1)
-        reach, f = arms[e, REACH], point(F, v)
-        mu = over(scaled(2.0 * reach, f), plus(a, b))
-        on_both = scaled(0.5 / reach, product(between(edges, e, mid), conjugate(mu)))
-        take_off(R, p, scaled(-1.0, f), crossed(pair(arms, e, SECTION_A), on_both))
-        take_off(R, v, f, crossed(pair(arms, e, SECTION_B), on_both))
-        n = scaled(-0.5 * weight / reach, mu)
+        length, f = arms[e, SPAN_LENGTH], point(F, v)
+        mu = over(scaled(2.0 * length, f), plus(a, b))
+        on_both = scaled(0.5 / length, product(between(edges, e, mid), conjugate(mu)))
+        take_off(R, p, scaled(-1.0, f), crossed(complex_at(arms, e, SECTION_A), on_both))
+        take_off(R, v, f, crossed(complex_at(arms, e, SECTION_B), on_both))
+        n = scaled(-0.5 * weight / length, mu)
         other, back = scaled(-1.0, n), conjugate(n)
         back_other = scaled(-1.0, back)
         add_scaled(0.0, other, back_other, none, a, c, A, slot[k, 0, 0])
@@ -394,7 +394,7 @@ def span_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
-def take_off(R: Floats, v: int, f: Pair, on_arrow: Pair) -> None:
+def take_off(R: Floats, v: int, f: Complex, on_arrow: Complex) -> None:
     """Forces on the origin and the unit vector of a frame off R."""
     R[v, 0] -= f[0]
     R[v, 1] -= f[1]

@@ -1,6 +1,6 @@
 """Four elements or vertices at a time: a number type of vector registers for compiled kernels.
 
-A value of :data:`lanes` holds the same quantity of :data:`WIDTH` elements. It is added, subtracted
+A value of :data:`simd` holds the same quantity of :data:`WIDTH` elements. It is added, subtracted
 and multiplied like a number, with numbers as well, so the functions of :mod:`.small` take both.
 Compilers find such vectors in loops by themselves only where arrays cannot overlap and neighbours
 lie side by side; here whole nodes are loaded and transposed in registers.
@@ -23,7 +23,7 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, register_model
 
-from .sixes import shape_of
+from .block_algebra import shape_of
 
 __all__ = ["WIDTH", "add_rows", "farther", "gather", "largest", "load", "pack", "put_rows", "rows"]
 __all__ += ["scatter", "store"]
@@ -34,22 +34,22 @@ _VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
 _INDEX, _LANE = ir.IntType(64), ir.IntType(32)
 
 
-class _Lanes(types.Type):
+class _Simd(types.Type):
     """One number for each of some elements."""
 
     def __init__(self) -> None:
-        super().__init__(name="lanes")
+        super().__init__(name="simd")
 
     def can_convert_from(self, typing: Any, other: Any) -> Any:
         """Numbers are those of all lanes."""
         return Conversion.promote if other == types.float64 else None
 
 
-lanes = _Lanes()
+simd = _Simd()
 
 
-@register_model(_Lanes)
-class _LanesModel(models.PrimitiveModel):
+@register_model(_Simd)
+class _SimdModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _VECTOR)
 
@@ -62,23 +62,23 @@ def _all(builder: Any, value: Any) -> Any:
     return builder.shuffle_vector(one, undefined, zeros)
 
 
-@lower_cast(types.float64, lanes)
+@lower_cast(types.float64, simd)
 def _cast(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
     return _all(builder, value)
 
 
 def _define(operation: Any, name: str) -> None:
-    """An operation of two lanes, or of lanes and a number; sums of products may be fused."""
+    """An operation of two vectors, or of a vector and a number; sums of products may be fused."""
     cases = [
-        signature(lanes, lanes, lanes),
-        signature(lanes, lanes, types.float64),
-        signature(lanes, types.float64, lanes),
+        signature(simd, simd, simd),
+        signature(simd, simd, types.float64),
+        signature(simd, types.float64, simd),
     ]
-    infer_global(operation)(type(f"_Lanes_{name}", (ConcreteTemplate,), {"cases": cases}))
+    infer_global(operation)(type(f"_Simd_{name}", (ConcreteTemplate,), {"cases": cases}))
 
     def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
         both = [
-            value if own == lanes else _all(builder, value)
+            value if own == simd else _all(builder, value)
             for own, value in zip(kind.args, values, strict=True)
         ]
         return getattr(builder, name)(*both, flags=("contract",))
@@ -151,18 +151,18 @@ def pack(typing: Any, numbers: Any) -> Any:
             out = builder.insert_element(out, number, ir.Constant(_LANE, k))
         return out
 
-    return lanes(types.UniTuple(types.float64, WIDTH)), generate
+    return simd(types.UniTuple(types.float64, WIDTH)), generate
 
 
 @intrinsic
 def load(typing: Any, a: Any, k: Any) -> Any:
-    """Lanes number k of scratch, ``a[WIDTH k : WIDTH (k + 1)]``."""
+    """Vector number k of scratch, ``a[WIDTH k : WIDTH (k + 1)]``."""
 
     def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
         place = builder.mul(values[1], ir.Constant(_INDEX, WIDTH))
         return _load(builder, _pointer(context, builder, kind.args[0], values[0], place))
 
-    return lanes(a, types.int64), generate
+    return simd(a, types.int64), generate
 
 
 @intrinsic
@@ -174,7 +174,7 @@ def store(typing: Any, a: Any, k: Any, value: Any) -> Any:
         _store(builder, values[2], _pointer(context, builder, kind.args[0], values[0], place))
         return context.get_dummy_value()
 
-    return types.none(a, types.int64, lanes), generate
+    return types.none(a, types.int64, simd), generate
 
 
 @intrinsic
@@ -188,7 +188,7 @@ def gather(typing: Any, a: Any, places: Any, size: Any, first: Any) -> Any:
             out = builder.insert_element(out, entry, ir.Constant(_LANE, k))
         return out
 
-    return lanes(a, places, types.int64, types.int64), generate
+    return simd(a, places, types.int64, types.int64), generate
 
 
 @intrinsic
@@ -201,13 +201,13 @@ def scatter(typing: Any, a: Any, places: Any, size: Any, first: Any, value: Any)
             builder.store(entry, _pointer(context, builder, kind.args[0], values[0], place))
         return context.get_dummy_value()
 
-    return types.none(a, places, types.int64, types.int64, lanes), generate
+    return types.none(a, places, types.int64, types.int64, simd), generate
 
 
 @intrinsic
 def rows(typing: Any, a: Any, places: Any, size: Any, first: Any) -> Any:
     """Entries ``size place + first`` and the three behind it, for each lane: a tuple."""
-    result = types.UniTuple(lanes, WIDTH)
+    result = types.UniTuple(simd, WIDTH)
 
     def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
         found = [
@@ -229,7 +229,7 @@ def _put(sum_up: bool) -> Any:
                 _store(builder, total, pointer)
             return context.get_dummy_value()
 
-        four = types.UniTuple(lanes, WIDTH)
+        four = types.UniTuple(simd, WIDTH)
         return types.none(a, places, types.int64, types.int64, four), generate
 
     return typed
@@ -258,7 +258,7 @@ def largest(typing: Any, value: Any) -> Any:
             out = builder.select(builder.fcmp_ordered(">", entry, out), entry, out)
         return out
 
-    return types.float64(lanes), generate
+    return types.float64(simd), generate
 
 
 @intrinsic
@@ -272,7 +272,7 @@ def farther(typing: Any, out: Any, value: Any) -> Any:
         size = builder.bitcast(builder.and_(builder.bitcast(value, bits), unsigned), _VECTOR)
         return builder.select(builder.fcmp_ordered(">", size, most), size, most)
 
-    return lanes(lanes, lanes), generate
+    return simd(simd, simd), generate
 
 
 def _product(add: bool) -> Any:
@@ -321,7 +321,7 @@ def _product(add: bool) -> Any:
 
 @intrinsic
 def add_product(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
-    """``out_v += sign A_k^T x_u``, of blocks as in :mod:`.sixes`."""
+    """``out_v += sign A_k^T x_u``, of blocks as in :mod:`.block_algebra`."""
     return _product(True)(typing, A, k, x, u, sign, out, v)
 
 

@@ -13,20 +13,20 @@ __all__ = [
     "ARMS",
     "COORDINATES",
     "EDGES",
-    "Pair",
+    "Complex",
     "add_scaled",
     "arrow",
+    "complex_at",
     "crossed",
     "inner",
     "left",
     "minus",
     "outer",
     "over",
-    "pair",
     "plus",
     "point",
     "product",
-    "put_pair",
+    "put_complex",
     "scaled",
     "spot",
     "turn_by",
@@ -49,12 +49,12 @@ CHILD, PARENT, PARENT_AT, GUIDE_AT, FULCRUM, SPAN, FIRST, LAST = range(8)
 FRAMED, RELATIVE, OPEN, CARRIED = range(8, 12)
 #: multiples of unit vectors, two numbers each: of the child's and the parent's point, of the
 #: fulcrum, from the parent's to the child's point where a step starts (a vector); of a span its
-#: reach (one number), its strain, the sections at parent and child
+#: length (one number; negative against the element), its strain, the sections at parent and child
 ARMS = (
     *("child", "child", "parent", "parent", "fulcrum", "fulcrum", "arm", "arm"),
-    *("reach", "strain", "strain", "section_a", "section_a", "section_b", "section_b"),
+    *("length", "strain", "strain", "section_a", "section_a", "section_b", "section_b"),
 )
-CHILD_SPOT, PARENT_SPOT, FULCRUM_SPOT, ARM, REACH, STRAIN, SECTION_A = 0, 2, 4, 6, 8, 9, 11
+CHILD_SPOT, PARENT_SPOT, FULCRUM_SPOT, ARM, SPAN_LENGTH, STRAIN, SECTION_A = 0, 2, 4, 6, 8, 9, 11
 SECTION_B = 13
 #: of a coordinate: kind, place among its vertex' own (-1: driven), vertices of its frame, of the
 #: point that it moves and of the one that it turns about
@@ -66,99 +66,99 @@ ALONG = (*("sign", "slide", "slide", "target", "target", "centre", "centre", "sl
 SIGN, SLIDE, TARGET_SPOT, CENTRE_SPOT, SLIDE0 = 0, 1, 3, 5, 7
 
 
-# -- vectors of a plane as complex numbers, each a pair of numbers or lanes ------------------------
+# -- vectors of a plane as complex numbers, each two numbers or SIMD vectors ---------------------
 
-Pair = tuple[float, float]
+Complex = tuple[float, float]
 
 
 @inlined
-def pair(a: Floats, k: int, c: int) -> Pair:
+def complex_at(a: Floats, k: int, c: int) -> Complex:
     """``a_k``, from column c on."""
     return a[k, c], a[k, c + 1]
 
 
 @inlined
-def put_pair(a: Floats, k: int, c: int, z: Pair) -> None:
+def put_complex(a: Floats, k: int, c: int, z: Complex) -> None:
     """``a_k = z``, from column c on."""
     a[k, c] = z[0]
     a[k, c + 1] = z[1]
 
 
 @inlined
-def point(y: Floats, v: int) -> Pair:
+def point(y: Floats, v: int) -> Complex:
     """Origin of a frame."""
     return y[v, 0], y[v, 1]
 
 
 @inlined
-def arrow(y: Floats, v: int) -> Pair:
+def arrow(y: Floats, v: int) -> Complex:
     """Unit vector of a frame."""
     return y[v, 2], y[v, 3]
 
 
 @inlined
-def plus(a: Pair, b: Pair) -> Pair:
+def plus(a: Complex, b: Complex) -> Complex:
     """``a + b``."""
     return a[0] + b[0], a[1] + b[1]
 
 
 @inlined
-def minus(a: Pair, b: Pair) -> Pair:
+def minus(a: Complex, b: Complex) -> Complex:
     """``a - b``."""
     return a[0] - b[0], a[1] - b[1]
 
 
 @inlined
-def scaled(c: float, a: Pair) -> Pair:
+def scaled(c: float, a: Complex) -> Complex:
     """``c a``."""
     return c * a[0], c * a[1]
 
 
 @inlined
-def left(a: Pair) -> Pair:
+def left(a: Complex) -> Complex:
     """``i a``: turned to the left by a right angle."""
     return 0.0 - a[1], a[0]
 
 
 @inlined
-def product(a: Pair, b: Pair) -> Pair:
+def product(a: Complex, b: Complex) -> Complex:
     """``a b``."""
     return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
 
 
 @inlined
-def crossed(a: Pair, b: Pair) -> Pair:
+def crossed(a: Complex, b: Complex) -> Complex:
     """``conj(a) b``."""
     return a[0] * b[0] + a[1] * b[1], a[0] * b[1] - a[1] * b[0]
 
 
 @inlined
-def inner(a: Pair, b: Pair) -> float:
+def inner(a: Complex, b: Complex) -> float:
     """``Re(conj(a) b)``: the scalar product."""
     return a[0] * b[0] + a[1] * b[1]
 
 
 @inlined
-def outer(a: Pair, b: Pair) -> float:
+def outer(a: Complex, b: Complex) -> float:
     """``Im(conj(a) b)``: along the normal of the vector product."""
     return a[0] * b[1] - a[1] * b[0]
 
 
 @inlined
-def over(a: Pair, b: Pair) -> Pair:
+def over(a: Complex, b: Complex) -> Complex:
     """``a / b``."""
     f = 1.0 / (b[0] * b[0] + b[1] * b[1])
     return scaled(f, crossed(b, a))
 
 
 @inlined
-def spot(y: Floats, v: int, offset: Pair) -> Pair:
+def spot(y: Floats, v: int, offset: Complex) -> Complex:
     """Position of a material point, whose offset is a multiple of e."""
     return plus(point(y, v), product(offset, arrow(y, v)))
 
 
 @inlined
-def turn_by(theta: float) -> Pair:
+def turn_by(theta: float) -> Complex:
     """``exp(i theta)``."""
     square = theta * theta
     if square < 0.01:
@@ -169,7 +169,7 @@ def turn_by(theta: float) -> Pair:
 
 @inlined
 def add_scaled(
-    xx: float, xe: Pair, ex: Pair, ee: Pair, L: Pair, R: Pair, A: Floats, k: int
+    xx: float, xe: Complex, ex: Complex, ee: Complex, L: Complex, R: Complex, A: Floats, k: int
 ) -> None:
     """Add ``P_L^T C P_R`` to block k, C by origins and unit vectors; L, R: e on both sides."""
     column, row = product(xe, left(R)), crossed(ex, left(L))
