@@ -74,7 +74,7 @@ class _Ramp(Frozen):
             raise InputError("ramp", f"end = {end!r} s, expected it after begin = {begin!r} s")
         self.begin, self.end = float(begin), float(end)
         self.first, self.last = float(first), float(last)
-        self.settled = self.end
+        self.constant_after = self.end
 
     def _unclear(self, begin: float, end: float, values: tuple[float, ...]) -> str:
         """What numbers without names may have been meant to be."""
@@ -227,15 +227,15 @@ class TimeFunction(Protocol):
         """Mean over [t0, t1]."""
 
 
-def settled(time: TimeFunction) -> float:
+def constant_after(time: TimeFunction) -> float:
     """Time (s) from which a function is known not to change; infinite if that is not known."""
-    return float(getattr(time, "settled", np.inf))
+    return float(getattr(time, "constant_after", np.inf))
 
 
 class Constant(Frozen):
     """A number that does not change."""
 
-    settled = -np.inf
+    constant_after = -np.inf
 
     def __init__(self, number: float) -> None:
         self.number = float(number)
@@ -287,7 +287,7 @@ class Table(Frozen):
         # plain numbers: most steps ask for two values between two kinks
         self._kinks: list[float] = self.times.tolist()
         self._ends = float(self.values[0]), float(self.values[-1])
-        self.settled = float(self.times[-1])
+        self.constant_after = float(self.times[-1])
         slopes = np.diff(self.values) / np.diff(self.times)
         self._lines = list(zip(self.values[:-1].tolist(), slopes.tolist(), strict=True))
 

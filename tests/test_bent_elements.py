@@ -23,7 +23,7 @@ from skfem_cosserat.errors import ModelWarning
 from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
 from skfem_cosserat.mesh import CurveSpline
 from skfem_cosserat.mesh.bends import turns
-from skfem_cosserat.model.limits import bent_elements
+from skfem_cosserat.model.limits import over_rotated
 from skfem_cosserat.statics import static
 
 ORDERS = (1, 2, 3, 4)
@@ -165,8 +165,8 @@ def test_bent_elements_are_named(p, axis):
         angle = share * limit
         return bent(system, beam, lambda s: np.clip(s - 1, 0, 1) * angle * np.array(axis))
 
-    assert bent_elements(system, middle(0.98)) is None
-    text = bent_elements(system, middle(1.04))
+    assert over_rotated(system, middle(0.98)) is None
+    text = over_rotated(system, middle(1.04))
     shown, bound = f"{np.degrees(1.04 * limit):.3g}", f"{np.degrees(limit):.3g}"
     assert text == (
         f"relative rotation between nodes 1 and 2 of beam 'boom' is {shown} degrees, beyond the"
@@ -208,20 +208,20 @@ def test_rigid_motion_and_curved_references_do_not_count():
     system = model.freeze()
     y = system.q0.reshape(-1, 3)
     R = rotation_matrix(exp_quaternion(np.array([[1.0, 2.0, -0.5]])))[0]
-    assert bent_elements(system, y @ R.T) is None
+    assert over_rotated(system, y @ R.T) is None
     # unbent, and bent the other way: 70 degrees less than the reference
     triads = y.reshape(-1, 4, 3).copy()
     for k, node in enumerate((1, 2)):
         turn = turned(np.radians([-35.0 * (k + 1), 0, 0]))
         triads[node, 1:] = triads[node, 1:] @ turn
-    assert bent_elements(system, triads.reshape(-1, 3)) is None
+    assert over_rotated(system, triads.reshape(-1, 3)) is None
     for k, node in enumerate((1, 2)):
         triads[node, 1:] = triads[node, 1:] @ turned(np.radians([-20.0 * (k + 1), 0, 0]))
-    text = bent_elements(system, triads.reshape(-1, 3))
+    text = over_rotated(system, triads.reshape(-1, 3))
     assert "beam 'arc' is 55 degrees, beyond the 45 that a linear" in text
     # the worst of all beams, by the share of its limit
     z = bent(system, other, lambda s: s * np.radians([120.0, 0, 0]))
-    text = bent_elements(system, z)
+    text = over_rotated(system, z)
     assert "beam 'line' is 120 degrees, beyond the 87.5 that a quadratic" in text
     assert text.endswith("(2 more like it): refine")
 

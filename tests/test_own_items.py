@@ -243,7 +243,7 @@ def test_own_loads_of_data_stay_in_a_plane(treatment):
 
 def test_own_loads_that_leave_a_plane_are_named():
     assert not sc.planarity(arm(True))
-    found = "; ".join(sc.planarity(arm(True), normal=Z).leaving)
+    found = "; ".join(sc.planarity(arm(True), normal=Z).out_of_plane)
     assert "load 'storm': [0.4, 3.0, 1.0] leaves the plane by 1" in found
     assert "load 'rotor': " in found
 

@@ -571,7 +571,7 @@ def test_what_leaves_the_plane_is_named(name: str):
     found = sc.planarity(model, (0, 0, 1.0))
     assert not found
     assert found.planar is None
-    assert len(found.leaving) == 1, found
+    assert len(found.out_of_plane) == 1, found
 
 
 @pytest.mark.parametrize("name", ADDED)
@@ -659,7 +659,7 @@ def test_scenes_of_the_collection(name: str, leaves: str | None):
     problem = importlib.import_module(f"collection.{name}").PROBLEM
     found = sc.planarity(problem.build(None, 2, 1).system)
     assert bool(found) == (leaves is None)
-    assert leaves is None or any(leaves in text for text in found.leaving), found
+    assert leaves is None or any(leaves in text for text in found.out_of_plane), found
 
 
 def test_slider_crank_of_the_collection():

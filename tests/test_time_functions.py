@@ -246,7 +246,7 @@ def test_loads_that_are_over_are_evaluated_once(last):
     model.add("load", sc.LoadForce(ball.place(), (1.0, 0, 0), last))
     model.add("weight", sc.LoadGravity((0, 0, -9.81)))
     loading = model.freeze().loading
-    assert loading.settled == 0.2
+    assert loading.constant_after == 0.2
     for t0, t1 in ((0.1, 0.2), (0.15, 0.3), (0.3, 0.19)):
         found = loading.averages(t0, t1)
         assert found[0] == pytest.approx(last.average(t0, t1), rel=1e-14)
@@ -255,4 +255,4 @@ def test_loads_that_are_over_are_evaluated_once(last):
     assert loading.averages(7.0, 6.9) is found
     assert found.tolist() == pytest.approx([3.0, 1.0], rel=1e-15)
     model.add("more", sc.LoadForce(ball.place(), (0, 1.0, 0), lambda t: t))
-    assert model.freeze().loading.settled == np.inf
+    assert model.freeze().loading.constant_after == np.inf

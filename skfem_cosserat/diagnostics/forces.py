@@ -14,7 +14,7 @@ from ..integrators import Integrator, State, Stepper
 from ..kernels import director_force
 from ..model import System, takes_scene
 from ..model.groups import BeamGroup
-from ..model.limits import drawn_beam
+from ..model.limits import overstretched_beam
 from ..model.system import JointRows
 from ..types import ArrayLike, Floats, check_kind, switch
 from .energy import group_of, held_forces
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 __all__ = [
     "condition_number",
     "constraint_points",
-    "drawn_too_far",
     "element_forces",
     "multipliers",
     "multipliers_at",
     "nodal_resultants",
+    "overstretched_at",
     "reactions",
 ]
 
@@ -286,12 +286,12 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     return stacked_multipliers(system, y, as_series("force", force, system.n))
 
 
-def drawn_too_far(system: System, y: Floats, force: Floats) -> tuple[str, str] | None:
+def overstretched_at(system: System, y: Floats, force: Floats) -> tuple[str, str] | None:
     """A beam drawn too much, and what to say: with the tension of constraint forces (n,) at y."""
     lam = None
     if any(2 in theory.held for theory in system.theory_rows) and np.isfinite(force).all():
         lam = multipliers(system, y[None], force[None])[0]
-    return drawn_beam(system, y, lam)
+    return overstretched_beam(system, y, lam)
 
 
 @takes_scene

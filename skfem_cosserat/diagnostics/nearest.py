@@ -13,7 +13,7 @@ from ..kernels import exp_quaternion, rotation_matrix
 from ..linear import SingularMatrixError
 from ..model import System
 from ..model.balance import Amplitudes
-from ..model.limits import bent_elements
+from ..model.limits import over_rotated
 from ..types import Floats, IndexArray
 from .stacked import ReducedTangent, material_stiffness, null_space_matrix, reduced_tangent
 
@@ -242,7 +242,7 @@ def _folded(system: System, y: Floats, start: Floats) -> bool:
     """
     if system.wrong_branch(y) is not None:
         return True
-    return bent_elements(system, y) is not None and bent_elements(system, start) is None
+    return over_rotated(system, y) is not None and over_rotated(system, start) is None
 
 
 def _increment(system: System, y: Floats, g: Floats) -> Floats:

@@ -612,7 +612,7 @@ class CompiledStep(CompiledScene):
     def takes_blocks(self, time: float) -> bool:
         """Whether steps from this time (s) on differ in nothing but where they start."""
         loading = self.system.loading
-        return self._alike and (loading.constant or time >= loading.settled)
+        return self._alike and (loading.constant or time >= loading.constant_after)
 
     def advance_block(self, state: State, steps: int) -> BlockOfSteps:
         """Solve up to `steps` steps in one go."""

@@ -13,7 +13,7 @@ from ..constraints.saddle import accelerations, nearest_velocity
 from ..errors import AccuracyWarning, Diverged, IncompatibleError
 from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
 from ..model import Model, System, system_of
-from ..model.limits import bent_elements, overstretched
+from ..model.limits import over_rotated, overstretched
 from ..model.loops import contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, check_kind, positive, switch, whole
@@ -716,9 +716,9 @@ class Stepper:
             return stop.reason, "stop or turn the drive before it, or drive another joint"
         if self.bound.trouble is not None:
             reason = f"{reason}: {self.bound.trouble}"
-        bent = bent_elements(self.system, step.y0)
+        bent = over_rotated(self.system, step.y0)
         if bent is None and np.isfinite(y1).all():
-            bent = bent_elements(self.system, y1)
+            bent = over_rotated(self.system, y1)
         drawn = overstretched(self.system, step.y0)  # forces at y1 mean nothing
         reason = "; ".join(text for text in (reason, bent, drawn) if text is not None)
         return reason, f"try a smaller step than {self.origin.step:g} s, {self.integrator.advice}"

@@ -16,7 +16,7 @@ from ..integrators import State
 from ..model import Model, System, system_of
 from ..model.balance import Amplitudes, Spin, amplitudes_at, balance
 from ..model.closure import SINGULAR
-from ..model.limits import drawn_beam
+from ..model.limits import overstretched_beam
 from ..model.loops import names_of, tree_values
 from ..run.describe import other_model
 from ..run.start import constraint_owner
@@ -134,7 +134,7 @@ def resting(
     at = balance(system, y, amplitudes, turns=turns)
     tangent = reduced_tangent(system, y, amplitudes, at)
     error = _check_rest(system, tangent, tolerance)
-    if drawn := drawn_beam(system, y, tangent.multipliers):
+    if drawn := overstretched_beam(system, y, tangent.multipliers):
         warn(*drawn, AccuracyWarning, time)
     return Equilibrium(system, y, time, amplitudes, tangent, error)
 

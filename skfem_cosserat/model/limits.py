@@ -17,13 +17,19 @@ if TYPE_CHECKING:
     from ..element import Interpolation
 
 
-__all__ = ["bent_beam", "bent_elements", "drawn_beam", "overstretched", "tension_factor"]
+__all__ = [
+    "over_rotated",
+    "over_rotated_beam",
+    "overstretched",
+    "overstretched_beam",
+    "tension_factor",
+]
 
 
 # -- elements bent so far that they give way: why Newton's method fails on a mesh too coarse -------
 
 
-def bent_elements(system: System, y: Floats) -> str | None:
+def over_rotated(system: System, y: Floats) -> str | None:
     """Elements that turn, against the reference, by more than they can be bent on their own.
 
     The directors are interpolated, so the bending of a linear element between nodes at an angle t
@@ -53,18 +59,18 @@ def bent_elements(system: System, y: Floats) -> str | None:
     >>> beam = model.add("boom", Beam(mesh, section, director=(1, 0, 0)))
     >>> system = model.freeze()
     >>> y = system.q0.copy().reshape(-1, 3)
-    >>> print(bent_elements(system, y))
+    >>> print(over_rotated(system, y))
     None
     >>> y[9:12] = np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
-    >>> bent_elements(system, y).partition(",")[0]
+    >>> over_rotated(system, y).partition(",")[0]
     "relative rotation between nodes 1 and 2 of beam 'boom' is 90 degrees"
     """
-    found = bent_beam(system, y)
+    found = over_rotated_beam(system, y)
     return None if found is None else found[1]
 
 
-def bent_beam(system: System, y: Floats) -> tuple[str, str] | None:
-    """Which beam :func:`bent_elements` is about, and what it says."""
+def over_rotated_beam(system: System, y: Floats) -> tuple[str, str] | None:
+    """Which beam :func:`over_rotated` is about, and what it says."""
     beams = [item for item in system.structures if is_beam(item)]
     if not beams:
         return None
@@ -147,11 +153,11 @@ def overstretched(system: System, y: Floats, multipliers: Floats | None = None) 
     >>> overstretched(system, y).partition(" (1 more")[0]
     "tension 2.5e+03 N between nodes 0 and 1 of beam 'rope' is above 4 EI/h^2 = 2e+03 N"
     """
-    found = drawn_beam(system, y, multipliers)
+    found = overstretched_beam(system, y, multipliers)
     return None if found is None else found[1]
 
 
-def drawn_beam(
+def overstretched_beam(
     system: System, y: Floats, multipliers: Floats | None = None
 ) -> tuple[str, str] | None:
     """Which beam :func:`overstretched` is about, and what it says."""

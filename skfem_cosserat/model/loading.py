@@ -23,7 +23,7 @@ from ..load import (
     TermLine,
     TermMoment,
     TimeFunction,
-    settled,
+    constant_after,
 )
 from ..types import Array, Floats, IndexArray
 from .groups import BeamGroup, Group
@@ -135,7 +135,7 @@ class Loading:
         self.dead = np.array(dead).reshape(len(dead), rows, 3)
         self.constant = all(isinstance(t, Constant) for t in self.times)
         #: time (s) from which no channel changes
-        self.settled = max(map(settled, self.times), default=-np.inf)
+        self.constant_after = max(map(constant_after, self.times), default=-np.inf)
         #: whether no load depends on the motion
         self.dead_only = not self._followers and not moments and not self.functions
         #: what looks at the factors of all channels at a time (s): whether they leave a plane
@@ -247,7 +247,7 @@ class Loading:
         """Exact means of all channels over a step; computed once where nothing changes."""
         if self.constant:
             return self._numbers
-        if min(t0, t1) >= self.settled:  # a pulse that is over: the same array each time
+        if min(t0, t1) >= self.constant_after:  # a pulse that is over: the same array each time
             return self._last
         return self.checked(self._each(lambda time: time.average(t0, t1)), t1)
 
@@ -284,8 +284,8 @@ class Loading:
 
     @cached_property
     def _last(self) -> Floats:
-        """All channels from where they are settled on."""
-        t = self.settled
+        """All channels from where they are constant_after on."""
+        t = self.constant_after
         return self.checked(self._each(lambda time: time.value(t)), t)
 
     @cached_property

@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from .system import System
 
 
-__all__ = ["Planarity", "confined", "guard_of", "inspect", "leaving", "places"]
+__all__ = ["Planarity", "confined", "guard_of", "inspect", "out_of_plane", "places"]
 
 
 # -- what leaves a plane: every item of a scene against its mirror image ---------------------------
 
 #: what leaves: item, and how
-Leaving = Iterator[tuple[str, str]]
+OutOfPlane = Iterator[tuple[str, str]]
 #: instants (s) at which functions of time are looked at before a run
 INSTANTS = (0.0, 1e-3, 1e-2, 0.04, 0.1)
 #: share of a load that may leave the plane later, where functions of time are evaluated
@@ -63,7 +63,7 @@ def places(system: System) -> Iterator[tuple[str, Place]]:
             yield load.label, place
 
 
-def leaving(system: System, plane: Plane) -> Leaving:
+def out_of_plane(system: System, plane: Plane) -> OutOfPlane:
     """What leaves a plane: labels of items, and how they do it."""
     seen: set[str] = set()
     for label, place in places(system):
@@ -90,7 +90,7 @@ def leaving(system: System, plane: Plane) -> Leaving:
     yield from _ground(system, plane)
 
 
-def _inertia(item: Beam | RigidBody | MassPoint, plane: Plane) -> Leaving:
+def _inertia(item: Beam | RigidBody | MassPoint, plane: Plane) -> OutOfPlane:
     """Centre and products of inertia of a body against its mirror image."""
     M = item.scalar_mass()
     if is_beam(item) or len(M) == 1:
@@ -114,7 +114,7 @@ def _inertia(item: Beam | RigidBody | MassPoint, plane: Plane) -> Leaving:
         )
 
 
-def _velocity(item: Beam | RigidBody | MassPoint, plane: Plane) -> Leaving:
+def _velocity(item: Beam | RigidBody | MassPoint, plane: Plane) -> OutOfPlane:
     vertices = item.vertices()
     if vertices is None:
         return
@@ -132,7 +132,7 @@ def _velocity(item: Beam | RigidBody | MassPoint, plane: Plane) -> Leaving:
         )
 
 
-def _sections(beam: Beam, plane: Plane) -> Leaving:
+def _sections(beam: Beam, plane: Plane) -> OutOfPlane:
     """Sections against their mirror images, at the nodes of each element."""
     nodes = beam.basis.connectivity
     nu = (beam.rotations @ beam.triads[nodes]) @ plane.normal  # (ne, nn, 3)
@@ -206,7 +206,7 @@ def _matrix(D: Floats, nu: Floats, what: str) -> str:
     )
 
 
-def _freedom(joint: Joint, plane: Plane) -> Leaving:
+def _freedom(joint: Joint, plane: Plane) -> OutOfPlane:
     """Axes have to be along the normal or in the plane: else the joint leads out of it."""
     n, free = plane.normal, joint.freedom()
     for turn in free.turns or ():
@@ -251,7 +251,7 @@ def _stray(term: Term, value: Floats, plane: Plane) -> float:
     return float(abs(v @ n).max())
 
 
-def _loads(loading: Loading, plane: Plane) -> Leaving:
+def _loads(loading: Loading, plane: Plane) -> OutOfPlane:
     for site in loading.sites():
         terms, single = [loading.terms[k] for k in site], len(site) == 1
         for t in (0.0,) if single else INSTANTS:
@@ -289,7 +289,7 @@ def guard_of(loading: Loading, plane: Plane) -> Callable[[Floats, float], None]:
     return check
 
 
-def _coupling(system: System, item: Coupling, plane: Plane) -> Leaving:
+def _coupling(system: System, item: Coupling, plane: Plane) -> OutOfPlane:
     """By its forces; springs on a joint by its coordinate."""
     coordinate = item.coordinates[0]
     if isinstance(item, JointSpringDamper | JointActuator) and coordinate.kind != "rotation":
@@ -311,7 +311,7 @@ def _alone(system: System, items: list[Coupling], functions: list[FunctionLoad])
 
 def _pushed(
     system: System, alone: Couplings, label: str, instants: Sequence[float], plane: Plane
-) -> Leaving:
+) -> OutOfPlane:
     """Forces out of the plane at states in it, and at instants."""
     rng = np.random.default_rng(0)
     worst, most = 0.0, 0.0
@@ -357,14 +357,14 @@ def _out_of_plane(twists: Floats, plane: Plane) -> float:
     return max(float(abs(twists[0] @ n).max()), float(abs(moments).max()))
 
 
-def _ground(system: System, plane: Plane) -> Leaving:
+def _ground(system: System, plane: Plane) -> OutOfPlane:
     """Prescribed motion, at the first instants."""
     prescribed = [drive.place for drive in system.drives]
     for place in system.moving:
         if any(place is other for other in prescribed):
             continue
         for t in INSTANTS:
-            off = plane.stray(place, t)
+            off = plane.off_plane(place, t)
             if off > TOLERANCE:
                 text = f"its prescribed motion leaves the plane at t = {t:g} s, by {off:.6g}"
                 yield place.label, f"{text} (m by the extent, or rad)"
@@ -385,15 +385,15 @@ class Planarity:
     ----------
     plane : Plane
         The one that comes nearest.
-    leaving : tuple of str
+    out_of_plane : tuple of str
         What leaves it, and by how much; empty if nothing does.
     """
 
     plane: Plane
-    leaving: tuple[str, ...] = field(default=())
+    out_of_plane: tuple[str, ...] = field(default=())
 
     def __bool__(self) -> bool:
-        return not self.leaving
+        return not self.out_of_plane
 
     @property
     def planar(self) -> Planar | None:
@@ -404,7 +404,7 @@ class Planarity:
         normal = self.plane.normal.round(9).tolist()
         if self:
             return f"<planar, normal {normal}>"
-        return f"<not planar; out of the plane normal to {normal}: {'; '.join(self.leaving)}>"
+        return f"<not planar; out of the plane normal to {normal}: {'; '.join(self.out_of_plane)}>"
 
 
 def inspect(system: System, normal: Floats | None = None) -> Planarity:
@@ -413,10 +413,12 @@ def inspect(system: System, normal: Floats | None = None) -> Planarity:
     best: Planarity | None = None
     for n in normals:
         plane = Plane(n, system.q0.reshape(-1, 3)[system.origin_rows].mean(axis=0), system.length)
-        found = Planarity(plane, tuple(f"{item}: {text}" for item, text in leaving(system, plane)))
+        found = Planarity(
+            plane, tuple(f"{item}: {text}" for item, text in out_of_plane(system, plane))
+        )
         if found:
             return found
-        if best is None or len(found.leaving) < len(best.leaving):
+        if best is None or len(found.out_of_plane) < len(best.out_of_plane):
             best = found
     assert best is not None
     return best
@@ -434,10 +436,10 @@ def confined(system: System, planar: Planar) -> System:
         raise InputError("argument planar", f"{planar!r}, expected Planar()")
     found = inspect(system.spatial, planar.normal)
     if not found:
-        more = len(found.leaving) - 1
+        normal, more = found.plane.normal.round(9).tolist(), len(found.out_of_plane) - 1
         raise InputError(
             "planar scene",
-            f"{found.leaving[0]}; the plane is normal to {found.plane.normal.round(9).tolist()}"
+            f"{found.out_of_plane[0]}; the plane is normal to {normal}"
             + (f" ({more} more: see planarity(model))" if more else ""),
         )
     return system.spatial.within(found.plane)

@@ -24,7 +24,7 @@ __all__ = ["Planar", "Plane"]
 #: components of a normal that count as zero
 SNAP = 1e-12
 #: of states against the plane, relative: they come from runs
-STRAY = 1e-8
+OFF_PLANE = 1e-8
 
 
 class Planar(Frozen):
@@ -134,7 +134,7 @@ class Plane:
         nu = triad @ self.normal
         return np.asarray(np.eye(3) - 2 * nu[..., :, None] * nu[..., None, :])
 
-    def stray(self, place: Place, t: float) -> float:
+    def off_plane(self, place: Place, t: float) -> float:
         """How far a ground place in prescribed motion has left the plane: by the extent, or rad."""
         if place.motion is None:
             return 0.0
@@ -144,8 +144,8 @@ class Plane:
 
     def check_ground(self, place: Place, t: float) -> None:
         """Raise InputError if a ground place in prescribed motion is out of the plane."""
-        off = self.stray(place, t)
-        if off > STRAY:
+        off = self.off_plane(place, t)
+        if off > OFF_PLANE:
             raise InputError(
                 place.label,
                 f"its prescribed motion leaves the plane normal to {self.normal.tolist()} that the"
@@ -173,7 +173,7 @@ class Plane:
         rise = (rows if start is None else rows - start.reshape(-1, 3)) @ self.normal
         worst = int(np.argmax(abs(rise)))
         size = float(abs(rows).max()) if start is None else max(1.0, self.length)
-        if abs(rise[worst]) > STRAY * size:
+        if abs(rise[worst]) > OFF_PLANE * size:
             raise InputError(
                 item,
                 f"{what} leaves the plane normal to {self.normal.tolist()} that the scene is"

@@ -418,7 +418,7 @@ def planarity(scene: Model | System, normal: ArrayLike | None = None) -> Planari
     >>> model.freeze(planar=planarity(model).planar).unknowns   # 3 and 2 instead of 6 and 3
     5
     >>> side = model.add("side", LoadForce(body.local((0, 0, 0)), (0, 3.0, 4.0)))
-    >>> planarity(model).leaving
+    >>> planarity(model).out_of_plane
     ("load 'side': [0.0, 3.0, 4.0] leaves the plane by 4",)
     """
     wanted = Planar(normal).normal

@@ -10,13 +10,13 @@ import numpy as np
 
 from ..constraints import Treatment
 from ..diagnostics import Projection, constraint_points, highest_frequency
-from ..diagnostics.forces import drawn_too_far
+from ..diagnostics.forces import overstretched_at
 from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..linear import Solver
 from ..model import System, takes_scene
-from ..model.limits import bent_beam
+from ..model.limits import over_rotated_beam
 from ..newton import NewtonSettings
 from ..types import MOST, real, switch, whole
 from ..warn import Notices, logger, warn
@@ -424,12 +424,12 @@ def _warn_of_elements(system: System, history: History) -> None:
     if not system.beam_groups:
         return
     states = history["q"].reshape(len(history), -1, 3)
-    if bent := bent_beam(system, states[-1]):
+    if bent := over_rotated_beam(system, states[-1]):
         warn(*bent, AccuracyWarning, float(history.times[-1]))
     points = constraint_points(system, history) if system.theory_rows else states
     for k in np.unique(np.linspace(0, len(states) - 1, LOOKS).round().astype(int)):
         force = history["constraint_force"][k]
-        if drawn := drawn_too_far(system, points[k], force):
+        if drawn := overstretched_at(system, points[k], force):
             warn(*drawn, AccuracyWarning, float(history.times[k]))
             break
 

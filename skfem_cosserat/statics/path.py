@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..constraints import NullSpace, Treatment
-from ..diagnostics.forces import drawn_too_far
+from ..diagnostics.forces import overstretched_at
 from ..diagnostics.stacked import reduced_tangent
 from ..errors import AccuracyWarning, Diverged, IncompleteWarning
 from ..history import History
@@ -20,7 +20,7 @@ from ..linear import SingularMatrixError, Solver
 from ..load import Amplitude
 from ..model import Model, System, system_of
 from ..model.balance import Spin, balance
-from ..model.limits import bent_beam
+from ..model.limits import over_rotated_beam
 from ..newton import NewtonReport, NewtonSettings
 from ..run.progress import Interrupt, Progress
 from ..run.recorder import deriving
@@ -89,8 +89,8 @@ class Continuation:
     watch: bool
     rejected: int = 0
     critical: list[dict[str, Any]] = field(default_factory=list)
-    bent: bool = False
-    stretched: bool = False
+    over_rotated: bool = False
+    overstretched: bool = False
     _stability: Stability | None = None
     _rate: Floats | None = None
 
@@ -412,13 +412,13 @@ class Continuation:
     def _warn_of_elements(self, solution: Solution) -> None:
         """Say once that elements are bent or drawn farther than they can be on their own."""
         point, force = solution.point, solution.constraint_force
-        bent = None if self.bent else bent_beam(self.system, point.y)
+        bent = None if self.over_rotated else over_rotated_beam(self.system, point.y)
         if bent is not None:
-            self.bent = True
+            self.over_rotated = True
             warn(*bent, AccuracyWarning, point.t)
-        drawn = None if self.stretched else drawn_too_far(self.system, point.y, force)
+        drawn = None if self.overstretched else overstretched_at(self.system, point.y, force)
         if drawn is not None:
-            self.stretched = True
+            self.overstretched = True
             warn(*drawn, AccuracyWarning, point.t)
 
     def _check_turning(self, found: Critical) -> None:

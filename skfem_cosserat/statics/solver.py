@@ -18,7 +18,7 @@ from ..integrators.compiled_step import CompiledScene
 from ..linear import SingularMatrixError, Solver, checked_solver
 from ..model import System
 from ..model.balance import Balance, balance, balance_tangent, external_force, predicted
-from ..model.limits import bent_elements
+from ..model.limits import over_rotated
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray
 from .critical_points import Pivots, Stability, counted, inspect
@@ -738,7 +738,7 @@ class PathSolver:
             if bound.trouble is not None:
                 report.reason = f"{report.reason}: {bound.trouble}"
             if np.isfinite(problem.y).all():
-                bent = bent_elements(self.system, problem.y)
+                bent = over_rotated(self.system, problem.y)
                 report.reason += "" if bent is None else f"; {bent}"
             return None, report
         force = np.array(bound.constraint_impulse(problem.R)).reshape(-1)
