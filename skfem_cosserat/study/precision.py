@@ -16,17 +16,17 @@ import numpy as np
 from ..errors import InputError
 from ..parallel import Executor, Job, Outcome
 from ..parallel.jobs import Caught, in_words
-from ..types import Array, Floats, positive, switch
+from ..types import positive, switch
 from ..warn import sum_up, told
 from .cases import OnOutcome, identity, run_cases
 from .charts import Lines, Row, precision_chart
 from .orders import euclidean
 from .quantities import OverTime, Quantities, Sample, aligned
+from .references import Reference, reference_of_setups
 from .results import ResultTable, provenance
 from .setups import (
     Measured,
     Setup,
-    Truth,
     as_setups,
     best_cost,
     counts,
@@ -514,7 +514,7 @@ def work_precision(
     for 1e-04 in integral the cheapest is trapezoid, count = 100: 1.4e-05 in 0.0001 s
     """
     chosen = as_setups(setups)
-    truth, wanted = Truth(reference), _wanted(quantities, norm)
+    truth, wanted = reference_of_setups(reference), Quantities(quantities, norm)
     if isinstance(repeats, bool) or not isinstance(repeats, int | np.integer) or repeats < 1:
         raise InputError("argument repeats", f"{repeats!r}, expected a positive integer")
     if timeout_s is not None:
@@ -544,19 +544,12 @@ def work_precision(
         check=study.check,
         retry=switch("argument retry", retry),
     )
-    table = study.table({each.name: each for each in outcomes})
+    kind = "runs" if truth.runs else "values"
+    notes = {"reference": f"{type(reference).__name__} ({kind})"}
+    table = study.table({each.name: each for each in outcomes}, notes)
     about = {each.name: each.warnings for each in outcomes}
     sum_up("work and precision", "setups", about, "table.rows, print(table)")
     return table
-
-
-def _wanted(quantities: Any, norm: Any) -> Quantities:
-    if norm is not None and not isinstance(norm, OverTime):
-        raise InputError(
-            "argument norm",
-            f"{norm!r}, expected MaximumOverTime(), RootMeanSquare() or AtInstants(times)",
-        )
-    return Quantities(quantities, norm)
 
 
 class _PrecisionStudy:
@@ -565,7 +558,7 @@ class _PrecisionStudy:
     def __init__(
         self,
         setups: list[Setup],
-        truth: Truth,
+        truth: Reference,
         wanted: Quantities,
     ) -> None:
         self.setups, self.truth, self.wanted = setups, truth, wanted
@@ -578,7 +571,7 @@ class _PrecisionStudy:
         if outcome.name in self.truth.runs:
             self._sample_reference(outcome)
 
-    def table(self, outcomes: dict[str, Outcome]) -> PrecisionTable:
+    def table(self, outcomes: dict[str, Outcome], notes: dict[str, Any]) -> PrecisionTable:
         """Errors of all setups that have any."""
         self.outcomes = outcomes
         for setup in self.setups:
@@ -589,7 +582,7 @@ class _PrecisionStudy:
         for name in names:
             own[name] = self._compare(name, errors)
         rows = [self._row(setup, names, errors[setup.label]) for setup in self.setups]
-        return PrecisionTable(rows, own, self._notes())
+        return PrecisionTable(rows, own, notes)
 
     def _sample_reference(self, outcome: Outcome) -> None:
         name = outcome.name
@@ -656,21 +649,13 @@ class _PrecisionStudy:
             return float("nan")
         values, instants = aligned(name, self.samples, self.wanted.over)
 
-        def size(difference: Array) -> float:
-            return self._size(difference, instants)
-
+        size = self.wanted.norm(instants)
         shape = next(iter(values.values())).shape
         exact, own = self.truth.of(name, values, instants, shape, size)
         for label, value in values.items():
             if label in errors:
                 errors[label][name] = size(value - exact)
         return own
-
-    def _size(self, difference: Array, instants: Floats | None) -> float:
-        over = self.wanted.over
-        if over is None or instants is None:
-            return float(euclidean(difference))
-        return float(over.size(instants, difference))
 
     def _drop_strange(self, name: str) -> None:
         """Setups that cannot be compared with the reference have failed, and disturb no others."""
@@ -702,8 +687,3 @@ class _PrecisionStudy:
             "kernels": ran(said),
             "warnings": told(outcome.warnings),
         }
-
-    def _notes(self) -> dict[str, Any]:
-        given = self.truth.given
-        kind = "values" if self.truth.known else "runs"
-        return {"reference": f"{type(given).__name__} ({kind})"}

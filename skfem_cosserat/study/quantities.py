@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import InputError
 from ..history import History
 from ..types import Array, Floats, numbers
+from .orders import Norm, euclidean
 
 __all__ = [
     "AtInstants",
@@ -192,6 +193,11 @@ class Quantities:
     """
 
     def __init__(self, given: Any, over: OverTime | None = None) -> None:
+        if over is not None and not isinstance(over, OverTime):
+            raise InputError(
+                "argument norm",
+                f"{over!r}, expected MaximumOverTime(), RootMeanSquare() or AtInstants(times)",
+            )
         self.over = over
         self._given: dict[str, Callable[[Any], Any] | str] | None = None
         if given is None:
@@ -215,6 +221,13 @@ class Quantities:
     def names(self) -> list[str]:
         """Names, as far as known without a result."""
         return list(self._given or ())
+
+    def norm(self, instants: Floats | None) -> Norm:
+        """Size of differences at these instants (None: not compared over time)."""
+        over = self.over
+        if over is None or instants is None:
+            return euclidean
+        return lambda difference: over.size(instants, difference)
 
     def sample(self, result: Any, level: str) -> Sample:
         """The quantities of a result.
