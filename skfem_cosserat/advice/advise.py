@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Hashable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,14 +14,15 @@ from ..errors import InputError
 from ..figures import check_folder, new_figure, write_figure
 from ..integrators import EnergyMomentum, Integrator, Variational
 from ..model import Model, System, model_of
+from ..run import Sensor
 from ..study.charts import draw_candidates
 from ..study.results import ResultTable
-from ..types import positive, whole
+from ..types import ArrayLike, positive, whole
 from ..warn import sum_up, told
 from .proposals import Proposal
 from .reference import ORDER, FinestRun, find_reference
 from .search import Candidate, Search
-from .trials import NUDGE, PATIENCE, Budget, Pilot, Quantity, Start, Targets, Trials, check_start
+from .trials import NUDGE, PATIENCE, Budget, Pilot, Start, Targets, Trials, check_start
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -199,7 +200,7 @@ CHAOS = 1e3
 
 def advise(
     model: Model | System,
-    quantities: Mapping[str, Quantity],
+    quantities: Mapping[str, Sensor | Callable[..., ArrayLike]],
     tolerance: float | Mapping[str, float],
     budget_s: float | None = None,
     seed: int = 0,

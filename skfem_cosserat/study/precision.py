@@ -21,7 +21,7 @@ from ..warn import sum_up, told
 from .cases import OnOutcome, identity, run_cases
 from .charts import Lines, Row, precision_chart
 from .orders import euclidean
-from .quantities import OverTime, Quantities, Sample, aligned
+from .quantities import OverTime, Quantities, Reading, aligned
 from .references import Reference, reference_of_setups
 from .results import ResultTable, provenance
 from .setups import (
@@ -564,7 +564,7 @@ class _PrecisionStudy:
         self.setups, self.truth, self.wanted = setups, truth, wanted
         self.outcomes: dict[str, Outcome] = {}
         self.failed: dict[str, tuple[str, str]] = {}
-        self.samples: dict[str, Sample] = {}
+        self.samples: dict[str, dict[str, Reading]] = {}
 
     def check(self, outcome: Outcome) -> None:
         """End the study early if nothing could be compared with a run of the reference."""
@@ -591,7 +591,8 @@ class _PrecisionStudy:
             wrong = "error", in_words(outcome.error)
         if wrong is not None:
             raise InputError("argument reference", f"its run failed: {wrong[1] or wrong[0]}")
-        reading, sample = Caught(), Sample({})
+        sample: dict[str, Reading] = {}
+        reading = Caught()
         with reading:
             sample = self.wanted.sample(outcome.value.result, name)
         if isinstance(reading.error, InputError):
@@ -600,7 +601,7 @@ class _PrecisionStudy:
             raise InputError(
                 "argument quantities", f"the run of the reference: {in_words(reading.error)}"
             ) from reading.error
-        bad = [key for key, value in sample.values.items() if not np.isfinite(value).all()]
+        bad = [key for key, each in sample.items() if not each.finite]
         if bad:
             raise InputError("argument reference", f"its run gave {bad[0]!r} not finite")
         self.samples[name] = sample
@@ -623,7 +624,7 @@ class _PrecisionStudy:
             self.failed[label] = "error", "" if error is None else in_words(error)
             self._cause = error
             return
-        bad = [name for name, value in sample.values.items() if not np.isfinite(value).all()]
+        bad = [name for name, each in sample.items() if not each.finite]
         if bad:
             self.failed[label] = "diverged", f"quantity {bad[0]!r} is not finite"
             return
@@ -638,7 +639,7 @@ class _PrecisionStudy:
             raise InputError(
                 "argument quantities", f"no setup gave them; {name}: {self.failed[name][1]}"
             )
-        known = self.wanted.names or list(next(iter(self.samples.values()), Sample({})).values)
+        known = self.wanted.names or list(next(iter(self.samples.values()), {}))
         self.truth.check(known)
         return known
 
@@ -667,7 +668,7 @@ class _PrecisionStudy:
                     pair = {each: self.samples[each] for each in (*self.truth.runs, label)}
                     aligned(name, pair, self.wanted.over)
                 elif self.wanted.over is None:
-                    value = sample.values.get(name, np.empty(0))
+                    value = sample[name].values if name in sample else np.empty(0)
                     self.truth.of(name, {}, None, value.shape, euclidean)
             if comparing.error is not None:
                 self.failed[label] = "error", in_words(comparing.error)

@@ -375,9 +375,9 @@ def refine(
     reference : optional
         True values: a number or array (of the only quantity) or a mapping by quantity, each also a
         function (of the instants, if compared over time), or :class:`ReferenceKnown`;
-        :class:`ReferenceRun`, another call of
-        the problem; :class:`ReferenceFinest`. None: levels are compared with each other, and
-        errors are against the value that Richardson extrapolation gives.
+        :class:`ReferenceRun`, another call of the problem; :class:`ReferenceFinest`. None: levels
+        are compared with each other, and errors are against the value that Richardson
+        extrapolation gives.
     rounding : float or mapping, optional
         Error of each quantity by rounding and unfinished iterations, relative to its largest value.
         Levels whose error is not 100 times that do not count for the order. Default: 64 times the
@@ -495,7 +495,7 @@ class _Plan:
         """Look at the first result: what is wrong with the quantities ends the study early."""
         if status(outcome) != "ok" or self._names:
             return
-        self._names = list(self.wanted.sample(outcome.value, outcome.name).values)
+        self._names = list(self.wanted.sample(outcome.value, outcome.name))
         self._check_names(self._names)
 
     def _check_names(self, names: list[str]) -> None:
