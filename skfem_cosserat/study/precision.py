@@ -568,14 +568,24 @@ class _PrecisionStudy:
 
     def check(self, outcome: Outcome) -> None:
         """End the study early if nothing could be compared with a run of the reference."""
-        if outcome.name in self.truth.runs:
-            self._sample_reference(outcome)
+        if outcome.name not in self.truth.runs:
+            return
+        error = self._sample(outcome)
+        if isinstance(error, InputError):
+            raise error
+        if error is not None:
+            raise InputError(
+                "argument quantities", f"the run of the reference: {in_words(error)}"
+            ) from error
+        if outcome.name in self.failed:
+            state, reason = self.failed[outcome.name]
+            raise InputError("argument reference", f"its run failed: {reason or state}")
 
     def table(self, outcomes: dict[str, Outcome], notes: dict[str, Any]) -> PrecisionTable:
         """Errors of all setups that have any."""
         self.outcomes = outcomes
         for setup in self.setups:
-            self._sample(setup.label)
+            self._sample(outcomes[setup.label])
         names = self._names()
         errors: dict[str, dict[str, float]] = {setup.label: {} for setup in self.setups}
         own: dict[str, float] = {}
@@ -584,51 +594,25 @@ class _PrecisionStudy:
         rows = [self._row(setup, names, errors[setup.label]) for setup in self.setups]
         return PrecisionTable(rows, own, notes)
 
-    def _sample_reference(self, outcome: Outcome) -> None:
-        name = outcome.name
-        wrong = None if not outcome.ok else failure(outcome.value.result)
-        if outcome.error is not None:
-            wrong = "error", in_words(outcome.error)
+    def _sample(self, outcome: Outcome) -> BaseException | None:
+        """Quantities of a run, or why there are none; gives what reading them raised."""
+        label = outcome.name
+        wrong = failure(outcome.value.result) if outcome.error is None else raised(outcome.error)
         if wrong is not None:
-            raise InputError("argument reference", f"its run failed: {wrong[1] or wrong[0]}")
+            self.failed[label] = wrong
+            return None
         sample: dict[str, Reading] = {}
         reading = Caught()
         with reading:
-            sample = self.wanted.sample(outcome.value.result, name)
-        if isinstance(reading.error, InputError):
-            raise reading.error
-        if reading.error is not None:
-            raise InputError(
-                "argument quantities", f"the run of the reference: {in_words(reading.error)}"
-            ) from reading.error
-        bad = [key for key, each in sample.items() if not each.finite]
-        if bad:
-            raise InputError("argument reference", f"its run gave {bad[0]!r} not finite")
-        self.samples[name] = sample
-
-    def _sample(self, label: str) -> None:
-        """Quantities of a setup, or why there are none."""
-        outcome = self.outcomes[label]
-        if outcome.error is not None:
-            self.failed[label] = raised(outcome.error)
-            return
-        wrong = failure(outcome.value.result)
-        if wrong is not None:
-            self.failed[label] = wrong
-            return
-        sample, reading = None, Caught()
-        with reading:
             sample = self.wanted.sample(outcome.value.result, label)
-        if sample is None:
-            error = reading.error
-            self.failed[label] = "error", "" if error is None else in_words(error)
-            self._cause = error
-            return
         bad = [name for name, each in sample.items() if not each.finite]
-        if bad:
+        if reading.error is not None:
+            self.failed[label] = "error", in_words(reading.error)
+        elif bad:
             self.failed[label] = "diverged", f"quantity {bad[0]!r} is not finite"
-            return
-        self.samples[label] = sample
+        else:
+            self.samples[label] = sample
+        return reading.error
 
     def _names(self) -> list[str]:
         """Names of the quantities; an error if they could not be had from anything."""
