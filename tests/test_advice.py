@@ -22,7 +22,8 @@ from skfem_cosserat.advice import BeamFull, BeamRigid
 from skfem_cosserat.advice import trials as advice_event
 from skfem_cosserat.advice import trials as advice_pace
 from skfem_cosserat.advice.search import _between
-from skfem_cosserat.advice.trials import Budget, CostMeter, Reading, RunningCost, Targets, Trials
+from skfem_cosserat.advice.trials import Budget, CostMeter, RunningCost, Targets, Trials
+from skfem_cosserat.study.quantities import Reading
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 

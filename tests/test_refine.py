@@ -24,6 +24,8 @@ from skfem_cosserat.study import (
     AtInstants,
     MaximumOverTime,
     ReferenceFinest,
+    ReferenceKnown,
+    ReferencePair,
     ReferenceRun,
     ResultTable,
     RootMeanSquare,
@@ -33,6 +35,8 @@ from skfem_cosserat.study import (
 )
 
 HALVED = 0.5 ** np.arange(8)
+#: what levels cannot be compared with: its runs are functions of a problem
+PAIR = ReferencePair(abs, abs)
 BENT = {1: (16, 32, 64, 128), 2: (8, 16, 32, 64), 3: (4, 8, 12, 16), 4: (6, 8, 12, 16)}
 
 
@@ -307,6 +311,14 @@ def test_differences_that_turn_take_five_levels():
     five = convergence(HALVED[:5], values[:5])
     assert abs(five.order - 2) < 1e-6
     assert five.extrapolated is None
+
+
+def test_known_values_with_an_error_are_a_reference_too():
+    levels = (4, 8, 16, 32)
+    known = refine(problems.trapezoid, elements=levels, reference=ReferenceKnown(math.e - 1, 1e-9))
+    plain = refine(problems.trapezoid, elements=levels, reference=math.e - 1)
+    assert known.errors["value"].tolist() == plain.errors["value"].tolist()
+    assert known.notes == plain.notes == {"reference": "given"}
 
 
 # -- failures, interruption, processes -------------------------------------------------------------
@@ -610,6 +622,7 @@ FOUR = (4, 8, 16, 32)
         (problems.trapezoid, {"elements": FOUR, "reference": "x"}, "reference: 'x', expected"),
         (problems.trapezoid, {"elements": FOUR, "reference": (1, 2)}, r"shape \(2,\), expected"),
         (problems.trapezoid, {"elements": FOUR, "reference": {"x": 1}}, "quantity 'x': unknown"),
+        (problems.trapezoid, {"elements": FOUR, "reference": PAIR}, "expected finite numbers"),
         (problems.trapezoid, {"elements": FOUR, "rounding": -1.0}, "argument rounding: value"),
         (problems.trapezoid, {"elements": FOUR, "quantities": ["x"]}, "is a name, but the problem"),
         (problems.trapezoid, {"elements": FOUR, "quantities": 3}, "quantities: 3, expected names"),

@@ -19,6 +19,7 @@ from skfem_cosserat.errors import InputError
 from skfem_cosserat.study import (
     AtInstants,
     MaximumOverTime,
+    ReferenceFinest,
     ReferenceKnown,
     ReferencePair,
     Setup,
@@ -490,6 +491,7 @@ BAD = {
     "timed": ({"setups": [("a", never, 3)]}, "setup 'a': 3 cannot be called"),
     "taken": ({"setups": [("reference", never)], "reference": never}, "'reference' is that of"),
     "no reference": ({"reference": None}, "argument reference: None, expected values"),
+    "of levels": ({"reference": ReferenceFinest()}, "expected values, ReferenceKnown"),
     "not finite": ({"reference": math.nan}, "expected finite numbers"),
     "unknown": ({"reference": {"y": 1.0}}, "reference of 'y': there are x"),
     "one value": ({"quantities": ["x", "y"]}, "one value for 2 quantities"),

@@ -22,7 +22,7 @@ from ..study.charts import chart_errors
 from ..study.results import ResultTable
 from ..types import Floats, IndexArray, numbers, positive
 from ..warn import Notices, logger, sum_up, told, warn
-from .runs import Quantity, Run, RunStatic
+from .runs import OfConfiguration, Run, RunStatic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -437,7 +437,7 @@ Build: TypeAlias = Callable[[Any, Any], Model | System]
 def adapt(
     build: Build,
     mesh: Meshes,
-    quantity: Quantity,
+    quantity: OfConfiguration,
     tolerance: float,
     *,
     run: Run | None = None,
@@ -540,7 +540,7 @@ class _Adaptation:
     build: Build
     space: Space
     alone: bool
-    quantity: Quantity
+    quantity: OfConfiguration
     tolerance: float
     run: Run
     highest: int
@@ -554,7 +554,7 @@ class _Adaptation:
         cls,
         build: Build,
         mesh: Meshes,
-        quantity: Quantity,
+        quantity: OfConfiguration,
         tolerance: float,
         run: Run | None,
         order: int | Mapping[str, int],

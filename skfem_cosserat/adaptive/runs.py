@@ -27,26 +27,26 @@ from ..run.start import checked_start
 from ..statics import Control, LoadControl, Point, equilibrium, static
 from ..statics.control import Stage
 from ..statics.schedule import Functional, recorded_amplitudes
+from ..study.quantities import Quantity
 from ..types import ArrayLike, Floats, VectorLike, check_kind, numbers, positive
 from ..warn import logger
 
 __all__ = [
     "NodePosition",
-    "Quantity",
+    "OfConfiguration",
     "Run",
     "RunInTime",
     "RunStatic",
     "carry_history",
     "carry_state",
     "gradient",
-    "value_of",
 ]
 
 
 # -- quantities of interest: what a mesh is refined for --------------------------------------------
 
 #: Function of a system and a configuration (n,): a number, or a row of numbers of one unit.
-Quantity: TypeAlias = Callable[[System, Floats], ArrayLike]
+OfConfiguration: TypeAlias = Callable[[System, Floats], ArrayLike]
 
 #: step of difference quotients, relative to the extent of the scene for positions
 SMALL = 1e-5
@@ -100,22 +100,13 @@ class NodePosition:
         return x if self.direction is None else np.array([x @ np.asarray(self.direction)])
 
 
-def value_of(quantity: Quantity, system: System, q: Floats) -> Floats:
-    """The quantity (k,) at one configuration, checked."""
-    found = numbers("quantity", "value", quantity(system, q))
-    value = np.atleast_1d(found)
-    if value.ndim != 1 or not value.size or not np.isfinite(value).all():
-        raise InputError("quantity", f"gave {value!r}, expected one or more finite numbers")
-    return value
-
-
-def gradient(quantity: Quantity, system: System, q: Floats, along: Floats) -> Floats:
+def gradient(quantity: OfConfiguration, system: System, q: Floats, along: Floats) -> Floats:
     """Derivative (n,) of the component of a quantity along a vector (k,), by differences.
 
     Central ones, coordinate by coordinate: their error is of second order, far below the parts of
     a sum of shares that matter.
     """
-    out = np.empty(system.n)
+    out, wanted = np.empty(system.n), Quantity("value", quantity)
     steps = np.full((system.rows, 3), SMALL)
     steps[system.origin_rows] *= system.length
     moved = np.array(q, dtype=float)
@@ -123,7 +114,7 @@ def gradient(quantity: Quantity, system: System, q: Floats, along: Floats) -> Fl
         ends = []
         for sign in (1.0, -1.0):
             moved[k] = q[k] + sign * h
-            ends.append(along @ value_of(quantity, system, moved))
+            ends.append(along @ wanted.at(system, moved))
         moved[k] = q[k]
         out[k] = (ends[0] - ends[1]) / (2 * h)
     return out
@@ -335,13 +326,14 @@ class Run(ABC):
     def looks(self, history: History) -> Floats:
         """Configurations (N, n) over which indicators are summed."""
 
-    def values(self, quantity: Quantity, system: System, history: History) -> Floats:
+    def values(self, quantity: OfConfiguration, system: System, history: History) -> Floats:
         """The quantity (T, k)."""
-        return np.array([value_of(quantity, system, q) for q in self.states(history)])
+        wanted = Quantity("value", quantity)
+        return np.array([wanted.at(system, q) for q in self.states(history)])
 
     def shares(
         self,
-        quantity: Quantity,
+        quantity: OfConfiguration,
         coarse: System,
         fine: System,
         rough: History,
@@ -439,7 +431,7 @@ class RunStatic(Run):
 
     def shares(
         self,
-        quantity: Quantity,
+        quantity: OfConfiguration,
         coarse: System,
         fine: System,
         rough: History,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Hashable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,14 +14,15 @@ from ..errors import InputError
 from ..figures import check_folder, new_figure, write_figure
 from ..integrators import EnergyMomentum, Integrator, Variational
 from ..model import Model, System, model_of
+from ..run import Sensor
 from ..study.charts import draw_candidates
 from ..study.results import ResultTable
-from ..types import positive, whole
+from ..types import ArrayLike, positive, whole
 from ..warn import sum_up, told
 from .proposals import Proposal
-from .reference import ORDER, Reference, find_reference
+from .reference import ORDER, FinestRun, find_reference
 from .search import Candidate, Search
-from .trials import NUDGE, PATIENCE, Budget, Pilot, Quantity, Start, Targets, Trials, check_start
+from .trials import NUDGE, PATIENCE, Budget, Pilot, Start, Targets, Trials, check_start
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -199,7 +200,7 @@ CHAOS = 1e3
 
 def advise(
     model: Model | System,
-    quantities: Mapping[str, Quantity],
+    quantities: Mapping[str, Sensor | Callable[..., ArrayLike]],
     tolerance: float | Mapping[str, float],
     budget_s: float | None = None,
     seed: int = 0,
@@ -339,7 +340,7 @@ def _chaos(event: Trials, search: Search, seed: int) -> list[str]:
     return [f"chaotic: a nudge at the start grows {growth:.2g} times"]
 
 
-def _advice(event: Trials, reference: Reference, search: Search, reasons: list[str]) -> Advice:
+def _advice(event: Trials, reference: FinestRun, search: Search, reasons: list[str]) -> Advice:
     best, wanted = search.best, event.quantities
     if best is None:
         reasons.append("no candidate is within the tolerance")
@@ -367,7 +368,7 @@ def _advice(event: Trials, reference: Reference, search: Search, reasons: list[s
     return advice
 
 
-def _nothing(event: Trials, reference: Reference) -> Advice:
+def _nothing(event: Trials, reference: FinestRun) -> Advice:
     nan = event.quantities.given(np.nan)
     rows = [_row(Candidate(each, np.inf), None, ()) for each in event.plain]
     advice = Advice(None, nan, nan, nan, np.nan, np.nan, False, reference.doubts, rows)
@@ -376,7 +377,7 @@ def _nothing(event: Trials, reference: Reference) -> Advice:
     return advice
 
 
-def _error(event: Trials, reference: Reference, best: Candidate | None) -> float | dict[str, float]:
+def _error(event: Trials, reference: FinestRun, best: Candidate | None) -> float | dict[str, float]:
     """Against the reference, in the units of the quantities."""
     if best is None or reference.trial is None:
         return event.quantities.given(np.nan)
@@ -410,7 +411,7 @@ def _row(own: Candidate, best: Candidate | None, fragile: Collection[Hashable]) 
     }
 
 
-def _found(reference: Reference, search: Search) -> list[str]:
+def _found(reference: FinestRun, search: Search) -> list[str]:
     """What is known of the axes."""
     out = search.pilot.lines(
         search.best.trial.proposal.step if search.best else search.fine.proposal.step

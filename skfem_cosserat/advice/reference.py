@@ -9,7 +9,7 @@ import numpy as np
 from .proposals import Proposal
 from .trials import Trial, Trials
 
-__all__ = ["ORDER", "Reference", "find_reference"]
+__all__ = ["ORDER", "FinestRun", "find_reference"]
 
 #: order of the elements of references
 ORDER = 3
@@ -30,7 +30,7 @@ TRIES = 8
 
 
 @dataclass
-class Reference:
+class FinestRun:
     """The finest run, and how the way there went.
 
     Attributes
@@ -64,7 +64,7 @@ class Reference:
     doubts: list[str] = field(default_factory=list)
 
 
-def find_reference(event: Trials) -> Reference:
+def find_reference(event: Trials) -> FinestRun:
     """Refine full beams until the estimated error is below a tenth of the tolerance."""
     return _Refiner(event).find()
 
@@ -93,10 +93,10 @@ class _Refiner:
         chosen = names or tuple(self.level)
         return {name: k + by * (name in chosen) for name, k in self.level.items()}
 
-    def find(self) -> Reference:
+    def find(self) -> FinestRun:
         found = self._refine() if self._start() else None
         if found is None:
-            return Reference(None, np.inf, dict(self.level), self.steps, doubts=self.doubts)
+            return FinestRun(None, np.inf, dict(self.level), self.steps, doubts=self.doubts)
         while bad := self._orders(found):
             left = self.event.budget.allows(10 * self.last_cost) and not self._at_limit()
             if self.doubts or not left or self.tries == AGAIN:
@@ -130,9 +130,9 @@ class _Refiner:
         self.doubts.append(f"no run of up to {self.steps // 2} steps went through: {trial.reason}")
         return False
 
-    def _refine(self) -> Reference | None:
+    def _refine(self) -> FinestRun | None:
         """One axis at a time, the one with the larger difference."""
-        best: Reference | None = None
+        best: FinestRun | None = None
         for _ in range(2 * MOST):
             base = self.run(self.level, self.steps)
             finer = self.run(self.level, 2 * self.steps)
@@ -181,7 +181,7 @@ class _Refiner:
         most = max(self.level.values(), default=0)
         return self.steps >= self.event.base * 2**MOST or most >= MOST
 
-    def _misjudged(self, best: Reference, spaces: dict[str, float]) -> float:
+    def _misjudged(self, best: FinestRun, spaces: dict[str, float]) -> float:
         """What the last refinement of all beams changed counts, not that of each at fewer steps."""
         total = sum(spaces.values()) or 1.0
         width = best.falling["space difference"]
@@ -189,7 +189,7 @@ class _Refiner:
             self.space[name, self.level[name]] = d / total * width
         return width
 
-    def _final(self, finer: Trial, gap: float, width: float | None) -> Reference | None:
+    def _final(self, finer: Trial, gap: float, width: float | None) -> FinestRun | None:
         """The reference: refined in everything."""
         trial = finer
         if width is None and self.level:
@@ -198,7 +198,7 @@ class _Refiner:
                 return None
             width = self.event.distance(finer, trial)
         width = width or 0.0
-        return Reference(
+        return FinestRun(
             trial,
             gap / 3 + width / 3,
             dict(self.level),
@@ -208,7 +208,7 @@ class _Refiner:
             {"space difference": width},
         )
 
-    def _orders(self, found: Reference) -> dict[str, str]:
+    def _orders(self, found: FinestRun) -> dict[str, str]:
         """Axes on which differences do not fall as they should, with what was seen."""
         gap = found.time[found.steps]
         falling = {"time": np.inf, "space": np.inf}

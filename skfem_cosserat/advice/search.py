@@ -13,7 +13,7 @@ from ..constraints import Treatment
 from ..integrators import Integrator
 from ..types import Floats
 from .proposals import THEORIES, BeamModel, Proposal
-from .reference import ORDER, Reference
+from .reference import ORDER, FinestRun
 from .trials import PATIENCE, Pilot, Trial, Trials, look
 
 __all__ = [
@@ -89,7 +89,7 @@ class Predictor:
     Parameters
     ----------
     event : Event
-    reference : Reference
+    reference : FinestRun
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class Predictor:
         What was measured over what was predicted, lately.
     """
 
-    def __init__(self, event: Trials, reference: Reference) -> None:
+    def __init__(self, event: Trials, reference: FinestRun) -> None:
         self.event, self.reference = event, reference
         self.mesh: dict[int, dict[float, float]] = {}
         self.theory: dict[tuple[str, str], float] = {}
@@ -263,7 +263,7 @@ class Search:
     """
 
     event: Trials
-    reference: Reference
+    reference: FinestRun
     integrators: Sequence[Integrator]
     treatments: Sequence[Treatment]
     rng: np.random.Generator

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import time
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
@@ -26,7 +25,8 @@ from ..model import Model, System, planarity
 from ..model.plane import Planar
 from ..run import Sensor, derive_series, initial_state, simulate
 from ..run.sensors import checked_sensors
-from ..types import Array, ArrayLike, Floats, numbers, positive
+from ..study.quantities import Quantity, Reading
+from ..types import Floats, positive
 from ..warn import Notices
 from .proposals import BeamFull, BeamModel, Proposal
 
@@ -34,8 +34,6 @@ __all__ = [
     "Budget",
     "CostMeter",
     "Pilot",
-    "Quantity",
-    "Reading",
     "RunningCost",
     "Start",
     "Targets",
@@ -270,71 +268,13 @@ class RunningCost:
 
 # -- what is asked of a run: readings of quantities, and how far two runs are apart ----------------
 
-#: A sensor, a function of the history, or one of the system and a state.
-Quantity: TypeAlias = Sensor | Callable[[History], ArrayLike] | Callable[[System, State], ArrayLike]
-
-
-@dataclass(frozen=True, eq=False)
-class Reading:
-    """A quantity of a run.
-
-    Attributes
-    ----------
-    values : (...) or (K, ...) array
-    times : (K,) array or None
-        None: one value for the whole run.
-    """
-
-    values: Array
-    times: Floats | None = None
-
-    @property
-    def finite(self) -> bool:
-        """Whether all of it is numbers."""
-        return bool(np.isfinite(self.values).all())
-
-    @property
-    def span(self) -> float:
-        """Largest distance from its first value, or its size."""
-        if self.times is None:
-            return float(np.linalg.norm(self.values))
-        moved = (self.values - self.values[:1]).reshape(len(self.values), -1)
-        return float(np.linalg.norm(moved, axis=1).max())
-
-    def distance(self, other: Reading) -> float:
-        """Largest distance at the instants of the one with fewer of them."""
-        if self.times is None or other.times is None:
-            return float(np.linalg.norm(np.asarray(self.values - other.values)))
-        coarse, fine = (self, other) if len(self.times) <= len(other.times) else (other, self)
-        t, ends = self.times if coarse is self else other.times, fine.ends
-        inside = (t >= ends[0] * (1 - 1e-9)) & (t <= ends[1] * (1 + 1e-9))
-        gap = (coarse.values[inside] - fine.at(t[inside])).reshape(int(inside.sum()), -1)
-        return float(np.linalg.norm(gap, axis=1).max())
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """First and last instant."""
-        assert self.times is not None
-        return float(self.times[0]), float(self.times[-1])
-
-    def at(self, t: Floats) -> Array:
-        """Values at instants: its own, or between them by cubic splines."""
-        assert self.times is not None
-        k = np.searchsorted(self.times, t - 1e-9 * self.times[-1])
-        k = np.minimum(k, len(self.times) - 1)
-        if abs(self.times[k] - t).max() <= 1e-6 * (self.times[1] - self.times[0]):
-            return np.asarray(self.values[k])
-        from scipy.interpolate import CubicSpline
-
-        return np.asarray(CubicSpline(self.times, self.values)(t))
-
 
 class Targets:
     """Named quantities with the error that is allowed in each.
 
     Parameters
     ----------
-    quantities : mapping of str to Quantity
+    quantities : mapping of str to sensor or function
     tolerance : float or mapping of str to float
         In the units of the quantities.
 
@@ -346,20 +286,21 @@ class Targets:
     """
 
     def __init__(
-        self, quantities: Mapping[str, Quantity], tolerance: float | Mapping[str, float]
+        self, quantities: Mapping[str, Any], tolerance: float | Mapping[str, float]
     ) -> None:
         item = "argument quantities"
         if not isinstance(quantities, Mapping) or not quantities:
             raise InputError(item, f"{quantities!r}, expected a dict of names and quantities")
         self.sensors: dict[str, Sensor] = {}
-        self.functions: dict[str, tuple[int, Callable[..., Any]]] = {}
+        self.wanted: list[Quantity] = []
         for name, quantity in quantities.items():
             if not isinstance(name, str) or not name or "/" in name:
                 raise InputError(item, f"{name!r}, expected a name without slashes")
+            self.wanted.append(Quantity(name, quantity))
             if isinstance(quantity, Sensor):
                 self.sensors[name] = quantity
             else:
-                self.functions[name] = (_arguments(name, quantity), quantity)
+                self.wanted[-1].count_arguments()
         self.single = not isinstance(tolerance, Mapping)
         if isinstance(tolerance, Mapping) and set(tolerance) != set(quantities):
             raise InputError(
@@ -382,29 +323,11 @@ class Targets:
     @property
     def of_history(self) -> bool:
         """Whether some want a whole history, with what is derived from it."""
-        return any(count == 1 for count, _ in self.functions.values())
+        return any(each.of_history for each in self.wanted)
 
     def read(self, system: System, history: History) -> dict[str, Reading]:
         """All of them, from the sensors' records and the recorded states of a run."""
-        out = {}
-        for name in self.sensors:
-            record = history.sensors[name]
-            out[name] = Reading(record.values, record.times)
-        for name, (count, function) in self.functions.items():
-            if count == 1:
-                values = numbers("quantity", name, function(history))
-                series = values.ndim > 0 and len(values) == len(history)
-                out[name] = Reading(values, history.times if series else None)
-            else:
-                states = [
-                    State(float(t), int(k), q, p)
-                    for t, k, q, p in zip(
-                        history.times, history["step"], history["q"], history["p"], strict=True
-                    )
-                ]
-                values = numbers("quantity", name, [function(system, state) for state in states])
-                out[name] = Reading(values, history.times)
-        return out
+        return {each.name: each.over_run(system, history) for each in self.wanted}
 
     def distances(self, a: Mapping[str, Reading], b: Mapping[str, Reading]) -> dict[str, float]:
         """How far two runs are apart, by quantity (in its unit)."""
@@ -420,28 +343,6 @@ class Targets:
         if self.single:
             return size * next(iter(self.tolerance.values()))
         return {name: size * tolerance for name, tolerance in self.tolerance.items()}
-
-
-def _arguments(name: str, quantity: Any) -> int:
-    """Whether it takes a history (1), or a system and a state (2)."""
-    item = f"quantity {name!r}"
-    if not callable(quantity):
-        raise InputError(item, f"is {quantity!r}, expected a sensor or a function")
-    try:
-        parameters = inspect.signature(quantity).parameters.values()
-    except (TypeError, ValueError):  # some written in C do not say
-        return 1
-    needed = [
-        each
-        for each in parameters
-        if each.default is each.empty
-        and each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD)
-    ]
-    if len(needed) not in (1, 2):
-        raise InputError(
-            item, f"takes {len(needed)} arguments, expected (history) or (system, state)"
-        )
-    return len(needed)
 
 
 # -- A scene from its start to the end of an event: any proposal is run through all of it ----------
@@ -536,7 +437,7 @@ class Trials:
     Parameters
     ----------
     model : Model
-    quantities : Quantities
+    quantities : Targets
     until : float, optional
         How long it is (s); default: see :func:`duration`.
     start : State or callable, optional

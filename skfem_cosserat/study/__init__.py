@@ -7,13 +7,18 @@ executor, resumed from a folder), `ResultTable` with `provenance`, `convergence`
 
 from ..export.table import write_rows
 from .cases import TimedOut, TimeLimit, identity, run_cases, status
-from .levels import ReferenceFinest, ReferenceRun
 from .orders import Convergence, convergence
 from .precision import Front, Level, PrecisionTable, Standing, work_precision
 from .quantities import AtInstants, MaximumOverTime, OverTime, RootMeanSquare
+from .references import (
+    ReferenceFinest,
+    ReferenceKnown,
+    ReferencePair,
+    ReferenceRun,
+)
 from .refinement import Refinement, refine
 from .results import ResultTable, provenance
-from .setups import ReferenceKnown, ReferencePair, Setup, setup_grid
+from .setups import Setup, setup_grid
 from .stability import Map, stability_map
 from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 

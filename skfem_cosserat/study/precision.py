@@ -16,17 +16,17 @@ import numpy as np
 from ..errors import InputError
 from ..parallel import Executor, Job, Outcome
 from ..parallel.jobs import Caught, in_words
-from ..types import Array, Floats, positive, switch
+from ..types import positive, switch
 from ..warn import sum_up, told
 from .cases import OnOutcome, identity, run_cases
 from .charts import Lines, Row, precision_chart
 from .orders import euclidean
-from .quantities import OverTime, Quantities, Sample, aligned
+from .quantities import OverTime, Quantities, Reading, aligned
+from .references import Reference, reference_of_setups
 from .results import ResultTable, provenance
 from .setups import (
     Measured,
     Setup,
-    Truth,
     as_setups,
     best_cost,
     counts,
@@ -514,7 +514,7 @@ def work_precision(
     for 1e-04 in integral the cheapest is trapezoid, count = 100: 1.4e-05 in 0.0001 s
     """
     chosen = as_setups(setups)
-    truth, wanted = Truth(reference), _wanted(quantities, norm)
+    truth, wanted = reference_of_setups(reference), Quantities(quantities, norm)
     if isinstance(repeats, bool) or not isinstance(repeats, int | np.integer) or repeats < 1:
         raise InputError("argument repeats", f"{repeats!r}, expected a positive integer")
     if timeout_s is not None:
@@ -544,19 +544,12 @@ def work_precision(
         check=study.check,
         retry=switch("argument retry", retry),
     )
-    table = study.table({each.name: each for each in outcomes})
+    kind = "runs" if truth.runs else "values"
+    notes = {"reference": f"{type(reference).__name__} ({kind})"}
+    table = study.table({each.name: each for each in outcomes}, notes)
     about = {each.name: each.warnings for each in outcomes}
     sum_up("work and precision", "setups", about, "table.rows, print(table)")
     return table
-
-
-def _wanted(quantities: Any, norm: Any) -> Quantities:
-    if norm is not None and not isinstance(norm, OverTime):
-        raise InputError(
-            "argument norm",
-            f"{norm!r}, expected MaximumOverTime(), RootMeanSquare() or AtInstants(times)",
-        )
-    return Quantities(quantities, norm)
 
 
 class _PrecisionStudy:
@@ -565,76 +558,61 @@ class _PrecisionStudy:
     def __init__(
         self,
         setups: list[Setup],
-        truth: Truth,
+        truth: Reference,
         wanted: Quantities,
     ) -> None:
         self.setups, self.truth, self.wanted = setups, truth, wanted
         self.outcomes: dict[str, Outcome] = {}
         self.failed: dict[str, tuple[str, str]] = {}
-        self.samples: dict[str, Sample] = {}
+        self.samples: dict[str, dict[str, Reading]] = {}
 
     def check(self, outcome: Outcome) -> None:
         """End the study early if nothing could be compared with a run of the reference."""
-        if outcome.name in self.truth.runs:
-            self._sample_reference(outcome)
+        if outcome.name not in self.truth.runs:
+            return
+        error = self._sample(outcome)
+        if isinstance(error, InputError):
+            raise error
+        if error is not None:
+            raise InputError(
+                "argument quantities", f"the run of the reference: {in_words(error)}"
+            ) from error
+        if outcome.name in self.failed:
+            state, reason = self.failed[outcome.name]
+            raise InputError("argument reference", f"its run failed: {reason or state}")
 
-    def table(self, outcomes: dict[str, Outcome]) -> PrecisionTable:
+    def table(self, outcomes: dict[str, Outcome], notes: dict[str, Any]) -> PrecisionTable:
         """Errors of all setups that have any."""
         self.outcomes = outcomes
         for setup in self.setups:
-            self._sample(setup.label)
+            self._sample(outcomes[setup.label])
         names = self._names()
         errors: dict[str, dict[str, float]] = {setup.label: {} for setup in self.setups}
         own: dict[str, float] = {}
         for name in names:
             own[name] = self._compare(name, errors)
         rows = [self._row(setup, names, errors[setup.label]) for setup in self.setups]
-        return PrecisionTable(rows, own, self._notes())
+        return PrecisionTable(rows, own, notes)
 
-    def _sample_reference(self, outcome: Outcome) -> None:
-        name = outcome.name
-        wrong = None if not outcome.ok else failure(outcome.value.result)
-        if outcome.error is not None:
-            wrong = "error", in_words(outcome.error)
-        if wrong is not None:
-            raise InputError("argument reference", f"its run failed: {wrong[1] or wrong[0]}")
-        reading, sample = Caught(), Sample({})
-        with reading:
-            sample = self.wanted.sample(outcome.value.result, name)
-        if isinstance(reading.error, InputError):
-            raise reading.error
-        if reading.error is not None:
-            raise InputError(
-                "argument quantities", f"the run of the reference: {in_words(reading.error)}"
-            ) from reading.error
-        bad = [key for key, value in sample.values.items() if not np.isfinite(value).all()]
-        if bad:
-            raise InputError("argument reference", f"its run gave {bad[0]!r} not finite")
-        self.samples[name] = sample
-
-    def _sample(self, label: str) -> None:
-        """Quantities of a setup, or why there are none."""
-        outcome = self.outcomes[label]
-        if outcome.error is not None:
-            self.failed[label] = raised(outcome.error)
-            return
-        wrong = failure(outcome.value.result)
+    def _sample(self, outcome: Outcome) -> BaseException | None:
+        """Quantities of a run, or why there are none; gives what reading them raised."""
+        label = outcome.name
+        wrong = failure(outcome.value.result) if outcome.error is None else raised(outcome.error)
         if wrong is not None:
             self.failed[label] = wrong
-            return
-        sample, reading = None, Caught()
+            return None
+        sample: dict[str, Reading] = {}
+        reading = Caught()
         with reading:
             sample = self.wanted.sample(outcome.value.result, label)
-        if sample is None:
-            error = reading.error
-            self.failed[label] = "error", "" if error is None else in_words(error)
-            self._cause = error
-            return
-        bad = [name for name, value in sample.values.items() if not np.isfinite(value).all()]
-        if bad:
+        bad = [name for name, each in sample.items() if not each.finite]
+        if reading.error is not None:
+            self.failed[label] = "error", in_words(reading.error)
+        elif bad:
             self.failed[label] = "diverged", f"quantity {bad[0]!r} is not finite"
-            return
-        self.samples[label] = sample
+        else:
+            self.samples[label] = sample
+        return reading.error
 
     def _names(self) -> list[str]:
         """Names of the quantities; an error if they could not be had from anything."""
@@ -645,7 +623,7 @@ class _PrecisionStudy:
             raise InputError(
                 "argument quantities", f"no setup gave them; {name}: {self.failed[name][1]}"
             )
-        known = self.wanted.names or list(next(iter(self.samples.values()), Sample({})).values)
+        known = self.wanted.names or list(next(iter(self.samples.values()), {}))
         self.truth.check(known)
         return known
 
@@ -656,21 +634,13 @@ class _PrecisionStudy:
             return float("nan")
         values, instants = aligned(name, self.samples, self.wanted.over)
 
-        def size(difference: Array) -> float:
-            return self._size(difference, instants)
-
+        size = self.wanted.norm(instants)
         shape = next(iter(values.values())).shape
         exact, own = self.truth.of(name, values, instants, shape, size)
         for label, value in values.items():
             if label in errors:
                 errors[label][name] = size(value - exact)
         return own
-
-    def _size(self, difference: Array, instants: Floats | None) -> float:
-        over = self.wanted.over
-        if over is None or instants is None:
-            return float(euclidean(difference))
-        return float(over.size(instants, difference))
 
     def _drop_strange(self, name: str) -> None:
         """Setups that cannot be compared with the reference have failed, and disturb no others."""
@@ -682,7 +652,7 @@ class _PrecisionStudy:
                     pair = {each: self.samples[each] for each in (*self.truth.runs, label)}
                     aligned(name, pair, self.wanted.over)
                 elif self.wanted.over is None:
-                    value = sample.values.get(name, np.empty(0))
+                    value = sample[name].values if name in sample else np.empty(0)
                     self.truth.of(name, {}, None, value.shape, euclidean)
             if comparing.error is not None:
                 self.failed[label] = "error", in_words(comparing.error)
@@ -702,8 +672,3 @@ class _PrecisionStudy:
             "kernels": ran(said),
             "warnings": told(outcome.warnings),
         }
-
-    def _notes(self) -> dict[str, Any]:
-        given = self.truth.given
-        kind = "values" if self.truth.known else "runs"
-        return {"reference": f"{type(given).__name__} ({kind})"}

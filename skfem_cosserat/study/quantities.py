@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,15 +12,20 @@ import numpy as np
 
 from ..errors import InputError
 from ..history import History
+from ..integrators import State
+from ..model import System
+from ..run import Sensor
 from ..types import Array, Floats, numbers
+from .orders import Norm, euclidean
 
 __all__ = [
     "AtInstants",
     "MaximumOverTime",
     "OverTime",
     "Quantities",
+    "Quantity",
+    "Reading",
     "RootMeanSquare",
-    "Sample",
     "aligned",
     "common_instants",
     "rows_at",
@@ -167,11 +173,160 @@ TIMES = "t"
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
-    """Quantities of one result; with times, if compared over time."""
+class Reading:
+    """A quantity of a run.
 
-    values: dict[str, Array]
+    Attributes
+    ----------
+    values : (...) or (K, ...) array
+    times : (K,) array or None
+        None: one value for the whole run.
+    """
+
+    values: Array
     times: Floats | None = None
+
+    @property
+    def finite(self) -> bool:
+        """Whether all of it is numbers."""
+        return bool(np.isfinite(self.values).all())
+
+    @property
+    def span(self) -> float:
+        """Largest distance from its first value, or its size."""
+        if self.times is None:
+            return float(np.linalg.norm(self.values))
+        moved = (self.values - self.values[:1]).reshape(len(self.values), -1)
+        return float(np.linalg.norm(moved, axis=1).max())
+
+    def distance(self, other: Reading) -> float:
+        """Largest distance at the instants of the one with fewer of them."""
+        if self.times is None or other.times is None:
+            return float(np.linalg.norm(np.asarray(self.values - other.values)))
+        coarse, fine = (self, other) if len(self.times) <= len(other.times) else (other, self)
+        t, ends = self.times if coarse is self else other.times, fine.ends
+        inside = (t >= ends[0] * (1 - 1e-9)) & (t <= ends[1] * (1 + 1e-9))
+        gap = (coarse.values[inside] - fine.at(t[inside])).reshape(int(inside.sum()), -1)
+        return float(np.linalg.norm(gap, axis=1).max())
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """First and last instant."""
+        assert self.times is not None
+        return float(self.times[0]), float(self.times[-1])
+
+    def at(self, t: Floats) -> Array:
+        """Values at instants: its own, or between them by cubic splines."""
+        assert self.times is not None
+        k = np.searchsorted(self.times, t - 1e-9 * self.times[-1])
+        k = np.minimum(k, len(self.times) - 1)
+        if abs(self.times[k] - t).max() <= 1e-6 * (self.times[1] - self.times[0]):
+            return np.asarray(self.values[k])
+        from scipy.interpolate import CubicSpline
+
+        return np.asarray(CubicSpline(self.times, self.values)(t))
+
+
+class Quantity:
+    """What is looked at in results, under a name.
+
+    Parameters
+    ----------
+    name : str
+    given : callable, Sensor or str
+        A function of a result, of a system and a state, or of a system and a configuration; a
+        sensor; the name of an entry of a mapping or of a series of a History.
+
+    Examples
+    --------
+    >>> Quantity("twice", lambda result: 2 * result).of_result(4.0)
+    8.0
+    """
+
+    def __init__(self, name: str, given: Any) -> None:
+        self.name, self.given = name, given
+
+    def of_result(self, result: Any, over_time: bool = False) -> Any:
+        """From a result of a study: over time, or at its end.
+
+        Raises
+        ------
+        InputError
+            If there is no such entry.
+        """
+        what = self.given
+        if not isinstance(what, str):
+            return what(result)
+        if isinstance(result, History):
+            return result[what] if over_time else result[what][-1]
+        if not isinstance(result, Mapping):
+            raise InputError(
+                f"quantity {what!r}",
+                f"is a name, but the problem gave a {type(result).__name__}, which has none:"
+                " expected a mapping or a History",
+            )
+        if what not in result:
+            raise InputError(f"quantity {what!r}", f"unknown; there are {', '.join(result)}")
+        return result[what]
+
+    def count_arguments(self) -> int:
+        """How many arguments it takes: a history (1), or a system and a state (2).
+
+        Raises
+        ------
+        InputError
+            If it is no such function.
+        """
+        item, quantity = f"quantity {self.name!r}", self.given
+        if not callable(quantity):
+            raise InputError(item, f"is {quantity!r}, expected a sensor or a function")
+        try:
+            parameters = inspect.signature(quantity).parameters.values()
+        except (TypeError, ValueError):  # some written in C do not say
+            return 1
+        needed = [
+            each
+            for each in parameters
+            if each.default is each.empty
+            and each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD)
+        ]
+        if len(needed) not in (1, 2):
+            raise InputError(
+                item, f"takes {len(needed)} arguments, expected (history) or (system, state)"
+            )
+        return len(needed)
+
+    @property
+    def of_history(self) -> bool:
+        """Whether it wants a whole history, with what is derived from it."""
+        return not isinstance(self.given, Sensor) and self.count_arguments() == 1
+
+    def over_run(self, system: System, history: History) -> Reading:
+        """From the sensors' records and the recorded states of a run."""
+        if isinstance(self.given, Sensor):
+            record = history.sensors[self.name]
+            return Reading(record.values, record.times)
+        if self.of_history:
+            values = numbers("quantity", self.name, self.given(history))
+            series = values.ndim > 0 and len(values) == len(history)
+            return Reading(values, history.times if series else None)
+        rows = history.times, history["step"], history["q"], history["p"]
+        states = [State(float(t), int(k), q, p) for t, k, q, p in zip(*rows, strict=True)]
+        found = [self.given(system, state) for state in states]
+        return Reading(numbers("quantity", self.name, found), history.times)
+
+    def at(self, system: System, q: Floats) -> Floats:
+        """Its numbers (k,) at one configuration (n,).
+
+        Raises
+        ------
+        InputError
+            If they are none, or not finite.
+        """
+        value = np.atleast_1d(numbers("quantity", "value", self.given(system, q)))
+        if value.ndim != 1 or not value.size or not np.isfinite(value).all():
+            raise InputError("quantity", f"gave {value!r}, expected one or more finite numbers")
+        return value
 
 
 class Quantities:
@@ -187,13 +342,18 @@ class Quantities:
     Examples
     --------
     >>> wanted = Quantities({"twice": lambda result: 2 * result})
-    >>> float(wanted.sample(4.0, "level 1").values["twice"])
+    >>> float(wanted.sample(4.0, "level 1")["twice"].values)
     8.0
     """
 
     def __init__(self, given: Any, over: OverTime | None = None) -> None:
+        if over is not None and not isinstance(over, OverTime):
+            raise InputError(
+                "argument norm",
+                f"{over!r}, expected MaximumOverTime(), RootMeanSquare() or AtInstants(times)",
+            )
         self.over = over
-        self._given: dict[str, Callable[[Any], Any] | str] | None = None
+        self._given: list[Quantity] | None = None
         if given is None:
             return
         if isinstance(given, str) or not isinstance(given, Mapping | Sequence):
@@ -209,14 +369,21 @@ class Quantities:
                 )
         if not named:
             raise InputError("argument quantities", f"{given!r}, expected at least one")
-        self._given = named
+        self._given = [Quantity(name, what) for name, what in named.items()]
 
     @property
     def names(self) -> list[str]:
         """Names, as far as known without a result."""
-        return list(self._given or ())
+        return [each.name for each in self._given or ()]
 
-    def sample(self, result: Any, level: str) -> Sample:
+    def norm(self, instants: Floats | None) -> Norm:
+        """Size of differences at these instants (None: not compared over time)."""
+        over = self.over
+        if over is None or instants is None:
+            return euclidean
+        return lambda difference: over.size(instants, difference)
+
+    def sample(self, result: Any, level: str) -> dict[str, Reading]:
         """The quantities of a result.
 
         Raises
@@ -228,7 +395,8 @@ class Quantities:
         if self._given is None:
             values = _all_entries(result)
         else:
-            values = {name: self._value(what, result) for name, what in self._given.items()}
+            over = self.over is not None
+            values = {each.name: each.of_result(result, over) for each in self._given}
         arrays = {name: _array(name, value, level) for name, value in values.items()}
         for name, array in arrays.items():
             if times is not None and (array.ndim == 0 or len(array) != len(times)):
@@ -237,22 +405,7 @@ class Quantities:
                     f"shape {array.shape} at {level}, expected one entry for each of the"
                     f" {len(times)} states, as it is compared over time",
                 )
-        return Sample(arrays, times)
-
-    def _value(self, what: Callable[[Any], Any] | str, result: Any) -> Any:
-        if not isinstance(what, str):
-            return what(result)
-        if isinstance(result, History):
-            return result[what] if self.over is not None else result[what][-1]
-        if not isinstance(result, Mapping):
-            raise InputError(
-                f"quantity {what!r}",
-                f"is a name, but the problem gave a {type(result).__name__}, which has none:"
-                " expected a mapping or a History",
-            )
-        if what not in result:
-            raise InputError(f"quantity {what!r}", f"unknown; there are {', '.join(result)}")
-        return result[what]
+        return {name: Reading(array, times) for name, array in arrays.items()}
 
     def _times(self, result: Any, level: str) -> Floats:
         if isinstance(result, History):
@@ -291,7 +444,7 @@ def _array(name: str, value: Any, level: str) -> Array:
 
 
 def aligned(
-    name: str, samples: Mapping[str, Sample], over: OverTime | None
+    name: str, samples: Mapping[str, Mapping[str, Reading]], over: OverTime | None
 ) -> tuple[dict[str, Array], Floats | None]:
     """Values of a quantity by level, at the instants that all levels share.
 
@@ -300,13 +453,13 @@ def aligned(
     InputError
         If shapes differ from level to level, or there are no common instants.
     """
-    lacking = [level for level, sample in samples.items() if name not in sample.values]
+    lacking = [level for level, sample in samples.items() if name not in sample]
     if lacking:
         raise InputError(f"quantity {name!r}", f"missing at {lacking[0]}")
-    values = {level: sample.values[name] for level, sample in samples.items()}
+    values = {level: sample[name].values for level, sample in samples.items()}
     instants = None
     if over is not None:
-        times = {level: np.asarray(sample.times) for level, sample in samples.items()}
+        times = {level: np.asarray(sample[name].times) for level, sample in samples.items()}
         instants = over.select(common_instants(list(times.values())))
         if not len(instants):
             raise InputError(

@@ -21,20 +21,16 @@ from ..warn import counted, sum_up, told
 from .cases import OnOutcome, identity, run_cases, status
 from .charts import Line, convergence_chart
 from .levels import (
-    Known,
-    ReferenceFinest,
-    ReferenceRun,
     Series,
     StudyLevel,
     case_name,
     check_call,
-    known_values,
     series_of,
     text,
-    value_of,
 )
-from .orders import Convergence, Norm, convergence, euclidean
+from .orders import Convergence, convergence
 from .quantities import OverTime, Quantities, aligned
+from .references import ReferenceFinest, reference_of_levels
 from .results import ResultTable, provenance
 
 if TYPE_CHECKING:
@@ -378,9 +374,10 @@ def refine(
         compared as they are, by the Euclidean norm.
     reference : optional
         True values: a number or array (of the only quantity) or a mapping by quantity, each also a
-        function (of the instants, if compared over time); :class:`ReferenceRun`, another call of
-        the problem; :class:`ReferenceFinest`. None: levels are compared with each other, and
-        errors are against the value that Richardson extrapolation gives.
+        function (of the instants, if compared over time), or :class:`ReferenceKnown`;
+        :class:`ReferenceRun`, another call of the problem; :class:`ReferenceFinest`. None: levels
+        are compared with each other, and errors are against the value that Richardson
+        extrapolation gives.
     rounding : float or mapping, optional
         Error of each quantity by rounding and unfinished iterations, relative to its largest value.
         Levels whose error is not 100 times that do not count for the order. Default: 64 times the
@@ -446,11 +443,6 @@ def refine(
       elements = 64, order = 1  error 1.675e-04 +- 4.2e-05  order 2.02
     """
     series = series_of(elements, mesh, order, step, together)
-    if norm is not None and not isinstance(norm, OverTime):
-        raise InputError(
-            "argument norm",
-            f"{norm!r}, expected MaximumOverTime(), RootMeanSquare() or AtInstants(times)",
-        )
     wanted = Quantities(quantities, norm)
     plan = _Plan(series, wanted, reference, rounding)
     for arguments in plan.calls.values():
@@ -489,16 +481,12 @@ class _Plan:
     def __init__(
         self, series: list[Series], wanted: Quantities, reference: Any, rounding: Any
     ) -> None:
-        self.series, self.wanted, self.reference = series, wanted, reference
-        self.known: dict[str | None, Known] = known_values(reference)
+        self.series, self.wanted, self.given = series, wanted, reference
         self.rounding = _rounding(rounding)
         levels = [level for each in series for level in each.levels]
-        self.calls = {level.name: level.arguments for level in levels}
-        self.exact = ""
-        if isinstance(reference, ReferenceRun):
-            arguments = {**levels[-1].arguments, **reference.arguments}
-            self.exact = case_name(arguments)
-            self.calls.setdefault(self.exact, arguments)
+        self.reference = reference_of_levels(reference).beside(levels[-1].arguments)
+        self.levels = {level.name: level.arguments for level in levels}
+        self.calls = self.levels | self.reference.runs
         self._names: list[str] = []
         if wanted.names:
             self._check_names(wanted.names)
@@ -507,23 +495,16 @@ class _Plan:
         """Look at the first result: what is wrong with the quantities ends the study early."""
         if status(outcome) != "ok" or self._names:
             return
-        self._names = list(self.wanted.sample(outcome.value, outcome.name).values)
+        self._names = list(self.wanted.sample(outcome.value, outcome.name))
         self._check_names(self._names)
 
     def _check_names(self, names: list[str]) -> None:
         """Refuse references and roundings that do not fit the quantities."""
-        if None in self.known and len(names) > 1:
-            raise InputError(
-                "argument reference",
-                f"one value for {len(names)} quantities, expected a mapping with"
-                f" {', '.join(names)}",
-            )
-        for given in (self.known, self.rounding):
-            strange = [name for name in given if name is not None and name not in names]
-            if strange:
-                raise InputError(
-                    f"quantity {strange[0]!r}", f"unknown; there are {', '.join(names)}"
-                )
+        given = self.given if isinstance(self.given, Mapping) else {}
+        strange = [name for name in (*given, *self.rounding) if name not in (None, *names)]
+        if strange:
+            raise InputError(f"quantity {strange[0]!r}", f"unknown; there are {', '.join(names)}")
+        self.reference.check(names, every=False)
 
     def result(self, title: str, outcomes: dict[str, Outcome]) -> Refinement:
         """Judge each quantity in each series."""
@@ -532,58 +513,30 @@ class _Plan:
             for name, each in outcomes.items()
             if status(each) == "ok"
         }
-        if self.exact and self.exact not in samples:
-            failed = outcomes[self.exact]
-            raise InputError("argument reference", f"its run failed: {failed.error}")
+        for run in self.reference.runs:
+            if run not in samples:
+                raise InputError("argument reference", f"its run failed: {outcomes[run].error}")
         orders, values = {}, {}
         for name in self._names:
             shared, instants = aligned(name, samples, self.wanted.over)
-            known = self._exact(name, shared, instants)
+            norm, known = self.wanted.norm(instants), None
+            for first in [*shared.values()][:1]:
+                known, _ = self.reference.of(name, shared, instants, first.shape, norm)
             for series in self.series:
                 key = f"{name}, {series.label}" if series.label else name
-                orders[key] = self._judged(name, series, shared, instants, known)
+                orders[key] = convergence(
+                    series.sizes,
+                    [_finite(shared, level) for level in series.levels],
+                    norm,
+                    known,
+                    self.rounding.get(name, self.rounding.get(None)),
+                    isinstance(self.reference, ReferenceFinest),
+                )
                 names = [level.name for level in series.levels]
                 values[key] = {each: shared[each] for each in names if each in shared}
-        used = {each: outcomes[each] for each in outcomes if each in self._level_names()}
-        notes = {"reference": _reference_text(self.reference)}
+        used = {each: outcomes[each] for each in outcomes if each in self.levels}
+        notes = {"reference": self.reference.about}
         return Refinement(title, self.series, used, orders, values, notes)
-
-    def _level_names(self) -> set[str]:
-        return {level.name for series in self.series for level in series.levels}
-
-    def _exact(self, name: str, shared: dict[str, Array], instants: Floats | None) -> Array | None:
-        if self.exact:
-            value = shared[self.exact]
-            if not np.isfinite(value).all():
-                raise InputError("argument reference", f"its run gave {name!r} not finite")
-            return value
-        known = self.known.get(name, self.known.get(None))
-        if known is None or not shared:
-            return None
-        return value_of(known, instants, next(iter(shared.values())).shape, name)
-
-    def _judged(
-        self,
-        name: str,
-        series: Series,
-        shared: dict[str, Array],
-        instants: Floats | None,
-        known: Array | None,
-    ) -> Convergence:
-        return convergence(
-            series.sizes,
-            [_finite(shared, level) for level in series.levels],
-            self._size(instants),
-            known,
-            self.rounding.get(name, self.rounding.get(None)),
-            isinstance(self.reference, ReferenceFinest),
-        )
-
-    def _size(self, instants: Floats | None) -> Norm:
-        over = self.wanted.over
-        if over is None or instants is None:
-            return euclidean
-        return lambda difference: over.size(instants, difference)
 
 
 def _finite(shared: Mapping[str, Array], level: StudyLevel) -> Array | None:
@@ -599,11 +552,3 @@ def _rounding(given: Any) -> dict[str | None, float]:
         name: positive("argument rounding", "value" if name is None else str(name), value)
         for name, value in named.items()
     }
-
-
-def _reference_text(reference: Any) -> str:
-    if reference is None:
-        return "none: levels are compared with each other"
-    if isinstance(reference, ReferenceFinest):
-        return "the finest level"
-    return repr(reference) if isinstance(reference, ReferenceRun) else "given"
