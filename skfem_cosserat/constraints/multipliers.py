@@ -241,7 +241,7 @@ class Multipliers(Treatment):
 class BoundMultipliers(BoundTreatment):
     """See :class:`Multipliers`. Internally the unknown is the impulse ``h lambda``, scaled."""
 
-    def __init__(self, system: System, weight: float, scaled: bool, large: bool = False) -> None:
+    def __init__(self, system: System, weight: float, scaled: bool, large: bool) -> None:
         super().__init__(system, weight)
         n, m, g = system.n, system.m, system.constraints
         self.scaled = scaled

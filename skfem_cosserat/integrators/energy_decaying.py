@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from ..errors import InputError
 from ..kernels import cross, skew
 from ..model import System
-from ..model.force_elements import CoupledForce
+from ..model.force_elements import CoupledForce, CoupledStart
 from ..model.groups import BeamGroup, Blocks, Parts
 from ..types import Array, Floats, IndexArray, positive, real, switch
 from .base import Evaluation, State, StepData, StepWork
@@ -380,11 +380,12 @@ class EnergyDecaying(EnergyMomentum):
         change = strains - step.strains0[k]
         return np.asarray((0.5 * step.chi) * (change @ group.elements.stiffness))
 
-    def coupled(self, system: System, step: StepData, mid: Array, y1: Array) -> CoupledForce:
+    def coupled(
+        self, system: System, step: StepData, start: CoupledStart, mid: Array, y1: Array
+    ) -> CoupledForce:
         """See the base class; springs are damped as beams are."""
         assert isinstance(step, _DecayingStep)
-        assert step.couplings is not None
-        return system.couplings.discrete(step.couplings, mid, y1, step.chi)
+        return system.couplings.discrete(start, mid, y1, step.chi)
 
     def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:
         """See the base class."""

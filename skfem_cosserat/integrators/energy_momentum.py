@@ -9,7 +9,7 @@ import numpy as np
 from ..constraints.base import largest
 from ..constraints.saddle import nearest_velocity
 from ..model import System
-from ..model.force_elements import CoupledForce
+from ..model.force_elements import CoupledForce, CoupledStart
 from ..model.groups import BeamGroup, Blocks
 from ..types import Array, Floats, switch
 from .base import (
@@ -148,7 +148,7 @@ class EnergyMomentum(Integrator):
         internal, stresses, damping = damped_force(system, step, Bs, stresses, y1)
         coupled = None
         if step.couplings is not None:
-            coupled = self.coupled(system, step, mid, y1)
+            coupled = self.coupled(system, step, step.couplings, mid, y1)
             internal = internal + coupled.force[:rows]
         external = load_force(system, step, mid)
         terms = [momentum, h * internal]
@@ -175,10 +175,11 @@ class EnergyMomentum(Integrator):
         assert isinstance(step, EnergyMomentumStep)
         return group.discrete_stress(step.strains0[k], step.stresses0[k], strains)
 
-    def coupled(self, system: System, step: StepData, mid: Array, y1: Array) -> CoupledForce:
+    def coupled(
+        self, system: System, step: StepData, start: CoupledStart, mid: Array, y1: Array
+    ) -> CoupledForce:
         """Forces of springs and other force elements in a step: discrete derivatives likewise."""
-        assert step.couplings is not None
-        return system.couplings.discrete(step.couplings, mid, y1)
+        return system.couplings.discrete(start, mid, y1)
 
     def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
         """See the base class: ``2M/h + h d(DV)/dq_{n+1}``."""
