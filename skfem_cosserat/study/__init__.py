@@ -5,7 +5,7 @@ executor, resumed from a folder), `ResultTable` with `provenance`, `convergence`
 :func:`work_precision` for errors against costs, :func:`stability_map` for where methods fail.
 """
 
-from ..export.table import write_rows
+from ..export import write_rows
 from .cases import TimedOut, TimeLimit, identity, run_cases, status
 from .orders import Convergence, convergence
 from .precision import Front, Level, PrecisionTable, Standing, work_precision

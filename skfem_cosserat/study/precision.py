@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import ceil, floor, isfinite, log10
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,8 +21,8 @@ from .cases import OnOutcome, identity, run_cases
 from .charts import Lines, Row, precision_chart
 from .orders import euclidean
 from .quantities import OverTime, Quantities, Reading, aligned
-from .references import Reference, reference_of_setups
-from .results import ResultTable, provenance
+from .references import Compared, Reference, reference_of_setups
+from .results import Report, ResultTable, provenance
 from .setups import (
     Measured,
     Setup,
@@ -58,7 +57,7 @@ NEXT = 0.98
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PrecisionTable:
+class PrecisionTable(Report):
     """Result of :func:`work_precision`.
 
     Attributes
@@ -181,16 +180,6 @@ class PrecisionTable:
                 best = _cheapest(mine, quantity, error)
                 levels.append(Level(group, error, row, best, judged))
         return Standing(quantity, levels)
-
-    def csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write the :attr:`table`.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be written.
-        """
-        return self.table.to_csv(path)
 
     @property
     def table(self) -> ResultTable:
@@ -636,7 +625,7 @@ class _PrecisionStudy:
 
         size = self.wanted.norm(instants)
         shape = next(iter(values.values())).shape
-        exact, own = self.truth.of(name, values, instants, shape, size)
+        exact, own = self.truth.of(Compared(name, values, instants, shape, size))
         for label, value in values.items():
             if label in errors:
                 errors[label][name] = size(value - exact)
@@ -653,7 +642,7 @@ class _PrecisionStudy:
                     aligned(name, pair, self.wanted.over)
                 elif self.wanted.over is None:
                     value = sample[name].values if name in sample else np.empty(0)
-                    self.truth.of(name, {}, None, value.shape, euclidean)
+                    self.truth.of(Compared(name, {}, None, value.shape, euclidean))
             if comparing.error is not None:
                 self.failed[label] = "error", in_words(comparing.error)
                 del self.samples[label]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ..types import Array, Floats, positive
 from .levels import case_name
 
 __all__ = [
+    "Compared",
     "Reference",
     "ReferenceFinest",
     "ReferenceKnown",
@@ -28,6 +29,28 @@ FINE, COARSE = "reference", "reference, second run"
 #: a value, or a function of the common instants (of nothing, if not compared over time)
 Known = Array | Callable[..., Any]
 Size = Callable[[Array], float]
+
+
+class Compared(NamedTuple):
+    """A quantity, as a reference is asked for it.
+
+    Attributes
+    ----------
+    name : str
+    values : mapping
+        Of the reference's own runs, at the common instants.
+    instants : array or None
+    shape : tuple of int
+        Of the quantity.
+    size : callable
+        Norm of the study.
+    """
+
+    name: str
+    values: Mapping[str, Array]
+    instants: Floats | None
+    shape: tuple[int, ...]
+    size: Size
 
 
 class Reference:
@@ -66,27 +89,8 @@ class Reference:
             If one has another name, or one is missing.
         """
 
-    def of(
-        self,
-        name: str,
-        values: Mapping[str, Array],
-        instants: Floats | None,
-        shape: tuple[int, ...],
-        size: Size,
-    ) -> tuple[Any, float]:
-        """Value of a quantity to compare with (None: none), and its error (NaN: not known).
-
-        Parameters
-        ----------
-        name : str
-        values : mapping
-            Of its runs, at the common instants.
-        instants : array or None
-        shape : tuple of int
-            Of the quantity.
-        size : callable
-            Norm of the study.
-        """
+    def of(self, what: Compared) -> tuple[Any, float]:
+        """Value of a quantity to compare with (None: none), and its error (NaN: not known)."""
         return None, float("nan")
 
 
@@ -146,11 +150,11 @@ class SingleRun(Reference):
     def __init__(self, name: str, run: Any, about: str = "a run") -> None:
         self.runs, self.about = {name: run}, about
 
-    def of(self, name: str, values: Mapping[str, Array], *rest: Any) -> tuple[Any, float]:
+    def of(self, what: Compared) -> tuple[Any, float]:
         """See the base class."""
-        (value,) = (values[run] for run in self.runs)
+        (value,) = (what.values[run] for run in self.runs)
         if not np.isfinite(value).all():
-            raise InputError("argument reference", f"its run gave {name!r} not finite")
+            raise InputError("argument reference", f"its run gave {what.name!r} not finite")
         return value, float("nan")
 
 
@@ -202,14 +206,7 @@ class ReferenceKnown(Reference):
         if every and missing:
             raise InputError("argument reference", f"has no value of {missing[0]!r}")
 
-    def of(
-        self,
-        name: str,
-        values: Mapping[str, Array],
-        instants: Floats | None,
-        shape: tuple[int, ...],
-        size: Size,
-    ) -> tuple[Any, float]:
+    def of(self, what: Compared) -> tuple[Any, float]:
         """See the base class.
 
         Raises
@@ -217,10 +214,13 @@ class ReferenceKnown(Reference):
         InputError
             If the value has another shape than the quantity.
         """
+        name, shape = what.name, what.shape
         value = self.known.get(name, self.known.get(None))
         error = float(self.errors.get(name, self.errors.get(None, np.nan)))
         if callable(value):
-            value = _finite(value() if instants is None else value(instants), _label(name))
+            value = _finite(
+                value() if what.instants is None else value(what.instants), _label(name)
+            )
         if value is None or value.shape == shape:
             return value, error
         if value.size != 1 or int(np.prod(shape)) != 1:
@@ -290,17 +290,10 @@ class ReferencePair(Reference):
         other = coarse if self.order is None else fine
         return size(self.value(fine, coarse) - other)
 
-    def of(
-        self,
-        name: str,
-        values: Mapping[str, Array],
-        instants: Floats | None,
-        shape: tuple[int, ...],
-        size: Size,
-    ) -> tuple[Any, float]:
+    def of(self, what: Compared) -> tuple[Any, float]:
         """See the base class."""
-        both = values[FINE], values[COARSE]
-        return self.value(*both), self.error(*both, size)
+        both = what.values[FINE], what.values[COARSE]
+        return self.value(*both), self.error(*both, what.size)
 
 
 # -- from the argument of a study ------------------------------------------------------------------
@@ -341,7 +334,7 @@ def reference_of_setups(given: Any) -> Reference:
     Examples
     --------
     >>> truth = reference_of_setups({"x": 1.0})
-    >>> truth.runs, truth.of("x", {}, None, (), abs)
+    >>> truth.runs, truth.of(Compared("x", {}, None, (), abs))
     ({}, (array(1.), nan))
     """
     if isinstance(given, ReferenceKnown | ReferencePair):

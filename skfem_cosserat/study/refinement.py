@@ -30,8 +30,8 @@ from .levels import (
 )
 from .orders import Convergence, convergence
 from .quantities import OverTime, Quantities, aligned
-from .references import ReferenceFinest, reference_of_levels
-from .results import ResultTable, provenance
+from .references import Compared, ReferenceFinest, reference_of_levels
+from .results import Report, ResultTable, provenance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,7 +47,7 @@ WIDE = 6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Refinement:
+class Refinement(Report):
     """Result of :func:`refine`.
 
     Quantities are found by their names; with several series (orders) by name and series:
@@ -186,16 +186,6 @@ class Refinement:
             row[f"difference_{name}"] = float(found.differences[k])
             row[f"order_{name}"] = float(found.observed[k])
         return row
-
-    def csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write the :attr:`table`.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be written.
-        """
-        return self.table.to_csv(path)
 
     @property
     def table(self) -> ResultTable:
@@ -521,7 +511,8 @@ class _Plan:
             shared, instants = aligned(name, samples, self.wanted.over)
             norm, known = self.wanted.norm(instants), None
             for first in [*shared.values()][:1]:
-                known, _ = self.reference.of(name, shared, instants, first.shape, norm)
+                asked = Compared(name, shared, instants, first.shape, norm)
+                known, _ = self.reference.of(asked)
             for series in self.series:
                 key = f"{name}, {series.label}" if series.label else name
                 orders[key] = convergence(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -16,10 +17,10 @@ import numpy as np
 import scipy
 import skfem
 
-from ..export.table import write_rows
+from ..export import write_rows
 from ..version import VERSION
 
-__all__ = ["ResultTable", "provenance"]
+__all__ = ["Report", "ResultTable", "provenance"]
 
 
 # -- where numbers come from: versions, machine, commit, threads of the linear algebra -------------
@@ -168,3 +169,22 @@ def _short(cell: Any) -> str:
         return ""
     shown = f"{cell:.6g}" if isinstance(cell, float) else str(cell)
     return shown.replace("|", "\\|").replace("\n", " ")
+
+
+class Report(ABC):
+    """What comes of a study: a table, and what else it has to say."""
+
+    @property
+    @abstractmethod
+    def table(self) -> ResultTable:
+        """Its rows, with where they come from."""
+
+    def csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write the :attr:`table`.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        return self.table.to_csv(path)

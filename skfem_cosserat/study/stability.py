@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from inspect import Parameter, signature
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from .cases import OnOutcome, TimeLimit, identity, run_cases
 from .charts import stability_chart
 from .levels import case_name, check_call
 from .refinement import title_of
-from .results import ResultTable, provenance
+from .results import Report, ResultTable, provenance
 from .setups import ran
 from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 
@@ -38,7 +37,7 @@ __all__ = ["Map", "stability_map"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Map:
+class Map(Report):
     """Result of :func:`stability_map`; arrays have an axis for each parameter, in their order.
 
     Attributes
@@ -165,16 +164,6 @@ class Map:
                 choices, self.cells.flat, self.seconds.flat, strict=True
             )
         ]
-
-    def csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write the :attr:`table`.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be written.
-        """
-        return self.table.to_csv(path)
 
     @property
     def table(self) -> ResultTable:
