@@ -14,7 +14,7 @@ import pytest
 
 import skfem_cosserat as sc
 from skfem_cosserat.diagnostics import momentum
-from skfem_cosserat.model.out_of_plane import confined
+from skfem_cosserat.model.plane import confined
 from tests.helpers_scenes import chequered, swing
 from tests.helpers_scenes import rotation as random_rotation
 from tests.helpers_schemes import KINDS

@@ -21,7 +21,7 @@ from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.diagnostics.stacked import null_space_matrix
-from skfem_cosserat.model.out_of_plane import confined
+from skfem_cosserat.model.plane import confined
 from skfem_cosserat.model.reparametrisation import Reparametrisation
 
 ROOT = Path(__file__).resolve().parent.parent

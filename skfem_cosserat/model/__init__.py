@@ -1,7 +1,6 @@
 """The scene and the arrays it freezes to."""
 
-from .out_of_plane import Planarity
-from .plane import Planar
+from .plane import Planar, Planarity
 from .scene import Model, model_of, planarity, system_of, takes_scene
 from .system import System
 

@@ -8,18 +8,43 @@ the components ``nu`` of the plane's normal in a frame, what is material is refl
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..body import MassPoint, RigidBody
+from ..coupling import Coupling, JointActuator, JointSpringDamper
 from ..errors import InputError
-from ..frames import TOLERANCE, Place, unit_vector
+from ..frames import TOLERANCE, Place, is_beam, unit_vector
 from ..frozen import Frozen
+from ..joint import Joint
+from ..kernels import cross, exp_quaternion, rotation_matrix
+from ..law import Law
+from ..load import Constant, Term
 from ..relative import normals
 from ..types import ArrayLike, Floats, IndexArray
+from .force_elements import Couplings
+from .groups import lumped
+from .loading import FunctionLoad, Loading
 
-__all__ = ["Planar", "Plane"]
+if TYPE_CHECKING:
+    from ..beam import Beam
+    from .system import System
+
+__all__ = [
+    "Planar",
+    "Planarity",
+    "Plane",
+    "confined",
+    "guard_of",
+    "inspect",
+    "out_of_plane",
+    "places",
+]
 
 #: components of a normal that count as zero
 SNAP = 1e-12
@@ -210,3 +235,463 @@ class Plane:
                 f"velocity = {velocity.tolist()} is off the normal {self.normal.tolist()} of the"
                 f" plane that the scene is confined to, by {across:.6g} rad/s",
             )
+
+
+# --------------------------------------------------------------------------------------------------
+# Whether a scene stays in a plane, and what leads out of it.
+
+# -- what leaves a plane: every item of a scene against its mirror image ---------------------------
+
+#: what leaves: item, and how
+OutOfPlane = Iterator[tuple[str, str]]
+#: instants (s) at which functions of time are looked at before a run
+INSTANTS = (0.0, 1e-3, 1e-2, 0.04, 0.1)
+#: share of a load that may leave the plane later, where functions of time are evaluated
+SHARE = 1e-6
+#: angle (degrees) to the nearest director that is worth saying
+TILTED = 1e-6
+RESULTANTS = ("N_1", "N_2", "N_3", "M_1", "M_2", "M_3")
+#: strains, relative to an axial strain of one, at which stored energies are compared
+PROBE = 1e-2 * np.array([np.cos(k * np.arange(6)) for k in range(1, 5)])
+
+
+def places(system: System) -> Iterator[tuple[str, Place]]:
+    """All points of a scene with the labels of their items."""
+    for item in system.structures:
+        vertices = item.vertices()
+        if vertices is not None:
+            for k, x in enumerate(vertices.positions):
+                note = f" node {k}" if is_beam(item) else ""
+                yield item.label, Place(item, k, x, np.zeros(3), None, note=note)
+    for joint in system.joints:
+        yield from ((joint.label, place) for place in (joint.a, joint.b))
+    for coupling in system.couplings.items:
+        yield from ((coupling.label, place) for place in (coupling.a, coupling.b))
+    for load in system.loads:
+        for place in load.places():
+            yield load.label, place
+
+
+def out_of_plane(system: System, plane: Plane) -> OutOfPlane:
+    """What leaves a plane: labels of items, and how they do it."""
+    seen: set[str] = set()
+    for label, place in places(system):
+        off = float(plane.height(place.position))
+        if abs(off) > TOLERANCE * system.length and label not in seen:
+            seen.add(label)  # once for each item
+            yield label, f"{place.label} is {off:.6g} m off the plane"
+    for item in system.structures:
+        yield from _inertia(item, plane)
+        yield from _velocity(item, plane)
+        if is_beam(item):
+            yield from _sections(item, plane)
+    for joint in system.joints:
+        yield from _freedom(joint, plane)
+    for drive in system.drives:
+        if not _in_plane(drive.joint, drive.coordinate.name, plane):
+            yield drive.label, f"prescribes the {drive.coordinate.name}, which leaves the plane"
+    yield from _loads(system.loading, plane)
+    for coupling in system.couplings.items:
+        yield from _coupling(system, coupling, plane)
+    for function in system.couplings.functions:
+        alone = _alone(system, [], [function])
+        yield from _pushed(system, alone, function.load.label, INSTANTS, plane)
+    yield from _ground(system, plane)
+
+
+def _inertia(item: Beam | RigidBody | MassPoint, plane: Plane) -> OutOfPlane:
+    """Centre and products of inertia of a body against its mirror image."""
+    M = item.scalar_mass()
+    if is_beam(item) or len(M) == 1:
+        return
+    host = lumped(item).on
+    triad = host.triad if host is not None else item.vertices().triads[0]  # type: ignore[union-attr,index]
+    assert triad is not None
+    mirror = np.eye(4)
+    mirror[1:, 1:] = plane.mirror(triad)
+    odd = 0.5 * (M - mirror @ M @ mirror)
+    length = np.sqrt(np.trace(M[1:, 1:]) / M[0, 0]) if M[0, 0] else 1.0
+    if abs(odd[0, 1:]).max() > TOLERANCE * M[0, 0] * max(length, TOLERANCE * plane.length):
+        off = float((odd[0, 1:] / M[0, 0]) @ triad @ plane.normal)
+        yield item.label, f"its centre of mass is {off:.6g} m off the plane"
+    if abs(odd[1:, 1:]).max() > TOLERANCE * np.trace(M[1:, 1:]):
+        i, j = np.unravel_index(np.argmax(abs(odd[1:, 1:])), (3, 3))
+        yield (
+            item.label,
+            "no principal axis of its inertia is along the normal of the plane: product of"
+            f" inertia {float(odd[1 + i, 1 + j]):.6g} kg m^2 in its Euler tensor",
+        )
+
+
+def _velocity(item: Beam | RigidBody | MassPoint, plane: Plane) -> OutOfPlane:
+    vertices = item.vertices()
+    if vertices is None:
+        return
+    n = plane.normal
+    out = vertices.velocities @ n
+    worst = int(np.argmax(abs(out)))
+    if abs(out[worst]) > TOLERANCE * float(np.linalg.norm(vertices.velocities, axis=1).max()):
+        yield item.label, f"its initial velocity leaves the plane by {float(out[worst]):.6g} m/s"
+    omega = vertices.angular_velocities
+    across = np.linalg.norm(omega - np.outer(omega @ n, n), axis=1)
+    if across.max() > TOLERANCE * float(np.linalg.norm(omega, axis=1).max()):
+        yield (
+            item.label,
+            f"its initial angular velocity is off the normal by {float(across.max()):.6g} rad/s",
+        )
+
+
+def _sections(beam: Beam, plane: Plane) -> OutOfPlane:
+    """Sections against their mirror images, at the nodes of each element."""
+    nodes = beam.basis.connectivity
+    nu = (beam.rotations @ beam.triads[nodes]) @ plane.normal  # (ne, nn, 3)
+    steep = float(abs(nu[:, :, 2]).max())
+    if steep > TOLERANCE:
+        yield beam.label, f"its tangent d3 leaves the plane, by {np.arcsin(steep):.6g} rad"
+        return
+    twist = float(abs(nu - nu[:, :1]).max())
+    if twist > TOLERANCE:
+        yield beam.label, f"its sections turn about its axis along it (pre-twist, by {twist:.6g})"
+        return
+    for k, (name, section) in enumerate(beam.sections.items()):
+        which = np.flatnonzero(beam.section_id == k)
+        _, first = np.unique(nu[which, 0].round(9), axis=0, return_index=True)
+        for e in which[first]:
+            found = _section(section.law, section.stiffness, section.density, nu[e, 0], plane)
+            found = found or _matrix(section.viscosity, nu[e, 0], "viscosity")
+            if found:
+                yield beam.label, f"of its section {name!r} {found}"
+                break
+
+
+def _section(law: Law, D: Floats, density: Floats, nu: Floats, plane: Plane) -> str:
+    if found := _matrix(D, nu, "stiffness"):
+        return found
+    S = np.eye(3)
+    S[1:, 1:] -= 2 * np.outer(nu[:2], nu[:2])
+    odd = 0.5 * (density - S @ density @ S)
+    radius = np.sqrt(np.trace(density[1:, 1:]) / density[0, 0]) if density[0, 0] else 0.0
+    if abs(odd[0]).max() > TOLERANCE * density[0, 0] * radius:
+        off = float(odd[0, 1:] @ nu[:2] / density[0, 0])
+        return f"the centre of mass is {off:.6g} m off the plane"
+    if abs(odd[1:, 1:]).max() > TOLERANCE * np.trace(density[1:, 1:]):
+        return (
+            "no principal axis of its inertia is along the normal of the plane (product"
+            f" {float(abs(odd[1:, 1:]).max()):.6g} kg m)"
+        )
+    eps = PROBE * law.scale
+    here, there = law.energy(eps), law.energy(eps @ _flip(nu))
+    worst = float((abs(here - there) / abs(here)).max())
+    if worst > TOLERANCE:
+        return f"the stored energy is not that of the mirror image (by {worst:.6g}, relative)"
+    return ""
+
+
+def _flip(nu: Floats) -> Floats:
+    """Mirror image of strains (6, 6): Gamma as vectors, K as axial ones."""
+    S = np.eye(3) - 2 * np.outer(nu, nu)
+    out = np.zeros((6, 6))
+    out[:3, :3], out[3:, 3:] = S, -S
+    return out
+
+
+def _matrix(D: Floats, nu: Floats, what: str) -> str:
+    """What a (6, 6) matrix couples that must not be coupled; empty if nothing."""
+    J = _flip(nu)
+    size = np.sqrt(abs(np.diag(D)))
+    size = np.where(size > 0, size, size.max() or 1.0)
+    odd = 0.5 * (D - J @ D @ J)
+    share = abs(odd) / np.outer(size, size)
+    i, j = np.unravel_index(np.argmax(share), share.shape)
+    if share[i, j] <= TOLERANCE:
+        return ""
+    axis = float(np.degrees(np.arccos(min(1.0, float(abs(nu).max())))))
+    turned = f"the plane's normal is {axis:.6g} degrees off d1 and d2 of the section, "
+    turned = turned if axis > TILTED else ""
+    names = f"{RESULTANTS[i]} with {RESULTANTS[j]}" if i != j else f"{RESULTANTS[i]}"
+    return (
+        f"the {what} couples motion in the plane with motion out of it: {turned}entry {names}"
+        f" = {float(odd[i, j]):.6g} (share {float(share[i, j]):.3g})"
+    )
+
+
+def _freedom(joint: Joint, plane: Plane) -> OutOfPlane:
+    """Axes have to be along the normal or in the plane: else the joint leads out of it."""
+    n, free = plane.normal, joint.freedom()
+    for turn in free.turns or ():
+        angle = _tilt(turn.axis, n)
+        if angle:
+            yield joint.label, f"its axis {turn.axis.round(9).tolist()} is {angle}"
+    slides = np.array([np.cross(s.left, s.right) for s in free.slides])
+    if len(slides):
+        rise = slides.T @ (slides @ n)
+        if min(np.linalg.norm(rise), np.linalg.norm(rise - n)) > TOLERANCE:
+            tilted = _tilt(slides[0] if len(slides) == 1 else np.cross(*slides), n)
+            what = "axis" if len(slides) == 1 else "normal"
+            yield joint.label, f"its {what} is {tilted}"
+
+
+def _tilt(axis: Floats, n: Floats) -> str:
+    """How a direction lies if it is neither along n nor normal to it; else empty."""
+    rise, run = abs(float(axis @ n)), float(np.linalg.norm(np.cross(axis, n)))
+    if min(rise, run) <= TOLERANCE:
+        return ""
+    return (
+        f"{np.degrees(np.arctan2(run, rise)):.6g} degrees off the normal of the plane, not 0 or 90"
+    )
+
+
+def _in_plane(joint: Joint, name: str, plane: Plane) -> bool:
+    """Whether a coordinate of a joint is one of motion in the plane."""
+    n, free = plane.normal, joint.freedom()
+    turns = {turn.name for turn in free.within(n).turns or ()}
+    slides = {s.name for s in free.slides if abs(np.cross(s.left, s.right) @ n) < TOLERANCE}
+    return name in turns | slides
+
+
+# -- forces ----------------------------------------------------------------------------------------
+
+
+def _stray(term: Term, value: Floats, plane: Plane) -> float:
+    """How far a value of a term leaves the plane (N, N m, N/m, m/s^2)."""
+    v, n = term.vectors(value), plane.normal
+    if term.axial:
+        return float(np.linalg.norm(v - np.outer(v @ n, n), axis=1).max())
+    return float(abs(v @ n).max())
+
+
+def _loads(loading: Loading, plane: Plane) -> OutOfPlane:
+    for site in loading.sites():
+        terms, single = [loading.terms[k] for k in site], len(site) == 1
+        for t in (0.0,) if single else INSTANTS:
+            value = terms[0].value
+            if not single:
+                value = np.asarray(sum(term.value * term.time.value(t) for term in terms))
+            off = _stray(terms[0], value, plane)
+            if off > TOLERANCE * float(np.linalg.norm(value)):
+                when = "" if single else f" at t = {t:g} s"
+                where = "is off the normal" if terms[0].axial else "leaves the plane"
+                text = f"{value.round(9).tolist()}{when} {where} by {off:.6g}"
+                yield loading.owners[site[0]].label, text
+                break
+
+
+def guard_of(loading: Loading, plane: Plane) -> Callable[[Floats, float], None]:
+    """Check of the factors of all channels at a time, of vectors that are functions of it."""
+    watched = [
+        site
+        for site in loading.sites()
+        if len(site) > 1 and not all(isinstance(loading.times[k], Constant) for k in site)
+    ]
+
+    def check(factors: Floats, t: float) -> None:
+        for site in watched:
+            value = factors[site] @ np.array([loading.terms[k].value for k in site])
+            off = _stray(loading.terms[site[0]], value, plane)
+            if off > SHARE * float(np.linalg.norm(value)):
+                raise InputError(
+                    loading.owners[site[0]].label,
+                    f"leaves the plane normal to {plane.normal.tolist()} that the scene is confined"
+                    f" to, by {off:.6g} at t = {t:g} s",
+                )
+
+    return check
+
+
+def _coupling(system: System, item: Coupling, plane: Plane) -> OutOfPlane:
+    """By its forces; springs on a joint by its coordinate."""
+    coordinate = item.coordinates[0]
+    if isinstance(item, JointSpringDamper | JointActuator) and coordinate.kind != "rotation":
+        if _in_plane(item.joint, coordinate.name, plane):
+            return
+        driven = [time.value(t) for t in INSTANTS for time in item.channels]
+        if (item.stiffness @ item.neutral).any() or any(driven):
+            yield item.label, f"acts on the {coordinate.name}, which leaves the plane"
+        return
+    instants = INSTANTS if item.channels else INSTANTS[:3]
+    yield from _pushed(system, _alone(system, [item], []), item.label, instants, plane)
+
+
+def _alone(system: System, items: list[Coupling], functions: list[FunctionLoad]) -> Couplings:
+    """Some of a scene's force elements and functions."""
+    start = system.extend(system.q0, 0.0)
+    return Couplings(items, system.row_of, start, system.rows, functions)
+
+
+def _pushed(
+    system: System, alone: Couplings, label: str, instants: Sequence[float], plane: Plane
+) -> OutOfPlane:
+    """Forces out of the plane at states in it, and at instants."""
+    rng = np.random.default_rng(0)
+    worst, most = 0.0, 0.0
+    for t in instants:
+        y, ydot = _motion(system, plane, rng), _motion(system, plane, rng)
+        ydot = ydot - system.extend(system.q0, 0.0)
+        factors = np.array([*(time.value(t) for time in alone.times), 0.0])
+        start = alone.starting(system.extend(system.q0, 0.0), None, factors, 1.0, t)
+        force = alone.static(start, y, ydot).force[: system.rows]
+        twists = _twist_forces(system, y, force)
+        off = _out_of_plane(twists, plane)
+        worst, most = max(worst, off), max(most, float(abs(twists).max()))
+    if worst > TOLERANCE * most:
+        yield (
+            label,
+            f"pushes out of the plane where all is in it, by a share of {worst / most:.3g}",
+        )
+
+
+def _motion(system: System, plane: Plane, rng: np.random.Generator) -> Floats:
+    """Rows y (total, 3) of a scene whose frames have moved in the plane, each by itself."""
+    kin, y = system.kinematics, system.extend(system.q0, 0.0)
+    x = system.origin_rows
+    y[x] += 0.1 * system.length * rng.standard_normal((len(x), 2)) @ plane.axes
+    theta = 0.3 * rng.standard_normal(len(kin.frames))
+    R = rotation_matrix(exp_quaternion(theta[:, None] * plane.normal))
+    y[kin.director_rows] = y[kin.director_rows] @ R.transpose(0, 2, 1)
+    return y
+
+
+def _twist_forces(system: System, y: Floats, force: Floats) -> Floats:
+    """Forces, and moments by the extent, (2, v, 3) on each vertex."""
+    kin = system.kinematics
+    moments = np.zeros((len(system.origin_rows), 3))
+    rows = kin.director_rows
+    moments[kin.frames] = cross(y[rows], force[rows]).sum(axis=1) / system.length
+    return np.array([force[system.origin_rows], moments])
+
+
+def _out_of_plane(twists: Floats, plane: Plane) -> float:
+    n = plane.normal
+    moments = twists[1] - np.outer(twists[1] @ n, n)
+    return max(float(abs(twists[0] @ n).max()), float(abs(moments).max()))
+
+
+def _ground(system: System, plane: Plane) -> OutOfPlane:
+    """Prescribed motion, at the first instants."""
+    prescribed = [drive.place for drive in system.drives]
+    for place in system.moving:
+        if any(place is other for other in prescribed):
+            continue
+        for t in INSTANTS:
+            off = plane.off_plane(place, t)
+            if off > TOLERANCE:
+                text = f"its prescribed motion leaves the plane at t = {t:g} s, by {off:.6g}"
+                yield place.label, f"{text} (m by the extent, or rad)"
+                break
+
+
+# -- whether a scene stays in a plane, which one, and what leaves it by how much -------------------
+
+#: cosine above which an axis of space may be what is meant by a normal
+NEARLY = 0.99
+
+
+@dataclass(frozen=True, eq=False)
+class Planarity:
+    """Whether a scene stays in a plane; true if it does.
+
+    Attributes
+    ----------
+    plane : Plane
+        The one that comes nearest.
+    out_of_plane : tuple of str
+        What leaves it, and by how much; empty if nothing does.
+    """
+
+    plane: Plane
+    out_of_plane: tuple[str, ...] = field(default=())
+
+    def __bool__(self) -> bool:
+        return not self.out_of_plane
+
+    @property
+    def planar(self) -> Planar | None:
+        """For :meth:`Model.freeze`; None if the scene is not planar."""
+        return Planar(self.plane.normal) if self else None
+
+    def __repr__(self) -> str:
+        normal = self.plane.normal.round(9).tolist()
+        if self:
+            return f"<planar, normal {normal}>"
+        return f"<not planar; out of the plane normal to {normal}: {'; '.join(self.out_of_plane)}>"
+
+
+def inspect(system: System, normal: Floats | None = None) -> Planarity:
+    """Look for the plane of a scene, or at that with a given normal; see :func:`planarity`."""
+    normals = _candidates(system) if normal is None else [normal]
+    best: Planarity | None = None
+    for n in normals:
+        plane = Plane(n, system.q0.reshape(-1, 3)[system.origin_rows].mean(axis=0), system.length)
+        found = Planarity(
+            plane, tuple(f"{item}: {text}" for item, text in out_of_plane(system, plane))
+        )
+        if found:
+            return found
+        if best is None or len(found.out_of_plane) < len(best.out_of_plane):
+            best = found
+    assert best is not None
+    return best
+
+
+def confined(system: System, planar: Planar) -> System:
+    """The scene confined to its plane.
+
+    Raises
+    ------
+    InputError
+        Naming what leaves the plane, and by how much.
+    """
+    if not isinstance(planar, Planar):
+        raise InputError("argument planar", f"{planar!r}, expected Planar()")
+    found = inspect(system.spatial, planar.normal)
+    if not found:
+        normal, more = found.plane.normal.round(9).tolist(), len(found.out_of_plane) - 1
+        raise InputError(
+            "planar scene",
+            f"{found.out_of_plane[0]}; the plane is normal to {normal}"
+            + (f" ({more} more: see planarity(model))" if more else ""),
+        )
+    return system.spatial.within(found.plane)
+
+
+# -- which plane -----------------------------------------------------------------------------------
+
+
+def _candidates(system: System) -> list[Floats]:
+    """Normals: of the points, if they span a plane; else of all that points or turns somewhere."""
+    x = np.array([place.position for _, place in places(system)])
+    _, sizes, V = np.linalg.svd((x - x.mean(axis=0)) / system.length, full_matrices=False)
+    sizes = np.append(sizes, np.zeros(3))[:3] / np.sqrt(len(x))
+    if sizes[1] > 1e-6:
+        axis = np.eye(3)[np.argmax(abs(V[2]))]
+        return [V[2], axis] if abs(axis @ V[2]) > NEARLY else [V[2]]
+    line = V[:1] if sizes[0] > 1e-6 else np.zeros((0, 3))
+    along, about = [*np.zeros((0, 3))], [*np.eye(3)]
+    for item in system.structures:
+        vertices = item.vertices()
+        if vertices is None:
+            continue
+        along.append(vertices.velocities[0])
+        about.append(vertices.angular_velocities[0])
+        if vertices.triads is not None:
+            about = [*vertices.triads[0], *about]
+    for site in system.loading.sites():
+        if len(site) == 1:
+            term = system.loading.terms[site[0]]
+            (about if term.axial else along).extend(term.vectors(term.value))
+    for joint in system.joints:
+        free = joint.freedom()
+        about += [turn.axis for turn in free.turns or ()]
+        along += [np.cross(s.left, s.right) for s in free.slides]
+    ways = [*line, *along]
+    normals = [*about, *(np.cross(a, b) for a, b in product(line, along))]
+    normals += [np.cross(a, b) for a, b in product(ways, repeat=2)] if len(ways) < 8 else []
+    out: list[Floats] = []
+    for n in normals:
+        size = float(np.linalg.norm(n))
+        if size <= TOLERANCE or (len(line) and abs(line @ n).max() > 1e-6 * size):
+            continue
+        n = n / size
+        if not any(abs(n @ other) > 1 - 1e-12 for other in out):
+            out.append(n)
+    return out or [np.array([0.0, 0, 1])]

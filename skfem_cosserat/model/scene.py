@@ -28,8 +28,7 @@ from ..types import ArrayLike, Floats
 from ..warn import Notices
 from .ground import Placed
 from .groups import Structure
-from .out_of_plane import Planarity, confined, inspect
-from .plane import Planar
+from .plane import Planar, Planarity, confined, inspect
 from .system import System, listed
 
 __all__ = [

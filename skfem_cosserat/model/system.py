@@ -49,8 +49,7 @@ from .loops import (
     tree_values,
     wrong_branch,
 )
-from .out_of_plane import guard_of
-from .plane import Plane
+from .plane import Plane, guard_of
 from .quadratic import ConstraintBuilder, QuadraticConstraints
 from .theories import TheoryRows, add_theory_rows, spans_of
 from .tree import End, Spot, build_tree
