@@ -51,7 +51,7 @@ def _panels(
     figure = new_figure(width * across + margin, height * down)
     axes = list(figure.subplots(down, across, squeeze=False).flat)
     for axis in axes[count:]:
-        axis.set_visible(False)
+        axis.set_axis_off()
     return figure, axes[:count]
 
 
