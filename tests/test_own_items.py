@@ -707,3 +707,26 @@ def test_an_own_sensor_sees_every_step():
     record = history.sensors["gap"]
     assert record.values == pytest.approx(np.sqrt(1 + (2 * np.arange(11) * 0.1) ** 2))
     assert sc.ConditionSensor(SensorDistance(a, b), 2.0) is not None
+
+
+@pytest.mark.slow
+def test_an_event_to_a_scene_without_compiled_kernels_is_told():
+    """Weight until the drag of an own function of the motion begins: numpy goes on from there."""
+    pytest.importorskip("numba")
+
+    def scene(*loads):
+        model = sc.Model()
+        body = model.add("body", sc.RigidBody(1.0, np.diag((0.1, 0.2, 0.3)), position=(0, 0, 0)))
+        model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+        for load in loads:
+            model.add("drag", load(body.at((0, 0, 0)), 0.5))
+        return model
+
+    system = scene().freeze()
+    event = sc.Event(sc.ConditionTime(0.1), lambda t, view: scene(LoadDrag), name="chute")
+    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.2
+    with pytest.warns(sc.PerformanceWarning, match="functions of the motion; after an event"):
+        fast = sc.simulate(*run, events=[event], kernels="numba")
+    plain = sc.simulate(*run, events=[event], kernels="numpy")
+    assert np.allclose(fast["q"], plain["q"], rtol=0, atol=1e-10)
+    assert "after an event" in fast.meta["warnings"][0]["text"]

@@ -264,10 +264,10 @@ def simulate(
         of the scene are on disk or in this process already, and there are some: not for
         explicit schemes, springs on rotation vectors, bushings, beams of several orders or with a
         stored energy function, closed loops in prescribed motion or with multipliers, nor for a
-        plane with multipliers, loads that follow the motion, force elements, damping or
-        prescribed motion. ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken,
-        and why. They keep factors of matrices over iterations and steps as long as these contract
-        well, see :class:`NewtonSettings`.
+        plane with multipliers, loads that follow the motion, force elements, damping or prescribed
+        motion, nor for loads that are functions of the motion. ``history.meta["kernels"]`` and
+        ``["kernels_why"]`` say what was taken, and why. They keep factors of matrices over
+        iterations and steps as long as these contract well, see :class:`NewtonSettings`.
     solver : Solver, optional
         Of linear systems: ``SolverDense()``, ``SolverBanded()``, ``SolverSuperLU()``,
         ``SolverMetis()`` or ``SolverPardiso()``. By default small and narrow ones are solved by

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..constraints import Treatment
-from ..errors import Diverged, IncompatibleError, InputError
+from ..errors import Diverged, IncompatibleError, InputError, PerformanceWarning
 from ..frozen import Frozen
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..integrators.choice import refusal
@@ -19,7 +19,7 @@ from ..linear import Solver
 from ..model import System
 from ..newton import NewtonSettings
 from ..types import Floats, positive
-from ..warn import logger
+from ..warn import logger, warn
 
 __all__ = [
     "ControlledSteps",
@@ -61,7 +61,9 @@ class StepperFactory:
 
     def changed(self, system: System, h: float) -> Stepper:
         """A stepper for a system that has changed: plain kernels if there are no compiled ones."""
-        if self.kernels == "numba" and refusal(system, self.integrator, self.treatment):
+        if self.kernels == "numba" and (why := refusal(system, self.integrator, self.treatment)):
+            text = f"{why}; after an event that changed the scene numpy goes on, far more slowly"
+            warn("compiled kernels", text, PerformanceWarning)
             self.kernels = "numpy"
         return self(system, h)
 
