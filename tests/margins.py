@@ -35,7 +35,7 @@ Ratios = dict[tuple[str, str, int, int], float]
 #: what is found must differ by more than this share between processors to count as rounding
 SAME = 5e-2
 ROOM = 10.0
-CLOCKS = "monotonic", "perf_counter", "process_time", "cost_s", "seconds"
+CLOCKS = "monotonic", "perf_counter", "process_time", "cost_s", "spent_s", "seconds"
 #: names in the rewritten tests
 BELOW, EQUAL, CLOSE = "__margin_below__", "__margin_equal__", "__margin_close__"
 CHAIN = "__margin_chain__"
