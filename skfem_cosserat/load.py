@@ -6,7 +6,7 @@ import heapq
 import math
 from abc import abstractmethod
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
@@ -579,6 +579,14 @@ class TermForce(Term):
         triad = self.place.triad if self.follower else None
         return (value if triad is None else value @ triad)[None]
 
+    def with_replacements(self, replacements: Replacements) -> Self:
+        """See the base class; what follows a triad is turned into that of its new place."""
+        other = super().with_replacements(replacements)
+        turn = self.place.turn_to(other.place) if self.follower else None
+        if turn is not None:
+            other.value = turn @ self.value
+        return other
+
 
 class TermMoment(TermForce):
     """Moment (N m) at a place, about axes fixed in space or following the triad.
@@ -653,8 +661,13 @@ class TermLine(Term):
             raise InputError(self.kind, f"acts on {type(beam).__name__}, expected a beam")
         self.beam, every = beam, beam.part(None)
         self.elements = every if elements is None else np.asarray(elements)
-        if self.elements.dtype.kind != "i" or not np.isin(self.elements, every).all():
-            text = f"elements = {elements!r}, expected numbers from 0 to {every[-1]}"
+        given = self.elements
+        if (
+            (given.ndim, given.size > 0, given.dtype.kind in "iu") != (1, True, True)
+            or not np.isin(given, every).all()
+            or len(np.unique(given)) < given.size
+        ):
+            text = f"elements = {elements!r}, expected numbers from 0 to {every[-1]}, each once"
             raise InputError(self.kind, text)
 
     @property
@@ -665,6 +678,19 @@ class TermLine(Term):
     def items(self) -> Sequence[StructuralItem]:
         """The beam."""
         return (self.beam,)
+
+    def with_replacements(self, replacements: Replacements) -> Self:
+        """See the base class; all elements stay all, some need the same number of elements."""
+        other = super().with_replacements(replacements)
+        if not is_beam(other.beam):
+            raise InputError(self.kind, f"acts on {other.beam.label}, expected a beam")
+        old, new = self.beam.part(None), other.beam.part(None)
+        if len(self.elements) == len(old):
+            other.elements = new
+        elif len(old) != len(new):
+            text = f"acts on some elements of {self.beam.label}, which are others on another mesh"
+            raise InputError(self.kind, f"{text}: take them in terms(), from beam.part(name)")
+        return other
 
     def vectors(self, value: Floats) -> Floats:
         """See the base class."""
@@ -737,7 +763,9 @@ class TermFunction(Term):
     found by complex steps, for which `force` must be made of what is differentiable:
     ``np.sqrt((v * v).sum())``, not ``abs`` or ``np.linalg.norm``. When a scene is frozen they are
     compared with differences. Scenes with such a term are stepped by numpy alone; `modes` leaves
-    its slopes by the velocities out, and the step limit of explicit schemes all of them.
+    its slopes by the velocities out (without a state or time all of it, as all loads), and the step
+    limit of explicit schemes all of them. Whether it leaves a plane is looked at when the scene is
+    frozen only, at a few first instants.
 
     Parameters
     ----------
@@ -746,7 +774,7 @@ class TermFunction(Term):
         work on their change. Places of the ground are allowed.
     force : callable
         ``force(x, v, t) -> (k, 3)`` of points x (k, 3) in m, velocities v (k, 3) in m/s and the
-        time t (s); x and v may be complex.
+        time t (s); x and v may be complex. In statics without `time` t is the load factor.
     amplitude : float, TimeFunction or callable, optional
         Factor in time; on a path of :func:`static` it grows as that of other loads.
     slopes : callable, optional
@@ -775,15 +803,20 @@ class TermFunction(Term):
         slopes: SlopeFunction | None = None,
     ) -> None:
         self._set(np.zeros(3), amplitude)
+        if not isinstance(points, Iterable):
+            raise InputError(self.kind, f"points = {points!r}, expected a sequence of places")
+        points = tuple(points)
         for each in points:
             if not isinstance(each, Place | Expression):
                 raise InputError(self.kind, f"acts on {no_place(each)}")
+            if isinstance(each, Expression) and not each.terms:
+                raise InputError(self.kind, f"{each!r} has no terms")
         if not points:
             raise InputError(self.kind, "points is empty, expected places")
         for name, function in (("force", force), ("slopes", slopes)):
             if not (callable(function) or (function is None and name == "slopes")):
                 raise InputError(self.kind, f"{name} = {function!r}, expected a function")
-        self.points = tuple(points)
+        self.points = points
         self.expressions = tuple(point(p) if isinstance(p, Place) else p for p in points)
         self.force, self.slopes = force, slopes
 
@@ -802,7 +835,7 @@ class Load(Item):
     Where a load acts, whether it leaves a plane, its work, its part in resultants and the kernels
     that step it all follow from its terms: :class:`TermForce`, :class:`TermMoment`,
     :class:`TermLine`, :class:`TermAcceleration`, and :class:`TermFunction` for any function of
-    points, velocities and time. Terms may be made anew at each call, but must be the same ones.
+    points, velocities and time. They are asked for once.
 
     Parameters
     ----------
@@ -867,13 +900,14 @@ class Load(Item):
     """
 
     kind = "load"
+    follower: bool = False
+    channels: tuple[tuple[Floats, TimeFunction], ...] = ()
+    time: TimeFunction = Constant(1.0)
 
     def __init__(
         self, value: Any = (), amplitude: Amplitude = None, follower: bool = False
     ) -> None:
         self.follower = switch(self.label, follower, "follower")
-        self.channels: tuple[tuple[Floats, TimeFunction], ...] = ()
-        self.time: TimeFunction = Constant(1.0)
         if callable(value):
             if amplitude is not None:
                 raise InputError(self.label, "give value as a function of time or an amplitude")
@@ -904,18 +938,49 @@ class Load(Item):
         """What it is made of."""
         raise NotImplementedError
 
+    @property
+    def made_of(self) -> tuple[Term, ...]:
+        """Its terms, asked for once, so that places made with them stay the same ones.
+
+        Raises
+        ------
+        InputError
+            If they are no terms.
+        """
+        if "_made_of" not in vars(self):
+            made = self.terms()
+            if isinstance(made, Term) or not isinstance(made, Iterable):
+                raise InputError(self.label, f"terms() gives {made!r}, expected a list of terms")
+            found = tuple(made)
+            for term in found:
+                if not isinstance(term, TermForce | TermLine | TermAcceleration | TermFunction):
+                    text = f"has {term!r} among its terms, expected TermForce(...) or the like"
+                    raise InputError(self.label, text)
+            self._made_of = found
+        return self._made_of
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Copies and pickles ask for their own terms."""
+        return {name: value for name, value in vars(self).items() if name != "_made_of"}
+
+    def with_replacements(self, replacements: Replacements) -> Self:
+        """See the base class; the copy makes its own terms."""
+        other = super().with_replacements(replacements)
+        vars(other).pop("_made_of", None)
+        return other
+
     def references(self) -> list[StructuralItem]:
         """The items it acts on."""
-        return list({id(i): i for term in self.terms() for i in term.items()}.values())
+        return list({id(i): i for term in self.made_of for i in term.items()}.values())
 
     def places(self) -> Sequence[Place]:
         """The points it acts at, if it has any."""
-        return list({id(p): p for term in self.terms() for p in term.places()}.values())
+        return list({id(p): p for term in self.made_of for p in term.places()}.values())
 
     @property
     def constant(self) -> bool:
         """Whether it does not change in time, but by what functions make of it."""
-        return all(isinstance(term.time, Constant) for term in self.terms())
+        return all(isinstance(term.time, Constant) for term in self.made_of)
 
 
 class _NodalLoad(Load):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .frames import Place, ground
+from .frames import Place, ground, vector
 from .frozen import Attached, Replacements
 from .types import Floats
 
@@ -76,7 +76,7 @@ def point(place: Place) -> Expression:
 
 def direction(place: Place, axis: Floats) -> Expression:
     """``n = n_i d_i``, the direction that is `axis` in space in the reference configuration."""
-    components = place.material(axis)
+    components = place.material(vector("direction", "axis", axis))
     return Expression(
         tuple((place, i + 1, float(c)) for i, c in enumerate(components) if abs(c) > 1e-15)
     )

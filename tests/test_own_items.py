@@ -730,3 +730,159 @@ def test_an_event_to_a_scene_without_compiled_kernels_is_told():
     plain = sc.simulate(*run, events=[event], kernels="numpy")
     assert np.allclose(fast["q"], plain["q"], rtol=0, atol=1e-10)
     assert "after an event" in fast.meta["warnings"][0]["text"]
+
+
+class LoadOf(sc.Load):
+    """Whatever terms a function gives."""
+
+    def __init__(self, make, **given):
+        super().__init__(**given)
+        self.make = make
+
+    def terms(self):
+        return self.make(self)
+
+
+def test_a_moving_ground_place_may_be_made_with_the_terms():
+    motion = sc.MotionTurn((0, 0, 1), lambda t: t, (0, 0, 0))
+    kept = sc.ground((2.0, 0, 0), motion=motion)
+
+    def ends(place):
+        model = sc.Model()
+        body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
+        points = body.local((0, 0, 0.5))
+
+        def make(load):
+            other = sc.ground((2.0, 0, 0), motion=motion) if place is None else place
+            return [sc.TermFunction([points, other], spring, load.time)]
+
+        def spring(x, v, t):
+            return np.stack([x[1] - x[0], x[0] - x[1]])
+
+        model.add("spring", LoadOf(make))
+        switch = sc.Event(sc.ConditionTime(0.2), sc.ActionLoad("spring", 2.0), name="switch")
+        run = model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.05, 0.5
+        return sc.simulate(*run, events=[switch])["q"][-1]
+
+    assert np.array_equal(ends(None), ends(kept))
+
+
+class LoadKept(sc.Load):
+    """Terms that were made before."""
+
+    def __init__(self, *kept):
+        super().__init__()
+        self.kept = kept
+
+    def terms(self):
+        return self.kept
+
+
+def resultant(system):
+    """Sum of the dead forces on all nodes at t = 0."""
+    return system.loading.dead.sum(axis=0)[system.origin_rows].sum(axis=0)
+
+
+def test_kept_terms_go_along_with_another_mesh():
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (2, 0, 0), 4, name="boom")
+    beam = sc.Beam(mesh, SECTION, director=Z)
+    model = sc.Model()
+    model.add("beam", beam)
+    model.add("line", LoadKept(sc.TermLine(beam, (1.0, 0, 0))))
+    for elements in (2, 16):
+        finer = sc.MeshCurve.init_line((0, 0, 0), (2, 0, 0), elements, name="boom")
+        other = model.with_items({"beam": sc.Beam(finer, SECTION, director=Z)})
+        assert resultant(other.freeze()) == pytest.approx((2.0, 0, 0))
+    model.add("part", LoadKept(sc.TermLine(beam, (1.0, 0, 0), elements=np.array([0, 1]))))
+    with pytest.raises(sc.InputError, match="take them in terms"):
+        model.with_items({"beam": sc.Beam(finer, SECTION, director=Z)})
+
+
+def test_terms_that_follow_are_turned_into_the_new_triad():
+    body, inertia = sc.RigidBody.box(1.0, (1, 1, 1)), np.eye(3) / 6
+    model = sc.Model()
+    model.add("body", body)
+    push = sc.TermForce(body.at((0, 0, 0)), (1.0, 0, 0), follower=True)
+    model.add("push", LoadKept(push))
+    model.add("same", sc.LoadForce(body.at((0, 0, 0)), (1.0, 0, 0), follower=True))
+    turned = sc.RigidBody(1.0, inertia, triad=((0, 1, 0), (-1, 0, 0), (0, 0, 1)))
+    other = model.with_items({"body": turned})
+    own, same = other["push"].kept[0], other["same"].terms()[0]
+    assert np.allclose(own.vectors(own.value), [(1.0, 0, 0)])
+    assert np.allclose(own.value, same.value)
+
+
+def test_what_is_no_term_is_named_when_it_is_added():
+    body = sc.RigidBody.box(1.0, (1, 1, 1))
+    push = sc.TermForce(body.at((0, 0, 0)), (1.0, 0, 0))
+    for wrong, text in (
+        (None, "gives None, expected a list of terms"),
+        (push, "expected a list of terms"),
+        ([push, 3], "has 3 among its terms"),
+    ):
+        with pytest.raises(sc.InputError, match=f"model, item 'push': .*{text}"):
+            sc.Model().add("push", LoadOf(lambda load, wrong=wrong: wrong))
+
+
+def test_a_load_without_its_base_constructor_works():
+    body = sc.RigidBody.box(1.0, (1, 1, 1))
+
+    class LoadBare(sc.Load):
+        def __init__(self):
+            pass
+
+        def terms(self):
+            return [sc.TermForce(body.at((0, 0, 0)), (2.0, 0, 0), self.time)]
+
+    model = sc.Model()
+    model.add("body", body)
+    load = model.add("bare", LoadBare())
+    assert "LoadBare" in repr(load)
+    run = model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0
+    assert sc.simulate(*run).position(body.at((0, 0, 0)))[-1, 0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("elements", [2, [[0, 1]], [], [0, 0], [0.5], [4]], ids=str)
+def test_elements_of_a_line_are_checked(elements):
+    beam = sc.Beam(sc.MeshCurve.init_line((0, 0, 0), (2, 0, 0), 4, name="boom"), SECTION)
+    with pytest.raises(sc.InputError, match="expected numbers from 0 to 3, each once"):
+        sc.TermLine(beam, (1.0, 0, 0), elements=elements)
+
+
+def test_points_are_checked_and_may_be_any_iterable():
+    place = sc.RigidBody.box(1.0, (1, 1, 1)).at((0, 0, 0))
+
+    def force(x, v, t):
+        return -x
+
+    assert sc.TermFunction((each for each in [place]), force).points == (place,)
+    for points, text in ((place, "a sequence of places"), (None, "a sequence"), ((), "is empty")):
+        with pytest.raises(sc.InputError, match=text):
+            sc.TermFunction(points, force)
+    with pytest.raises(sc.InputError, match="axis has shape"):
+        sc.direction(place, 0)
+
+
+def test_slopes_that_are_not_finite_are_named():
+    body = sc.RigidBody.box(1.0, (1, 1, 1))
+    nowhere = np.full((1, 3, 1, 3), np.nan)
+    model = sc.Model()
+    model.add("body", body)
+    points, slopes = [body.at((0, 0, 0))], lambda x, v, t: (nowhere, 0 * nowhere)
+    model.add("odd", LoadKept(sc.TermFunction(points, lambda x, v, t: -x, slopes=slopes)))
+    with pytest.raises(sc.InputError, match="'odd': slopes are not finite"):
+        model.freeze()
+
+
+def test_a_force_may_be_the_same_array_each_time():
+    body, room = sc.RigidBody.box(1.0, (1, 1, 1)), {}
+
+    def force(x, v, t):
+        out = room.setdefault(np.iscomplexobj(x), np.empty_like(x))
+        out[:] = -x
+        return out
+
+    model = sc.Model()
+    model.add("body", body)
+    model.add("spring", LoadKept(sc.TermFunction([body.at((0, 0, 0))], force)))
+    assert model.freeze().unknowns == 6

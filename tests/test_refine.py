@@ -321,6 +321,13 @@ def test_known_values_with_an_error_are_a_reference_too():
     assert known.notes == plain.notes == {"reference": "given"}
 
 
+def test_no_order_is_told_below_the_error_of_known_values():
+    """True to 2e-3 only: differences of 1e-3 to it are no errors of the levels."""
+    off = ReferenceKnown(math.e - 1 + 1e-3, errors=2e-3)
+    found = refine(problems.trapezoid, elements=(4, 8, 16, 32, 64), reference=off)
+    assert np.isnan(found.orders["value"].order) and "at rounding" in found.orders["value"].verdict
+
+
 # -- failures, interruption, processes -------------------------------------------------------------
 
 

@@ -179,7 +179,7 @@ def duration(model: Model, system: System, state: State) -> float:
         item = model[name]
         if not isinstance(item, Load):
             continue
-        for term in item.terms():
+        for term in item.made_of:
             if isinstance(term.time, Table) and term.time.times[-1] > 0:
                 found.append(2 * float(term.time.times[-1]))
             elif isinstance(term.time, Constant):

@@ -461,7 +461,7 @@ class Stepper:
         `origin` is as for the class.
         """
         self.varying = True
-        if h == self.h:
+        if h == self.h and origin in (None, self.origin):
             return
         if self._march is not None:
             raise IncompatibleError(f"{self.integrator!r} with another step", "its steps are fixed")

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import InputError
 from ..frames import Place
 from ..types import Floats
 from .plane import Plane
@@ -45,8 +46,24 @@ class Ground:
         self._watched: list[Place] = []
 
     def number(self, place: Place) -> int:
-        """Which frame a ground place belongs to; 0 is the one at rest."""
-        return next((1 + k for k, p in enumerate(self.moving) if p is place), 0)
+        """Which frame a ground place belongs to; 0 is the one at rest.
+
+        Raises
+        ------
+        InputError
+            If the place moves, and is none of the scene's.
+        """
+        if place.motion is None:
+            return 0
+        for k, known in enumerate(self.moving, 1):
+            if known is place:
+                return k
+        for k, known in enumerate(self.moving, 1):  # made anew, as with the terms of a load
+            if known.motion is place.motion and np.array_equal(known.position, place.position):
+                return k
+        raise InputError(
+            place.label, "is in prescribed motion, but none of the scene's places: keep it"
+        )
 
     def confined(self, plane: Plane, drives: Sequence[Place]) -> Ground:
         """The same frames, which must not leave a plane; those of drives are numbers only."""

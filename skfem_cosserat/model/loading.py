@@ -117,7 +117,7 @@ class Loading:
         self._followers: list[tuple[int, int, IndexArray, Floats]] = []
         moments: list[tuple[int, int, bool, Floats]] = []
         for load in loads:
-            for term in load.terms():
+            for term in load.made_of:
                 if isinstance(term, TermFunction):
                     self.functions.append((load, term))
                     continue
@@ -449,13 +449,14 @@ class FunctionLoad:
 
     def force(self, x: Array, v: Array, t: float) -> Array:
         """The function's value (k, 3), which must be finite numbers, real ones of real ones."""
-        out = np.asarray(self.term.force(x.copy(), v.copy(), t))
+        out = np.array(self.term.force(x.copy(), v.copy(), t))  # functions may give one array again
         real = not (np.iscomplexobj(x) or np.iscomplexobj(v))
         if out.shape != x.shape or out.dtype.kind not in ("iuf" if real else "iufc"):
             kind = f"an array {out.shape} of {out.dtype}"
-            raise InputError(self.load.label, f"force gives {kind}, expected {x.shape} numbers")
+            text = f"force gives {kind}, expected {x.shape} {'real ' * real}numbers"
+            raise InputError(self.load.label, text)
         if not np.isfinite(out).all():
-            text = f"force is {out.tolist()} at t = {t!r} s, not finite: x = {x.tolist()}"
+            text = f"force is {out.tolist()} at t = {float(t)!r} s, not finite: x = {x.tolist()}"
             raise InputError(self.load.label, f"{text}, v = {v.tolist()}")
         return out
 
@@ -483,11 +484,13 @@ class FunctionLoad:
     def _real_slopes(self, x: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
         shape = *x.shape, *x.shape
         if self.term.slopes is not None:
-            given = [np.asarray(each, dtype=float) for each in self.term.slopes(x, v, t)]
+            given = [np.array(each, dtype=float) for each in self.term.slopes(x, v, t)]
             if [each.shape for each in given] != [shape, shape]:
                 found = [each.shape for each in given]
                 text = f"slopes gives arrays {found}, expected two of {shape}"
                 raise InputError(self.load.label, text)
+            if not all(np.isfinite(each).all() for each in given):
+                raise InputError(self.load.label, f"slopes are not finite at t = {float(t)!r} s")
             return given[0], given[1]
         both = np.array([x, v]) + 0j
         out = np.empty((2, *shape))

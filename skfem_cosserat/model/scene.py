@@ -21,7 +21,6 @@ from ..load import (
     Constant,
     FunctionOfTime,
     Load,
-    Term,
     time_function,
 )
 from ..types import ArrayLike, Floats
@@ -137,7 +136,7 @@ def with_amplitude(system: System, load: Load | str, amplitude: Amplitude) -> Sy
         new.channels = tuple((value, time) for value, _ in old.channels)
         new.time = time
     elif isinstance(time, Constant):
-        factor = time.number
+        factor, new.time = time.number, time
         new.channels = tuple(
             (value, FunctionOfTime(lambda t, each=each: factor * each.value(t)))  # type: ignore[misc]
             for value, each in old.channels
@@ -145,7 +144,8 @@ def with_amplitude(system: System, load: Load | str, amplitude: Amplitude) -> Sy
     else:
         raise InputError(old.label, "its components are functions of time: give a number")
     seal(new)
-    if len(old.channels) < 2 and all(term.time is not time for term in new.terms()):
+    own = {id(time), *(id(each) for _, each in new.channels)}
+    if all(id(term.time) not in own for term in new.made_of):
         raise InputError(old.label, "its terms have no amplitude of the load: give them self.time")
     loads = [new if each is old else each for each in system.loads]
     return _anew(system, system.joints, loads, system.drives, system.placed)
@@ -397,7 +397,8 @@ def planarity(scene: Model | System, normal: ArrayLike | None = None) -> Planari
     """Whether a scene stays in a plane, which one, and if not what leaves it, by how much.
 
     Geometry, inertia, sections, joints, loads, force elements and initial velocities are looked
-    at; functions of time at a few first instants only (a run that leaves the plane later stops).
+    at; functions of time at a few first instants only (a run that leaves the plane later stops,
+    but for forces that are functions of the motion).
 
     Parameters
     ----------
@@ -498,10 +499,10 @@ def _check_kind(name: str, item: Item) -> None:
     elif isinstance(item, StructuralItem) and not (is_beam(item) or isinstance(item, MASSES)):
         known = "Beam, RigidBody or MassPoint"
     elif isinstance(item, Load):
-        for term in item.terms():
-            if not isinstance(term, Term):
-                text = f"has {term!r} among its terms, expected TermForce(...) or the like"
-                raise InputError(f"model, item {name!r}", text)
+        try:
+            item.references()
+        except InputError as error:  # it has no name yet
+            raise InputError(f"model, item {name!r}", str(error).partition(": ")[2]) from error
         return
     else:
         return

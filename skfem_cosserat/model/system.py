@@ -244,7 +244,7 @@ class System:
         self.beam_groups = [BeamGroup(members, alpha, beta) for members in kinds.values()]
         self.damped = bool(alpha) or any(g.viscous for g in self.beam_groups)
         single = {v for v, _, framed in self.nodal_masses if framed}
-        frames = [term.frame for load in self.loads for term in load.terms()]
+        frames = [term.frame for load in self.loads for term in load.made_of]
         single |= {self.spot(place).vertex for place in frames if place is not None}
         points = {v for v, _, framed in self.nodal_masses if not framed}
         self.frame_group, self.point_group = (

@@ -28,9 +28,9 @@ from .levels import (
     series_of,
     text,
 )
-from .orders import Convergence, convergence
+from .orders import ROUNDING, Convergence, convergence
 from .quantities import OverTime, Quantities, aligned
-from .references import Compared, ReferenceFinest, reference_of_levels
+from .references import Compared, ReferenceFinest, ReferenceKnown, reference_of_levels
 from .results import Report, ResultTable, provenance
 
 if TYPE_CHECKING:
@@ -510,9 +510,14 @@ class _Plan:
         for name in self._names:
             shared, instants = aligned(name, samples, self.wanted.over)
             norm, known = self.wanted.norm(instants), None
+            noise = self.rounding.get(name, self.rounding.get(None))
             for first in [*shared.values()][:1]:
                 asked = Compared(name, shared, instants, first.shape, norm)
-                known, _ = self.reference.of(asked)
+                known, off = self.reference.of(asked)
+                size = max(map(norm, shared.values()))
+                if isinstance(self.reference, ReferenceKnown) and off > 0 and size > 0:
+                    # differences below the reference's own error tell no order
+                    noise = max(off / size, ROUNDING if noise is None else noise)
             for series in self.series:
                 key = f"{name}, {series.label}" if series.label else name
                 orders[key] = convergence(
@@ -520,7 +525,7 @@ class _Plan:
                     [_finite(shared, level) for level in series.levels],
                     norm,
                     known,
-                    self.rounding.get(name, self.rounding.get(None)),
+                    noise,
                     isinstance(self.reference, ReferenceFinest),
                 )
                 names = [level.name for level in series.levels]
