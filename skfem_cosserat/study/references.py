@@ -69,6 +69,9 @@ class Reference:
     def __init__(self) -> None:
         self.runs: dict[str, Any] = {}
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}(...)"
+
     def beside(self, finest: Mapping[str, Any]) -> Reference:
         """The reference of levels of which the finest has these arguments."""
         return self
