@@ -765,7 +765,7 @@ class TermFunction(Term):
     compared with differences. Scenes with such a term are stepped by numpy alone; `modes` leaves
     its slopes by the velocities out (without a state or time all of it, as all loads), and the step
     limit of explicit schemes all of them. Whether it leaves a plane is looked at when the scene is
-    frozen only, at a few first instants.
+    frozen, at a few first instants, and at the end of a run, at some recorded states: a warning.
 
     Parameters
     ----------

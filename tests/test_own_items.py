@@ -547,6 +547,24 @@ def test_a_function_in_a_plane_and_out_of_it():
         field.freeze(planar=sc.Planar(Z))
 
 
+@pytest.mark.parametrize("late", [0.0, 1.0])
+def test_a_function_that_leaves_the_plane_late_is_told(late):
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
+
+    def force(x, v, t):
+        return -x + np.array([0, 0, late]) * (t > 0.5)
+
+    model.add("pull", LoadKept(sc.TermFunction([body.local((0.5, 0, 0))], force)))
+    scene = model.freeze(planar=sc.Planar(Z)), sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0
+    if not late:
+        sc.simulate(*scene)  # warnings are errors here
+        return
+    with pytest.warns(sc.AccuracyWarning, match="load 'pull', .*pushed out of the plane"):
+        history = sc.simulate(*scene)
+    assert history.meta["warnings"][0]["time"] > 0.5
+
+
 def test_kernels_say_why_they_are_not_used():
     model = ball(lambda place: LoadDrag(place, 0.6))
     with pytest.raises(sc.CosseratError, match="loads that are functions of the motion"):

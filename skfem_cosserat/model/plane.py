@@ -40,6 +40,7 @@ __all__ = [
     "Planarity",
     "Plane",
     "confined",
+    "functions_off_plane",
     "guard_of",
     "inspect",
     "out_of_plane",
@@ -549,6 +550,39 @@ def _motion(system: System, plane: Plane, rng: np.random.Generator) -> Floats:
     R = rotation_matrix(exp_quaternion(theta[:, None] * plane.normal))
     y[kin.director_rows] = y[kin.director_rows] @ R.transpose(0, 2, 1)
     return y
+
+
+def functions_off_plane(
+    system: System, times: Floats, states: Floats
+) -> tuple[str, str, float] | None:
+    """Function of the motion that pushed out of the plane in a run: its load, what to say, when.
+
+    Forces are those at recorded states (N, n), with the mean velocities from one to the next.
+    """
+    plane, n = system.plane, len(states)
+    if plane is None or n < 2:
+        return None
+    for function in system.couplings.functions:
+        worst, most, when = 0.0, 0.0, 0.0
+        for k in range(n):
+            a, b = (k, k + 1) if k + 1 < n else (k - 1, k)
+            ends = [system.extend(states[i], float(times[i])) for i in (a, b)]
+            y, t = ends[k - a], float(times[k])
+            rates = (ends[1] - ends[0]) / (times[b] - times[a])
+            factor = function.term.time.value(t)
+            force = np.zeros_like(y)
+            force[function.rows] = function.push(y, rates, t, factor, 1.0, 0.0).nodal()
+            twists = _twist_forces(system, y, force[: system.rows])
+            off = _out_of_plane(twists, plane)
+            worst, when = (off, t) if off > worst else (worst, when)
+            most = max(most, float(abs(twists).max()))
+        if worst > SHARE * most:
+            share = f"by a share of {worst / most:.3g}, which is missing"
+            text = (
+                f"pushed out of the plane that the scene is confined to, {share}: leave out planar"
+            )
+            return function.load.label, text, when
+    return None
 
 
 def _twist_forces(system: System, y: Floats, force: Floats) -> Floats:

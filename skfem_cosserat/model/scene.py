@@ -397,8 +397,8 @@ def planarity(scene: Model | System, normal: ArrayLike | None = None) -> Planari
     """Whether a scene stays in a plane, which one, and if not what leaves it, by how much.
 
     Geometry, inertia, sections, joints, loads, force elements and initial velocities are looked
-    at; functions of time at a few first instants only (a run that leaves the plane later stops,
-    but for forces that are functions of the motion).
+    at; functions of time at a few first instants only (a run that leaves the plane later stops, or
+    warns at its end of forces that are functions of the motion).
 
     Parameters
     ----------

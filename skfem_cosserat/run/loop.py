@@ -17,6 +17,7 @@ from ..integrators import Integrator, State, Stepper, StepReport
 from ..linear import Solver
 from ..model import System, takes_scene
 from ..model.limits import over_rotated_beam
+from ..model.plane import functions_off_plane
 from ..newton import NewtonSettings
 from ..types import MOST, real, switch, whole
 from ..warn import Notices, logger, warn
@@ -350,6 +351,7 @@ def simulate(
             recorder.tell(plan.summary())
             if failure is None:
                 _warn_of_elements(system, recorder.complete())
+                _warn_of_functions(system, recorder.complete())
             else:
                 notices.tell(failure)
             history = recorder.close(status, failure)
@@ -432,6 +434,16 @@ def _warn_of_elements(system: System, history: History) -> None:
         if drawn := overstretched_at(system, points[k], force):
             warn(*drawn, AccuracyWarning, float(history.times[k]))
             break
+
+
+def _warn_of_functions(system: System, history: History) -> None:
+    """Say which function of the motion pushed out of the plane of the scene at recorded states."""
+    if system.plane is None or not system.couplings.functions:
+        return
+    k = np.unique(np.linspace(0, len(history) - 1, LOOKS).round().astype(int))
+    if found := functions_off_plane(system, history.times[k], history["q"][k]):
+        label, text, time = found
+        warn(label, text, AccuracyWarning, time)
 
 
 def _log_if_unresolved(stepper: Stepper) -> None:
