@@ -835,7 +835,7 @@ class Load(Item):
     Where a load acts, whether it leaves a plane, its work, its part in resultants and the kernels
     that step it all follow from its terms: :class:`TermForce`, :class:`TermMoment`,
     :class:`TermLine`, :class:`TermAcceleration`, and :class:`TermFunction` for any function of
-    points, velocities and time. They are asked for once.
+    points, velocities and time. Each load is asked once for its terms.
 
     Parameters
     ----------

@@ -62,7 +62,9 @@ class Ground:
             if known.motion is place.motion and np.array_equal(known.position, place.position):
                 return k
         raise InputError(
-            place.label, "is in prescribed motion, but none of the scene's places: keep it"
+            place.label,
+            "is in prescribed motion, but none of the places that the scene was made with: keep the"
+            " place as an attribute instead of making it anew",
         )
 
     def confined(self, plane: Plane, drives: Sequence[Place]) -> Ground:

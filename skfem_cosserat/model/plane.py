@@ -577,10 +577,8 @@ def functions_off_plane(
             worst, when = (off, t) if off > worst else (worst, when)
             most = max(most, float(abs(twists).max()))
         if worst > SHARE * most:
-            share = f"by a share of {worst / most:.3g}, which is missing"
-            text = (
-                f"pushed out of the plane that the scene is confined to, {share}: leave out planar"
-            )
+            share = f"by a share of {worst / most:.3g}, which the run left out"
+            text = f"pushed out of the plane that the scene is confined to, {share}"
             return function.load.label, text, when
     return None
 

@@ -350,8 +350,9 @@ def simulate(
                 status, failure = run.go(state)
             recorder.tell(plan.summary())
             if failure is None:
-                _warn_of_elements(system, recorder.complete())
-                _warn_of_functions(system, recorder.complete())
+                recorded = recorder.complete()
+                _warn_of_elements(system, recorded)
+                _warn_of_functions(system, recorded)
             else:
                 notices.tell(failure)
             history = recorder.close(status, failure)
