@@ -52,7 +52,8 @@ def main(step: float = 5e-3, until: float = 2.0, out: str | Path | None = None) 
         model.add(name, bar)
         ends += [bar.at(a), bar.at(b)]
     ends.append(sc.ground(POINTS[3]))
-    pins = [sc.JointRevolute(a, b, axis=(0, 0, 1)) for a, b in zip(ends[::2], ends[1::2])]
+    axis = (0, 0, 1)
+    pins = [sc.JointRevolute(a, b, axis) for a, b in zip(ends[::2], ends[1::2], strict=True)]
     for k, pin in enumerate(pins):
         model.add(f"pin {k}", pin)
     model.add("motor", sc.JointDrive(pins[0], crank_angle))

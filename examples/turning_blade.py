@@ -88,9 +88,7 @@ def draw(result: dict[str, Any], path: str | Path) -> None:
     for k in (0, 1):
         known = [values[k] for values in KNOWN.values()]
         axes.plot(list(KNOWN), known, "ko", mfc="none", label=None if k else "Wright et al.")
-    axes.set(
-        xlabel="speed of the rotor, dimensionless", ylabel="angular frequency, dimensionless"
-    )
+    axes.set(xlabel="speed of the rotor, dimensionless", ylabel="angular frequency, dimensionless")
     axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=100)
