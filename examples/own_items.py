@@ -4,8 +4,8 @@
 - A joint writes its constraints, ``rows``, and what they leave free, ``freedom``.
 - A sensor names its ``items`` and gives ``values`` at each step.
 
-The ball starts at rest. With the drag ``c v^2`` it reaches the speed ``w tanh(a t/w)``, where a is
-the acceleration down the slope and ``w = sqrt(m a/c)`` the final speed.
+The ball starts at rest. With the drag ``c v^2`` it has the speed ``w tanh(c w t/m)`` after the
+time t, where w is the final speed: ``c w^2 = m g sin(slope)``.
 
 Run ``python examples/own_items.py``; look at how the speed levels off.
 """
@@ -94,12 +94,11 @@ def main(step: float = 2e-2, until: float = 4.0, out: str | Path | None = None) 
     model.add("gravity", sc.LoadGravity((0, 0, -GRAVITY)))
     run = model, sc.EnergyMomentum(), sc.NullSpace(), step, until
     history = sc.simulate(*run, sensors={"speed": SensorSpeed(ball)})
-    down = GRAVITY * np.sin(SLOPE)
-    final = np.sqrt(MASS * down / DRAG)
+    final = np.sqrt(MASS * GRAVITY * np.sin(SLOPE) / DRAG)
     times, speed = history.sensors["speed"].times, history.sensors["speed"].values
     result = {
         "speed": speed,
-        "theory": final * np.tanh(down * times / final),
+        "theory": final * np.tanh(DRAG * final / MASS * times),
         "balance": float(abs(history["energy_balance"]).max()),
         "off_plane": float(abs(history.position(ball.place()) @ normal).max()),
     }
