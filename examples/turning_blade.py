@@ -8,7 +8,7 @@ stiffness both ways, the blade swings in the plane of rotation with
 ``omega_lag^2 = omega_flap^2 - Omega^2``.
 
 Run ``python examples/turning_blade.py``; it draws the frequencies against the speed (Southwell's
-diagram) and writes a mode at the highest speed for ParaView: ``turning_blade/beams.pvd``.
+diagram) and writes a mode at the highest speed for ParaView: ``turning_blade_results/beams.pvd``.
 """
 
 from __future__ import annotations
@@ -95,8 +95,8 @@ def draw(result: dict[str, Any], path: str | Path) -> None:
 
 
 if __name__ == "__main__":
-    result = main(out=PICTURE, paraview="turning_blade")
+    result = main(out=PICTURE, paraview="turning_blade_results")
     print("speed   flap 1   flap 2    lag 1    lag 2   (times sqrt(m L^4/EI))")
     for speed, flap, lag in zip(*result.values(), strict=True):
         print(f"{speed:5g}", *(f"{value:8.4f}" for value in (*flap, *lag)))
-    print(f"picture: {PICTURE}; for ParaView: turning_blade/beams.pvd")
+    print(f"picture: {PICTURE}; for ParaView: turning_blade_results/beams.pvd")
