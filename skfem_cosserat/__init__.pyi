@@ -95,12 +95,19 @@ from .integrators import (
     Composition as Composition,
     EnergyDecaying as EnergyDecaying,
     EnergyMomentum as EnergyMomentum,
+    Evaluation as Evaluation,
     Explicit as Explicit,
     GeneralizedAlpha as GeneralizedAlpha,
     Integrator as Integrator,
+    Scheme as Scheme,
     State as State,
+    StepData as StepData,
+    StepWork as StepWork,
     Stepper as Stepper,
     Variational as Variational,
+    damped_force as damped_force,
+    load_force as load_force,
+    midpoint_tangent as midpoint_tangent,
 )
 from .joint import (
     Freedom as Freedom,
@@ -118,6 +125,8 @@ from .joint import (
     Turn as Turn,
 )
 from .linear import (
+    Factors as Factors,
+    SingularMatrixError as SingularMatrixError,
     Solver as Solver,
     SolverBanded as SolverBanded,
     SolverDense as SolverDense,
@@ -217,6 +226,7 @@ from .run import (
     StepAdvice as StepAdvice,
     StepControl as StepControl,
     View as View,
+    Window as Window,
     advise_step as advise_step,
     after_events as after_events,
     initial_state as initial_state,

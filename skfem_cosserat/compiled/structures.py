@@ -216,9 +216,9 @@ BEAMS = (
 FOLLOWING = ("moment_vertex", "moment_follows", "follower")
 #: force elements: integers, factors of laws, matrices of invariants
 COUPLINGS = ("coupling", "coupling_law", "coupling_forms")
-#: constrained beam elements in the tree, whose lines follow from their directors: of each edge which
-#: of them, or -1; length from parent to child, negative against the element; Gamma of the reference,
-#: rotations of the section at both, blocks of both
+#: constrained beam elements in the tree, whose lines follow from their directors: of each edge
+#: which of them, or -1; length from parent to child, negative against the element; Gamma of the
+#: reference, rotations of the section at both, blocks of both
 CONSTRAINED = (
     "element",
     "element_length",
