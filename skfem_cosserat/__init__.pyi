@@ -135,21 +135,23 @@ from .linear import (
     SolverSuperLU as SolverSuperLU,
 )
 from .load import (
-    FunctionOfTime as FunctionOfTime,
-    Harmonic as Harmonic,
     Load as Load,
     LoadForce as LoadForce,
     LoadGravity as LoadGravity,
     LoadLine as LoadLine,
     LoadMoment as LoadMoment,
-    RampLinear as RampLinear,
-    RampSmooth as RampSmooth,
-    Table as Table,
     TermAcceleration as TermAcceleration,
     TermForce as TermForce,
     TermFunction as TermFunction,
     TermLine as TermLine,
     TermMoment as TermMoment,
+)
+from .time_function import (
+    FunctionOfTime as FunctionOfTime,
+    Harmonic as Harmonic,
+    RampLinear as RampLinear,
+    RampSmooth as RampSmooth,
+    Table as Table,
 )
 from .mesh import (
     MeshCurve as MeshCurve,

@@ -19,13 +19,17 @@ from ..frozen import Replacements
 from ..history import History
 from ..integrators import EnergyMomentum, Integrator, State, StepReport
 from ..kernels import beam_stress
-from ..load import Constant, Load, Table
+from ..load import Load
 from ..mesh import divided
 from ..model import Model, System, planarity
 from ..model.plane import Planar
 from ..run import Sensor, derive_series, initial_state, simulate
 from ..run.sensors import checked_sensors
 from ..study.quantities import Quantity, Reading
+from ..time_function import (
+    Constant,
+    Table,
+)
 from ..types import Floats, positive
 from ..warn import Notices
 from .proposals import BeamFull, BeamModel, Proposal

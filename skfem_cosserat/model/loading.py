@@ -14,7 +14,6 @@ from ..errors import InputError
 from ..frames import Place
 from ..kernels import cross, skew
 from ..load import (
-    Constant,
     Load,
     Term,
     TermAcceleration,
@@ -22,6 +21,9 @@ from ..load import (
     TermFunction,
     TermLine,
     TermMoment,
+)
+from ..time_function import (
+    Constant,
     TimeFunction,
     constant_after,
 )

@@ -24,8 +24,9 @@ from ..frozen import Frozen
 from ..joint import Joint
 from ..kernels import cross, exp_quaternion, rotation_matrix
 from ..law import Law
-from ..load import Constant, Term
+from ..load import Term
 from ..relative import normals
+from ..time_function import Constant
 from ..types import ArrayLike, Floats, IndexArray
 from .force_elements import Couplings
 from .groups import lumped
