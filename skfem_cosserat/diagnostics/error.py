@@ -292,7 +292,8 @@ def evaluate(
     ``d_i.d_j`` deviates by an amount that vanishes with h^(p+1) (a linear element that turns by
     an angle t has directors of length cos(t/2) in its middle). Positions and triads converge with
     h^(p+1), strains and resultants with h^p, and with h^(p+1) at the Gauss points, where
-    :func:`section_strains` takes them; at nodes :func:`nodal_resultants` are far better.
+    :func:`section_strains` takes them; at nodes
+    :func:`~skfem_cosserat.diagnostics.nodal_resultants` are far better.
 
     Examples
     --------

@@ -211,7 +211,7 @@ def precision_chart(
     reference_errors: Mapping[str, float],
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:
-    """One panel a quantity; see :meth:`PrecisionTable.chart`.
+    """One panel a quantity; see :meth:`~skfem_cosserat.study.PrecisionTable.chart`.
 
     Parameters
     ----------
@@ -317,7 +317,7 @@ def stability_chart(
     lines: Mapping[str, Floats],
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:
-    """Cells over the last axis (to the right) and the last but one; see :meth:`Map.chart`.
+    """Cells over the last axis (to the right) and the last but one; see :meth:`~skfem_cosserat.study.Map.chart`.
 
     Parameters
     ----------
