@@ -382,7 +382,8 @@ class TermFunction(Term):
     ------
     InputError
         If there are no points, or something cannot be called; when a scene is frozen, if slopes
-        are wrong; in a run, if a force is not finite.
+        are wrong; if a force is not finite or its function fails, in a run with the states so far
+        as ``error.history``.
 
     Examples
     --------

@@ -317,7 +317,7 @@ def stability_chart(
     lines: Mapping[str, Floats],
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:
-    """Cells over the last axis (to the right) and the last but one; see :meth:`~skfem_cosserat.study.Map.chart`.
+    """Cells of a map over its last axis (to the right) and the last but one.
 
     Parameters
     ----------
