@@ -305,6 +305,8 @@ def project(
 
     Examples
     --------
+    A pendulum: the velocity along the rod is taken off:
+
     >>> from skfem_cosserat import JointDistance, MassPoint, Model, ground
     >>> model = Model()
     >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
