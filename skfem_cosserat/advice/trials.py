@@ -11,7 +11,7 @@ import numpy as np
 
 from ..adaptive import carry_state
 from ..beam import Beam
-from ..constraints import NullSpace, Treatment
+from ..constraints import NullSpace
 from ..diagnostics import highest_frequency, kinetic_energy, momentum, section_strains
 from ..errors import CosseratError, Diverged, InputError
 from ..frames import Place
@@ -533,7 +533,6 @@ class Trials:
         steps: int,
         theory: Mapping[str, BeamModel] | None = None,
         integrator: Integrator | None = None,
-        treatment: Treatment | None = None,
     ) -> Proposal:
         """A proposal for this event; without more: full beams, energy-momentum, null space."""
         theories = {name: BeamFull() for name in self.beams} | dict(theory or {})
@@ -542,7 +541,7 @@ class Trials:
             order,
             dict(elements),
             integrator or EnergyMomentum(),
-            treatment or NullSpace(),
+            NullSpace(),
             steps,
             self.until / steps,
             self.keep,

@@ -195,9 +195,6 @@ class ConstrainedElements:
                     shift_of[exits] = [(k, shifts + i) for i, k in enumerate(stretches)]
                     shifts += len(stretches)
                     exits += 1
-        self._exit_rows: IndexArray = np.concatenate(
-            [np.zeros(0, dtype=np.int64), *(g.rows.ravel() for g in self.groups)]
-        )
         members = {v: exits_of for v, exits_of in _paths(tree, exit_of).items() if exits_of}
         vertices_of = {
             exit_of[id(s), b]: s.vertices
