@@ -115,6 +115,10 @@ class Freedom(Frozen):
 class Joint(Item):
     """Connection of two places; see the subclasses.
 
+    An own joint derives from it and writes :meth:`rows`, its constraint equations, and
+    :meth:`freedom`, the relative motions that it leaves free; :meth:`gap` if it does not hold
+    ``x_b - x_a`` as a whole.
+
     Parameters
     ----------
     a, b : Place
