@@ -252,7 +252,7 @@ def test_eliminated_elements(planar):
     else:
         s, _ = bind.bound_tree(system, plan)
     for k, e in edges:
-        element = e.joint.element
+        element = e.joint.number
         nodes = beam.basis.connectivity[element]
         moved = y.copy()
         if planar:
