@@ -11,7 +11,7 @@ import pytest
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.element import InterpolationEquidistant
-from skfem_cosserat.integrators.explicit import LimitWatch
+from skfem_cosserat.integrators.explicit_limit import LimitWatch
 
 RUBBER = sc.SectionCircle(0.02, sc.Material(5e6, 0.5, 1100))
 FLAT = sc.SectionRectangle(0.06, 0.02, sc.Material(5e6, 0.4, 1100))

@@ -1,6 +1,17 @@
 """Time integrators, each in a module of its equations, and the steps that are taken with them."""
 
-from .base import Integrator, State, StepOrigin, StepWork
+from .base import (
+    Evaluation,
+    Integrator,
+    Scheme,
+    State,
+    StepData,
+    StepOrigin,
+    StepWork,
+    damped_force,
+    load_force,
+    midpoint_tangent,
+)
 from .composition import Composition
 from .energy_decaying import EnergyDecaying
 from .energy_momentum import EnergyMomentum
@@ -14,13 +25,19 @@ __all__ = [
     "Composition",
     "EnergyDecaying",
     "EnergyMomentum",
+    "Evaluation",
     "Explicit",
     "GeneralizedAlpha",
     "Integrator",
+    "Scheme",
     "State",
+    "StepData",
     "StepOrigin",
     "StepReport",
     "StepWork",
     "Stepper",
     "Variational",
+    "damped_force",
+    "load_force",
+    "midpoint_tangent",
 ]

@@ -25,6 +25,9 @@ __all__ = [
     "StepData",
     "StepOrigin",
     "StepWork",
+    "damped_force",
+    "load_force",
+    "midpoint_tangent",
 ]
 
 
@@ -152,9 +155,11 @@ class Scheme:
     Attributes
     ----------
     mass, momentum, force : float
+        Factors of the balance.
     ends : bool
         Stresses: the mean of both ends.
     carry : (float, float, float)
+        Factors of the momentum carried on.
     share : float
         The balance is taken at ``y_0 + share (y_1 - y_0)``.
     """
@@ -169,7 +174,23 @@ class Scheme:
 
 @dataclass(eq=False)
 class StepData:
-    """What is fixed during a step."""
+    """What is fixed during a step: given to the methods of an integrator.
+
+    Attributes
+    ----------
+    y0 : (total, 3) array
+        Configuration at the start: the rows of all coordinates, then those of the ground.
+    p0 : (rows, 3) array
+        Momentum carried to the step.
+    t0, h : float
+        Time at the start, and step size (s).
+    amplitudes : array
+        Means of the loads' functions of time over the step.
+    dead : (rows, 3) array
+        Sum of the loads that do not depend on the configuration.
+    couplings : CoupledStart or None
+        Springs, dampers and other force elements at the start; None: there are none.
+    """
 
     y0: Floats
     p0: Floats
@@ -257,7 +278,14 @@ class March(ABC):
 
 
 class Integrator(Frozen):
-    """One-step scheme in (q, p).
+    """One-step scheme in (q, p); base of one's own.
+
+    An own scheme writes the balance of a step without constraint forces: :meth:`evaluate` gives it
+    as an :class:`Evaluation`, :meth:`tangent` its derivative, :meth:`carry` the momentum at the end
+    of the step, :meth:`node_momentum` that at the node. It goes with any treatment of the
+    constraints. :func:`damped_force`, :func:`load_force` and :func:`midpoint_tangent` do what
+    schemes that take forces at the midpoint have in common. Such a scheme has compiled kernels if
+    :meth:`scheme` gives it in numbers.
 
     Attributes
     ----------
@@ -297,6 +325,7 @@ class Integrator(Frozen):
         is one of its own.
     """
 
+    #: its own for each scheme: states know by it what led to them
     name: str
     order: int
     remembered: int = 0
@@ -453,20 +482,26 @@ class Integrator(Frozen):
 def damped_force(
     system: System, step: StepData, Bs: list[Array], elastic: list[Array], y1: Array
 ) -> tuple[Array, list[Array], Damping | None]:
-    """Force of all beams, and drag (rows, 3), at a trial configuration y1.
+    """Force of all beams, and drag, at a trial configuration: part of a scheme's ``evaluate``.
 
     Parameters
     ----------
+    system : System
+    step : StepData
     Bs, elastic : list of arrays
-        B at the midpoint, and the elastic stresses there.
+        B at the midpoint (of ``system.strain(mid)``), and the elastic stresses that act there, one
+        for each of ``system.beam_groups``.
+    y1 : (total, 3) array
+        Trial configuration at the end of the step.
 
     Returns
     -------
     force : (rows, 3) array
-        In the sense of an internal force.
+        Internal force: it stands on the side of the inertia, loads on the other one.
     stresses : list of arrays
         The viscous ones included.
     damping : Damping or None
+        For ``Evaluation.damping``; None: nothing is damped.
     """
     if not system.damped:
         return system.internal_force(Bs, elastic), elastic, None
@@ -500,10 +535,25 @@ def midpoint_tangent(
     mass: float,
     force: float,
 ) -> list[Blocks]:
-    """``mass * M + force * d(f_int - f)/dq_1`` as blocks of the groups, then of the couplings.
+    """``mass * M + force * d(f_int - f)/dq_1``: what a midpoint scheme's ``tangent`` gives.
 
     At the midpoint half of a change of q_1 reaches B and the loads, and half of it the elastic
     stress; the strain rate changes by ``B(q_1)/h``.
+
+    Parameters
+    ----------
+    system : System
+    step : StepData
+    evaluation : Evaluation
+    moduli : list of arrays
+        Those of ``self.moduli(system, step, evaluation)``.
+    mass, force : float
+        Factors of the mass matrix and of the forces in the balance.
+
+    Returns
+    -------
+    list of blocks
+        Of the system's groups, then of its couplings if it has any.
     """
     e = evaluation
     half = 0.5 * force
@@ -539,7 +589,7 @@ def _add_damping(
 
 
 def load_force(system: System, step: StepData, y: Array) -> Array:
-    """All loads (rows, 3), those that depend on the configuration at y."""
+    """All loads (rows, 3) of a step, those that depend on the configuration at y (total, 3)."""
     if system.loading.dead_only:
         return step.dead
     return step.dead + system.loading.force(y[: system.rows], step.amplitudes)
