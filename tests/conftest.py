@@ -6,10 +6,14 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 # before numpy is loaded: threads of BLAS only slow down the many small products
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# scenes of one file of tests serve others, whatever folders both are in
+sys.path.extend(sorted({str(file.parent) for file in Path(__file__).parent.glob("*/test_*.py")}))
 
 import numpy as np
 import pytest
