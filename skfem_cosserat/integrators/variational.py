@@ -85,7 +85,7 @@ class Variational(Integrator):
     force_share = 0.5
     start_share = 0.5
     carries_node_momentum = False
-    frequency_limit = 10.0  # explained and measured in examples/failure_mechanism.py
+    frequency_limit = 10.0  # explained and measured in examples/paper/failure_mechanism.py
     advice = "a finer mesh, a softer section, or EnergyMomentum()"
     conserves = "symplectic form, linear and angular momentum"
     reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equations (22) and (25)"

@@ -18,13 +18,11 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
-import relative_coordinates
-import six_body_linkage
-import three_bar_swing as swing
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import skfem_cosserat as sc
+from paper import relative_coordinates, six_body_linkage
+from paper import three_bar_swing as swing
 
 STEPS = (1e-2, 1e-3, 1e-4)
 INTEGRATORS = ("energy-momentum", "variational")

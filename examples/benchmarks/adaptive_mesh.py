@@ -19,8 +19,8 @@ elements of order 2, the swing of order 1), by halving alone, and by uniform ref
 (the swing: 1) and of order 4. True errors are against elements of order 4 on a mesh 16 times as
 fine, in time with the same step.
 
-Run ``python examples/adaptive_mesh.py --help`` for the choices. Writes a table and, where
-matplotlib is there, a chart.
+Run ``python examples/benchmarks/adaptive_mesh.py --help`` for the choices. Writes a table and,
+where matplotlib is there, a chart.
 """
 
 from __future__ import annotations
@@ -39,12 +39,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-import paper_record
-import three_bar_swing
+from record import Record
 
 import skfem_cosserat as sc
+from paper import three_bar_swing
 from skfem_cosserat.adaptive import (
     Adapted,
     Halve,
@@ -58,7 +59,7 @@ from skfem_cosserat.adaptive import (
 from skfem_cosserat.export import prepare_folder
 
 Floats = NDArray[np.float64]
-HERE = Path(__file__).resolve().parent
+PICTURES = Path(__file__).resolve().parents[1] / "pictures"
 E3 = (0.0, 0.0, 1.0)
 
 
@@ -207,7 +208,7 @@ def main(quick: bool = True, out: str | Path | None = None) -> dict[str, Any]:
     """
     if out is not None:
         prepare_folder(Path(out))
-    record = paper_record.Record()
+    record = Record()
     result: dict[str, Any] = {}
     with record.run(f"adaptive meshes{', quick' if quick else ''}") as number:
         for name in list(CASES)[: 2 if quick else None]:
@@ -233,9 +234,7 @@ def _entry(found: Adapted, exact: Floats) -> dict[str, Any]:
     }
 
 
-def _write(
-    result: dict[str, Any], folder: Path, record: paper_record.Record, number: int
-) -> list[Path]:
+def _write(result: dict[str, Any], folder: Path, record: Record, number: int) -> list[Path]:
     """A table of all meshes, and a chart."""
     rows = [
         (name, way, *level, entry["tolerance"], k == len(entry["levels"]) - 1)
@@ -284,6 +283,6 @@ def lines(result: dict[str, Any]) -> list[str]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="the two smallest problems only")
-    parser.add_argument("--out", default=str(HERE / "pictures"), help="folder for all files")
+    parser.add_argument("--out", default=str(PICTURES), help="folder for all files")
     arguments = parser.parse_args()
     print("\n".join(lines(main(arguments.quick, arguments.out))))

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-import paper_record
 import static_scenes
+from record import Record
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
@@ -261,7 +261,7 @@ def main(quick: bool = False, out: str | Path | None = None) -> dict[str, Any]:
     """
     kinds: list[Interpolation] = [InterpolationLobatto(p) for p in (1, 2, 3, 4)]
     kinds += [InterpolationEquidistant(p) for p in (3, 4)]
-    record = paper_record.Record()
+    record = Record()
     with record.run("element orders") as run:
         result = {
             "orders": table(kinds, quick),

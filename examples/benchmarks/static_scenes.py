@@ -7,7 +7,7 @@ follows all of them at moderate size and prints each number beside its reference
 The beams lie in the plane of x and y (e1, e2) where the problem is plane; d1 of their sections then
 points along z, so that the first bending stiffness is that of the plane. Any consistent units.
 
-Run ``python examples/static_scenes.py --json`` for the numbers as JSON.
+Run ``python examples/benchmarks/static_scenes.py --json`` for the numbers as JSON.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ import skfem_cosserat as sc
 Floats = NDArray[np.float64]
 
 #: reference numbers, with their origin
-DATA = Path(__file__).resolve().parent.parent / "tests" / "data" / "static_references.json"
+DATA = Path(__file__).resolve().parents[2] / "tests" / "data" / "static_references.json"
 E1, E2, E3 = np.eye(3)
 ORIGIN = (0.0, 0.0, 0.0)
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-import paper_record
+from record import Record
 
 import skfem_cosserat as sc
 from skfem_cosserat.basis import DirectorBasis
@@ -206,7 +206,7 @@ def main(quick: bool = False, out: str | Path | None = None) -> dict[str, Any]:
     dict
         ``limits``: rows of :func:`limits`; ``points``: of :func:`gauss_points`.
     """
-    record = paper_record.Record()
+    record = Record()
     with record.run("limits of theories") as run:
         result = {
             "limits": limits(RATIOS[3::2] if quick else RATIOS),

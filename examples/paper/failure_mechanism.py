@@ -29,9 +29,9 @@ from skfem_cosserat import diagnostics
 from skfem_cosserat.diagnostics import constraint_frequency
 from skfem_cosserat.study import FULL_PROTOCOL
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import three_bar_swing as swing
+from paper import three_bar_swing as swing
 
 Floats = NDArray[np.float64]
 

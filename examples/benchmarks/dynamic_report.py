@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import paper_record
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from record import Record
 
 #: of a run: rotations (-), velocities (m/s) and energy (J), where the reference has them
 OTHERS = ("rotation", "velocity", "energy")
 
 
-def main(
-    result: dict[str, Any], folder: Path, record: paper_record.Record, number: int
-) -> list[Path]:
+def main(result: dict[str, Any], folder: Path, record: Record, number: int) -> list[Path]:
     """Write three tables and, where matplotlib is there, a chart.
 
     Parameters

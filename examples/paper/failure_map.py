@@ -29,12 +29,12 @@ from numpy.typing import NDArray
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import failure_mechanism as mechanism
-import failure_report
-import three_bar_swing as swing
-from failure_mechanism import BLOW_UP, SETTINGS
+from paper import failure_mechanism as mechanism
+from paper import failure_report
+from paper import three_bar_swing as swing
+from paper.failure_mechanism import BLOW_UP, SETTINGS
 
 Floats = NDArray[np.float64]
 

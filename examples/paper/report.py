@@ -7,12 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import paper_convergence as convergence
-import paper_figures as figures
-import paper_tables as tables
-from paper_record import Record
+from benchmarks.record import Record
+from paper import convergence, figures, tables
 
 NOT_GIVEN = "not given"
 ORDER_STEPS = (5e-4, 2.5e-4)  # between which orders are given

@@ -17,7 +17,7 @@ even powers of h only, which Richardson extrapolation takes away, as kinks fall 
 stay constant after the loads have ended.
 
 Writes three tables and, where matplotlib is there, a chart; half an hour on one core, with --quick
-one. All units SI. Run ``python examples/dynamic_references.py --help`` for the choices.
+one. All units SI. Run ``python examples/benchmarks/dynamic_references.py --help`` for the choices.
 """
 
 from __future__ import annotations
@@ -37,21 +37,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-sys.path.insert(0, str(Path(__file__).resolve().parent / "benchmarks"))
 
 import dynamic_report
-import paper_record
+from record import Record
+
+import skfem_cosserat as sc
 from collection import d01_flexible_pendulum, d02_right_angle, d03_flying_spaghetti
 from collection.common import entry
 from collection.runs import Motion, Scene, limit, run
-
-import skfem_cosserat as sc
 from skfem_cosserat.export import prepare_folder
 from skfem_cosserat.kernels import rotation_matrix
 
 Floats = NDArray[np.float64]
 
-HERE = Path(__file__).resolve().parent
+PICTURES = Path(__file__).resolve().parents[1] / "pictures"
 INTEGRATORS = {"variational": sc.Variational, "energy-momentum": sc.EnergyMomentum}
 ORDERS = (1, 2, 3, 4)
 
@@ -306,7 +305,7 @@ def main(quick: bool = True, out: str | Path | None = None) -> dict[str, Any]:
     """
     if out is not None:
         prepare_folder(Path(out))  # before minutes of work, not after them
-    record = paper_record.Record()
+    record = Record()
     result: dict[str, Any] = {"space": {}, "time": {}, "given": {}, "finest": {}, "uncertainty": {}}
     title = f"dynamic references{', quick' if quick else ''}"
     with record.run(title) as number:
@@ -342,7 +341,7 @@ def _sweep(name: str, quick: bool, result: dict[str, Any]) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="coarser, without the finest runs")
-    parser.add_argument("--out", default=str(HERE / "pictures"), help="folder for all files")
+    parser.add_argument("--out", default=str(PICTURES), help="folder for all files")
     parser.add_argument("--json", action="store_true", help="print all numbers as JSON")
     arguments = parser.parse_args()
     made = main(arguments.quick, arguments.out)

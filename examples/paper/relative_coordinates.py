@@ -10,7 +10,7 @@ a QR factorisation with column pivoting. Variational midpoint integrator
 equation (22); the mass matrix now depends on the configuration, and Newton's method needs the
 second derivatives of the Lagrangian: by complex steps through a recursion along the chain.
 
-All units SI. Run ``python examples/relative_coordinates.py --help`` for the choices.
+All units SI. Run ``python examples/paper/relative_coordinates.py --help`` for the choices.
 """
 
 from __future__ import annotations

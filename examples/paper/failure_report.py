@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 import skfem_cosserat as sc
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import three_bar_swing as swing
+from paper import three_bar_swing as swing
 
 Floats = NDArray[np.float64]
 

@@ -10,13 +10,17 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import paper_record
-import static_scenes
 from numpy.typing import NDArray
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import static_scenes
+from record import Record
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
@@ -83,7 +87,7 @@ def main(quick: bool = False, out: str | Path | None = None) -> dict[str, Any]:
         For each path: ``points``, ``newton_iterations`` a point, ``rejected``, ``critical`` (kind
         and load factor), ``displacement`` at its end (m).
     """
-    record = paper_record.Record()
+    record = Record()
     with record.run("load paths") as run:
         found = {name: follow(quick) for name, follow in PATHS.items()}
     result: dict[str, Any] = {}

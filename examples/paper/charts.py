@@ -1,4 +1,4 @@
-"""Pictures and tables of figures 19 to 25, drawn from what the other paper_* files compute."""
+"""Pictures and tables of figures 19 to 25, drawn from what the other files here compute."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import paper_convergence as convergence
-import paper_figures as figures
-import three_bar_swing as swing
-from paper_record import Record
+from benchmarks.record import Record
+from paper import convergence, figures
+from paper import three_bar_swing as swing
 
 COLOURS = LinearSegmentedColormap.from_list("paper", ["blue", "cyan", "lime", "yellow", "red"])
 PARTS = 6  # of an element, to show a linear interpolation
@@ -246,7 +245,7 @@ def main(
     Parameters
     ----------
     data, study : dict
-        Results of ``paper_figures.main`` and ``paper_convergence.main``, each with its ``run``.
+        Results of ``figures.main`` and ``convergence.main``, each with its ``run``.
     out : path
         An existing folder.
     record : Record

@@ -4,7 +4,7 @@ The three-bar swing with its soft and its stiff beam, a slider-crank with a stif
 and the flying spaghetti of Simo & Vu-Quoc (J. Appl. Mech. 53 (1986) 849). For each: what every
 candidate that was run through the whole event gave, at what cost, and which is proposed.
 
-Run ``python examples/model_ladder.py --help`` for the choices.
+Run ``python examples/benchmarks/model_ladder.py --help`` for the choices.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ import skfem_cosserat as sc
 from skfem_cosserat.advice import Advice
 from skfem_cosserat.export import prepare_folder
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from three_bar_swing import scene as swing
+from paper.three_bar_swing import scene as swing
 
-PICTURES = Path(__file__).resolve().parent / "pictures"
+PICTURES = Path(__file__).resolve().parents[1] / "pictures"
 GRAVITY = (0.0, 0.0, -9.81)
 
 

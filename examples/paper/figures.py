@@ -3,7 +3,7 @@
 Figure 19 is the scene; 20 to 22 show a run of the variational scheme with a step of 1e-2 s; 23 and
 24 the energies of both integrators with 1e-2 and 1e-3 s, here each in terms of ``(q_n, q_{n+1})``,
 ``(q_n, p_n)`` and ``(q_n, Q p_n)``. The numbers the text says about them are computed as well.
-Drawn by ``paper_charts.py``.
+Drawn by ``charts.py``.
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import three_bar_swing as swing
-
+from paper import three_bar_swing as swing
 from skfem_cosserat import diagnostics
 
 Floats = NDArray[np.float64]

@@ -20,11 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
-import three_bar_swing as swing
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import skfem_cosserat as sc
+from paper import three_bar_swing as swing
 from skfem_cosserat import diagnostics
 
 Floats = NDArray[np.float64]
