@@ -64,6 +64,14 @@ def _plain(request: pytest.FixtureRequest) -> Iterator[None]:
     choice.WORTHWHILE = asked
 
 
+@pytest.fixture(params=["numpy", "numba"])
+def kernels(request: pytest.FixtureRequest) -> str:
+    """Kernels of a test whose statement holds with both: what ``kernels=`` of a run takes."""
+    if request.param == "numba":
+        pytest.importorskip("numba")
+    return str(request.param)
+
+
 SHOT = """
 import sys, pyvista
 plotter = pyvista.Plotter(off_screen=True, window_size=[64, 64])

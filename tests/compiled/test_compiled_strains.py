@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from helpers_scenes import FULL, full_section, rotation
-from test_compiled import called
+from helpers_kernels import called
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled import bind, bind_kkt, elements, kkt, tree

@@ -2,11 +2,28 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
-from helpers_scenes import FULL, SHAKE, TENSOR, chequered, four_bar, random_state, rotation, unit
+from helpers_kernels import (
+    assert_same,
+    assert_same_in_steps_of_other_sizes,
+    assert_same_iteration,
+    both,
+    moving,
+)
+from helpers_scenes import (
+    FULL,
+    SHAKE,
+    TENSOR,
+    chequered,
+    four_bar,
+    pairs,
+    random_state,
+    rotation,
+    unit,
+)
 from helpers_schemes import SCHEMES
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
@@ -597,12 +614,11 @@ def test_law_of_cables():
     "moving", [pytest.param(False, marks=pytest.mark.slow), True], ids=["rest", "moving"]
 )
 @treatments
-def test_energy_balance_of_energy_momentum(treatment, moving):
+def test_energy_balance_of_energy_momentum(treatment, moving, kernels):
     """Springs, dampers, cables, bushings, actuators, loads by nothing left out; every 3rd step."""
-    system = zoo(0, moving=moving)
-    history = simulate(
-        system, "energy-momentum", 0.02, 1.2, treatment, start=pushed(system), every=3
-    )
+    system = zoo(0, moving=moving, scalar=kernels == "numba")  # there are none for bushings
+    options = {"start": pushed(system), "every": 3, "kernels": kernels}
+    history = simulate(system, "energy-momentum", 0.02, 1.2, treatment, **options)
     scale = history["energy"].max()
     assert abs(history["energy_balance"]).max() < 1e-12 * scale
     assert history["dissipated"][-1] > 0.2 * scale
@@ -666,9 +682,17 @@ def linkage():
 
 
 @integrators
-def test_elements_in_a_closed_loop(integrator):
-    found = [simulate(linkage(), integrator, 0.01, 1.0, treatment) for treatment in TREATMENTS]
+def test_elements_in_a_closed_loop(integrator, kernels):
+    """By elimination, and with multipliers, for which there are plain kernels only."""
+    ways = {"null space": kernels, "multipliers": "numpy"}
+    found = [
+        simulate(linkage(), integrator, 0.01, 1.0, treatment, kernels=ways[treatment])
+        for treatment in TREATMENTS
+    ]
+    assert found[0].meta["kernels"] == kernels
     assert abs(found[0]["q"] - found[1]["q"]).max() < 1e-12
+    force, other = (history["constraint_force"][:-1] for history in found)
+    assert abs(force - other).max() < 1e-7 * abs(force).max()
     scale = found[0]["energy"].max()
     for history in found:
         limit = 1e-12 if integrator == "energy-momentum" else 1e-4
@@ -715,10 +739,11 @@ def test_variational_energy_balance_with_a_drive(treatment):
 
 @treatments
 @integrators
-def test_free_scenes_keep_their_momenta(integrator, treatment):
+def test_free_scenes_keep_their_momenta(integrator, treatment, kernels):
     """With dampers and actuators, too: all are internal forces."""
-    system = zoo(1, grounded=False)
-    history = simulate(system, integrator, 0.02, 1.0, treatment, start=pushed(system, size=1.0))
+    system = zoo(1, grounded=False, scalar=kernels == "numba")  # there are none for bushings
+    options = {"start": pushed(system, size=1.0), "kernels": kernels}
+    history = simulate(system, integrator, 0.02, 1.0, treatment, **options)
     L = diagnostics.angular_momentum(system, history["q"], history["p"])
     p = diagnostics.linear_momentum(system, history["p"])
     assert len(L) == 51
@@ -744,11 +769,13 @@ def test_undamped_free_scene_keeps_its_energy():
 
 @treatments
 @integrators
-def test_spring_wound_over_several_turns(integrator, treatment, tmp_path):
+def test_spring_wound_over_several_turns(integrator, treatment, kernels, tmp_path):
     """Its energy and angle count all turns, recorded rarely, and go on from a file."""
     system = pendulum(stiffness=0.05, spin=8.0)
     h = 0.04
-    whole = simulate(system, integrator, h, 8.0, treatment)
+    with_these = partial(simulate, kernels=kernels)
+    whole = with_these(system, integrator, h, 8.0, treatment)
+    assert whole.meta["kernels"] == kernels
     w = np.sqrt(0.05 / 0.4)
     exact = 8.0 / w * np.sin(w * whole.times)
     assert exact.max() > 7 * np.pi
@@ -759,13 +786,13 @@ def test_spring_wound_over_several_turns(integrator, treatment, tmp_path):
     assert abs(whole["coupling_energy"] - stored).max() < 1e-12 * stored.max()
     if integrator == "energy-momentum":
         assert np.ptp(whole["energy"]) < 1e-12 * whole["energy"][0]
-    rare = simulate(system, integrator, h, 8.0, treatment, every=50)
+    rare = with_these(system, integrator, h, 8.0, treatment, every=50)
     assert abs(rare["joint/hinge/angle"] - angle[::50]).max() < 1e-12
-    first = simulate(system, integrator, h, 4.0, treatment, path=tmp_path / "half")
+    first = with_these(system, integrator, h, 4.0, treatment, path=tmp_path / "half")
     first = sc.History.load(tmp_path / "half")
     start = sc.restart(system, first, INTEGRATORS[integrator], h)
     assert start.turns.tolist() == first["turns"][-1].tolist() != [0]
-    second = simulate(system, integrator, h, 8.0, treatment, start=start)
+    second = with_these(system, integrator, h, 8.0, treatment, start=start)
     assert abs(second["joint/hinge/angle"] - angle[100:]).max() < 1e-11
 
 
@@ -1069,3 +1096,66 @@ def test_scenes_without_elements(integrator):
     assert (history["work_actuators"] == 0).all() and (history["work_drives"] == 0).all()
     assert history["work_loads"][-1] == pytest.approx(2 * -9.81 * history["q"][-1, 2], rel=1e-12)
     assert quiet().couplings.pairs.shape == (0, 2)
+
+
+# -- compiled kernels ------------------------------------------------------------------------------
+
+
+@pairs
+def test_kernels_agree_far_from_a_solution(integrator, treatment):
+    assert_same_iteration(zoo(scalar=True), integrator, treatment, 1)
+
+
+@pytest.mark.parametrize("shaken", [False, True])
+@pairs
+def test_kernels_agree(integrator, treatment, shaken):
+    """Fifty steps with all elements on all kinds of places; what they do in them is the same."""
+    plain, compiled = both(zoo(3, moving=shaken, scalar=True), integrator, treatment, 2e-3, 0.1)
+    assert_same(plain, compiled)
+    for name in ("work_actuators", "dissipated", "work_drives"):
+        size = max(1e-3, abs(plain[name]).max())
+        assert abs(compiled[name] - plain[name]).max() < 1e-9 * size, name
+    assert compiled["turns"].tolist() == plain["turns"].tolist()
+
+
+@pairs
+def test_kernels_agree_in_steps_of_other_sizes(integrator, treatment):
+    """Dampers know the size of the step."""
+    assert_same_in_steps_of_other_sizes(zoo(scalar=True), integrator, treatment)
+
+
+@treatments
+def test_kept_factors_keep_energy_and_momenta(treatment):
+    """Energy-momentum: with dampers and motors the balance closes, also with kept factors."""
+    pytest.importorskip("numba")
+    system = zoo(5, grounded=False, scalar=True)
+    runs = [
+        simulate(
+            system, "energy-momentum", 1e-3, 0.3, treatment, kernels="numba", start=moving(system),
+            settings=sc.NewtonSettings(reuse=reuse, increment=1e-24),  # down to rounding
+        )
+        for reuse in (0, 4)
+    ]  # fmt: skip
+    for run in runs:
+        assert abs(run["energy_balance"]).max() < 1e-9 * abs(run["energy"]).max()
+        for name in ("linear_momentum", "angular_momentum"):
+            assert abs(run[name] - run[name][0]).max() < 1e-10 * abs(run[name]).max()
+        assert run["dissipated"].min() >= 0 and run["dissipated"].max() > 1e-6
+    whole, kept = runs
+    assert abs(kept["q"][-1] - whole["q"][-1]).max() < 1e-9
+    assert kept.meta["factorisations"] < 0.5 * whole.meta["factorisations"]
+
+
+@treatments
+@integrators
+def test_what_has_no_compiled_kernels(integrator, treatment):
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    words = "there are no compiled kernels for springs on rotation vectors, bushings"
+    with pytest.raises(sc.InputError, match=words):
+        sc.simulate(zoo(), *pair, 1e-3, 1e-2, kernels="numba")
+
+
+@treatments
+def test_compiled_motion_does_not_depend_on_how_a_scene_lies(treatment):
+    pytest.importorskip("numba")
+    assert apart(sc.Variational(), TREATMENTS[treatment], "numba", vectors=False) < 1e-11

@@ -7,7 +7,25 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers_scenes import FULL, SHAKE, TENSOR, chequered, full_section, random_state, rotation
+from helpers_kernels import (
+    assert_same,
+    assert_same_in_steps_of_other_sizes,
+    assert_same_iteration,
+    both,
+    corner,
+    tree,
+    with_kept_factors,
+)
+from helpers_scenes import (
+    FULL,
+    SHAKE,
+    TENSOR,
+    chequered,
+    full_section,
+    pairs,
+    random_state,
+    rotation,
+)
 from rounding import momentum_limits
 from scipy.linalg import eigh
 from test_tangents import TOLERANCE, Step, worst
@@ -502,8 +520,8 @@ def test_only_vibrations_are_damped(integrator):
 
 
 @cache
-def damped_crossing(integrator, treatment, order, step=0.01, damped=True):
-    return run(crossing(order, damped), integrator, step, 0.4, treatment)
+def damped_crossing(integrator, treatment, order, step=0.01, damped=True, kernels="auto"):
+    return run(crossing(order, damped), integrator, step, 0.4, treatment, kernels=kernels)
 
 
 @pytest.mark.plain
@@ -536,9 +554,9 @@ def test_few_iterations_with_strong_viscosity(integrator):
 
 
 @pytest.mark.parametrize("order", [1, 3])
-def test_balance_of_energy(order):
+def test_balance_of_energy(order, kernels):
     """Exact with energy-momentum; damped, driven and loaded at once."""
-    history = damped_crossing("energy-momentum", "null space", order)
+    history = damped_crossing("energy-momentum", "null space", order, kernels=kernels)
     size = abs(history["energy"]).max()
     assert history["dissipated"][-1] > 0.05 * size
     assert abs(history["energy_balance"]).max() < 1e-13 * size
@@ -663,3 +681,57 @@ def test_restart_and_export(integrator, tmp_path):
     assert total == pytest.approx(whole["dissipated"][-1], rel=1e-11)
     files = write_paraview(whole, tmp_path / "shown", every=20)
     assert files
+
+
+# -- compiled kernels ------------------------------------------------------------------------------
+
+
+def viscous(model):
+    model.add("damping", sc.RayleighDamping(stiffness=3e-3))
+
+
+def dragged(model):
+    """Beam and lumps, a body and a point; a force that follows beside them."""
+    model.add("damping", sc.RayleighDamping(mass=0.8, stiffness=1e-3))
+    rod = model["rod"]
+    model.add("thrust", sc.LoadForce(rod.node("arc.end"), (1.0, 2.0, 0.5), follower=True))
+
+
+dampings = pytest.mark.parametrize(
+    ("make", "add"), [(tree, viscous), (corner, viscous), (tree, dragged)]
+)
+
+
+@dampings
+@pairs
+def test_kernels_agree_far_from_a_solution(integrator, treatment, make, add):
+    assert_same_iteration(make(2, add), integrator, treatment, 2)
+
+
+@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
+@dampings
+@pairs
+def test_kernels_agree(integrator, treatment, make, add, order):
+    """Fifty steps; what is dissipated among what is compared, apart from the work of loads."""
+    plain, compiled = both(make(order, add), integrator, treatment, 1e-3, 0.05)
+    assert_same(plain, compiled)
+    lost = plain["dissipated"]
+    assert lost.max() > 1e-3 and abs(compiled["dissipated"] - lost).max() < 1e-9 * lost.max()
+
+
+@pytest.mark.parametrize("add", [viscous, dragged])
+@pairs
+def test_kernels_agree_in_steps_of_other_sizes(integrator, treatment, add):
+    """What resists knows the size of the step: rates are differences over it."""
+    assert_same_in_steps_of_other_sizes(tree(1, add), integrator, treatment)
+
+
+@pairs
+def test_kept_factors(integrator, treatment):
+    """The same motion with a fraction of the factorisations; energy-momentum closes the balance."""
+    runs = whole, kept = with_kept_factors(tree(1, viscous), integrator, treatment, 5e-4, 0.1)
+    assert abs(kept["q"][-1] - whole["q"][-1]).max() < 1e-10
+    assert kept.meta["factorisations"] < 0.4 * whole.meta["factorisations"]
+    if integrator == "energy-momentum":
+        for run in runs:
+            assert abs(run["energy_balance"]).max() < 1e-10 * abs(run["energy"]).max()

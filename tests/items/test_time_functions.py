@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers_scenes import TENSOR, full_section
+from helpers_kernels import assert_same, assert_same_iteration, both, tree, with_kept_factors
+from helpers_scenes import TENSOR, four_bar, full_section, pairs
 
 import skfem_cosserat as sc
 
@@ -125,7 +126,7 @@ def test_a_sample_at_the_midpoint_would_be_seen():
 
 @integrators
 @treatments
-def test_gravity_and_line_load_on_a_free_beam(integrator, treatment):
+def test_gravity_and_line_load_on_a_free_beam(integrator, treatment, kernels):
     """Linear momentum is the exact integral of m g(t) and of the resultant of the line load."""
     model = sc.Model()
     mesh = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1.0, 1.0, 3, "arc")
@@ -133,7 +134,7 @@ def test_gravity_and_line_load_on_a_free_beam(integrator, treatment):
     time, integral = FUNCTIONS["table"]
     model.add("gravity", sc.LoadGravity((0, 0, -9.81), time))
     model.add("line", sc.LoadLine(beam, (1.0, 2.0, 0), time))
-    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.05, 0.5)
+    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.05, 0.5, kernels=kernels)
     impulse = np.array([integral(t) for t in history.times])
     length = beam.basis.lengths.sum()
     exact = length * impulse[:, None] * np.array([1.0, 2.0, -9.81 * 1.3])
@@ -168,7 +169,7 @@ def test_constant_moment_about_a_principal_axis(integrator, treatment, follower)
 
 @integrators
 @treatments
-def test_dead_moments_change_angular_momentum_by_their_integral(integrator, treatment):
+def test_dead_moments_change_angular_momentum_by_their_integral(integrator, treatment, kernels):
     """On a tumbling body with offset centre, on a beam's node, with kinks: at every node."""
     rng = np.random.default_rng(2)
     model = sc.Model()
@@ -182,7 +183,7 @@ def test_dead_moments_change_angular_momentum_by_their_integral(integrator, trea
     model.add("two", sc.LoadMoment(beam.node("beam.end"), (-0.02, 0.03, 0.05), time))
     model.add("three", sc.LoadMoment(beam.node("beam.start"), (0.01, 0, 0.02)))
     system = model.freeze()
-    history = sc.simulate(system, integrator(), treatment(), 0.02, 0.5)
+    history = sc.simulate(system, integrator(), treatment(), 0.02, 0.5, kernels=kernels)
     L = history["angular_momentum"]
     impulse = np.array([integral(t) for t in history.times])[:, None]
     exact = impulse * (0.08, -0.02, 0.07) + history.times[:, None] * (0.01, 0, 0.02)
@@ -192,13 +193,13 @@ def test_dead_moments_change_angular_momentum_by_their_integral(integrator, trea
 
 @integrators
 @treatments
-def test_dead_force_changes_angular_momentum_by_its_midpoint_lever(integrator, treatment):
+def test_dead_force_changes_angular_momentum_by_its_midpoint_lever(integrator, treatment, kernels):
     """L_{n+1} - L_n = h x_mid x F for a force anywhere on a body; with the linear momentum."""
     force, X = np.array([1.0, -2.0, 3.0]), np.array([0.4, 0.2, -0.3])
     model = sc.Model()
     body = model.add("body", sc.RigidBody(2.0, TENSOR, center=(0.1, 0, 0), position=(1, 0, 0)))
     model.add("force", sc.LoadForce(body.local(X), force))
-    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.02, 1.0)
+    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.02, 1.0, kernels=kernels)
     q = history["q"].reshape(-1, 4, 3)
     x = q[:, 0] + np.einsum("i,nij->nj", X, q[:, 1:])
     lever = np.cross((x[1:] + x[:-1]) / 2, force)
@@ -212,7 +213,7 @@ def test_dead_force_changes_angular_momentum_by_its_midpoint_lever(integrator, t
 
 @integrators
 @treatments
-def test_thrust_of_a_spinning_body(integrator, treatment):
+def test_thrust_of_a_spinning_body(integrator, treatment, kernels):
     """v = F/(m w) (sin wt, 1 - cos wt), position its integral, to second order; spin unchanged."""
     w, thrust, mass = 2.0, 3.0, 1.5
     errors = []
@@ -221,7 +222,9 @@ def test_thrust_of_a_spinning_body(integrator, treatment):
         body = sc.RigidBody(mass, (0.3, 0.4, 0.5), angular_velocity=(0, 0, w))
         model.add("body", body)
         model.add("thrust", sc.LoadForce(body.at((0, 0, 0)), (thrust, 0, 0), follower=True))
-        history = sc.simulate(model.freeze(), integrator(), treatment(), 1 / steps, 1.0)
+        history = sc.simulate(
+            model.freeze(), integrator(), treatment(), 1 / steps, 1.0, kernels=kernels
+        )
         v = thrust / (mass * w) * np.array([np.sin(w), 1 - np.cos(w), 0])
         x = thrust / (mass * w) * np.array([(1 - np.cos(w)) / w, 1 - np.sin(w) / w, 0])
         errors.append([abs(history["v"][-1, :3] - v).max(), abs(history["q"][-1, :3] - x).max()])
@@ -256,3 +259,92 @@ def test_loads_that_are_over_are_evaluated_once(last):
     assert found.tolist() == pytest.approx([3.0, 1.0], rel=1e-15)
     model.add("more", sc.LoadForce(ball.place(), (0, 1.0, 0), lambda t: t))
     assert model.freeze().loading.constant_after == np.inf
+
+
+# -- compiled kernels ------------------------------------------------------------------------------
+
+
+def dead_moments(model):
+    """On a beam's end with a joint, on a body and inside a beam, one of them in time."""
+    end = model["rod"].node("arc.end")
+    model.add("m1", sc.LoadMoment(end, (0.9, -0.5, 1.4), sc.Table([0, 0.02, 1], [1, -2, 3])))
+    model.add("m2", sc.LoadMoment(model["body"].at((1.6, 1.5, 0)), (0.7, 1.1, -0.4)))
+    model.add("m3", sc.LoadMoment(model["rod"].node(1), (-0.3, 0.8, 1.0)))
+
+
+def body_moments(model):
+    """With components in the triad."""
+    end = model["rod"].node("arc.end")
+    model.add("m4", sc.LoadMoment(end, (0.5, 1.2, -0.7), follower=True))
+    body = model["body"].at((1.6, 1.5, 0))
+    model.add("m5", sc.LoadMoment(body, lambda t: (np.sin(30 * t), 1.0, 2.0), follower=True))
+
+
+def body_forces(model):
+    """At an offset, and at a beam's node."""
+    body = model["body"].at((1.2, 1.9, 0.3))
+    model.add("f1", sc.LoadForce(body, (2.0, -1.0, 1.5), lambda t: np.cos(9 * t), follower=True))
+    model.add("f2", sc.LoadForce(model["rod"].node("arc.end"), (1.0, 3.0, -2.0), follower=True))
+
+
+def section_forces(model):
+    """A wind that turns with the sections."""
+    table = sc.Table([0, 0.03, 1], [1, 4, 0])
+    model.add("f3", sc.LoadLine(model["rod"], (0.5, 2.0, -1.0), table, follower=True))
+
+
+def everything(model):
+    for add in (dead_moments, body_moments, body_forces, section_forces):
+        add(model)
+
+
+LOADS = {
+    each.__name__: each
+    for each in (dead_moments, body_moments, body_forces, section_forces, everything)
+}
+
+
+@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pairs
+def test_kernels_agree_far_from_a_solution(integrator, treatment, order):
+    assert_same_iteration(tree(order, everything), integrator, treatment, order)
+
+
+@pytest.mark.parametrize("name", LOADS)
+@pairs
+def test_kernels_agree(integrator, treatment, name):
+    """Fifty steps; reactions and work among what is compared."""
+    assert_same(*both(tree(2, LOADS[name]), integrator, treatment, 1e-3, 0.05))
+
+
+@pytest.mark.parametrize("reuse", [0, 4])
+@integrators
+def test_kernels_agree_in_a_closed_loop(integrator, reuse):
+    """Fifty steps of a four-bar linkage that is driven by a moment and forces on its coupler."""
+    pytest.importorskip("numba")
+    model = four_bar()
+    coupler = model["coupler"].at((1, 1.25, 0))
+    model.add("moment", sc.LoadMoment(coupler, (0, 0, 3.0), sc.Table([0, 0.2, 0.5], [0, 1, -1])))
+    model.add("own", sc.LoadMoment(coupler, (0, 0.5, -1.0), follower=True))
+    model.add("push", sc.LoadForce(coupler, (2.0, 1.0, 0), follower=True))
+    system = model.freeze()
+    plain, compiled = (
+        sc.simulate(
+            system, integrator(), sc.NullSpace(), 0.01, 0.5, derive=False,
+            kernels=kernels, settings=sc.NewtonSettings(reuse=reuse),
+        )
+        for kernels in ("numpy", "numba")
+    )  # fmt: skip
+    assert compiled.meta["kernels"] == "numba" and compiled["attempts"].max() == 1
+    assert abs(plain["q"][-1] - plain["q"][0]).max() > 0.1
+    for name, tolerance in (("q", 1e-11), ("p", 1e-10), ("constraint_force", 1e-7)):
+        size = abs(plain[name]).max()
+        assert abs(compiled[name] - plain[name]).max() < tolerance * size, name
+
+
+@pairs
+def test_kept_factors(integrator, treatment):
+    """The same motion with a fraction of the factorisations."""
+    whole, kept = with_kept_factors(tree(1, everything), integrator, treatment, 5e-4, 0.1)
+    assert abs(kept["q"][-1] - whole["q"][-1]).max() < 1e-10
+    assert kept.meta["factorisations"] < 0.4 * whole.meta["factorisations"]

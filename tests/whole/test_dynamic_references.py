@@ -14,6 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_kernels import INTEGRATORS, TREATMENTS
+from helpers_scenes import pairs
 
 import skfem_cosserat as sc
 
@@ -296,3 +298,26 @@ def test_main_writes_tables_and_chart(tmp_path):
     made = json.loads(json.dumps(report.plain(result)))
     assert made["given"]["D2 3"]["elements"] == [2, 4]
     assert sum("p = " in line for line in report.lines(result)) == 60
+
+
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # coarse: its elements fold
+@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pairs
+def test_kernels_agree_in_the_spaghetti(integrator, treatment, order):
+    """A force and moments on an end of a free rod: fifty steps as with the plain kernels."""
+    pytest.importorskip("numba")
+    system = dynamic.spaghetti(4, order).system
+    plain, compiled = (
+        sc.simulate(
+            system, INTEGRATORS[integrator], TREATMENTS[treatment], 0.05, 2.5, kernels=kernels,
+            settings=sc.NewtonSettings(reuse=0),
+        )
+        for kernels in ("numpy", "numba")
+    )  # fmt: skip
+    assert compiled.meta["kernels"] == "numba"
+    assert compiled["newton_iterations"].tolist() == plain["newton_iterations"].tolist()
+    for name, tolerance in (("q", 1e-10), ("p", 1e-10), ("work_loads", 1e-10)):
+        size = abs(plain[name]).max()
+        assert abs(compiled[name] - plain[name]).max() < tolerance * size, name
+    if integrator == "energy-momentum":
+        assert abs(compiled["energy_balance"]).max() < 1e-10 * abs(compiled["energy"]).max()
