@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from helpers_scenes import FULL, full_section, rotation
 from helpers_kernels import called
+from helpers_scenes import FULL, full_section, rotation
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled import bind, bind_kkt, elements, kkt, tree
