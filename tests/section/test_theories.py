@@ -10,7 +10,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers_scenes import chequered
+from helpers_kernels import (
+    assert_same,
+    assert_same_iteration,
+    both,
+    integrators,
+    with_kept_factors,
+)
+from helpers_scenes import chequered, full_section
 from helpers_schemes import KINDS, compiled
 from scipy.linalg import eigh, null_space
 from scipy.optimize import brentq
@@ -19,6 +26,7 @@ from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.diagnostics.stacked import null_space_matrix
+from skfem_cosserat.integrators.choice import BORDER
 from skfem_cosserat.model.plane import confined
 from skfem_cosserat.model.reparametrisation import Reparametrisation
 
@@ -531,11 +539,11 @@ def test_second_order_in_the_step(integrator):
     assert np.log2(ratio) == pytest.approx(2, abs=0.1)
 
 
-def test_rigid_theory_is_the_body_with_the_beams_inertia():
+def test_rigid_theory_is_the_body_with_the_beams_inertia(kernels):
     def run(theory):
         system = flying(theory).freeze()
         return sc.simulate(
-            system, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, until=0.03, kernels="numpy"
+            system, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, until=0.03, kernels=kernels
         )["q"][:, :12]
 
     rigid = run(sc.TheoryRigid())
@@ -546,7 +554,7 @@ def test_rigid_theory_is_the_body_with_the_beams_inertia():
     pulse = sc.Table([0.0, 0.01, 0.02], [0.0, 1.0, 0.0])
     model.add("push", sc.LoadForce(place, 10 * TIP, pulse))
     alone = sc.simulate(
-        model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 2e-3, until=0.03, kernels="numpy"
+        model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 2e-3, until=0.03, kernels=kernels
     )["q"]
     assert abs(alone - rigid).max() < 1e-12
     assert flying(sc.TheoryRigid()).freeze().unknowns == 6
@@ -675,10 +683,7 @@ def test_bad_theories_are_refused():
         sc.initial_state(system, v=start)
 
 
-def test_kernels_that_do_not_know_theories_say_so():
-    system, run = cantilever(sc.TheoryInextensible(), 1, 2).freeze(), (1e-3, 2e-3)
-    with pytest.raises(sc.InputError, match="beams that hold strains, with multipliers"):
-        sc.simulate(system, sc.EnergyMomentum(), sc.Multipliers(), *run, kernels="numba")
+def test_explicit_steps_take_no_theories():
     model = arc(sc.TheoryInextensible(), lumped=True)
     with pytest.raises(sc.IncompatibleError, match="TheoryInextensible"):
         sc.simulate(model.freeze(), sc.Explicit(), sc.Multipliers(), 1e-5, until=2e-5)
@@ -706,3 +711,91 @@ def test_refined_beams_and_other_processes_keep_the_theory():
     system = arc(sc.TheoryKirchhoff()).freeze()
     again = pickle.loads(pickle.dumps(system))
     assert again.counts() == system.counts()
+
+
+# -- compiled kernels ------------------------------------------------------------------------------
+
+COMPILED = (sc.TheoryInextensible(), sc.TheoryKirchhoff(), sc.TheoryRigid())
+theories = pytest.mark.parametrize("theory", COMPILED, ids=repr)
+
+
+def crooked(theory, order=1):
+    """A beam with corners that the tree runs along against its elements, and what hangs on it.
+
+    On a hinge a body, on that by a ball joint another beam, all in space.
+    """
+    points = [(0, 0, 0), (1, 0, 0), (1.3, 0.9, 0.2)]
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_polyline(points, 2, name="c")
+    first = sc.Beam(mesh, full_section(), order=order, director=(0, 0, 1), theory=theory)
+    first = model.add("first", first)
+    model.add("clamp", sc.JointFixed(sc.ground(points[2]), first.node("c.end")))
+    inertia = np.array([[0.5, 0.06, -0.04], [0.06, 0.6, 0.09], [-0.04, 0.09, 0.45]])
+    body = sc.RigidBody(1.5, inertia, center=(0.1, -0.2, 0.15), position=(-0.2, 0.1, 0))
+    body = model.add("body", body)
+    axis = (0.0, 0.6, 0.8)
+    model.add("hinge", sc.JointRevolute(first.node("c.start"), body.at(points[0]), axis))
+    end = np.array([-0.4, 0.0, 0.1])
+    mesh = sc.MeshCurve.init_line(end, end + (0, 0.5, 0), 3, name="tail")
+    other = sc.Beam(mesh, full_section(), order=order, director=(0, 0, 1), theory=theory)
+    other = model.add("tail", other)
+    model.add("ball", sc.JointSpherical(body.at(end), other.node("tail.start")))
+    model.add("gravity", sc.LoadGravity((0.5, -0.3, -9.81)))
+    return model.freeze()
+
+
+@integrators
+@theories
+def test_kernels_agree_far_from_a_solution(theory, integrator):
+    assert_same_iteration(crooked(theory), integrator, "null space", 1)
+
+
+@integrators
+@theories
+def test_kernels_agree_on_trees(theory, integrator):
+    assert_same(*both(crooked(theory), integrator, "null space", 2e-3, 0.06))
+
+
+@integrators
+@pytest.mark.parametrize("theory", [*COMPILED, sc.TheoryInextensible(torsion=False)], ids=repr)
+def test_kernels_agree_on_the_swing(theory, integrator):
+    """A closed loop through the beam, out of its plane, too; the forces that hold strains."""
+    system = swing().scene("stiff", elements=4, theory=theory, side_load=0.3).freeze()
+    assert system.closure.rank > 0
+    start = sc.initial_state(system)
+    assert_same(*both(system, integrator, "null space", 2e-3, 0.1, start), iterates=False)
+
+
+@integrators
+def test_kept_factors(integrator):
+    """Over steps, turned with the frames: fewer matrices than iterations, the same motion."""
+    system = crooked(sc.TheoryInextensible())
+    whole, kept = with_kept_factors(system, integrator, "null space", 1e-3, 0.1)
+    assert abs(kept["q"][-1] - whole["q"][-1]).max() < 1e-11 * abs(whole["q"][-1]).max()
+    assert 2 * kept.meta["factorisations"] < whole.meta["factorisations"]
+
+
+@pytest.mark.plain
+def test_automatic_choice_knows_that_plain_kernels_are_slow():
+    """With lines eliminated: fewer steps are enough for compiled kernels to pay."""
+    pytest.importorskip("numba")
+    names = {}
+    for theory in (None, sc.TheoryInextensible()):
+        system = swing().scene("stiff", theory=theory).freeze()
+        stepper = sc.Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, steps=8000)
+        names[theory] = stepper.choice.name
+    assert names == {None: "numpy", sc.TheoryInextensible(): "numba"}
+
+
+def test_what_has_no_compiled_kernels():
+    pytest.importorskip("numba")
+    long = swing().scene("stiff", elements=BORDER, theory=sc.TheoryInextensible(torsion=False))
+    for system, treatment, what in (
+        (crooked(sc.TheoryInextensible(), 2), sc.NullSpace(), "higher order"),
+        (crooked(COMPILED[0]), sc.Multipliers(), "beams that hold strains, with multipliers"),
+        (long.freeze(), sc.NullSpace(), f"more than {BORDER} rows"),
+    ):
+        with pytest.raises(sc.InputError, match=what):
+            sc.simulate(system, sc.EnergyMomentum(), treatment, 1e-3, 2e-3, kernels="numba")
+    run = crooked(sc.TheoryRigid(), 2), sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 2e-3
+    assert sc.simulate(*run, kernels="numba").meta["kernels"] == "numba"
