@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 import test_joints
 from helpers_kernels import both, chain, corner, tree
+from helpers_scenes import swing_model
+from test_planar import TURNED, mechanism
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled import warm
@@ -82,6 +84,21 @@ def test_threads_compile_one_after_the_other(monkeypatch):
             for _ in range(3)
         ]
     assert [each.result().method for each in made] == ["blocks"] * 3 and most == [1, 1, 1]
+
+
+def test_sizes_do_not_compile_again_in_a_plane():
+    from skfem_cosserat.compiled import step
+    from skfem_cosserat.compiled.plane import elements, tree
+
+    counts = []
+    for scene in (swing_model(4), swing_model(6), mechanism(TURNED, 0.4)):
+        system = scene.freeze(planar=sc.Planar())
+        sc.simulate(
+            system, sc.EnergyMomentum(), sc.NullSpace(), 5e-3, 0.01, kernels="numba", derive=False
+        )
+        parts = step.solve, elements.beam_force, tree.joint_move
+        counts.append([len(part.signatures) for part in parts])
+    assert counts[0] == counts[1] == counts[2]
 
 
 @pytest.mark.slow

@@ -6,14 +6,18 @@ import importlib
 import pickle
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from helpers_scenes import chequered, swing
+from helpers_kernels import assert_same, both, called
+from helpers_scenes import chequered, swing, swing_model
+from helpers_scenes import four_bar as bars
 from helpers_scenes import rotation as random_rotation
 from helpers_schemes import KINDS
+from test_theories import swing as example
 
 import skfem_cosserat as sc
 from skfem_cosserat.diagnostics import momentum
@@ -50,15 +54,22 @@ def difference(a: sc.History, b: sc.History, name: str = "q") -> float:
 
 # a coarse swing is quick: four elements where five could hold the tension
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@pytest.mark.plain
-@pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
-@pytest.mark.parametrize("integrator", INTEGRATORS, ids=str)
-def test_swing_moves_as_in_space(integrator: Any, treatment: Any):
+@pytest.mark.parametrize(
+    ("integrator", "treatment", "kernels"),
+    [(i, t, "numpy") for i in INTEGRATORS for t in TREATMENTS]
+    + [(i, TREATMENTS[0], "numba") for i in BOTH],
+    ids=str,
+)
+def test_swing_moves_as_in_space(integrator: Any, treatment: Any, kernels: str):
+    if kernels == "numba":
+        pytest.importorskip("numba")
     system = swing(4)
     plane = confined(system, sc.Planar())
     assert plane.plane is not None
     assert plane.plane.normal.tolist() == [1, 0, 0]
-    a, b = (sc.simulate(s, integrator, treatment, 1e-2, 0.1) for s in (system, plane))
+    a, b = (
+        sc.simulate(s, integrator, treatment, 1e-2, 0.1, kernels=kernels) for s in (system, plane)
+    )
     assert abs(a["q"][-1] - a["q"][0]).max() > 1e-3
     for name, size in {"q": 1.0, "p": 100.0, "energy": 1e3, "constraint_force": 1e5}.items():
         assert difference(a, b, name) < 1e-11 * size, name
@@ -82,14 +93,17 @@ def test_unknowns_of_the_swing():
 @pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 @pytest.mark.parametrize("integrator", BOTH, ids=str)
-def test_swing_is_that_in_space_to_5_s(integrator: Any, treatment: Any):
+def test_swing_is_that_in_space_to_5_s(integrator: Any, treatment: Any, kernels: str):
+    if kernels == "numba" and treatment.name == "multipliers":
+        pytest.skip("in a plane there are no compiled kernels with multipliers")
     system = swing()
     plane = confined(system, sc.Planar())
     a, b = (
-        sc.simulate(s, integrator, treatment, 1e-2, 5.0, kernels="numpy", derive=False)
+        sc.simulate(s, integrator, treatment, 1e-2, 5.0, kernels=kernels, derive=False)
         for s in (system, plane)
     )
     assert difference(a, b) < 1e-10
+    assert (b["q"].reshape(len(b), -1, 3)[:, system.origin_rows, 0] == 0).all()
 
 
 def linkage(Q: np.ndarray, roll: float = 0.0, rail: type = sc.JointPrismatic) -> sc.Model:
@@ -741,3 +755,201 @@ def test_runs_go_on_and_travel():
     start = sc.restart(plane, second, scheme, step)
     third = sc.simulate(plane, scheme, sc.NullSpace(), step, 0.2, start=start)
     assert abs(third["q"][-1] - whole["q"][-1]).max() < 1e-12
+
+
+# -- compiled kernels ------------------------------------------------------------------------------
+
+KIND = {"variational": BOTH[1], "energy-momentum": BOTH[0]}
+HOLD = (sc.TheoryInextensible(), sc.TheoryKirchhoff())
+
+
+def mechanism(Q: np.ndarray, roll: float = 0.0, order: int = 1, theory: Any = None) -> sc.Model:
+    """A beam with a corner on a pin, a body at its end whose directors may be oblique, what slides.
+
+    On the body a slider, a mass point on a rod and another one on a wire.
+    """
+    n, along = Q[:, 2], Q[:, 0]
+
+    def at(x: float, y: float) -> np.ndarray:
+        return Q @ (x, y, 0.0)
+
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_polyline([at(0, 0), at(0.6, 0.2), at(1.0, 0)], 2, name="arm")
+    beam = sc.Beam(mesh, section(), order=order, director=n, theory=theory)
+    arm = model.add("arm", beam)
+    end = arm.node("arm.end")
+    model.add("pin", sc.JointRevolute(sc.ground(at(0, 0)), arm.node("arm.start"), n))
+    c, s = np.cos(roll), np.sin(roll)
+    triad = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ sc.triad(along, n)
+    inertia: dict[str, Any] = {"euler": (0.01, 0.01, 0.2), "center": (0, 0, 0.1)}
+    body = sc.RigidBody(2.0, position=at(1.5, 0), triad=triad, **inertia)
+    model.add("body", body)
+    model.add("elbow", sc.JointRevolute(end, body.at(at(1, 0)), n))
+    slider = model.add("slider", sc.RigidBody.sphere(0.5, 0.1, position=at(1.5, 0.3)))
+    rail = sc.JointPrismatic(body.at(at(1.5, 0.3)), slider.at(at(1.5, 0.3)), Q @ (0.6, 0.8, 0))
+    model.add("rail", rail)
+    bob = model.add("bob", sc.MassPoint(0.7, position=at(2.0, -0.5)))
+    model.add("rod", sc.JointDistance(body.at(at(1.8, 0)), bob.place()))
+    bead = model.add("bead", sc.MassPoint(0.3, position=at(1.2, 0.0)))
+    model.add("wire", sc.JointPointOnLine(body.at(at(1.5, 0)), bead.place(), along))
+    model.add("weight", sc.LoadGravity(Q @ (1.0, -9.81, 0)))
+    model.add("wind", sc.LoadForce(bob.place(), lambda t: Q @ (t, 1.0, 0)))
+    return model
+
+
+def loop() -> sc.Model:
+    """A four-bar linkage whose coupler carries a beam."""
+    model = bars()
+    mesh = sc.MeshCurve.init_line((0, 1, 0), (-0.5, 1, 0), 3, name="mast")
+    mast = model.add("mast", sc.Beam(mesh, section(), director=(0, 0, 1)))
+    model.add("foot", sc.JointFixed(model["coupler"].at((0, 1, 0)), mast.node("mast.start")))
+    model.add("weight", sc.LoadGravity((1.0, -9.81, 0)))
+    return model
+
+
+def stiff_swing(theory: Any) -> sc.Model:
+    return example().scene("stiff", elements=4, theory=theory)
+
+
+TREES = {
+    **{f"mechanism {k}": partial(mechanism, Q, 0.4) for k, Q in enumerate(PLANES)},
+    **{f"mechanism {theory!r}": partial(mechanism, TURNED, 0.4, theory=theory) for theory in HOLD},
+    "swing": partial(swing_model, 4),
+}
+LOOPS = {"linkage": loop} | {f"swing {theory!r}": partial(stiff_swing, theory) for theory in HOLD}
+
+
+def started_in_plane(system: sc.System) -> sc.State:
+    """In motion, each frame with a twist of the plane."""
+    assert system.plane is not None
+    rng, y, n = np.random.default_rng(4), system.q0.reshape(-1, 3), system.plane.normal
+    v = np.zeros_like(y)
+    for r, framed in zip(system.origin_rows, system.is_frame, strict=True):
+        v[r] = rng.standard_normal(2) @ system.plane.axes
+        if framed:
+            v[r + 1 : r + 4] = rng.standard_normal() * np.cross(n, y[r + 1 : r + 4])
+    return sc.initial_state(system, v=sc.project(system, system.q0, v.ravel()))
+
+
+@pytest.mark.parametrize("method", BOTH, ids=str)
+@pytest.mark.parametrize("scene", TREES)
+def test_kernels_agree_far_from_a_solution(scene: str, method: Any):
+    """Of iterations far from a solution, the second one with predicted stresses."""
+    pytest.importorskip("numba")
+    from skfem_cosserat.compiled.numbers import ROTATION
+    from skfem_cosserat.integrators.compiled_step import CompiledPlane
+
+    system, h = TREES[scene]().freeze(planar=sc.Planar()), 0.02
+    state = started_in_plane(system)
+    stepper = sc.Stepper(system, method, sc.NullSpace(), h, kernels="numpy")
+    fast: Any = CompiledPlane(system, method, h, sc.NewtonSettings())
+    parts = fast._step.start, fast._step.evaluate, fast._step.matrix, fast._step.increment
+    begin, evaluate, matrix, increment = map(called, parts)
+    whole = *fast._all[:-1], fast._all[-1].copy()
+    whole[-1][ROTATION] = np.inf  # as found: not scaled down for its rotations
+    bound: Any = stepper.bound
+    bound.begin(system.extend(state.q, state.time), system.ground(state.time + h), h)
+    guess = 0.1 * np.random.default_rng(1).standard_normal(system.unknowns)
+    bound.resume(guess)
+    fast.resume(guess)
+    bound.guess(True)
+    problem: Any = stepper.problem(method.begin(system, state, h))
+    problem.residual()
+    fast._begin(state)
+    begin(*fast._all, 1)
+    for mixed in (0, 1):
+        evaluate(*fast._all, 1)
+        assert matrix(*fast._all, mixed)
+        increment(*whole, 0)
+        plain = problem.direction()
+        found = fast._a.x.ravel()[fast._numbering]
+        assert found == pytest.approx(plain, abs=1e-10 * abs(plain).max())
+        problem.apply(plain)
+        problem.residual()
+        assert problem._stresses is not None
+        assert fast._a.found[1] == 1
+
+
+# a swing of four elements folds
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
+@pytest.mark.parametrize("integrator", KIND)
+@pytest.mark.parametrize("scene", TREES)
+def test_kernels_agree_on_trees(scene: str, integrator: str):
+    """All joints, in any plane, with directors that are oblique to it."""
+    system = TREES[scene]().freeze(planar=sc.Planar())
+    plain, compiled = both(system, integrator, "null space", 5e-3, 0.1, started_in_plane(system))
+    assert abs(plain["q"][-1] - plain["q"][0]).max() > 1e-2
+    assert_same(plain, compiled)
+
+
+@pytest.mark.parametrize("integrator", KIND)
+@pytest.mark.parametrize("scene", LOOPS)
+def test_kernels_agree_on_closed_loops(scene: str, integrator: str):
+    system = LOOPS[scene]().freeze(planar=sc.Planar())
+    assert system.closure.rank > 0
+    # the swing starts from rest
+    start = started_in_plane(system) if scene == "linkage" else sc.initial_state(system)
+    run = both(system, integrator, "null space", 2e-3, 0.1, start)
+    assert run[1]["attempts"].max() == 1
+    assert_same(*run, iterates=False)
+
+
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # large steps
+@pytest.mark.slow
+@pytest.mark.parametrize("integrator", KIND)
+def test_kernels_agree_on_elements_of_higher_order(integrator: str):
+    system = mechanism(TURNED, 0.4, 2).freeze(planar=sc.Planar())
+    run = both(system, integrator, "null space", 5e-3, 0.1, started_in_plane(system))
+    assert_same(*run, iterates=False)
+
+
+@pytest.mark.parametrize("integrator", BOTH, ids=str)
+def test_kept_factors_lead_to_the_same_motion(integrator: Any):
+    """Turned with the frames, those of children as well."""
+    pytest.importorskip("numba")
+    system = mechanism(TURNED, 0.4, theory=HOLD[0]).freeze(planar=sc.Planar())
+    run = system, integrator, sc.NullSpace(), 1e-3, 0.1
+    options = {"start": started_in_plane(system), "kernels": "numba", "derive": False}
+    whole, kept = (
+        sc.simulate(*run, settings=sc.NewtonSettings(reuse=reuse), **options) for reuse in (0, 4)
+    )
+    assert kept["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-10)
+    assert kept.meta["factorisations"] < 0.7 * whole.meta["factorisations"]
+
+
+def follow(model: sc.Model) -> sc.LoadForce:
+    return sc.LoadForce(model["arm"].node("arm.end"), (0, 2.0, 0), follower=True)
+
+
+def spring(model: sc.Model) -> sc.SpringDamper:
+    return sc.SpringDamper(sc.ground((2, 1, 0)), model["bob"].place(), 20.0)
+
+
+@pytest.mark.parametrize(
+    ("add", "what"),
+    [
+        (follow, "follow"),
+        (lambda model: sc.RayleighDamping(mass=0.1), "viscous sections and drag"),
+        (spring, "springs"),
+        (lambda model: sc.JointDrive(model["pin"], lambda t: 0.1 * t), "prescribed motion"),
+    ],
+    ids=["follower", "drag", "spring", "drive"],
+)
+def test_what_has_no_compiled_kernels(add: Callable[[sc.Model], Any], what: str):
+    pytest.importorskip("numba")
+    model = mechanism(IDENTITY)
+    model.add("more", add(model))
+    run = model.freeze(planar=sc.Planar()), sc.Variational(), sc.NullSpace(), 5e-3, 0.01
+    with pytest.raises(sc.InputError, match=what):
+        sc.simulate(*run, kernels="numba")
+
+
+def test_a_run_says_which_kernels_and_why():
+    pytest.importorskip("numba")
+    system = mechanism(IDENTITY).freeze(planar=sc.Planar())
+    pair = sc.Variational(), sc.Multipliers()
+    run = sc.simulate(system, *pair, 5e-3, 0.01, derive=False)
+    assert run.meta["kernels"] == "numpy"
+    assert "confined to a plane with multipliers" in run.meta["kernels_why"]
+    with pytest.raises(sc.InputError, match="confined to a plane with multipliers"):
+        sc.simulate(system, *pair, 5e-3, 0.01, kernels="numba")
