@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMome
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
 integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
 treatments = pytest.mark.parametrize("treatment", TREATMENTS)
+needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
 #: what is compared of runs
 SERIES = ("q", "p", "carried", "work_loads", "constraint_force")
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers_kernels import assert_same, both, called
+from helpers_kernels import assert_same, both, called, needs_numba
 from helpers_scenes import chequered, swing, swing_model
 from helpers_scenes import four_bar as bars
 from helpers_scenes import rotation as random_rotation
@@ -57,12 +57,10 @@ def difference(a: sc.History, b: sc.History, name: str = "q") -> float:
 @pytest.mark.parametrize(
     ("integrator", "treatment", "kernels"),
     [(i, t, "numpy") for i in INTEGRATORS for t in TREATMENTS]
-    + [(i, TREATMENTS[0], "numba") for i in BOTH],
+    + [pytest.param(i, TREATMENTS[0], "numba", marks=needs_numba) for i in BOTH],
     ids=str,
 )
 def test_swing_moves_as_in_space(integrator: Any, treatment: Any, kernels: str):
-    if kernels == "numba":
-        pytest.importorskip("numba")
     system = swing(4)
     plane = confined(system, sc.Planar())
     assert plane.plane is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers_kernels import needs_numba
 from helpers_scenes import (
     TENSOR,
     _corner,
@@ -38,6 +39,16 @@ from skfem_cosserat.statics.solver import PathSolver, PlainProblem
 EPS = 1e-40
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
 treatments = pytest.mark.parametrize("treatment", TREATMENTS.values(), ids=TREATMENTS)
+#: compiled kernels are for the null space only
+ways = pytest.mark.parametrize(
+    ("treatment", "kernels"),
+    [
+        (sc.NullSpace(), "numpy"),
+        pytest.param(sc.NullSpace(), "numba", marks=needs_numba),
+        (sc.Multipliers(), "numpy"),
+    ],
+    ids=["null space", "compiled", "multipliers"],
+)
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 
 
@@ -433,12 +444,12 @@ def test_arc_length_comes_back_to_its_first_load_factor(treatment):
     assert path["q"][-1, 2] == pytest.approx(0.0, abs=1e-12)
 
 
-@treatments
+@ways
 @pytest.mark.parametrize("steps", [1, 2, 7])
-def test_end_does_not_depend_on_the_steps(treatment, steps):
+def test_end_does_not_depend_on_the_steps(treatment, kernels, steps):
     model, tip = cantilever(stiff(1e5))
     model.add("load", sc.LoadForce(tip, (-1.0, 3.0, 2.0)))
-    path = sc.static(model, treatment, sc.LoadControl(steps=steps))
+    path = sc.static(model, treatment, sc.LoadControl(steps=steps), kernels=kernels)
     assert len(path) == steps + 1
     assert path["load_factor"] == pytest.approx(np.linspace(0, 1, steps + 1), abs=1e-15)
     reference = sc.static(model)
@@ -820,12 +831,12 @@ CONTROLS = {
 }
 
 
-@treatments
+@ways
 @pytest.mark.parametrize("control", CONTROLS)
-def test_buckling_of_a_column_in_all_controls(treatment, control):
+def test_buckling_of_a_column_in_all_controls(treatment, kernels, control):
     """``pi^2 EI/4`` about both axes, shortened by P/EA and softened by P/GA, 1e-6 each."""
     model, tip = column()
-    path = sc.static(model, treatment, CONTROLS[control](tip))
+    path = sc.static(model, treatment, CONTROLS[control](tip), kernels=kernels)
     assert criticals(path) == [("bifurcation", 1)] * 2
     wanted = np.pi**2 / 4 * np.array([1.0, 1.3])
     assert loads_of(path) == pytest.approx(wanted, rel=2e-6)
@@ -837,10 +848,10 @@ def test_buckling_of_a_column_in_all_controls(treatment, control):
     assert int(path["unstable"][-1]) == 2
 
 
-@treatments
-def test_two_critical_points_in_a_step(treatment):
+@ways
+def test_two_critical_points_in_a_step(treatment, kernels):
     model, _ = column()
-    path = sc.static(model, treatment, sc.LoadControl(4.0, steps=1))
+    path = sc.static(model, treatment, sc.LoadControl(4.0, steps=1), kernels=kernels)
     assert criticals(path) == [("bifurcation", 1)] * 2
     assert loads_of(path) == pytest.approx(np.pi**2 / 4 * np.array([1.0, 1.3]), rel=2e-6)
 
@@ -1000,23 +1011,23 @@ def test_twisted_rod_buckles(treatment):
     assert 2 * loads_of(path)[0] == pytest.approx(2 * x, rel=1e-5)
 
 
-@treatments
-def test_follower_force_has_no_static_buckling(treatment):
+@ways
+def test_follower_force_has_no_static_buckling(treatment, kernels):
     """Beck's column is straight and alone up to its flutter load 20.05 EI/L^2, and beyond."""
     model, tip = cantilever(stiff(1e6, GJ=1.0))
     model.add("thrust", sc.LoadForce(tip, (0, 0, -1.0), follower=True))
-    path = sc.static(model, treatment, sc.LoadControl(25.0))
+    path = sc.static(model, treatment, sc.LoadControl(25.0), kernels=kernels)
     assert path.meta["critical"] == []
     assert not path["unstable"].any()
     assert abs(at(path, tip)[:, 1:]).max() < 1e-12
 
 
-@treatments
-def test_moment_about_a_fixed_axis_is_not_conservative(treatment):
+@ways
+def test_moment_about_a_fixed_axis_is_not_conservative(treatment, kernels):
     """Its tangent is not symmetric: no critical point on the way to a full circle."""
     model, tip = cantilever(stiff(1e6, GJ=1.0))
     model.add("moment", sc.LoadMoment(tip, (0, 0, 2 * np.pi)))
-    path = sc.static(model, treatment)
+    path = sc.static(model, treatment, kernels=kernels)
     assert path.meta["critical"] == []
     system = model.freeze()
     schedule = Schedule(system)
@@ -1046,12 +1057,12 @@ def test_moment_about_a_hinge_is_conservative(treatment):
     assert loads_of(path)[:2] == pytest.approx(wanted, rel=1e-9)
 
 
-@treatments
-def test_no_critical_points_where_there_are_none(treatment):
+@ways
+def test_no_critical_points_where_there_are_none(treatment, kernels):
     """Tension, and a cantilever bent far by forces across it."""
     model, tip = cantilever()
     model.add("pull", sc.LoadForce(tip, (30.0, 20.0, 5.0)))
-    path = sc.static(model, treatment)
+    path = sc.static(model, treatment, kernels=kernels)
     assert path.meta["critical"] == []
     assert not path["unstable"].any()
 
