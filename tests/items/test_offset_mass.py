@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers_kernels import assert_same, both
 from helpers_scenes import FULL
 
 import skfem_cosserat as sc
@@ -243,18 +244,10 @@ def test_highest_frequency_and_history_energy_know_the_offset():
 @pytest.mark.slow
 @integrators
 @treatments
-def test_compiled_kernels_agree(integrator, treatment):
-    pytest.importorskip("numba")
+def test_kernels_agree(integrator, treatment):
     system = free_beam()
     assert system.beam_groups[0].scalar_mass[:, 0, 1].any()
-    found = [
-        sc.simulate(
-            system, INTEGRATORS[integrator], TREATMENTS[treatment], 0.01, 0.2,
-            kernels=kernels, derive=False,
-        )["q"]
-        for kernels in ("numpy", "numba")
-    ]  # fmt: skip
-    assert abs(found[0] - found[1]).max() < 1e-11
+    assert_same(*both(system, integrator, treatment, 0.01, 0.2))
 
 
 # -- bad input -------------------------------------------------------------------------------------

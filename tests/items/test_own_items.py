@@ -262,10 +262,7 @@ def test_own_loads_of_data_in_statics(treatment):
     assert abs(ends[0][1]) > 1e-3
 
 
-@pytest.mark.parametrize("kernels", ["numba", "numpy"])
 def test_own_loads_of_data_in_statics_by_kernels(kernels):
-    if kernels == "numba":
-        pytest.importorskip("numba")
     ends = []
     for own in (True, False):
         mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")

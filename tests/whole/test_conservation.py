@@ -96,12 +96,10 @@ treatments = pytest.mark.parametrize("treatment", TREATMENTS)
 
 
 @cache
-def run(scene, integrator, treatment, step=STEP, until=0.5):
+def run(scene, integrator, treatment, step=STEP, until=0.5, kernels="auto"):
     system, start = SCENES[scene]()
-    history = sc.simulate(
-        system, INTEGRATORS[integrator], TREATMENTS[treatment], step, until, start=start
-    )
-    return system, history
+    given = system, INTEGRATORS[integrator], TREATMENTS[treatment], step, until
+    return system, sc.simulate(*given, start=start, kernels=kernels)
 
 
 def wandering(values):
@@ -120,8 +118,8 @@ def spread(values):
 @free_scenes
 @integrators
 @treatments
-def test_free_scenes_keep_their_momenta(scene, integrator, treatment):
-    system, history = run(scene, integrator, treatment)
+def test_free_scenes_keep_their_momenta(scene, integrator, treatment, kernels):
+    system, history = run(scene, integrator, treatment, kernels=kernels)
     L = diagnostics.angular_momentum(system, history["q"], history["p"])
     p = diagnostics.linear_momentum(system, history["p"])
     assert len(L) == 51
@@ -168,8 +166,8 @@ def test_midpoint_angular_momentum_only_oscillates():
 
 @integrators
 @treatments
-def test_gravity_leaves_the_momentum_about_its_axis(integrator, treatment):
-    system, history = run("hanging", integrator, treatment)
+def test_gravity_leaves_the_momentum_about_its_axis(integrator, treatment, kernels):
+    system, history = run("hanging", integrator, treatment, kernels=kernels)
     L = history["angular_momentum"]
     size = np.linalg.norm(L, axis=1).max()
     assert np.ptp(L[:, 2]) < momentum_limits(system, history)[1] < 1e-9 * size
@@ -183,8 +181,8 @@ def test_gravity_leaves_the_momentum_about_its_axis(integrator, treatment):
     "scene", ["beam", "tree", "body", pytest.param("hanging", marks=pytest.mark.slow)]
 )
 @treatments
-def test_energy_momentum_keeps_the_energy(scene, treatment):
-    system, history = run(scene, "energy-momentum", treatment, STEP, 3.0)
+def test_energy_momentum_keeps_the_energy(scene, treatment, kernels):
+    system, history = run(scene, "energy-momentum", treatment, STEP, 3.0, kernels)
     total = history["kinetic"] + history["strain_energy"] + history["external"]
     scale = history["kinetic"].max() + abs(history["external"]).max()
     assert len(total) == 301
@@ -250,8 +248,8 @@ def test_variational_energy_of_a_violent_motion(scene):
 @pytest.mark.parametrize("scene", ["beam", "quadratic beam", "tree", "body", "hanging"])
 @integrators
 @treatments
-def test_constraints(scene, integrator, treatment):
-    _, history = run(scene, integrator, treatment)
+def test_constraints(scene, integrator, treatment, kernels):
+    _, history = run(scene, integrator, treatment, kernels=kernels)
     violation = history["constraint_violation"].max()
     assert violation < (1e-12 if treatment == "null space" else 1e-11)
     assert history["hidden_violation"].max() < 1e-12 * (1 + abs(history["v"]).max())
