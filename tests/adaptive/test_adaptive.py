@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat import diagnostics
+from skfem_cosserat import adapt, diagnostics, write_paraview
 from skfem_cosserat.adaptive import (
     Halve,
     HalveOrRaise,
@@ -22,12 +22,10 @@ from skfem_cosserat.adaptive import (
     RunInTime,
     RunStatic,
     Uniform,
-    adapt,
     carry_history,
     carry_state,
 )
 from skfem_cosserat.adaptive.adapt import Outlook
-from skfem_cosserat.export import write_paraview
 from skfem_cosserat.mesh.divide import places_in
 from skfem_cosserat.model.balance import amplitudes_at
 from skfem_cosserat.run import derive_series

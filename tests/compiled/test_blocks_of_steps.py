@@ -11,9 +11,9 @@ import pytest
 import test_closed_loops
 
 import skfem_cosserat as sc
+from skfem_cosserat import Stepper
 from skfem_cosserat.compiled.numbers import DONE
 from skfem_cosserat.integrators.compiled_step import CompiledStep
-from skfem_cosserat.integrators.stepper import Stepper
 from skfem_cosserat.run import step_size
 from skfem_cosserat.run.recorder import Numbered
 

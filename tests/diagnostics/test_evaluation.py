@@ -10,6 +10,7 @@ from skfem_cosserat import (
     InputError,
     JointFixed,
     JointSpherical,
+    LoadControl,
     LoadForce,
     LoadGravity,
     LoadLine,
@@ -20,10 +21,12 @@ from skfem_cosserat import (
     NullSpace,
     RayleighDamping,
     Section,
+    Spin,
     System,
     Variational,
     ground,
     simulate,
+    static,
 )
 from skfem_cosserat.diagnostics import (
     evaluate,
@@ -32,8 +35,6 @@ from skfem_cosserat.diagnostics import (
     section_strains,
 )
 from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
-from skfem_cosserat.model.balance import Spin
-from skfem_cosserat.statics import LoadControl, static
 
 ORDERS = (1, 2, 3, 4)
 RNG = np.random.default_rng(11)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat.integrators import Stepper
+from skfem_cosserat import Stepper
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "benchmarks"
 

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from conftest import BOX, LEG, NODES, OUTLINE, turn
 
-from skfem_cosserat.errors import IncompleteWarning, InputError
-from skfem_cosserat.export import ParaViewWriter, write_csv, write_paraview
+from skfem_cosserat import IncompleteWarning, InputError, write_csv, write_paraview
+from skfem_cosserat.export import ParaViewWriter
 from skfem_cosserat.export.geometry import BeamShape, piece_weights, quaternions
 
 HERE = Path(__file__).resolve().parents[1]

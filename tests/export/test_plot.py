@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from skfem_cosserat.errors import InputError
+from skfem_cosserat import InputError
 from skfem_cosserat.plot import plot_energy, plot_orbit, plot_series, render
 
 matplotlib = pytest.importorskip("matplotlib")

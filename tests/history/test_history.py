@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat.errors import HistoryError, IncompleteWarning, InputError, StorageError
-from skfem_cosserat.history import History, HistoryWriter, file, read_meta
+from skfem_cosserat import History, HistoryError, IncompleteWarning, InputError, StorageError
+from skfem_cosserat.history import HistoryWriter, file, read_meta
 
 HERE = Path(__file__).resolve().parents[1]
 MAGIC = len(b"SKFEM-COSSERAT HISTORY 1\n")

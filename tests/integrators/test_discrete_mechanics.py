@@ -18,8 +18,7 @@ from rounding import momentum_limits
 from scipy.sparse import csr_matrix
 
 import skfem_cosserat as sc
-from skfem_cosserat import diagnostics
-from skfem_cosserat.diagnostics import Projection
+from skfem_cosserat import Projection, diagnostics
 
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat import diagnostics
-from skfem_cosserat.element import InterpolationEquidistant
+from skfem_cosserat import InterpolationEquidistant, diagnostics
 from skfem_cosserat.integrators.explicit import LimitWatch
 
 RUBBER = sc.SectionCircle(0.02, sc.Material(5e6, 0.5, 1100))

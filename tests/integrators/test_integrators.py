@@ -16,8 +16,7 @@ from test_step_control import rubber
 from test_tangents import TOLERANCE, Step, worst
 
 import skfem_cosserat as sc
-from skfem_cosserat import diagnostics
-from skfem_cosserat.integrators import Stepper
+from skfem_cosserat import Stepper, diagnostics
 
 SCHEMES = {
     "alpha": sc.GeneralizedAlpha(0.7, stabilized=False),

@@ -9,9 +9,8 @@ from helpers_schemes import KINDS
 from scipy.sparse import random as random_matrix
 
 import skfem_cosserat as sc
-from skfem_cosserat import kernels
+from skfem_cosserat import Stepper, kernels
 from skfem_cosserat.constraints.null_space import NullSpaceBlocks
-from skfem_cosserat.integrators import Stepper
 from skfem_cosserat.model import groups
 from skfem_cosserat.model.kinematics import combination
 from skfem_cosserat.pattern import FrozenPattern, product_form

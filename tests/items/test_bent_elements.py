@@ -15,16 +15,16 @@ from skfem_cosserat import (
     MeshCurve,
     MeshError,
     Model,
+    ModelWarning,
     Section,
     ground,
+    static,
 )
 from skfem_cosserat.diagnostics import strain_energy
-from skfem_cosserat.errors import ModelWarning
 from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
 from skfem_cosserat.mesh import CurveSpline
 from skfem_cosserat.mesh.bends import turns
 from skfem_cosserat.model.limits import over_rotated
-from skfem_cosserat.statics import static
 
 ORDERS = (1, 2, 3, 4)
 SECTION = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))

@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from skfem_cosserat import (
+    AccuracyWarning,
     Beam,
     Diverged,
     EnergyMomentum,
@@ -35,7 +36,6 @@ from skfem_cosserat import (
     static,
 )
 from skfem_cosserat.diagnostics.stacked import reduced_tangent
-from skfem_cosserat.errors import AccuracyWarning
 from skfem_cosserat.model.balance import amplitudes_at
 from skfem_cosserat.model.limits import overstretched, tension_factor
 

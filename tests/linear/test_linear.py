@@ -11,8 +11,7 @@ import pytest
 from helpers_scenes import lattice
 
 import skfem_cosserat as sc
-from skfem_cosserat.errors import PerformanceWarning
-from skfem_cosserat.integrators.stepper import Stepper
+from skfem_cosserat import PerformanceWarning, Stepper
 from skfem_cosserat.linear import (
     LinearSolver,
     SingularMatrixError,

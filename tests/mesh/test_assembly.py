@@ -6,10 +6,9 @@ import skfem
 from scipy.sparse import csc_matrix
 from skfem.assembly.form.coo_data import COOData
 
-from skfem_cosserat.basis import DirectorBasis, ElementForm, ElementLoad, ElementMatrix
+from skfem_cosserat import DirectorBasis, InputError, MeshCurve
+from skfem_cosserat.basis import ElementForm, ElementLoad, ElementMatrix
 from skfem_cosserat.basis import error_norms as norms
-from skfem_cosserat.errors import InputError
-from skfem_cosserat.mesh import MeshCurve
 from skfem_cosserat.pattern import FrozenPattern
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import skfem
 
-from skfem_cosserat.basis import DirectorBasis, gauss_rule
+from skfem_cosserat import DirectorBasis, InputError, MeshCurve, MeshError, read_mesh, write_mesh
+from skfem_cosserat.basis import gauss_rule
 from skfem_cosserat.element import ElementLineLobatto, lobatto_nodes
-from skfem_cosserat.errors import InputError, MeshError
-from skfem_cosserat.mesh import CurveSpline, MeshCurve, read_mesh, write_mesh
+from skfem_cosserat.mesh import CurveSpline
 
 ORDERS = (1, 2, 3, 4)
 ARC = ((0, 0, 0), (1, 0, 0), (0, 1, 0), 2.0)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import skfem
 
+from skfem_cosserat import InputError
 from skfem_cosserat.element import (
     ElementDirector,
     ElementLineLobatto,
@@ -11,7 +12,6 @@ from skfem_cosserat.element import (
     shape_derivatives,
     shape_functions,
 )
-from skfem_cosserat.errors import InputError
 
 ORDERS = (1, 2, 3, 4)
 XI = np.array([0.0, 0.137, 0.5, 0.81, 1.0])

@@ -8,7 +8,9 @@ from scipy.integrate import quad
 
 from skfem_cosserat import (
     Beam,
+    DirectorBasis,
     EnergyMomentum,
+    HistoryError,
     InputError,
     InterpolationEquidistant,
     InterpolationLobatto,
@@ -22,10 +24,8 @@ from skfem_cosserat import (
     restart,
     simulate,
 )
-from skfem_cosserat.basis import DirectorBasis
 from skfem_cosserat.diagnostics import evaluate, section_forces, strain_energy
 from skfem_cosserat.element import ElementLineLobatto, Interpolation, interpolation
-from skfem_cosserat.errors import HistoryError
 from skfem_cosserat.export.geometry import BeamShape
 from skfem_cosserat.kernels import null_space_blocks
 from skfem_cosserat.run.describe import describe

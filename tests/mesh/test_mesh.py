@@ -6,15 +6,8 @@ import pytest
 import skfem
 from skfem import Basis, BilinearForm, ElementLineP1, ElementLineP2, FacetBasis, Functional
 
-from skfem_cosserat.errors import MeshError
-from skfem_cosserat.mesh import (
-    CurveArc,
-    CurveHelix,
-    CurveLine,
-    CurveMoved,
-    CurveSpline,
-    MeshCurve,
-)
+from skfem_cosserat import MeshCurve, MeshError
+from skfem_cosserat.mesh import CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
 
 ARC = ((0, 0, 0), (1, 0, 0), (0, 1, 0), 2.0)  # start, tangent, normal, radius
 CENTRE = np.array([0.0, 2.0, 0.0])

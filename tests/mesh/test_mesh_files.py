@@ -8,8 +8,7 @@ import meshio
 import numpy as np
 import pytest
 
-from skfem_cosserat.errors import MeshError, ModelWarning
-from skfem_cosserat.mesh import MeshCurve, read_mesh, write_mesh
+from skfem_cosserat import MeshCurve, MeshError, ModelWarning, read_mesh, write_mesh
 
 MESHES = Path(__file__).parents[2] / "meshes"
 FORMATS = [("a.msh", None), ("a.msh", "gmsh"), ("a.msh", "gmsh22"), ("a.vtu", None)]

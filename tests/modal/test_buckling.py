@@ -10,8 +10,9 @@ import pytest
 from test_modes import bad, bent_arc, hung, straight
 
 import skfem_cosserat as sc
+from skfem_cosserat import Spin
 from skfem_cosserat.diagnostics import reduced_tangent
-from skfem_cosserat.model.balance import Amplitudes, Spin, amplitudes_at
+from skfem_cosserat.model.balance import Amplitudes, amplitudes_at
 
 REFERENCES = json.loads(
     (Path(__file__).parents[1] / "data" / "static_references.json").read_text(encoding="utf-8")

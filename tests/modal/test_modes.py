@@ -15,12 +15,12 @@ from test_closed_loops import SCENES, frozen, hinges
 from test_couplings import zoo
 
 import skfem_cosserat as sc
+from skfem_cosserat import Spin, write_paraview
 from skfem_cosserat.diagnostics.stacked import null_space_matrix, reduced_tangent
-from skfem_cosserat.export import write_paraview
 from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
 from skfem_cosserat.modal.eigen import lowest, make_pencil, spectrum
 from skfem_cosserat.modal.state import resting
-from skfem_cosserat.model.balance import Spin, amplitudes_at, balance
+from skfem_cosserat.model.balance import amplitudes_at, balance
 from skfem_cosserat.model.loops import closed, tree_values
 from skfem_cosserat.model.reparametrisation import Reparametrisation
 

@@ -17,6 +17,7 @@ from skfem_cosserat import (
     LoadForce,
     LoadGravity,
     LoadLine,
+    Material,
     MeshCurve,
     MeshError,
     Model,
@@ -31,7 +32,6 @@ from skfem_cosserat import (
     simulate,
 )
 from skfem_cosserat.mesh import divided
-from skfem_cosserat.section import Material
 
 RUBBER = SectionCircle(5e-3, Material(E=5e6, nu=0.5, rho=1100))
 

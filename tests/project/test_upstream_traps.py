@@ -10,8 +10,7 @@ from scipy.sparse import csr_array
 from skfem import Basis, ElementLineP1, ElementLineP2, ElementVector, MeshLine1
 from skfem.assembly.form.coo_data import COOData
 
-from skfem_cosserat.basis import DirectorBasis
-from skfem_cosserat.mesh import MeshCurve, read_mesh
+from skfem_cosserat import DirectorBasis, MeshCurve, read_mesh
 
 SPACE = np.array([[0.0, 1, 2, 2], [0, 0, 0, 0], [0, 0, 0, 1.0]])
 CHAIN = np.array([[0, 1, 2], [1, 2, 3]])

@@ -11,14 +11,13 @@ import pytest
 import skfem
 
 import skfem_cosserat as sc
-from skfem_cosserat.profile import (
+from skfem_cosserat import (
     MaterialAnisotropic,
     Profile,
     ProfileBox,
     ProfileChannel,
     ProfileCircle,
     ProfileComposite,
-    ProfileConstants,
     ProfileI,
     ProfilePolygon,
     ProfileRectangle,
@@ -27,6 +26,7 @@ from skfem_cosserat.profile import (
     ProfileTube,
     Region,
 )
+from skfem_cosserat.profile import ProfileConstants
 from skfem_cosserat.profile.warping import elasticity, solve_warping
 
 STEEL = sc.Material(210e9, 0.3, 7850.0)

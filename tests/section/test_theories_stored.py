@@ -10,7 +10,7 @@ from test_tangents import Step
 from test_theories import SECTION, TIP, arc, cantilever, flying, tip_of
 
 import skfem_cosserat as sc
-from skfem_cosserat.export import write_paraview
+from skfem_cosserat import write_paraview
 from skfem_cosserat.theory import LawHeld
 
 THEORIES = (sc.TheoryKirchhoff(), sc.TheoryInextensible(), sc.TheoryInextensible(torsion=False))

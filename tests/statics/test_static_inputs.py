@@ -11,8 +11,7 @@ from helpers_scenes import four_bar
 from test_statics import arch, cantilever, column, hinged, rod, stiff, treatments
 
 import skfem_cosserat as sc
-from skfem_cosserat.model.balance import Spin
-from skfem_cosserat.statics import equilibrium
+from skfem_cosserat import Spin, equilibrium
 
 NAN, INF = float("nan"), float("inf")
 

@@ -21,16 +21,9 @@ from scipy.special import ellipk
 from test_couplings import zoo
 
 import skfem_cosserat as sc
+from skfem_cosserat import Spin, equilibrium, write_paraview
 from skfem_cosserat.diagnostics.stacked import blocks_matrix
-from skfem_cosserat.export import write_paraview
-from skfem_cosserat.model.balance import (
-    Amplitudes,
-    Spin,
-    amplitudes_at,
-    balance,
-    balance_tangent,
-)
-from skfem_cosserat.statics import equilibrium
+from skfem_cosserat.model.balance import Amplitudes, amplitudes_at, balance, balance_tangent
 from skfem_cosserat.statics.critical_points import inspect
 from skfem_cosserat.statics.path import STATIC
 from skfem_cosserat.statics.schedule import Functional, Point, Schedule

@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat import refine
-from skfem_cosserat.errors import InputError, PerformanceWarning
+from skfem_cosserat import InputError, PerformanceWarning, refine
 from skfem_cosserat.study import (
     AtInstants,
     MaximumOverTime,

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat import stability_map
-from skfem_cosserat.errors import InputError
+from skfem_cosserat import InputError, stability_map
 from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, Map, TimedOut, Verdict
 from skfem_cosserat.study.verdict import full_protocol
 

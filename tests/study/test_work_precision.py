@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat import work_precision
-from skfem_cosserat.errors import InputError
+from skfem_cosserat import InputError, work_precision
 from skfem_cosserat.study import (
     AtInstants,
     MaximumOverTime,

@@ -10,7 +10,7 @@ from rounding import energy_limit
 from test_static_references import scenes
 
 import skfem_cosserat as sc
-from skfem_cosserat.integrators import Stepper
+from skfem_cosserat import Stepper
 from skfem_cosserat.statics.path import STATIC
 
 G = 10.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat.export import write_paraview
+from skfem_cosserat import write_paraview
 
 
 def swing():
