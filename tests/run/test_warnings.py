@@ -211,7 +211,7 @@ def test_warnings_that_name_different_things_are_different():
     assert [notice["text"][-7:] for notice in notices.found] == ["'pin 1'", "'pin 2'"]
 
 
-def test_the_readme_tells_how_to_make_warnings_errors():
+def test_the_guide_tells_how_to_make_warnings_errors():
     """``-W`` cannot: Python reads it before it knows the package."""
     code = (
         "import warnings; import skfem_cosserat as sc; "
@@ -220,6 +220,7 @@ def test_the_readme_tells_how_to_make_warnings_errors():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 1 and "ModelWarning: a: b" in done.stderr
-    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    assert '`warnings.simplefilter("error", sc.CosseratWarning)`' in readme
-    assert "-W error" not in readme
+    page = Path(__file__).parents[2] / "examples" / "guide" / "05_trust.md"
+    text = page.read_text(encoding="utf-8")
+    assert 'warnings.simplefilter("error", sc.CosseratWarning)' in text
+    assert "-W error" not in text
