@@ -32,6 +32,7 @@ Floats = NDArray[np.float64]
 DATA = Path(__file__).resolve().parents[2] / "tests" / "data" / "static_references.json"
 E1, E2, E3 = np.eye(3)
 ORIGIN = (0.0, 0.0, 0.0)
+FULL = sc.TheoryReissner()
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +110,15 @@ def flat_section(
 
 
 def _cantilever(
-    mesh: sc.MeshCurve, section: sc.Section, order: Any, loads: dict[str, Any]
+    mesh: sc.MeshCurve,
+    section: sc.Section,
+    order: Any,
+    loads: dict[str, Any],
+    theory: sc.Theory = FULL,
 ) -> Scene:
     """Beam "rod" clamped at its start; loads at its end by name: a force or (kind, value)."""
     model = sc.Model()
-    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
+    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3, theory=theory))
     start, end = rod.node("rod.start"), rod.node("rod.end")
     model.add("clamp", sc.JointFixed(sc.ground(start.position), start))
     for name, (kind, value) in loads.items():
@@ -154,11 +159,11 @@ def elastica(
     GA: float = 1e5,
     length: float = 1.0,
     EI: float = 1.0,
+    theory: sc.Theory = FULL,
 ) -> Scene:
     """S2: a cantilever with a dead transverse tip force."""
-    section = flat_section(EI, EA, GA)
-    force = (0.0, load, 0.0)
-    return _cantilever(_line(length, elements), section, order, {"force": (sc.LoadForce, force)})
+    loads = {"force": (sc.LoadForce, (0.0, load, 0.0))}
+    return _cantilever(_line(length, elements), flat_section(EI, EA, GA), order, loads, theory)
 
 
 def arc(
@@ -169,12 +174,13 @@ def arc(
     *,
     radius: float = 100.0,
     degrees: float = 45.0,
+    theory: sc.Theory = FULL,
 ) -> Scene:
     """A clamped arc in the plane, centre (0, radius, 0), with dead forces at its tip, by name."""
     angle = np.radians(degrees)
     mesh = sc.MeshCurve.init_arc(ORIGIN, E1, E2, radius, angle, elements, name="rod")
     loads = {name: (sc.LoadForce, tuple(force)) for name, force in forces.items()}
-    return _cantilever(mesh, section, order, loads)
+    return _cantilever(mesh, section, order, loads, theory)
 
 
 def bend(

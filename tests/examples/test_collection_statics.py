@@ -28,7 +28,7 @@ s01, s02, s03, s04, s05, s06, s07, s08, s09, s10, s11, s12, s13, s14 = FAMILIES.
 #: errors that are allowed beyond the reference's uncertainty, relative to a quantity's size (or 1)
 ROUNDING = {
     "S01": 2e-12,  # 16 digits are trusted: these are the mesh's, 6th order
-    "S02": 2e-11,  # inextensible, 17 digits: the mesh's at alpha = 10
+    "S02": 1e-12,  # inextensible, 17 digits: the mesh's at alpha = 10
     "S10": 2e-12,  # 15 digits: the mesh's
     "S12": 1e-8,  # 16 digits: the mesh's, and of zeros of frequencies
 }
@@ -122,6 +122,35 @@ def test_elastica_of_any_size(case):
     assert [found["x"], found["y"]] == pytest.approx([2 * unit["x"], 2 * unit["y"]], rel=1e-11)
     assert found["theta"] == pytest.approx(unit["theta"], rel=1e-11)
     assert found["root_moment"] == pytest.approx(2 * 5 / 4 * found["x"], rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_inextensible_rods_of_every_order(order):
+    """By their theory, extrapolated from three meshes."""
+    limit = {1: 1e-8, 2: 1e-11, 3: 2e-12, 4: 2e-12}[order]
+    elastica = s02.main("5", order=order)
+    for name, value in s02.VALUES["S2_elastica_inextensible"]["5"].items():
+        if name in s02.FIELDS:
+            assert elastica[name] == pytest.approx(float(value), rel=limit), name
+    bend = s03.main("Kirchhoff inextensible;P=450", order=order)["tip"]
+    reference = s03.ENTRY["values"]["cases"]["Kirchhoff inextensible;P=450"]["tip"]
+    assert bend == pytest.approx(reference, abs=50 * limit)
+
+
+def test_compliances_left_out_one_by_one():
+    """Stiffer and stiffer beams approach the one that cannot shear, and the one without either."""
+    for EA in (500.0, None):
+        limit = s02.main(data={"alpha": 2.0, "EA": EA, "GA": None}, order=4, elements=8)
+        errors = []
+        for stiff in (1e5, 1e6):
+            data = {"alpha": 2.0, "EA": EA or 10 * stiff, "GA": stiff}
+            found = s02.main(data=data, order=4, elements=8)
+            errors.append(abs(found["y"] - limit["y"]))
+        assert errors[0] < 1e-4 and errors[0] / errors[1] == pytest.approx(10, rel=0.01)
+    unstretched = s02.main(data={"alpha": 2.0, "GA": 300.0}, order=4, elements=8)
+    stiff = s02.main(data={"alpha": 2.0, "GA": 300.0, "EA": 1e7}, order=4, elements=8)
+    assert unstretched["x"] == pytest.approx(stiff["x"], abs=1e-6)
+    assert (unstretched["EA"], unstretched["GA"]) == (None, 300.0)
 
 
 def test_elastica_by_force_or_by_stiffness():
@@ -345,6 +374,9 @@ def test_bad_arguments(name, arguments, message):
         ("s02", {"alpha": math.inf}, "alpha = inf, expected a finite number"),
         ("s03", {"R": "wide"}, "R = 'wide', expected a positive finite number"),
         ("s05", {"GJ": None}, "GJ = None, expected a positive finite number"),
+        ("s07", {"GA": None}, "GA = None, .* no beams without shear"),
+        ("s07", {"EA": None}, "EA = None, .* without extension"),
+        ("s14", {"EA": None}, "EA = None, expected a positive finite number"),
         ("s06", {"at": 120.0}, "at = 120.0, expected less than L = 120.0"),
         ("s13", {"axis": (0, 0, 0)}, "an axis of three components, not all zero"),
     ],

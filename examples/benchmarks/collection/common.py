@@ -46,7 +46,7 @@ from measuring import INTEGRATORS, TREATMENTS
 import skfem_cosserat as sc
 
 __all__ = ["Comparison", "Cost", "choice", "compare", "entry", "instants", "overridden"]
-__all__ += ["neville", "step_for", "tabled", "timed"]
+__all__ += ["levels", "neville", "refined", "step_for", "tabled", "timed"]
 
 Floats = NDArray[np.float64]
 
@@ -202,6 +202,24 @@ def tabled(
     taken = ("order", "elements", "step", "cost_s", "unknowns", "newton_iterations", "converged")
     shared = {name: result[name] for name in taken}
     return [{"id": family, **vars(c), **shared} for c in comparisons]
+
+
+def levels(elements: int, order: int, least: int) -> list[int]:
+    """Elements of up to three meshes: all, half and a quarter, with at least `least` nodes."""
+    coarser = [n for n in (elements // 2, elements // 4) if n * order >= least]
+    return [elements, *coarser]
+
+
+def refined(values: Sequence[Any], counts: Sequence[int], order: int) -> Floats:
+    """Limit of numbers on meshes of so many elements of order p.
+
+    Their errors are a series in h^(2p), h^(2p + 2) ...; as many terms are eliminated as there are
+    coarser meshes.
+    """
+    h = counts[0] / np.array(counts, dtype=float)
+    powers = [np.ones(len(h)), *(h ** (2 * order + 2 * k) for k in range(len(h) - 1))]
+    weights = np.linalg.inv(np.transpose(powers))[0]
+    return np.tensordot(weights, np.array(values, dtype=float), 1)
 
 
 def neville(values: Sequence[Floats], squares: Sequence[float]) -> list[list[Floats]]:

@@ -2,11 +2,13 @@
 
 Inputs: length ``L`` (m), width ``b`` and height ``h`` (m; it bends in the plane of h), ``E`` (Pa),
 ``nu``, ``rho`` (kg/m^3), shear factor ``kappa``, ``ends``: two of C (clamped), S (simply
-supported), F (free). A case "h=0.1,CF" gives height and ends; any height and ends will do.
+supported), F (free); ``modes``: how many frequencies are wanted (default: five, with both ends free
+or both clamped four, as the reference has them). A case "h=0.1,CF" gives height and ends; any
+height and ends will do.
 
 Fields: ``omega`` (rad/s), ``f_Hz``, ``omega_norm``, that is omega times
-``sqrt(rho A L^4/(E I))``: the first five frequencies, with free ends or both clamped
-four, without rigid motions.
+``sqrt(rho A L^4/(E I))``: the first frequencies of bending, of both spectra of Timoshenko's beam,
+without rigid motions.
 """
 
 from __future__ import annotations
@@ -27,11 +29,11 @@ from collection import common, inputs, vibration
 ENTRIES = ("M1_timoshenko",)
 QUICK = ("h=0.1,CF", "h=0.1,SS", "h=0.01,CF", "h=0.01,FF", "h=0.01,CC")
 DATA = {"L": 1.0, "b": 1.0, "h": 0.1, "E": 210e9, "nu": 0.3, "rho": 7850.0, "kappa": "5/6"}
-DATA |= {"ends": "CF"}
+DATA |= {"ends": "CF", "modes": None}
 
 
 def given(case: str | None, data: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Inputs of a case, numbers but the ends.
+    """Inputs of a case, numbers but the ends; ``modes`` as asked for, or as many as usual.
 
     Raises
     ------
@@ -49,11 +51,13 @@ def given(case: str | None, data: Mapping[str, Any] | None) -> dict[str, Any]:
     numbers = {
         n: inputs.number(n, x, beyond=-1.0 if n == "nu" else 0.0)
         for n, x in d.items()
-        if n != "ends"
+        if n not in ("ends", "modes")
     }
     if not re.fullmatch("[CSF]{2}", str(d["ends"])):
         raise sc.InputError("data", f"ends = {d['ends']!r}, expected two of C, S and F")
-    return {**numbers, "ends": d["ends"]}
+    usual = 4 if d["ends"] in ("FF", "CC") else 5
+    modes = usual if d["modes"] is None else inputs.count("modes", d["modes"])
+    return {**numbers, "ends": d["ends"], "modes": modes}
 
 
 def scene(elements: int, order: int, d: Mapping[str, Any]) -> sc.System:
@@ -80,7 +84,7 @@ def main(
     d, number = given(case, data), vibration.elements_for(method)
     with common.timed() as cost:
         system = scene(number, order, d)
-        omega = vibration.bending(system, 4 if d["ends"] in ("FF", "CC") else 5)
+        omega = vibration.bending(system, d["modes"])
         cost.unknowns = system.unknowns
     unit = np.sqrt(d["E"] * d["h"] ** 2 / 12 / d["rho"]) / d["L"] ** 2
     fields = {"omega": omega, "f_Hz": omega / (2 * np.pi), "omega_norm": omega / unit}

@@ -1,8 +1,8 @@
 """S2: a cantilever bent by a dead transverse tip force alpha EI/L^2.
 
-Two entries. Inextensible and without shear (elliptic integrals, 17 digits): tips of rods of four
-stiffnesses, extrapolated to no compliance; this leaves 1e-12 or less, where rounding begins. With
-shear and extension (shooting, 11 digits): as it is. The root moment is force times x.
+Two entries. Inextensible and without shear (elliptic integrals, 17 digits): a beam of
+``TheoryInextensible``, extrapolated from three meshes. With shear and extension (shooting, 11
+digits): one of ``TheoryReissner``. The root moment is force times x.
 
 ``case``: "1", "2", "5", "10" (alpha; inextensible) or "h=0.1,alpha=5" and so on. ``data``: L, EI,
 alpha, h (thickness, default None: inextensible; EA = 12 EI/h^2), EA, GA (None: none of its
@@ -19,6 +19,7 @@ sys.path.extend(str(Path(__file__).resolve().parents[k]) for k in (1, 2))
 
 import static_scenes
 
+import skfem_cosserat as sc
 from collection import common, statics
 
 ENTRIES = ("S2_elastica_inextensible", "S2_elastica_reissner")
@@ -50,23 +51,33 @@ def main(
 ) -> dict[str, Any]:
     """One load; default: alpha = 1, inextensible. See :mod:`.common` for the arguments."""
     name = statics.chosen(case, CASES, "1")
-    d = statics.inputs(DATA, statics.parts(name if "=" in name else f"alpha={name}"), data)
+    given = statics.parts(name if "=" in name else f"alpha={name}")
+    d = statics.inputs(DATA, given, data, optional=("h", "EA", "GA"))
 
     def compute(asked: statics.Asked) -> dict[str, Any]:
-        def tip(EA: float, GA: float) -> dict[str, Any]:
-            scene = static_scenes.elastica(
-                asked.elements, order, d["P"], EA=EA, GA=GA, length=d["L"], EI=d["EI"]
-            )
+        def tip(
+            EA: float,
+            GA: float,
+            theory: sc.Theory = static_scenes.FULL,
+            count: int = asked.elements,
+        ) -> dict[str, Any]:
+            size = {"length": d["L"], "EI": d["EI"], "EA": EA, "GA": GA}
+            scene = static_scenes.elastica(count, order, d["P"], **size, theory=theory)
             path = asked.path(scene, derive=True)
             x, y, _ = scene.position(path).tolist()
             root = -path["joint/clamp/moment"][-1, 2]
             return {"x": x, "y": y, "theta": scene.angle(path), "root_moment": abs(float(root))}
 
-        found = statics.limit(d, d["EI"] / d["L"] ** 2, tip, first=1e3, levels=4)
+        scale = d["EI"] / d["L"] ** 2
+        if d["GA"] is None:
+            found = statics.held(asked, d, scale, tip)
+        else:
+            found = statics.limit(d, scale, tip, first=1e3, levels=4)
         return {**found, "EA": d["EA"], "GA": d["GA"]}
 
+    counts = statics.HELD if d["GA"] is None else ELEMENTS
     return statics.answer(
-        compute, FIELDS, ELEMENTS, order, elements, step, integrator, treatment, times
+        compute, FIELDS, counts, order, elements, step, integrator, treatment, times
     )
 
 

@@ -3,8 +3,8 @@
 One half of it, the apex on a slide. Followed by the sinking of the apex.
 
 ``case``: "limit_points" or "curve"; default: both. ``data``: EI, EA, GA (default: that of nu = 0.3
-and a shear factor of 5/6), rise, half_span, w (list: sinking at which the load is asked for,
-default: that of the reference). Gives limit_points and curve, lists of (w, P), P in all.
+and a shear factor of 5/6; None is refused), rise, half_span, w (list: sinking at which the load is
+asked for, default: that of the reference). Gives limit_points and curve, lists of (w, P), P in all.
 """
 
 from __future__ import annotations

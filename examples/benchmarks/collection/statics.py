@@ -18,20 +18,22 @@ import static_scenes
 from static_scenes import Scene
 
 import skfem_cosserat as sc
-from collection.common import Cost, compare, overridden, tabled, timed
+from collection.common import Cost, compare, levels, overridden, refined, tabled, timed
 from collection.inputs import method
 
-__all__ = ["Asked", "answer", "bifurcation", "chosen", "extrapolated", "inputs", "limit"]
-__all__ += ["limit_points", "numbered", "parts", "regular", "table"]
+__all__ = ["HELD", "Asked", "answer", "bifurcation", "chosen", "extrapolated", "held", "inputs"]
+__all__ += ["limit", "limit_points", "numbered", "parts", "regular", "table"]
 
 #: inputs that may be negative, or zero
 SIGNED = {"P", "alpha", "lam", "M", "F", "theta", "phi", "axis", "w"}
-#: inputs that may be None: no such compliance
-STIFF = {"EA", "GA", "h"}
 #: relative distance of the loads between which a bifurcation load is interpolated
 AROUND = 3e-3
 #: the same of displacements, for limit points
 NEAR = 2e-3
+#: elements times their order of the coarsest mesh that is extrapolated from
+LEAST = 12
+#: elements by order of a beam whose theory holds strains: 288 unknowns
+HELD = {1: 96, 2: 48, 3: 32, 4: 24}
 
 
 @dataclass
@@ -131,7 +133,11 @@ def answer(
     return {**found, **cost.fields(), **shared}
 
 
-def inputs(defaults: Mapping[str, Any], *given: Mapping[str, Any] | None) -> dict[str, Any]:
+def inputs(
+    defaults: Mapping[str, Any],
+    *given: Mapping[str, Any] | None,
+    optional: Sequence[str] = (),
+) -> dict[str, Any]:
     """Physical inputs: the defaults, overridden one by one; the last word counts.
 
     Parameters
@@ -140,6 +146,8 @@ def inputs(defaults: Mapping[str, Any], *given: Mapping[str, Any] | None) -> dic
         A number, or a function of the inputs before it for one that follows from them.
     *given : mapping or None
         What overrides them: a case, then the user.
+    optional : sequence of str
+        Names of inputs that may be None: of stiffnesses, for a beam without that compliance.
 
     Raises
     ------
@@ -151,8 +159,14 @@ def inputs(defaults: Mapping[str, Any], *given: Mapping[str, Any] | None) -> dic
         out = overridden(out, each)
     for name, value in out.items():
         out[name] = value = value(out) if callable(value) else value
-        if value is None and name in STIFF:
+        if value is None and name in optional:
             continue
+        if value is None and name in ("EA", "GA"):
+            raise sc.InputError(
+                "data",
+                f"{name} = None, expected a positive finite number: this family has no beams"
+                " without shear or without extension",
+            )
         try:
             numbers = np.asarray(value, dtype=float)
         except (TypeError, ValueError):
@@ -332,6 +346,38 @@ def limit(
         stiff = scale * first * ratio**k
         found.append(solve(stiff if EA is None else EA, stiff if GA is None else GA))
     return {name: listed(extrapolated([f[name] for f in found], ratio)) for name in found[0]}
+
+
+def held(
+    asked: Asked,
+    data: Mapping[str, Any],
+    scale: float,
+    solve: Callable[[float, float, sc.Theory, int], Mapping[str, Any]],
+) -> dict[str, Any]:
+    """Numbers of a rod without shear, and without extension where EA is None, by its theory.
+
+    The matrices of such beams are full, so that meshes are coarse: the numbers of all elements, of
+    half and of a quarter as many are extrapolated (see :func:`.common.refined`).
+
+    Parameters
+    ----------
+    asked : Asked
+    data : mapping
+        With EA.
+    scale : float
+        A force: bending stiffness by the square of a length. Of its size are the stiffnesses
+        against strains that the theory holds at zero; they have no effect.
+    solve : callable
+        ``solve(EA, GA, theory, elements)`` gives the numbers.
+    """
+    theory = sc.TheoryInextensible() if data["EA"] is None else sc.TheoryKirchhoff()
+    stiff = 1e4 * scale
+    EA = stiff if data["EA"] is None else data["EA"]
+    counts = levels(asked.elements, asked.order, LEAST)
+    found = [solve(EA, stiff, theory, count) for count in counts]
+    return {
+        name: listed(refined([f[name] for f in found], counts, asked.order)) for name in found[0]
+    }
 
 
 def listed(value: Any) -> Any:

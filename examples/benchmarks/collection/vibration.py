@@ -17,8 +17,8 @@ Floats = NDArray[np.float64]
 
 #: elements of a beam by order, where the caller has none: beyond these rounding takes over
 ELEMENTS = {1: 400, 2: 400, 3: 400, 4: 128}
-#: share of a shift sideways above which a mode is one of bending; rounding is far below
-SIDEWAYS = 1e-6
+#: share of motion across the beam above which a mode is one of bending: it is 1 or 0
+ACROSS = 0.5
 
 
 def elements_for(method: inputs.Method, least: int = 1) -> int:
@@ -44,12 +44,21 @@ def section(b: float, h: float, E: float, nu: float, rho: float, kappa: float) -
     )
 
 
-def beam(length: float, elements: int, order: int, section: sc.Section, root: float = 0.0) -> Any:
+def beam(
+    length: float,
+    elements: int,
+    order: int,
+    section: sc.Section,
+    root: float = 0.0,
+    theory: sc.Theory | None = None,
+) -> Any:
     """Model and beam along e1 from (root, 0, 0), with nodes "a" and "b" at its ends."""
+    theory = theory or sc.TheoryReissner()
     ends = (root, 0, 0), (root + length, 0, 0)
     mesh = sc.MeshCurve.init_line(*ends, elements, nodes={"a": 0.0, "b": 1.0})
     model = sc.Model()
-    item = model.add("beam", sc.Beam(mesh, section, director=(0, 1, 0), order=order))
+    beam = sc.Beam(mesh, section, director=(0, 1, 0), order=order, theory=theory)
+    item = model.add("beam", beam)
     return model, item
 
 
@@ -85,21 +94,37 @@ def moving(found: sc.Modes) -> Floats:
 def bending(system: sc.System, wanted: int, state: Any = None) -> Floats:
     """First frequencies (wanted,) of bending (rad/s), of pairs the mean; rigid motions left out.
 
-    Those of stretching and torsion do not move the centre line sideways.
+    Those of stretching and torsion neither move the centre line sideways nor turn its sections
+    about an axis across it. (Simple supports let all sections turn alike, the line at rest: the
+    first mode of Timoshenko's second spectrum.)
     """
     count = min(4 * wanted + 12, system.unknowns)
     while True:
         found = (
             sc.modes(system, state, count) if state is not None else sc.modes(system, count=count)
         )
-        sideways = moving(found)[:, 1:].sum(1) > SIDEWAYS
-        omega = found.omega[sideways & (np.arange(len(found)) >= found.rigid)]
+        omega = found.omega[(_across(found) > ACROSS) & (np.arange(len(found)) >= found.rigid)]
         if len(omega) >= 2 * wanted or count == system.unknowns:
             break
         count = min(2 * count, system.unknowns)
     if len(omega) < 2 * wanted:
         raise sc.InputError("elements", f"too few for {wanted} frequencies of bending")
     return omega[: 2 * wanted].reshape(-1, 2).mean(1)
+
+
+def _across(found: sc.Modes) -> Floats:
+    """Share (count,) of a mode's motion that bends a straight beam along e1.
+
+    Its points shift sideways, or its sections turn about an axis across it, which moves their
+    third director sideways.
+    """
+    system = found.system
+    squares = abs(found.shapes.reshape(len(found), -1, 3)) ** 2
+    shifts = squares[:, system.origin_rows].sum(1)
+    turns = squares[:, system.origin_rows + 3].sum(1)[:, 1:].sum(1)
+    others = squares.sum((1, 2)) - shifts.sum(1) - 2 * turns
+    bent = shifts[:, 1:].sum(1) + system.length**2 * 2 * turns
+    return np.asarray(bent / (bent + shifts[:, 0] + system.length**2 * others))
 
 
 def answered(
