@@ -380,7 +380,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     y, change, S, out = w.mid, w.change, g.S, g.predicted
     share = numbers[SHARE]
     if numbers[START] != 0.0:
-        y = w.y1
+        y, share = w.y1, numbers[END]
     base, turned, rotations = g.base, g.turned, g.rotations
     section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
@@ -620,15 +620,16 @@ def tabulated(shapes: Any, slopes: Any, table: Floats) -> None:
 def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add the blocks of all elements, in reduced coordinates, to their slots.
 
-    ``P(y_L)^T (mass M + share force (int B(q_mid)^T D B(y_S) ds + int S . C/l ds)) P(y_1)``: y_L is
-    where constraint forces act, y_S where the stresses come from; S are those, or with flag 1
-    predicted ones.
+    ``P(y_L)^T (mass M + force (c int B(q_mid)^T D B(y_S) ds + share int S . C/l ds)) P(y_1)``: y_L
+    is where constraint forces act, y_S where the stresses come from, c their derivative by the
+    strains there (D) times that of y_S by y_1; S are those, or with flag 1 predicted ones.
     """
     y0, y1, mid, S, A = w.y0, w.y1, w.mid, g.S, w.A
     if flag == 1:
         S = g.predicted
     mass, half = numbers[MASS], numbers[SHARE] * numbers[FORCE]
     early, ends = numbers[WEIGHT] == 0.0, numbers[START] != 0.0
+    material = numbers[END] * numbers[FORCE] if ends else half
     lengths, shapes, slopes, weights = g.lengths, g.N, g.dN, g.weights
     masses, stiffness, slot, section = g.mass, g.stiffness, g.slot, g.section
     base, turned, rotations, diagonal = g.base, g.turned, g.rotations, g.diagonal
@@ -651,7 +652,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         take_elements(base, turned, rotations, es, y1, XR)
         if early:
             take_elements(base, turned, rotations, es, y0, XL)
-        stiff(stiffness, chosen(section, es), diagonal, half * once * length, a)
+        stiff(stiffness, chosen(section, es), diagonal, material * once * length, a)
         for p in range(points):
             GB = at_point(shapes[p], slopes[p], inverse, XB)
             GS = at_point(shapes[p], slopes[p], inverse, XR) if ends else GB

@@ -19,6 +19,7 @@ from ..newton import NewtonSettings
 from ..warn import warn
 from .base import Integrator
 from .compiled_step import compiled_step, scalar
+from .step_balance import StepBalance
 
 __all__ = [
     "Choice",
@@ -41,8 +42,9 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
     """Why a scene cannot be stepped by compiled kernels; None: it can."""
     if not integrator.solves:
         return "there are no compiled kernels for explicit steps"
-    if integrator.single.scheme(1.0) is None:
-        return f"the {integrator.name} integrator gives no scheme for compiled kernels"
+    scheme = integrator.single.scheme(1.0)
+    if scheme is None or type(integrator.single.balance(system, 1.0)) is not StepBalance:
+        return f"the balance of the {integrator.name} integrator is more than numbers"
     looped = len(system.closure.rows) > 0
     return _missing(
         treatment,
@@ -52,6 +54,10 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
             # whether motions agree around a loop is looked at in the general way only
             "closed loops in prescribed motion": looped and bool(system.moving),
             "springs on rotation vectors, bushings": not scalar(system.couplings),
+            "damping of springs by the scheme": scheme.decay > 0
+            and len(system.couplings.items) > 0,
+            "springs and damping at the ends of steps": scheme.at_end
+            and (len(system.couplings.items) > 0 or system.damped),
             **_everywhere(system),
             **_theories(system, treatment),
             **_plane(system, treatment),

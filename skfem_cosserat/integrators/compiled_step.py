@@ -45,6 +45,7 @@ from ..constraints.base import BoundTreatment, half_turn
 from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
+from ..model.balance import amplitudes_at, external_force
 from ..model.force_elements import Couplings
 from ..model.reparametrisation import Reparametrisation
 from ..model.tree import Coordinate
@@ -278,6 +279,23 @@ COMPILING = threading.Lock()
 Bound = tuple[IndexArray, Any, Any, Any, Any]
 
 
+def numbers_of(scheme: Scheme) -> dict[str, float]:
+    """The numbers of a scheme that the kernels take, see :mod:`skfem_cosserat.compiled.numbers`.
+
+    What a scheme with rates takes off the balance is made in Python, in place of the momentum.
+    """
+    low, high = (0.5 * (1 - scheme.decay), 0.5 * (1 + scheme.decay)) if scheme.ends else (0.0, 1.0)
+    return {
+        "mass": scheme.mass,
+        "momentum": 1.0 if scheme.before else scheme.momentum,
+        "force": scheme.force,
+        "share": scheme.at,
+        "start": low,
+        "end": high,
+        **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
+    }
+
+
 class BlockOfSteps(NamedTuple):
     """Steps that were solved in one go.
 
@@ -356,13 +374,8 @@ class CompiledScene:
         self._factors: list[float] | None = None
         self._solver = solver
         self._rest: Rest | None = None
-        numbers = {
-            **vars(settings),
-            **{name: getattr(scheme, name) for name in ("mass", "momentum", "force", "share")},
-            **dict(zip(("start", "end"), (0.5, 0.5) if scheme.ends else (0.0, 1.0), strict=True)),
-            **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
-            **{"weight": weight, "length": system.length, "worth": self.worth},
-        }
+        own = {"weight": weight, "length": system.length, "worth": self.worth}
+        numbers = vars(settings) | numbers_of(scheme) | own
         self._all = (
             *self._bind(weight, scheme.ends, static),
             np.array([numbers[name] for name in NUMBERS], dtype=float),
@@ -377,7 +390,7 @@ class CompiledScene:
         from ..compiled import bind
 
         system, groups = self.system, self.system.beam_groups
-        parts = bind.parts_of(system, weight, ends or is_viscous(system), static)
+        parts = self._parts(weight, ends or is_viscous(system), static)
         with COMPILING, bind.compiling(system, parts, kept_only=self._kept_only):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
@@ -390,6 +403,12 @@ class CompiledScene:
             planned["rest"][1] = self._rest.address
         self._number([c for cs in bind.coordinates_of(system) for c in cs])
         return table, s, m, w, g
+
+    def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
+        """Names of the parts that are called."""
+        from ..compiled import bind
+
+        return bind.parts_of(self.system, weight, ends, static)
 
     def _number(self, coordinates: list[Coordinate]) -> None:
         """Where the tree's coordinates are among those of the vertices."""
@@ -455,6 +474,51 @@ class CompiledScene:
             self._tree["driven"][:] = self._nodal.driven(self._coordinates)
 
 
+#: parts of a balance that a projection of velocities does without: forces, and what turns with them
+NO_FORCES = {
+    *("node_matrix", "joint_curvature", "loop_curvature", "span_curvature"),
+    *("beam_force", "beam_predicted", "load", "couple"),
+}
+
+
+class NearestVelocity(CompiledScene):
+    """Velocities on the hidden constraints nearest to a momentum, in the kinetic energy.
+
+    For scenes without closed loops and prescribed motion, also those in a plane.
+
+    Parameters
+    ----------
+    system, settings, kept_only
+        As for :class:`CompiledScene`.
+    """
+
+    def __init__(self, system: System, settings: NewtonSettings, kept_only: bool = False) -> None:
+        from ..compiled import bind, jit, static
+
+        scheme = Scheme(1.0, 1.0, 0.0, weight=1.0, rate=0.0, at=1.0)
+        space = system if system.plane is None else system.spatial
+        super().__init__(space, scheme, 1.0, settings, static=True, kept_only=kept_only)
+        kinds = tuple(bind.typeof(each) for each in self._all)
+        self._nearest = jit.ready(static.nearest, kinds, kept_only).entry_point
+
+    @staticmethod
+    def serves(system: System) -> bool:
+        """Whether a scene has neither closed loops nor prescribed motion."""
+        return not (system.closure.rank or system.moving)
+
+    def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
+        """See the base class."""
+        return [name for name in super()._parts(weight, ends, static) if name not in NO_FORCES]
+
+    def __call__(self, y: Floats, p: Floats) -> Floats | None:
+        """Velocity (rows, 3) at y (total, 3) for the momentum p (rows, 3); None: singular."""
+        self._place(y[: self.system.rows], None)
+        self._a.p0[:] = p
+        if not self._nearest(*self._all):
+            return None
+        return np.array(self._a.change[: self.system.rows])
+
+
 class CompiledStep(CompiledScene):
     """Steps of one system, integrator and step size with the null space method, compiled.
 
@@ -481,7 +545,7 @@ class CompiledStep(CompiledScene):
 
         scheme = integrator.scheme(h)
         assert isinstance(scheme, Scheme)
-        own = system, scheme, integrator.constraint_weight, settings, plan, solver
+        own = system, scheme, scheme.weight, settings, plan, solver
         super().__init__(*own, kept_only=kept_only)
         self.integrator, self.h = integrator, h
         self._step = step
@@ -496,6 +560,9 @@ class CompiledStep(CompiledScene):
         self.looped = len(self._a.mu) > 0
         # how far coordinates went since rows of closed loops were chosen, and in the last step
         self._travelled = self._travel = self._farthest = np.inf
+        self.nearest: NearestVelocity | None = None
+        if scheme.moved and system.m and NearestVelocity.serves(system):
+            self.nearest = NearestVelocity(system, settings, kept_only)
         #: whether nothing changes from step to step but the state, where loads do not
         self._alike = not (
             system.moving
@@ -505,6 +572,7 @@ class CompiledStep(CompiledScene):
             or system.drag is not None
             or self._viscous is not None
             or self._rest is not None
+            or scheme.table
         )
         self._solve = self._entry()
 
@@ -529,10 +597,7 @@ class CompiledStep(CompiledScene):
         """The same for steps of another size; factors of matrices are not kept."""
         scheme = self.integrator.scheme(h)
         assert isinstance(scheme, Scheme)
-        changed = {name: getattr(scheme, name) for name in ("mass", "momentum", "force")}
-        carried = ("carry_mass", "carry_momentum", "carry_force")
-        changed |= dict(zip(carried, scheme.carry, strict=True))
-        for name, number in changed.items():
+        for name, number in numbers_of(scheme).items():
             self._all[-1][NUMBERS.index(name)] = number
         self.resume(self._scaled_last(h / self.h))
         self._record[KEPT] = 0.0
@@ -591,9 +656,11 @@ class CompiledStep(CompiledScene):
 
     def _begin(self, state: State) -> None:
         """Loads, prescribed motion and all that is fixed during a step."""
-        system, t = self.system, state.time
+        system, t, scheme = self.system, state.time, self.scheme
+        self._time = t
         if not (self._loaded and system.loading.constant):
-            self.load(system.loading.averages(t, t + self.h))
+            loading, end = system.loading, t + self.h
+            self.load(loading.values(end) if scheme.at_end else loading.averages(t, end))
             self._loaded = True
         if system.drag is not None:
             q = state.q.reshape(-1, 3)
@@ -601,7 +668,12 @@ class CompiledStep(CompiledScene):
         self._coupled.begin(state)
         moving = bool(system.moving)
         self._place(state.q, (system.ground(t), system.ground(t + self.h)) if moving else None)
-        self._a.p0[:] = state.p.reshape(-1, 3)
+        self.rates0 = self.integrator.start(system, state, self.h) if scheme.table else None
+        if scheme.before:
+            assert self.rates0 is not None
+            self._a.p0[:] = system.inertia.dot(scheme.taken_off(self.rates0))
+        else:
+            self._a.p0[:] = state.p.reshape(-1, 3)
 
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
@@ -654,7 +726,7 @@ class CompiledStep(CompiledScene):
         """Whether a frame has turned by half a turn, where the midpoint tells nothing of it."""
         if self.looped and self._travel < SHORT_WAY:
             return False
-        middle = 0.0 < self.integrator.constraint_weight < 1.0
+        middle = 0.0 < self.scheme.weight < 1.0
         turned = (self.looped or middle) and half_turn(self.system, self._a.y0, self._a.y1)
         return bool(turned)
 
@@ -693,12 +765,22 @@ class CompiledStep(CompiledScene):
         """Work of the loads along the step."""
         lost = 0.0 if self._viscous is None else self._viscous.dissipated()
         loads, drag = float(self._record[WORK]), self.system.drag
+        loading = self.system.loading
+        if self.scheme.at_end and not (loading.constant and loading.dead_only):
+            # by the trapezoidal rule
+            loads = 0.5 * (loads + self._work_at_start())
         if drag is not None:  # it is among the loads of the kernels
             rows = self.system.rows
             moved = self._a.y1[:rows] - self._a.y0[:rows]
             dragged = float((moved * (drag @ moved)).sum()) / self.h
             loads, lost = loads + dragged, lost + max(0.0, dragged)
         return self._coupled.work(loads, lost)
+
+    def _work_at_start(self) -> float:
+        """Work (J) along the step of the loads at its start."""
+        system, a, rows = self.system, self._a, self.system.rows
+        force = external_force(system, a.y0, amplitudes_at(system, self._time))
+        return float((force * (a.y1[:rows] - a.y0[:rows])).sum())
 
     def turns(self) -> IndexArray | None:
         """Full turns of angles at the end of the step, as in a state."""

@@ -206,7 +206,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     lengths, N, dN, stiffness = g.lengths, g.N, g.dN, g.stiffness
     y, change, S, out, share = w.mid, w.change, g.S, g.predicted, numbers[SHARE]
     if numbers[START] != 0.0:
-        y = w.y1
+        y, share = w.y1, numbers[END]
     base, turned, rotations, section = g.base, g.turned, g.rotations, g.section
     ne, nn = base.shape
     ng = len(N)
@@ -367,6 +367,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         S = g.predicted
     mass, half = numbers[MASS], numbers[SHARE] * numbers[FORCE]
     early, ends = numbers[WEIGHT] == 0.0, numbers[START] != 0.0
+    material = numbers[END] * numbers[FORCE] if ends else half
     lengths, N, dN, weights, masses = g.lengths, g.N, g.dN, g.weights, g.mass
     stiffness, slot, section = g.stiffness, g.slot, g.section
     base, turned, rotations = g.base, g.turned, g.rotations
@@ -389,8 +390,8 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         for p in range(ng):
             G = at_point(N[p], dN[p], inverse, XB)
             H = at_point(N[p], dN[p], inverse, XR) if ends else G
-            f = half * weights[p] * once
-            E = times(f * length, D[0]), times(f * length, D[1]), times(f * length, D[2])
+            f, k = half * weights[p] * once, material * weights[p] * once * length
+            E = times(k, D[0]), times(k, D[1]), times(k, D[2])
             s = times(f, triple(S, es, 3 * ng, 3 * p))
             add_points(N[p], dN[p], inverse, G, H, E, s, XL, XR, a)
         for u in range(nn):
