@@ -45,11 +45,14 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
     scheme = integrator.single.scheme(1.0)
     if scheme is None or type(integrator.single.balance(system, 1.0)) is not StepBalance:
         return f"the balance of the {integrator.name} integrator is more than numbers"
-    looped = len(system.closure.rows) > 0
+    looped, scene = len(system.closure.rows) > 0, solved_in(system, treatment)
+    confined = scene is not system
     return _missing(
         treatment,
         (NullSpace, Multipliers),
         {
+            "closed loops in a plane but with the null space, dead loads, ground at rest and no"
+            " force elements": looped and confined,
             "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
             # whether motions agree around a loop is looked at in the general way only
             "closed loops in prescribed motion": looped and bool(system.moving),
@@ -59,10 +62,14 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
             "springs and damping at the ends of steps": scheme.at_end
             and (len(system.couplings.items) > 0 or system.damped),
             **_everywhere(system),
-            **_theories(system, treatment),
-            **_plane(system, treatment),
+            **_theories(scene, treatment),
         },
     )
+
+
+def solved_in(system: System, treatment: Treatment) -> System:
+    """The scene whose kernels step it: of one in a plane often that in space, see `in_space`."""
+    return system.spatial if in_space(system, treatment) else system
 
 
 def static_refusal(system: System, treatment: Treatment, spin: object) -> str | None:
@@ -89,18 +96,19 @@ def _everywhere(system: System) -> dict[str, bool]:
     }
 
 
-def _plane(system: System, treatment: Treatment) -> dict[str, bool]:
-    """What there is for scenes in space only."""
-    if system.plane is None:
-        return {}
-    return {
-        "scenes confined to a plane with multipliers": isinstance(treatment, Multipliers),
-        "moments and forces that follow the motion in a plane": not system.loading.dead_only,
-        "springs, dampers and actuators in a plane": len(system.couplings.items) > 0,
-        "viscous sections and drag in a plane": system.damped,
-        "prescribed motion in a plane": bool(system.moving),
-        "beams in a plane whose sections are turned out of it": _oblique(system),
-    }
+def in_space(system: System, treatment: Treatment) -> bool:
+    """Whether a scene in a plane takes the kernels of space: those of the plane do less.
+
+    They have the null space method for dead loads, ground at rest, no force elements and damping.
+    """
+    return system.plane is not None and (
+        isinstance(treatment, Multipliers)
+        or not system.loading.dead_only
+        or len(system.couplings.items) > 0
+        or system.damped
+        or bool(system.moving)
+        or _oblique(system)
+    )
 
 
 def _oblique(system: System) -> bool:
@@ -200,12 +208,14 @@ def choose_kernels(
         seconds *= ELIMINATED
     refused = refusal(system, integrator, treatment)
 
+    space = in_space(system, treatment)
+
     def trial(plan: Plan) -> None:
         chosen = integrator.single, treatment, 1.0, NewtonSettings(), plan, solver
-        compiled_step(system, *chosen, kept_only=True)
+        compiled_step(system, *chosen, space=space, kept_only=True)
 
-    multipliers = isinstance(treatment, Multipliers)
-    return choose(kernels, system, refused, seconds, solver, multipliers, trial)
+    multipliers, scene = isinstance(treatment, Multipliers), solved_in(system, treatment)
+    return choose(kernels, scene, refused, seconds, solver, multipliers, trial)
 
 
 def choose(

@@ -41,12 +41,13 @@ from ..compiled.numbers import (
 )
 from ..compiled.plan import Plan, following, plan_of
 from ..constraints import Multipliers, Treatment
-from ..constraints.base import BoundTreatment, half_turn
+from ..constraints.base import BoundTreatment, half_turn, largest
 from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
 from ..model.balance import amplitudes_at, external_force
 from ..model.force_elements import Couplings
+from ..model.plane import Plane
 from ..model.reparametrisation import Reparametrisation
 from ..model.tree import Coordinate
 from ..newton import NewtonSettings
@@ -273,6 +274,8 @@ class Rest:
 # --------------------------------------------------------------------------------------------------
 # Steps by compiled kernels: the same iteration as that of the stepper, in a few compiled calls.
 
+#: momenta out of a plane, by the largest ones, up to which they are nothing but rounding
+ROUNDING = 1e-9
 #: threads compile one after the other: the second finds all there, and starts no helper of its own
 COMPILING = threading.Lock()
 #: addresses of the parts; what is constant, the elimination, what changes, and beams
@@ -529,6 +532,8 @@ class CompiledStep(CompiledScene):
         Step size (s).
     system, settings, plan, solver, kept_only
         As for :class:`CompiledScene`.
+    plane : Plane, optional
+        In which the scene stays: rounding that leads out of it is taken away after each step.
     """
 
     def __init__(
@@ -540,6 +545,7 @@ class CompiledStep(CompiledScene):
         plan: Plan | None = None,
         solver: Solver | None = None,
         kept_only: bool = False,
+        plane: Plane | None = None,
     ) -> None:
         from ..compiled import step
 
@@ -548,6 +554,7 @@ class CompiledStep(CompiledScene):
         own = system, scheme, scheme.weight, settings, plan, solver
         super().__init__(*own, kept_only=kept_only)
         self.integrator, self.h = integrator, h
+        self._normal = None if plane is None else plane.normal
         self._step = step
         self._record = np.zeros(len(RECORD))
         self._ends = self._a.y0, self._a.y1, self._a.p0, self._a.carried
@@ -573,6 +580,7 @@ class CompiledStep(CompiledScene):
             or self._viscous is not None
             or self._rest is not None
             or scheme.table
+            or plane is not None
         )
         self._solve = self._entry()
 
@@ -645,11 +653,17 @@ class CompiledStep(CompiledScene):
 
     @property
     def last(self) -> Any:
-        """What the treatment keeps of the last step, see there; None before the first."""
+        """What the treatment keeps of the last step, see there; None before the first.
+
+        Of a scene in a plane nothing: its unknowns are others.
+        """
+        if self._normal is not None:
+            return None
         return self._a.last.ravel()[self._numbering] if self._record[KNOWN] else None
 
     def resume(self, last: Any) -> None:
         """See the treatment: the next step is guessed from what is known of another one."""
+        last = last if self._normal is None else None
         self._record[KNOWN] = self._record[GUESS] = float(last is not None)
         if last is not None:
             self._a.last.ravel()[self._numbering] = np.real(last)
@@ -720,7 +734,17 @@ class CompiledStep(CompiledScene):
             solved = False
         if not solved:
             self._travelled = np.inf
+        elif self._normal is not None:
+            self._flatten(self._normal)
         return solved
+
+    def _flatten(self, normal: Floats) -> None:
+        """Take away what rounding has led out of the plane, which might grow there."""
+        y0, y1, p = self._a.y0, self._a.y1, self._a.carried
+        y1 -= ((y1 - y0) @ normal)[:, None] * normal
+        out = p @ normal
+        if largest(out) <= ROUNDING * largest(p):  # else directors that lie askew have a share
+            p -= out[:, None] * normal
 
     def _flipped(self) -> bool:
         """Whether a frame has turned by half a turn, where the midpoint tells nothing of it."""
@@ -798,14 +822,20 @@ def compiled_step(
     settings: NewtonSettings,
     plan: Plan | None = None,
     solver: Solver | None = None,
+    *,
+    space: bool = False,
     kept_only: bool = False,
 ) -> CompiledStep:
-    """Steps with one of the treatments; see :class:`CompiledStep`."""
-    own = system, integrator, h, settings, plan
+    """Steps with one of the treatments; see :class:`CompiledStep`.
+
+    `space`: a scene in a plane is stepped by the kernels of space.
+    """
+    plane = system.plane if space else None
+    own = system.spatial if space else system, integrator, h, settings, plan
     if isinstance(treatment, Multipliers):
-        return CompiledMultipliers(*own, treatment.scaled, kept_only)
-    kind = CompiledStep if system.plane is None else CompiledPlane
-    return kind(*own, solver, kept_only)
+        return CompiledMultipliers(*own, treatment.scaled, kept_only, plane)
+    kind = CompiledStep if space or system.plane is None else CompiledPlane
+    return kind(*own, solver, kept_only, plane)
 
 
 class CompiledPlane(CompiledStep):
@@ -852,7 +882,7 @@ class CompiledMultipliers(CompiledStep):
 
     Parameters
     ----------
-    system, integrator, h, settings, plan, kept_only
+    system, integrator, h, settings, plan, kept_only, plane
         See :class:`CompiledStep`.
     scaled : bool
         See :class:`skfem_cosserat.Multipliers`.
@@ -867,11 +897,13 @@ class CompiledMultipliers(CompiledStep):
         plan: Plan | None = None,
         scaled: bool = True,
         kept_only: bool = False,
+        plane: Plane | None = None,
     ) -> None:
         self._scaled, self._h = scaled, h
         if plan is None:
             plan = plan_of(system, whole=True)
-        super().__init__(system, integrator, h, settings, plan, kept_only=kept_only)
+        own = system, integrator, h, settings, plan
+        super().__init__(*own, kept_only=kept_only, plane=plane)
 
     def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
         """See the base class."""
@@ -892,12 +924,13 @@ class CompiledMultipliers(CompiledStep):
     @property
     def last(self) -> Any:
         """See the base class."""
-        if not self._record[KNOWN]:
+        if not self._record[KNOWN] or self._normal is not None:
             return None
         return self._own.last.ravel().copy(), self._own.last_one.copy()
 
     def resume(self, last: Any) -> None:
         """See the base class."""
+        last = last if self._normal is None else None
         self._record[KNOWN] = self._record[GUESS] = float(last is not None)
         if last is not None:
             self._own.last.ravel()[:], self._own.last_one[:] = last

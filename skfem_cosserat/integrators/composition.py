@@ -68,6 +68,7 @@ class Composition(Integrator):
     """
 
     part: Integrator
+    constraint_weight = 0.0  # its force is that of the continuous equations at the nodes
 
     def __init__(self, part: Integrator, order: int = 4) -> None:
         if not isinstance(order, int | np.integer) or order not in _HALVES:

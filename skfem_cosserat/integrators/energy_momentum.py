@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..model import System
 from ..types import Floats, switch
 from .base import Integrator, Scheme, State
@@ -58,10 +60,8 @@ class EnergyMomentum(Integrator):
 
     def scheme(self, h: float) -> Scheme:
         """See the base class."""
-        own = {"weight": 0.5, "rate": 1 / h, "ends": True, "carry": (1.0, -1.0, 0.0)}
-        if self.stabilized:
-            own |= {"table": ((2 / h, -1.0),), "moved": (1.0,)}
-        return Scheme(2 / h, 2.0, h, **own)
+        own = Scheme(2 / h, 2.0, h, weight=0.5, rate=1 / h, carry=(1.0, -1.0, 0.0), ends=True)
+        return replace(own, table=((2 / h, -1.0),), moved=(1.0,)) if self.stabilized else own
 
     def start(self, system: System, state: State, h: float) -> Floats | None:
         """See the base class: the velocity if stabilized."""

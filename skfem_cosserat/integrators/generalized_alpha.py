@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..constraints.saddle import accelerations, nearest_velocity, saddle_point
@@ -105,24 +107,21 @@ class GeneralizedAlpha(Integrator):
         v = g * h * alpha + np.array([0.0, 1.0, 0.0, (1 - g) * h])
         a = ((1 - am) * alpha + np.array([0.0, 0.0, -af, am])) / (1 - af)
         table = [v, a, alpha]
-        own: dict[str, object] = {}
         if self.stabilized:
             table = [np.append(row, 0.0) for row in (v, a, alpha, v)]
-            turn = (1 - am) / (1 - af) / (g * h)
-            own = {
-                "moved": (1.0, turn, 1 / (g * h), 0.0),
-                "moved_force": h * turn,
-                "found_with": 3,
-            }
         v, a = table[0], table[1]
-        return Scheme(
+        own = Scheme(
             *(h * a[0], 0.0, h, 1.0, v[0]),
             at=1.0,
             before=tuple(-h * a[1:]),
             rates=tuple(v[1:]),
             table=tuple(map(tuple, table)),
-            **own,
         )
+        if not self.stabilized:
+            return own
+        turn = (1 - am) / (1 - af) / (g * h)
+        moved = (1.0, turn, 1 / (g * h), 0.0)
+        return replace(own, moved=moved, moved_force=h * turn, found_with=3)
 
     def start(self, system: System, state: State, h: float) -> Floats:
         """See the base class: known, or consistent accelerations."""

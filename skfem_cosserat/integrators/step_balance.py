@@ -223,7 +223,8 @@ class StepBalance:
         Bs = [mean(B0, B1) for B0, B1 in zip(step.Bs0, B1s, strict=True)] if s.ends else B1s
         groups = enumerate(zip(system.beam_groups, strains, strict=True))
         stresses = [self._stress(step, k, g, eps) for k, (g, eps) in groups]
-        velocity, rates = None, [None] * len(stresses)
+        velocity: Array | None = None
+        rates: list[Array | None] = [None] * len(stresses)
         if system.damped or (step.couplings is not None and s.at_end):
             velocity = self._velocity(step, dq)
             stresses, rates = self._viscous(Bs, stresses, velocity)
@@ -270,7 +271,8 @@ class StepBalance:
         """Velocity (total, 3) at which dampers act."""
         s, v = self.scheme, self.scheme.rate * dq
         if s.rates:
-            v = v + np.tensordot(s.rates, step.rates0, 1)
+            assert step.rates0 is not None
+            v = v + np.tensordot(np.array(s.rates), step.rates0, 1)
         return np.concatenate([v, step.ground_rate])
 
     def _viscous(
@@ -437,7 +439,7 @@ class StepBalance:
             whole, own = work.dissipated + lost, work.numerical + lost
             work = work._replace(dissipated=whole, numerical=own)
         rates = rates + np.array(s.moved)[:, None, None] * move
-        return Finished(new, rates, -s.moved_force * system.inertia.dot(move), work)
+        return Finished(new, rates, -s.moved_force * change, work)
 
     def work(self, step: StepData, evaluation: Evaluation) -> StepWork:
         """Work of the forces of a solved step along the way."""

@@ -19,7 +19,7 @@ from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, check_kind, positive, switch, whole
 from ..warn import Notices, listening, logger, warn
 from .base import Integrator, March, State, StepOrigin, StepWork
-from .choice import built, choose_kernels
+from .choice import built, choose_kernels, in_space
 from .compiled_step import CompiledStep, compiled_step
 from .step_balance import Evaluation, StepBalance, StepData
 
@@ -429,7 +429,10 @@ class Stepper:
                 announce(text)
             plan = self.choice.plan
             chosen = integrator, treatment, self.h, self.settings, plan, solver
-            self.choice, self._fast = built(self.choice, lambda: compiled_step(system, *chosen))
+            space = in_space(system, treatment)
+            self.choice, self._fast = built(
+                self.choice, lambda: compiled_step(system, *chosen, space=space)
+            )
 
     @property
     def factorisations(self) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..model import System
@@ -73,10 +75,8 @@ class Variational(Integrator):
 
     def scheme(self, h: float) -> Scheme:
         """See the base class."""
-        own = {"weight": 0.0, "rate": 1 / h, "carry": (1.0, 0.0, -1.0)}
-        if self.stabilized:
-            own |= {"table": ((0.0, 0.0),), "moved": (1.0,)}
-        return Scheme(1 / h, 1.0, h / 2, **own)
+        own = Scheme(1 / h, 1.0, h / 2, weight=0.0, rate=1 / h, carry=(1.0, 0.0, -1.0))
+        return replace(own, table=((0.0, 0.0),), moved=(1.0,)) if self.stabilized else own
 
     def start(self, system: System, state: State, h: float) -> Floats | None:
         """See the base class: the impulse by which the momentum was moved, if stabilized."""
