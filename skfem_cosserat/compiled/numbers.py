@@ -52,6 +52,9 @@ JOINT_BEGIN, JOINT_ADD, JOINT_MOVE, JOINT_MAPS, JOINT_REDUCE, JOINT_CURVATURE = 
 LOOP_FORCE, LOOP_CURVATURE, LOOP_ROW, LOOP_KEEP, LOOP_SCHUR, LOOP_CORRECT = range(19, 25)
 LOAD, COUPLE, SPAN_CURVATURE = 25, 26, 27
 BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(28, 33)
+#: place of the address of ``double f(int64 stage)``, which Python code is called back by, and stages
+CALLED_BACK = 33
+AT_BEGIN, AT_FORCE, AT_PREDICTED, AT_MATRIX = range(4)
 
 #: what a force element has in a step, columns of ``w.coupled``: step size, force of an actuator,
 #: full turns and what else is known at the start; forces by invariants, travel of the coordinate;

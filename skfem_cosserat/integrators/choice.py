@@ -18,7 +18,7 @@ from ..model import System
 from ..newton import NewtonSettings
 from ..warn import warn
 from .base import Integrator
-from .compiled_step import compiled_step, scalar
+from .compiled_step import compiled_step
 from .step_balance import StepBalance
 
 __all__ = [
@@ -56,12 +56,8 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
             "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
             # whether motions agree around a loop is looked at in the general way only
             "closed loops in prescribed motion": looped and bool(system.moving),
-            "springs on rotation vectors, bushings": not scalar(system.couplings),
-            "damping of springs by the scheme": scheme.decay > 0
-            and len(system.couplings.items) > 0,
-            "springs and damping at the ends of steps": scheme.at_end
-            and (len(system.couplings.items) > 0 or system.damped),
-            **_everywhere(system),
+            "damped beams at the ends of steps": scheme.at_end and system.damped,
+            **_elements(system),
             **_theories(scene, treatment),
         },
     )
@@ -80,7 +76,8 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
         {
             "closed loops": len(system.closure.rows) > 0,
             "springs, dampers and actuators": len(system.couplings.items) > 0,
-            **_everywhere(system),
+            "loads that are functions of the motion": len(system.loading.functions) > 0,
+            **_elements(system),
             "scenes confined to a plane": system.plane is not None,
             "beams that hold strains": len(system.theory_rows) > 0,
             "a turning frame": spin is not None,
@@ -88,9 +85,8 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
     )
 
 
-def _everywhere(system: System) -> dict[str, bool]:
+def _elements(system: System) -> dict[str, bool]:
     return {
-        "loads that are functions of the motion": len(system.loading.functions) > 0,
         "beams of several orders": len(system.beam_groups) > 1,
         "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),
     }

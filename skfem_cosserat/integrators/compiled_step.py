@@ -10,12 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..compiled.couplings import DISPLACEMENT, KIND
 from ..compiled.numbers import (
     ALL_FACTORED,
     ALL_ITERATIONS,
     ALL_WORK,
     AMPLITUDE,
     ASKED,
+    CALLED_BACK,
     CLEARANCE,
     DONE,
     END,
@@ -42,6 +44,7 @@ from ..compiled.numbers import (
 from ..compiled.plan import Plan, following, plan_of
 from ..constraints import Multipliers, Treatment
 from ..constraints.base import BoundTreatment, half_turn, largest
+from ..coupling import Coupling
 from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
@@ -54,6 +57,7 @@ from ..newton import NewtonSettings
 from ..pattern import FrozenPattern
 from ..types import Floats, IndexArray
 from .base import Integrator, Scheme, State, StepWork
+from .called_back import CalledBack
 
 __all__ = [
     "BlockOfSteps",
@@ -66,16 +70,22 @@ __all__ = [
     "Viscous",
     "compiled_step",
     "is_viscous",
-    "scalar",
+    "without_kernels",
 ]
 
 
 # -- force elements in compiled steps: what goes in and comes out, one row for each ----------------
 
 
-def scalar(couplings: Couplings) -> bool:
-    """Whether all act on one number each, as the compiled ones do: not on rotation vectors."""
-    return all(item.size == 1 for item in couplings.items)
+def without_kernels(system: System, scheme: Scheme) -> list[Coupling]:
+    """Force elements that compiled steps of a scheme leave to numpy.
+
+    Kernels have those on one number each, not on rotation vectors, in schemes whose forces act at
+    the midpoint and take no damping of the scheme's own.
+    """
+    items = system.couplings.items
+    every = scheme.at_end or scheme.decay > 0
+    return [item for item in items if every or item.size > 1]
 
 
 class Coupled:
@@ -83,17 +93,19 @@ class Coupled:
 
     Parameters
     ----------
+    system : System
     couplings : Couplings
+        Those of its force elements that have kernels.
     columns : (count, COUPLED) array
         What they have in a step, in place; see :mod:`skfem_cosserat.compiled.numbers`.
     h : float
         Step size (s).
     """
 
-    def __init__(self, couplings: Couplings, columns: Floats, h: float) -> None:
+    def __init__(self, system: System, couplings: Couplings, columns: Floats, h: float) -> None:
         self._couplings, self._columns = couplings, columns
         self.resize(h)
-        number = {id(item): k for k, item in enumerate(couplings.items)}
+        number = {id(item): k for k, item in enumerate(system.couplings.items)}
         self._driven = [number[id(item)] for item in couplings.owners]
         self._angles = [number[id(item)] for item in couplings.angles]
 
@@ -558,7 +570,8 @@ class CompiledStep(CompiledScene):
         self._step = step
         self._record = np.zeros(len(RECORD))
         self._ends = self._a.y0, self._a.y1, self._a.p0, self._a.carried
-        self._coupled = Coupled(system.couplings, self._a.coupled, h)
+        self._called_back: CalledBack | None = None
+        self._couple(scheme, h)
         self._elastic = self._all[-2]
         self._viscous: Viscous | None = None
         self._resist(h)
@@ -583,6 +596,29 @@ class CompiledStep(CompiledScene):
             or plane is not None
         )
         self._solve = self._entry()
+
+    def _couple(self, scheme: Scheme, h: float) -> None:
+        """Force elements: of kernels, and those that are called back."""
+        system, outside = self.system, without_kernels(self.system, scheme)
+        numbers = {id(item): k for k, item in enumerate(system.couplings.items)}
+        left = {numbers[id(item)] for item in outside}
+        inside = [item for k, item in enumerate(system.couplings.items) if k not in left]
+        functions = system.couplings.functions
+        self._coupled = Coupled(system, system.couplings_of(inside), self._a.coupled, h)
+        if not (outside or functions):
+            return
+        for name in ("coupling_law", "coupling_forms"):
+            self._tables[name][sorted(left)] = 0.0
+        for k in left:
+            self._tables["coupling"][k, KIND] = DISPLACEMENT
+        own = system.couplings_of(outside, functions)
+        self._called_back = CalledBack(system, own, self.plan.slot, self._a)
+        self._all[0][CALLED_BACK] = self._called_back.address
+
+    @property
+    def _tables(self) -> dict[str, Any]:
+        """Arrays of what is constant, by name."""
+        return self._tree
 
     def _resist(self, h: float) -> None:
         """Drag and viscous sections in steps of this size."""
@@ -688,6 +724,8 @@ class CompiledStep(CompiledScene):
             self._a.p0[:] = system.inertia.dot(scheme.taken_off(self.rates0))
         else:
             self._a.p0[:] = state.p.reshape(-1, 3)
+        if self._called_back is not None:
+            self._called_back.begin(state, self.h, scheme, self.rates0)
 
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
@@ -721,6 +759,8 @@ class CompiledStep(CompiledScene):
         self.factorisations += int(record[ALL_FACTORED])
         if self._rest is not None:
             self._rest.complain()
+        if self._called_back is not None:
+            self._called_back.complain()
         if self.looped:
             self._farthest, self._travel = a.found.tolist()
             self._travelled = float(record[TRAVELLED])
@@ -798,7 +838,10 @@ class CompiledStep(CompiledScene):
             moved = self._a.y1[:rows] - self._a.y0[:rows]
             dragged = float((moved * (drag @ moved)).sum()) / self.h
             loads, lost = loads + dragged, lost + max(0.0, dragged)
-        return self._coupled.work(loads, lost)
+        work = self._coupled.work(loads, lost)
+        if self._called_back is None:
+            return work
+        return StepWork(*(a + b for a, b in zip(work, self._called_back.work(), strict=True)))
 
     def _work_at_start(self) -> float:
         """Work (J) along the step of the loads at its start."""
@@ -808,7 +851,8 @@ class CompiledStep(CompiledScene):
 
     def turns(self) -> IndexArray | None:
         """Full turns of angles at the end of the step, as in a state."""
-        return self._coupled.turns()
+        outside = None if self._called_back is None else self._called_back.turns()
+        return self._coupled.turns() if outside is None else outside
 
 
 # -- which compiled steps a scene takes: those in a plane, and those with multipliers --------------
@@ -920,6 +964,11 @@ class CompiledMultipliers(CompiledStep):
         self._own = SimpleNamespace(**own)
         self._nodal = Reparametrisation(system.kinematics)
         return table, s, m, w, g
+
+    @property
+    def _tables(self) -> dict[str, Any]:
+        """See the base class."""
+        return vars(self._own)
 
     @property
     def last(self) -> Any:

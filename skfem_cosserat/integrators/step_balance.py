@@ -24,6 +24,7 @@ from ..model.force_elements import CoupledForce, CoupledStart
 from ..model.groups import BeamGroup, Blocks, Parts
 from ..types import Array, Floats
 from .base import Integrator, Scheme, State, StepWork
+from .called_back import coupled as forces_of
 
 __all__ = ["Evaluation", "Finished", "StepBalance", "StepData", "end_velocity", "mean"]
 
@@ -234,7 +235,8 @@ class StepBalance:
             forces = forces + system.drag @ velocity[:rows]
         coupled = None
         if step.couplings is not None:
-            coupled = self._coupled(step, step.couplings, y, y1, velocity)
+            own = system.couplings, s, step.couplings
+            coupled = forces_of(*own, y, y1, y if velocity is None else velocity)
             forces = forces + coupled.force[:rows]
         size, external = max(largest(inertia, s.force * forces), step.size), step.dead
         R = inertia - step.given
@@ -286,17 +288,6 @@ class StepBalance:
             rates.append(rate)
             stresses.append(S if rate is None else S + g.viscous_stress(rate))
         return stresses, rates
-
-    def _coupled(
-        self, step: StepData, start: CoupledStart, y: Array, y1: Array, velocity: Array | None
-    ) -> CoupledForce:
-        """Forces of springs and other force elements."""
-        s, couplings = self.scheme, self.system.couplings
-        if s.ends:
-            return couplings.discrete(start, y, y1, s.decay)
-        if s.at_end:
-            return couplings.static(start, y1, velocity, s.rate)
-        return couplings.midpoint(start, y, y1)
 
     # -- matrix ----------------------------------------------------------------------------------
 

@@ -29,7 +29,7 @@ from ..relative import normals
 from ..types import ArrayLike, Floats, IndexArray
 from .force_elements import Couplings
 from .groups import lumped
-from .loading import FunctionLoad, Loading
+from .loading import Loading
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -295,7 +295,7 @@ def out_of_plane(system: System, plane: Plane) -> OutOfPlane:
     for coupling in system.couplings.items:
         yield from _coupling(system, coupling, plane)
     for function in system.couplings.functions:
-        alone = _alone(system, [], [function])
+        alone = system.couplings_of([], [function])
         yield from _pushed(system, alone, function.load.label, INSTANTS, plane)
     yield from _ground(system, plane)
 
@@ -510,13 +510,7 @@ def _coupling(system: System, item: Coupling, plane: Plane) -> OutOfPlane:
             yield item.label, f"acts on the {coordinate.name}, which leaves the plane"
         return
     instants = INSTANTS if item.channels else INSTANTS[:3]
-    yield from _pushed(system, _alone(system, [item], []), item.label, instants, plane)
-
-
-def _alone(system: System, items: list[Coupling], functions: list[FunctionLoad]) -> Couplings:
-    """Some of a scene's force elements and functions."""
-    start = system.extend(system.q0, 0.0)
-    return Couplings(items, system.row_of, start, system.rows, functions)
+    yield from _pushed(system, system.couplings_of([item]), item.label, instants, plane)
 
 
 def _pushed(
