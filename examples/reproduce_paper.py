@@ -19,13 +19,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-import paper_charts
-import paper_convergence
-import paper_figures
-import paper_record
-import paper_report
-import paper_tables
-
+from benchmarks.record import Record
+from paper import charts, convergence, figures, report, tables
 from skfem_cosserat.export import prepare_folder
 
 
@@ -42,28 +37,28 @@ def main(out: str | Path, quick: bool = False) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``table 1``, ``table 2`` (see ``paper_tables``), ``figures`` (``paper_figures``),
-        ``convergence`` (``paper_convergence``), each with its ``run``; ``runs`` and ``provenance``;
-        ``paths`` written.
+        ``table 1``, ``table 2`` (see ``paper/tables.py``), ``figures`` (``paper/figures.py``),
+        ``convergence`` (``paper/convergence.py``), each with its ``run``; ``runs`` and
+        ``provenance``; ``paths`` written.
     """
     if not isinstance(out, str | Path):
         raise ValueError(f"out = {out!r}, expected a folder")
     folder = Path(out)
     prepare_folder(folder)  # before minutes of work, not after them
-    record = paper_record.Record()
+    record = Record()
     jobs = {
-        "table 1": ("table 1: six-body linkage", paper_tables.table_1),
-        "table 2": ("table 2: three-bar swing", paper_tables.table_2),
-        "figures": ("figures 19 to 24", paper_figures.main),
-        "convergence": ("figure 25", paper_convergence.main),
+        "table 1": ("table 1: six-body linkage", tables.table_1),
+        "table 2": ("table 2: three-bar swing", tables.table_2),
+        "figures": ("figures 19 to 24", figures.main),
+        "convergence": ("figure 25", convergence.main),
     }
     result: dict[str, Any] = {}
     for key, (title, job) in jobs.items():
         with record.run(f"{title}{', quick' if quick else ''}") as number:
             result[key] = job(quick)
         result[key]["run"] = number
-    paths = paper_charts.main(result["figures"], result["convergence"], folder, record)
-    paths += paper_report.main(result, folder, record)
+    paths = charts.main(result["figures"], result["convergence"], folder, record)
+    paths += report.main(result, folder, record)
     return result | {"runs": record.runs, "provenance": record.provenance, "paths": paths}
 
 

@@ -95,10 +95,15 @@ from .integrators import (
     Composition as Composition,
     EnergyDecaying as EnergyDecaying,
     EnergyMomentum as EnergyMomentum,
+    Evaluation as Evaluation,
     Explicit as Explicit,
     GeneralizedAlpha as GeneralizedAlpha,
     Integrator as Integrator,
+    Scheme as Scheme,
     State as State,
+    StepBalance as StepBalance,
+    StepData as StepData,
+    StepWork as StepWork,
     Stepper as Stepper,
     Variational as Variational,
 )
@@ -118,6 +123,8 @@ from .joint import (
     Turn as Turn,
 )
 from .linear import (
+    Factors as Factors,
+    SingularMatrixError as SingularMatrixError,
     Solver as Solver,
     SolverBanded as SolverBanded,
     SolverDense as SolverDense,
@@ -126,21 +133,23 @@ from .linear import (
     SolverSuperLU as SolverSuperLU,
 )
 from .load import (
-    FunctionOfTime as FunctionOfTime,
-    Harmonic as Harmonic,
     Load as Load,
     LoadForce as LoadForce,
     LoadGravity as LoadGravity,
     LoadLine as LoadLine,
     LoadMoment as LoadMoment,
-    RampLinear as RampLinear,
-    RampSmooth as RampSmooth,
-    Table as Table,
     TermAcceleration as TermAcceleration,
     TermForce as TermForce,
     TermFunction as TermFunction,
     TermLine as TermLine,
     TermMoment as TermMoment,
+)
+from .time_function import (
+    FunctionOfTime as FunctionOfTime,
+    Harmonic as Harmonic,
+    RampLinear as RampLinear,
+    RampSmooth as RampSmooth,
+    Table as Table,
 )
 from .mesh import (
     MeshCurve as MeshCurve,
@@ -217,6 +226,7 @@ from .run import (
     StepAdvice as StepAdvice,
     StepControl as StepControl,
     View as View,
+    Window as Window,
     advise_step as advise_step,
     after_events as after_events,
     initial_state as initial_state,

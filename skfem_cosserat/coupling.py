@@ -12,8 +12,15 @@ from .errors import InputError
 from .frames import Item, Place, ground, is_beam, no_place, vector
 from .frozen import Replacements, loosened
 from .joint import Joint
-from .load import Amplitude, Component, Constant, FunctionOfTime, TimeFunction, time_function
 from .relative import RelativeCoordinate, displacement, distance, rotation
+from .time_function import (
+    Amplitude,
+    Component,
+    Constant,
+    FunctionOfTime,
+    TimeFunction,
+    time_function,
+)
 from .types import ArrayLike, Floats, numbers, positive
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ import numpy as np
 from .errors import InputError
 from .frames import TOLERANCE, Item, Motion, Place, StructuralItem, no_place, unit_vector
 from .frozen import Frozen
-from .load import FunctionOfTime
 from .relative import (
     ORIGIN,
     Amplitude,
@@ -27,6 +26,7 @@ from .relative import (
     point,
     rotation,
 )
+from .time_function import FunctionOfTime
 from .types import ArrayLike, Floats, positive
 
 __all__ = [
@@ -114,6 +114,10 @@ class Freedom(Frozen):
 
 class Joint(Item):
     """Connection of two places; see the subclasses.
+
+    An own joint derives from it and writes :meth:`rows`, its constraint equations, and
+    :meth:`freedom`, the relative motions that it leaves free; :meth:`gap` if it does not hold
+    ``x_b - x_a`` as a whole.
 
     Parameters
     ----------

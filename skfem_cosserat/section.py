@@ -149,7 +149,8 @@ def _inertia(item: str, value: ArrayLike, mass: float, centre: Floats) -> Floats
 class Section(Frozen):
     """Section given by its constants, up to a full 6x6 stiffness.
 
-    Its stored energy is quadratic; :class:`SectionHyperelastic` takes any other.
+    Its stored energy is quadratic; :class:`SectionHyperelastic` takes any other. An own kind of
+    section derives from it and gives its constructor the constants.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ from skfem_cosserat.run.recorder import Numbered
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 
-import three_bar_swing as swing
+from paper import three_bar_swing as swing
 
 pytest.importorskip("numba")
 

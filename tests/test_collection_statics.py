@@ -16,9 +16,8 @@ from scipy.special import jv
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples" / "benchmarks"))
 
 import collection
-from collection import common, statics
-
 import skfem_cosserat as sc
+from collection import common, statics
 
 FAMILIES = {
     path.stem[:3]: import_module(f"collection.{path.stem}")

@@ -237,7 +237,7 @@ def test_eliminated_elements(planar):
     y, plan = random_state(beam, 3, planar), plan_of(system)
     forms = strain_forms(beam)[:, 0, :3]
     rest = beam.reference.reshape(-1, 12)
-    edges = [(k, e) for k, e in enumerate(system.tree.edges) if e.spans]
+    edges = [(k, e) for k, e in enumerate(system.tree.edges) if e.in_element]
     assert len(edges) == 5
 
     def strain(y, element, nodes):
@@ -252,16 +252,16 @@ def test_eliminated_elements(planar):
     else:
         s, _ = bind.bound_tree(system, plan)
     for k, e in edges:
-        element = e.joint.element
+        element = e.joint.number
         nodes = beam.basis.connectivity[element]
         moved = y.copy()
         if planar:
             arguments = edge_tables["edges"], edge_tables["arms"], k, flat
-            found = called(plane_tree.span_stretch)(*arguments)
-            arm = np.array(called(plane_tree.span_arm)(*arguments, 0.3)) @ system.plane.axes
+            found = called(plane_tree.element_stretch)(*arguments)
+            arm = np.array(called(plane_tree.element_arm)(*arguments, 0.3)) @ system.plane.axes
         else:
-            found = called(tree.span_stretch)(s, k, y)
-            arm = np.array(called(tree.span_arm)(s, k, y, 0.3))
+            found = called(tree.element_stretch)(s, k, y)
+            arm = np.array(called(tree.element_arm)(s, k, y, 0.3))
         assert found == pytest.approx(strain(y, element, nodes)[2], abs=1e-13)
         moved[4 * e.child] = moved[4 * e.parent] + arm
         assert strain(moved, element, nodes) == pytest.approx([0, 0, 0.3], abs=1e-13)

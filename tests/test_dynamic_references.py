@@ -1,7 +1,8 @@
 """Flexible problems D1, D2, D3: orders in space and time, reference solutions, invariants.
 
 The numbers are those of examples/benchmarks/collection/reference.json, own computations with
-another discretisation; what is done with the scenes is that of examples/dynamic_references.py.
+another discretisation; what is done with the scenes is that of
+examples/benchmarks/dynamic_references.py.
 """
 
 import importlib

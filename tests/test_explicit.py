@@ -4,14 +4,14 @@ import re
 from functools import partial
 from itertools import pairwise
 
+import asynchronous_blade
 import numpy as np
 import pytest
-from test_examples import load
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.element import InterpolationEquidistant
-from skfem_cosserat.integrators.explicit import LimitWatch
+from skfem_cosserat.integrators.explicit_limit import LimitWatch
 
 RUBBER = sc.SectionCircle(0.02, sc.Material(5e6, 0.5, 1100))
 FLAT = sc.SectionRectangle(0.06, 0.02, sc.Material(5e6, 0.4, 1100))
@@ -493,7 +493,7 @@ def test_limits_fall_where_elements_are_twisted():
 @pytest.mark.filterwarnings("ignore:beam 'blade'", "ignore:balance of energy")
 def test_a_blade_that_folds_up_keeps_its_energy():
     """By pi an element; without the shorter steps it blows up when a limit falls below its step."""
-    system = load("asynchronous_blade").blade(1e6)
+    system = asynchronous_blade.blade(1e6)
     step = 0.999 * 0.9 * float(sc.Asynchronous.limits(system)[0].max())
     steps = {"step": step, "until": 9091.5 * step, "every": 50}
     with pytest.warns(sc.AccuracyWarning, match="limits fall"):
@@ -522,7 +522,7 @@ def test_all_elements_alike_is_the_explicit_scheme():
 @pytest.mark.filterwarnings("ignore:balance of energy")
 def test_steps_that_are_not_graded_meet_resonances():
     """What the grading is for: without it the blade of the example blows up, with it not."""
-    system = load("asynchronous_blade").blade(1e8)
+    system = asynchronous_blade.blade(1e8)
     step = 0.999 * 0.8 * float(sc.Asynchronous.limits(system)[0].max())
     graded = run(system, sc.Asynchronous(0.8), step, 2000.5 * step, every=50)
     assert abs(graded["energy"] / graded["energy"][0] - 1).max() < 1e-6
@@ -542,7 +542,7 @@ def check_blade(numbers, bound):
 
 def test_example_of_the_blade():
     """Saving of evaluations, energy error by the kinetic energy, momenta."""
-    check_blade(load("asynchronous_blade").run(1e8, 500, "numpy"), 1e-6)
+    check_blade(asynchronous_blade.run(1e8, 500, "numpy"), 1e-6)
 
 
 @pytest.mark.long
@@ -550,7 +550,7 @@ def test_example_of_the_blade():
 @pytest.mark.filterwarnings("ignore:beam 'blade'")
 @pytest.mark.parametrize("name", ["nearly rigid", "middle", "soft"])
 def test_blades_over_1e5_element_steps(name):
-    example = load("asynchronous_blade")
+    example = asynchronous_blade
     numbers = example.run(example.BLADES[name], 100_000)
     assert numbers["element steps"] >= 1e5
     check_blade(numbers, 3e-6)

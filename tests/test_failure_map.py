@@ -19,9 +19,8 @@ from skfem_cosserat.run import loop
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 
-import failure_map as example
-import failure_mechanism
-import failure_report
+from paper import failure_map as example
+from paper import failure_mechanism, failure_report
 
 swing = example.swing
 EVENT_X = 0.6595  # s, of the finest runs
@@ -430,7 +429,7 @@ def test_files(runs, tmp_path):
 
 def test_the_table_in_the_pictures_folder_is_the_full_one():
     """All steps of the issue with both integrators, as the full mode wrote them."""
-    path = Path(example.__file__).parent / "pictures" / "failure_map.csv"
+    path = Path(example.__file__).parents[1] / "pictures" / "failure_map.csv"
     rows = list(csv.DictReader(path.read_text().splitlines()[1:]))
     assert {(r["integrator"], float(r["step_s"])) for r in rows} == {
         (name, step) for name in swing.INTEGRATORS for step in example.STEPS

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat.load import Constant
 from skfem_cosserat.model.loading import Loading
 from skfem_cosserat.pattern import FrozenPattern
+from skfem_cosserat.time_function import Constant
 from tests.helpers_scenes import swing
 
 PACKAGE = Path(sc.__file__ or "").parent

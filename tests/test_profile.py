@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -559,12 +557,7 @@ def test_stresses_of_a_sheared_rectangle():
 
 
 def example():
-    if "cross_sections" not in sys.modules:
-        path = Path(__file__).resolve().parent.parent / "examples" / "cross_sections.py"
-        spec = importlib.util.spec_from_file_location("cross_sections", path)
-        sys.modules["cross_sections"] = module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-    return sys.modules["cross_sections"]
+    return importlib.import_module("cross_sections")
 
 
 @pytest.mark.slow

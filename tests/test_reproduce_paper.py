@@ -13,15 +13,15 @@ sys.path.insert(0, str(EXAMPLES))
 
 pytest.importorskip("matplotlib")
 
-relative = importlib.import_module("relative_coordinates")
-tables = importlib.import_module("paper_tables")
-convergence = importlib.import_module("paper_convergence")
-figures = importlib.import_module("paper_figures")
-record = importlib.import_module("paper_record")
-report = importlib.import_module("paper_report")
+relative = importlib.import_module("paper.relative_coordinates")
+tables = importlib.import_module("paper.tables")
+convergence = importlib.import_module("paper.convergence")
+figures = importlib.import_module("paper.figures")
+record = importlib.import_module("benchmarks.record")
+report = importlib.import_module("paper.report")
 paper = importlib.import_module("reproduce_paper")
-swing = importlib.import_module("three_bar_swing")
-linkage = importlib.import_module("six_body_linkage")
+swing = importlib.import_module("paper.three_bar_swing")
+linkage = importlib.import_module("paper.six_body_linkage")
 
 EM, VI, LM, NS = "energy-momentum", "variational", "multipliers", "null-space"
 #: condition numbers as the paper prints them, steps 1e-2, 1e-3, 1e-4

@@ -12,6 +12,7 @@ import pytest
 from helpers_scenes import chequered
 
 import skfem_cosserat as sc
+from paper.six_body_linkage import _geometry
 from skfem_cosserat import diagnostics
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -49,7 +50,7 @@ def five_seconds():
 
 
 def test_geometry_and_counts():
-    points, axes = six._geometry(None, None)
+    points, axes = _geometry(None, None)
     corners = [[0, 0, 0], [1, 0, 0], [1, -1, 0], [1, -1, 1], [0, -1, 1], [0, 0, 1]]
     assert points.tolist() == corners
     assert axes.argmax(1).tolist() == [1, 2, 0, 1, 2, 0] and axes.sum() == 6  # y, z, x, y, z, x

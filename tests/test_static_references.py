@@ -1,8 +1,8 @@
 """Static problems S1 to S5, S11, S13 and S14 against closed forms and reference solutions.
 
 The numbers in data/static_references.json are own computations with other methods (shooting) and
-closed forms; the scenes are those of examples/static_scenes.py. Snap-through and buckling are in
-test_stability_references.py.
+closed forms; the scenes are those of examples/benchmarks/static_scenes.py. Snap-through and
+buckling are in test_stability_references.py.
 """
 
 import importlib.util
@@ -24,7 +24,7 @@ DATA = json.loads((ROOT / "tests" / "data" / "static_references.json").read_text
 def load_scenes():
     """The example as a module, once for all test files."""
     if "static_scenes" not in sys.modules:
-        path = ROOT / "examples" / "static_scenes.py"
+        path = ROOT / "examples" / "benchmarks" / "static_scenes.py"
         spec = importlib.util.spec_from_file_location("static_scenes", path)
         sys.modules["static_scenes"] = module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)

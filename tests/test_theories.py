@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 import pickle
 import re
-import sys
 from contextlib import nullcontext
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +22,6 @@ from skfem_cosserat.diagnostics.stacked import null_space_matrix
 from skfem_cosserat.model.plane import confined
 from skfem_cosserat.model.reparametrisation import Reparametrisation
 
-ROOT = Path(__file__).resolve().parent.parent
 TREATMENTS = (sc.NullSpace(), sc.Multipliers())
 THEORIES = (sc.TheoryKirchhoff(), sc.TheoryInextensible(), sc.TheoryRigid())
 UNTWISTED = (sc.TheoryReissner(torsion=False), sc.TheoryInextensible(torsion=False))
@@ -37,13 +34,7 @@ TIP = np.array([0.0, 30.0, 50.0])
 
 def swing():
     """The example's module."""
-    if "three_bar_swing" not in sys.modules:
-        path = ROOT / "examples" / "three_bar_swing.py"
-        spec = importlib.util.spec_from_file_location("three_bar_swing", path)
-        module = importlib.util.module_from_spec(spec)
-        sys.modules["three_bar_swing"] = module
-        spec.loader.exec_module(module)
-    return sys.modules["three_bar_swing"]
+    return importlib.import_module("paper.three_bar_swing")
 
 
 def arc(theory, order=2, elements=4, section=SECTION, **options):

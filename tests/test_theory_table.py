@@ -16,9 +16,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples"))
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "examples" / "benchmarks"))
 
 import alternation
-import failure_map
 import theory_report
 import theory_table
+
+from paper import failure_map
 
 SMALL = ("full", "inextensible")
 

@@ -9,8 +9,9 @@ does not feel them, bending alone holds them, ``EI (2/l)^2``, and their inertia 
 sections, ``rho I/3``. It is the same number, as both are those of one bar of the material.
 
 *What limits the variational scheme* are rotations that alternate from *step to step* (see
-failure_mechanism.py). They have no stress at midpoints, the constraint forces drive them, inertia
-holds them: they grow while ``h omega_c > 2``. With ``b = P nu`` along the constraints, alternating,
+paper/failure_mechanism.py). They have no stress at midpoints, the constraint forces drive them,
+inertia holds them: they grow while ``h omega_c > 2``. With ``b = P nu`` along the constraints,
+alternating,
 
 ``P^T (4/h^2 M - sum_k lambda_k H_k) P nu = 0``
 

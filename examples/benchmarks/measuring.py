@@ -26,9 +26,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-import paper_record
+import record
 
 import skfem_cosserat as sc
 from skfem_cosserat.integrators import Stepper
@@ -158,7 +158,7 @@ def environment() -> dict[str, Any]:
 
     Which kernels ran is in the rows.
     """
-    found = paper_record.main()
+    found = record.main()
     if find_spec("numba") is not None:
         found["versions"] |= {name: version(name) for name in ("numba", "llvmlite")}
     return {"dgemm_gflops": yardstick(), "provenance": found}

@@ -20,13 +20,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import measuring  # before numpy: one thread
 import numpy as np
-import three_bar_swing
 
 import skfem_cosserat as sc
+from paper import three_bar_swing
 from skfem_cosserat.integrators import Stepper
 
 STEP = 1e-2

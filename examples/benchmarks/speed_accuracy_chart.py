@@ -35,19 +35,17 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import dynamic_references as dynamic
 import measuring  # before numpy: one thread
 import numpy as np
 import peer_calls
 from measuring import EXPLICIT, INTEGRATORS, METHODS, family_of
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-import dynamic_references as dynamic
-import three_bar_swing as swing
-
 import skfem_cosserat as sc
+from paper import three_bar_swing as swing
 from skfem_cosserat.integrators import Stepper
 from skfem_cosserat.study import AtInstants, PrecisionTable, ReferencePair, setup_grid
 

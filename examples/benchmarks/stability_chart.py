@@ -1,15 +1,16 @@
 """Where the integrators fail: the three-bar swing from soft to stiff, steps from 1e-1 to 1e-5 s.
 
-The swing with the strip of 1 mm (see three_bar_swing.py: aluminium, factor 1), its stiffness times
-a factor. Nothing but inertia drives it after the pulse, so that the energy at (q_n, p_n) just after
-the pulse is the right one. A cell is *blowup* if it exceeds ten times that, *drift* if it changed
-by more than 1 %, *newton* if a step could not be solved in four attempts of up to 100 iterations
-each, *timeout* if it took too long. One second, in which the right link reverses (event X, 0.66 s).
+The swing with the strip of 1 mm (see paper/three_bar_swing.py: aluminium, factor 1), its stiffness
+times a factor. Nothing but inertia drives it after the pulse, so that the energy at (q_n, p_n) just
+after the pulse is the right one. A cell is *blowup* if it exceeds ten times that, *drift* if it
+changed by more than 1 %, *newton* if a step could not be solved in four attempts of up to 100
+iterations each, *timeout* if it took too long. One second, in which the right link
+reverses (event X, 0.66 s).
 
 Theory's lines: ``h omega = 2``, the limit of explicit methods for the highest frequency of the
 beam; and ``h omega_c = 2``, with the frequency of the constraint force of compressed beams (see
-failure_mechanism.py), the largest one over the motion with energy-momentum: to the right of it
-rotations that alternate from step to step grow in the variational scheme.
+paper/failure_mechanism.py), the largest one over the motion with energy-momentum: to the right of
+it rotations that alternate from step to step grow in the variational scheme.
 
 Integrators with compiled kernels have all steps, the others those down to 1e-3 s; the explicit one,
 with nodal masses and multipliers, is run above its limit on purpose. (The asynchronous one divides
@@ -27,17 +28,15 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import measuring  # before numpy: one thread
 import numpy as np
 from measuring import EXPLICIT, INTEGRATORS, METHODS
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-import three_bar_swing as swing
-
 import skfem_cosserat as sc
+from paper import three_bar_swing as swing
 from skfem_cosserat import diagnostics
 from skfem_cosserat.integrators.choice import choose_kernels
 from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, Map, TimedOut

@@ -27,10 +27,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import lattice
 import measuring  # before numpy: one thread
 import numpy as np
-import three_bar_swing
 from measuring import INTEGRATORS, TREATMENTS, chain, rubber
 
 import skfem_cosserat as sc
+from paper import three_bar_swing
 from skfem_cosserat.integrators import Stepper
 from skfem_cosserat.integrators.choice import choose_kernels
 

@@ -1,8 +1,8 @@
 """Simpler beams on the stiff three-bar swing: every theory, both integrators, steps 1e-1 to 1e-5 s.
 
-The swing with the strip of 1 mm (see three_bar_swing.py, failure_map.py), 20 linear elements, null
-space, to 1.5 s and over a *full period*: until the mass passes the e2 coordinate of its start
-again, moving as at the start. Its length is that of the reference: the full beam with
+The swing with the strip of 1 mm (see paper/three_bar_swing.py and paper/failure_map.py), 20 linear
+elements, null space, to 1.5 s and over a *full period*: until the mass passes the e2 coordinate of
+its start again, moving as at the start. Its length is that of the reference: the full beam with
 energy-momentum at 2e-5 s.
 
 *Outcomes.* ``newton``: a step could not be solved in four attempts of up to 100 iterations each;
@@ -36,6 +36,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import alternation
@@ -46,12 +47,9 @@ from measuring import INTEGRATORS
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-import failure_map
-import three_bar_swing as swing
-
 import skfem_cosserat as sc
+from paper import failure_map
+from paper import three_bar_swing as swing
 from skfem_cosserat.integrators.choice import choose_kernels
 from skfem_cosserat.newton import NewtonSettings
 from skfem_cosserat.parallel import Job

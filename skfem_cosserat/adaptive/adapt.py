@@ -467,11 +467,12 @@ def adapt(
         To begin with.
     quantity : callable
         ``quantity(system, q)``: a number, or a row of numbers of one unit, for a configuration
-        (n,), e.g. :class:`NodePosition`.
+        (n,), e.g. :class:`~skfem_cosserat.adaptive.NodePosition`.
     tolerance : float
         Of its error: the largest over the times of the norm, in its unit.
     run : Run, optional
-        :class:`RunStatic` (default) or :class:`RunInTime`.
+        :class:`~skfem_cosserat.adaptive.RunStatic` (default) or
+        :class:`~skfem_cosserat.adaptive.RunInTime`.
     order : int or dict of str to int
         To begin with.
     highest : int

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..adaptive import carry_state
 from ..beam import Beam
-from ..constraints import NullSpace, Treatment
+from ..constraints import NullSpace
 from ..diagnostics import highest_frequency, kinetic_energy, momentum, section_strains
 from ..errors import CosseratError, Diverged, InputError
 from ..frames import Place
@@ -19,13 +19,17 @@ from ..frozen import Replacements
 from ..history import History
 from ..integrators import EnergyMomentum, Integrator, State, StepReport
 from ..kernels import beam_stress
-from ..load import Constant, Load, Table
+from ..load import Load
 from ..mesh import divided
 from ..model import Model, System, planarity
 from ..model.plane import Planar
 from ..run import Sensor, derive_series, initial_state, simulate
 from ..run.sensors import checked_sensors
 from ..study.quantities import Quantity, Reading
+from ..time_function import (
+    Constant,
+    Table,
+)
 from ..types import Floats, positive
 from ..warn import Notices
 from .proposals import BeamFull, BeamModel, Proposal
@@ -529,7 +533,6 @@ class Trials:
         steps: int,
         theory: Mapping[str, BeamModel] | None = None,
         integrator: Integrator | None = None,
-        treatment: Treatment | None = None,
     ) -> Proposal:
         """A proposal for this event; without more: full beams, energy-momentum, null space."""
         theories = {name: BeamFull() for name in self.beams} | dict(theory or {})
@@ -538,7 +541,7 @@ class Trials:
             order,
             dict(elements),
             integrator or EnergyMomentum(),
-            treatment or NullSpace(),
+            NullSpace(),
             steps,
             self.until / steps,
             self.keep,

@@ -14,7 +14,7 @@ from ..coupling import Coupling
 from ..model import System
 from ..model.force_elements import Invariants
 from ..model.groups import BeamGroup, Group
-from ..model.tree import Coordinate, Edge, Span, Spot
+from ..model.tree import ConstrainedElement, Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..types import Floats, IndexArray
 from . import blocks, constraints, couplings, elements, kkt, loads, loops, nodes, structures, tree
@@ -29,9 +29,9 @@ __all__ = [
     "addresses",
     "bound_beams",
     "bound_couplings",
+    "bound_elements",
     "bound_nodal_masses",
     "bound_plan",
-    "bound_spans",
     "bound_tree",
     "bound_work",
     "choose_rows",
@@ -113,31 +113,31 @@ def _fill(system: System, invariants: Invariants, vertices: list[int], out: Floa
 # -- from the elements of the tree whose lines follow from directors to arrays ---------------------
 
 
-def bound_spans(system: System, plan: Plan) -> dict[str, Any]:
+def bound_elements(system: System, plan: Plan) -> dict[str, Any]:
     """Elements whose lines follow from their directors."""
     number = np.full(len(system.tree.edges), -1)
     length: list[float] = []
     strain, turned, slots = [], [], []
     for k, edge in enumerate(system.tree.edges):
-        span = edge.joint
-        if not edge.spans or not isinstance(span, Span):
+        element = edge.joint
+        if not edge.in_element or not isinstance(element, ConstrainedElement):
             continue
         number[k] = len(length)
-        places = [span.vertices.index(v) for v in (edge.parent, edge.child)]
-        elements = span.item.elements
-        length.append((places[1] - places[0]) * elements.lengths[span.element])
-        strain.append(elements.reference[span.element, 0, :3])
-        turned.append(span.item.rotations[span.element][places])
+        places = [element.vertices.index(v) for v in (edge.parent, edge.child)]
+        reference = element.item.elements
+        length.append((places[1] - places[0]) * reference.lengths[element.number])
+        strain.append(reference.reference[element.number, 0, :3])
+        turned.append(element.item.rotations[element.number][places])
         both = edge.parent, edge.child
         slots.append([[plan.slot[a, b] for b in both] for a in both])
     rotations = np.array(turned, dtype=float).reshape(-1, 2, 3, 3)
     return {
-        "span": number,
-        "span_length": np.array(length, dtype=float),
-        "span_strain": np.array(strain, dtype=float).reshape(-1, 3),
-        "span_rotation": rotations,
-        "span_turned": (rotations != np.eye(3)).any((1, 2, 3)),
-        "span_slot": np.array(slots, dtype=np.int64).reshape(-1, 2, 2),
+        "element": number,
+        "element_length": np.array(length, dtype=float),
+        "element_strain": np.array(strain, dtype=float).reshape(-1, 3),
+        "element_rotation": rotations,
+        "element_turned": (rotations != np.eye(3)).any((1, 2, 3)),
+        "element_slot": np.array(slots, dtype=np.int64).reshape(-1, 2, 2),
     }
 
 
@@ -172,8 +172,8 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
         unused |= {name for name in TREE_PARTS if name.startswith("joint")}
     if not system.closure.rank:
         unused |= {name for name in TREE_PARTS if name.startswith("loop")}
-    if not weight or system.kinematics.spans is None:
-        unused.add("span_curvature")
+    if not weight or system.kinematics.elements is None:
+        unused.add("element_curvature")
     if not weight:
         unused |= {"joint_curvature", "node_matrix", "loop_curvature"}
     if system.frame_group is None and system.point_group is None:
@@ -376,7 +376,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         **bound_nodal_masses(system.frame_group, system.point_group),
         **bound_following(system, plan),
         **bound_couplings(system, plan),
-        **bound_spans(system, plan),
+        **bound_elements(system, plan),
     }
     return structures.tree(tuple(fields[name] for name in structures.TREE)), fields
 

@@ -109,8 +109,8 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
     if p[n.NODAL_MASS_MATRIX]:
         call(p[n.NODAL_MASS_MATRIX], s, m, w, numbers, 0)
     other = mixed
-    if p[n.SPAN_CURVATURE]:
-        call(p[n.SPAN_CURVATURE], s, m, w, numbers, mixed)
+    if p[n.ELEMENT_CURVATURE]:
+        call(p[n.ELEMENT_CURVATURE], s, m, w, numbers, mixed)
         other = 1
     if p[n.NODE_MATRIX]:
         call(p[n.NODE_MATRIX], s, m, w, numbers, other)

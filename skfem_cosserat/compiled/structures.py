@@ -216,10 +216,17 @@ BEAMS = (
 FOLLOWING = ("moment_vertex", "moment_follows", "follower")
 #: force elements: integers, factors of laws, matrices of invariants
 COUPLINGS = ("coupling", "coupling_law", "coupling_forms")
-#: elements whose lines follow from their directors: of each edge which of them, or -1; length from
-#: parent to child, negative against the element; Gamma of the reference, rotations of the section
-#: at both, blocks of both
-SPANS = ("span", "span_length", "span_strain", "span_rotation", "span_turned", "span_slot")
+#: constrained beam elements in the tree, whose lines follow from their directors: of each edge
+#: which of them, or -1; length from parent to child, negative against the element; Gamma of the
+#: reference, rotations of the section at both, blocks of both
+CONSTRAINED = (
+    "element",
+    "element_length",
+    "element_strain",
+    "element_rotation",
+    "element_turned",
+    "element_slot",
+)
 #: vertices, edges (joints from parent to child) and their coordinates
 TREE = (
     *(
@@ -247,7 +254,7 @@ TREE = (
     *("loop_vertices", "triple", "frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *FOLLOWING,
     *COUPLINGS,
-    *SPANS,
+    *CONSTRAINED,
 )
 #: the order of elimination, neighbours still to come, slots of blocks; how many are eliminated in
 #: blocks, and what is called back to solve for the rest (0: none)
@@ -313,7 +320,7 @@ PLANE_TREE = (
     *("mass_blocks", "mass_indices", "mass_indptr"),
     *("frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *("products", "factors", "linear", "directions", "loop_constant", "loop_vertices"),
-    "span_slot",
+    "element_slot",
 )
 
 

@@ -38,6 +38,10 @@ __all__ = [
     "SPHERE",
     "STRETCH",
     "axis",
+    "element_arm",
+    "element_curvature",
+    "element_maps",
+    "element_stretch",
     "joint_add",
     "joint_begin",
     "joint_curvature",
@@ -45,10 +49,6 @@ __all__ = [
     "joint_move",
     "joint_reduce",
     "slide",
-    "span_arm",
-    "span_curvature",
-    "span_maps",
-    "span_stretch",
     "spot",
 ]
 
@@ -109,7 +109,7 @@ def joint_begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         put(arm0, e, minus(spot(y0, s.child_row[e], row(s.child_offset, e)), a))
         for j in range(s.first[e], s.first[e + 1]):
             if s.kind[j] == STRETCH:
-                value[j] = span_stretch(s, e, y0)
+                value[j] = element_stretch(s, e, y0)
     return 0.0
 
 
@@ -200,12 +200,12 @@ def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 def place_child(s: Any, e: int, y1: Floats) -> None:
     """Position of a child whose directors and whose parent are in place."""
     r = s.child_row[e]
-    if s.span[e] >= 0:
+    if s.element[e] >= 0:
         stretched = 0.0
         for j in range(s.first[e], s.first[e + 1]):
             if s.kind[j] == STRETCH:
                 stretched += s.value[j]
-        put(y1, r, plus(row(y1, s.parent_row[e]), span_arm(s, e, y1, stretched)))
+        put(y1, r, plus(row(y1, s.parent_row[e]), element_arm(s, e, y1, stretched)))
     else:  # no early return: with two of them arrays are counted as often as they are used
         x = spot(y1, s.parent_row[e], row(s.parent_offset, e))
         put(y1, r, (0.0, 0.0, 0.0))
@@ -244,8 +244,8 @@ def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
             for c in range(6):
                 S[e, r, c] = 0.0
                 X[e, r, c] = 1.0 if r == c and r < 3 else 0.0
-        if s.span[e] >= 0:
-            span_maps(s, e, y, S, X, kinds, STRETCH)
+        if s.element[e] >= 0:
+            element_maps(s, e, y, S, X, kinds, STRETCH)
             continue
         for j in range(first[e], first[e + 1]):
             o = own[j]
@@ -324,7 +324,7 @@ def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
             for c in range(6):
                 C_child[e, r, c] = 0.0
                 C_parent[e, r, c] = 0.0
-        if s.span[e] >= 0:  # nothing acts beyond, see span_curvature
+        if s.element[e] >= 0:  # nothing acts beyond, see element_curvature
             continue
         if p >= 0 and s.framed[p]:
             moment_curvature(s, e, w.y1, f, A, m.diag[p], m.to_parent[e])
@@ -448,9 +448,9 @@ def turn_curvature(
 @inlined
 def section(s: Any, k: int, side: int, D: Rotation) -> Rotation:
     """Directors of the section at a node, from those of the node."""
-    if not s.span_turned[k]:
+    if not s.element_turned[k]:
         return D
-    Q = s.span_rotation
+    Q = s.element_rotation
     return (
         combine((Q[k, side, 0, 0], Q[k, side, 0, 1], Q[k, side, 0, 2]), D),
         combine((Q[k, side, 1, 0], Q[k, side, 1, 1], Q[k, side, 1, 2]), D),
@@ -461,7 +461,7 @@ def section(s: Any, k: int, side: int, D: Rotation) -> Rotation:
 @inlined
 def sections(s: Any, e: int, y: Floats) -> tuple[Rotation, Rotation]:
     """Directors of the section at the parent and at the child."""
-    k = s.span[e]
+    k = s.element[e]
     a = section(s, k, 0, directors(y, s.parent_row[e]))
     return a, section(s, k, 1, directors(y, s.child_row[e]))
 
@@ -487,24 +487,24 @@ def inverse(D: Rotation) -> Rotation:
 @inlined
 def slope(s: Any, e: int, y: Floats) -> Vector:
     """``phi'``."""
-    f = 1.0 / s.span_length[s.span[e]]
+    f = 1.0 / s.element_length[s.element[e]]
     return times(f, minus(row(y, s.child_row[e]), row(y, s.parent_row[e])))
 
 
 @inlined
-def span_stretch(s: Any, e: int, y: Floats) -> float:
+def element_stretch(s: Any, e: int, y: Floats) -> float:
     """Axial strain."""
     a, b = sections(s, e, y)
-    return dot(middle(a, b)[2], slope(s, e, y)) - s.span_strain[s.span[e], 2]
+    return dot(middle(a, b)[2], slope(s, e, y)) - s.element_strain[s.element[e], 2]
 
 
 @inlined
-def span_arm(s: Any, e: int, y: Floats, stretched: float) -> Vector:
+def element_arm(s: Any, e: int, y: Floats, stretched: float) -> Vector:
     """From parent to child, whose directors are in place, with this axial strain."""
-    k = s.span[e]
+    k = s.element[e]
     a, b = sections(s, e, y)
-    strain = plus(row(s.span_strain, k), (0.0, 0.0, stretched))
-    return times(s.span_length[k], combine(strain, inverse(middle(a, b))))
+    strain = plus(row(s.element_strain, k), (0.0, 0.0, stretched))
+    return times(s.element_length[k], combine(strain, inverse(middle(a, b))))
 
 
 @inlined
@@ -523,9 +523,11 @@ def by_turns(length: float, C: Rotation, d: Rotation, phi: Vector) -> Rotation:
 
 
 @inlined
-def span_maps(s: Any, e: int, y: Floats, S: Floats, X: Floats, kinds: Any, stretches: int) -> None:
+def element_maps(
+    s: Any, e: int, y: Floats, S: Floats, X: Floats, kinds: Any, stretches: int
+) -> None:
     """S and X of a child, in place of zeros but for the identity of X's velocities."""
-    length, own, first = s.span_length[s.span[e]], s.own, s.first
+    length, own, first = s.element_length[s.element[e]], s.own, s.first
     a, b = sections(s, e, y)
     C, phi = inverse(middle(a, b)), slope(s, e, y)
     E = by_turns(length, C, a, phi)
@@ -546,7 +548,7 @@ def span_maps(s: Any, e: int, y: Floats, S: Floats, X: Floats, kinds: Any, stret
 
 
 @part
-def span_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+def element_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Derivative of the maps at the midpoint for fixed forces: as geometric stiffness.
 
     ``P^T G^T mu = 0`` for any mu, wherever P is. With those mu that carry what acts beyond an
@@ -561,12 +563,12 @@ def span_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             put(R, r, row(w.R, r))
     V, C = np.empty((3, 3)), np.zeros((2, 2, 4, 4))
     L, T = np.empty((2, 4, 3)), np.empty((2, 4, 3))
-    mid, y1, A, slot, spans, child = w.mid, w.y1, w.A, s.span_slot, s.span, s.child
+    mid, y1, A, slot, elements, child = w.mid, w.y1, w.A, s.element_slot, s.element, s.child
     for e in range(len(child)):
-        k = spans[e]
+        k = elements[e]
         if k < 0:
             continue
-        length = s.span_length[k]
+        length = s.element_length[k]
         a, b = sections(s, e, mid)
         D, phi = middle(a, b), slope(s, e, mid)
         n = times(length, row(F, child[e]))
@@ -615,7 +617,7 @@ def put3(X: Floats, a: int, i: int, v: Vector) -> None:
 @inlined
 def take_off(s: Any, k: int, side: int, mu: Vector, phi: Vector, R: Floats, r: int) -> None:
     """Forces of mu on the directors of a node, whose first row is r, off R."""
-    Q = s.span_rotation
+    Q = s.element_rotation
     for j in range(3):
         f = 0.0
         for i in range(3):

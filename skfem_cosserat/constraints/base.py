@@ -162,7 +162,18 @@ _ONES = np.ones(9)
 
 
 class Treatment(Frozen):
-    """A choice; :meth:`bind` makes the arrays for a system."""
+    """A choice; :meth:`bind` makes the arrays for a system.
+
+    An own treatment derives from it. Its :meth:`bind` gives what one of the built-in treatments
+    gives for the scene, or a :class:`BoundTreatment` of its own, which has the equations.
+
+    Attributes
+    ----------
+    name : str
+        As in ``history.meta["treatment"]``.
+    reference : str
+        Where the method comes from.
+    """
 
     name: str
     reference: str

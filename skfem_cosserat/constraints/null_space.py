@@ -307,9 +307,9 @@ class BoundNullSpace(BoundTreatment):
             for which, count in ((("both", 2),) if weight else (("left", 1), ("right", 1)))
         }
         self._make_pattern()
-        if kin.spans is not None and self.pattern.nnz > CROWDED:
+        if kin.elements is not None and self.pattern.nnz > CROWDED:
             warn(
-                " and ".join(sorted({span.label for span, _ in system.tree.spans})),
+                " and ".join(sorted({element.label for element, _ in system.tree.elements})),
                 "all of its rotations move what hangs on them, which makes a full matrix of"
                 f" {self.unknowns} unknowns; Multipliers() has a sparse one",
                 PerformanceWarning,
@@ -328,11 +328,11 @@ class BoundNullSpace(BoundTreatment):
         self._P_left: list[Array | None] | None = None
         self._known: tuple[Array, Located, Array] | None = None
         #: of each kind of elements whose lines follow from directors: group, and which of its own
-        self._spanned = [
-            (k, np.array([g.slices[id(s.item)].start + s.element for s in each.spans]))
-            for each in (() if kin.spans is None else kin.spans.groups)
+        self._constrained = [
+            (k, np.array([g.slices[id(s.item)].start + s.number for s in each.elements]))
+            for each in (() if kin.elements is None else kin.elements.groups)
             for k, g in enumerate(system.beam_groups)
-            if id(each.spans[0].item) in g.slices
+            if id(each.elements[0].item) in g.slices
         ]
 
     def _make_pattern(self) -> None:
@@ -581,10 +581,10 @@ class BoundNullSpace(BoundTreatment):
         ``P^T G^T mu = 0`` for any mu, wherever P is: its derivative trades that of the lines for
         geometric stiffness, with the stresses that carry the balance.
         """
-        assert self.kin.spans is not None
-        carried, stresses = self.kin.spans.carried(self._left.y, R)
+        assert self.kin.elements is not None
+        carried, stresses = self.kin.elements.carried(self._left.y, R)
         out = list(blocks)
-        for (k, which), own in zip(self._spanned, stresses, strict=True):
+        for (k, which), own in zip(self._constrained, stresses, strict=True):
             elements, block = self.system.beam_groups[k].elements, out[k]
             stress = np.zeros((len(elements.lengths), *own.shape[1:]), dtype=own.dtype)
             stress[which] = -self.weight * own
@@ -602,7 +602,7 @@ class BoundNullSpace(BoundTreatment):
         force, curvature = self._twist_force, None
         if self.weight and self._loops:
             R, force, curvature = self._balanced(R)
-        if self.weight and kin.spans is not None:
+        if self.weight and kin.elements is not None:
             blocks, R = self._carried(blocks, R)
             force = kin.twist_force(self._left.y, R)
         values = self._project(blocks[:count], y1)

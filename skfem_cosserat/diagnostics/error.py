@@ -79,19 +79,19 @@ def transfer(
 
     Examples
     --------
-    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
-    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
-    >>> systems = []
+    From one element to two, with the end drawn by 1 %:
+
+    >>> import skfem_cosserat as sc
+    >>> section, models = sc.Section([1e4] * 6, mass=1.0, inertia=(10.0, 10.0)), []
     >>> for count in (1, 2):
-    ...     model = Model()
-    ...     mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), count)
-    ...     beam = model.add("beam", Beam(mesh, section, director=(1, 0, 0)))
-    ...     systems.append(model.freeze())
-    >>> q = systems[0].q0.copy()
-    >>> coarse = systems[0].structures[0]
-    >>> q[systems[0].dofs(coarse.node((0, 0, 2)))[2]] = 2.02   # the end, drawn by 1 %
-    >>> middle, end = (systems[1].dofs(beam.node((0, 0, z)))[2] for z in (1, 2))
-    >>> transfer(*systems, q)[0][[middle, end]].tolist()
+    ...     models.append(sc.Model())
+    ...     mesh = sc.MeshCurve.init_line((0, 0, 0), (0, 0, 2), count)
+    ...     beam = models[-1].add("beam", sc.Beam(mesh, section, director=(1, 0, 0)))
+    >>> coarse, fine = (model.freeze() for model in models)
+    >>> q = coarse.q0.copy()
+    >>> q[14] = 2.02
+    >>> middle, end = (fine.dofs(beam.node((0, 0, z)))[2] for z in (1, 2))
+    >>> transfer(coarse, fine, q)[0][[middle, end]].tolist()
     [1.01, 2.02]
     """
     source = system_of(source, "argument source")
@@ -292,21 +292,22 @@ def evaluate(
     ``d_i.d_j`` deviates by an amount that vanishes with h^(p+1) (a linear element that turns by
     an angle t has directors of length cos(t/2) in its middle). Positions and triads converge with
     h^(p+1), strains and resultants with h^p, and with h^(p+1) at the Gauss points, where
-    :func:`section_strains` takes them; at nodes :func:`nodal_resultants` are far better.
+    :func:`section_strains` takes them; at nodes
+    :func:`~skfem_cosserat.diagnostics.nodal_resultants` are far better.
 
     Examples
     --------
-    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
-    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
-    >>> model = Model()
-    >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 2), 1)
-    >>> beam = model.add("beam", Beam(mesh, section, director=(1, 0, 0)))
+    A rod along x, 2 m long and drawn by 1 %, at 0.5 m and 1.5 m:
+
+    >>> import skfem_cosserat as sc
+    >>> model = sc.Model()
+    >>> mesh = sc.MeshCurve.init_line((0, 0, 0), (2, 0, 0), 1, name="rod")
+    >>> rod = model.add("rod", sc.Beam(mesh, sc.Section([1e4] * 6, 1.0, (10.0, 10.0))))
     >>> system = model.freeze()
     >>> q = system.q0.copy()
-    >>> end = system.dofs(beam.node((0, 0, 2)))[:3]
-    >>> q[end] = (0, 0, 2.02)   # drawn by 1 %
-    >>> at = evaluate(system, beam, q, *beam.along([0.5, 1.5]))
-    >>> at.position[:, 2].round(9).tolist(), at.resultant[:, 2].round(9).tolist()
+    >>> q[system.dofs(rod.node("rod.end"))[0]] = 2.02
+    >>> at = evaluate(system, rod, q, *rod.along([0.5, 1.5]))
+    >>> at.position[:, 0].round(9).tolist(), at.resultant[:, 2].round(9).tolist()
     ([0.505, 1.515], [100.0, 100.0])
     """
     Q, single = as_stack(system, "q", q)

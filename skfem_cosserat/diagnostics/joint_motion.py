@@ -55,6 +55,8 @@ def joint_coordinates(
 
     Examples
     --------
+    A wheel that turns with 2 rad/s:
+
     >>> from skfem_cosserat import JointRevolute, Model, RigidBody, ground
     >>> model = Model()
     >>> wheel = model.add("wheel", RigidBody.sphere(1.0, 1.0, angular_velocity=(0, 0, 2.0)))
@@ -155,7 +157,7 @@ def coupling_energy(
     Returns
     -------
     float or (N,) array
-        (J)
+        Stored by all of them (J).
 
     Raises
     ------
@@ -164,6 +166,8 @@ def coupling_energy(
 
     Examples
     --------
+    A spring that is 1 m longer than at rest:
+
     >>> from skfem_cosserat import MassPoint, Model, SpringDamper, ground
     >>> model = Model()
     >>> bob = model.add("bob", MassPoint(1.0, position=(0, 0, -2)))
@@ -212,6 +216,8 @@ def coupling_forces(
 
     Examples
     --------
+    A spring with a damper, 1 m longer than at rest and growing by 0.5 m/s:
+
     >>> from skfem_cosserat import MassPoint, Model, SpringDamper, ground
     >>> model = Model()
     >>> bob = model.add("bob", MassPoint(1.0, position=(0, 0, -2)))

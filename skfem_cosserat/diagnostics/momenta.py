@@ -71,6 +71,8 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
 
     Examples
     --------
+    A pendulum that is let go from the side:
+
     >>> from skfem_cosserat import JointDistance, LoadGravity, MassPoint, Model, ground
     >>> from skfem_cosserat import NullSpace, simulate
     >>> model = Model()
@@ -146,6 +148,8 @@ def angular_momentum(
 
     Examples
     --------
+    A ball at 1 m from the origin, across it at 3 m/s:
+
     >>> from skfem_cosserat import MassPoint, Model
     >>> model = Model()
     >>> ball = model.add("ball", MassPoint(2.0))
@@ -187,6 +191,8 @@ def midpoint_angular_momentum(system: System, q: ArrayLike, step: float) -> Floa
 
     Examples
     --------
+    A ball at 1 m from the origin that goes 0.5 m across in a step:
+
     >>> from skfem_cosserat import MassPoint, Model
     >>> model = Model()
     >>> ball = model.add("ball", MassPoint(2.0))
@@ -219,6 +225,8 @@ def linear_momentum(system: System, p: ArrayLike) -> Floats:
 
     Examples
     --------
+    Two mass points:
+
     >>> from skfem_cosserat import MassPoint, Model
     >>> model = Model()
     >>> ball = model.add("ball", MassPoint(2.0))
@@ -255,6 +263,8 @@ def constraint_violation(system: System, q: ArrayLike, t: ArrayLike = 0.0) -> Fl
 
     Examples
     --------
+    A pendulum of 1 m as it is, and with the bob at 2 m:
+
     >>> from skfem_cosserat import JointDistance, MassPoint, Model, ground
     >>> model = Model()
     >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
@@ -295,6 +305,8 @@ def hidden_violation(system: System, q: ArrayLike, v: ArrayLike, t: ArrayLike = 
 
     Examples
     --------
+    A pendulum whose velocity has 3 m/s along the rod:
+
     >>> from skfem_cosserat import JointDistance, MassPoint, Model, ground
     >>> model = Model()
     >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
@@ -338,6 +350,8 @@ def momentum_violation(system: System, q: ArrayLike, p: ArrayLike, t: ArrayLike 
 
     Examples
     --------
+    A pendulum of 2 kg whose momentum has 6 kg m/s along the rod:
+
     >>> from skfem_cosserat import JointDistance, MassPoint, Model, ground
     >>> model = Model()
     >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
@@ -490,6 +504,8 @@ class Projection:
 
     Examples
     --------
+    A pendulum of 2 kg whose momentum has 6 kg m/s along the rod:
+
     >>> from skfem_cosserat import Model, MassPoint, JointDistance, ground
     >>> model = Model()
     >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
@@ -622,6 +638,8 @@ def velocity_from_reduced(
 
     Examples
     --------
+    A pendulum of 2 kg:
+
     >>> from skfem_cosserat import JointDistance, MassPoint, Model, ground
     >>> model = Model()
     >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))

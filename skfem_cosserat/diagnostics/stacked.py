@@ -357,7 +357,7 @@ def constraint_frequency(system: System, q: Floats, constraint_force: Floats) ->
     ----------
     system : Model or System
     q, constraint_force : (n,) array
-        At a node, the force as in :class:`.stepper.StepReport` (or in the history).
+        At a node, the force as ``history["constraint_force"]`` has it.
 
     Returns
     -------

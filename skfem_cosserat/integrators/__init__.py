@@ -1,11 +1,12 @@
 """Time integrators, each in a module of its equations, and the steps that are taken with them."""
 
-from .base import Integrator, State, StepOrigin, StepWork
+from .base import Integrator, Scheme, State, StepOrigin, StepWork
 from .composition import Composition
 from .energy_decaying import EnergyDecaying
 from .energy_momentum import EnergyMomentum
 from .explicit import Asynchronous, Explicit
 from .generalized_alpha import GeneralizedAlpha
+from .step_balance import Evaluation, StepBalance, StepData
 from .stepper import Stepper, StepReport
 from .variational import Variational
 
@@ -14,10 +15,14 @@ __all__ = [
     "Composition",
     "EnergyDecaying",
     "EnergyMomentum",
+    "Evaluation",
     "Explicit",
     "GeneralizedAlpha",
     "Integrator",
+    "Scheme",
     "State",
+    "StepBalance",
+    "StepData",
     "StepOrigin",
     "StepReport",
     "StepWork",

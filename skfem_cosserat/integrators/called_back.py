@@ -81,7 +81,7 @@ class CalledBack:
             try:
                 if self._error is None:
                     stages[stage]()
-            except BaseException as error:
+            except BaseException as error:  # noqa: BLE001, it is raised after the step
                 self._error = error
             return 1.0
 
@@ -181,13 +181,13 @@ class CalledBack:
         began = self.couplings.starting(y0.copy(), turns, factors, 1.0, t0)
         ydot = np.concatenate([self._rates0[0], system.ground_rate(t0)])
         both = self.couplings.static(began, y0.copy(), ydot), self._found
-        done = [self.couplings.work(at, self._found, y1) for at in (began, self._start)]
+        works = [self.couplings.work(at, self._found, y1) for at in (began, self._start)]
         change = y1 - y0
         lost = sum(float(r.dissipated.sum()) for force in both for r in force.responses)
         forces = sum(force.force[rows:] for force in both)
         return StepWork(
             0.5 * sum(force.work_of_loads(change) for force in both),
-            0.5 * (done[0].actuators + done[1].actuators),
+            0.5 * sum(work.actuators for work in works),
             0.5 * self._h * lost,
             0.5 * float((forces * change[rows:]).sum()),
         )

@@ -124,7 +124,7 @@ def _oblique(system: System) -> bool:
 
 def _theories(system: System, treatment: Treatment) -> dict[str, bool]:
     held = len(system.theory_rows) > 0
-    curved = any(len(s.vertices) > 2 and not s.rigid for s, _ in system.tree.spans)
+    curved = any(len(s.vertices) > 2 and not s.rigid for s, _ in system.tree.elements)
     return {
         "beams that hold strains, with multipliers": held and isinstance(treatment, Multipliers),
         "beams of higher order that hold strains": curved,
@@ -200,7 +200,7 @@ def choose_kernels(
     """See :func:`choose`; for a run of as many steps, each perhaps composed of others."""
     count = (STEPS if steps is None else steps) * max(1, len(integrator.shares))
     seconds = estimated_seconds(system, count)
-    if system.kinematics.spans is not None and not isinstance(treatment, Multipliers):
+    if system.kinematics.elements is not None and not isinstance(treatment, Multipliers):
         seconds *= ELIMINATED
     refused = refusal(system, integrator, treatment)
 

@@ -341,7 +341,7 @@ class BlockOfSteps(NamedTuple):
 class CompiledScene:
     """Arrays and parts of one system for compiled kernels, with the null space method.
 
-    Needs numba; :mod:`.refused` says for what there is none.
+    Needs numba; :func:`.choice.refusal` says for what there is none.
 
     Parameters
     ----------

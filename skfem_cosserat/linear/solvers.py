@@ -77,9 +77,14 @@ class Solver(Frozen):
 class Factors(ABC):
     """Factors of the last matrix of a pattern, kept for further right-hand sides.
 
+    An own solver derives from :class:`Solver`; its ``bind(pattern)`` gives an object of a class
+    that derives from this one. A pattern has the attributes ``shape``, ``indptr`` and ``indices``
+    of a CSC matrix, and ``nnz``.
+
     Attributes
     ----------
     name : str
+        As that of the solver.
     pivoting : bool
         Whether pivots are chosen freely among the rows. If not, solutions have to be checked.
     """

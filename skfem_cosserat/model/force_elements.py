@@ -12,8 +12,12 @@ from scipy.sparse import csr_matrix
 from ..coupling import Coupling
 from ..errors import AccuracyWarning, InputError
 from ..frames import Place
-from ..load import Constant, Load, TimeFunction
+from ..load import Load
 from ..relative import Form, RelativeCoordinate
+from ..time_function import (
+    Constant,
+    TimeFunction,
+)
 from ..types import Array, Floats, IndexArray
 from ..warn import warn
 from .coordinates import KINDS, Joined, Kind

@@ -1,4 +1,4 @@
-"""How coordinates of the tree move the nodes, spans of held beam elements among them."""
+"""How coordinates of the tree move the nodes, constrained beam elements among them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from ..pattern import sum_at
 from ..relative import normals
 from ..strain import strain_measures
 from ..types import Array, Floats, IndexArray
-from .tree import Coordinate, Pair, Span, Spot, Tree
+from .tree import ConstrainedElement, Coordinate, Pair, Spot, Tree
 
-__all__ = ["Kinematics", "Located", "Spans"]
+__all__ = ["ConstrainedElements", "Kinematics", "Located"]
 
 
 # -- lines of elements that hold shear strains, from their directors: what they add to the tree ----
@@ -33,12 +33,12 @@ __all__ = ["Kinematics", "Located", "Spans"]
 
 
 @dataclass(eq=False)
-class _SpanElements:
+class _ElementGroup:
     """Elements of one interpolation in the tree.
 
     Attributes
     ----------
-    spans : list of Span
+    elements : list of ConstrainedElement
     rows : (ne, nn) int array
         First row of y of each node.
     N, slope : (ng, nn), (ne, ng, nn) array
@@ -54,7 +54,7 @@ class _SpanElements:
         Element and point of each stretch, and the number of its coordinate.
     """
 
-    spans: list[Span]
+    elements: list[ConstrainedElement]
     rows: IndexArray
     N: Floats
     slope: Floats
@@ -95,42 +95,44 @@ _DIRECTORS = np.arange(1, 4)
 _YZX, _ZXY = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
-def _elements(chosen: Sequence[tuple[Span, int]], row: IndexArray, tree: Tree) -> _SpanElements:
-    spans = [span for span, _ in chosen]
-    basis = spans[0].item.basis
-    vertices = np.array([span.vertices for span in spans])
-    lengths = np.array([span.item.basis.lengths[span.element] for span in spans])
-    entry = np.array([span.vertices.index(v) for span, v in chosen])
+def _elements(
+    chosen: Sequence[tuple[ConstrainedElement, int]], row: IndexArray, tree: Tree
+) -> _ElementGroup:
+    elements = [element for element, _ in chosen]
+    basis = elements[0].item.basis
+    vertices = np.array([element.vertices for element in elements])
+    lengths = np.array([element.item.basis.lengths[element.number] for element in elements])
+    entry = np.array([element.vertices.index(v) for element, v in chosen])
     by_xi = basis.dshape(basis.points).T
-    weights = np.zeros((len(spans), by_xi.shape[1], len(by_xi)))
+    weights = np.zeros((len(elements), by_xi.shape[1], len(by_xi)))
     for k in np.unique(entry):
         others = [b for b in range(by_xi.shape[1]) if b != k]
         which = np.flatnonzero(entry == k)
         inverse = np.linalg.inv(by_xi[:, others])
         weights[which[:, None], others] = lengths[which, None, None] * inverse
-    rotations = np.array([span.item.rotations[span.element] for span in spans])
-    parts = [span.item.elements for span in spans]
+    rotations = np.array([element.item.rotations[element.number] for element in elements])
+    parts = [element.item.elements for element in elements]
     stretched = [
         (k, g, number)
-        for k, span in enumerate(spans)
-        for g, number in enumerate(tree.stretches[id(span)])
+        for k, element in enumerate(elements)
+        for g, number in enumerate(tree.stretches[id(element)])
     ]
     table = np.array(stretched, dtype=np.int64).reshape(-1, 3)
-    return _SpanElements(
-        spans,
+    return _ElementGroup(
+        elements,
         row[vertices],
         basis.shape(basis.points).T.copy(),
         by_xi / lengths[:, None, None],
         weights,
         None if (rotations == np.eye(3)).all() else rotations,
-        np.array([p.reference[s.element, :, :3] for p, s in zip(parts, spans, strict=True)]),
-        np.array([p.measure[s.element] for p, s in zip(parts, spans, strict=True)]),
+        np.array([p.reference[s.number, :, :3] for p, s in zip(parts, elements, strict=True)]),
+        np.array([p.measure[s.number] for p, s in zip(parts, elements, strict=True)]),
         table[:, :2],
         table[:, 2],
     )
 
 
-class Spans:
+class ConstrainedElements:
     """All elements of the tree whose lines follow from directors.
 
     Parameters
@@ -159,9 +161,9 @@ class Spans:
         twist_of: IndexArray,
         turning: dict[int, list[tuple[int, int]]],
     ) -> None:
-        kinds: dict[object, list[tuple[Span, int]]] = {}
-        for span, entry in (pair for pair in tree.spans if not pair[0].rigid):
-            kinds.setdefault(span.item.basis.interpolation, []).append((span, entry))
+        kinds: dict[object, list[tuple[ConstrainedElement, int]]] = {}
+        for element, entry in (pair for pair in tree.elements if not pair[0].rigid):
+            kinds.setdefault(element.item.basis.interpolation, []).append((element, entry))
         self.groups = [_elements(chosen, row, tree) for chosen in kinds.values()]
         self.numbers: IndexArray = np.concatenate(
             [np.zeros(0, dtype=np.int64), *(g.numbers for g in self.groups)]
@@ -183,22 +185,22 @@ class Spans:
         shift_of: dict[int, list[tuple[int, int]]] = {}  # exit: (stretch's number, of its values)
         exits = blocks = shifts = 0
         for g in self.groups:
-            for span in g.spans:
-                stretches = tree.stretches[id(span)]
-                for b in span.vertices:
-                    exit_of[id(span), b] = exits
-                    for a in span.vertices:
+            for element in g.elements:
+                stretches = tree.stretches[id(element)]
+                for b in element.vertices:
+                    exit_of[id(element), b] = exits
+                    for a in element.vertices:
                         block_of[exits, a] = blocks
                         blocks += 1
                     shift_of[exits] = [(k, shifts + i) for i, k in enumerate(stretches)]
                     shifts += len(stretches)
                     exits += 1
-        self._exit_rows: IndexArray = np.concatenate(
-            [np.zeros(0, dtype=np.int64), *(g.rows.ravel() for g in self.groups)]
-        )
         members = {v: exits_of for v, exits_of in _paths(tree, exit_of).items() if exits_of}
         vertices_of = {
-            exit_of[id(s), b]: s.vertices for g in self.groups for s in g.spans for b in s.vertices
+            exit_of[id(s), b]: s.vertices
+            for g in self.groups
+            for s in g.elements
+            for b in s.vertices
         }
         whole: list[tuple[int, int, int, int]] = []
         turned: list[tuple[int, int, int, int, int]] = []
@@ -300,11 +302,11 @@ class Spans:
         """Which of the exits each edge of the tree is that is part of an element."""
         number: dict[tuple[int, int], int] = {}
         for g in self.groups:
-            for span in g.spans:
-                for b in span.vertices:
-                    number[id(span), b] = len(number)
+            for element in g.elements:
+                for b in element.vertices:
+                    number[id(element), b] = len(number)
         return np.array(
-            [number[id(e.joint), e.child] for e in tree.edges if e.spans], dtype=np.int64
+            [number[id(e.joint), e.child] for e in tree.edges if e.in_element], dtype=np.int64
         )
 
     # -- forces ------------------------------------------------------------------------------------
@@ -355,7 +357,7 @@ def _paths(tree: Tree, exit_of: dict[tuple[int, int], int]) -> dict[int, list[in
     out: dict[int, list[int]] = {}
     for edge in tree.edges:
         before = out.get(edge.parent, [])
-        if isinstance(edge.joint, Span) and not edge.joint.rigid:
+        if isinstance(edge.joint, ConstrainedElement) and not edge.joint.rigid:
             before = [*before, exit_of[id(edge.joint), edge.child]]
         out[edge.child] = before
     return out
@@ -514,8 +516,10 @@ class Kinematics:
         for k, p in enumerate(turning):
             if p.rotates:
                 turned.setdefault(p.vertex, []).append((p.number, k))
-        flexible = any(not span.rigid for span, _ in tree.spans)
-        self.spans = Spans(tree, self.row, self.twist_of, turned) if flexible else None
+        flexible = any(not element.rigid for element, _ in tree.elements)
+        self.elements = (
+            ConstrainedElements(tree, self.row, self.twist_of, turned) if flexible else None
+        )
         self._T_pattern(shifting, slides)
 
     def _T_pattern(self, shifting: Sequence[Pair], slides: Sequence[Pair]) -> None:
@@ -553,9 +557,9 @@ class Kinematics:
                 np.repeat(self.slide_number, 3),
             ]
         )
-        if self.spans is not None:
-            self.T_rows = np.concatenate([self.T_rows, self.spans.T_rows])
-            self.T_cols = np.concatenate([self.T_cols, self.spans.T_cols])
+        if self.elements is not None:
+            self.T_rows = np.concatenate([self.T_rows, self.elements.T_rows])
+            self.T_cols = np.concatenate([self.T_cols, self.elements.T_cols])
         self._T_constant = np.array(ones)
         self.n_fixed = len(ones)
         #: entries that are 1 at any configuration
@@ -642,8 +646,8 @@ class Kinematics:
         parts = [self._T_constant, shift.ravel(), turn.ravel()]
         if len(self.slide_number):
             parts.append(at.slide.ravel())
-        if self.spans is not None:
-            parts.append(self.spans.values(at.y, axis))
+        if self.elements is not None:
+            parts.append(self.elements.values(at.y, axis))
         return np.concatenate(parts)
 
     def reduce(self, values: Array, twist_force: Array) -> Array:

@@ -103,7 +103,7 @@ def _steps(triads: Floats) -> Floats:
 # -- elements drawn so much that node rotations their Gauss points do not see grow -----------------
 
 
-def overstretched(system: System, y: Floats, multipliers: Floats | None = None) -> str | None:
+def overstretched(system: System, y: Floats) -> str | None:
     """Elements whose tension is above what their bending stiffness can hold on this mesh.
 
     Parameters
@@ -111,8 +111,6 @@ def overstretched(system: System, y: Floats, multipliers: Floats | None = None) 
     system : System
     y : (rows or more, 3) array
         Configuration: the rows of a state q, or all rows from ``system.extend``.
-    multipliers : (m,) array, optional
-        Of the constraint rows there: with the tension of beams without extension.
 
     Returns
     -------
@@ -153,14 +151,17 @@ def overstretched(system: System, y: Floats, multipliers: Floats | None = None) 
     >>> overstretched(system, y).partition(" (1 more")[0]
     "tension 2.5e+03 N between nodes 0 and 1 of beam 'rope' is above 4 EI/h^2 = 2e+03 N"
     """
-    found = overstretched_beam(system, y, multipliers)
+    found = overstretched_beam(system, y)
     return None if found is None else found[1]
 
 
 def overstretched_beam(
     system: System, y: Floats, multipliers: Floats | None = None
 ) -> tuple[str, str] | None:
-    """Which beam :func:`overstretched` is about, and what it says."""
+    """Which beam :func:`overstretched` is about, and what it says.
+
+    With `multipliers` (m,) of the constraint rows the tension of inextensible beams counts, too.
+    """
     worst, about = 1.0 + 1e-9, None
     drawn = {
         beam: tuple(values[which] for values in found)

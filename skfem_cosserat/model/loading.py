@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from ..errors import InputError
+from ..errors import CosseratError, InputError
 from ..frames import Place
 from ..kernels import cross, skew
 from ..load import (
-    Constant,
     Load,
     Term,
     TermAcceleration,
@@ -22,6 +21,9 @@ from ..load import (
     TermFunction,
     TermLine,
     TermMoment,
+)
+from ..time_function import (
+    Constant,
     TimeFunction,
     constant_after,
 )
@@ -449,8 +451,12 @@ class FunctionLoad:
 
     def force(self, x: Array, v: Array, t: float) -> Array:
         """The function's value (k, 3), which must be finite numbers, real ones of real ones."""
-        out = np.array(self.term.force(x.copy(), v.copy(), t))  # functions may give one array again
         real = not (np.iscomplexobj(x) or np.iscomplexobj(v))
+        try:
+            out = np.array(self.term.force(x.copy(), v.copy(), t))  # it may give one array again
+        except Exception as error:
+            where = "" if real else " at complex numbers, with which its slopes are found"
+            raise self._failed("force", where, t, error) from error
         if out.shape != x.shape or out.dtype.kind not in ("iuf" if real else "iufc"):
             kind = f"an array {out.shape} of {out.dtype}"
             text = f"force gives {kind}, expected {x.shape} {'real ' * real}numbers"
@@ -459,6 +465,12 @@ class FunctionLoad:
             text = f"force is {out.tolist()} at t = {float(t)!r} s, not finite: x = {x.tolist()}"
             raise InputError(self.load.label, f"{text}, v = {v.tolist()}")
         return out
+
+    def _failed(self, name: str, where: str, t: float, error: Exception) -> CosseratError:
+        if isinstance(error, CosseratError):
+            return error
+        text = f"its {name} failed{where} at t = {t:.9g} s: {type(error).__name__}: {error}"
+        return InputError(self.load.label, text)
 
     def slopes(self, x: Array, v: Array, t: float) -> tuple[Array, Array]:
         """Derivatives (k, 3, k, 3) of the force by x and v.
@@ -484,10 +496,14 @@ class FunctionLoad:
     def _real_slopes(self, x: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
         shape = *x.shape, *x.shape
         if self.term.slopes is not None:
-            given = [np.array(each, dtype=float) for each in self.term.slopes(x, v, t)]
+            try:
+                found = self.term.slopes(x.copy(), v.copy(), t)
+                given = [np.array(each, dtype=float) for each in found]
+            except Exception as error:
+                raise self._failed("slopes function", "", t, error) from error
             if [each.shape for each in given] != [shape, shape]:
-                found = [each.shape for each in given]
-                text = f"slopes gives arrays {found}, expected two of {shape}"
+                shapes = [each.shape for each in given]
+                text = f"slopes gives arrays {shapes}, expected two of {shape}"
                 raise InputError(self.load.label, text)
             if not all(np.isfinite(each).all() for each in given):
                 raise InputError(self.load.label, f"slopes are not finite at t = {float(t)!r} s")
@@ -528,13 +544,8 @@ class FunctionLoad:
 
     def _error(self, x: Floats, v: Floats) -> float:
         """Largest difference of slopes, relative to the largest slope, above rounding."""
-        try:
-            slopes = np.array(self.slopes(x, v, 0.0))
-        except (TypeError, ValueError) as error:
-            if isinstance(error, InputError):
-                raise
-            text = f"its force or slopes failed at complex numbers, as slopes need it: {error}"
-            raise InputError(self.load.label, text) from error
+        force = self.force(x, v, 0.0)  # what is wrong with it is said before complex numbers come
+        slopes = np.array(self.slopes(x, v, 0.0))
         both, step = np.array([x, v]), SMALL * self._size(np.array([x, v]))
         other = np.empty_like(slopes)
         for i in np.ndindex(both.shape):
@@ -544,6 +555,6 @@ class FunctionLoad:
                 moved[i] += sign * step
                 ends.append(self.force(moved[0], moved[1], 0.0))
             other[(i[0], ..., *i[1:])] = (ends[0] - ends[1]) / (2 * step)
-        rounding = 1e-14 * float(abs(self.force(x, v, 0.0)).max()) / step
+        rounding = 1e-14 * float(abs(force).max()) / step
         gap = max(0.0, float(abs(slopes - other).max()) - rounding)
         return gap / max(float(abs(other).max()), rounding, 1e-300)

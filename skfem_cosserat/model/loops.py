@@ -17,8 +17,8 @@ from ..warn import warn
 from .checks import JointRows, Scene
 from .closure import SINGULAR, Closure, CoupledLoops, Selected, continued, directed
 from .reparametrisation import Reparametrisation
-from .theories import unheld_spans
-from .tree import Span
+from .theories import rows_beside_tree
+from .tree import ConstrainedElement
 
 __all__ = [
     "BROKEN",
@@ -121,8 +121,8 @@ def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
         if any(joint_of(jr) is j for j in system.tree.loops)
     ]
     none = np.zeros(0, dtype=np.int64)
-    unheld = unheld_spans(system.theory_rows, [span for span, _ in system.tree.spans])
-    numbers = np.concatenate([none, *rows, unheld])
+    beside = rows_beside_tree(system.theory_rows, [element for element, _ in system.tree.elements])
+    numbers = np.concatenate([none, *rows, beside])
     system.closure = Closure(system.kinematics, system.constraints, numbers, system.length)
     start = system.spanned
     there = system.closure.decide(start, tree_values(system, start))
@@ -179,14 +179,14 @@ def loop_joints(system: Scene, rows: IndexArray) -> list[Item]:
     """
     above = {e.child: e for e in system.tree.edges}
 
-    def path(vertex: int) -> set[Joint | Span]:
-        out: set[Joint | Span] = set()
+    def path(vertex: int) -> set[Joint | ConstrainedElement]:
+        out: set[Joint | ConstrainedElement] = set()
         while vertex in above:
             out.add(above[vertex].joint)
             vertex = above[vertex].parent
         return out
 
-    around: set[Joint | Span] = set()
+    around: set[Joint | ConstrainedElement] = set()
     beams: set[int] = set()
     for jr in system.joint_rows:
         if ((rows >= jr.rows.start) & (rows < jr.rows.stop)).any():
@@ -197,7 +197,7 @@ def loop_joints(system: Scene, rows: IndexArray) -> list[Item]:
             nodes = each.first + each.beam.basis.connectivity[e]
             around |= path(int(nodes[0])) ^ path(int(nodes[-1]))
             beams.add(id(each.beam))
-    beams |= {id(each.item) for each in around if isinstance(each, Span)}
+    beams |= {id(each.item) for each in around if isinstance(each, ConstrainedElement)}
     joints: list[Item] = [jr.joint for jr in system.joint_rows if jr.joint in around]
     return joints + [each.beam for each in system.theory_rows if id(each.beam) in beams]
 

@@ -1,8 +1,8 @@
 """The plane in which a scene moves.
 
 Nothing leaves the plane of a scene that equals its mirror image: an in-plane state has in-plane
-forces only. So of every item it is asked whether its mirror image is itself (out_of_plane.py); with
-the components ``nu`` of the plane's normal in a frame, what is material is reflected by
+forces only. So of every item it is asked whether its mirror image is itself (:func:`out_of_plane`);
+with the components ``nu`` of the plane's normal in a frame, what is material is reflected by
 ``S = 1 - 2 nu nu^T``.
 """
 
@@ -24,8 +24,9 @@ from ..frozen import Frozen
 from ..joint import Joint
 from ..kernels import cross, exp_quaternion, rotation_matrix
 from ..law import Law
-from ..load import Constant, Term
+from ..load import Term
 from ..relative import normals
+from ..time_function import Constant
 from ..types import ArrayLike, Floats, IndexArray
 from .force_elements import Couplings
 from .groups import lumped

@@ -192,9 +192,11 @@ class Reparametrisation:
         self._guide = np.array([e.guide for e in self._open_edges], dtype=np.int64)
         number = {c.number: i for i, c in enumerate(kin.sliding)}
         self._slides = _layers([tree.slides[e.child] for e in self._open_edges], number)
-        if kin.spans is not None:
-            self._exits = kin.spans.exits(tree)
-            self._span_at = np.array([i for i, e in enumerate(edges) if e.spans], dtype=np.int64)
+        if kin.elements is not None:
+            self._exits = kin.elements.exits(tree)
+            self._element_edges = np.array(
+                [i for i, e in enumerate(edges) if e.in_element], dtype=np.int64
+            )
             self._sums = _path_sums(edges, kin.row)
 
     def _prepare_ground(self) -> None:
@@ -207,7 +209,7 @@ class Reparametrisation:
         others = self._open_edges or len(self.sphere_numbers) or len(self._layers) > 1
         self._hung = (
             not others
-            and kin.spans is None
+            and kin.elements is None
             and bool(tree.edges)
             and all(e.parent >= len(kin.twist_of) for e in tree.edges)
         )
@@ -246,7 +248,7 @@ class Reparametrisation:
         swings = self.fixed.take(self.sphere_numbers[:, 0], axis=0)
         self._factors = np.concatenate([self._along, -swings, -self._hinge_free * self._hinge_axis])
         self._track_axis = cross(left, right) if len(left) else left
-        self._stretches0 = np.zeros(0) if kin.spans is None else kin.spans.stretches(y0)
+        self._stretches0 = np.zeros(0) if kin.elements is None else kin.elements.stretches(y0)
         self._set_ground(ground1)
         self.reset()
 
@@ -321,8 +323,8 @@ class Reparametrisation:
         if len(self._track):
             self._track = self._tracks.moved(self._track, increment)
         if len(self._stretches):
-            assert self.kin.spans is not None
-            self._stretches = self._stretches + increment[self.kin.spans.numbers]
+            assert self.kin.elements is not None
+            self._stretches = self._stretches + increment[self.kin.elements.numbers]
 
     def driven(self, coordinates: Sequence[Coordinate]) -> Floats:
         """Values of `coordinates` at the end of the step as far as drives prescribe them."""
@@ -369,7 +371,7 @@ class Reparametrisation:
             y[self._hung_rows] = moved[:, 0]
         elif self._levels:
             arms = self._arms(y, R, rotations[self._sphere_first : self._hinge_first])
-            if kin.spans is not None:  # trees along beams are deep
+            if kin.elements is not None:  # trees along beams are deep
                 rows, roots, sums = self._sums
                 y[rows] = y[roots] + sums @ arms
                 return y
@@ -397,8 +399,8 @@ class Reparametrisation:
             for which, number in self._slides:
                 arm[which] += slide[number]
             out[self._open_at] += (arm[:, None] @ R[self._guide])[:, 0]
-        if self.kin.spans is not None:
-            out[self._span_at] = self.kin.spans.arms(y, self._stretches)[self._exits]
+        if self.kin.elements is not None:
+            out[self._element_edges] = self.kin.elements.arms(y, self._stretches)[self._exits]
         return out
 
 

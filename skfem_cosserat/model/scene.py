@@ -16,11 +16,11 @@ from ..errors import IncompatibleError, InputError
 from ..frames import Item, Place, StructuralItem, is_beam
 from ..frozen import Replacements, loosened, seal
 from ..joint import Joint, JointDrive, JointLocked
-from ..load import (
+from ..load import Load
+from ..time_function import (
     Amplitude,
     Constant,
     FunctionOfTime,
-    Load,
     time_function,
 )
 from ..types import ArrayLike, Floats

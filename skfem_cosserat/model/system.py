@@ -51,7 +51,7 @@ from .loops import (
 )
 from .plane import Plane, guard_of
 from .quadratic import ConstraintBuilder, QuadraticConstraints
-from .theories import TheoryRows, add_theory_rows, spans_of
+from .theories import TheoryRows, add_theory_rows, constrained_elements
 from .tree import End, Spot, build_tree
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ class System:
         self.couplings = Couplings(couplings, self.row_of, start, self.rows, pushes)
         self.plane: Plane | None = None
         self._space: System | None = None
-        self._span()
+        self._build_tree()
         check_inertia(self, self.spanned, closure_rows(self))
         self._lock()
 
@@ -161,7 +161,7 @@ class System:
         out.plane, out._space, out.loading = plane, self.spatial, copy(self.loading)
         out.loading.guard = guard_of(self.loading, plane)
         out.grounds = self.grounds.confined(plane, [drive.place for drive in self.drives])
-        out._span()
+        out._build_tree()
         out._lock()
         return out
 
@@ -297,7 +297,7 @@ class System:
             build.add(self.terms(p.left), self.terms(p.right), p.factor, amplitude)
         build.end_row()
 
-    def _span(self) -> None:
+    def _build_tree(self) -> None:
         driven: dict[int, dict[str, int]] = {}
         for drive in self.drives:
             frame = self.spot(drive.place).vertex
@@ -306,8 +306,8 @@ class System:
             End(joint, self.spot(joint.a), self.spot(joint.b), driven.get(id(joint), {}))
             for joint in self.joints
         ]
-        frames, spans = self.is_frame.tolist(), spans_of(self.theory_rows)
-        self.tree = build_tree(frames, ends, spans, self.plane)
+        frames, elements = self.is_frame.tolist(), constrained_elements(self.theory_rows)
+        self.tree = build_tree(frames, ends, elements, self.plane)
         self.kinematics = Kinematics(self.tree, self.vertex_rows, self.is_frame, self.total)
         self.closure, self.redundant = close_loops(self)
         self.unknowns = self.kinematics.unknowns - self.closure.rank

@@ -19,12 +19,12 @@ from ..strain import FORMS
 from ..types import Floats, IndexArray
 from .groups import Structure
 from .quadratic import ConstraintBuilder
-from .tree import Span
+from .tree import ConstrainedElement
 
 if TYPE_CHECKING:
     from ..beam import Beam
 
-__all__ = ["TheoryRows", "add_theory_rows", "spans_of", "theory_of", "unheld_spans"]
+__all__ = ["TheoryRows", "add_theory_rows", "constrained_elements", "rows_beside_tree", "theory_of"]
 
 Terms = list[tuple[int, float]]
 
@@ -137,10 +137,10 @@ def _field(beam: Beam, e: int, origins: Sequence[int], values: Floats, i: int) -
     ]
 
 
-def spans_of(theories: Sequence[TheoryRows]) -> list[Span]:
+def constrained_elements(theories: Sequence[TheoryRows]) -> list[ConstrainedElement]:
     """Elements whose line follows from their directors."""
     return [
-        Span(
+        ConstrainedElement(
             each.beam,
             e,
             tuple(int(each.first + a) for a in nodes),
@@ -158,9 +158,11 @@ def _stretches(each: TheoryRows) -> int:
     return 0 if 2 in each.held else each.shape[1]
 
 
-def unheld_spans(theories: Sequence[TheoryRows], used: Sequence[Span]) -> IndexArray:
+def rows_beside_tree(
+    theories: Sequence[TheoryRows], used: Sequence[ConstrainedElement]
+) -> IndexArray:
     """Rows that the tree does not fulfil by itself: torsion, elements that close loops."""
-    done = {(id(span.item), span.element) for span in used}
+    done = {(id(element.item), element.number) for element in used}
     out = [np.zeros(0, dtype=np.int64)]
     for each in theories:
         numbers = each.numbers

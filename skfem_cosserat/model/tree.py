@@ -15,10 +15,10 @@ nodes and midpoints alike.
 In a scene that moves in one plane only the tree has the coordinates in that plane alone: two
 translations, rotations about its normal, what joints leave free in it.
 
-Elements of beams that hold shear strains are edges, too (:class:`Span`): from the node that the
-tree reaches first to each other one, whose rotation is free and whose position follows from the
-directors of all. To the tree they are spherical joints between the nodes' origins; what turns of
-their nodes add to the positions below is in :mod:`skfem_cosserat.model.kinematics`.
+Elements of beams that hold shear strains are edges, too (:class:`ConstrainedElement`): from the
+node that the tree comes to first to each other one, whose rotation is free and whose position
+follows from the directors of all. To the tree they are spherical joints between the nodes' origins.
+What turns of their nodes add to the positions below is in :mod:`skfem_cosserat.model.kinematics`.
 
 With r = x_b - x_a and the guide on side a: ``omega_b - omega_a`` is the relative rotation and
 ``rdot - omega_a x r`` the slide, whichever side is the parent. Both sides thus turn about x_b.
@@ -40,7 +40,7 @@ from .plane import Plane
 if TYPE_CHECKING:
     from ..beam import Beam
 
-__all__ = ["Coordinate", "Edge", "End", "Span", "Spot", "Tree", "build_tree"]
+__all__ = ["ConstrainedElement", "Coordinate", "Edge", "End", "Spot", "Tree", "build_tree"]
 
 
 @dataclass(frozen=True)
@@ -52,14 +52,15 @@ class Spot:
 
 
 @dataclass(frozen=True, eq=False)
-class Span:
-    """An element of a beam whose directors, and stretches at Gauss points if any, give its line.
+class ConstrainedElement:
+    """A constrained beam element in the tree.
 
-    Or one that is rigid: then its nodes are connected by fixed joints.
+    Its line follows from its directors, and from stretches at its Gauss points if these are free.
+    In a rigid element the nodes are connected by fixed joints.
     """
 
     item: Beam
-    element: int
+    number: int  # in the beam
     vertices: tuple[int, ...]
     nodes: tuple[int, ...]  # of the beam
     stretches: int = 0
@@ -87,7 +88,7 @@ class Span:
 class End:
     """A joint with its spots, and which of its coordinates are driven by which ground frame."""
 
-    joint: Joint | Span
+    joint: Joint | ConstrainedElement
     a: Spot
     b: Spot
     driven: Mapping[str, int] = field(default_factory=dict)
@@ -105,14 +106,14 @@ class Edge:
     sign: float  # +1: the child is side B (coordinates count from A to B)
 
     @property
-    def joint(self) -> Joint | Span:
+    def joint(self) -> Joint | ConstrainedElement:
         """Its joint, or the element that it is part of."""
         return self.end.joint
 
     @property
-    def spans(self) -> bool:
+    def in_element(self) -> bool:
         """Whether it is part of an element that is not rigid."""
-        return isinstance(self.end.joint, Span) and not self.end.joint.rigid
+        return isinstance(self.end.joint, ConstrainedElement) and not self.end.joint.rigid
 
     @property
     def guide(self) -> int:
@@ -163,8 +164,9 @@ class Tree:
     own: dict[int, list[int]] = field(default_factory=dict)
     turns: dict[int, list[Coordinate]] = field(default_factory=dict)  # relative, of a child
     slides: dict[int, list[Coordinate]] = field(default_factory=dict)
-    spans: list[tuple[Span, int]] = field(default_factory=list)  # and where the tree enters
-    stretches: dict[int, list[int]] = field(default_factory=dict)  # numbers by ``id(span)``
+    #: each with the vertex at which the tree enters it
+    elements: list[tuple[ConstrainedElement, int]] = field(default_factory=list)
+    stretches: dict[int, list[int]] = field(default_factory=dict)  # numbers by ``id(element)``
     plane: Plane | None = None
 
     @property
@@ -177,7 +179,7 @@ class Tree:
         """Unit vectors (3 or 1, 3) about which free rotations are."""
         return np.eye(3) if self.plane is None else self.plane.normal[None]
 
-    def freedom(self, joint: Joint | Span) -> Freedom:
+    def freedom(self, joint: Joint | ConstrainedElement) -> Freedom:
         """What a joint leaves free here."""
         free = joint.freedom()
         return free if self.plane is None else free.within(self.plane.normal)
@@ -186,7 +188,7 @@ class Tree:
 def build_tree(
     is_frame: list[bool],
     ends: list[End],
-    spans: Sequence[Span] = (),
+    elements: Sequence[ConstrainedElement] = (),
     plane: Plane | None = None,
 ) -> Tree:
     """Breadth-first spanning tree and its coordinates.
@@ -196,14 +198,14 @@ def build_tree(
     is_frame : list of bool
         Of the structural vertices; higher numbers in `ends` are ground frames.
     ends : list of End
-    spans : sequence of Span
+    elements : sequence of ConstrainedElement
         Those that close loops are left out.
     plane : Plane, optional
         To which all motion is confined.
     """
     nv = len(is_frame)
     tree = Tree(plane=plane)
-    edges = _span(nv, ends, tree, spans)
+    edges = _connect(nv, ends, tree, elements)
     by_child = {edge.child: edge for edge in edges}
     children = {edge.parent for edge in edges}
     for v in range(nv):  # numbering in vertex order keeps neighbours close
@@ -224,8 +226,10 @@ def build_tree(
     return tree
 
 
-def _span(nv: int, ends: list[End], tree: Tree, spans: Sequence[Span]) -> list[Edge]:
-    elements = _TreeElements(spans)
+def _connect(
+    nv: int, ends: list[End], tree: Tree, elements: Sequence[ConstrainedElement]
+) -> list[Edge]:
+    open_elements = _OpenElements(elements)
     around: dict[int, list[int]] = {}
     for j, end in enumerate(ends):
         for spot in (end.a, end.b):
@@ -255,35 +259,35 @@ def _span(nv: int, ends: list[End], tree: Tree, spans: Sequence[Span]) -> list[E
                 sign = 1.0 if child is b else -1.0
                 edges.append(Edge(end, child.vertex, parent.vertex, child, parent, sign))
                 queue.append(child.vertex)
-            queue += elements.reach(v, seen, tree, edges)
+            queue += open_elements.children(v, seen, tree, edges)
     tree.loops = [end.joint for j, end in enumerate(ends) if j not in used]  # type: ignore[misc]
     return edges
 
 
-class _TreeElements:
+class _OpenElements:
     """Elements that the tree may go along, each once."""
 
-    def __init__(self, spans: Sequence[Span]) -> None:
-        self._of: dict[int, list[Span]] = {}
-        for span in spans:
-            for v in span.vertices:
-                self._of.setdefault(v, []).append(span)
+    def __init__(self, elements: Sequence[ConstrainedElement]) -> None:
+        self._of: dict[int, list[ConstrainedElement]] = {}
+        for element in elements:
+            for v in element.vertices:
+                self._of.setdefault(v, []).append(element)
         self._done: set[int] = set()
 
-    def reach(self, v: int, seen: set[int], tree: Tree, edges: list[Edge]) -> list[int]:
+    def children(self, v: int, seen: set[int], tree: Tree, edges: list[Edge]) -> list[int]:
         """Vertices that are new from v on; an element with others that are not closes a loop."""
         out: list[int] = []
-        for span in self._of.get(v, []):
-            others = [c for c in span.vertices if c != v]
-            if id(span) not in self._done and not seen.intersection(others):
-                tree.spans.append((span, v))
+        for element in self._of.get(v, []):
+            others = [c for c in element.vertices if c != v]
+            if id(element) not in self._done and not seen.intersection(others):
+                tree.elements.append((element, v))
                 for c in others:
-                    end = End(span, Spot(v, span.arm(v, c)), Spot(c))
+                    end = End(element, Spot(v, element.arm(v, c)), Spot(c))
                     tree.depth[c] = tree.depth[v] + 1
                     edges.append(Edge(end, c, v, end.b, end.a, 1.0))
                 seen.update(others)
                 out += others
-            self._done.add(id(span))
+            self._done.add(id(element))
         return out
 
 
@@ -312,7 +316,7 @@ class _Own:
             if self.frame:
                 for axis in self.tree.axes:
                     self.add("rotation", axis, centre=Spot(self.v))
-        elif isinstance(edge.joint, Span):
+        elif isinstance(edge.joint, ConstrainedElement):
             if edge.joint.rigid:
                 return
             self._stretches(edge.joint)
@@ -346,11 +350,11 @@ class _Own:
             new = self.add("axis", axis, driven.get(turn.name), guide=guide, centre=centre)
             self.tree.turns.setdefault(self.v, []).append(new)
 
-    def _stretches(self, span: Span) -> None:
+    def _stretches(self, element: ConstrainedElement) -> None:
         """Of the element, with the first of its vertices."""
-        if id(span) not in self.tree.stretches:
-            new = [self.add("stretch", np.zeros(3)) for _ in range(span.stretches)]
-            self.tree.stretches[id(span)] = [c.number for c in new]
+        if id(element) not in self.tree.stretches:
+            new = [self.add("stretch", np.zeros(3)) for _ in range(element.stretches)]
+            self.tree.stretches[id(element)] = [c.number for c in new]
 
 
 def _passed_on(tree: Tree, edge: Edge, parent: list[Pair], is_frame: list[bool]) -> list[Pair]:
@@ -366,7 +370,7 @@ def _passed_on(tree: Tree, edge: Edge, parent: list[Pair], is_frame: list[bool])
             pairs.append(Pair(c, pair.number, pair.target, False))
         elif absolute or not is_frame[c]:
             # a turn about the origin of a node moves the next one by its directors only
-            if not edge.spans or tree.coordinates[pair.number].centre != fulcrum:
+            if not edge.in_element or tree.coordinates[pair.number].centre != fulcrum:
                 pairs.append(Pair(c, pair.number, fulcrum, False))
         else:
             pairs.append(Pair(c, pair.number, Spot(c), True))

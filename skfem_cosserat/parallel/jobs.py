@@ -273,34 +273,25 @@ ADVICE = (
 )
 
 
-class _Culprit(NamedTuple):
-    """What cannot be pickled, and where it is."""
-
-    where: str
-    what: str
-
-
 def refusal(job: Job, error: BaseException) -> InputError:
     """The error for a job that cannot be pickled: names all that stands in the way."""
     label = f"job {job.name!r}"
     named = {"function": job.function}
     named |= {f"argument {k + 1}": value for k, value in enumerate(job.args)}
     named |= {f"argument {name}": value for name, value in job.kwargs.items()}
-    found: list[_Culprit] = []
+    found: list[tuple[str, str]] = []
     seen: set[int] = set()
     for where, value in named.items():
         found += _culprits(value, where, seen)
     if not found:  # each can go alone, but not all together
         return InputError(label, f"cannot be sent to another process: {error}; {ADVICE}")
-    first, *others = found
-    what = "; ".join([first.what, *(f"{each.where}: {each.what}" for each in others)])
-    return InputError(
-        f"{label}, {first.where}", f"{what} cannot be sent to another process: {ADVICE}"
-    )
+    (where, first), *others = found
+    what = "; ".join([first, *(f"{place}: {each}" for place, each in others)])
+    return InputError(f"{label}, {where}", f"{what} cannot be sent to another process: {ADVICE}")
 
 
-def _culprits(value: Any, where: str, seen: set[int]) -> Iterator[_Culprit]:
-    """The smallest parts that cannot be pickled, each once."""
+def _culprits(value: Any, where: str, seen: set[int]) -> Iterator[tuple[str, str]]:
+    """Where the smallest parts are that cannot be pickled, and what, each once."""
     if id(value) in seen or _travels(value):
         return
     seen.add(id(value))
@@ -308,7 +299,7 @@ def _culprits(value: Any, where: str, seen: set[int]) -> Iterator[_Culprit]:
         where = value.label
     parts = [part for part in _parts(value) if not _travels(part)]
     if not parts:
-        yield _Culprit(where, _named(value))
+        yield where, _named(value)
     for part in parts:
         yield from _culprits(part, where, seen)
 

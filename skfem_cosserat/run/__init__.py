@@ -28,6 +28,7 @@ from .sensors import (
     SensorStrain,
     SensorVelocity,
     View,
+    Window,
 )
 from .start import initial_state, project, restart
 from .step_advice import StepAdvice, advise_step
@@ -59,6 +60,7 @@ __all__ = [
     "StepAdvice",
     "StepControl",
     "View",
+    "Window",
     "advise_step",
     "after_events",
     "derive_series",

@@ -13,9 +13,13 @@ from ..errors import InputError
 from ..frozen import Frozen, brief
 from ..integrators import State
 from ..joint import Joint
-from ..load import Amplitude, Load, time_function
+from ..load import Load
 from ..model import Model, System, system_of
 from ..model.scene import joint_of, load_of, locked, released, unlocked, with_amplitude
+from ..time_function import (
+    Amplitude,
+    time_function,
+)
 from ..types import numbers, switch
 from .sensors import Sensor, View
 from .start import consistent_start

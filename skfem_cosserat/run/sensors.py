@@ -41,6 +41,7 @@ __all__ = [
     "SensorStrain",
     "SensorVelocity",
     "View",
+    "Window",
     "checked_sensors",
     "window_of",
 ]
@@ -218,15 +219,20 @@ BLOCK = 128
 class Window(NamedTuple):
     """Some states after each other, and the steps that led from one to the next.
 
+    The method ``values`` of a sensor is given it; see :class:`Sensor`.
+
     Attributes
     ----------
     t : (k,) array
+        Time (s) of each state.
     q : (k, n) array
+        Configuration of each state.
     step_t : (j,) array
-        Instants at which the constraint forces of steps act.
+        Instants (s) at which the constraint forces of steps act.
     points : (j, total, 3) array
-        Where they act; only for sensors that ask for it.
+        Configurations at which these forces act; only for sensors that ask for forces.
     force : (j, n) array
+        Constraint forces of the steps; only for sensors that ask for them.
     """
 
     t: Floats
@@ -237,15 +243,45 @@ class Window(NamedTuple):
 
 
 class Sensor(Attached):
-    """Base of the sensors.
+    """Base of the sensors, and of one's own.
+
+    An own sensor gives the methods :meth:`items` and :meth:`values`, and the attributes below where
+    they differ.
 
     Attributes
     ----------
     unit : str
+        Of the values, for charts and tables.
     derivative : int
         How often the record is differentiated in time, by differences of second order.
     forces : bool
         Whether it needs the constraint forces of steps.
+
+    Examples
+    --------
+    The distance of two mass points at every step, while few states are recorded:
+
+    >>> import skfem_cosserat as sc
+    >>> class SensorDistance(sc.Sensor):
+    ...     unit = "m"
+    ...
+    ...     def __init__(self, a, b):
+    ...         self.a, self.b = a, b
+    ...
+    ...     def items(self):
+    ...         return [self.a, self.b]
+    ...
+    ...     def values(self, system, window):
+    ...         a, b = (window.q[:, system.dofs(each.place())] for each in self.items())
+    ...         return np.linalg.norm(b - a, axis=1)
+    >>> model = sc.Model()
+    >>> a = model.add("a", sc.MassPoint(1.0))
+    >>> b = model.add("b", sc.MassPoint(1.0, position=(1.0, 0, 0), velocity=(2.0, 0, 0)))
+    >>> sensors = {"gap": SensorDistance(a, b)}
+    >>> scheme = sc.EnergyMomentum(), sc.NullSpace()
+    >>> history = sc.simulate(model, *scheme, 0.1, 0.3, every=3, sensors=sensors)
+    >>> history.sensors["gap"].values.round(9).tolist()
+    [1.0, 1.2, 1.4, 1.6]
     """
 
     unit = ""

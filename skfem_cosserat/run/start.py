@@ -19,10 +19,10 @@ from ..frames import is_beam
 from ..history import History
 from ..integrators import Integrator, State, StepOrigin
 from ..joint import Joint
-from ..load import Constant
 from ..model import System, takes_scene
 from ..model.force_elements import Invariants, kind_of
 from ..relative import RelativeCoordinate
+from ..time_function import Constant
 from ..types import ArrayLike, Floats, IndexArray, check_kind, numbers, positive, real
 from ..warn import warn
 from .describe import other_model, recorded_turns
@@ -305,6 +305,8 @@ def project(
 
     Examples
     --------
+    A pendulum: the velocity along the rod is taken off:
+
     >>> from skfem_cosserat import JointDistance, MassPoint, Model, ground
     >>> model = Model()
     >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))

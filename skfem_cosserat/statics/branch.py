@@ -12,11 +12,11 @@ from ..diagnostics.stacked import null_space_matrix
 from ..errors import HistoryError, InputError
 from ..history import History
 from ..integrators import State
-from ..load import Amplitude
 from ..model import Model, System, system_of
 from ..model.balance import Amplitudes, Balance, Spin, amplitudes_at, balance
 from ..run.describe import other_model
 from ..run.start import broken_constraint
+from ..time_function import Amplitude
 from ..types import Floats, numbers
 from .control import ArcLength, Control, DisplacementControl, Stage
 from .critical_points import inspect

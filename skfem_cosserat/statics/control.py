@@ -327,7 +327,6 @@ class _ArcStage(Stage):
     ) -> None:
         self._weights, self._control = weights(system), control
         self._secant, self._sign = direction, sign
-        self._last_t: float | None = None
         self.parameter, self._stops, self._count = 0.0, [], 0
         self.crossed = False
         self.length, self.longest = control.length, control.longest

@@ -17,13 +17,13 @@ from ..history import History
 from ..integrators import State
 from ..integrators.choice import choose, estimated_seconds, static_refusal
 from ..linear import SingularMatrixError, Solver
-from ..load import Amplitude
 from ..model import Model, System, system_of
 from ..model.balance import Spin, balance
 from ..model.limits import over_rotated_beam
 from ..newton import NewtonReport, NewtonSettings
 from ..run.progress import Interrupt, Progress
 from ..run.recorder import deriving
+from ..time_function import Amplitude
 from ..types import Floats
 from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
 from .branch import Branch, branch_stage

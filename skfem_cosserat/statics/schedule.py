@@ -14,12 +14,18 @@ from ..coupling import Coupling
 from ..diagnostics import coupling_energy, strain_energy
 from ..errors import InputError
 from ..history import History, HistoryWriter
-from ..load import Amplitude, Constant, Load, TimeFunction, time_function
+from ..load import Load
 from ..model import System
 from ..model.balance import Amplitudes, Spin
 from ..newton import NewtonReport
 from ..run.describe import derive_configuration, describe
 from ..run.recorder import take_along
+from ..time_function import (
+    Amplitude,
+    Constant,
+    TimeFunction,
+    time_function,
+)
 from ..types import MOST, Array, Floats, IndexArray, numbers, positive, real
 from ..types import shown as cut
 from ..warn import Notices

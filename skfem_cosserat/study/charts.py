@@ -211,7 +211,7 @@ def precision_chart(
     reference_errors: Mapping[str, float],
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:
-    """One panel a quantity; see :meth:`PrecisionTable.chart`.
+    """One panel a quantity; see :meth:`~skfem_cosserat.study.PrecisionTable.chart`.
 
     Parameters
     ----------
@@ -317,7 +317,7 @@ def stability_chart(
     lines: Mapping[str, Floats],
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:
-    """Cells over the last axis (to the right) and the last but one; see :meth:`Map.chart`.
+    """Cells of a map over its last axis (to the right) and the last but one.
 
     Parameters
     ----------
@@ -422,7 +422,6 @@ def chart_errors(
     lines: Mapping[str, tuple[Sequence[float], Sequence[float]]],
     tolerance: float | None = None,
     path: str | os.PathLike[str] | None = None,
-    title: str = "",
 ) -> Figure:
     """Errors against unknowns, each line with markers.
 
@@ -434,7 +433,6 @@ def chart_errors(
         A dashed line.
     path : path, optional
         Picture to write.
-    title : str
 
     Returns
     -------
@@ -456,7 +454,7 @@ def chart_errors(
     if not lines:
         raise InputError("argument lines", "there is nothing to draw")
     figure = new_figure(5.0, 4.0)
-    draw_errors(figure.subplots(), lines, tolerance, title)
+    draw_errors(figure.subplots(), lines, tolerance)
     return write_figure(figure, path)
 
 

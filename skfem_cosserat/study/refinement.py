@@ -358,14 +358,17 @@ def refine(
         `norm` their last state). Default: all entries of a mapping (but ``"t"``), or the number or
         array itself under the name ``"value"``.
     norm : OverTime, optional
-        :class:`MaximumOverTime`, :class:`RootMeanSquare` or :class:`AtInstants`.
+        :class:`~skfem_cosserat.study.MaximumOverTime`,
+        :class:`~skfem_cosserat.study.RootMeanSquare` or
+        :class:`~skfem_cosserat.study.AtInstants`.
         Compare over time, at instants that all levels have recorded: quantities must then have one
         entry for each state of the History (or entry of ``"t"`` of a mapping). Default: values are
         compared as they are, by the Euclidean norm.
     reference : optional
         True values: a number or array (of the only quantity) or a mapping by quantity, each also a
         function (of the instants, if compared over time), or :class:`ReferenceKnown`;
-        :class:`ReferenceRun`, another call of the problem; :class:`ReferenceFinest`. None: levels
+        :class:`~skfem_cosserat.study.ReferenceRun`, another call of the problem;
+        :class:`ReferenceFinest`. None: levels
         are compared with each other, and errors are against the value that Richardson
         extrapolation gives.
     rounding : float or mapping, optional

@@ -6,7 +6,7 @@ Inputs: joints ``P0`` to ``P5`` (m) and their ``axes`` (six vectors, or letters 
 
 Field over ``t``: ``P3``. A case is the entry's name, one of its keys, or an instant (s). From rest
 and with one degree of freedom the motion is periodic; where it turns (near 5 and 10 s) an error in
-phase shows squared only. :mod:`six_body_linkage` has other linkages of the family.
+phase shows squared only. :mod:`paper.six_body_linkage` has other linkages of the family.
 """
 
 from __future__ import annotations
@@ -21,10 +21,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(1, str(Path(__file__).resolve().parents[2]))
 
-import six_body_linkage
-
 import skfem_cosserat as sc
 from collection import common, inputs, motion
+from paper import six_body_linkage
 
 ENTRIES = ("R4_bricard",)
 QUICK = ("0.5",)

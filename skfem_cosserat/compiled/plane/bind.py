@@ -10,11 +10,11 @@ from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
 
 from ...model import System
 from ...model.groups import BeamGroup
-from ...model.tree import Span, Spot
+from ...model.tree import ConstrainedElement, Spot
 from ...strain import FORMS, strain_factors
 from ...types import Floats, IndexArray
 from .. import structures
-from ..bind import KINDS, bound_spans, coordinates_of, followed, fulcrum_of, integers, nested
+from ..bind import KINDS, bound_elements, coordinates_of, followed, fulcrum_of, integers, nested
 from ..numbers import COUPLED
 from ..plan import Plan
 from . import complex_numbers as places
@@ -154,9 +154,9 @@ def bound_tree(system: System, plan: Plan, frames: Frames, rows: Any) -> tuple[A
 
 
 def _edges(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
-    """Tables of joints and spans, see :mod:`.places`."""
+    """Tables of joints and constrained elements, see :mod:`.complex_numbers`."""
     tree, count = system.tree, frames.count
-    spans = _spans(system, plan, frames)
+    elements = _elements(system, plan, frames)
     edges = np.zeros((len(tree.edges), len(places.EDGES)), dtype=np.int64)
     arms = np.zeros((len(tree.edges), len(places.ARMS)))
     last = 0
@@ -166,7 +166,7 @@ def _edges(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
         first, last = last, last + len(own)
         edges[k] = (
             *(e.child, e.parent if inside else -1, e.parent, e.guide, fulcrum.vertex),
-            *(spans["span"][k], first, last, system.is_frame[e.child], relative),
+            *(elements["element"][k], first, last, system.is_frame[e.child], relative),
             *(bool(tree.slides.get(e.child)), inside and system.is_frame[e.parent]),
         )
         for column, spot in (
@@ -175,14 +175,14 @@ def _edges(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
             (places.FULCRUM_SPOT, fulcrum),
         ):
             put(arms, k, column, frames.offset(spot))
-        if (number := spans["span"][k]) >= 0:
-            arms[k, places.SPAN_LENGTH] = spans["span_length"][number]
-            put(arms, k, places.STRAIN, spans["strain"][number])
-            put(arms, k, places.SECTION_A, spans["turned"][number, 0])
-            put(arms, k, places.SECTION_B, spans["turned"][number, 1])
+        if (number := elements["element"][k]) >= 0:
+            arms[k, places.ELEMENT_LENGTH] = elements["element_length"][number]
+            put(arms, k, places.STRAIN, elements["strain"][number])
+            put(arms, k, places.SECTION_A, elements["turned"][number, 0])
+            put(arms, k, places.SECTION_B, elements["turned"][number, 1])
     both = [np.ascontiguousarray(edges[:, k]) for k in (places.CHILD, places.PARENT)]
     tables = {"edges": edges, "arms": arms, "child": both[0], "parent": both[1]}
-    return tables | {"span_slot": spans["span_slot"]}
+    return tables | {"element_slot": elements["element_slot"]}
 
 
 def put(table: Floats, k: int, column: int, z: complex) -> None:
@@ -191,7 +191,7 @@ def put(table: Floats, k: int, column: int, z: complex) -> None:
 
 
 def _coordinates(system: System, frames: Frames) -> dict[str, Any]:
-    """Tables of coordinates, see :mod:`.places`."""
+    """Tables of coordinates, see :mod:`.complex_numbers`."""
     tree = system.tree
     each = coordinates_of(system)
     both = [(e, c) for e, cs in zip(tree.edges, each, strict=True) for c in cs]
@@ -295,13 +295,15 @@ def choose_rows(system: System, fields: dict[str, Any], rows: IndexArray) -> Non
     fields["loop_constant"][:] = constant[rows]
 
 
-def _spans(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
+def _elements(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
     """Elements whose lines follow from their directors."""
-    space = bound_spans(system, plan)
-    edges = [e for e in system.tree.edges if e.spans and isinstance(e.joint, Span)]
+    space = bound_elements(system, plan)
+    edges = [
+        e for e in system.tree.edges if e.in_element and isinstance(e.joint, ConstrainedElement)
+    ]
     ends = np.array([(e.parent, e.child) for e in edges], dtype=np.int64).reshape(-1, 2)
-    turned, section = sections_of(space["span_rotation"], frames.director[ends])
-    return space | {"strain": (section * space["span_strain"]).sum(-1), "turned": turned}
+    turned, section = sections_of(space["element_rotation"], frames.director[ends])
+    return space | {"strain": (section * space["element_strain"]).sum(-1), "turned": turned}
 
 
 def sections_of(rotations: Floats, director: ComplexArray) -> tuple[ComplexArray, ComplexArray]:

@@ -18,6 +18,8 @@ from .complex_numbers import (
     CENTRE_SPOT,
     CHILD,
     CHILD_SPOT,
+    ELEMENT,
+    ELEMENT_LENGTH,
     FIRST,
     FRAMED,
     FULCRUM,
@@ -36,8 +38,6 @@ from .complex_numbers import (
     SECTION_B,
     SIGN,
     SLIDE0,
-    SPAN,
-    SPAN_LENGTH,
     STRAIN,
     TARGET,
     TARGET_SPOT,
@@ -62,15 +62,15 @@ from .complex_numbers import (
 from .complex_numbers import SLIDE as DIRECTION
 
 __all__ = [
+    "element_arm",
+    "element_curvature",
+    "element_maps",
+    "element_stretch",
     "joint_add",
     "joint_begin",
     "joint_curvature",
     "joint_maps",
     "joint_move",
-    "span_arm",
-    "span_curvature",
-    "span_maps",
-    "span_stretch",
 ]
 
 
@@ -90,7 +90,7 @@ def joint_begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         put_complex(arms, e, ARM, minus(b, a))
         for j in range(edges[e, FIRST], edges[e, LAST]):
             if coordinates[j, KIND] == STRETCH:
-                value[j] = span_stretch(edges, arms, e, y0)
+                value[j] = element_stretch(edges, arms, e, y0)
     return 0.0
 
 
@@ -122,12 +122,12 @@ def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                 by = product(by, complex_at(turn, edges[e, PARENT_AT], 0))
             put_complex(turn, v, 0, by)
             put_complex(y1, v, 2, product(by, arrow(y0, v)))
-        if edges[e, SPAN] >= 0:
+        if edges[e, ELEMENT] >= 0:
             stretched = 0.0
             for j in range(edges[e, FIRST], edges[e, LAST]):
                 if coordinates[j, KIND] == STRETCH:
                     stretched += value[j]
-            x = plus(point(y1, edges[e, PARENT_AT]), span_arm(edges, arms, e, y1, stretched))
+            x = plus(point(y1, edges[e, PARENT_AT]), element_arm(edges, arms, e, y1, stretched))
         else:
             x = spot(y1, edges[e, PARENT_AT], complex_at(arms, e, PARENT_SPOT))
             x = minus(x, product(complex_at(arms, e, CHILD_SPOT), arrow(y1, v)))
@@ -165,8 +165,8 @@ def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
             X[e, k] = 0.0
         X[e, 0] = 1.0
         X[e, 5] = 1.0
-        if edges[e, SPAN] >= 0:
-            span_maps(edges, arms, coordinates, e, y, S, X)
+        if edges[e, ELEMENT] >= 0:
+            element_maps(edges, arms, coordinates, e, y, S, X)
             continue
         for j in range(edges[e, FIRST], edges[e, LAST]):
             o, kind = coordinates[j, OWN], coordinates[j, KIND]
@@ -217,7 +217,7 @@ def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
         for k in range(12):
             C_child[e, k] = 0.0
             C_parent[e, k] = 0.0
-        if edges[e, SPAN] >= 0:  # nothing acts beyond, see span_curvature
+        if edges[e, ELEMENT] >= 0:  # nothing acts beyond, see element_curvature
             continue
         f = scaled(weight, point(F, v))
         if edges[e, CARRIED]:
@@ -311,23 +311,23 @@ def conjugate(a: Complex) -> Complex:
 
 
 @inlined
-def span_stretch(edges: IndexArray, arms: Floats, e: int, y: Floats) -> float:
+def element_stretch(edges: IndexArray, arms: Floats, e: int, y: Floats) -> float:
     """Axial strain."""
     a, b = sections(edges, arms, e, y)
-    line = scaled(0.5 / arms[e, SPAN_LENGTH], between(edges, e, y))
+    line = scaled(0.5 / arms[e, ELEMENT_LENGTH], between(edges, e, y))
     return inner(plus(a, b), line) - arms[e, STRAIN]
 
 
 @inlined
-def span_arm(edges: IndexArray, arms: Floats, e: int, y: Floats, stretched: float) -> Complex:
+def element_arm(edges: IndexArray, arms: Floats, e: int, y: Floats, stretched: float) -> Complex:
     """From parent to child, whose unit vectors are in place, with this axial strain."""
     a, b = sections(edges, arms, e, y)
     strain = arms[e, STRAIN] + stretched, arms[e, STRAIN + 1]
-    return over(scaled(2.0 * arms[e, SPAN_LENGTH], strain), conjugate(plus(a, b)))
+    return over(scaled(2.0 * arms[e, ELEMENT_LENGTH], strain), conjugate(plus(a, b)))
 
 
 @inlined
-def span_maps(
+def element_maps(
     edges: IndexArray,
     arms: Floats,
     coordinates: IndexArray,
@@ -347,7 +347,7 @@ def span_maps(
     for j in range(edges[e, FIRST], edges[e, LAST]):
         o = coordinates[j, OWN]
         if coordinates[j, KIND] == STRETCH:
-            u, turning = scaled(2.0 * arms[e, SPAN_LENGTH], inverse), 0.0
+            u, turning = scaled(2.0 * arms[e, ELEMENT_LENGTH], inverse), 0.0
         else:
             u, turning = crossed(b, turned), 1.0
         S[e, o] = u[0]
@@ -356,10 +356,10 @@ def span_maps(
 
 
 @part
-def span_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+def element_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Derivative of the maps at the midpoint for fixed forces: as geometric stiffness.
 
-    See :func:`skfem_cosserat.compiled.tree.span_curvature`. Takes ``w.F`` (flag 1: with the
+    See :func:`skfem_cosserat.compiled.tree.element_curvature`. Takes ``w.F`` (flag 1: with the
     predicted stresses), leaves the balance without these forces in ``w.R_mixed``.
     """
     F, R, R0, weight = w.F, w.R_mixed, w.R, numbers[WEIGHT]
@@ -369,16 +369,16 @@ def span_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         for v in range(len(R)):
             for i in range(4):
                 R[v, i] = R0[v, i]
-    mid, y1, A, slot, edges, arms = w.mid, w.y1, w.A, s.span_slot, s.edges, s.arms
+    mid, y1, A, slot, edges, arms = w.mid, w.y1, w.A, s.element_slot, s.edges, s.arms
     none = (0.0, 0.0)
     for e in range(len(edges)):
-        k = edges[e, SPAN]
+        k = edges[e, ELEMENT]
         if k < 0:
             continue
         v, p = edges[e, CHILD], edges[e, PARENT_AT]
         a, b = sections(edges, arms, e, mid)
         c, d = sections(edges, arms, e, y1)
-        length, f = arms[e, SPAN_LENGTH], point(F, v)
+        length, f = arms[e, ELEMENT_LENGTH], point(F, v)
         mu = over(scaled(2.0 * length, f), plus(a, b))
         on_both = scaled(0.5 / length, product(between(edges, e, mid), conjugate(mu)))
         take_off(R, p, scaled(-1.0, f), crossed(complex_at(arms, e, SECTION_A), on_both))

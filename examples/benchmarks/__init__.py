@@ -1,0 +1,1 @@
+"""Evidence: computed beside references and other codes; README.md lists the programs."""

@@ -1,0 +1,154 @@
+"""Tables, chart and text of the dynamic references."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from record import Record
+
+#: of a run: rotations (-), velocities (m/s) and energy (J), where the reference has them
+OTHERS = ("rotation", "velocity", "energy")
+
+
+def main(result: dict[str, Any], folder: Path, record: Record, number: int) -> list[Path]:
+    """Write three tables and, where matplotlib is there, a chart.
+
+    Parameters
+    ----------
+    result : dict
+        Of ``dynamic_references.main``.
+    folder : Path
+        It exists.
+    record, number
+        The session, and the run in it that made the numbers.
+    """
+    head = ["scene", "integrator", "order"]
+    with_error = ["placement_error", "velocity_error_m_s", "energy_error_J"]
+    tables = {
+        "space": ([*head, "elements", *with_error], _rows(result["space"], "elements")),
+        "time": ([*head, "step_s", *with_error], _rows(result["time"], "steps")),
+        "reference": (
+            [*head, "elements", "time_s", "position_error_m", "rotation_error"]
+            + ["velocity_error_m_s", "energy_error_J", "uncertainty_m"],
+            _reference_rows(result),
+        ),
+    }
+    paths = [
+        record.write_csv(folder / f"dynamic_references.{name}.csv", number, header, rows)
+        for name, (header, rows) in tables.items()
+    ]
+    with suppress(ImportError):  # charts come with the extra "view"
+        paths.append(chart(result, folder / "dynamic_references.png"))
+    return paths
+
+
+def chart(result: dict[str, Any], path: Path) -> Path:
+    """Errors in space above, in time below, a column for each scene."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 6.4), layout="constrained")
+    axes = figure.subplots(2, 3)
+    for column, name in enumerate(result["uncertainty"]):
+        _draw_space(axes[0, column], result, name)
+        _draw_time(axes[1, column], result, name)
+    axes[0, 0].set_ylabel("error in space: smooth loads full,\nas given broken; grey: reference")
+    axes[1, 0].set_ylabel("error in time, smooth loads:\nenergy-momentum full, variational broken")
+    axes[0, 0].legend(fontsize="x-small")
+    figure.savefig(path, dpi=120)
+    return path
+
+
+def _rows(tables: dict[Any, Any], key: str) -> Iterator[Sequence[Any]]:
+    """Of the orders with smooth loads."""
+    for (name, integrator), table in tables.items():
+        for order, entry in table.items():
+            columns = (entry[key], entry["error"], entry["velocity"], entry["energy"])
+            for values in zip(*columns, strict=True):
+                yield name, integrator, order, *values
+
+
+def _reference_rows(result: dict[str, Any]) -> Iterator[Sequence[Any]]:
+    """Of the meshes with the loads as given, then of the finest runs."""
+    for (name, order), entry in result["given"].items():
+        tail = ("", "", "", result["uncertainty"][name])
+        for count, error in zip(entry["elements"], entry["error"], strict=True):
+            yield name, "energy-momentum", order, count, f"up to {entry['until']}", error, *tail
+    for (name, integrator), run in result["finest"].items():
+        for k, t in enumerate(run["times"]):
+            others = [run[key][k] if key in run else "" for key in OTHERS]
+            head = (name, integrator, run["order"], run["elements"], t)
+            yield *head, run["position"][k], *others, run["uncertainty"][k]
+
+
+def _draw_space(axis: Any, result: dict[str, Any], name: str) -> None:
+    """Against the number of elements: smooth loads full, loads as given broken."""
+    for order, entry in result["space"][name, "energy-momentum"].items():
+        colour = f"C{order - 1}"
+        label = f"order {order}: 2p = {2 * order}"
+        axis.loglog(entry["elements"], entry["error"], "o-", color=colour, ms=4, label=label)
+        given = result["given"][name, order]
+        axis.loglog(given["elements"], given["error"], "s--", color=colour, ms=4, mfc="none")
+    axis.axhline(result["uncertainty"][name], color="grey", lw=1)
+    axis.set(title=name, xlabel="elements in each leg" if name == "D2" else "elements")
+    axis.grid(which="both", alpha=0.3)
+
+
+def _draw_time(axis: Any, result: dict[str, Any], name: str) -> None:
+    """Against the step, smooth loads: energy-momentum full, variational broken."""
+    for integrator, style in (("energy-momentum", "o-"), ("variational", "s--")):
+        for order, entry in result["time"][name, integrator].items():
+            axis.loglog(entry["steps"], entry["error"], style, color=f"C{order - 1}", ms=4)
+    axis.set_xticks(entry["steps"], [f"1/{round(1 / h)}" for h in entry["steps"]])
+    axis.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
+    axis.set(xlabel="step in s")
+    axis.grid(which="both", alpha=0.3)
+
+
+def _order(key: str, sizes: Sequence[float], error: Sequence[float]) -> float:
+    """Between the last two meshes; steps: the two before, as the limit is made of the last too."""
+    which = slice(-2, None) if key == "elements" else slice(-3, -1)
+    return float(abs(np.diff(np.log(error[which]))[0] / np.diff(np.log(sizes[which]))[0]))
+
+
+def lines(result: dict[str, Any]) -> Iterable[str]:
+    """Orders between the two finest meshes and steps, and what was reached."""
+    for kind, key in (("space", "elements"), ("time", "steps")):
+        yield f"orders in {kind}, smooth loads (placement, velocity, energy):"
+        for (name, integrator), table in result[kind].items():
+            for order, entry in table.items():
+                found = [_order(key, entry[key], entry[x]) for x in ("error", "velocity", "energy")]
+                text = ", ".join(f"{x:.2f}" for x in found)
+                yield f"  {name} {integrator:16s} p = {order}: {text}; {entry['error'][-1]:.1e}"
+    yield "largest position error with the loads as given, against the reference:"
+    for (name, order), entry in result["given"].items():
+        pairs = zip(entry["elements"], entry["error"], strict=True)
+        text = ", ".join(f"{n}: {e:.1e}" for n, e in pairs)
+        yield f"  {name} p = {order}: {text} (reference {result['uncertainty'][name]:.0e})"
+    for (name, integrator), run in result["finest"].items():
+        mesh = f"order {run['order']}, {run['elements']} elements, steps {run['steps']}"
+        yield f"finest run of {name}, {integrator}: {mesh}"
+        for key in ("times", "uncertainty", "position", *OTHERS):
+            if key in run:
+                yield f"  {key:12s}" + " ".join(f"{x:9.2g}" for x in run[key])
+
+
+def plain(value: Any) -> Any:
+    """For JSON: keys joined, arrays as lists."""
+    if isinstance(value, dict):
+        return {
+            " ".join(map(str, k)) if isinstance(k, tuple) else str(k): plain(v)
+            for k, v in value.items()
+        }
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    return str(value) if isinstance(value, Path) else value

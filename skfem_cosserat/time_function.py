@@ -1,0 +1,423 @@
+"""Functions of time with exact averages over steps, for loads, drives and moving ground."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from abc import abstractmethod
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from .errors import InputError
+from .frames import vector
+from .frozen import Frozen, brief
+from .types import ArrayLike, numbers
+
+__all__ = [
+    "Amplitude",
+    "Component",
+    "Constant",
+    "FunctionOfTime",
+    "Harmonic",
+    "RampLinear",
+    "RampSmooth",
+    "Table",
+    "TimeFunction",
+    "constant_after",
+    "time_function",
+]
+
+
+@runtime_checkable
+class TimeFunction(Protocol):
+    """A number as a function of time, with its exact average over a step."""
+
+    def value(self, t: float) -> float:
+        """Value at time `t` (s)."""
+
+    def average(self, t0: float, t1: float) -> float:
+        """Mean over [t0, t1]."""
+
+
+def constant_after(time: TimeFunction) -> float:
+    """Time (s) from which a function is known not to change; infinite if that is not known."""
+    return float(getattr(time, "constant_after", np.inf))
+
+
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+
+
+def _finite(item: str, **values: float) -> None:
+    for name, value in values.items():
+        number = numbers(item, name, value)
+        if number.shape != () or not np.isfinite(number):
+            raise InputError(item, f"{name} = {value!r}, expected a finite number")
+
+
+class _Ramp(Frozen):
+    """From one value to another, constant before and after."""
+
+    def __init__(
+        self, begin: float, end: float, *values: float, first: float = 0.0, last: float = 1.0
+    ) -> None:
+        if len(values) == 2 and (first, last) == (0.0, 1.0):
+            first, last = values
+        elif values:
+            raise InputError("ramp", self._unclear(begin, end, values))
+        _finite("ramp", begin=begin, end=end, first=first, last=last)
+        if not end > begin:
+            raise InputError("ramp", f"end = {end!r} s, expected it after begin = {begin!r} s")
+        self.begin, self.end = float(begin), float(end)
+        self.first, self.last = float(first), float(last)
+        self.constant_after = self.end
+
+    def _unclear(self, begin: float, end: float, values: tuple[float, ...]) -> str:
+        """What numbers without names may have been meant to be."""
+        kind, value = type(self).__name__, values[0]
+        return (
+            f"got {(begin, end, *values)!r}, whose order is begin, end (s), first, last (the values"
+            f" before and after): name them, as {kind}({begin!r}, {end!r}, last={value!r}) or"
+            f" {kind}({begin!r}, {end!r}, first={value!r}, last=0.0)"
+        )
+
+    def __repr__(self) -> str:
+        numbers = f"{self.begin:g}, {self.end:g}, first={self.first:g}, last={self.last:g}"
+        return f"{type(self).__name__}({numbers})"
+
+    @staticmethod
+    @abstractmethod
+    def shape(s: float) -> float:
+        """From 0 at s = 0 to 1 at s = 1, a polynomial of degree 5 at most."""
+
+    def value(self, t: float) -> float:
+        """Value at time `t` (s)."""
+        s = min(1.0, max(0.0, (t - self.begin) / (self.end - self.begin)))
+        return self.first + (self.last - self.first) * self.shape(s)
+
+    __call__ = value
+
+    def average(self, t0: float, t1: float) -> float:
+        """Mean over [t0, t1]: Gauss quadrature, exact between the ends of the ramp."""
+        ends = [t0, *(t for t in (self.begin, self.end) if t0 < t < t1), t1]
+        total = 0.0
+        for a, b in pairwise(ends):
+            mid, half = (a + b) / 2, (b - a) / 2
+            total += half * sum(
+                w * self.value(mid + half * x) for x, w in zip(_POINTS, _WEIGHTS, strict=True)
+            )
+        return float(total / (t1 - t0))
+
+
+class RampLinear(_Ramp):
+    """Straight from `first` to `last` between two instants, constant before and after.
+
+    Parameters
+    ----------
+    begin, end : float
+        Instants (s).
+    first, last : float
+        Values before and after, 0 and 1 by default: both by their names, or both in this order.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite, the end not after the beginning, or one value has no name.
+
+    Examples
+    --------
+    >>> ramp = RampLinear(1.0, 3.0)
+    >>> ramp.value(2.0), round(ramp.average(0.0, 2.0), 12)
+    (0.5, 0.125)
+    """
+
+    @staticmethod
+    def shape(s: float) -> float:
+        """Straight."""
+        return s
+
+
+class RampSmooth(_Ramp):
+    """From `first` to `last` with continuous first and second derivatives: loads excite little.
+
+    ``s^3 (10 - 15 s + 6 s^2)``. Loads that set in at once send waves whose kinks spoil the order
+    of convergence; prescribed motion that starts with a velocity is an impact.
+
+    Parameters
+    ----------
+    begin, end : float
+        Instants (s).
+    first, last : float
+        Values before and after, 0 and 1 by default: both by their names, or both in this order.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite, the end not after the beginning, or one value has no name.
+
+    Examples
+    --------
+    >>> ramp = RampSmooth(0.0, 2.0, last=10.0)
+    >>> ramp.value(1.0), round(ramp.average(0.0, 2.0), 12), ramp.value(7.0)
+    (5.0, 5.0, 10.0)
+    """
+
+    @staticmethod
+    def shape(s: float) -> float:
+        """A polynomial of degree 5."""
+        return s**3 * (10 - s * (15 - 6 * s))
+
+
+class Harmonic(Frozen):
+    """``amplitude sin(2 pi frequency t + phase)``, with exact averages.
+
+    Parameters
+    ----------
+    amplitude : float
+    frequency : float
+        In Hz.
+    phase : float
+        In rad.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite.
+
+    Examples
+    --------
+    >>> hum = Harmonic(2.0, frequency=50.0)
+    >>> round(hum.value(5e-3), 12), round(hum.average(0.0, 1e-2), 9)
+    (2.0, 1.273239545)
+    """
+
+    def __init__(self, amplitude: float, frequency: float, phase: float = 0.0) -> None:
+        _finite("harmonic function", amplitude=amplitude, frequency=frequency, phase=phase)
+        self.amplitude, self.frequency, self.phase = map(float, (amplitude, frequency, phase))
+
+    def __repr__(self) -> str:
+        return f"Harmonic({self.amplitude:g}, frequency={self.frequency:g}, phase={self.phase:g})"
+
+    def value(self, t: float) -> float:
+        """Value at time `t` (s)."""
+        return self.amplitude * float(np.sin(2 * np.pi * self.frequency * t + self.phase))
+
+    __call__ = value
+
+    def average(self, t0: float, t1: float) -> float:
+        """Mean over [t0, t1]."""
+        return self.value((t0 + t1) / 2) * float(np.sinc(self.frequency * (t1 - t0)))
+
+
+class Constant(Frozen):
+    """A number that does not change."""
+
+    constant_after = -np.inf
+
+    def __init__(self, number: float) -> None:
+        self.number = float(number)
+
+    def _brief(self) -> str:
+        return brief(self.number)
+
+    def value(self, t: float) -> float:
+        """The number."""
+        return self.number
+
+    def average(self, t0: float, t1: float) -> float:
+        """The number."""
+        return self.number
+
+
+class Table(Frozen):
+    """Piecewise linear function of time, constant outside the table; averages are exact.
+
+    Parameters
+    ----------
+    times, values : (k,) array
+        Strictly increasing times (s) and the values there.
+
+    Raises
+    ------
+    InputError
+        If shapes differ, times do not increase, or numbers are not finite.
+
+    Examples
+    --------
+    >>> pulse = Table([0, 0.125, 0.25], [0, 1e4, 0])
+    >>> pulse.average(0, 0.25), pulse.value(0.0625)
+    (5000.0, 5000.0)
+    """
+
+    def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
+        self.times = numbers("table of time", "times", times)
+        self.values = numbers("table of time", "values", values)
+        if self.times.ndim != 1 or self.times.shape != self.values.shape or len(self.times) == 0:
+            raise InputError(
+                "table of time",
+                f"times {self.times.shape} and values {self.values.shape}, expected equal (k,)",
+            )
+        if not (np.isfinite(self.times).all() and np.isfinite(self.values).all()):
+            raise InputError("table of time", f"not finite: {self.times}, {self.values}")
+        if (np.diff(self.times) <= 0).any():
+            raise InputError("table of time", f"times do not increase: {self.times.tolist()}")
+        # plain numbers: most steps ask for two values between two kinks
+        self._kinks: list[float] = self.times.tolist()
+        self._ends = float(self.values[0]), float(self.values[-1])
+        self.constant_after = float(self.times[-1])
+        slopes = np.diff(self.values) / np.diff(self.times)
+        self._lines = list(zip(self.values[:-1].tolist(), slopes.tolist(), strict=True))
+
+    def value(self, t: float) -> float:
+        """Linear interpolation."""
+        return float(np.interp(t, self.times, self.values))
+
+    def average(self, t0: float, t1: float) -> float:
+        """Exact mean: the trapezoidal rule between all kinks."""
+        first, last = bisect_right(self._kinks, t0), bisect_left(self._kinks, t1)
+        if first == last:  # no kink inside, as in most steps
+            return 0.5 * (self._between(first, t0) + self._between(first, t1))
+        t = np.concatenate([[t0], self.times[first:last], [t1]])
+        f = np.interp(t, self.times, self.values)
+        return float(((f[1:] + f[:-1]) / 2 * np.diff(t)).sum() / (t1 - t0))
+
+    def _between(self, k: int, t: float) -> float:
+        """Value between the kinks number k - 1 and k, or beyond the table."""
+        if k in (0, len(self._kinks)):
+            return self._ends[k > 0]
+        value, slope = self._lines[k - 1]
+        return value + slope * (t - self._kinks[k - 1])
+
+
+_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(8)
+#: the polynomial through the Gauss points, continued to both ends
+_AT_ENDS = np.polynomial.legendre.legvander(np.array([-1.0, 1.0]), 7) @ np.linalg.inv(
+    np.polynomial.legendre.legvander(_GAUSS_X, 7)
+)
+#: Intervals at most in an average: a function that is noisy or jumps without end stays affordable.
+PIECES = 1000
+_Quadrature = tuple[float, float, float]
+_Piece = tuple[float, float, float, _Quadrature, _Quadrature]
+
+
+class FunctionOfTime(Frozen):
+    """Wraps a callable; averages by Gauss quadrature, bisected where it has kinks.
+
+    Parameters
+    ----------
+    function : callable
+        ``t -> float``.
+    kinks : sequence of float
+        Times of known kinks or jumps (s); others are found by bisection.
+
+    Raises
+    ------
+    InputError
+        If it cannot be called, or a value (when it is needed) is no finite number.
+
+    Examples
+    --------
+    >>> ramp = FunctionOfTime(lambda t: max(0.0, t - 0.3))
+    >>> abs(ramp.average(0.0, 1.0) - 0.7**2 / 2) < 1e-13
+    True
+    """
+
+    def __init__(self, function: Callable[[float], float], kinks: Sequence[float] = ()) -> None:
+        if not callable(function):
+            raise InputError("function of time", f"{function!r} is not callable")
+        self.function = function
+        self.kinks = np.sort(numbers("function of time", "kinks", kinks))
+        if self.kinks.ndim != 1 or not np.isfinite(self.kinks).all():
+            raise InputError("function of time", f"kinks = {kinks!r}, expected finite times")
+
+    def _brief(self) -> str:
+        return brief(self.function)
+
+    def value(self, t: float) -> float:
+        """The function's value, which must be a finite number."""
+        out = self.function(t)
+        if type(out) is float and math.isfinite(out):
+            return out  # by far the most common
+        number = numbers("function of time", f"value at t = {t!r}", out)
+        if number.shape != () or not np.isfinite(number):
+            raise InputError("function of time", f"value {out!r} at t = {t!r}, expected a number")
+        return float(number)
+
+    def average(self, t0: float, t1: float) -> float:
+        """Mean over [t0, t1]."""
+        inside = self.kinks[(self.kinks > t0) & (self.kinks < t1)]
+        ends = [t0, *inside.tolist(), t1]
+        return sum(self._integral(a, b) for a, b in pairwise(ends)) / (t1 - t0)
+
+    def _gauss(self, a: float, b: float) -> _Quadrature:
+        """Integral, that of the magnitude, and what a kink outside of the points can hide."""
+        mid, half = (a + b) / 2, (b - a) / 2
+        f = np.array([self.value(mid + half * x) for x in _GAUSS_X])
+        ends = np.array([self.value(a), self.value(b)])
+        hidden = half * (1 - _GAUSS_X[-1]) * abs(_AT_ENDS @ f - ends).max()
+        return float(half * (f @ _GAUSS_W)), float(half * (abs(f) @ _GAUSS_W)), float(hidden)
+
+    def _integral(self, a: float, b: float) -> float:
+        """Halve the interval of the largest error until none is left above round-off."""
+        pieces = [self._halved(a, b, self._gauss(a, b))]
+        scale = 0.0
+        while len(pieces) < PIECES:
+            error, a, b, left, right = pieces[0]
+            scale = max(scale, left[1] + right[1])
+            if -error <= 1e-14 * scale:
+                break
+            mid = (a + b) / 2
+            heapq.heapreplace(pieces, self._halved(a, mid, left))
+            heapq.heappush(pieces, self._halved(mid, b, right))
+        return math.fsum(left[0] + right[0] for _, _, _, left, right in pieces)
+
+    def _halved(self, a: float, b: float, whole: _Quadrature) -> _Piece:
+        """Both halves of an interval, after minus the error their sum shows."""
+        mid = (a + b) / 2
+        left, right = self._gauss(a, mid), self._gauss(mid, b)
+        error = abs(left[0] + right[0] - whole[0]) + left[2] + right[2]
+        if b - a <= 1e-14 * max(abs(a), abs(b)):  # a jump, pinned down to rounding
+            error = 0.0
+        return -error, a, b, left, right
+
+
+Amplitude = float | TimeFunction | Callable[[float], float] | None
+
+
+def time_function(item: str, value: Amplitude) -> TimeFunction:
+    """A number, table or function of time as such; None: one."""
+    if value is None:
+        return Constant(1.0)
+    if isinstance(value, int | float | np.number):
+        if not np.isfinite(value):
+            raise InputError(item, f"amplitude = {value!r} is not finite")
+        return Constant(value)
+    if isinstance(value, TimeFunction):
+        return value
+    if not callable(value):
+        raise InputError(
+            item, f"amplitude = {value!r}, expected a number, a Table or a function of time"
+        )
+    first = value(0.0)
+    number = numbers(item, "amplitude at t = 0.0", first)
+    if number.shape != () or not np.isfinite(number):
+        raise InputError(item, f"amplitude is {first!r} at t = 0.0, expected a number")
+    return FunctionOfTime(value)
+
+
+@dataclass(frozen=True, eq=False)
+class Component(Frozen):
+    """One component of a function of time that gives three; errors name item and argument."""
+
+    function: Callable[[float], ArrayLike]
+    number: int
+    item: str
+    name: str
+
+    def __call__(self, t: float) -> float:
+        """The component at time `t` (s)."""
+        return float(vector(self.item, f"{self.name}({t!r})", self.function(t))[self.number])
