@@ -6,10 +6,14 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 # before numpy is loaded: threads of BLAS only slow down the many small products
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# scenes of one file of tests serve others, whatever folders both are in
+sys.path.extend(sorted({str(file.parent) for file in Path(__file__).parent.glob("*/test_*.py")}))
 
 import numpy as np
 import pytest
@@ -58,6 +62,14 @@ def _plain(request: pytest.FixtureRequest) -> Iterator[None]:
         choice.WORTHWHILE = WORTHWHILE
     yield
     choice.WORTHWHILE = asked
+
+
+@pytest.fixture(params=["numpy", "numba"])
+def kernels(request: pytest.FixtureRequest) -> str:
+    """Kernels of a test whose statement holds with both: what ``kernels=`` of a run takes."""
+    if request.param == "numba":
+        pytest.importorskip("numba")
+    return str(request.param)
 
 
 SHOT = """

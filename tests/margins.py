@@ -29,7 +29,8 @@ from typing import Any
 
 import numpy as np
 
-HERE = Path(__file__).resolve().parent
+#: the tests and what they import, by name
+MODULES = {file.stem: file for file in Path(__file__).resolve().parent.rglob("*.py")}
 #: found over allowed, by test, file, line and how often that was passed before
 Ratios = dict[tuple[str, str, int, int], float]
 #: what is found must differ by more than this share between processors to count as rounding
@@ -113,8 +114,8 @@ class _Loader(importlib.machinery.SourceFileLoader):
 
 class _Finder(importlib.abc.MetaPathFinder):
     def find_spec(self, fullname: str, path: Any, target: Any = None) -> Any:
-        file = HERE / f"{fullname}.py"
-        if path is not None or not file.exists() or fullname in ("conftest", "margins"):
+        file = MODULES.get(fullname)
+        if path is not None or file is None or fullname in ("conftest", "margins"):
             return None
         return importlib.util.spec_from_file_location(
             fullname, file, loader=_Loader(fullname, str(file))

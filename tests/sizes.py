@@ -163,9 +163,8 @@ def _processor() -> str:
 @cache
 def _functions(file: str) -> set[str]:
     """Names of the functions of a file of tests."""
-    path = TABLE.with_name(file)
-    text = path.read_text(encoding="utf-8") if path.exists() else ""
-    return set(re.findall(r"def (\w+)\(", text))
+    found = [path.read_text(encoding="utf-8") for path in TABLE.parent.rglob(file)]
+    return set(re.findall(r"def (\w+)\(", "".join(found)))
 
 
 def _exists(name: str) -> bool:

@@ -1,0 +1,287 @@
+"""Several steps in one compiled call: the same ones, and only where nothing has to be looked at."""
+
+from __future__ import annotations
+
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import test_closed_loops
+
+import skfem_cosserat as sc
+from skfem_cosserat import Stepper
+from skfem_cosserat.compiled.numbers import DONE
+from skfem_cosserat.integrators.compiled_step import CompiledStep
+from skfem_cosserat.run import step_size
+from skfem_cosserat.run.recorder import Numbered
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
+
+from paper import three_bar_swing as swing
+
+pytest.importorskip("numba")
+
+SLOW = pytest.mark.slow
+SERIES = (
+    *("step", "q", "p", "carried", "constraint_force", "newton_iterations", "attempts"),
+    "residual",
+)
+
+
+@pytest.fixture
+def blocks(monkeypatch):
+    """Steps of each block of steps that was solved."""
+    counts, block = [], CompiledStep.advance_block
+
+    def counted(self, state, steps):
+        found = block(self, state, steps)
+        counts.append(found.steps)
+        return found
+
+    monkeypatch.setattr(CompiledStep, "advance_block", counted)
+    return counts
+
+
+def run(system, integrator, treatment, step, until, **options):
+    """A run with compiled kernels, to its end or where it fails; and its error."""
+    given = system, integrator, treatment, step, until
+    try:
+        return sc.simulate(*given, kernels="numba", derive=False, **options), None
+    except sc.Diverged as error:
+        return error.history, error
+
+
+def assert_the_same(a, b):
+    for name in SERIES:
+        np.testing.assert_array_equal(a[name], b[name], err_msg=name)
+    np.testing.assert_array_equal(a.times, b.times)
+    # summed up in another order
+    np.testing.assert_allclose(a["work_loads"], b["work_loads"], rtol=1e-13, atol=1e-15)
+    for name in ("newton_iterations", "factorisations", "status"):
+        assert a.meta[name] == b.meta[name], name
+
+
+SCENES = [
+    ("space", sc.EnergyMomentum(), sc.NullSpace(), sc.TheoryReissner()),
+    ("plane", sc.Variational(), sc.NullSpace(), sc.TheoryReissner()),
+    pytest.param("space", sc.Variational(), sc.Multipliers(), sc.TheoryReissner(), marks=SLOW),
+    pytest.param("space", sc.EnergyMomentum(), sc.NullSpace(), sc.TheoryInextensible(), marks=SLOW),
+    pytest.param("plane", sc.Variational(), sc.NullSpace(), sc.TheoryInextensible(), marks=SLOW),
+]
+
+
+@pytest.mark.parametrize(("where", "integrator", "treatment", "theory"), SCENES)
+def test_the_same_states_to_the_last_bit(blocks, where, integrator, treatment, theory):
+    """Of the swing, once its pulse is over; with closed loops where the theory has them."""
+    system = swing.scene("published", theory=theory)
+    system = system.freeze(planar=sc.Planar() if where == "plane" else None)
+    given = system, integrator, treatment, 1e-2, 2.0
+    seen = []
+    one, _ = run(*given, every=10, callbacks=[lambda report: seen.append(report.steps)])
+    assert not blocks and seen == [1] * 200
+    many, _ = run(*given, every=10)
+    assert_the_same(one, many)
+    looped = isinstance(theory, sc.TheoryInextensible)  # its rows are looked at now and then
+    assert 8 <= max(blocks) <= 9
+    assert sum(blocks) > (50 if looped else 85)  # of a hundred without a pulse
+
+
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # fails
+@pytest.mark.parametrize("planar", [None, pytest.param(sc.Planar(), marks=SLOW)])
+def test_a_failing_run_fails_at_the_same_step(blocks, planar):
+    """The stiff swing with the variational scheme; with all that its attempts at steps say."""
+    system = swing.scene("stiff").freeze(planar=planar)
+    given = system, sc.Variational(), sc.NullSpace(), 1e-3, 1.0
+    one, error = run(*given, every=50, callbacks=[lambda report: None])
+    many, other = run(*given, every=50)
+    assert_the_same(one, many)
+    assert str(error) == str(other) and error.residuals == other.residuals
+    assert blocks.count(49) > 4
+
+
+def test_steps_of_the_general_way_in_between(blocks):
+    """Where compiled kernels find none within the iterations they have."""
+    system = swing.scene("stiff").freeze()
+    settings = sc.NewtonSettings(iterations=8)
+    given = system, sc.EnergyMomentum(), sc.NullSpace(), 5e-3, 1.0
+    attempts = []
+    one, _ = run(
+        *given, every=200, settings=settings, callbacks=[lambda r: attempts.append(r.attempts)]
+    )
+    many, _ = run(*given, every=200, settings=settings)
+    assert_the_same(one, many)
+    assert attempts[60:].count(1) < len(attempts[60:]) and len(blocks) > 3
+
+
+# the cranks pass singular positions
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
+@pytest.mark.parametrize(
+    "name",
+    ["three cranks", *(pytest.param(n, marks=SLOW) for n in ("bennett", "slides", "stewart"))],
+)
+def test_closed_loops_are_looked_at_where_single_steps_do(name, blocks, monkeypatch):
+    """After so much motion, and closed by other rows where those there are have come close."""
+    system = test_closed_loops.frozen(name)
+    close, closed = CompiledStep.close, []
+
+    def noted(self, rows):
+        closed.append(rows.tolist())
+        close(self, rows)
+
+    monkeypatch.setattr(CompiledStep, "close", noted)
+    given = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 6.0
+    one, _ = run(*given, every=600, callbacks=[lambda report: None])
+    looks = closed.copy()
+    closed.clear()
+    many, _ = run(*given, every=600)
+    assert_the_same(one, many)
+    assert closed == looks and sum(blocks) > 300
+    if name in ("three cranks", "bennett"):
+        assert sum(a != b for a, b in pairwise(looks)) >= 4
+
+
+@pytest.mark.parametrize(
+    "theory", [sc.TheoryReissner(), pytest.param(sc.TheoryInextensible(), marks=SLOW)], ids=repr
+)
+def test_half_turns_end_a_block(theory, monkeypatch):
+    """A step that is told to turn frames over is left to the general way, the others are kept."""
+    system = swing.scene("stiff", theory=theory).freeze()
+    settings = sc.NewtonSettings(iterations=100)
+    given = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 1.0
+    starts, over, told = [], [], []
+
+    def flipped(self):
+        start = self._a.y0.tobytes()
+        if self._record[DONE] > 2:
+            starts.append(start)
+        if start in over:
+            told.append(int(self._record[DONE]))
+        return start in over
+
+    monkeypatch.setattr(CompiledStep, "_flipped", flipped)
+    run(*given, every=100, settings=settings)
+    over.append(starts[1])  # looked at behind some others in one go
+    one, _ = run(*given, every=100, callbacks=[lambda report: None], settings=settings)
+    many, _ = run(*given, every=100, settings=settings)
+    assert_the_same(one, many)
+    assert len(told) == 2 and told[0] == 1 and told[1] > 2
+
+
+def test_whatever_looks_at_steps_sees_each(blocks):
+    system = swing.scene("published").freeze(planar=sc.Planar())
+    given = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 1.5
+    shown = []
+    run(*given, every=150, progress=lambda time, until: shown.append(time))
+    sensor = sc.SensorPosition(system.structures[0].node("mid"))
+    history, _ = run(*given, every=150, sensors={"mass": sensor})
+    assert len(shown) == 150 and len(history.sensors["mass"].values) == 151
+    assert not blocks
+
+
+def test_states_that_are_asked_for_end_blocks(blocks):
+    system = swing.scene("published").freeze(planar=sc.Planar())
+    history, _ = run(
+        system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 2.0, at=[0.5, 1.2, 1.21, 1.5]
+    )
+    assert history["step"].tolist() == [0, 50, 120, 121, 150, 200]
+    assert blocks[-2:] == [28, 49]  # each row is completed by the step after it
+
+
+def test_ctrl_c_waits_for_a_few_steps_only(blocks, monkeypatch):
+    monkeypatch.setattr(step_size, "STRIDE", 32)
+    system = swing.scene("published").freeze(planar=sc.Planar())
+    run(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 3.0, every=10**6)
+    assert max(blocks) == 32
+
+
+def scene(add):
+    """A beam that hangs on a hinge, with more."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
+    rubber = sc.Material(E=5e6, nu=0.4, rho=1100)
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, sc.SectionCircle(5e-3, rubber), director=(0, 1, 0)))
+    start, end = rod.node("rod.start"), rod.node("rod.end")
+    pin = model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), start, axis=(0, 1, 0)))
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    add(model, rod, pin, end)
+    return model.freeze()
+
+
+MORE = {
+    "nothing": (lambda model, rod, pin, end: None, True),
+    "a load that moves with it": (
+        lambda model, rod, pin, end: model.add("f", sc.LoadForce(end, (0, 0.1, 0), follower=True)),
+        True,
+    ),
+    "a load that changes": (
+        lambda model, rod, pin, end: model.add("f", sc.LoadForce(end, (0, 0.1, 0), np.sin)),
+        False,
+    ),
+    "a damper": (
+        lambda model, rod, pin, end: model.add("d", sc.JointSpringDamper(pin, damping=0.01)),
+        False,
+    ),
+    "a motor": (
+        lambda model, rod, pin, end: model.add("m", sc.JointDrive(pin, lambda t: t**2)),
+        False,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MORE)
+def test_where_steps_differ_in_more_than_their_start(name):
+    add, expected = MORE[name]
+    system = scene(add)
+    stepper = Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, kernels="numba")
+    state = stepper.advance(sc.initial_state(system)).state
+    assert stepper.takes_blocks(state) == expected
+    report = stepper.advance_block(state, 20)
+    assert report.steps == report.state.index - 1 == (20 if expected else 1)
+    assert report.all_iterations >= report.iterations
+
+
+@pytest.mark.parametrize("steps", [0, -3, 2.5, "x", None, True, np.nan])
+@pytest.mark.parametrize("kernels", ["numpy", "numba"])
+def test_a_number_of_steps_is_a_positive_integer(kernels, steps):
+    system = scene(MORE["nothing"][0])
+    stepper = Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, kernels=kernels)
+    with pytest.raises(sc.InputError, match=f"argument steps: {steps!r}, expected an integer"):
+        stepper.advance_block(sc.initial_state(system), steps)
+
+
+def test_what_is_recorded_costs_no_memory_of_all_steps():
+    state = sc.State(0.0, 7, np.zeros(3), np.zeros(3))
+    wanted = Numbered(state, 1e-3, 10**12, 1000, None)
+    ahead = {0: 1, 1: 999, 999: 1, 1000: 1, 1001: 999, 10**12 - 1: 1}
+    for k, expected in ahead.items():
+        assert wanted.ahead(sc.State(0.0, 7 + k, state.q, state.p)) == expected
+    taken = [k for k in (*range(2001), 10**12) if wanted(sc.State(0.0, 7 + k, state.q, state.p), 1)]
+    assert taken == [0, 1000, 2000, 10**12]
+
+
+def test_plain_kernels_take_one_step():
+    system = scene(MORE["nothing"][0])
+    stepper = Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, kernels="numpy")
+    assert stepper.advance_block(sc.initial_state(system), 20).steps == 1
+
+
+def test_a_report_is_that_of_the_last_step():
+    """Momentum and constraint force too; the work is that of all."""
+    system = swing.scene("published").freeze()
+    steppers = [
+        Stepper(system, sc.Variational(), sc.NullSpace(), 1e-2, kernels="numba") for _ in range(2)
+    ]
+    states = [sc.initial_state(system)] * 2
+    for _ in range(120):
+        states = [s.advance(state).state for s, state in zip(steppers, states, strict=True)]
+    work = 0.0
+    for _ in range(7):
+        one = steppers[0].advance(states[0])
+        states[0], work = one.state, work + one.work.loads
+    many = steppers[1].advance_block(states[1], 7)
+    assert many.steps == 7 and many.work.loads == pytest.approx(work, rel=1e-12)
+    for name in ("momentum", "constraint_force", "constraint_point", "iterations", "step"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(many, name))
+    assert many.state.time == pytest.approx(one.state.time, rel=1e-14)

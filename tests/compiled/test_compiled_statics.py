@@ -1,0 +1,122 @@
+"""Compiled kernels of equilibria: an iteration, pivots and determinants, against the plain ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers_kernels import corner
+from test_static_kernels import mobile
+
+import skfem_cosserat as sc
+from skfem_cosserat.integrators.choice import choose
+from skfem_cosserat.statics import solver
+from skfem_cosserat.statics.critical_points import FirmStability, inspect
+from skfem_cosserat.statics.path import STATIC
+from skfem_cosserat.statics.schedule import Functional, Point, Schedule
+from skfem_cosserat.statics.solver import CompiledBalance, CompiledProblem, PlainProblem
+
+pytest.importorskip("numba")
+
+
+@pytest.mark.parametrize("make", [mobile, corner])
+def test_residual_and_increments_at_a_random_state(make):
+    """Far from equilibrium: loads, ground and target in the border, then predicted stresses."""
+    system, t = make(2), 0.7
+    rng = np.random.default_rng(1)
+    schedule = Schedule(system)
+    start = Point(system.extend(system.q0, 0.0), 0.0)
+    gradient = rng.standard_normal((system.rows, 3))
+    target = Functional(gradient, 0.3, 0.1)
+    bound = sc.NullSpace().bind(system, 1.0)
+    bound.begin(start.y, system.ground(0.0), 1.0)
+    bound.guess(False)
+    plain = PlainProblem(bound, schedule, STATIC, start, target)
+    rest = CompiledBalance(system, STATIC)
+    compiled = CompiledProblem(rest, schedule, STATIC, start, target)
+    guess = 0.1 * rng.standard_normal(system.unknowns)
+    bound.apply(guess)
+    rest._a.x.ravel()[rest._numbering] = guess
+    for problem in (plain, compiled):
+        problem.t = t
+        problem._move_ground(t)
+    # derivatives by the ground's motion are difference quotients: rounding over their step
+    exact = 1e-7 if system.moving else 1e-9
+    for tolerance in (1e-13, exact):
+        sizes = [problem.residual() for problem in (plain, compiled)]
+        assert sizes[1] == pytest.approx(sizes[0], rel=1e4 * tolerance)
+        assert compiled.y == pytest.approx(plain.y, abs=tolerance)
+        assert pytest.approx(plain.R, abs=100 * tolerance * abs(plain.R).max()) == compiled.R
+        r, y_t = plain._factor_derivative()
+        found, by_t = compiled._factor_derivative()
+        found = found.ravel()[rest._numbering]
+        assert found == pytest.approx(r, abs=10 * exact * abs(r).max())
+        if y_t is not None:
+            assert by_t == pytest.approx(y_t, abs=10 * exact)
+        one, other = plain.direction(), compiled.direction()
+        size = abs(one).max()
+        assert other[-1] == pytest.approx(one[-1], abs=10 * exact * size)
+        assert other[:-1][rest._numbering] == pytest.approx(one[:-1], abs=10 * exact * size)
+        assert compiled.sizes(other) == pytest.approx(plain.sizes(one), rel=10 * exact)
+        saved = compiled.save()
+        compiled.apply(other)
+        compiled.residual()
+        compiled.restore(saved)  # to where it was, and there again, now with the plain one
+        for problem, increment in ((plain, one), (compiled, other)):
+            problem.residual()
+            problem.apply(increment)
+        assert compiled.predicted == pytest.approx(plain.predicted, abs=10 * exact * size)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_pivots_against_eigenvalues(turned):
+    """Of a body on a joint at the end of a beam, hanging or upside down."""
+    section = sc.Section([2e3, 1e3, 3e3, 200.0, 300.0, 150.0], mass=1.0, inertia=(1e-3, 1e-3))
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, order=2, director=(0, 0, 1)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    place = np.array([1.0, 0.5 if turned else -0.5, 0])
+    body = model.add("body", sc.RigidBody.box(1.5, (0.1, 0.2, 0.3), position=place))
+    end, axes = rod.node("rod.end"), {"axis_a": (1, 0, 0), "axis_b": (0, 0, 1)}
+    model.add("joint", sc.JointUniversal(end, body.at(end.position), **axes))
+    model.add("weight", sc.LoadGravity((0, -9.81, 0)))
+    system = model.freeze()
+    choice = choose("numba", system, None, 0.0)
+    schedule = Schedule(system, {"weight": 1.0})
+    rest = solver.PathSolver(system, sc.NullSpace(), schedule, STATIC, choice)
+    start = Point(system.extend(system.q0, 0.0), 0.0)
+    rest.begin(start)
+    solution, _ = rest.solve(start, Functional(None, 1.0, 0.0))
+    look = rest.inspect(solution.point)
+    assert isinstance(look, FirmStability)
+    K = look.tangent.K.toarray()
+    assert look.unstable == (np.linalg.eigvalsh(0.5 * (K + K.T)) < 0).sum() == 2 * turned
+    again = inspect(system, solution.point, schedule.at(0.0))
+    assert (look.unstable, look.neutral) == (again.unstable, again.neutral)
+    assert look.smallest == pytest.approx(again.smallest, rel=1e-9)
+
+
+@pytest.mark.parametrize("push", [2.0, 3.0])
+@pytest.mark.parametrize("follower", [False, True])
+def test_sign_of_the_determinant(push, follower):
+    """Of a rod below and above its critical push 2.47, with a moment that is not conservative."""
+    section = sc.Section.from_constants(
+        EA=1e4, GA=1e4, EI=(20, 1.0), GJ=1.0, mass=1.0, inertia=(1e-4, 1e-4)
+    )
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, order=2, director=(0, 0, 1)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    end = rod.node("rod.end")
+    model.add("push", sc.LoadForce(end, (-push, 0, 0)))
+    model.add("twist", sc.LoadMoment(end, (0.01, 0.001, 0.0), follower=follower))
+    system = model.freeze()
+    schedule, choice = Schedule(system), choose("numba", system, None, 0.0)
+    points = solver.PathSolver(system, sc.NullSpace(), schedule, STATIC, choice)
+    start = Point(system.extend(system.q0, 0.0), 0.0)
+    points.begin(start)
+    solution, _ = points.solve(start, Functional(None, 1.0, 1.0))
+    look, again = points.inspect(solution.point), inspect(system, solution.point, schedule.at(1.0))
+    assert isinstance(look, FirmStability) and not isinstance(again, FirmStability)
+    assert look.unstable == again.unstable == (push > 2.5)
+    assert not look.symmetric and not again.symmetric

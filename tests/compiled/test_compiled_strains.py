@@ -1,0 +1,267 @@
+"""Strains in compiled kernels, written out for speed, against the table of forms for every order.
+
+Of each kernel its value, and the first and second derivatives of strains in it: stresses, forces,
+predicted stresses, tangents. What is expected is made from ``strain_table`` alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from helpers_kernels import called
+from helpers_scenes import FULL, full_section, rotation
+
+import skfem_cosserat as sc
+from skfem_cosserat.compiled import bind, bind_kkt, elements, kkt, tree
+from skfem_cosserat.compiled.numbers import END, FORCE, NUMBERS, SHARE, START, WEIGHT
+from skfem_cosserat.compiled.plan import plan_of
+from skfem_cosserat.compiled.plane import bind as plane_bind
+from skfem_cosserat.compiled.plane import elements as plane_elements
+from skfem_cosserat.compiled.plane import tree as plane_tree
+from skfem_cosserat.kernels import null_space_blocks
+from skfem_cosserat.strain import strain_table
+
+# linear elements are bent too far; formulas hold all the same
+pytestmark = pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
+
+FLAT = np.diag((2e4, 3e4, 5e4, 40.0, 60.0, 30.0))
+orders = pytest.mark.parametrize("order", [pytest.param(1, marks=pytest.mark.quick), 2, 3, 4])
+
+
+class Expected(NamedTuple):
+    """Of three states, at the start, middle and end of a step."""
+
+    start: np.ndarray  # stresses there
+    stress: np.ndarray  # mean of both ends
+    force: np.ndarray  # at the middle, rows of y
+    predicted: np.ndarray
+    tangent: np.ndarray
+    change: np.ndarray  # of rows of y, for what is predicted
+
+
+def numbers() -> np.ndarray:
+    """Means of both ends, no masses; a share and a factor that are not one."""
+    out = np.zeros(len(NUMBERS))
+    out[[START, END, WEIGHT, SHARE, FORCE]] = 0.5, 0.5, 0.5, 0.7, 1.3
+    return out
+
+
+def scene(order: int, planar: bool = False, theory: Any = None) -> tuple[sc.System, sc.Beam]:
+    """Five elements, so that one is left of four; parts of the beam meet under an angle."""
+    points = [(0, 0, 0), (1, 0, 0), (1.3, 0.9, 0.0 if planar else 0.2)]
+    lines = [sc.MeshCurve.init_line(*points[k : k + 2], k + 2, name=f"l{k}") for k in range(2)]
+    flat = sc.Section(np.diag(FLAT), mass=1.3, inertia=(0.11, 0.07))
+    section = flat if planar else full_section()
+    model = sc.Model()
+    beam = sc.Beam(
+        lines[0].joined(lines[1]),
+        {"l0": section, "l1": section},
+        order=order,
+        director=(0, 0, 1),
+        theory=theory,
+    )
+    model.add("beam", beam)
+    return model.freeze(planar=sc.Planar() if planar else None), beam
+
+
+def random_state(beam: sc.Beam, seed: int, planar: bool) -> np.ndarray:
+    """Rows of y: displaced, and turned, about the normal in a plane."""
+    rng = np.random.default_rng(seed)
+    q = beam.reference.reshape(-1, 4, 3).copy()
+    q[:, 0] += 0.2 * rng.standard_normal((len(q), 3)) * ((1, 1, 0) if planar else 1)
+    for node in q:
+        a = 0.3 * rng.standard_normal()
+        about = np.array([(np.cos(a), np.sin(a), 0), (-np.sin(a), np.cos(a), 0), (0, 0, 1)])
+        node[1:] = node[1:] @ (about if planar else rotation(rng, 0.3))
+    return q.reshape(-1, 3)
+
+
+def strain_forms(beam: sc.Beam) -> np.ndarray:
+    """Second derivatives (ne, ng, 6, k, k) of the strains by the coordinates of the nodes."""
+    basis = beam.basis
+    C = strain_table(basis.shape(basis.points), basis.dshape(basis.points))
+    ne, nn = basis.connectivity.shape
+    Q = np.zeros((ne, nn, 4, 3, nn, 4, 3))  # to the directors of the sections
+    for a in range(nn):
+        Q[:, a, 0, :, a, 0] = np.eye(3)
+        Q[:, a, 1:, :, a, 1:] = np.einsum("eij,cd->eicjd", beam.rotations[:, a], np.eye(3))
+    Q = Q.reshape(ne, 12 * nn, 12 * nn)
+    return np.einsum("eki,gskl,elj,e->egsij", Q, C, Q, 1 / basis.lengths, optimize=True)
+
+
+def by_table(beam: sc.Beam, D: np.ndarray, states: list[np.ndarray]) -> Expected:
+    forms, basis = strain_forms(beam), beam.basis
+    nodes = basis.connectivity
+    dofs = (12 * nodes[:, :, None] + np.arange(12)).reshape(len(nodes), -1)
+    x0, xm, x1 = (y.ravel()[dofs] for y in states)
+    rest = beam.reference[dofs]
+    share, factor = numbers()[SHARE], numbers()[FORCE]
+
+    def strains(x: np.ndarray) -> np.ndarray:
+        return 0.5 * (
+            np.einsum("ei,egsij,ej->egs", x, forms, x)
+            - np.einsum("ei,egsij,ej->egs", rest, forms, rest)
+        )
+
+    def slopes(x: np.ndarray) -> np.ndarray:
+        return np.einsum("egsij,ej->egsi", forms, x)
+
+    start = strains(x0) @ D
+    stress = 0.5 * (start + strains(x1) @ D)
+    measure = basis.lengths[:, None] * basis.weights
+    force = np.zeros(states[0].size)
+    np.add.at(force, dofs, np.einsum("eg,egsi,egs->ei", measure, slopes(xm), stress))
+    change = states[2] - states[0]
+    rates = np.einsum("egsi,ei->egs", slopes(x1), change.ravel()[dofs])
+    blocks = np.einsum("eg,egsi,st,egtj->eij", measure, slopes(xm), D, slopes(x1), optimize=True)
+    blocks += np.einsum("eg,egs,egsij->eij", measure, stress, forms)
+    K = np.zeros((force.size, force.size))
+    for rows, block in zip(dofs, blocks, strict=True):
+        K[np.ix_(rows, rows)] += share * factor * block
+    predicted = stress + share * rates @ D
+    return Expected(start, stress, force.reshape(-1, 3), predicted, K, change)
+
+
+def null_space(y: np.ndarray) -> np.ndarray:
+    """P_int of all nodes, (12 nv, 6 nv)."""
+    triads = y.reshape(-1, 4, 3)[:, 1:]
+    return null_space_blocks(triads[None])[0]
+
+
+def assert_blocks(A: np.ndarray, slot: Any, K: np.ndarray, size: int) -> None:
+    """Blocks at their slots, and nothing elsewhere."""
+    found = np.zeros_like(K)
+    for (u, v), k in slot.items():
+        rows, cols = (slice(size * w, size * (w + 1)) for w in (u, v))
+        found[rows, cols] = A[k][:size, :size]
+    assert_near(found, K)
+
+
+def assert_near(found: Any, expected: Any) -> None:
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * abs(expected).max())
+
+
+@orders
+def test_in_space(order):
+    system, beam = scene(order)
+    states = [random_state(beam, k, False) for k in (1, 2)]
+    states.insert(1, (states[0] + states[1]) / 2)
+    expected = by_table(beam, FULL, states)
+    plan = plan_of(system)
+    w, work = bind.bound_work(system, plan)
+    g, beams = bind.bound_beams(system, system.beam_groups[0], plan)
+    assert beams["turned"] and not beams["diagonal"]
+    for name, y in zip(("y0", "mid", "y1"), states, strict=True):
+        work[name][: system.rows] = y
+    work["change"][:] = expected.change
+    called(elements.beam_start)(g, w, numbers(), 0)
+    assert_near(beams["S0"], expected.start)
+    called(elements.beam_force)(g, w, numbers(), 0)
+    assert_near(beams["S"], expected.stress)
+    assert_near(work["internal"], expected.force)
+    called(elements.beam_predicted)(g, w, numbers(), 0)
+    assert_near(beams["predicted"], expected.predicted)
+    called(elements.beam_tangent)(g, w, numbers(), 0)
+    K = null_space(states[1]).T @ expected.tangent @ null_space(states[2])
+    assert_blocks(work["A"], plan.slot, K, 6)
+
+
+@orders
+def test_with_multipliers(order):
+    """Coordinates are not eliminated: the tangent has all twelve of a node."""
+    system, beam = scene(order)
+    states = [random_state(beam, k, False) for k in (1, 2)]
+    states.insert(1, (states[0] + states[1]) / 2)
+    expected = by_table(beam, FULL, states)
+    plan = plan_of(system, whole=True)
+    w, work = bind_kkt.bound_steps(system, plan)
+    g, beams = bind.bound_beams(system, system.beam_groups[0], plan)
+    for name, y in zip(("y0", "mid", "y1"), states, strict=True):
+        work[name][: system.rows] = y
+    beams["S"][:] = expected.stress
+    called(kkt.beam_tangent)(g, w, numbers(), 0)
+    assert_blocks(work["A"], plan.slot, expected.tangent, 12)
+
+
+def flat_rows(frames: Any, y: np.ndarray) -> np.ndarray:
+    """Origin and unit vector of each vertex, as pairs."""
+    nodes, k = frames.flat(y.reshape(-1, 4, 3)), frames.director[: frames.count]
+    most = abs(k).argmax(axis=1)[:, None]
+    unit = np.take_along_axis(nodes[:, 1:] / np.where(k, k, 1), most, axis=1)
+    return plane_bind.pairs(np.concatenate([nodes[:, :1], unit], axis=1)).reshape(-1, 4)
+
+
+@orders
+def test_in_a_plane(order):
+    system, beam = scene(order, planar=True)
+    assert system.plane is not None
+    states = [random_state(beam, k, True) for k in (1, 2)]
+    states.insert(1, (states[0] + states[1]) / 2)
+    expected = by_table(beam, FLAT, states)
+    plan, frames = plan_of(system), plane_bind.Frames(system)
+    _, rows = plane_bind.bound_rows(system, frames)
+    w, work = plane_bind.bound_work(system, plan, frames)
+    g, beams = plane_bind.bound_beams(system, system.beam_groups[0], plan, frames, rows)
+    assert beams["turned"]
+    for name, y in zip(("y0", "mid", "y1"), states, strict=True):
+        work[name][: frames.count] = flat_rows(frames, y)
+    work["change"][:] = work["y1"][: frames.count] - work["y0"][: frames.count]
+
+    def resultants(name: str) -> np.ndarray:
+        return np.einsum("eij,egj->egi", beams["resultants"][beams["section"]], beams[name])
+
+    called(plane_elements.beam_start)(g, w, numbers(), 0)
+    assert_near(resultants("S0"), expected.start)
+    called(plane_elements.beam_force)(g, w, numbers(), 0)
+    assert_near(resultants("S"), expected.stress)
+    force = frames.gather(system.rows).conj().T @ frames.flat(expected.force)
+    assert_near(work["internal"], plane_bind.pairs(force).reshape(-1, 4))
+    called(plane_elements.beam_finish)(g, w, numbers(), 0)
+    assert_near(rows["internal"], expected.force)
+    called(plane_elements.beam_predicted)(g, w, numbers(), 0)
+    assert_near(resultants("predicted"), expected.predicted)
+    called(plane_elements.beam_tangent)(g, w, numbers(), 0)
+    Z = np.zeros((6, 3))  # motions in the plane
+    Z[:3, :2], Z[3:, 2] = system.plane.axes.T, system.plane.normal
+    Z = np.kron(np.eye(frames.count), Z)
+    K = Z.T @ null_space(states[1]).T @ expected.tangent @ null_space(states[2]) @ Z
+    assert_blocks(work["A"].reshape(-1, 3, 4), plan.slot, K, 3)
+
+
+@pytest.mark.parametrize("planar", [False, True])
+def test_eliminated_elements(planar):
+    """Elements whose shear is held: their strains, solved for the line, give the arm."""
+    system, beam = scene(1, planar, sc.TheoryKirchhoff())
+    y, plan = random_state(beam, 3, planar), plan_of(system)
+    forms = strain_forms(beam)[:, 0, :3]
+    rest = beam.reference.reshape(-1, 12)
+    edges = [(k, e) for k, e in enumerate(system.tree.edges) if e.in_element]
+    assert len(edges) == 5
+
+    def strain(y, element, nodes):
+        x, x0 = y.reshape(-1, 12)[nodes].ravel(), rest[nodes].ravel()
+        return 0.5 * (forms[element] @ x @ x - forms[element] @ x0 @ x0)
+
+    if planar:
+        frames = plane_bind.Frames(system)
+        rows, _ = plane_bind.bound_rows(system, frames)
+        _, edge_tables = plane_bind.bound_tree(system, plan, frames, rows)
+        flat = flat_rows(frames, y)
+    else:
+        s, _ = bind.bound_tree(system, plan)
+    for k, e in edges:
+        element = e.joint.number
+        nodes = beam.basis.connectivity[element]
+        moved = y.copy()
+        if planar:
+            arguments = edge_tables["edges"], edge_tables["arms"], k, flat
+            found = called(plane_tree.element_stretch)(*arguments)
+            arm = np.array(called(plane_tree.element_arm)(*arguments, 0.3)) @ system.plane.axes
+        else:
+            found = called(tree.element_stretch)(s, k, y)
+            arm = np.array(called(tree.element_arm)(s, k, y, 0.3))
+        assert found == pytest.approx(strain(y, element, nodes)[2], abs=1e-13)
+        moved[4 * e.child] = moved[4 * e.parent] + arm
+        assert strain(moved, element, nodes) == pytest.approx([0, 0, 0.3], abs=1e-13)

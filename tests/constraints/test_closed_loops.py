@@ -1,0 +1,938 @@
+"""Closed loops: ranks, redundant rows, both treatments, conservation, singular positions."""
+
+from __future__ import annotations
+
+import logging
+from functools import cache
+
+import numpy as np
+import pytest
+from helpers_scenes import TENSOR, chequered, four_bar, full_section, random_state, rotation
+from rounding import momentum_limits
+from scipy.linalg import null_space, subspace_angles
+
+import skfem_cosserat as sc
+from skfem_cosserat import diagnostics
+from skfem_cosserat.newton import newton
+
+INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
+TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
+integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
+treatments = pytest.mark.parametrize("treatment", TREATMENTS)
+Z = (0, 0, 1.0)
+R, S, U = sc.JointRevolute, sc.JointSpherical, sc.JointUniversal
+HINGE, LEAN = {"axis": Z}, {"axis": (0, 0.6, 0.8)}
+CARDAN = {"axis_a": (1.0, 0, 0), "axis_b": (0, 1.0, 0)}
+
+
+# -- scenes ----------------------------------------------------------------------------------------
+
+
+def body(model, name, x, seed=0):
+    R0 = rotation(np.random.default_rng(seed)).T
+    item = sc.RigidBody(1.2, TENSOR, center=(0.05, -0.02, 0.03), position=x, triad=R0)
+    return model.add(name, item)
+
+
+def ring(points, kinds, options, ground=None):
+    """Bodies from each point to the next, joints at the points; one body may be the ground."""
+    points, model = np.asarray(points, dtype=float), sc.Model()
+    count = len(points)
+    bodies = [
+        None if k == ground else body(model, f"bar {k}", points[[k, (k + 1) % count]].mean(0), k)
+        for k in range(count)
+    ]
+    for k, (x, kind, more) in enumerate(zip(points, kinds, options, strict=True)):
+        sides = [sc.ground(x) if b is None else b.at(x) for b in (bodies[k - 1], bodies[k])]
+        model.add(f"joint {k}", kind(*sides, **more))
+    return model
+
+
+FOUR = [(0, 0, 0), (0, 1, 0), (2, 1.5, 0), (2.2, 0, 0)]
+FIVE = [(0, 0, 0), (-0.3, 1, 0), (1, 1.8, 0), (2, 1.5, 0), (2.2, 0, 0)]
+SPACE = [(0, 0, 0), (0, 1, 0), (2, 1.5, 0.7), (2, 0, 0.3)]
+
+
+def hinges(points, ground=None):
+    return ring(points, [R] * len(points), [HINGE] * len(points), ground)
+
+
+def bennett(ground=None):
+    """Four skew hinges that need not move, but do: a / sin(alpha) = b / sin(beta)."""
+    alpha, beta = np.radians(40), np.radians(70)
+    lengths = 1.0, np.sin(beta) / np.sin(alpha)
+    first = 1.0
+    second = 2 * np.arctan(
+        np.sin((beta + alpha) / 2) / np.sin((beta - alpha) / 2) / np.tan(first / 2)
+    )
+    frame, points, axes = np.eye(4), [], []
+    for k, angle in enumerate((first, second, -first, -second)):
+        points.append(frame[:3, 3].copy())
+        axes.append(frame[:3, 2] / np.linalg.norm(frame[:3, 2]))
+        c, s = np.cos(angle), np.sin(angle)
+        ct, st = np.cos((alpha, beta)[k % 2]), np.sin((alpha, beta)[k % 2])
+        a = lengths[k % 2]
+        frame = frame @ [
+            [c, -s * ct, s * st, a * c],
+            [s, c * ct, -c * st, a * s],
+            [0, st, ct, 0],
+            [0, 0, 0, 1],
+        ]
+    assert abs(frame - np.eye(4)).max() < 1e-12
+    return ring(points, [R] * 4, [{"axis": n} for n in axes], ground)
+
+
+def spherical(count, ground=None):
+    """Hinges whose axes meet in one point."""
+    rng, axes = np.random.default_rng(3), []
+    for angle in np.linspace(0, 2 * np.pi, count, endpoint=False):
+        n = np.array([np.cos(angle), np.sin(angle), 0.9 + 0.2 * rng.standard_normal()])
+        axes.append(n / np.linalg.norm(n))
+    points = [n * (1 + 0.2 * rng.standard_normal()) for n in axes]
+    return ring(points, [R] * count, [{"axis": n} for n in axes], ground)
+
+
+def tripteron():
+    """Three legs of parallel axes on a free base: the platform translates, three rows too many."""
+    model = sc.Model()
+    platform, base = body(model, "platform", (1, 1, 1)), body(model, "base", (-0.3, -0.3, -0.3), 9)
+    for k in range(3):
+        n, u, v = np.roll(np.eye(3), -k, axis=0)
+        x = [np.ones(3) - 1.5 * u, np.ones(3) - 0.8 * u + 0.6 * v, np.ones(3) - 0.2 * u]
+        low, high = (body(model, f"{j} {k}", (x[j] + x[j + 1]) / 2, j + k) for j in (0, 1))
+        model.add(f"sleeve {k}", sc.JointCylindrical(base.at(x[0]), low.at(x[0]), n))
+        model.add(f"knee {k}", R(low.at(x[1]), high.at(x[1]), n))
+        model.add(f"wrist {k}", R(high.at(x[2]), platform.at(x[2]), n))
+    return model
+
+
+def two_loops():
+    """Two four-bars that share a ternary link."""
+    x = {
+        **{"A": (0, 0, 0), "B": (0, 1, 0), "C": (2, 1.3, 0), "D": (2.2, 0, 0)},
+        **{"E": (1, 2, 0), "F": (3.5, 2.2, 0), "G": (3.6, 0, 0)},
+    }
+    x = {name: np.array(value, dtype=float) for name, value in x.items()}
+    model = sc.Model()
+    crank, ternary, rocker, coupler, last = (
+        body(model, name, np.mean([x[k] for k in pins], axis=0))
+        for name, pins in (
+            *(("crank", "AB"), ("ternary", "BCE"), ("rocker", "CD")),
+            *(("coupler", "EF"), ("last", "FG")),
+        )
+    )
+    for pin, a, b in (
+        *(("A", None, crank), ("B", crank, ternary), ("C", ternary, rocker), ("D", rocker, None)),
+        *(("E", ternary, coupler), ("F", coupler, last), ("G", last, None)),
+    ):
+        sides = [sc.ground(x[pin]) if s is None else s.at(x[pin]) for s in (a, b)]
+        model.add(f"pin {pin}", R(*sides, Z))
+    return model
+
+
+def three_cranks():
+    """A bar on three equal parallel cranks: a redundant one, in the plane and out of it."""
+    model = sc.Model()
+    cranks = [body(model, f"crank {k}", (0.9 * k, 0.5, 0)) for k in range(3)]
+    bar = body(model, "bar", (1, 1, 0))
+    for k, crank in enumerate(cranks):
+        x = np.array([0.9 * k, 0, 0])
+        y = x + (0.3, 1, 0)
+        model.add(f"low {k}", R(sc.ground(x), crank.at(x), Z))
+        model.add(f"high {k}", R(crank.at(y), bar.at(y), Z))
+    return model
+
+
+def points_and_beam():
+    """Loops through mass points, both ends of a free beam, and a wire."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 1, "bar")
+    bar = model.add("bar", sc.Beam(mesh, full_section()))
+    p, q = (
+        model.add(n, sc.MassPoint(0.7, x)) for n, x in (("p", (0.5, 1, 0)), ("q", (1.2, 0.8, 0.4)))
+    )
+    start, end = bar.node("bar.start"), bar.node("bar.end")
+    for k, (a, b) in enumerate(((start, p.place()), (p.place(), q.place()), (q.place(), end))):
+        model.add(f"rod {k}", sc.JointDistance(a, b))
+    model.add("rod 3", sc.JointDistance(q.place(), start))
+    arm = body(model, "arm", (0.5, 0.1, -0.5))
+    model.add("hinge", R(start, arm.at((0, 0, 0)), (0, 1, 0)))
+    model.add("wire", sc.JointPointOnLine(arm.at((1, 0, 0)), end, (1, 0, 0)))
+    return model
+
+
+def stewart():
+    """A platform on two legs of cardan, slide and ball joint, and a third without a slide."""
+    model = sc.Model()
+    top = body(model, "top", (0, 0, 1.2))
+    for k in range(3):
+        a, b = 2.1 * k + 0.2, 2.1 * k - 0.3
+        x, y = (
+            np.array([np.cos(a), np.sin(a), 0]),
+            np.array([0.5 * np.cos(b), 0.5 * np.sin(b), 1.2]),
+        )
+        d = (y - x) / np.linalg.norm(y - x)
+        e = np.cross(d, Z) / np.linalg.norm(np.cross(d, Z))
+        low, high = (
+            body(model, f"low {k}", 0.7 * x + 0.3 * y, k),
+            body(model, f"high {k}", y, k + 1),
+        )
+        model.add(f"cardan {k}", U(sc.ground(x), low.at(x), e, np.cross(d, e)))
+        if k < 2:
+            model.add(f"slide {k}", sc.JointPrismatic(high.at(y), low.at(x + 0.4 * (y - x)), d))
+        else:
+            model.add(f"weld {k}", sc.JointFixed(low.at(y), high.at(y)))
+        model.add(f"ball {k}", S(top.at(y), high.at(y)))
+    return model
+
+
+def slides():
+    """Slides in one plane in a ring: some of their rows hold nothing at all that could move."""
+    model = sc.Model()
+    a, b, c = (body(model, n, x) for n, x in zip("abc", np.eye(3), strict=True))
+    origin = np.zeros(3)
+    places = [sc.ground(origin), a.at(origin), b.at(origin), c.at(origin), sc.ground(origin)]
+    for k, axis in enumerate(((1, 0, 0), (0, 1, 0), (0.6, 0.8, 0), (0.8, -0.6, 0))):
+        model.add(f"slide {k}", sc.JointPrismatic(places[k], places[k + 1], axis))
+    return model
+
+
+#: name: (scene, mobility, redundant rows, free of the ground)
+SCENES = {
+    "four-bar": (lambda: hinges(FOUR, 3), 1, 3, False),
+    "free four-bar": (lambda: hinges(FOUR), 7, 3, True),
+    "five-bar": (lambda: hinges(FIVE, 4), 2, 3, False),
+    "free five-bar": (lambda: hinges(FIVE), 8, 3, True),
+    "bennett": (lambda: bennett(3), 1, 3, False),
+    "free bennett": (bennett, 7, 3, True),
+    "spherical six-bar": (lambda: spherical(6, 5), 3, 3, False),
+    "free spherical five-bar": (lambda: spherical(5), 8, 3, True),
+    "free tripteron": (tripteron, 9, 3, True),
+    "two loops": (two_loops, 1, 6, False),
+    "three cranks": (three_cranks, 1, 7, False),
+    "slides": (slides, 2, 4, False),
+    "free triangle of balls": (lambda: ring(SPACE[:3], [S] * 3, [{}] * 3), 9, 0, True),
+    "free square of balls": (lambda: ring(SPACE, [S] * 4, [{}] * 4), 12, 0, True),
+    "RSSR": (lambda: ring(SPACE, [R, S, S, R], [HINGE, {}, {}, LEAN], 3), 2, 0, False),
+    "RSUR": (lambda: ring(SPACE, [R, S, U, R], [HINGE, {}, CARDAN, LEAN], 3), 1, 0, False),
+    "slides and cardan": (
+        lambda: ring(
+            SPACE,
+            [sc.JointCylindrical, S, U, sc.JointPrismatic],
+            [HINGE, {}, CARDAN, LEAN],
+            3,
+        ),
+        *(2, 0, False),
+    ),
+    "free with a planar joint": (
+        lambda: ring(
+            SPACE, [sc.JointPlanar, S, U, sc.JointCylindrical], [{"normal": Z}, {}, CARDAN, LEAN]
+        ),
+        *(10, 0, True),
+    ),
+    "points and beam": (points_and_beam, 13, 0, True),
+    "stewart": (stewart, 5, 0, False),
+}
+scenes = pytest.mark.parametrize("scene", SCENES)
+#: which run for 200 steps; the others for 30
+LONG = ("four-bar", "free spherical five-bar", "slides and cardan")
+GRAVITY = (0.3, -9.81, 0.2)
+
+
+@cache
+def frozen(scene):
+    model = SCENES[scene][0]()
+    if not SCENES[scene][3]:
+        model.add("gravity", sc.LoadGravity(GRAVITY))
+    return model.freeze()
+
+
+def started(system, seed=1, size=1.0):
+    v = size * np.random.default_rng(seed).standard_normal(system.n)
+    return sc.initial_state(system, v=sc.project(system, system.q0, v))
+
+
+@cache
+def run(scene, integrator, treatment):
+    system = frozen(scene)
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    steps = 200 if scene in LONG else 30
+    return sc.simulate(system, *pair, 0.01, 0.01 * steps, start=started(system))
+
+
+# -- ranks -----------------------------------------------------------------------------------------
+
+
+@scenes
+@pytest.mark.slow
+def test_rank_and_null_space_along_the_motion(scene):
+    """Of the whole Jacobian, by singular values: at nodes and at midpoints.
+
+    Midpoints included where redundant rows meet a mobility above one, which no theorem promises.
+    """
+    _, mobility, redundant, _ = SCENES[scene]
+    system = frozen(scene)
+    assert system.unknowns == mobility
+    assert system.rank == system.n - mobility == system.m - redundant
+    assert len(system.redundant) == redundant
+    q = run(scene, "energy-momentum", "null space")["q"]
+    places = [
+        (q[0], True),
+        (q[20], True),
+        (0.5 * (q[20] + q[21]), False),
+        (0.5 * (q[9] + q[10]), False),
+    ]
+    for where, at_node in places:
+        y = system.extend(where, 0.0)
+        G = system.constraints.jacobian(y).toarray()
+        values = np.linalg.svd(G, compute_uv=False)
+        assert values[system.rank - 1] > 1e-3
+        assert values[system.rank :].max(initial=0.0) < 1e-13
+        P = system.null_space(where)
+        assert P.shape == (system.n, mobility)
+        assert np.linalg.matrix_rank(P) == mobility
+        assert abs(G @ P).max() <= 1e-12 * abs(G).max() * abs(P).max()
+        if at_node:
+            assert np.rad2deg(subspace_angles(P, null_space(G, rcond=1e-9))).max() < 1e-9
+
+
+def test_redundant_rows_are_reported():
+    """By joint: the four-bar's last hinge holds what others hold already."""
+    system = four_bar().freeze()
+    report = system.redundancies()
+    assert report == {"pin 2": [2, 3, 4]}  # along the axis, and both directions of the axis
+    assert frozen("RSSR").redundancies() == {}
+    report = frozen("three cranks").redundancies()
+    assert sum(len(rows) for rows in report.values()) == 7
+    assert set(report) <= {f"{where} {k}" for where in ("low", "high") for k in range(3)}
+    # dropped rows depend on the others, the others do not
+    for scene in ("three cranks", "free tripteron", "two loops"):
+        system = frozen(scene)
+        starts = {jr.joint.name: jr.rows.start for jr in system.joint_rows}
+        rows = [starts[n] + k for n, ks in system.redundancies().items() for k in ks]
+        assert sorted(rows) == system.redundant.tolist()
+        G = system.constraints.jacobian(system.extend(system.q0, 0.0)).toarray()
+        kept = np.setdiff1d(np.arange(system.m), system.redundant)
+        assert np.linalg.matrix_rank(G[kept]) == len(kept) == system.rank
+        assert np.linalg.matrix_rank(G) == system.rank
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("scene", ["free five-bar", "free tripteron", "slides and cardan"])
+@integrators
+def test_the_order_of_joints_does_not_matter(scene, seed, integrator):
+    """Another spanning tree and other redundant rows: the same motion."""
+    model, rng = SCENES[scene][0](), np.random.default_rng(seed)
+    names = list(model)
+    joints = [k for k in names if k in {j.name for j in frozen(scene).joints}]
+    other = sc.Model()
+    items = {k: model[k] for k in names}
+    for name in [*(k for k in names if k not in joints), *rng.permutation(joints)]:
+        vars(items[name]).update(name=None)  # in no model any more
+        other.add(str(name), items[name])
+    if not SCENES[scene][3]:
+        other.add("gravity", sc.LoadGravity(GRAVITY))
+    system = other.freeze()
+    assert system.unknowns == SCENES[scene][1]
+    for treatment in TREATMENTS.values():
+        q = sc.simulate(
+            *(system, INTEGRATORS[integrator], treatment, 0.01, 0.1),
+            start=started(system),
+            derive=False,
+        )["q"]
+        assert abs(q - run(scene, integrator, "multipliers")["q"][:11]).max() < 1e-11
+
+
+# -- motion ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "scene", [pytest.param(s, marks=[pytest.mark.slow] * s.startswith("free")) for s in SCENES]
+)
+@integrators
+def test_both_treatments_give_the_same_motion(scene, integrator):
+    one, two = (run(scene, integrator, treatment) for treatment in TREATMENTS)
+    assert len(one) == len(two) == (201 if scene in LONG else 31)
+    assert abs(one["q"] - two["q"]).max() < 1e-10
+    assert abs(one["q"] - one["q"][0]).max() > 0.05
+    for history, bound in ((one, 1e-12), (two, 1e-12)):
+        assert history["constraint_violation"].max() < bound  # of all rows, redundant ones too
+        assert (history["attempts"] == 1).all()
+        assert history.meta["factorisations"] < 3.4 * len(history)
+        if history.meta["kernels"] == "numpy":  # compiled ones keep factors
+            assert history["newton_iterations"].max() <= 4
+            assert history["newton_iterations"][1:].mean() < 3.3
+    force = [h["constraint_force"][:-1] for h in (one, two)]
+    assert abs(force[0] - force[1]).max() < 1e-8 * abs(force[0]).max()
+
+
+@scenes
+@treatments
+def test_energy_is_kept(scene, treatment):
+    """By energy-momentum, gravity included."""
+    history = run(scene, "energy-momentum", treatment)
+    total = history["energy"] + history["external"]
+    scale = history["kinetic"].max() + abs(history["external"]).max()
+    assert np.ptp(total) < 1e-11 * scale
+    if not SCENES[scene][3]:
+        assert np.ptp(history["kinetic"]) > 4e-3 * scale
+
+
+@pytest.mark.parametrize("scene", [k for k, v in SCENES.items() if v[3]])
+@integrators
+@treatments
+def test_free_loops_keep_their_momenta(scene, integrator, treatment):
+    system, history = frozen(scene), run(scene, integrator, treatment)
+    L = diagnostics.angular_momentum(system, history["q"], history["p"])
+    p = diagnostics.linear_momentum(system, history["p"])
+    for values, limit in zip((p, L), momentum_limits(system, history), strict=True):
+        assert abs(values - values[0]).max() < limit < 1e-9 * np.linalg.norm(values[0])
+
+
+@pytest.mark.parametrize("scene", ["free five-bar", "free bennett", "slides and cardan"])
+@integrators
+def test_second_order(scene, integrator):
+    """Against the same scheme with a fine step; redundant rows are chosen anew in each step."""
+    system = frozen(scene)
+    q = [
+        sc.simulate(
+            *(system, INTEGRATORS[integrator], sc.NullSpace(), 0.4 / n, 0.4),
+            start=started(system),
+            derive=False,
+        )["q"][-1]
+        for n in (10, 20, 40, 80)
+    ]
+    steps = [abs(a - b).max() for a, b in zip(q[1:], q, strict=False)]
+    assert 3.4 < steps[0] / steps[1] < 4.8
+    assert 3.8 < steps[1] / steps[2] < 4.2
+
+
+@pytest.mark.parametrize("scene", ["four-bar", "three cranks", "free tripteron", "bennett"])
+@integrators
+def test_multipliers_of_redundant_rows(scene, integrator):
+    """Of least norm: G^T lambda is the force, and lambda has no part that does nothing."""
+    system = frozen(scene)
+    lam = []
+    for treatment in TREATMENTS:
+        history = run(scene, integrator, treatment)
+        y = diagnostics.constraint_points(system, history)[5:9]
+        force = history["constraint_force"][5:9]
+        lam.append(diagnostics.multipliers(system, y, force))
+        for at, f, each in zip(y, force, lam[-1], strict=True):
+            G = system.constraints.jacobian(at).toarray()
+            size = abs(f).max()
+            assert abs(G.T @ each - f).max() < 1e-9 * size
+            idle = null_space(G.T, rcond=1e-9)
+            assert idle.shape[1] == SCENES[scene][2]
+            assert abs(idle.T @ each).max() < 1e-9 * abs(each).max()
+    assert abs(lam[0] - lam[1]).max() < 1e-8 * abs(lam[0]).max()
+
+
+def test_units_of_length_do_not_matter():
+    """A linkage of a tenth of a micron and one of ten kilometres are the same linkage."""
+    found = []
+    for scale in (1.0, 1e-7, 1e4):
+        x, model = scale * np.array(FOUR, dtype=float), sc.Model()
+        bars = [
+            sc.RigidBody.box(scale**3 * (k + 1), scale * np.array((1, 0.1, 0.1)), position=middle)
+            for k, middle in enumerate((x[1:] + x[:-1]) / 2)
+        ]
+        for k, bar in enumerate(bars):
+            model.add(f"bar {k}", bar)
+        places = [sc.ground(x[0]), *(b.at(p) for b, p in zip(bars, x[1:], strict=True))]
+        after = [*(b.at(p) for b, p in zip(bars, x, strict=False)), sc.ground(x[3])]
+        for k in range(4):
+            model.add(f"pin {k}", R(places[k], after[k], Z))
+        model.add("gravity", sc.LoadGravity((0, -9.81 * scale, 0)))
+        system = model.freeze()
+        assert system.counts() == {"n": 36, "m": 38, "rank": 35, "unknowns": 1}
+        for pair in ((i, t) for i in INTEGRATORS.values() for t in TREATMENTS.values()):
+            history = sc.simulate(system, *pair, 0.02, 0.6, kernels="numpy")
+            found.append((history["joint/pin 0/angle"], history["newton_iterations"]))
+            angle, count = found[(len(found) - 1) % 4]
+            assert abs(history["joint/pin 0/angle"] - angle).max() < 1e-11
+            assert abs(history["newton_iterations"] - count).max() <= 1
+
+
+# -- prescribed motion of the ground, small errors of the geometry ---------------------------------
+
+
+def door(second=None, off=0.0):
+    """A door on two hinges of a moving frame, or with one hinge off the line of both axes."""
+    model, high = sc.Model(), np.array([off, 0, 1.0])
+    item = model.add("door", sc.RigidBody(1.0, TENSOR, center=(0.3, 0.2, 0)))
+    if off:
+        model.add("low", R(sc.ground((0, 0, -1)), item.at((0, 0, -1)), Z))
+        model.add("high", R(sc.ground(high), item.at(high), Z))
+        return model
+
+    def turn(t):
+        return 0.3 * t**2, 0.2 * t**2, 0.0
+
+    def carried(x):
+        def shift(t):
+            rotated = sc.Motion(rotation=turn).frame(sc.ground((0, 0, 0)), t)[1:].T @ x
+            return rotated - x + (0.1 * t**2, 0, 0)
+
+        return shift
+
+    for name, z in (("low", -1.0), ("high", 1.0)):
+        x = np.array([0, 0, z])
+        motion = sc.Motion(carried(x) if second is None or name == "low" else second, turn)
+        model.add(name, R(sc.ground(x, motion), item.at(x), Z))
+    model.add("gravity", sc.LoadGravity((1.0, -9.81, 0)))
+    return model
+
+
+@integrators
+def test_redundant_hinges_on_a_moving_frame(integrator):
+    """They move as one body: taken, and the work of the frame is what the door gains."""
+    system = door().freeze()
+    assert system.counts() == {"n": 12, "m": 16, "rank": 11, "unknowns": 1}
+    one, two = (
+        sc.simulate(system, INTEGRATORS[integrator], treatment, 0.02, 0.6)
+        for treatment in TREATMENTS.values()
+    )
+    assert abs(one["q"] - two["q"]).max() < 1e-12
+    for history in (one, two):
+        assert history["constraint_violation"].max() < 1e-13
+        if integrator == "energy-momentum":
+            assert abs(history["energy_balance"]).max() < 1e-12 * abs(history["energy"]).max()
+
+
+def test_a_frame_that_tears_its_door_apart():
+    with pytest.raises(sc.InputError) as caught:
+        door(lambda t: (0.1 * t**2, 0, 0)).freeze()
+    for word in ("'high'", "cannot follow the prescribed motion", "motion of the ground"):
+        assert word in str(caught.value)
+
+
+def test_geometry_with_too_few_digits():
+    """A hinge beside the line of the other one locks the door; by how little is said."""
+    assert door(off=1e-11).freeze().unknowns == 1
+    said, refused = pytest.warns(sc.ModelWarning, match="more digits"), pytest.raises(sc.InputError)
+    with said, refused as caught:
+        door(off=1e-7).freeze()
+    for word in (
+        "mobility is zero",
+        "independent by",
+        "e-08 only",
+        "'low'",
+        "'high'",
+        "more digits",
+    ):
+        assert word in str(caught.value)
+    with pytest.raises(sc.InputError, match="mobility is zero") as caught:
+        door(off=1e-2).freeze()
+    assert "digits" not in str(caught.value)
+
+
+# -- tangents --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "scene", ["five-bar", "free bennett", "slides and cardan", "points and beam"]
+)
+@integrators
+def test_tangent_at_the_solution(scene, integrator):
+    """Reduced matrix against central differences of the reduced residual, loops closed anew.
+
+    At the solution, where the directions left free may turn without changing a residual of zero.
+    """
+    system = frozen(scene)
+    stepper = sc.Stepper(system, INTEGRATORS[integrator], sc.NullSpace(), 0.02, kernels="numpy")
+    state = started(system)
+    for _ in range(3):
+        state = stepper.advance(state).state
+    matrix, _ = stepper.iteration_matrix(state)
+    bound, scheme = stepper.bound, stepper.integrator
+    step = scheme.begin(system, state, 0.02)
+    saved = bound.save()
+
+    def residual(increment):
+        bound.apply(increment)
+        y1 = bound.configuration()
+        r = bound.residual(scheme.evaluate(system, step, y1).R, y1)
+        bound.restore(saved)
+        return r
+
+    wanted, e = np.empty_like(matrix), 3e-5
+    for k in range(bound.unknowns):
+        increment = np.zeros(bound.unknowns)
+        increment[k] = e
+        wanted[:, k] = (residual(increment) - residual(-increment)) / (2 * e)
+    assert abs(matrix - wanted).max() < 1e-7 * abs(wanted).max()
+
+
+@pytest.mark.parametrize("scene", ["five-bar", "free tripteron", "slides and cardan", "stewart"])
+@integrators
+@treatments
+def test_newton_converges_quadratically(scene, integrator, treatment, monkeypatch):
+    """From a zero guess with a large step: each increment at most a fixed part of the last^2."""
+    system = frozen(scene)
+    reports = []
+
+    def watched(*arguments):
+        reports.append(newton(*arguments))
+        return reports[-1]
+
+    monkeypatch.setattr("skfem_cosserat.integrators.stepper.newton", watched)
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    sc.Stepper(system, *pair, 0.05, kernels="numpy").advance(started(system))
+    (report,) = reports
+    assert report.converged
+    sizes = np.array(report.increments)
+    assert len(sizes) >= 4
+    clear = sizes[1:] > 1e-13
+    assert (sizes[1:][clear] < 20 * sizes[:-1][clear] ** 2).all(), sizes
+
+
+# -- singular positions ----------------------------------------------------------------------------
+
+
+def linkage(lengths, theta, speed=0.0, bend=1.0):
+    """Four-bar in the plane by its lengths (crank, coupler, rocker, base) and the crank's angle."""
+    a, b, c, base = lengths
+    A, D = np.zeros(3), np.array([base, 0.0, 0])
+    B = a * np.array([np.cos(theta), np.sin(theta), 0])
+    d = np.linalg.norm(D - B)
+    along = (b**2 - c**2 + d**2) / (2 * d)
+    e = (D - B) / d
+    across = np.sqrt(max(b**2 - along**2, 0.0))
+    C = B + along * e + bend * across * np.array([-e[1], e[0], 0])
+    x, model = [A, B, C, D], sc.Model()
+    bars = [
+        model.add(name, sc.RigidBody.box(1.0 + k, (1, 0.1, 0.1), position=(x[k] + x[k + 1]) / 2))
+        for k, name in enumerate(("crank", "coupler", "rocker"))
+    ]
+    before = [sc.ground(A), *(bar.at(p) for bar, p in zip(bars, x[1:], strict=True))]
+    after = [*(bar.at(p) for bar, p in zip(bars, x, strict=False)), sc.ground(D)]
+    for k in range(4):
+        model.add(f"pin {k}", R(before[k], after[k], Z))
+    return model
+
+
+PARALLELOGRAM = (1.0, 2.0, 1.0, 2.0)
+CHANGE_POINT = (1.0, 2.0, 1.5, 2.5)  # straight at theta = pi, where two branches cross
+
+
+def spinning(system, speed):
+    """Start with a speed of the crank, on the branch of the configuration."""
+    v = system.null_space(system.q0)[:, 0]
+    crank = system.frame_place("crank")
+    return sc.initial_state(system, v=speed / v[crank + 4] * v)  # d1 is e1 in the reference
+
+
+def turn(system, history, name):
+    i = system.frame_place(name)
+    return np.unwrap(np.arctan2(history["q"][:, i + 4], history["q"][:, i + 3]))
+
+
+def passages(caplog):
+    """Each of them is logged; a warning says the first one."""
+    return [r.getMessage() for r in caplog.records if "singular position" in r.getMessage()]
+
+
+@pytest.mark.parametrize("step", [0.01, 0.07])
+@integrators
+@treatments
+def test_a_parallelogram_passes_its_flat_positions(integrator, treatment, step, caplog):
+    """It stays one; a warning for the first passage, and each is logged with time and joints."""
+    caplog.set_level(logging.INFO, logger="skfem_cosserat")
+    system = linkage(PARALLELOGRAM, 1.0).freeze()
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    with pytest.warns(sc.AccuracyWarning, match="has passed a singular position"):
+        history = sc.simulate(system, *pair, step, 2.1, start=spinning(system, -3.0))
+    assert len(history.meta["warnings"]) == 1
+    assert history["joint/pin 0/angle"][-1] == pytest.approx(-6.3, rel=1e-2)
+    i = system.frame_place("coupler")
+    assert abs(history["q"][:, i + 3 : i + 6] - (1, 0, 0)).max() < 1e-9
+    assert history["constraint_violation"].max() < 1e-12
+    assert np.ptp(history["energy"]) < 1e-9 * history["energy"][0]  # each bar's own is constant
+    assert (history["attempts"] == 1).all()
+    texts = passages(caplog)
+    assert len(texts) == 2, texts
+    for text, angle in zip(texts, (1.0, 1.0 + np.pi), strict=True):
+        assert "has passed a singular position" in text
+        assert all(f"revolute joint 'pin {k}'" in text for k in range(4))
+        time = float(text.split("t = ")[1].split(" s")[0])
+        assert 0 <= time - angle / 3 < 1.05 * step
+
+
+# passes singular positions, or stops in one
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
+@pytest.mark.parametrize("off", [-5e-6, -3e-7, 0.0, 3e-8, 1e-6, 3e-4])
+@integrators
+@treatments
+def test_a_crossing_of_branches_is_passed_smoothly(integrator, treatment, off):
+    """Also where a step ends in it, or so near that the two branches can hardly be told apart.
+
+    The one it came along goes on: rocker and crank keep their speeds. Exactly there, constraints
+    that meet at a point of both branches say where it is to the root of round-off only.
+    """
+    theta = {"variational": 2.5466687344504857, "energy-momentum": 2.5470645697435272}[integrator]
+    system = linkage(CHANGE_POINT, theta + off).freeze()
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    start = spinning(system, 3.0)
+    history = sc.simulate(system, *pair, 0.02, 0.4, start=start)
+    crank = theta + off + turn(system, history, "crank") - np.pi
+    assert crank[9] < -0.04  # before,
+    assert abs(crank[10]) < 1e-6 + 7 * abs(off)  # in, to the root of rounding,
+    assert crank[11] > 0.04  # and behind the crossing
+    for name in ("crank", "rocker"):
+        bend = abs(np.diff(turn(system, history, name), 2))[7:13]
+        assert bend.max() < 1.5e-3, (name, bend)
+    # with multipliers and the variational scheme the position may come to lie on the other branch
+    bound = 1e-4 if treatment == "multipliers" and abs(off) < 1e-6 else 1e-6
+    assert abs(np.diff(history["energy"])).max() < bound * history["energy"][0]
+    assert history["constraint_violation"].max() < 1e-12
+    if abs(off) > 1e-5 and treatment == "multipliers":
+        other = sc.simulate(system, pair[0], sc.NullSpace(), 0.02, 0.4, start=start)
+        assert abs(other["q"] - history["q"]).max() < 1e-7
+
+
+def test_a_step_that_ends_in_a_singular_position_warns_once():
+    system = linkage(CHANGE_POINT, 2.5466687344504857).freeze()
+    for treatment in TREATMENTS.values():
+        run = system, sc.Variational(), treatment, 0.02, 0.4
+        with pytest.warns(sc.AccuracyWarning, match="singular position"):
+            history = sc.simulate(*run, start=spinning(system, 3.0))
+        (said,) = history.meta["warnings"]
+        assert said["when"] == "t = 0.2 s" and "singular position" in said["text"]
+
+
+# passes singular positions, or stops in one
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
+@integrators
+@treatments
+def test_a_run_goes_on_from_a_singular_position(integrator, treatment):
+    """Stopped in the crossing and started again: along the branch of its momentum."""
+    theta = {"variational": 2.5466687344504857, "energy-momentum": 2.5470645697435272}[integrator]
+    system = linkage(CHANGE_POINT, theta).freeze()
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    whole = sc.simulate(system, *pair, 0.02, 0.4, start=spinning(system, 3.0))
+    first = whole.truncated(11)
+    rest = sc.simulate(*(system, *pair, 0.02, 0.4), start=sc.restart(system, first, pair[0], 0.02))
+    assert rest["step"][0] == 10
+    assert abs(rest["q"] - whole["q"][10:]).max() < 1e-5
+
+
+@pytest.mark.parametrize("lengths", [PARALLELOGRAM, CHANGE_POINT], ids=["parallelogram", "change"])
+@integrators
+@treatments
+def test_a_reference_in_a_singular_position(lengths, integrator, treatment):
+    """Its rank is that of the positions beside it; it starts along the branch of its momentum."""
+    theta = 0.0 if lengths is PARALLELOGRAM else np.pi
+    with pytest.warns(sc.ModelWarning, match="is a singular position"):
+        system = linkage(lengths, theta).freeze()
+    (said,) = system.warnings
+    text = f"{said['item']}: {said['text']}"
+    for word in (
+        "reference configuration is a singular position",
+        *(f"'pin {k}'" for k in range(4)),
+        "1 of its constraint rows are independent there, 2 beside it",
+    ):
+        assert word in text
+    assert system.counts() == {"n": 36, "m": 38, "rank": 35, "unknowns": 1}
+    assert sum(map(len, system.redundancies().values())) == 3
+    # the velocity of the regular linkage beside it, which is on one of the two branches
+    ends = []
+    for bend in (1.0, -1.0):
+        near = linkage(lengths, theta + 1e-3, bend=bend).freeze()
+        v = spinning(near, 3.0).p
+        start = sc.initial_state(system, v=near_velocity(system, near, v))
+        pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+        with pytest.warns(sc.AccuracyWarning, match="is in a singular position"):
+            history = sc.simulate(system, *pair, 0.01, 0.3, start=start)
+        assert history.meta["warnings"][0] == said  # that of the scene
+        assert np.ptp(history["energy"]) < 2e-3 * history["energy"][0]
+        assert history["constraint_violation"].max() < 1e-12
+        rates = [np.diff(turn(system, history, name))[0] / 0.01 for name in ("crank", "rocker")]
+        wanted = near_velocity(system, near, v)
+        found = [wanted[system.frame_place(name) + 4] for name in ("crank", "rocker")]
+        assert rates == pytest.approx(found, rel=0.05)
+        ends.append(history["q"][-1])
+    assert abs(ends[0] - ends[1]).max() > 0.1  # two branches
+
+
+def near_velocity(system, near, p):
+    """Rates of the bars of a linkage nearby, on the configuration of this one."""
+    v = sc.project(
+        near, near.q0, np.linalg.lstsq(np.kron(near.mass.toarray(), np.eye(3)), p, rcond=None)[0]
+    )
+    out = np.zeros(system.n)
+    q = system.q0.reshape(-1, 3)
+    for k in range(3):
+        omega = v.reshape(-1, 3)[4 * k + 1][1]  # of d1 = e1
+        out[12 * k : 12 * k + 3] = v[12 * k : 12 * k + 3]
+        out[12 * k + 3 : 12 * k + 12] = np.cross((0, 0, omega), q[4 * k + 1 : 4 * k + 4]).ravel()
+    return sc.project(system, system.q0, out)
+
+
+# its reference is a singular position
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
+def test_a_straight_chain_that_only_seems_to_move():
+    """Two bars between supports as far apart as they are long: no motion, whatever rows say."""
+    model = sc.Model()
+    bars = [sc.RigidBody.box(1.0, (1, 0.1, 0.1), position=(k + 0.5, 0, 0)) for k in (0, 1)]
+    for k, bar in enumerate(bars):
+        model.add(f"bar {k}", bar)
+    model.add("left", R(sc.ground((0, 0, 0)), bars[0].at((0, 0, 0)), Z))
+    model.add("mid", R(bars[0].at((1, 0, 0)), bars[1].at((1, 0, 0)), Z))
+    model.add("right", R(bars[1].at((2, 0, 0)), sc.ground((2, 0, 0)), Z))
+    with pytest.raises(sc.InputError, match=r"mobility is zero: 24 coordinates and 24 independent"):
+        model.freeze()
+
+
+@integrators
+@treatments
+def test_regular_loops_warn_of_nothing(integrator, treatment):
+    system = four_bar().freeze()
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    history = sc.simulate(system, *pair, 0.02, 0.4, start=spinning_four_bar(system))
+    assert history.meta["warnings"] == []
+
+
+def spinning_four_bar(system):
+    return sc.initial_state(system, v=system.null_space(system.q0)[:, 0])
+
+
+def test_an_open_configuration_is_refused():
+    """The tree's joints hold, the loop is open: the joint that closes it is named."""
+    system = frozen("slides and cardan")
+    q = random_state(system, np.random.default_rng(0))
+    with pytest.raises(
+        sc.InputError, match=r"q at t = 0 s violates the constraint of the .*'joint"
+    ):
+        sc.initial_state(system, q=q)
+
+
+# -- compiled kernels ------------------------------------------------------------------------------
+
+
+@chequered("scene", SCENES, "integrator", INTEGRATORS)
+def test_kernels_agree(scene, integrator):
+    """The same motion and forces, with the iterations of one Newton method for all equations."""
+    pytest.importorskip("numba")
+    system = frozen(scene)
+    start = started(system)
+    plain, *compiled = [
+        sc.simulate(
+            system, INTEGRATORS[integrator], sc.NullSpace(), 0.01, 0.1, start=start,
+            derive=False, kernels=kernels, settings=sc.NewtonSettings(reuse=reuse),
+        )
+        for kernels, reuse in (("numpy", 0), ("numba", 0), ("numba", 4))
+    ]  # fmt: skip
+    for run in compiled:
+        assert run.meta["kernels"] == "numba" and run["attempts"].max() == 1
+        assert abs(run["q"] - plain["q"]).max() < 1e-12
+        assert abs(run["p"] - plain["p"]).max() < 1e-10 * abs(plain["p"]).max()
+        force = plain["constraint_force"][:-1]
+        difference = run["constraint_force"][:-1] - force
+        assert abs(difference).max() < 1e-8 * abs(force).max()
+
+
+def test_a_step_with_closed_loops_that_flips_a_body_is_none():
+    """At large steps forces of loops without bound turned a crank by 180 degrees in each step."""
+    pytest.importorskip("numba")
+    model = four_bar()
+    model.add("gravity", sc.LoadGravity((1.0, -9.81, 0)))
+    push = sc.Table([0, 0.03, 0.031, 1], [0, 5.0, 0, 1])
+    model.add("push", sc.LoadForce(model["coupler"].at((1, 1.25, 0)), (0, 1.0, 0), push))
+    system = model.freeze()
+    v = 0.5 * system.length * np.random.default_rng(0).standard_normal(system.n)
+    start = sc.initial_state(system, v=sc.project(system, system.q0, v))
+    plain, *compiled = [
+        sc.simulate(
+            system, sc.EnergyMomentum(), sc.NullSpace(), 0.3, 6.0, start=start, derive=False,
+            kernels=kernels, settings=sc.NewtonSettings(reuse=reuse),
+        )
+        for kernels, reuse in (("numpy", 0), ("numba", 0), ("numba", 4))
+    ]  # fmt: skip
+    for run in compiled:
+        assert abs(run["q"] - plain["q"]).max() < 1e-10
+
+
+SPEED = 30.0
+
+
+def slider_crank(theta, rod=1.0):
+    """Crank of 1 m, rod, slider on a rail through the pin of the crank."""
+    model = sc.Model()
+    A, B = np.zeros(3), np.array([np.cos(theta), np.sin(theta), 0])
+    C = np.array([B[0] + np.sqrt(rod**2 - B[1] ** 2), 0, 0])
+    bars = []
+    for name, a, b, mass in (("crank", A, B, 1.0), ("rod", B, C, 2.0)):
+        shape = (0.1, 0.1, float(np.linalg.norm(b - a)))
+        bar = sc.RigidBody.box(mass, shape, position=(a + b) / 2, triad=sc.triad(b - a, Z))
+        bars.append(model.add(name, bar))
+    slider = model.add("slider", sc.RigidBody.box(0.5, (0.1, 0.1, 0.1), position=C))
+    model.add("pin 0", sc.JointRevolute(sc.ground(A), bars[0].at(A), Z))
+    model.add("pin 1", sc.JointRevolute(bars[0].at(B), bars[1].at(B), Z))
+    model.add("pin 2", sc.JointRevolute(bars[1].at(C), slider.at(C), Z))
+    model.add("rail", sc.JointPrismatic(sc.ground(C), slider.at(C), (1.0, 0, 0)))
+    return model
+
+
+def fast_scene(name):
+    """A system and its start, at a fast turn of the crank."""
+    if name == "slider-crank":
+        system = slider_crank(1.0).freeze()
+        return system, sc.initial_state(system, rates={"pin 0": SPEED})
+    lengths, theta = {
+        "parallelogram": (PARALLELOGRAM, 1.0),
+        "change point": (CHANGE_POINT, np.pi - 0.3),
+    }[name]
+    system = linkage(lengths, theta).freeze()
+    return system, spinning(system, SPEED if name == "change point" else -SPEED)
+
+
+def outcome(system, start, integrator, turn, rounds, kernels):
+    """History, why it ended, and what was warned of."""
+    step = turn / SPEED
+    until = round(rounds / turn) * step
+    arguments = integrator, sc.NullSpace(), step, until
+    try:
+        history, end = sc.simulate(system, *arguments, start=start, kernels=kernels), None
+    except sc.Diverged as error:
+        history, end = error.history, (error.time, error.step)
+    assert history.meta["kernels"] == kernels
+    return history, end, [(each["when"], each["text"]) for each in history.meta["warnings"]]
+
+
+def slow(*values):
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
+@pytest.mark.filterwarnings(
+    "ignore::skfem_cosserat.AccuracyWarning"
+)  # large steps over singular positions
+@pytest.mark.parametrize(
+    ("name", "integrator", "turn", "ends"),
+    [
+        *(("parallelogram", "energy-momentum", turn, True) for turn in (0.2, 0.5, 0.9, 1.3)),
+        ("change point", "energy-momentum", 0.2, True),
+        ("slider-crank", "energy-momentum", 0.2, True),
+        *(slow("parallelogram", "variational", turn, True) for turn in (0.03, 0.2, 0.5, 0.9)),
+        slow("parallelogram", "variational", 1.3, False),
+        *(slow("change point", "variational", turn, turn < 0.4) for turn in (0.03, 0.2, 0.5, 0.9)),
+    ],
+)
+def test_kernels_agree_in_large_steps_over_singular_positions(name, integrator, turn, ends):
+    """Steps of `turn` rad of the crank: the same motion, the same warnings, the same failure.
+
+    Compiled steps choose the rows that close a loop only after some motion: whatever a step jumps
+    over must be met, told and survived as it is by plain kernels, which choose them in every step.
+    """
+    pytest.importorskip("numba")
+    system, start = fast_scene(name)
+    arguments = system, start, INTEGRATORS[integrator], turn, 6.5
+    plain, compiled = (outcome(*arguments, kernels) for kernels in ("numpy", "numba"))
+    assert len(compiled[0]) == len(plain[0])
+    assert abs(compiled[0]["q"] - plain[0]["q"]).max() < 1e-10
+    assert compiled[1] == plain[1]
+    assert compiled[2] == plain[2]
+    assert (plain[1] is None) is ends
+    if ends:
+        assert any("singular position" in text for _, text in plain[2])
+        assert compiled[0]["constraint_violation"].max() < 1e-11

@@ -1,0 +1,213 @@
+"""Vibrating beams of the benchmark collection: exact numbers, other inputs, bad input."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skfem_cosserat as sc
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples" / "benchmarks"))
+
+common = importlib.import_module("collection.common")
+M1, M2, M3, M4 = (
+    importlib.import_module(f"collection.{name}")
+    for name in ("m01_timoshenko", "m02_rotating", "m03_prestressed", "m04_ring")
+)
+FAMILIES = {"M1": M1, "M2": M2, "M3": M3, "M4": M4}
+#: relative to the largest of a field, a few times what was measured: M1 and M3 by rounding, M2 by
+#: extrapolation (rounding at the slenderness 400), M4 by 48 cubic elements
+QUICK = {"M1": 2e-13, "M2": 5e-10, "M3": 2e-13, "M4": 6e-7}
+TAKEN = {"cost_s", "unknowns", "newton_iterations", "converged", "order", "elements", "step"}
+
+
+def values(module, case):
+    entry = common.entry(module.ENTRIES[0])["values"][case]
+    return {name: np.array(x, dtype=float) for name, x in entry.items()}
+
+
+@pytest.mark.parametrize(
+    "family", [pytest.param(f, marks=[pytest.mark.slow] * (f != "M1")) for f in FAMILIES]
+)
+def test_quick_rows(family):
+    rows = FAMILIES[family].rows()
+    assert {row["case"] for row in rows} == set(FAMILIES[family].QUICK)
+    for row in rows:
+        assert row["id"] == f"M0{family[1]}"
+        assert row["converged"]
+        scale = abs(np.array(row["reference"], dtype=float)).max()
+        assert row["error"] <= QUICK[family] * scale, row
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("family", "tolerance"), [("M2", 1e-8), ("M4", 2e-8)])
+def test_all_rows(family, tolerance):
+    for row in FAMILIES[family].rows(quick=False):
+        scale = abs(np.array(row["reference"], dtype=float)).max()
+        assert row["error"] <= tolerance * scale, row
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_names_and_shapes(family):
+    module = FAMILIES[family]
+    for case in module.QUICK:
+        found = module.main(case, elements=12, step=0.1, times=[1.0])
+        wanted = values(module, case)
+        assert set(found) >= {*wanted, *TAKEN}
+        for name, x in wanted.items():
+            assert np.shape(found[name]) == x.shape
+        assert (found["elements"], found["order"]) == (12, 3)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize(
+    ("module", "case", "name", "mode"),
+    [
+        (M1, "h=0.1,CF", "omega", 1),
+        (M3, "1", "omega_bending", 1),
+    ],
+)
+def test_order_in_space(module, case, name, mode, order):
+    """Frequencies converge with h^(2p); those of the ring in test_modes.py."""
+    counts = {1: (24, 48), 2: (16, 32), 3: (12, 24), 4: (6, 12)}[order]
+    wanted = values(module, case)[name][mode]
+    found = [module.main(case, order=order, elements=n)[name][mode] for n in counts]
+    coarse, fine = abs(np.array(found) / wanted - 1)
+    assert np.log2(coarse / fine) == pytest.approx(2 * order, abs=0.2)
+
+
+# -- other inputs ----------------------------------------------------------------------------------
+
+
+def test_beam_of_another_material_and_size():
+    """omega goes with sqrt(E/rho)/L for equal shape; width does not matter."""
+    data = {"L": 2.0, "h": 0.2, "b": 0.3, "E": 70e9, "rho": 2700.0}
+    found = M1.main("h=0.1,CF", data, elements=40)
+    wanted = values(M1, "h=0.1,CF")
+    scale = np.sqrt(70e9 / 210e9 * 7850 / 2700) / 2
+    assert found["omega"] == pytest.approx(scale * wanted["omega"], rel=2e-8)
+    assert found["omega_norm"] == pytest.approx(wanted["omega_norm"], rel=2e-8)
+    assert 2 * np.pi * np.array(found["f_Hz"]) == pytest.approx(found["omega"], rel=1e-14)
+
+
+@pytest.mark.parametrize(("h", "nu"), [(0.05, 0.3), (0.2, 0.0)])
+def test_simply_supported_beam_of_closed_form(h, nu):
+    """Roots of Timoshenko's quadratic for each wavenumber, both branches in one list."""
+    data = {"nu": nu, "kappa": 0.85}
+    found = M1.main(f"h={h},SS", data)["omega"]
+    E, rho, roots = 210e9, 7850.0, []
+    G = E / (2 * (1 + nu))
+    shear, r2 = E / (0.85 * G), h**2 / 12
+    for k in np.pi * np.arange(1, 12):
+        roots += np.roots(
+            [rho * r2 * shear / E, -(1 + r2 * k**2 * (1 + shear)), E / rho * r2 * k**4]
+        ).tolist()
+    assert found == pytest.approx(np.sqrt(np.sort(roots)[:5]), rel=1e-11)
+
+
+@pytest.mark.parametrize(("ends", "first"), [("CS", 3.92660231), ("SC", 3.92660231), ("FS", None)])
+def test_other_supports(ends, first):
+    """Slender: Euler-Bernoulli's (kL)^2; a beam on one hinge has those of clamped and hinged."""
+    found = M1.main(f"h=0.001,{ends}", elements=24)["omega_norm"]
+    wanted = (3.92660231 if first is None else first) ** 2
+    assert found[0] == pytest.approx(wanted, rel=2e-5)
+
+
+def test_rotating_cantilever_in_units():
+    """Omega over its unit is eta; 0 and one slenderness of their own."""
+    data = {"Omega": 6.0, "EI": 8.0, "rhoA": 2.0, "L": 1.0}
+    found = M2.main(data=data, elements=24)
+    wanted = values(M2, "hub=0,eta=3")
+    assert found["flap"][:2] == pytest.approx(wanted["flap"][:2], rel=1e-8)
+    assert found["estimated_error"] < 1e-6
+    thick = M2.main("hub=0,eta=3", {"slenderness": 20.0}, elements=8)
+    ratio = np.array(thick["flap"]) / wanted["flap"]
+    assert ((ratio > 0.7) & (ratio < 1)).all()
+
+
+def test_flap_and_lag_differ_by_the_speed():
+    """Without hub: flap^2 - lag^2 = eta^2, exact for all modes; another speed and hub."""
+    found = M2.main(data={"hub": 0.35, "eta": 5.0}, elements=32)
+    squares = np.array(found["flap"]) ** 2 - np.array(found["lag"]) ** 2
+    assert squares == pytest.approx([25.0] * 4, abs=1e-4)
+
+
+def test_prestress_by_force_and_by_factor():
+    """T and fac say the same; another length: omega goes with h/L^2 and fac stays."""
+    T = values(M3, "1")["T"]
+    by_force = M3.main(data={"T": float(T)}, elements=24)
+    wanted = values(M3, "1")
+    assert by_force["omega_bending"] == pytest.approx(wanted["omega_bending"], rel=2e-6)
+    data = {"L": 3.0, "h": 0.15, "E": 70e9, "rho": 2700.0}
+    found = M3.main("1", data, elements=24)
+    scale = np.sqrt(70e9 / 210e9 * 7850 / 2700) / 3
+    assert found["omega_bending"] == pytest.approx(scale * wanted["omega_bending"], rel=2e-6)
+    assert found["T"] == pytest.approx(float(T) * 9 * 70 / 210, rel=1e-12)
+    assert M3.main(data={"fac": -0.9}, elements=24)["omega_bending"][0] == pytest.approx(
+        values(M3, "-0.9")["omega_bending"][0], rel=1e-8
+    )
+
+
+def test_buckled_beam_has_no_frequency():
+    """Beyond the critical load the first frequency is zero, the state unstable."""
+    assert M3.main("-1.1", elements=8)["omega_bending"][0] == 0.0
+
+
+@pytest.mark.parametrize("treatment", ["null-space", "multipliers"])
+def test_prestress_with_both_treatments(treatment):
+    found = M3.main("100", elements=24, treatment=treatment)
+    assert found["newton_iterations"] > 0
+    assert found["omega_bending"][:2] == pytest.approx(
+        values(M3, "100")["omega_bending"][:2], rel=1e-8
+    )
+
+
+def test_ring_of_another_size():
+    """omega goes with sqrt(E/rho)/R for equal shape; n = 3 of a thin ring by Hoppe's formula."""
+    data = {"R": 0.5, "h": 0.05, "E": 70e9, "rho": 2700.0}
+    found = M4.main("n=2", data, elements=24)
+    wanted = values(M4, "n=2")
+    scale = np.sqrt(70e9 / 210e9 * 7850 / 2700) / 0.5
+    for name in ("inplane_omega", "outplane_omega"):
+        assert found[name][:2] == pytest.approx(scale * wanted[name][:2], rel=1e-5)
+    h, n = 0.005, 3
+    thin = M4.main(data={"h": h, "n": n}, elements=24)["inplane_omega"][0]
+    hoppe = n * (n**2 - 1) / np.sqrt(n**2 + 1) * h * np.sqrt(210e9 / 12 / 7850)
+    assert thin == pytest.approx(hoppe, rel=1e-4)
+
+
+# -- what cannot be done ---------------------------------------------------------------------------
+
+
+def bad(call, *words):
+    with pytest.raises(sc.InputError) as caught:
+        call()
+    for word in words:
+        assert word in str(caught.value), str(caught.value)
+
+
+@pytest.mark.parametrize("module", FAMILIES.values())
+def test_bad_arguments_are_named(module):
+    bad(lambda: module.main("Q7"), "case", "'Q7'", next(iter(module.QUICK)))
+    bad(lambda: module.main(data={"lenght": 2.0}), "data", "'lenght'")
+    bad(lambda: module.main(order=0), "order", "0")
+    bad(lambda: module.main(elements=2.5), "elements", "2.5")
+    bad(lambda: module.main(step=0.0), "step", "0.0")
+    bad(lambda: module.main(times=["soon"]), "times", "'soon'")
+    bad(lambda: module.main(integrator="newmark"), "integrator", "'newmark'")
+    bad(lambda: module.main(treatment="penalty"), "treatment", "'penalty'")
+
+
+def test_bad_data_is_named():
+    bad(lambda: M1.main("h=-0.1,CF"), "h = '-0.1'")
+    bad(lambda: M1.main("h=0.1,CX"), "ends", "'CX'")
+    bad(lambda: M1.main(data={"E": np.nan}), "E = nan")
+    bad(lambda: M1.main(data={"kappa": "5/0"}), "kappa = '5/0'")
+    bad(lambda: M1.main(elements=1, order=1), "elements")
+    bad(lambda: M2.main("hub=0,eta=fast"), "eta = 'fast'")
+    bad(lambda: M2.main(data={"slenderness": 0.0}), "slenderness = 0.0")
+    bad(lambda: M3.main(data={"T": -1e12}), "T = -1e+12")
+    bad(lambda: M4.main(data={"n": -1}), "n = -1")
+    bad(lambda: M4.main("n=9", elements=4), "elements", "9 waves")

@@ -1,0 +1,465 @@
+"""Where methods fail: outcomes, the mechanism, the highest frequency, the warning at run time."""
+
+from __future__ import annotations
+
+import csv
+import logging
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers_scenes import everything, four_bar, full_section, random_tree
+from scipy.linalg import eigh
+
+import skfem_cosserat as sc
+from skfem_cosserat.diagnostics import highest_frequency
+from skfem_cosserat.run import loop
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
+
+from paper import failure_map as example
+from paper import failure_mechanism, failure_report
+
+swing = example.swing
+EVENT_X = 0.6595  # s, of the finest runs
+
+
+def stiffness(system: sc.System, q: np.ndarray, geometric: float) -> np.ndarray:
+    """Dense tangent of the internal force (n, n), with or without the stresses' part."""
+    y = system.extend(q, 0.0)
+    K = np.zeros((system.n, system.n))
+    for group, (eps, B) in zip(system.beam_groups, system.strain(y), strict=True):
+        blocks = group.tangent(B, B, group.stress(eps), 1.0, geometric)
+        for dofs, block in zip(group.dofs, blocks, strict=True):
+            K[np.ix_(dofs, dofs)] += block
+    return K
+
+
+def mass(system: sc.System) -> np.ndarray:
+    return np.kron(system.mass.toarray(), np.eye(3))
+
+
+def bar(elements: int, order: int = 1, size: float = 0.5, clamped: bool = False) -> sc.System:
+    """A thick steel bar of 1 m: its highest frequency is that of axial waves."""
+    steel = sc.Material(210e9, 0.3, 7850.0)
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), elements, name="bar")
+    model = sc.Model()
+    beam = sc.Beam(mesh, sc.SectionRectangle(size, size, steel), director=(0, 1, 0), order=order)
+    beam = model.add("bar", beam)
+    if clamped:
+        model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("bar.start")))
+    return model.freeze()
+
+
+def loop_with_a_beam() -> sc.System:
+    """A closed linkage of three bodies that carries a beam."""
+    ball, pin = sc.JointSpherical, sc.JointRevolute
+    model = four_bar((pin, ball, ball, pin))
+    mesh = sc.MeshCurve.init_line((1, 1.2, 0), (1, 1.2, 0.5), 3, name="mast")
+    mast = model.add("mast", sc.Beam(mesh, full_section(), director=(1, 0, 0)))
+    model.add("foot", sc.JointFixed(model["coupler"].at((1, 1.2, 0)), mast.node("mast.start")))
+    return model.freeze()
+
+
+# -- highest frequency -----------------------------------------------------------------------------
+
+SCENES = {
+    **{f"swing, {name}": (lambda name=name: swing.build(name)) for name in swing.PULSE},
+    **{f"tree {seed}": (lambda seed=seed: random_tree(seed)) for seed in range(3)},
+    "everything": lambda: everything(1),
+    "closed loop": loop_with_a_beam,
+    "thick bar": lambda: bar(7),
+    "slender, of order 3": lambda: bar(5, 3, 0.01, clamped=True),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_highest_frequency_against_a_dense_eigenvalue_solver(name):
+    """The Rayleigh quotient comes from below; a few percent as promised."""
+    system = SCENES[name]()
+    P = system.null_space(system.q0)
+    K = P.T @ stiffness(system, system.q0, 0.0) @ P
+    exact = np.sqrt(eigh(K, P.T @ mass(system) @ P, eigvals_only=True)[-1])
+    assert 0.96 * exact < highest_frequency(system) <= (1 + 1e-9) * exact
+    assert 0.999 * exact < highest_frequency(system, iterations=3000)
+    assert highest_frequency(system) == highest_frequency(system)
+
+
+def test_highest_frequency_in_a_bent_configuration():
+    system = swing.build("physical")
+    history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.6, derive=False)
+    q = history["q"][-1]
+    P = system.null_space(q)
+    K = P.T @ stiffness(system, q, 0.0) @ P
+    exact = np.sqrt(eigh(K, P.T @ mass(system) @ P, eigvals_only=True)[-1])
+    assert 0.96 * exact < highest_frequency(system, q) <= (1 + 1e-9) * exact
+
+
+@pytest.mark.parametrize("elements", [2, 10])
+def test_highest_frequency_of_axial_waves(elements):
+    """``2 sqrt(3)/l sqrt(E/rho)`` of the free bar with consistent mass: closed form."""
+    exact = 2 * np.sqrt(3) * elements * np.sqrt(210e9 / 7850)
+    assert highest_frequency(bar(elements), iterations=500) == pytest.approx(exact, rel=1e-6)
+
+
+def test_frequency_without_beams_and_bad_arguments():
+    model = sc.Model()
+    model.add("ball", sc.MassPoint(1.0))
+    assert highest_frequency(model.freeze()) == 0.0
+    system = bar(2)
+    for bad in (0, -3, 1.5, True, "many"):
+        with pytest.raises(sc.InputError, match="iterations"):
+            highest_frequency(system, iterations=bad)
+    with pytest.raises(sc.InputError, match="argument q"):
+        highest_frequency(system, np.zeros(3))
+
+
+# -- the warning -----------------------------------------------------------------------------------
+
+
+def warnings_of(caplog, *arguments, **options) -> list[str]:
+    """What `simulate` says about frequencies."""
+    caplog.clear()
+    with caplog.at_level(logging.INFO, logger="skfem_cosserat"):
+        sc.simulate(*arguments, derive=False, **options)
+    return [r.getMessage() for r in caplog.records if "frequency" in r.getMessage()]
+
+
+@pytest.mark.parametrize(
+    ("section", "step", "warned"),
+    [
+        ("published", 1e-2, True),
+        ("published", 3e-3, False),
+        ("physical", 1e-2, True),
+        ("physical", 5e-3, False),
+        ("stiff", 1e-2, True),
+        ("stiff", 1e-4, True),
+    ],
+)
+def test_simulate_warns_once_where_the_variational_scheme_is_likely_to_fail(
+    caplog, section, step, warned
+):
+    system = swing.build(section)
+    found = warnings_of(caplog, system, sc.Variational(), sc.NullSpace(), step, 3 * step)
+    assert len(found) == warned
+    if warned:
+        omega = highest_frequency(system)
+        for text in (f"{step:.3g} s", f"{omega:.3g} rad/s", f"{step * omega:.3g}", "variational"):
+            assert text in found[0]
+        below = sc.Variational.frequency_limit / omega
+        assert f"below {below:.2g} s" in found[0]
+    assert not warnings_of(caplog, system, sc.EnergyMomentum(), sc.NullSpace(), step, 3 * step)
+
+
+def test_the_warning_comes_with_multipliers_too_and_never_without_beams(caplog):
+    system = swing.build()
+    assert len(warnings_of(caplog, system, sc.Variational(), sc.Multipliers(), 1e-2, 0.02)) == 1
+    model = sc.Model()
+    model.add("ball", sc.MassPoint(1.0, velocity=(1, 0, 0)))
+    assert not warnings_of(caplog, model.freeze(), sc.Variational(), sc.NullSpace(), 1e3, 1e4)
+
+
+@pytest.mark.parametrize(("order", "longest"), [(4, 0.658), (6, 0.799)])
+def test_compositions_warn_where_their_longest_step_is_likely_to_fail(caplog, order, longest):
+    """Not by the size of the whole: its parts are what has to resolve the frequencies."""
+    system = swing.build()
+    scheme = sc.Composition(sc.Variational(), order)
+    assert max(map(abs, scheme.shares)) == pytest.approx(longest, abs=1e-3)
+    limit = sc.Variational.frequency_limit / longest / highest_frequency(system)
+    options = {"kernels": "numpy"}
+    high, low = (
+        warnings_of(caplog, system, scheme, sc.NullSpace(), h, 2 * h, **options)
+        for h in (1.01 * limit, 0.99 * limit)
+    )
+    assert len(high) == 1 and not low
+    assert f"the variational composed to order {order} integrator is likely to fail" in high[0]
+    assert f"below {limit:.2g} s" in high[0]
+    energy = sc.Composition(sc.EnergyMomentum())
+    assert not warnings_of(caplog, system, energy, sc.NullSpace(), 1e-2, 2e-2, **options)
+
+
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # fails
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [4, 6])
+def test_compositions_fail_where_they_warn(caplog, order):
+    """The stiff swing at 3e-2 s: its energy is more than ten times what it was before event X."""
+    system = swing.build("stiff")
+    scheme = sc.Composition(sc.Variational(), order)
+    with caplog.at_level(logging.INFO, logger="skfem_cosserat"):
+        try:
+            history = sc.simulate(system, scheme, sc.NullSpace(), 3e-2, 0.66, kernels="numpy")
+        except sc.Diverged as error:
+            history = error.history
+    assert sum("likely to fail" in each.getMessage() for each in caplog.records) == 1
+    energy = swing._energy(system, history["q"], history["p"])
+    start = energy[history.times > swing.PULSE["stiff"][1]][0]
+    assert np.nanmax(energy) > 9 * start
+
+
+def test_an_estimate_that_fails_does_not_stop_the_run(monkeypatch):
+    def singular(system):
+        raise sc.InputError("system", "no estimate")
+
+    monkeypatch.setattr(loop, "highest_frequency", singular)
+    history = sc.simulate(bar(2), sc.Variational(), sc.NullSpace(), 1e-2, 0.02)
+    assert history.status == "completed"
+
+
+# -- the mechanism ---------------------------------------------------------------------------------
+
+
+def column(force: float) -> tuple[sc.System, np.ndarray]:
+    """A short clamped column of the swing's physical section, and its equilibrium under a load."""
+    section = sc.Section(swing.STIFFNESS, 7500.0, swing.INERTIA["physical"])
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (0, 0, 0.1), 4, name="column")
+    model = sc.Model()
+    beam = model.add("beam", sc.Beam(mesh, section, director=(1, 0, 0)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("column.start")))
+    model.add("load", sc.LoadForce(beam.node("column.end"), (0, 0, -force)))
+    system = model.freeze()
+    y = system.q0.reshape(-1, 3).copy()
+    y[system.origin_rows, 2] *= 1 - force / swing.STIFFNESS[2]
+    return system, y.ravel()
+
+
+def linear_prediction(
+    system: sc.System, q: np.ndarray, load: np.ndarray, h: float
+) -> tuple[float, np.ndarray]:
+    """Largest growth exponent per step about an equilibrium, and the rates (n,) of its mode.
+
+    Midpoint rule for K, leapfrog for K_c:
+    ``M (u_{n+1} - 2 u_n + u_{n-1})/h^2 + K (u_{n+1} + 2 u_n + u_{n-1})/4 + K_c u_n = 0``.
+    """
+    P = system.null_space(q)
+    y = system.extend(q, 0.0)
+    ((eps, B),) = system.strain(y)
+    group = system.beam_groups[0]
+    force = system.internal_force([B], [group.stress(eps)]).ravel() - load
+    assert abs(P.T @ force).max() < 1e-9 * abs(force).max()
+    # second derivative of force . q(u): of a director theta x (theta x d)
+    kin = system.kinematics
+    blocks = np.zeros((kin.n_twist, kin.n_twist))
+    for rows, twist in zip(kin.director_rows, kin.frame_twist, strict=True):
+        A = np.einsum("ia,ib->ab", force.reshape(-1, 3)[rows], q.reshape(-1, 3)[rows])
+        blocks[np.ix_(twist[3:], twist[3:])] = (A + A.T) / 2 - np.trace(A) * np.eye(3)
+    T = kin.T_matrix(kin.T_values(kin.locate(y, kin.fixed_axes(y)))).toarray()
+    Kc = T.T @ blocks @ T
+    K, M = P.T @ stiffness(system, q, 1.0) @ P, P.T @ mass(system) @ P
+    mu, modes = eigh(-(K / 2 - 2 * M / h**2 + Kc), K / 4 + M / h**2)
+    return float(np.arccosh(max(1.0, -mu[0] / 2))), P @ modes[:, 0]
+
+
+@pytest.mark.parametrize(
+    ("force", "h", "grows"),
+    [
+        (100, 0.04, False),
+        (100, 0.05, True),
+        (100, 0.1, True),
+        (400, 0.03, True),
+        (-400, 0.2, False),
+    ],
+)
+def test_alternating_rotations_grow_beyond_the_leapfrog_limit(force, h, grows):
+    """A compressed column, disturbed by 1e-8 rad: exactly as the linear analysis says."""
+    system, q = column(force)
+    load = np.zeros(system.n)
+    load[system.offset(system.structures[0].node("column.end")) + 2] = -force
+    predicted, mode = linear_prediction(system, q, load, h)
+    start = sc.initial_state(system, q + 1e-8 * mode / abs(mode).max(), np.zeros(system.n))
+    states, forces = [], []
+    for report in sc.steps(system, sc.Variational(), sc.NullSpace(), h, start=start):
+        states.append(report.state.q)
+        forces.append(report.constraint_force)
+        if len(states) == 400 or abs(states[-1] - q).max() > 1e-4:
+            break
+    theta = failure_mechanism.alternating_rotations(system, np.array(states))
+    limit = h * failure_mechanism.constraint_frequency(system, q, forces[1])
+    assert (limit > 2) == grows == (predicted > 0)
+    largest = abs(theta).max((1, 2))
+    if not grows:
+        assert largest.max() < 1e-7
+        return
+    half = len(theta) // 2
+    late = np.polyfit(np.arange(half), np.log(largest[-half:]), 1)[0]
+    assert late == pytest.approx(predicted, rel=1e-4)
+    node, axis = np.unravel_index(np.argmax(abs(theta[-1])), theta.shape[1:])
+    assert (np.diff(np.sign(theta[-half:, node, axis])) != 0).all()  # every step
+
+
+@pytest.mark.slow
+def test_mechanism_in_the_failing_swing():
+    """Nodes alternate and their energy grows; the midpoints' energy does not notice."""
+    m = failure_mechanism.mechanism()
+    assert m["growth"] > 5
+    assert m["sign_changes"] > 0.8
+    assert m["energy_growth"] > 1.5
+    assert m["midpoint_change"] < 5e-3
+    before = (m["times"] >= m["window"][0]) & (m["times"] <= m["window"][1])
+    assert np.median(m["h_omega_c"][before]) > 2
+    assert m["alternation"].shape == m["times"].shape == m["energy_midpoint"].shape
+
+
+# -- outcomes --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def runs():
+    system = swing.build("stiff")
+    return {
+        (name, step): example.sail(system, swing.INTEGRATORS[name](), step, until)
+        for name, step, until in (
+            ("variational", 1e-1, 3.0),
+            ("variational", 3e-2, 1.0),
+            ("variational", 1e-2, 1.0),
+            ("variational", 3e-3, 1.0),
+            ("energy-momentum", 1e-1, 3.0),
+            ("energy-momentum", 1e-2, 2.0),
+            ("energy-momentum", 3e-3, 1.0),
+        )
+    }
+
+
+@pytest.mark.parametrize("step", [3e-2, 1e-2, 3e-3])
+def test_variational_blows_up_before_event_x_with_coarse_steps(runs, step):
+    r = runs["variational", step]
+    assert r["outcome"] == "energy blow-up" and 0.5 < r["end_s"] < EVENT_X
+    assert r["event_x_s"] is None and r["period_s"] is None
+    assert r["energy_error"] > 9
+    assert r["energy_error_midpoint"] < 0.03  # what the scheme itself sees
+    assert r["solver_failed_s"] > r["end_s"]  # the solver fails later, not first
+
+
+def test_energy_momentum_passes_event_x_and_fails_by_the_solver_alone(runs):
+    r = runs["energy-momentum", 1e-2]
+    assert r["outcome"] == "Newton failed" and r["end_s"] == r["solver_failed_s"]
+    assert r["end_s"] > r["event_x_s"] == pytest.approx(EVENT_X, abs=2e-3)
+    assert r["energy_error"] < 1e-9
+    fine = runs["energy-momentum", 3e-3]
+    assert fine["outcome"] == "completed" and fine["end_s"] == pytest.approx(0.999)
+    assert fine["residuals"] == [] and fine["solver_failed_s"] is None
+
+
+@pytest.mark.parametrize("integrator", ["variational", "energy-momentum"])
+def test_residual_histories_of_all_attempts_are_kept(runs, integrator):
+    r = runs[integrator, 1e-1]
+    # when, once the variational energy has blown up, is up to rounding
+    first = EVENT_X if integrator == "energy-momentum" else r["end_s"]
+    assert r["solver_failed_s"] >= first and "4 attempts" in r["reason"]
+    assert len(r["residuals"]) == len(failure_report.ATTEMPTS) == 4
+    for history in r["residuals"]:
+        assert len(history) == 101 or not np.isfinite(history[-1])
+        # far from solved, which is 1e-12; how far such wild iterations get is up to rounding
+        assert min(history) > 1e-6
+
+
+def plain_run(mixed: float) -> sc.History:
+    """Energy-momentum in steps of 1e-2 s, with or without the mixed iteration."""
+    settings = sc.NewtonSettings(mixed=mixed)
+    arguments = sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 1.0
+    return sc.simulate(swing.build("stiff"), *arguments, derive=False, settings=settings)
+
+
+@pytest.mark.plain
+def test_mixed_iteration_solves_steps_that_newton_alone_cannot():
+    """And takes half the iterations where both succeed."""
+    mixed = plain_run(1e-3)
+    with pytest.raises(sc.Diverged) as caught:
+        plain_run(np.inf)
+    plain = caught.value.history
+    assert 0.7 < caught.value.time < 0.9
+    n = len(plain)
+    assert 2 * mixed["newton_iterations"][:n].sum() < plain["newton_iterations"].sum()
+    assert abs(mixed["q"][50] - plain["q"][50]).max() < 1e-9  # the same solution
+    residuals = caught.value.residuals
+    assert [len(x) for x in residuals] == [21, 21, 101, 101]
+    assert min(map(min, residuals)) == caught.value.residual
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("step", "stops"), [(1e-1, 0.2), (3e-2, 0.69), (1e-2, 0.81)])
+def test_newton_alone_stops_where_the_mixed_iteration_passes_event_x(step, stops):
+    """With 100 iterations in each of four attempts."""
+    arguments = sc.EnergyMomentum(), sc.NullSpace(), step, 1.2
+    settings = replace(failure_mechanism.SETTINGS, mixed=np.inf)
+    with pytest.raises(sc.Diverged, match="after 4 attempts") as caught:
+        sc.simulate(swing.build("stiff"), *arguments, derive=False, settings=settings)
+    assert caught.value.time == pytest.approx(stops, abs=1.01 * step)
+    mixed = sc.simulate(
+        swing.build("stiff"), *arguments, derive=False, settings=failure_mechanism.SETTINGS
+    )
+    assert mixed.times[-1] > 1.19
+
+
+def test_diverged_without_residuals():
+    assert sc.Diverged(0.0, 1, 1.0, "why", "what").residuals == []
+
+
+@pytest.mark.slow
+def test_judging_a_scene():
+    """The plane swing is saved by its symmetry: a small side load makes the warning come true."""
+    bad = failure_mechanism.judge(failure_mechanism.SIDE, 1e-2, 8.0)
+    assert bad["warned"] and 4 < bad["failed_at"] < 8
+    assert bad["h_omega_c"] > 2
+    good = failure_mechanism.judge(lambda: swing.build("physical"), 5e-3, 1.0)
+    assert not good["warned"] and good["failed_at"] is None
+    assert good["h_omega_c"] < 2 and 1e-3 < good["compression"] < 2e-2
+
+
+def test_files(runs, tmp_path):
+    some = [runs["variational", 1e-2], runs["energy-momentum", 1e-2]]
+    result = {"rows": some, "until": 1.0, "period": None}
+    failure_report.write(result, tmp_path)
+    head, *rows = (tmp_path / "failure_map.csv").read_text().splitlines()
+    assert head.startswith("# skfem-cosserat") and "numpy" in head and "20" in head
+    table = list(csv.DictReader(rows))
+    assert [r["outcome"] for r in table] == ["energy blow-up", "Newton failed"]
+    assert float(table[0]["end_s"]) == pytest.approx(some[0]["end_s"])
+    residuals = (tmp_path / "failure_map.residuals.csv").read_text().splitlines()[1:]
+    found = list(csv.DictReader(residuals))
+    kept = [x for r in some for x in r["residuals"]]
+    assert len(found) == len(kept) == 8
+    for row, values in zip(found, kept, strict=True):
+        written = np.array(row["scaled_residuals"].split(), dtype=float)
+        assert written == pytest.approx(values, rel=6e-3, nan_ok=True)
+    energy = (tmp_path / "failure_map.energy.csv").read_text().splitlines()[1:]
+    assert {r["integrator"] for r in csv.DictReader(energy)} == set(failure_report.COLOURS)
+
+
+def test_the_table_in_the_pictures_folder_is_the_full_one():
+    """All steps of the issue with both integrators, as the full mode wrote them."""
+    path = Path(example.__file__).parents[1] / "pictures" / "failure_map.csv"
+    rows = list(csv.DictReader(path.read_text().splitlines()[1:]))
+    assert {(r["integrator"], float(r["step_s"])) for r in rows} == {
+        (name, step) for name in swing.INTEGRATORS for step in example.STEPS
+    }
+    assert len(rows) == 18 and {r["outcome"] for r in rows} <= set(failure_report.MARKERS)
+    for r in rows:  # apart from the coarsest steps every run has an energy to compare with
+        assert float(r["step_s"]) == 0.1 or float(r["energy_error"]) >= 0
+        assert r["outcome"] != "completed" or float(r["end_s"]) == pytest.approx(example.UNTIL)
+
+
+def test_bad_integrator():
+    with pytest.raises(ValueError, match="integrators = 'euler'"):
+        example.main(steps=(1e-1,), integrators=("euler",))
+
+
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # what fails is warned of
+@pytest.mark.slow
+def test_quick_map(tmp_path):
+    """A full period: energy-momentum at 3e-3 and 1e-3 s makes it, nothing else so coarse."""
+    result = example.main(quick=True, out=tmp_path)
+    by = {(r["integrator"], r["step_s"]): r for r in result["rows"]}
+    assert result["period"] == pytest.approx(2.90, abs=0.02)
+    whole = {k for k, r in by.items() if r["period_s"]}
+    assert whole == {("energy-momentum", 3e-3), ("energy-momentum", 1e-3)}
+    assert by["variational", 1e-3]["end_s"] > by["variational", 1e-3]["event_x_s"]
+    late = by["energy-momentum", 1e-2]
+    assert late["outcome"] == "Newton failed" and late["end_s"] > late["event_x_s"]
+    assert all(r["outcome"] != "completed" for r in result["rows"] if r["integrator"][0] == "v")
+    failed = [r for r in result["criterion"] if r["failed_at"] is not None]
+    assert failed and all(r["warned"] for r in failed)
+    for name in ("csv", "residuals.csv", "energy.csv", "criterion.csv"):
+        assert (tmp_path / f"failure_map.{name}").stat().st_size > 100
+    assert "mechanism" in failure_report.report(result)

@@ -1,0 +1,130 @@
+"""Charts and pictures: the numbers drawn are those of the history; errors come before work."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from skfem_cosserat import InputError
+from skfem_cosserat.plot import plot_energy, plot_orbit, plot_series, render
+
+matplotlib = pytest.importorskip("matplotlib")
+
+
+def test_energy(make_scene, tmp_path):
+    history = make_scene().history(20)
+    figure = plot_energy(history, tmp_path / "energy.png")
+    assert (tmp_path / "energy.png").read_bytes()[:4] == b"\x89PNG"
+    upper, lower = figure.axes
+    lines = {line.get_label(): line for line in upper.get_lines()}
+    assert set(lines) == {"kinetic", "strain", "total"}
+    np.testing.assert_array_equal(lines["kinetic"].get_ydata(), history["kinetic"])
+    drift = lower.get_lines()[0].get_ydata()
+    np.testing.assert_allclose(drift, 1e-9 * np.arange(20), rtol=1e-6)  # largest energy is 1
+    assert "J" in upper.get_ylabel()
+    history.add_series("external", np.full(20, -1e4))
+    assert len(plot_energy(history).axes[0].get_lines()) == 3
+    assert len(plot_energy(history, names=["external"]).axes) == 1
+    assert lower.get_xlabel() == "time in s"
+
+
+def test_energy_with_gaps_and_without_total(make_scene):
+    history = make_scene().history(5)
+    history.add_series("energy_midpoint", np.array([np.nan, 2.0, 2.0, 2.0, 3.0]))
+    lower = plot_energy(history).axes[1]
+    drift = lower.get_lines()[1].get_ydata()
+    np.testing.assert_allclose(drift, np.array([0.0, 0.0, 0.0, 1.0]) / 3.0)
+    history._series.pop("energy")
+    history._series.pop("energy_midpoint")
+    assert len(plot_energy(history).axes) == 1
+    history._series.pop("kinetic")
+    history._series.pop("strain_energy")
+    with pytest.raises(InputError, match="energy series"):
+        plot_energy(history)
+
+
+def test_orbit_and_series(make_scene, tmp_path):
+    history = make_scene().history(20)
+    what = ["body/hub", "point/ball", "beam/boom/-1", "beam/angle/0", "joint/pin"]
+    axis = plot_orbit(history, what, tmp_path / "orbit.svg", axes="yx").axes[0]
+    lines = {line.get_label(): line for line in axis.get_lines()}
+    np.testing.assert_array_equal(
+        lines["joint/pin"].get_xdata(), history["joint/pin/position"][:, 1]
+    )
+    np.testing.assert_array_equal(lines["beam/boom/-1"].get_ydata(), history["q"][:, 24])
+    assert axis.get_xlabel() == "y in m"
+    assert (tmp_path / "orbit.svg").stat().st_size > 1000
+    axes = plot_series(history, ["momentum", "energy"]).axes
+    assert [len(axis.get_lines()) for axis in axes] == [3, 1]
+
+
+def test_charts_leave_no_global_state(make_scene):
+    plot_energy(make_scene().history(3))
+    if "matplotlib.pyplot" in sys.modules:
+        assert not sys.modules["matplotlib.pyplot"].get_fignums()
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda h, p: plot_orbit(h, "body/none"), "body/none"),
+        (lambda h, p: plot_orbit(h, "beam/boom"), "beam/boom"),
+        (lambda h, p: plot_orbit(h, "beam/boom/3"), "3 nodes"),
+        (lambda h, p: plot_orbit(h, "beam/boom/x"), "3 nodes"),
+        (lambda h, p: plot_orbit(h, "body/hub", axes="xx"), "axes"),
+        (lambda h, p: plot_orbit(h, "body/hub", axes="xyz"), "axes"),
+        (lambda h, p: plot_series(h, ["nothing"]), "nothing"),
+        (lambda h, p: plot_series(h, []), "names"),
+        (lambda h, p: plot_series(h, ["beam/boom/strain"]), "beam/boom/strain"),
+        (lambda h, p: plot_energy(h, p / "no" / "a.png"), "no"),
+        (lambda h, p: plot_energy(h, names=["momentum"]), "momentum"),
+        (lambda h, p: render(h, p / "no" / "a.png"), "no"),
+        (lambda h, p: render(h, p / "a.png", frames=0), "frames"),
+        (lambda h, p: render(h, p / "a.png", frames=[0, 3]), "frames"),
+        (lambda h, p: render(h, p / "a.png", camera="up"), "camera"),
+        (lambda h, p: render(h, p / "a.png", color="Q"), "color"),
+        (lambda h, p: render(h.truncated(0), p / "a.png"), "no states"),
+    ],
+)
+def test_bad_arguments(make_scene, tmp_path, call, words):
+    with pytest.raises(InputError, match=words):
+        call(make_scene().history(3), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("package", "call"),
+    [
+        ("matplotlib.figure", lambda h, p: plot_energy(h)),
+        ("pyvista", lambda h, p: render(h, p / "a.png")),
+    ],
+)
+def test_missing_package_names_the_extra(make_scene, tmp_path, monkeypatch, package, call):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ImportError, match=r"skfem-cosserat\[view\]"):
+        call(make_scene().history(2), tmp_path)
+
+
+@pytest.mark.render
+@pytest.mark.usefixtures("renderer")
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"frames": 3},
+        {"frames": [0, -1], "camera": "xy", "color": "N"},
+        {"frames": 1, "color": "", "radius": 0.05, "camera": "xz"},
+        {"frames": 1, "camera": [(5.0, 5.0, 5.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]},
+    ],
+)
+def test_picture(make_scene, tmp_path, options):
+    from matplotlib.image import imread
+
+    path = render(make_scene(2).history(11), tmp_path / "a.png", window=(320, 180), **options)
+    image = imread(path)[:, :, :3]
+    assert image.shape == (180, 320, 3)
+    drawn = (image < 0.95).any(axis=2)
+    assert 0.02 < drawn.mean() < 0.6
+    assert not drawn[0].any()  # everything is in the picture
+    assert not drawn[-1].any()
+    assert not drawn[:, [0, -1]].any()

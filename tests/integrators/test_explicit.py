@@ -1,0 +1,1022 @@
+"""Explicit and asynchronous schemes: order, momenta, joints, step limit, what they refuse."""
+
+import re
+from functools import partial
+from itertools import pairwise
+
+import asynchronous_blade
+import numpy as np
+import pytest
+
+import skfem_cosserat as sc
+from skfem_cosserat import InterpolationEquidistant, diagnostics
+from skfem_cosserat.integrators.explicit_limit import LimitWatch
+
+RUBBER = sc.SectionCircle(0.02, sc.Material(5e6, 0.5, 1100))
+FLAT = sc.SectionRectangle(0.06, 0.02, sc.Material(5e6, 0.4, 1100))
+SOFT = sc.SectionRectangle(0.06, 0.02, sc.Material(5e5, 0.4, 1100))
+#: of runs with other schemes beside the explicit ones, which have no others
+PLAIN = {"kernels": "numpy"}
+
+
+def rod_of(n=4, order=1, section=RUBBER, lumped=True, **motion):
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), n, name="rod")
+    return sc.Beam(mesh, section, order=order, director=(0, 1, 0), lumped=lumped, **motion)
+
+
+def pendulum(n=4, order=1, section=FLAT, lumped=True):
+    """A rod on a hinge; at its end a body off its axis, with unequal moments, and a ball joint."""
+    model = sc.Model()
+    rod = model.add("rod", rod_of(n, order, section, lumped))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1))
+    model.add("hinge", hinge)
+    tip = rod.node("rod.end")
+    model.add("lump", sc.RigidBody(0.3, (5e-4, 7e-4, 9e-4), center=(0.02, 0.03, 0), on=tip))
+    bob = model.add("bob", sc.RigidBody.box(0.2, (0.05, 0.1, 0.2), position=(1, 0, -0.1)))
+    model.add("ball", sc.JointSpherical(tip, bob.at((1, 0, 0))))
+    slow = sc.RampSmooth(0.0, 0.2)
+    model.add("weight", sc.LoadGravity((0.0, -9.81, 2.0), slow))
+    return model.freeze()
+
+
+def chain():
+    """Bodies and a mass point, joined by what takes five, four, three, two and one freedoms."""
+    model = sc.Model()
+    boxes = [
+        model.add(f"box {k}", sc.RigidBody.box(0.5, (0.05, 0.1, 0.3), position=(0, 0, -0.3 * k)))
+        for k in range(4)
+    ]
+    at = [(0, 0, 0.15 - 0.3 * k) for k in range(5)]
+    model.add("hinge", sc.JointRevolute(sc.ground(at[0]), boxes[0].at(at[0]), axis=(1, 0, 0)))
+    places = [(boxes[k].at(at[k + 1]), boxes[k + 1].at(at[k + 1])) for k in range(3)]
+    model.add("cross", sc.JointUniversal(*places[0], axis_a=(1, 0, 0), axis_b=(0, 1, 0)))
+    model.add("ball", sc.JointSpherical(*places[1]))
+    model.add("weld", sc.JointFixed(*places[2]))
+    bob = model.add("bob", sc.MassPoint(0.2, position=(0.1, 0, -1.2)))
+    model.add("string", sc.JointDistance(boxes[3].at(at[4]), bob.place()))
+    model.add("weight", sc.LoadGravity((1.0, 2.0, -9.81)))
+    return model.freeze()
+
+
+def free_rod(order=1, section=FLAT):
+    def velocity(X):
+        x = X[:, 0]
+        return np.column_stack([0 * x, 3 * x, 0.5 * np.sin(np.pi * x)])
+
+    spin = (1.0, 0.5, 3.0)
+    model = sc.Model()
+    rod = rod_of(6, order, section, velocity=velocity, angular_velocity=spin)
+    rod = model.add("rod", rod)
+    model.add(
+        "lump",
+        sc.RigidBody(0.3, (5e-4, 7e-4, 9e-4), center=(0.02, 0.03, 0), on=rod.node("rod.end")),
+    )
+    return model.freeze()
+
+
+def run(system, integrator, step, until, **more):
+    return sc.simulate(
+        system, integrator, sc.Multipliers(), step=step, until=until, **(PLAIN | more)
+    )
+
+
+# -- mass ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_lumped_mass_is_nodal_and_keeps_mass_and_inertia(order):
+    lumped, full = (rod_of(3, order, FLAT, lumped=one).scalar_mass() for one in (True, False))
+    nodes = lumped.reshape(3, order + 1, 4, order + 1, 4)
+    for a in range(order + 1):
+        for b in range(order + 1):
+            assert (a == b) == bool(nodes[:, a, :, b].any())
+    # what nodes of one motion weigh: the sum over all pairs
+    both = [m.reshape(3, order + 1, 4, order + 1, 4).sum((1, 3)) for m in (lumped, full)]
+    np.testing.assert_allclose(both[0], both[1], rtol=1e-13, atol=1e-16)
+    # first moment about the start: Gauss-Lobatto integrates linear functions exactly
+    x = rod_of(3, order).basis.nodes[rod_of(3, order).basis.connectivity, 0]
+    first = [
+        np.einsum("eaiaj,ea->eij", lumped.reshape(3, order + 1, 4, order + 1, 4), x),
+        np.einsum("eaibj,eb->eij", full.reshape(3, order + 1, 4, order + 1, 4), x),
+    ]
+    np.testing.assert_allclose(first[0], first[1], rtol=1e-13, atol=1e-16)
+
+
+def test_lumped_mass_needs_lobatto_nodes():
+    with pytest.raises(sc.InputError, match=r"InterpolationEquidistant.*Gauss-Lobatto"):
+        rod_of(3, InterpolationEquidistant(3))
+
+
+def test_energy_momentum_with_lumped_mass_conserves():
+    history = run(free_rod(2), sc.EnergyMomentum(), 2e-3, 0.02)
+    assert abs(history["energy_balance"]).max() < 1e-10 * history["energy"][0]
+
+
+# -- step limit ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("section", [RUBBER, FLAT])
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_limit_bounds_the_highest_frequency(order, section):
+    """From below by power iteration over the whole mesh; the bound of one element is sharp."""
+    model = sc.Model()
+    model.add("rod", rod_of(12, order, section))
+    system = model.freeze()
+    true = 2 / diagnostics.highest_frequency(system, iterations=400)
+    limit = sc.Explicit.limit(system)
+    assert 0.95 * true < limit.seconds <= true
+    assert "of beam 'rod'" in limit.where
+
+
+def test_limit_of_axial_waves():
+    """The length of an element by the speed of sound, where bending and shear are slow."""
+    section = sc.Section.from_constants(
+        EA=1e6, GA=1e2, EI=(1, 1), GJ=1, mass=2.0, inertia=(1.0, 1.0)
+    )
+    model = sc.Model()
+    model.add("rod", rod_of(10, 1, section))
+    limit = sc.Explicit.limit(model.freeze())
+    assert limit.seconds == pytest.approx(0.1 / np.sqrt(1e6 / 2.0), rel=1e-3)
+    assert limit.kind == "axial"
+
+
+def test_step_above_the_limit_is_refused_by_name():
+    system = free_rod()
+    limit = sc.Explicit.limit(system)
+    said = f"above the limit of the explicit scheme, {re.escape(str(limit))}"
+    with pytest.raises(sc.InputError, match=said + ".*rounds=12"):
+        run(system, sc.Explicit(rounds=11), 11.5 * limit.seconds, 1.0)
+    assert len(run(system, sc.Explicit(rounds=12), 11.5 * limit.seconds, 0.01)) > 1
+
+
+@pytest.mark.filterwarnings("ignore:beam 'rod'.* (relative rotation|tension)")
+def test_step_above_the_limit_blows_up():
+    """Theory says so; below it the same run keeps its energy."""
+    system = free_rod()
+    step = sc.Explicit.limit(system).seconds
+    good = run(system, sc.Explicit(), 0.98 * step, 400 * step)
+    assert abs(good["energy"] / good["energy"][0] - 1).max() < 1e-2
+    with pytest.warns(sc.AccuracyWarning, match="balance of energy.* gained"):
+        bad = run(system, sc.Explicit(checked=False), 1.1 * step, 400 * step)
+    assert bad["energy"].max() > 10 * bad["energy"][0]
+
+
+# -- order -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [1, 2])
+def test_second_order_in_position_and_velocity(order):
+    system = pendulum(2, order, SOFT)
+    ends = [run(system, sc.Explicit(rounds=k), 0.05, 0.05) for k in (80, 160, 320)]
+    for name in ("q", "v", "constraint_force"):
+        values = [h[name][1] for h in ends]
+        errors = [np.linalg.norm(a - b) for a, b in pairwise(values)]
+        orders = np.log2(np.divide(errors[:-1], errors[1:]))
+        assert abs(orders - 2).max() < 0.1, name
+
+
+@pytest.mark.slow
+def test_same_solution_as_energy_momentum():
+    """Both are of second order: their difference falls by four, to the same limit."""
+    system = pendulum(2, 1, SOFT)
+    differences = []
+    for k in (40, 80, 160):
+        a = run(system, sc.Explicit(rounds=2 * k), 0.05, 0.05)["q"][-1]
+        b = run(system, sc.EnergyMomentum(), 0.05 / k, 0.05, every=k, derive=False)["q"][-1]
+        differences.append(np.linalg.norm(a - b))
+    orders = np.log2(np.divide(differences[:-1], differences[1:]))
+    assert abs(orders - 2).max() < 0.1
+
+
+def test_lumped_and_consistent_mass_meet_under_refinement():
+    tips = []
+    for n in (4, 8, 16):
+        ends = []
+        for lumped in (True, False):
+            system = pendulum(n, 1, RUBBER, lumped)
+            h = run(system, sc.EnergyMomentum(), 4e-3, 0.2, every=50, derive=False)
+            ends.append(h["q"][-1][system.offset(system.structures[0].node("rod.end")) :][:3])
+        tips.append(np.linalg.norm(ends[0] - ends[1]))
+    orders = np.log2(np.divide(tips[:-1], tips[1:]))
+    assert abs(orders - 2).max() < 0.3
+
+
+# -- what is conserved -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("integrator", [sc.Explicit(rounds=50), sc.Asynchronous()])
+def test_momentum_maps_are_exact(integrator, order):
+    h = run(free_rod(order), integrator, 0.01, 0.1)
+    for name in ("linear_momentum", "angular_momentum"):
+        assert abs(h[name] - h[name][0]).max() < 1e-13 * abs(h[name][0]).max(), name
+    assert abs(h["energy"] / h["energy"][0] - 1).max() < 1e-3
+    triads = h["q"].reshape(len(h), -1, 4, 3)[:, :, 1:]
+    gram = triads @ triads.transpose(0, 1, 3, 2)
+    assert abs(gram - np.eye(3)).max() < 1e-14
+
+
+def test_energy_error_is_of_second_order():
+    system = free_rod(1, SOFT)
+    errors = []
+    for k in (100, 200, 400):
+        h = run(system, sc.Explicit(rounds=k), 0.01, 0.03)
+        errors.append(abs(h["energy"] - h["energy"][0]).max())
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert abs(orders - 2).max() < 0.1
+
+
+def test_symmetric_top_is_exact_in_any_step():
+    """Its axis goes around the angular momentum at |L|/J: closed form after one large step."""
+    spin = np.array([0.7, 0.0, 2.0])
+    model = sc.Model()
+    top = model.add("top", sc.RigidBody(1.0, (0.3, 0.3, 0.2), angular_velocity=spin))
+    system = model.freeze()
+    h = run(system, sc.Explicit(), 3.0, 3.0)
+    J = np.array([0.3, 0.3, 0.2])
+    L = J * spin
+    axis, angle = L / np.linalg.norm(L), 3.0 * np.linalg.norm(L) / J[0]
+    d3 = np.array([0, 0, 1.0])
+    turned = (
+        np.cos(angle) * d3
+        + np.sin(angle) * np.cross(axis, d3)
+        + (1 - np.cos(angle)) * (axis @ d3) * axis
+    )
+    np.testing.assert_allclose(h["q"][-1][9:12], turned, atol=1e-14)
+    assert top.name == "top"
+
+
+def test_unsymmetric_body_off_its_point():
+    """Second order, angular momentum exact, its centre of mass on a straight line."""
+    model = sc.Model()
+    host = sc.RigidBody(0.5, (0.02, 0.01, 0.03), velocity=(1, 0, 0), angular_velocity=(3, 5, 1))
+    body = model.add("host", host)
+    model.add(
+        "arm",
+        sc.RigidBody(1.0, (0.001, 0.002, 0.003), center=(0.3, 0.1, 0), on=body.at((0, 0, 0))),
+    )
+    system = model.freeze()
+    ends = []
+    for k in (40, 80, 160, 320):
+        h = run(system, sc.Explicit(rounds=k), 1.0, 1.0)
+        ends.append(h["q"][-1])
+        L = h["angular_momentum"]
+        assert abs(L - L[0]).max() < 1e-14 * np.linalg.norm(L[0]) * 40
+    errors = [np.linalg.norm(a - b) for a, b in pairwise(ends)]
+    assert abs(np.log2(np.divide(errors[:-1], errors[1:])) - 2).max() < 0.1
+    centre = h["q"][:, :3] + (
+        h["q"][:, 3:12].reshape(-1, 3, 3) * np.array([[0.2], [0.2 / 3], [0]])
+    ).sum(1)
+    way = centre[1] - centre[0]
+    np.testing.assert_allclose(way, h["linear_momentum"][0] / 1.5, atol=1e-13)
+
+
+@pytest.mark.slow
+def test_joints_are_closed_to_rounding():
+    system = chain()
+    h = run(system, sc.Explicit(), 2e-3, 0.4)
+    assert h["constraint_violation"].max() < 1e-14
+    assert h["hidden_violation"].max() < 1e-13
+    total = h["energy"] + h["external"]
+    assert abs(total - total[0]).max() < 1e-3 * np.ptp(h["external"])
+    em = run(system, sc.EnergyMomentum(), 1e-3, 0.1)
+    fine = run(system, sc.Explicit(), 5e-4, 0.1)
+    np.testing.assert_allclose(fine["q"][-1], em["q"][-1], atol=2e-5)
+    force = "joint/hinge/force"
+    np.testing.assert_allclose(fine[force][100], em[force][50], rtol=0.01, atol=0.05)
+
+
+# -- loads, histories ------------------------------------------------------------------------------
+
+
+def test_loads_in_time_are_averaged_exactly():
+    """The impulse of a kinked load between two records is exact: 2 kg, 3 N s."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(2.0))
+    model.add("push", sc.LoadForce(ball.place(), (3, 0, 0), sc.Table([0, 0.33, 2], [0, 2, 0])))
+    h = run(model.freeze(), sc.Explicit(rounds=3), 0.5, 2.5)
+    assert h["p"][-1][0] == pytest.approx(3 * 2.0, rel=1e-14)
+    assert h["work_loads"][-1] == pytest.approx(h["energy"][-1], rel=1e-13)
+
+
+def test_moments_and_following_forces():
+    """A follower moment on a free rod, against energy-momentum with the same mass."""
+    model = sc.Model()
+    rod = model.add("rod", rod_of(3, 1, FLAT))
+    end, slow = rod.node("rod.end"), sc.RampSmooth(0.0, 0.04)
+    model.add("twist", sc.LoadMoment(end, (0.02, 0, 0.05), slow, follower=True))
+    model.add("push", sc.LoadForce(end, (0.0, 0.1, 0.1), slow, follower=True))
+    system = model.freeze()
+    differences = []
+    for k in (40, 80):
+        a = run(system, sc.Explicit(rounds=k), 0.01, 0.05)
+        b = run(system, sc.EnergyMomentum(), 0.01 / k, 0.05, every=k, derive=False)
+        differences.append(np.linalg.norm(a["q"][-1] - b["q"][-1]))
+    assert differences[1] < 2e-4
+    assert differences[0] / differences[1] == pytest.approx(4, abs=0.2)
+    # of second order where loads have no potential
+    assert abs(a["energy_balance"]).max() < 1e-3 * a["energy"][-1]
+
+
+def test_restart_and_sensors(tmp_path):
+    system = pendulum(3)
+    tip = system.structures[0].node("rod.end")
+    sensors = {"tip": sc.SensorPosition(tip)}
+    whole = run(system, sc.Explicit(rounds=40), 0.01, 0.06, sensors=sensors)
+    part = run(system, sc.Explicit(rounds=40), 0.01, 0.03, path=tmp_path / "part.npz")
+    start = sc.restart(system, part, sc.Explicit(rounds=40), 0.01)
+    rest = run(system, sc.Explicit(rounds=40), 0.01, 0.06, start=start)
+    np.testing.assert_allclose(rest["q"][-1], whole["q"][-1], atol=1e-13)
+    np.testing.assert_allclose(rest["p"][-1], whole["p"][-1], atol=1e-13)
+    place = system.offset(tip)
+    np.testing.assert_array_equal(
+        whole.sensors["tip"].values[-1].ravel(), whole["q"][-1][place : place + 3]
+    )
+    assert "explicit, limit" in whole.meta["solver"]
+    assert whole.meta["integrator"] == "explicit"
+
+
+# -- asynchronous ----------------------------------------------------------------------------------
+
+
+def two_parts(stiffer=100.0, viscous=0.0, stiffness=0.0):
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 8, name="soft")
+    mesh = mesh + sc.MeshCurve.init_line((1, 0, 0), (1.1, 0, 0), 2, name="stiff")
+    sections = {
+        name: sc.SectionRectangle(0.06, 0.02, sc.Material(E, 0.4, 1100))
+        for name, E in (("soft", 5e6), ("stiff", stiffer * 5e6))
+    }
+    if viscous:
+        sections = {name: section.damped(time=viscous) for name, section in sections.items()}
+    model = sc.Model()
+    motion = {"velocity": lambda X: np.column_stack([0 * X[:, 0], 4 * X[:, 0], X[:, 0] ** 2])}
+    spin = {"angular_velocity": (0, 0, 4.0)}
+    beam = sc.Beam(mesh, sections, director=(0, 1, 0), lumped=True, **motion, **spin)
+    rod = model.add("rod", beam)
+    joint = sc.JointSpherical(sc.ground((0, 0, 0)), rod.node("soft.start"))
+    model.add("ball", joint)
+    if stiffness:
+        ends = sc.ground((1, 0.5, 0.2)), rod.node("stiff.end")
+        model.add("spring", sc.SpringDamper(*ends, stiffness, damping=1.0))
+    return model.freeze()
+
+
+def test_asynchronous_steps_of_elements():
+    system = two_parts()
+    limits = sc.Asynchronous.limits(system)[0]
+    step = 0.9 * limits.max()
+    alone = sc.Asynchronous(grading=np.inf).counts(system, step)[0]
+    assert (step / alone <= 0.9 * limits * (1 + 1e-9)).all()
+    assert (step / (alone - 0.999) > 0.9 * limits).all()
+    counts = sc.Asynchronous().counts(system, step)[0]
+    assert (counts >= alone).all()
+    assert (counts[1:] <= 2 * counts[:-1]).all()
+    assert counts[:4].tolist() == [1, 1, 1, 1] or counts[0] == 1
+
+
+def test_asynchronous_evaluates_as_often_as_planned_and_agrees():
+    system = two_parts()
+    scheme = sc.Asynchronous()
+    step = 0.9 * float(sc.Asynchronous.limits(system)[0].max())
+    march = scheme.march(system, sc.Multipliers(), step)
+    state = sc.initial_state(system)
+    start = march.advance(state, step).state
+    first = march.evaluations
+    march.advance(start, 2 * step)
+    assert march.evaluations - first == scheme.counts(system, step)[0].sum()
+    fine = run(system, sc.Explicit(rounds=400), 20 * step, 20 * step)
+    errors = []
+    for parts in (2, 4):
+        h = run(system, scheme, step / parts, 20 * step)
+        assert h["constraint_violation"].max() < 1e-14
+        L = h["angular_momentum"]
+        assert abs(L - L[0]).max() < 1e-13 * abs(L[0]).max()
+        errors.append(np.linalg.norm(h["q"][-1] - fine["q"][-1]))
+    assert errors[1] < 0.5 * errors[0] < 1e-3
+
+
+@pytest.mark.parametrize("stiffer", [pytest.param(100.0, marks=pytest.mark.slow), 20.0])
+def test_asynchronous_is_of_second_order_with_fixed_counts(stiffer):
+    """In q, v and constraint forces: the scheme is symmetric in time."""
+    system, runs = two_parts(stiffer), []
+    step = 0.9 * float(sc.Asynchronous.limits(system)[0].max())
+    for parts in (8, 16, 32):
+        scheme = sc.Asynchronous(0.9 / parts)
+        counts = scheme.counts(system, step / parts)[0]
+        assert counts.min() == 1 and counts.max() == (11 if stiffer == 100 else 5)
+        runs.append(run(system, scheme, step / parts, step))
+    for name in ("q", "v", "constraint_force"):
+        d = [np.linalg.norm(b[name][-1] - a[name][-1]) for a, b in pairwise(runs)]
+        assert np.log2(d[0] / d[1]) == pytest.approx(2, abs=0.02), name
+
+
+def test_with_fixed_safety_the_fast_elements_keep_their_steps():
+    """Negative: no order where the shortest steps stay as long as they are."""
+    system = two_parts()
+    step = 0.9 * float(sc.Asynchronous.limits(system)[0].max())
+    fine, errors = run(system, sc.Explicit(rounds=800), step, step)["q"][-1], []
+    for parts in (2, 4):
+        errors.append(
+            np.linalg.norm(run(system, sc.Asynchronous(), step / parts, step)["q"][-1] - fine)
+        )
+        shortest = step / parts / sc.Asynchronous().counts(system, step / parts)[0].max()
+        assert shortest == pytest.approx(step / 12)
+    assert errors[0] / errors[1] < 2  # 4 with second order
+
+
+def twisted_rod(angle):
+    """Two short elements of a flat strip, each twisted by an angle."""
+    section = sc.SectionRectangle(0.02, 0.002, sc.Material(1e6, 0.3, 1200.0))
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (0.01, 0, 0), 2, name="rod")
+    model = sc.Model()
+    model.add("rod", sc.Beam(mesh, section, director=(0, 1, 0), lumped=True))
+    system = model.freeze()
+    y = system.q0.reshape(-1, 4, 3).copy()
+    for k, c, s in ((k, np.cos(k * angle), np.sin(k * angle)) for k in range(3)):
+        y[k, 1:] = y[k, 1:] @ np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
+    return system, y.reshape(-1, 3)
+
+
+def highest_frequency_by_differences(system, y):
+    """Of the first element: forces by differences in its twelve turns and shifts, lumped mass."""
+    group, stiffness = system.beam_groups[0], np.zeros((12, 12))
+    rows = group.rows[0].reshape(2, 4)
+    moves = []
+    for node in rows:
+        for k in range(6):
+            move = np.zeros_like(y)
+            if k < 3:
+                move[node[0], k] = 1.0
+            else:
+                move[node[1:]] = np.cross(np.eye(3)[k - 3], y[node[1:]])
+            moves.append(move)
+
+    def force(at):
+        eps, B = group.strain(at)
+        stresses = group.stress(eps) - group.stress(group.strain(y)[0])
+        weighted = (group.elements.measure[0] * stresses[0]).reshape(-1, 6, 1)
+        return (B[0].reshape(-1, 6, 24) * weighted).sum((0, 1))
+
+    element = [move[group.rows[0]].ravel() for move in moves]
+    for k, move in enumerate(moves):
+        change = (force(y + 1e-6 * move) - force(y - 1e-6 * move)) / 2e-6
+        stiffness[:, k] = [change @ each for each in element]
+    mass = np.array(element) @ group.mass[0] @ np.array(element).T
+    return np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.max())
+
+
+def test_limits_fall_where_elements_are_twisted():
+    """By a quarter at 0.5 rad; the watch sees it, and steps are made shorter."""
+    for angle in (0.01, 0.5):
+        system, y = twisted_rod(angle)
+        watch, before = LimitWatch(system), sc.Asynchronous.limits(system)[0]
+        assert watch.lowered(y) is (angle > 0.1)
+        limit = 2 / highest_frequency_by_differences(system, y)
+        assert watch.limits[0] == pytest.approx([limit] * 2, rel=2e-3)
+        assert not watch.lowered(y)
+    assert watch.limits[0] / before == pytest.approx([0.72] * 2, abs=0.01)
+    state = sc.State(0.0, 0, y.ravel(), np.zeros(system.n))
+    step = float(0.89 * before.min())
+    for scheme in (sc.Asynchronous(), sc.Explicit()):
+        march = scheme.march(system, sc.Multipliers(), step)
+        with pytest.warns(sc.AccuracyWarning, match="bent so far that their limits fall, to"):
+            march.advance(state, step)
+        assert march.shortened and march.counts[0].tolist() == [2, 2]
+    march = sc.Explicit(checked=False).march(system, sc.Multipliers(), step)
+    march.advance(state, step)
+    assert not march.shortened
+
+
+@pytest.mark.long
+@pytest.mark.filterwarnings("ignore:beam 'blade'", "ignore:balance of energy")
+def test_a_blade_that_folds_up_keeps_its_energy():
+    """By pi an element; without the shorter steps it blows up when a limit falls below its step."""
+    system = asynchronous_blade.blade(1e6)
+    step = 0.999 * 0.9 * float(sc.Asynchronous.limits(system)[0].max())
+    steps = {"step": step, "until": 9091.5 * step, "every": 50}
+    with pytest.warns(sc.AccuracyWarning, match="limits fall"):
+        history = run(system, sc.Asynchronous(), **steps)
+    assert history.status == "completed"
+    error = abs(history["energy"] - history["energy"][0]).max() / history["kinetic"][0]
+    assert 1e-5 < error < 0.01
+    L = history["angular_momentum"]
+    assert abs(L - L[0]).max() < 1e-12 * abs(L[0]).max()
+    turned = history["q"].reshape(len(history), -1, 4, 3)[:, :, 1:]
+    traces = np.einsum("tnij,tnij->tn", turned[:, 1:], turned[:, :-1])
+    assert np.arccos(np.clip((traces.min() - 1) / 2, -1, 1)) > 3
+    with pytest.raises(sc.Diverged, match="blown up"):
+        run(system, sc.Asynchronous(checked=False), **steps)
+
+
+def test_all_elements_alike_is_the_explicit_scheme():
+    system = free_rod()
+    step = 0.9 * sc.Explicit.limit(system).seconds
+    a = run(system, sc.Explicit(), step, 20 * step)
+    b = run(system, sc.Asynchronous(grading=1.0), step, 20 * step)
+    np.testing.assert_allclose(a["q"], b["q"], atol=1e-14)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:balance of energy")
+def test_steps_that_are_not_graded_meet_resonances():
+    """What the grading is for: without it the blade of the example blows up, with it not."""
+    system = asynchronous_blade.blade(1e8)
+    step = 0.999 * 0.8 * float(sc.Asynchronous.limits(system)[0].max())
+    graded = run(system, sc.Asynchronous(0.8), step, 2000.5 * step, every=50)
+    assert abs(graded["energy"] / graded["energy"][0] - 1).max() < 1e-6
+    bare = sc.Asynchronous(0.8, grading=np.inf, checked=False)  # steps stay as it folds up
+    with pytest.raises(sc.Diverged, match="blown up"):
+        run(system, bare, step, 2000.5 * step, every=50)
+
+
+def check_blade(numbers, bound):
+    assert numbers["fine share"] <= 0.2
+    assert numbers["step ratio"] >= 8
+    assert numbers["saving"] >= 0.7 * numbers["ideal"]
+    assert numbers["energy error"] < bound
+    assert numbers["angular momentum"] < 1e-13
+    assert numbers["linear momentum"] < 1e-14
+
+
+def test_example_of_the_blade():
+    """Saving of evaluations, energy error by the kinetic energy, momenta."""
+    check_blade(asynchronous_blade.run(1e8, 500, "numpy"), 1e-6)
+
+
+@pytest.mark.long
+@pytest.mark.filterwarnings("ignore:integrator 'asynchronous'.* limits fall")  # of the soft one
+@pytest.mark.filterwarnings("ignore:beam 'blade'")
+@pytest.mark.parametrize("name", ["nearly rigid", "middle", "soft"])
+def test_blades_over_1e5_element_steps(name):
+    example = asynchronous_blade
+    numbers = example.run(example.BLADES[name], 100_000)
+    assert numbers["element steps"] >= 1e5
+    check_blade(numbers, 3e-6)
+    assert numbers["energy error"] < 2e-3 * numbers["strain energy"]
+    assert numbers["second half"] < 3 * numbers["first half"]
+
+
+# -- springs and damping ---------------------------------------------------------------------------
+
+
+def orders(values):
+    """Of three runs or more, each with half of the step of the one before."""
+    errors = [np.linalg.norm(b - a) for a, b in pairwise(values)]
+    return np.log2(np.divide(errors[:-1], errors[1:]))
+
+
+def on_a_spring(stiffness=50.0, damping=0.0, length=None, at=(0, 0, -1), **motion):
+    """A mass point of 2 kg below its support."""
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(2.0, position=at, **motion))
+    support = sc.ground((0, 0, 0))
+    model.add("spring", sc.SpringDamper(support, bob.place(), stiffness, damping, length))
+    return model
+
+
+def mounts(joined=False, viscous=1e-4):
+    """Springs, dampers, a cable, a bushing, an actuator, drag and a viscous beam, all in motion."""
+    model = sc.Model()
+    section = SOFT.damped(time=viscous) if viscous else SOFT
+    spin = {} if joined else {"angular_velocity": (1.0, 2.0, 0.0)}
+    rod = model.add("rod", rod_of(2, 1, section, **spin))
+    box = model.add("box", sc.RigidBody.box(0.2, (0.05, 0.1, 0.2), position=(1, 0, -0.1)))
+    bob = model.add("bob", sc.MassPoint(0.3, position=(0.5, 0.5, 0), velocity=(0, 0, 1.0)))
+    tip = rod.node("rod.end")
+    if joined:
+        hinge = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1))
+        hinge = model.add("hinge", hinge)
+        model.add("ball", sc.JointSpherical(tip, box.at((1, 0, 0))))
+        model.add("torsion", sc.JointSpringDamper(hinge, 1.0, 0.05, neutral=0.2))
+        model.add("motor", sc.JointActuator(hinge, sc.Harmonic(0.5, 20.0)))
+    else:
+        stiff = np.diag([200] * 3 + [1] * 3), np.diag([0.2] * 3 + [1e-3] * 3)
+        model.add("mount", sc.Bushing(tip, box.at((1, 0, 0)), *stiff))
+    model.add("cord", sc.SpringDamper(tip, bob.place(), 300.0, 0.4))
+    model.add("rope", sc.Cable(sc.ground((1, 0.3, -0.5)), box.at((1, 0, -0.15)), 40.0, 0.3, 0.3))
+    model.add("drag", sc.RayleighDamping(mass=0.5, stiffness=viscous))
+    model.add("weight", sc.LoadGravity((0, -9.81, 2.0)))
+    return model.freeze()
+
+
+def test_spring_pendulum_in_closed_form():
+    """All but unstressed at length zero it swings as an ellipse about its rest."""
+    model = on_a_spring(length=1e-9, velocity=(0.3, 1.0, 0.5))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    system = model.freeze()
+    rest, omega, until = np.array([0, 0, -2.0 * 9.81 / 50.0]), 5.0, 1.7
+    swing = (np.array([0, 0, -1.0]) - rest) * np.cos(omega * until)
+    exact = rest + swing + np.array([0.3, 1.0, 0.5]) * np.sin(omega * until) / omega
+    ends = [run(system, sc.Explicit(rounds=k), until, until)["q"][-1] for k in (40, 80, 160)]
+    errors = [np.linalg.norm(end - exact) for end in ends]
+    np.testing.assert_allclose(np.log2(np.divide(errors[:-1], errors[1:])), 2, atol=0.02)
+    assert errors[-1] < 1e-3
+
+
+@pytest.mark.parametrize("scheme", [sc.Explicit(rounds=8), sc.Asynchronous()], ids=repr)
+def test_spring_pendulum_keeps_momentum_about_its_support(scheme):
+    model = on_a_spring(length=0.8, velocity=(0.3, 1.0, 0.5))
+    h = run(model.freeze(), scheme, 0.05, 2.0)
+    L = h["angular_momentum"]
+    assert abs(L - L[0]).max() < 1e-13 * abs(L[0]).max()
+    assert abs(h["energy"] / h["energy"][0] - 1).max() < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [0.1, 0.7, 3.0])
+def test_damped_oscillator_in_closed_form(ratio):
+    """Below and above critical damping: place, velocity and what is dissipated."""
+    omega = 5.0
+    model = on_a_spring(50.0, 2 * ratio * omega * 2.0, velocity=(0, 0, 1.5))
+    ends, until = [], 0.8
+    for k in (80, 160, 320) if ratio < 1 else (320, 640, 1280):
+        h = run(model.freeze(), sc.Explicit(rounds=k), until, until)
+        lost = h.meta["energy_balance"]["dissipated"]
+        ends.append([h["q"][-1][2] + 1, h["v"][-1][2], lost])
+    a, b = -omega * (ratio + np.array([1, -1]) * np.emath.sqrt(ratio**2 - 1))
+    x = (1.5 * (np.exp(a * until) - np.exp(b * until)) / (a - b)).real
+    v = (1.5 * (a * np.exp(a * until) - b * np.exp(b * until)) / (a - b)).real
+    exact = np.array([x, v, 0.5 * 2.0 * 1.5**2 - 0.5 * (2.0 * v**2 + 50.0 * x**2)])
+    errors = abs(np.array(ends) - exact)
+    np.testing.assert_allclose(np.log2(errors[1:] / errors[:-1]), -2, atol=0.1)
+    assert (errors[-1] < 4e-3 * abs(exact).max()).all()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:beam 'rod'.* tension")
+@pytest.mark.parametrize("joined", [False, True])
+def test_second_order_with_springs_and_damping(joined):
+    """Positions, velocities; the balance of energies and works closes to second order, too."""
+    system = mounts(joined)
+    runs = [run(system, sc.Explicit(rounds=k), 0.05, 0.05) for k in (80, 160, 320)]
+    for name in ("q", "v"):
+        found = orders([h[name][-1] for h in runs])
+        assert (found > 1.9).all() and (found < 2.1).all(), name
+    balances = [h.meta["energy_balance"] for h in runs]
+    assert balances[-1]["dissipated"] > 0.01
+    assert abs(balances[-1]["actuators"]) > (1e-3 if joined else -1)
+    lost = [abs(found["lost"]) for found in balances]
+    assert (abs(np.log2(np.divide(lost[:-1], lost[1:])) - 2) < 0.1).all()
+    assert lost[-1] < 1e-4 * balances[-1]["scale"]
+    if joined:
+        assert runs[-1]["constraint_violation"].max() < 1e-14
+
+
+@pytest.mark.slow
+def test_springs_and_damping_as_with_energy_momentum():
+    """The difference of both falls by four."""
+    system = mounts()
+    ends = []
+    for k in (40, 80, 160):
+        a = run(system, sc.Explicit(rounds=2 * k), 0.05, 0.05)["q"][-1]
+        b = run(system, sc.EnergyMomentum(), 0.05 / k, 0.05, every=k, derive=False)["q"][-1]
+        ends.append(np.linalg.norm(a - b))
+    found = np.log2(np.divide(ends[:-1], ends[1:]))
+    assert (found > 1.9).all() and (found < 2.1).all()
+
+
+@pytest.mark.slow
+def test_asynchronous_is_of_second_order_with_springs_and_damping():
+    """Elements damp themselves at their own steps, the damper at the ends of the run's steps."""
+    system = two_parts(20.0, 1e-5, 50.0)
+    step = 0.9 * float(sc.Asynchronous.limits(system)[0].max())
+    runs = [run(system, sc.Asynchronous(0.9 / k), step / k, step) for k in (16, 32, 64)]
+    counts = sc.Asynchronous(0.9 / 64).counts(system, step / 64)[0]
+    assert counts.min() == 1 and counts.max() == 5
+    for name in ("q", "v"):
+        found = orders([h[name][-1] for h in runs])
+        assert (found > 1.9).all() and (found < 2.1).all(), name
+    lost = [abs(h.meta["energy_balance"]["lost"]) for h in runs]
+    assert (abs(np.log2(np.divide(lost[:-1], lost[1:])) - 2) < 0.1).all()
+
+
+@pytest.mark.slow
+def test_internal_damping_keeps_momenta():
+    """Viscous beams and dampers between bodies give none and take none, to rounding."""
+    model = sc.Model()
+    spin = {"velocity": (0.5, 0.2, 0.0), "angular_velocity": (1.0, 2.0, 3.0)}
+    rod = model.add("rod", rod_of(2, 1, SOFT.damped(time=1e-3), **spin))
+    box = model.add("box", sc.RigidBody.box(0.2, (0.05, 0.1, 0.2), position=(1, 0.2, -0.1)))
+    model.add("cord", sc.SpringDamper(rod.node("rod.end"), box.at((1, 0.2, 0)), 30.0, 0.5))
+    h = run(model.freeze(), sc.Explicit(rounds=200), 0.02, 0.04)
+    for name in ("linear_momentum", "angular_momentum"):
+        assert abs(h[name] - h[name][0]).max() < 1e-13 * abs(h[name][0]).max(), name
+    assert h.meta["energy_balance"]["dissipated"] > 1e-3
+
+
+def test_drag_in_closed_form():
+    """Momentum decays as exp(-alpha t)."""
+    model = sc.Model()
+    model.add("body", sc.RigidBody(1.0, (0.3, 0.3, 0.2), velocity=(1, 2, 3)))
+    model.add("drag", sc.RayleighDamping(mass=0.5))
+    h = run(model.freeze(), sc.Explicit(rounds=100), 1.0, 2.0)
+    np.testing.assert_allclose(h["v"][-1][:3], np.array([1, 2, 3]) * np.exp(-1.0), rtol=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", [sc.Explicit(rounds=8), sc.Asynchronous(0.005)], ids=repr)
+def test_torsion_spring_over_several_turns(scheme):
+    """Wound up by almost four turns and back: its angle does not jump."""
+    model = sc.Model()
+    wheel = model.add("wheel", sc.RigidBody(1.0, (0.2, 0.3, 0.4), angular_velocity=(0, 0, 40.0)))
+    place = sc.ground((0, 0, 0)), wheel.at((0, 0, 0))
+    hinge = model.add("hinge", sc.JointRevolute(*place, axis=(0, 0, 1)))
+    model.add("spring", sc.JointSpringDamper(hinge, stiffness=1.0, damping=0.05))
+    h = run(model.freeze(), scheme, 0.05, 4.0)
+    decay = 0.05 / (2 * 0.4)
+    omega = np.sqrt(1.0 / 0.4 - decay**2)
+    angle = 40.0 / omega * np.exp(-decay * h["t"]) * np.sin(omega * h["t"])
+    assert angle.max() > 3.7 * 2 * np.pi
+    found = h["joint/hinge/angle"].ravel()
+    turned = np.unwrap(found) if abs(found).max() < 7 else found
+    np.testing.assert_allclose(turned, angle, atol=1e-3 * angle.max())
+    states = sc.restart(model.freeze(), h, scheme, 0.05)
+    assert states.turns is not None
+    assert states.turns[0] == np.rint(angle[-1] / (2 * np.pi))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:beam 'rod'.* tension")
+def test_a_run_with_springs_goes_on_where_it_ended(tmp_path):
+    system = mounts(joined=True)
+    scheme = sc.Explicit(rounds=40)
+    whole = run(system, scheme, 0.01, 0.03)
+    part = run(system, scheme, 0.01, 0.01, path=tmp_path / "part.sch")
+    rest = run(system, scheme, 0.01, 0.03, start=sc.restart(system, part, scheme, 0.01))
+    for name in ("q", "p"):
+        np.testing.assert_allclose(rest[name][-1], whole[name][-1], atol=1e-11)
+
+
+def sprung():
+    """Bodies, a point and a beam on stiff springs off their centres; a bushing, a slack cable."""
+    model = sc.Model()
+    one = model.add("one", sc.RigidBody.box(1.0, (0.1, 0.2, 0.3)))
+    two = model.add("two", sc.RigidBody.box(0.3, (0.1, 0.05, 0.2), position=(1, 0, 0)))
+    bob = model.add("bob", sc.MassPoint(0.2, position=(0.3, 1, 0)))
+    mesh = sc.MeshCurve.init_line((2, 0, 0), (3, 0, 0), 2, name="rod")
+    rod = model.add("rod", sc.Beam(mesh, FLAT, director=(0, 1, 0), lumped=True))
+    spots = two.at((1, 0.02, 0.1)), two.at((1, 0.02, -0.1))
+    model.add("first", sc.SpringDamper(one.at((0.05, 0.1, 0.1)), spots[0], 2e4))
+    model.add("second", sc.SpringDamper(bob.place(), spots[1], 1e4))
+    model.add("third", sc.SpringDamper(sc.ground((2, 1, 0)), rod.node("rod.start"), 5e4))
+    stiffness = np.diag([1e4] * 3 + [10.0, 20.0, 30.0])
+    model.add("mount", sc.Bushing(rod.node("rod.end"), two.at((1, 0, 0)), stiffness))
+    return model.freeze()
+
+
+def highest_of_all(system):
+    """By differences of the stored energy in shifts and turns of all nodes; in rad/s."""
+    y0 = system.extend(system.q0, 0.0)
+    moves = []  # node, whether it turns, axis
+    for v, framed in enumerate(system.is_frame):
+        moves += [(v, turn, k) for turn in range(1 + framed) for k in range(3)]
+
+    def moved(*amounts):
+        y = y0.copy()
+        for amount, (v, turn, k) in amounts:
+            row = system.origin_rows[v]
+            if turn:
+                i, j = (k + 1) % 3, (k + 2) % 3
+                d = y[row + 1 : row + 4].copy()
+                y[row + 1 : row + 4, i] = np.cos(amount) * d[:, i] - np.sin(amount) * d[:, j]
+                y[row + 1 : row + 4, j] = np.sin(amount) * d[:, i] + np.cos(amount) * d[:, j]
+            else:
+                y[row, k] += amount
+        return y
+
+    def energy(*amounts):
+        y = moved(*amounts)
+        out = float(system.couplings.energy(y))
+        for group in system.beam_groups:
+            eps, e = group.strain(y)[0], group.elements
+            out += 0.5 * float((e.measure * eps * (eps @ e.stiffness)).sum())
+        return out
+
+    h, n = 1e-4, len(moves)
+    K = np.zeros((n, n))
+    for a in range(n):
+        for b in range(a + 1):
+            ends = [energy((s * h, moves[a]), (r * h, moves[b])) for s in (1, -1) for r in (1, -1)]
+            K[a, b] = K[b, a] = (ends[0] - ends[1] - ends[2] + ends[3]) / (4 * h * h)
+    rows = slice(system.rows)
+    rates = np.array([((moved((h, m)) - moved((-h, m))) / (2 * h))[rows] for m in moves])
+    M = np.einsum("arx,rs,bsx->ab", rates, system.mass.toarray(), rates, optimize=True)
+    return np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real.max())
+
+
+@pytest.mark.slow
+def test_limit_with_stiff_springs_bounds_the_highest_frequency():
+    """Of everything together; beyond the elements it is the springs that set it."""
+    system = sprung()
+    limit, true = sc.Explicit.limit(system), 2 / highest_of_all(system)
+    assert 0.6 * true < limit.seconds <= true * (1 + 1e-5)
+    assert limit.kind == "springs"
+    model = sc.Model()
+    model.add("rod", rod_of(2, 1, FLAT))
+    bare = model.freeze()
+    assert 2 / highest_of_all(bare) >= sc.Explicit.limit(bare).seconds * (1 - 1e-5)
+    assert sc.Explicit.limit(bare).seconds > 2 * limit.seconds
+
+
+@pytest.mark.parametrize("kind", ["spring", "cable", "damper", "drag"])
+def test_limits_of_single_springs_and_dampers(kind):
+    """2/omega and 2/gamma of a mass point in closed form; cables count as taut."""
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(2.0, position=(0, 0, -1)))
+    ends = sc.ground((0, 0, 0)), bob.place()
+    if kind == "spring":
+        model.add("spring", sc.SpringDamper(*ends, 50.0))
+    elif kind == "cable":
+        model.add("cable", sc.Cable(*ends, 50.0, length=1.5))
+    elif kind == "damper":
+        model.add("damper", sc.SpringDamper(*ends, 1.0, 40.0))
+    else:
+        model.add("drag", sc.RayleighDamping(mass=20.0))
+    limit = sc.Explicit.limit(model)
+    slow = kind in ("damper", "drag")
+    assert limit.seconds == pytest.approx(2 / 20.0 if slow else 2 / 5.0)
+    assert (limit.where, limit.kind) == ("mass point 'bob'", "damping" if slow else "springs")
+
+
+def test_limit_of_viscous_elements():
+    """``C = beta K``: the rate of decay is ``beta omega^2``."""
+    limits = []
+    for beta in (0.0, 1e-6, 1e-3):
+        model = sc.Model()
+        model.add("rod", rod_of(3, 1, FLAT.damped(time=beta) if beta else FLAT))
+        limits.append(sc.Explicit.limit(model))
+    assert limits[1] == limits[0]
+    omega = 2 / limits[0].seconds
+    assert limits[2].seconds == pytest.approx(2 / (1e-3 * omega**2))
+    assert limits[2].kind == "damping"
+
+
+def test_springs_above_the_limit():
+    """Refused with a name; without the check the run blows up, just below it does not."""
+    system = on_a_spring(velocity=(0, 0, 1.0)).freeze()
+    with pytest.raises(sc.InputError, match=r"0\.4 s \(mass point 'bob': springs\).*rounds=2"):
+        run(system, sc.Explicit(), 0.41, 4.0)
+    with pytest.warns(sc.AccuracyWarning, match="balance of energy"):  # hardly resolved
+        good = run(system, sc.Explicit(), 0.39, 100 * 0.39)
+    assert good["energy"].max() < 30 * good["energy"][0]
+    with (
+        pytest.warns(sc.AccuracyWarning, match="balance of energy.* gained"),
+        pytest.raises(sc.Diverged, match="blown up"),
+    ):
+        run(system, sc.Explicit(checked=False), 0.41, 100 * 0.41)
+
+
+def test_asynchronous_rounds_follow_springs():
+    """Where these need shorter steps than the run's, they kick more often."""
+    system = on_a_spring(velocity=(0, 0, 1.0)).freeze()
+    march = sc.Asynchronous(0.5).march(system, sc.Multipliers(), 1.0)
+    assert march.rounds == 5  # of 0.2 s, half of the limit
+    h = run(system, sc.Asynchronous(0.01), 1.0, 1.0)
+    assert h["q"][-1][2] == pytest.approx(-1 + np.sin(5.0) / 5, abs=1e-4)
+
+
+@pytest.mark.parametrize("scheme", [sc.Explicit(), sc.Asynchronous(1.0)], ids=repr)
+def test_limits_of_springs_fall_in_a_run(scheme):
+    """The spring's lever grows as the body turns: steps get shorter, with a warning."""
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody(1.0, (1e-3, 1e-3, 1e-3)))
+    model.add("spring", sc.SpringDamper(sc.ground((5, 0, 0)), body.at((0.2, 0, 0)), 1.0))
+    system = model.freeze()
+    assert sc.Explicit.limit(system).seconds == pytest.approx(2.0)  # no lever about the centre
+    march = scheme.march(system, sc.Multipliers(), 0.7)
+    assert march.rounds == 1
+    q = np.concatenate([np.zeros(3), [0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+    state = sc.State(0.0, 0, q, np.zeros(12))
+    with pytest.warns(
+        sc.AccuracyWarning, match=r"springs and .* limits fall, to 0\.3.* s of rigid body 'body'"
+    ):
+        march.advance(state, 0.7)
+    pull = np.array([5.0, -0.2]) / np.hypot(5.0, 0.2)  # all but across the lever
+    omega = np.sqrt(1.0 + (0.2 * pull[0]) ** 2 / 1e-3)
+    assert march.rounds == np.ceil(0.7 * omega / 2)
+
+
+@pytest.mark.parametrize("scheme", [sc.Explicit(rounds=40), sc.Asynchronous()], ids=repr)
+def test_there_are_no_compiled_kernels(scheme):
+    """Numpy is taken, and said why; what is asked for and not there is refused."""
+    said = "no compiled kernels for explicit steps"
+    history = run(free_rod(), scheme, 1e-3, 2e-3, kernels="auto")
+    assert history.meta["kernels"] == "numpy"
+    assert said in history.meta["kernels_why"]
+    with pytest.raises(sc.InputError, match=f"argument kernels: 'numba': .*{said}"):
+        run(free_rod(), scheme, 1e-3, 2e-3, kernels="numba")
+
+
+# -- refused ---------------------------------------------------------------------------------------
+
+
+def refused_scene(kind):
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.2, 0.3)))
+    if kind == "consistent":
+        model.add("rod", rod_of(lumped=False))
+    elif kind == "drive":
+        pin = model.add(
+            "pin", sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
+        )
+        model.add("motor", sc.JointDrive(pin, lambda t: t))
+    elif kind == "moving":
+        moving = sc.ground((0, 0, 0), motion=sc.MotionTurn((0, 0, 1), lambda t: t))
+        model.add("weld", sc.JointSpherical(moving, body.at((0, 0, 0))))
+    elif kind == "loop":
+        for k, x in enumerate([(0, 0, 0), (0, 0, 1)]):
+            model.add(f"pin {k}", sc.JointRevolute(sc.ground(x), body.at(x), axis=(0, 0, 1)))
+    return model.freeze()
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("consistent", "beam 'rod'.*lumped=True"),
+        ("drive", "'motor'.*not prescribed"),
+        ("moving", "moving ground"),
+        ("loop", "closed loops.*'?pin 1.*tree"),
+    ],
+)
+@pytest.mark.parametrize("integrator", [sc.Explicit(), sc.Asynchronous()])
+def test_what_is_refused(integrator, kind, said):
+    with pytest.raises(sc.errors.IncompatibleError, match=said) as caught:
+        run(refused_scene(kind), integrator, 1e-5, 1.0)
+    assert type(integrator).__name__ in str(caught.value)
+
+
+def test_limits_of_consistent_masses_are_refused():
+    """They are not those of the scheme."""
+    model = sc.Model()
+    model.add("rod", rod_of(lumped=False))
+    system = model.freeze()
+    for ask in (sc.Explicit.limit, sc.Asynchronous.limits):
+        with pytest.raises(sc.IncompatibleError, match=r"step limit.*beam 'rod'.*lumped=True"):
+            ask(system)
+    for bad in (-1.0, np.nan, "a"):
+        with pytest.raises(sc.InputError, match="step"):
+            sc.Asynchronous().counts(free_rod(), bad)
+
+
+def test_a_needle_is_refused():
+    """It has no inertia about its axis: neither a step nor, with a spring, a limit."""
+    model = sc.Model()
+    needle = model.add("needle", sc.RigidBody(1.0, (0.5, 0.5, 0.0)))
+    place = sc.ground((0, 0, 1)), needle.at((0, 0, 1))
+    hinge = model.add("hinge", sc.JointRevolute(*place, axis=(1, 0, 0)))
+    model.add("spring", sc.JointSpringDamper(hinge, 1.0))
+    for ask in (sc.Explicit.limit, lambda model: run(model, sc.Explicit(), 1e-3, 1e-2)):
+        with pytest.raises(sc.IncompatibleError, match=r"'needle'.*inertia about all axes"):
+            ask(model.freeze())
+
+
+@pytest.mark.parametrize("bad", [3, None, "rod"], ids=["3", "None", "text"])
+def test_limits_of_what_is_no_system(bad):
+    """Named, with what was expected."""
+    said = "argument system: is of type .*, expected a Model or a System"
+    counts = partial(sc.Asynchronous().counts, step=0.1)
+    for ask in (sc.Explicit.limit, sc.Asynchronous.limit, sc.Asynchronous.limits, counts):
+        with pytest.raises(sc.InputError, match=said):
+            ask(bad)
+    with pytest.raises(sc.InputError, match=said):
+        counts(bad, limits=[np.ones(3)])
+
+
+@pytest.mark.parametrize(
+    "limits", [3, [], [np.ones(5)], [np.zeros(6)], [[np.nan] * 6], ["a"], [np.ones(6)] * 2], ids=str
+)
+def test_bad_limits_of_elements(limits):
+    """Of another number of elements, or no positive numbers."""
+    with pytest.raises(sc.InputError, match=r"argument limits.*expected"):
+        sc.Asynchronous().counts(free_rod(), 0.1, limits)
+
+
+@pytest.mark.parametrize("scheme", [sc.Explicit(), sc.Asynchronous()], ids=repr)
+def test_what_would_be_ignored_is_refused(scheme):
+    """A solver, as there are no linear systems; multipliers unscaled: both sides are named."""
+    name = re.escape(repr(scheme))
+    with pytest.raises(sc.IncompatibleError, match=name + r" with SolverSuperLU\(\).*no linear"):
+        run(free_rod(), scheme, 1e-5, 1e-3, solver=sc.SolverSuperLU())
+    unscaled = sc.Multipliers(scaled=False)
+    said = name + r" with Multipliers\(scaled=False\).*take Multipliers\(\)"
+    with pytest.raises(sc.IncompatibleError, match=said):
+        sc.Stepper(free_rod(), scheme, unscaled, 1e-5)
+    with pytest.raises(sc.InputError, match="argument solver"):
+        run(free_rod(), scheme, 1e-5, 1e-3, solver="superlu")
+
+
+def test_treatment_and_arguments():
+    with pytest.raises(sc.errors.IncompatibleError, match=r"Explicit.*NullSpace.*Multipliers\(\)"):
+        sc.simulate(free_rod(), sc.Explicit(), sc.NullSpace(), 1e-5, 1.0)
+    for bad in (0, 1.5, True):
+        with pytest.raises(sc.InputError, match="rounds"):
+            sc.Explicit(rounds=bad)
+    for bad in (0, 1.5, np.nan):
+        with pytest.raises(sc.InputError, match="safety"):
+            sc.Asynchronous(safety=bad)
+    with pytest.raises(sc.InputError, match="grading"):
+        sc.Asynchronous(grading=0.5)
+    stepper = sc.Stepper(free_rod(), sc.Explicit(), sc.Multipliers(), 1e-5)
+    with pytest.raises(sc.errors.IncompatibleError, match="no iteration matrix"):
+        stepper.iteration_matrix(sc.initial_state(free_rod()))

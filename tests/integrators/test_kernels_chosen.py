@@ -1,0 +1,188 @@
+"""Which kernels a run takes and why, and what it does where numba is missing or fails."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import states
+from helpers_kernels import tree
+
+import skfem_cosserat as sc
+from skfem_cosserat.compiled import warm
+from skfem_cosserat.integrators import choice
+from skfem_cosserat.integrators.choice import refusal
+
+pytest.importorskip("numba")
+TypingError = pytest.importorskip("numba.core.errors").TypingError
+
+
+@pytest.mark.plain
+def test_short_runs_take_numpy():
+    system = tree(1)
+    run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05, derive=False)
+    assert run.meta["kernels"] == "numpy"
+    assert "compiling would take longer" in run.meta["kernels_why"]
+
+
+def test_long_runs_take_numba():
+    system = tree(1)
+    pair = sc.EnergyMomentum(), sc.NullSpace()
+    assert choice.choose_kernels("auto", system, *pair, 10**6).name == "numba"
+    assert choice.estimated_seconds(system, 10**6) > choice.WORTHWHILE
+
+
+def test_short_runs_take_kernels_that_are_compiled_already(monkeypatch):
+    """In this process or on disk; a single one that is not decides for numpy."""
+    monkeypatch.setattr(choice, "READING", 0.0)
+    monkeypatch.setattr(choice, "WORTHWHILE", 25.0)
+    run = partial(sc.simulate, tree(1), sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05)
+    run(kernels="numba", derive=False)
+    meta = run(derive=False).meta
+    assert meta["kernels"] == "numba"
+    assert "are compiled already" in meta["kernels_why"]
+
+    def missing(function, kinds, kept_only=False):
+        assert kept_only
+        raise warm.NotKept
+
+    monkeypatch.setattr("skfem_cosserat.compiled.jit.ready", missing)
+    meta = run(derive=False).meta
+    assert meta["kernels"] == "numpy"
+    assert "not all of its kernels are on disk" in meta["kernels_why"]
+
+
+def test_the_disk_is_looked_at_without_numba(monkeypatch, tmp_path):
+    monkeypatch.delitem(sys.modules, "numba", raising=False)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert not warm.promising()
+    folder = tmp_path / "compiled_0a1b"
+    folder.mkdir()
+    index = folder / f"step.solve-1.py{sys.version_info.major}{sys.version_info.minor}.nbi"
+    for text, there in (("other sources", False), (f"... {warm.stamp()} ...", True)):
+        index.write_text(text)
+        assert warm.promising() == there
+    program = (
+        "import sys, skfem_cosserat as sc; from skfem_cosserat.integrators import choice\n"
+        "choice.READING = 0.0; model = sc.Model(); model.add('ball', sc.MassPoint(1.0))\n"
+        "pair = sc.EnergyMomentum(), sc.NullSpace()\n"
+        "run = sc.simulate(model.freeze(), *pair, 0.1, 0.5, derive=False)\n"
+        "assert run.meta['kernels'] == 'numpy' and 'numba' not in sys.modules"
+    )
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "none"))
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_compiling_is_said_when_progress_is_on(capsys):
+    system = tree(1)
+    pair = sc.EnergyMomentum(), sc.NullSpace()
+    for on in (True, False):
+        sc.simulate(*(system, *pair, 1e-2, 0.02), kernels="numba", derive=False, progress=on)
+        assert ("kernels are compiled" in capsys.readouterr().err) == on
+
+
+def test_versions_of_numba_are_those_of_the_package():
+    """What pip installs is what the kernels are built on; newer ones may be tried."""
+    text = (Path(__file__).parents[2] / "pyproject.toml").read_text()
+    assert f'"numba>={choice.NUMBA[0]}.{choice.NUMBA[1]};' in text
+
+
+@pytest.mark.parametrize("error", [TypingError("no\nmore"), AttributeError("no more")])
+def test_numpy_takes_over_where_numba_does_not_compile(error, monkeypatch):
+    system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
+    plain = sc.simulate(system, *pair, 1e-3, 3e-3, kernels="numpy")
+
+    def fails(*_, **__):
+        raise error
+
+    monkeypatch.setattr("skfem_cosserat.compiled.bind.addresses", fails)
+    with pytest.warns(sc.PerformanceWarning, match=r"does not compile the kernels: no.*takes over"):
+        run = sc.simulate(system, *pair, 1e-3, 3e-3, kernels="numba")
+    assert np.array_equal(run["q"], plain["q"]) and run.meta["kernels"] == "numpy"
+    assert "does not compile" in run.meta["kernels_why"]
+    held = states.PARTS["cantilever"]()
+    path = sc.static(held, kernels="numpy")
+    with pytest.warns(sc.PerformanceWarning, match="takes over"):
+        other = sc.static(held, kernels="numba")
+    assert np.array_equal(other["q"], path["q"]) and other.meta["kernels"] == "numpy"
+
+
+@pytest.mark.plain
+def test_without_numba(monkeypatch):
+    monkeypatch.setattr(choice, "find_spec", lambda name: None)
+    system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
+    with pytest.warns(sc.PerformanceWarning, match="times faster"):
+        taken = choice.choose_kernels("auto", system, *pair, 10**6)
+    assert taken[:2] == ("numpy", "numba is not installed")
+    with pytest.raises(ImportError, match=r"skfem-cosserat\[fast\]"):
+        choice.choose_kernels("numba", system, *pair, 10)
+    assert choice.choose_kernels("auto", system, *pair, 10).name == "numpy"
+
+
+@pytest.mark.parametrize(
+    ("code", "variables", "why"),
+    [
+        ("raise ImportError('numba needs an older numpy')", {}, "numba cannot be imported: numba "),
+        (
+            "__version__, config = '0.60.0', None",
+            {},
+            "numba 0.60.0 is installed, compiled kernels need 0.63 or newer",
+        ),
+        (None, {"NUMBA_DISABLE_JIT": "1"}, "numba does not compile: NUMBA_DISABLE_JIT is set"),
+    ],
+    ids=["broken", "too old", "switched off"],
+)
+def test_a_numba_that_does_not_work(code, variables, why, tmp_path):
+    """Long runs, which did not ask for it, ended with its ImportError or a RecursionError."""
+    if code is not None:
+        (tmp_path / "numba.py").write_text(code)
+    script = (
+        "import sys; sys.path.insert(0, sys.argv[1]); sys.path.insert(1, sys.argv[2])\n"
+        "import skfem_cosserat as sc\n"
+        "from skfem_cosserat.integrators import choice\n"
+        "model = sc.Model(); model.add('a', sc.MassPoint(1.0)); system = model.freeze()\n"
+        "run = sc.EnergyMomentum(), sc.NullSpace(), 1e-3\n"
+        "stepper = sc.Stepper(system, *run, steps=10**9)\n"
+        "print(stepper.choice.name, stepper.choice.why)\n"
+        "try: sc.Stepper(system, *run, kernels='numba')\n"
+        "except (ImportError, sc.InputError) as error: print(type(error).__name__, error)\n"
+    )
+    command = [sys.executable, "-c", script, str(tmp_path), str(Path(__file__).parents[2])]
+    environment = {**os.environ, **variables}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    chosen, error = done.stdout.splitlines()
+    assert chosen.startswith(f"numpy {why}")
+    assert error.startswith("ImportError" if code else "InputError") and why in error
+    assert ("skfem-cosserat[fast]" in error) == (code is not None)
+    assert done.stderr.count("PerformanceWarning") == 1 and why in done.stderr
+
+
+def test_what_is_not_compiled_is_refused_or_runs_plain():
+    model = sc.Model()
+    a = model.add("a", sc.RigidBody.sphere(1.0, 0.1))
+    model.add("mount", sc.Bushing(sc.ground((0, 0, 0)), a.at((0, 0, 0)), stiffness=2.0))
+    system = model.freeze()
+    assert "bushings" in refusal(system, sc.EnergyMomentum(), sc.NullSpace())
+    with pytest.raises(sc.InputError, match="springs on rotation vectors, bushings"):
+        sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, kernels="numba")
+    run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-6, 2e-6)
+    assert "springs" in run.meta["kernels_why"]
+    with pytest.raises(sc.InputError, match="'fortran', expected"):
+        sc.simulate(tree(1), sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, kernels="fortran")
+
+
+def test_closed_loops_with_multipliers_are_refused():
+    """Closed loops have rows that depend on others: chosen anew in each step."""
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (1, 0.3, 0.2)))
+    for name, z in (("low", 0.0), ("high", 0.1)):
+        place = body.at((0, 0, z))
+        model.add(name, sc.JointRevolute(sc.ground((0, 0, z)), place, axis=(0, 0, 1)))
+    system = model.freeze()
+    assert "closed loops" in refusal(system, sc.EnergyMomentum(), sc.Multipliers())
+    assert refusal(tree(1), sc.EnergyMomentum(), sc.Multipliers()) is None

@@ -1,0 +1,1161 @@
+"""Springs, dampers, cables, bushings, actuators: closed forms, tangents, energy, momentum."""
+
+from __future__ import annotations
+
+from functools import cache, partial
+
+import numpy as np
+import pytest
+from helpers_kernels import (
+    assert_same,
+    assert_same_in_steps_of_other_sizes,
+    assert_same_iteration,
+    both,
+    moving,
+)
+from helpers_scenes import (
+    FULL,
+    SHAKE,
+    TENSOR,
+    chequered,
+    four_bar,
+    pairs,
+    random_state,
+    rotation,
+    unit,
+)
+from helpers_schemes import SCHEMES
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+from test_tangents import Step, worst
+
+import skfem_cosserat as sc
+from skfem_cosserat import diagnostics
+from skfem_cosserat.model.coordinates import KINDS, Joined
+from skfem_cosserat.model.force_elements import SlackLaw
+from skfem_cosserat.relative import normals
+
+EPS = 1e-40
+INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
+TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
+integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
+treatments = pytest.mark.parametrize("treatment", TREATMENTS)
+GRAVITY = (0.0, 0.0, -9.81)
+
+
+def simulate(system, integrator, step, until, treatment="null space", **options):
+    return sc.simulate(
+        system, INTEGRATORS[integrator], TREATMENTS[treatment], step, until, **options
+    )
+
+
+# -- the same wherever the scene lies ------------------------------------------------------------
+
+#: oblique to all axes of space
+LEAN = Rotation.from_rotvec([0.4, 1.1, -0.7]).as_matrix()
+
+
+def lying(Q, vectors=True):
+    """Each coordinate of each joint with all that acts on it, and a bushing; all turned by Q.
+
+    A chain below a ball joint, so that its hinges turn about all axes; `vectors`: with rotation
+    vectors and bushings.
+    """
+    n, x, y = Q @ (0.6, 0, 0.8), Q @ (0.8, 0, -0.6), Q @ (0, 1.0, 0)
+    along, about = {"axis": n}, {"normal": n, "x": x}
+    kinds = [
+        (sc.JointSpherical, {}),
+        (sc.JointRevolute, along),
+        (sc.JointCylindrical, along),
+        (sc.JointPlanar, about),
+        (sc.JointUniversal, {"axis_a": n, "axis_b": y}),
+        (sc.JointPrismatic, along),
+        *([(sc.JointSpherical, {}), (sc.JointPointOnLine, along)] if vectors else []),
+    ]
+    model, side = sc.Model(), sc.ground((0, 0, 0))
+    for k, (kind, axes) in enumerate(kinds):
+        triad = sc.triad(Q @ (0, 0, 1.0), Q @ (1.0, 0, 0))
+        box = sc.RigidBody.box(1.0, (0.3, 0.2, 0.1), position=Q @ (k + 0.3, 0.1, 0.2), triad=triad)
+        body = model.add(f"body {k}", box)
+        joint = model.add(f"joint {k}", kind(side, body.at(Q @ (k, 0, 0)), **axes))
+        for c in joint.coordinates() if k else ():
+            stiff, part = (Q @ np.diag([3.0, 2, 1]) @ Q.T, Q) if c.size == 3 else (8.0, 1.0)
+            neutral = part @ (0.1, 0.2, -0.3) if c.size == 3 else 0.3
+            spring = sc.JointSpringDamper(joint, stiff, 0.02 * stiff, c.name, neutral)
+            model.add(f"spring {k} {c.name}", spring)
+            push = part @ (0.3, -0.2, 0.4) if c.size == 3 else (lambda t: 0.9 * np.cos(3 * t))
+            model.add(f"motor {k} {c.name}", sc.JointActuator(joint, push, c.name))
+        side = body.at(Q @ (k + 1, 0, 0))
+    driven = model["joint 2"]
+    model.add("drive", sc.JointDrive(driven, lambda t: t * t, "angle"))
+    if vectors:
+        both = np.kron(np.eye(2), Q)
+        K = both @ np.diag([100.0, 200, 300, 3, 2, 1]) @ both.T
+        model.add(
+            "mount",
+            sc.Bushing(
+                sc.ground(Q @ (2.5, 0, 0)), model["body 2"].at(Q @ (2.5, 0, 0)), K, 1e-3 * K
+            ),
+        )
+    model.add("weight", sc.LoadGravity(Q @ (1.0, -9.0, 2.0)))
+    return model.freeze()
+
+
+def apart(integrator, treatment, kernels, vectors=True):
+    """How far the turned motion is from the motion of the turned scene, over three large steps.
+
+    One step of a composition.
+    """
+    found = []
+    for Q in (np.eye(3), LEAN):
+        system = lying(Q, vectors)
+        until = 0.02 if integrator.shares else 0.06
+        run = sc.simulate(system, integrator, treatment, 2e-2, until, kernels=kernels, derive=False)
+        found.append(run["q"].reshape(len(run), -1, 3) @ Q)
+    assert abs(found[0][-1] - found[0][0]).max() > 1e-3
+    return abs(found[1] - found[0]).max()
+
+
+@chequered("integrator", SCHEMES, "treatment", [*TREATMENTS.values()], ids=repr)
+def test_motion_does_not_depend_on_how_a_scene_lies(integrator, treatment):
+    """No scheme sees the axes of space: angles by one normal only were off by 1e-4 m."""
+    assert apart(integrator, treatment, "numpy") < 1e-11
+
+
+# -- a scene with every element on every joint ---------------------------------------------------
+
+
+def semidefinite(rng, m, rank):
+    A = rng.standard_normal((m, rank))
+    return A @ A.T
+
+
+def springs(model, joints, rng, damping, actuated):
+    """A spring, damper and actuator on each coordinate of each joint."""
+    for joint in joints:
+        for c in joint.coordinates():
+            turning = c.size == 3
+            K = semidefinite(rng, 3, 3) if turning else rng.uniform(1, 5)
+            C = semidefinite(rng, 3, 2) if turning else rng.uniform(0.1, 0.5)
+            neutral = 0.3 * rng.standard_normal(3) if turning else 0.2
+            spring = sc.JointSpringDamper(joint, K, damping * C, c.name, neutral)
+            model.add(f"spring {joint.name} {c.name}", spring)
+            if actuated:
+                force = (
+                    (lambda t: (np.sin(t), 1, 0.3)) if turning else (lambda t: 2 * np.cos(3 * t))
+                )
+                actuator = sc.JointActuator(joint, force, c.name)
+                model.add(f"motor {joint.name} {c.name}", actuator)
+
+
+def planar_axes(normal):
+    """Of a planar joint, with the x that was picked before it had to be given."""
+    return {"normal": normal, "x": normals(normal)[0]}
+
+
+def chain(model, rng, frame):
+    """Bodies in a chain of all joints, with lengths of about 1; `frame` makes ground places."""
+    bodies = [
+        model.add(
+            f"body {k}",
+            sc.RigidBody(
+                1.5,
+                TENSOR,
+                center=(0.1, -0.2, 0.15),
+                position=np.array([k, 0, 0]) + 0.1 * rng.standard_normal(3),
+                triad=rotation(rng).T,
+            ),
+        )
+        for k in range(8)
+    ]
+    a = unit(rng)
+    b = np.cross(a, unit(rng))
+    kinds = {
+        "hinge": (sc.JointRevolute, {"axis": unit(rng)}),
+        "tube": (sc.JointCylindrical, {"axis": unit(rng)}),
+        "slide": (sc.JointPrismatic, {"axis": unit(rng)}),
+        "plane": (sc.JointPlanar, planar_axes(unit(rng))),
+        "ball": (sc.JointSpherical, {}),
+        "wire": (sc.JointPointOnLine, {"axis": unit(rng)}),
+        "cardan": (sc.JointUniversal, {"axis_a": a, "axis_b": b / np.linalg.norm(b)}),
+    }
+    joints = []
+    for k, (name, (kind, options)) in enumerate(kinds.items()):
+        x = np.array([k + 0.5, 0.1, 0.2])
+        joints.append(model.add(name, kind(bodies[k].at(x), bodies[k + 1].at(x), **options)))
+    if frame is not None:
+        post = frame((0, 0, -1))
+        place = bodies[0].at((0, 0, -1))
+        joints.append(model.add("post", sc.JointRevolute(post, place, axis=unit(rng))))
+    return bodies, joints
+
+
+def zoo(seed=0, grounded=True, moving=False, damping=1.0, actuated=True, scalar=False):
+    """Every element between all kinds of places; `scalar`: those with one component."""
+    rng = np.random.default_rng(seed)
+    model = sc.Model()
+
+    def frame(x):
+        return sc.ground(x, SHAKE if moving else None)
+
+    bodies, joints = chain(model, rng, frame if grounded else None)
+    if scalar:
+        joints = [j for j in joints if all(c.size == 1 for c in j.coordinates())]
+    springs(model, joints, rng, damping, actuated)
+    mesh = sc.MeshCurve.init_line((0, 2, 0), (1, 2, 0.2), 2, "rod")
+    rod = model.add("rod", sc.Beam(mesh, sc.Section(FULL, mass=1.3, inertia=(0.11, 0.07))))
+    bob = model.add("bob", sc.MassPoint(0.5, (0, 3, 0)))
+    tip = model.add("tip", sc.MassPoint(0.7, (1, 3, 0)))
+    one, two = bodies[6], bodies[7]
+    d = damping
+    elements = {
+        "two bodies": sc.SpringDamper(one.at((6, 0.5, 0.5)), two.at((7, -1, 0)), 20, d, 0.9),
+        "body, point": sc.SpringDamper(bob.place(), two.local((0.1, 0, 0)), 3, 0.5 * d),
+        "node, point": sc.SpringDamper(rod.node("rod.end"), tip.place(), 3, 0.5 * d, 0.7),
+        "two points": sc.Cable(bob.place(), tip.place(), 30, d, length=0.8),
+        "node, body": sc.Cable(rod.node("rod.start"), bodies[1].at((1, 0.3, 0.3)), 30, 0.4 * d),
+        "mount": sc.Bushing(
+            one.at((6.5, 0.2, 0)),
+            two.at((6.7, 0, 0.1)),
+            semidefinite(rng, 6, 6),
+            d * semidefinite(rng, 6, 3),
+        ),
+        "soft mount": sc.Bushing(rod.node("rod.end"), bodies[3].at((3, 0.1, 0.2)), 5.0, 0.2 * d),
+    }
+    if grounded:
+        elements |= {
+            "body, ground": sc.SpringDamper(frame((6, 0, 1)), one.at((6, 0.3, 0.5)), 15, 0.5 * d),
+            "point, ground": sc.SpringDamper(bob.place(), sc.ground((0, 4, 0)), 3, 0.5 * d),
+            "cable, ground": sc.Cable(frame((1, 3, 1)), tip.place(), 30, d, length=1.3),
+            "mount, ground": sc.Bushing(
+                frame((7, 0, 1)), two.at((7.1, 0, 0.8)), semidefinite(rng, 6, 6)
+            ),
+        }
+    for name, item in elements.items():
+        if not scalar or item.size == 1:
+            model.add(name, item)
+    return model.freeze()
+
+
+def pushed(system, seed=5, size=0.5):
+    """Random velocities that fulfil the hidden constraints."""
+    v = size * np.random.default_rng(seed).standard_normal(system.n)
+    return sc.initial_state(system, v=sc.project(system, system.q0, v))
+
+
+# -- tangents --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("moving", [False, True], ids=["rest", "moving"])
+@treatments
+@integrators
+def test_tangent_of_a_step(integrator, treatment, moving):
+    step = Step(
+        zoo(int(moving), moving=moving), INTEGRATORS[integrator], TREATMENTS[treatment], size=0.1
+    )
+    assert worst(step.matrix(), step.derivative()) < 1e-13
+
+
+def trial(system, seed, size, t=0.3, h=0.05):
+    """Couplings at the start of a step and a random end, off the constraint set."""
+    rng = np.random.default_rng(seed)
+    q = random_state(system, rng, t, 0.3)
+    turns = rng.integers(-3, 4, len(system.couplings.angles))
+    start = system.couplings.begin(system.extend(q, t), turns, t, h)
+    return start, system.extend(q + size * rng.standard_normal(system.n), t + h)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-6, 1e-2, 0.15])
+@pytest.mark.parametrize("scheme", ["discrete", "midpoint"])
+def test_tangent_of_couplings_alone(scheme, size):
+    """Block by block: no mass hides an error; steps of every size."""
+    system = zoo(2, moving=True)
+    couplings = system.couplings
+    force = getattr(couplings, scheme)
+    start, y1 = trial(system, 3, size)
+    n = system.n
+    K, wanted = np.zeros((n, n)), np.zeros((n, n))
+    blocks = couplings.tangent(force(start, 0.5 * (start.y0 + y1), y1), 1.0)
+    for (a, b), block in zip(couplings.pairs, blocks, strict=True):
+        K[3 * a : 3 * a + 3, 3 * b : 3 * b + 3] += block
+    for k in range(n):
+        z = y1.astype(complex)
+        z.reshape(-1)[k] += 1j * EPS
+        found = force(start, 0.5 * (start.y0 + z), z).force[: system.rows]
+        wanted[:, k] = found.ravel().imag / EPS
+    assert abs(wanted).max() > 10
+    assert abs(K - wanted).max() < 1e-12 * abs(wanted).max()
+
+
+def test_stiffness_is_that_of_the_energy():
+    """At the neutral state the tangent of the energy is the material stiffness."""
+    model = sc.Model()
+    rng = np.random.default_rng(1)
+    a, b = (model.add(n, sc.RigidBody.box(1.0, (1, 2, 3), position=rng.random(3))) for n in "ab")
+    model.add("mount", sc.Bushing(a.at((0, 0, 0)), b.at((0.1, 0, 0)), semidefinite(rng, 6, 6)))
+    model.add("spring", sc.SpringDamper(a.at((1, 0, 0)), b.at((0, 1, 0)), 7.0))
+    system = model.freeze()
+    y = system.extend(system.q0, 0.0)
+    K = np.zeros((system.n, system.n))
+    pairs, blocks = system.couplings.pairs, system.couplings.stiffness(y)
+    for (i, j), block in zip(pairs, blocks, strict=True):
+        K[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] += block
+    d = rng.standard_normal(system.n)
+    h = 1e-4
+    plus, minus = (diagnostics.coupling_energy(system, system.q0 + s * h * d) for s in (1.0, -1.0))
+    assert (plus + minus) / h**2 == pytest.approx(d @ K @ d, rel=1e-5)
+
+
+# -- coordinates -----------------------------------------------------------------------------------
+
+
+def invariants_of(psi):
+    """``(sin(theta) n, cos(theta) + 1/2)`` from scipy's rotations."""
+    R = Rotation.from_rotvec(psi).as_matrix()
+    sines = [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]]
+    return np.stack([*(0.5 * s for s in sines), 0.5 * np.trace(R, axis1=1, axis2=2)], -1)
+
+
+def pairs_of(kind, count=1000):
+    """Invariants at two ends of steps of all sizes, on the constraint set."""
+    rng = np.random.default_rng(4)
+    size = 10.0 ** rng.uniform(-10, -0.5, (count, 1))
+    if kind == "rotation":
+        psi = rng.standard_normal((count, 3))
+        psi *= rng.uniform(0, 2.7, (count, 1)) / np.linalg.norm(psi, axis=1)[:, None]
+        return invariants_of(psi), invariants_of(psi + size * rng.standard_normal((count, 3)))
+    if kind == "angle":
+        a = rng.uniform(-9, 9, (count, 1))
+        b = a + 5 * size * rng.uniform(-1, 1, (count, 1))
+        return np.hstack([np.cos(a), np.sin(a)]), np.hstack([np.cos(b), np.sin(b)])
+    a = rng.uniform(0.5, 2, (count, 1))
+    return a, a + size
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_discrete_derivative_is_exact(name):
+    kind = KINDS[name]
+    pi0, pi1 = pairs_of(name)
+    xi0 = kind.value(pi0)
+    xi1 = kind.continued(pi1, xi0)
+    Psi = kind.discrete(pi0, xi0, pi1, xi1)
+    assert abs((Psi @ (pi1 - pi0)[..., None])[..., 0] - (xi1 - xi0)).max() < 2e-13
+    # and near the slope for small steps
+    small = abs(pi1 - pi0).max(1) < 1e-8
+    assert small.any()
+    assert abs(Psi - kind.slope(0.5 * (pi0 + pi1)))[small].max() < 1e-7
+
+
+@pytest.mark.parametrize("name", [*KINDS, "joined"])
+def test_slopes_of_coordinates(name):
+    kind = KINDS[name] if name in KINDS else Joined((KINDS["distance"], KINDS["rotation"]))
+    pi0, pi1 = pairs_of(name) if name in KINDS else map(np.hstack, joined_pairs())
+    xi0 = kind.value(pi0)
+
+    def discrete(pi):
+        return kind.discrete(pi0, xi0, pi, kind.continued(pi, xi0))
+
+    xi1 = kind.continued(pi1, xi0)
+    for function, found in (
+        (kind.value, kind.slope(pi1)),
+        (kind.slope, kind.curvature(pi1)),
+        (discrete, kind.discrete_slope(pi0, xi0, pi1, xi1)),
+    ):
+        assert abs(found - derivative(function, pi1)).max() < 3e-12 * max(1, abs(found).max())
+
+
+def joined_pairs():
+    return zip(pairs_of("distance"), pairs_of("rotation"), strict=True)
+
+
+def derivative(function, x):
+    columns = []
+    for k in range(x.shape[-1]):
+        z = x.astype(complex)
+        z[:, k] += 1j * EPS
+        columns.append(function(z).imag / EPS)
+    return np.stack(columns, -1)
+
+
+def test_rotation_vector_is_that_of_scipy():
+    psi = Rotation.random(500, random_state=2).as_rotvec()
+    psi = psi[np.linalg.norm(psi, axis=1) < 3]
+    assert abs(KINDS["rotation"].value(invariants_of(psi)) - psi).max() < 1e-12
+
+
+# -- closed forms ----------------------------------------------------------------------------------
+
+
+def oscillator(stiffness, damping, load=0.0):
+    """A slider of 2 kg at speed 0.5 m/s."""
+    model = sc.Model()
+    body = sc.RigidBody.box(2.0, (1, 1, 1), velocity=(0.5, 0, 0))
+    body = model.add("body", body)
+    rail = sc.JointPrismatic(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(1, 0, 0))
+    rail = model.add("rail", rail)
+    model.add("spring", sc.JointSpringDamper(rail, stiffness, damping, neutral=0.1))
+    if load:
+        model.add("push", sc.JointActuator(rail, load))
+    return model.freeze()
+
+
+@integrators
+def test_linear_oscillator_is_the_midpoint_rule(integrator):
+    """Of a linear oscillator both schemes make the implicit midpoint rule, step by step."""
+    k, c, m, f, h = 30.0, 0.8, 2.0, 1.5, 0.05
+    history = simulate(oscillator(k, c, f), integrator, h, 2.0)
+    A = np.array([[0, 1], [-k / m, -c / m]])
+    rest = np.array([0.1 + f / k, 0])
+    step = np.linalg.solve(np.eye(2) - h / 2 * A, np.eye(2) + h / 2 * A)
+    x = np.array([0.0, 0.5]) - rest
+    states = [x := step @ x for _ in range(40)]
+    wanted = rest + np.array([np.array([0.0, 0.5]) - rest, *states])
+    assert abs(history["joint/rail/displacement"] - wanted[:, 0]).max() < 1e-13
+    assert abs(history["joint/rail/displacement_rate"] - wanted[:, 1]).max() < 1e-12
+    exact = rest + np.array([expm(A * t) @ (np.array([0.0, 0.5]) - rest) for t in history.times])
+    assert 1e-5 < abs(wanted - exact).max() < 1e-1
+
+
+def pendulum(neutral=0.0, stiffness=12.0, damping=0.0, spin=0.0):
+    """A body on a hinge through its centre of mass, spring and damper about its axis."""
+    model = sc.Model()
+    body = sc.RigidBody(1.5, (0.3, 0.4, 0.5), angular_velocity=(0, spin, 0))
+    body = model.add("body", body)
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 1, 0))
+    hinge = model.add("hinge", hinge)
+    model.add("spring", sc.JointSpringDamper(hinge, stiffness, damping, neutral=neutral))
+    return model.freeze()
+
+
+@treatments
+@integrators
+def test_torsional_spring_has_its_frequency(integrator, treatment):
+    """Angle of any size: second order against ``neutral (1 - cos(w t))``, Richardson to 2e-6."""
+    neutral, w = 2.0, np.sqrt(12.0 / 0.4)
+    ends = []
+    for h in (0.02, 0.01, 0.005):
+        history = simulate(pendulum(neutral), integrator, h, 1.0, treatment)
+        ends.append(history["joint/hinge/angle"][-1])
+    exact = neutral * (1 - np.cos(w))
+    errors = abs(np.array(ends) - exact)
+    assert 1.9 < np.log2(errors[1] / errors[2]) < 2.1
+    assert abs((4 * ends[2] - ends[1]) / 3 - exact) < 2e-6
+
+
+def test_hinge_comes_to_rest_at_the_neutral_angle():
+    history = simulate(pendulum(1.3, 5.0, 2.0), "energy-momentum", 0.05, 10.0, every=50)
+    assert history["joint/hinge/angle"][-1] == pytest.approx(1.3, abs=1e-9)
+
+
+def test_bushing_under_a_wrench():
+    """At rest ``K (u, psi)`` is force and moment, the moment by the tangent of the exponential."""
+    rng = np.random.default_rng(6)
+    K = semidefinite(rng, 6, 6) + 6 * np.eye(6)
+    force, moment = np.array([1.0, -2.0, 0.5]), np.array([1.5, 3.0, -7.5])
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1), position=(0.2, 0, 0)))
+    place = body.at((0.3, 0.1, -0.2))
+    model.add("mount", sc.Bushing(sc.ground((0.1, 0, 0)), place, K, 3.0))
+    model.add("force", sc.LoadForce(place, force))
+    model.add("moment", sc.LoadMoment(place, moment))
+    history = simulate(model.freeze(), "energy-momentum", 0.05, 20.0, every=100)
+    xi = history["coupling/mount/coordinate"][-1]
+    u, psi = xi[:3], xi[3:]
+    assert np.linalg.norm(psi) > 0.3
+    # delta psi = T^-1 delta theta of a spatial turn: the moment is T^-T (K xi)_psi
+    h = 1e-6
+    R = Rotation.from_rotvec(psi)
+    turned = [
+        (
+            (Rotation.from_rotvec(h * e) * R).as_rotvec()
+            - (Rotation.from_rotvec(-h * e) * R).as_rotvec()
+        )
+        / (2 * h)
+        for e in np.eye(3)
+    ]
+    assert abs((K @ xi)[:3] - force).max() < 1e-9
+    assert abs(np.array(turned) @ (K @ xi)[3:] - moment).max() < 1e-8
+    x = history["q"][-1][:3] + history["q"][-1][3:].reshape(3, 3).T @ (0.1, 0.1, -0.2)
+    assert abs(x - (0.3, 0.1, -0.2) - u).max() < 1e-12
+    assert abs(history["coupling/mount/force"][-1] - K @ xi).max() < 1e-9
+
+
+def spring_pendulum(length=1.0):
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(0.8, (1.2, 0, 0), velocity=(0, 0.7, 0.3)))
+    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), bob.place(), 40.0, 0.6, length))
+    model.add("gravity", sc.LoadGravity(GRAVITY))
+    return model.freeze()
+
+
+@integrators
+def test_spring_pendulum(integrator):
+    """Against an integration of the equation of motion by other means, to 1e-12."""
+
+    def rate(_, z):
+        x, v = z[:3], z[3:]
+        r = np.linalg.norm(x)
+        pull = (40.0 * (r - 1.0) + 0.6 * (x @ v) / r) / r
+        return np.concatenate([v, -pull * x / 0.8 + GRAVITY])
+
+    z0 = (1.2, 0, 0, 0, 0.7, 0.3)
+    exact = solve_ivp(rate, (0, 1), z0, method="DOP853", rtol=1e-12, atol=1e-13).y[:3, -1]
+    ends = [simulate(spring_pendulum(), integrator, h, 1.0)["q"][-1] for h in (0.01, 0.005, 0.0025)]
+    errors = [abs(q - exact).max() for q in ends]
+    assert 1.95 < np.log2(errors[1] / errors[2]) < 2.05
+    assert abs((4 * ends[2] - ends[1]) / 3 - exact).max() < 2e-7
+
+
+@integrators
+def test_actuator_between_free_bodies(integrator):
+    """Equal and opposite: each gets ``-+ torque * t``, their centre of mass stays."""
+    model = sc.Model()
+    one = model.add("one", sc.RigidBody(1.0, (0.3, 0.4, 0.5)))
+    two = model.add("two", sc.RigidBody(2.0, (0.6, 0.5, 0.7)))
+    axle = model.add("axle", sc.JointRevolute(one.at((0, 0, 0)), two.at((0, 0, 0)), (0, 0, 1)))
+    ramp = sc.Table([0, 0.5, 1.0], [0, 2.0, 0])
+    model.add("motor", sc.JointActuator(axle, ramp))
+    history = simulate(model.freeze(), integrator, 0.01, 1.0)
+    impulse = 1.0  # of the ramp, N m s
+    rate = history["joint/axle/angle_rate"][-1]
+    assert rate == pytest.approx(impulse / 0.5 + impulse / 0.7, rel=2e-3)
+    assert abs(history["angular_momentum"]).max() < 1e-12
+    work = history["work_actuators"][-1]
+    assert work == pytest.approx(impulse**2 / 2 * (1 / 0.5 + 1 / 0.7), rel=2e-3)
+    assert history["kinetic"][-1] == pytest.approx(
+        work, rel=1e-12 if "energy" in integrator else 1e-2
+    )
+
+
+# -- cables ----------------------------------------------------------------------------------------
+
+
+def thrown(cable=True, damping=0.3):
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(0.4, (0.1, 0, 0), velocity=(2.0, 0, 3.0)))
+    if cable:
+        model.add("rope", sc.Cable(sc.ground((0, 0, 0)), ball.place(), 200.0, damping, length=1.0))
+    model.add("gravity", sc.LoadGravity(GRAVITY))
+    return model.freeze()
+
+
+@pytest.mark.plain
+@integrators
+def test_slack_cable_is_not_there(integrator):
+    history = simulate(thrown(), integrator, 0.005, 4.0)
+    free = simulate(thrown(cable=False), integrator, 0.005, 4.0)
+    taut = history["coupling/rope/coordinate"] > 1
+    first = int(np.argmax(taut))
+    assert first > 20
+    assert (history["q"][: first - 1] == free["q"][: first - 1]).all()
+    assert history["coupling/rope/coordinate"].max() > 1.01
+    assert np.count_nonzero(np.diff(taut)) > 3  # taut and slack in turn
+    assert history["coupling/rope/force"].min() == 0
+    assert (history["coupling/rope/force"][~taut] == 0).all()
+    assert (history["coupling_energy"][~taut] == 0).all()
+    assert np.diff(history["dissipated"]).min() >= 0
+    assert history["dissipated"][-1] > 0.1
+
+
+@integrators
+@pytest.mark.parametrize("damping", [0.0, 2.0, 500.0])
+def test_cable_never_pushes(integrator, damping):
+    """The impulse of each step is directed to the anchor, also by a strong damper."""
+    h = 0.01
+    system = thrown(damping=damping)
+    scheme = INTEGRATORS[integrator]
+    stepper = sc.Stepper(system, scheme, sc.NullSpace(), h)
+    state, pulls = sc.initial_state(system), []
+    for _ in range(150):
+        step = scheme.begin(system, state, h)
+        report = stepper.advance(state)
+        y1 = system.extend(report.state.q, state.time + h)
+        force = scheme.evaluate(system, step, y1).coupled.force[0]
+        mid = 0.5 * (state.q + report.state.q)
+        pulls.append(force @ mid / np.linalg.norm(mid))
+        assert np.linalg.norm(np.cross(force, mid)) <= 1e-12 * np.linalg.norm(force)
+        state = report.state
+    assert min(pulls) == 0
+    assert max(pulls) > 1
+
+
+def test_law_of_cables():
+    """Tension, energy identity and dissipation for all pairs of stretches, slack ones included."""
+    rng = np.random.default_rng(7)
+    count, h = 4000, 0.01
+
+    class Member:
+        stiffness, damping = np.array([[30.0]]), np.array([[0.7]])
+
+    law = SlackLaw([Member()] * count)
+    e0, e1 = 0.1 * rng.standard_normal((2, count, 1))
+    e1[:50] = e0[:50] + 1e-12 * rng.standard_normal((50, 1))
+    sigma, slope, dissipated, numerical = law.discrete(e0, e1, h)
+    assert sigma.min() == 0 and dissipated.min() >= 0 and dissipated.max() > 0
+    work = (sigma * (e1 - e0))[:, 0]
+    change = law.energy(e1) - law.energy(e0)
+    assert abs(work - change - dissipated).max() < 1e-13
+    assert not numerical.any()
+    *_, whole, numerical = law.discrete(e0, e1, h, decay=0.1)
+    assert numerical == pytest.approx(whole * 0.5 * h * 0.1 * 30.0 / (0.7 + 0.5 * h * 0.1 * 30.0))
+    z = e1 + 1j * EPS
+    assert abs(law.discrete(e0, z, h)[0].imag / EPS - slope[..., 0]).max() < 1e-11
+    rate = (e1 - e0) / h
+    middle = law.midpoint(0.5 * (e0 + e1), rate, e0, e1, h)
+    assert middle[0].min() == 0 and middle[-1].min() >= 0
+    assert (law.force(e0, rate) >= 0).all() and (law.force(-abs(e0), rate) == 0).all()
+
+
+# -- energy and momentum ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "moving", [pytest.param(False, marks=pytest.mark.slow), True], ids=["rest", "moving"]
+)
+@treatments
+def test_energy_balance_of_energy_momentum(treatment, moving, kernels):
+    """Springs, dampers, cables, bushings, actuators, loads by nothing left out; every 3rd step."""
+    system = zoo(0, moving=moving, scalar=kernels == "numba")  # there are none for bushings
+    options = {"start": pushed(system), "every": 3, "kernels": kernels}
+    history = simulate(system, "energy-momentum", 0.02, 1.2, treatment, **options)
+    scale = history["energy"].max()
+    assert abs(history["energy_balance"]).max() < 1e-12 * scale
+    assert history["dissipated"][-1] > 0.2 * scale
+    assert abs(history["work_actuators"][-1]) > 0.1 * scale
+    assert np.diff(history["dissipated"]).min() > 0
+    assert (abs(history["work_drives"]).max() > 0.05 * scale) == moving
+    assert history["coupling_energy"].min() > 0
+
+
+def shaken():
+    """A body that hangs on moving ground by a joint, a bushing and a damped spring."""
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody(1.5, TENSOR, center=(0.1, -0.2, 0.15)))
+    other = model.add("other", sc.RigidBody(1.5, TENSOR, position=(1, 0, 0)))
+    post = sc.ground((0, 0, 1), SHAKE)
+    model.add("post", sc.JointRevolute(post, body.at((0, 0, 1)), axis=(0, 0.6, 0.8)))
+    model.add("mount", sc.Bushing(post, other.at((0.8, 0, 0.2)), 20.0, 0.2))
+    model.add("spring", sc.SpringDamper(post, other.at((1, 0.1, 0)), 10.0, 0.5))
+    return model.freeze()
+
+
+@pytest.mark.parametrize(
+    "moving", [pytest.param(False, marks=pytest.mark.slow), True], ids=["rest", "moving"]
+)
+def test_energy_balance_of_the_variational_scheme(moving):
+    worst_of = []
+    for h in (0.01, 0.005, 0.0025):
+        system = shaken() if moving else zoo(0)
+        history = simulate(system, "variational", h, 0.2, start=pushed(system))
+        worst_of.append(abs(history["energy_balance"]).max() / history["energy"].max())
+        assert np.diff(history["dissipated"]).min() > 0
+    orders = np.log2(np.array(worst_of[:-1]) / worst_of[1:])
+    assert worst_of[0] > 1e-6  # not conserved
+    assert (abs(orders - 2) < 0.15).all()
+
+
+@integrators
+def test_works_of_all_steps_are_recorded(integrator):
+    """Also when few states are; the variational work of drives is known one step later."""
+    system = shaken()
+    start = pushed(system)
+    whole = simulate(system, integrator, 0.01, 0.3, start=start)
+    rare = simulate(system, integrator, 0.01, 0.3, start=start, every=7)
+    for name in ("work_loads", "work_actuators", "work_drives", "dissipated", "energy_balance"):
+        assert np.isfinite(whole[name]).all()
+        picked = whole[name][np.isin(whole["step"], rare["step"])]
+        assert abs(rare[name] - picked).max() < 1e-14
+    assert abs(whole["work_drives"][1:]).min() > 0
+
+
+def linkage():
+    """A four-bar linkage (redundant rows) with springs on all pins, a motor and a cable."""
+    model = four_bar()
+    for k in range(4):
+        spring = sc.JointSpringDamper(model[f"pin {k}"], 3.0 + k, 0.05 * k, neutral=0.3 * k)
+        model.add(f"spring {k}", spring)
+    model.add("motor", sc.JointActuator(model["pin 0"], lambda t: 2 * np.sin(3 * t)))
+    top = model["crank"].at((0, 1, 0))
+    model.add("cable", sc.Cable(top, sc.ground((2, 0, 0)), 20.0, 0.1))
+    return model.freeze()
+
+
+@integrators
+def test_elements_in_a_closed_loop(integrator, kernels):
+    """By elimination, and with multipliers, for which there are plain kernels only."""
+    ways = {"null space": kernels, "multipliers": "numpy"}
+    found = [
+        simulate(linkage(), integrator, 0.01, 1.0, treatment, kernels=ways[treatment])
+        for treatment in TREATMENTS
+    ]
+    assert found[0].meta["kernels"] == kernels
+    assert abs(found[0]["q"] - found[1]["q"]).max() < 1e-12
+    force, other = (history["constraint_force"][:-1] for history in found)
+    assert abs(force - other).max() < 1e-7 * abs(force).max()
+    scale = found[0]["energy"].max()
+    for history in found:
+        limit = 1e-12 if integrator == "energy-momentum" else 1e-4
+        assert abs(history["energy_balance"]).max() < limit * scale
+    assert np.ptp(found[0]["joint/pin 2/angle"]) > 0.1
+
+
+def driven(motion):
+    """A crank driven by a motor through gravity, a follower load and a damped spring."""
+    model = sc.Model()
+    crank = model.add("crank", sc.RigidBody.box(2.0, (1, 0.1, 0.1), position=(0.5, 0, 0)))
+    slider = model.add("slider", sc.RigidBody.box(1.0, (0.2, 0.2, 0.2), position=(1, 0, 0)))
+    pin = sc.JointRevolute(sc.ground((0, 0, 0)), crank.at((0, 0, 0)), axis=(0, 1, 0))
+    pin = model.add("pin", pin)
+    rail = sc.JointPrismatic(crank.at((1, 0, 0)), slider.at((1, 0, 0)), axis=(1, 0, 0))
+    rail = model.add("rail", rail)
+    model.add("motor", sc.JointDrive(pin, motion))
+    model.add("spring", sc.JointSpringDamper(rail, 200.0, 1.0))
+    model.add("gravity", sc.LoadGravity(GRAVITY))
+    place = slider.at((1, 0, 0))
+    model.add("thrust", sc.LoadForce(place, (0, 0, 1.0), follower=True))
+    return model.freeze()
+
+
+@treatments
+def test_energy_balance_with_a_drive_and_loads(treatment):
+    history = simulate(driven(lambda t: -2 * t**2), "energy-momentum", 0.01, 1.0, treatment)
+    scale = history["energy"].max()
+    assert history["work_drives"][-1] > 0.5 * scale
+    assert abs(history["work_loads"]).max() > 0.1 * scale
+    assert abs(history["energy_balance"]).max() < 1e-9 * scale
+    assert history["joint/pin/angle"][-1] == pytest.approx(-2.0, abs=1e-12)
+
+
+@treatments
+def test_variational_energy_balance_with_a_drive(treatment):
+    errors = []
+    for h in (0.01, 0.005, 0.0025):
+        history = simulate(driven(lambda t: -2 * t**2), "variational", h, 0.6, treatment)
+        errors.append(abs(history["energy_balance"]).max())
+    assert errors[0] < 1e-2 * history["energy"].max()
+    assert 1.85 < np.log2(errors[1] / errors[2]) < 2.15
+
+
+@treatments
+@integrators
+def test_free_scenes_keep_their_momenta(integrator, treatment, kernels):
+    """With dampers and actuators, too: all are internal forces."""
+    system = zoo(1, grounded=False, scalar=kernels == "numba")  # there are none for bushings
+    options = {"start": pushed(system, size=1.0), "kernels": kernels}
+    history = simulate(system, integrator, 0.02, 1.0, treatment, **options)
+    L = diagnostics.angular_momentum(system, history["q"], history["p"])
+    p = diagnostics.linear_momentum(system, history["p"])
+    assert len(L) == 51
+    # compared with the sizes of the terms: in a random motion they nearly cancel
+    y, momenta = history["q"][0].reshape(-1, 3), history["p"][0].reshape(-1, 3)
+    size = np.linalg.norm(np.cross(y, momenta), axis=1).sum()
+    assert abs(L - L[0]).max() < 1e-12 * size
+    assert abs(p - p[0]).max() < 1e-12 * np.linalg.norm(momenta[system.origin_rows], axis=1).sum()
+    assert np.linalg.norm(L[0]) > 0.01 * size
+    assert np.ptp(history["energy"]) > 0.05 * history["energy"][0]
+
+
+def test_undamped_free_scene_keeps_its_energy():
+    system = zoo(1, grounded=False, damping=0.0, actuated=False)
+    history = simulate(system, "energy-momentum", 0.02, 1.0, start=pushed(system, size=1.0))
+    assert np.ptp(history["energy"]) < 1e-12 * history["energy"][0]
+    assert np.ptp(history["coupling_energy"]) > 0.1 * history["energy"][0]
+    assert (history["dissipated"] == 0).all()
+
+
+# -- angles over several turns ---------------------------------------------------------------------
+
+
+@treatments
+@integrators
+def test_spring_wound_over_several_turns(integrator, treatment, kernels, tmp_path):
+    """Its energy and angle count all turns, recorded rarely, and go on from a file."""
+    system = pendulum(stiffness=0.05, spin=8.0)
+    h = 0.04
+    with_these = partial(simulate, kernels=kernels)
+    whole = with_these(system, integrator, h, 8.0, treatment)
+    assert whole.meta["kernels"] == kernels
+    w = np.sqrt(0.05 / 0.4)
+    exact = 8.0 / w * np.sin(w * whole.times)
+    assert exact.max() > 7 * np.pi
+    angle = whole["joint/hinge/angle"]
+    assert abs(angle - exact).max() < 0.4  # of phase
+    assert whole["turns"].max() >= 3
+    stored = 0.5 * 0.05 * angle**2
+    assert abs(whole["coupling_energy"] - stored).max() < 1e-12 * stored.max()
+    if integrator == "energy-momentum":
+        assert np.ptp(whole["energy"]) < 1e-12 * whole["energy"][0]
+    rare = with_these(system, integrator, h, 8.0, treatment, every=50)
+    assert abs(rare["joint/hinge/angle"] - angle[::50]).max() < 1e-12
+    first = with_these(system, integrator, h, 4.0, treatment, path=tmp_path / "half")
+    first = sc.History.load(tmp_path / "half")
+    start = sc.restart(system, first, INTEGRATORS[integrator], h)
+    assert start.turns.tolist() == first["turns"][-1].tolist() != [0]
+    second = with_these(system, integrator, h, 8.0, treatment, start=start)
+    assert abs(second["joint/hinge/angle"] - angle[100:]).max() < 1e-11
+
+
+def test_wrapped_angle_would_lose_the_energy():
+    """Negative: without the turns of the state the spring is another one."""
+    system = pendulum(stiffness=0.05, spin=8.0)
+    history = simulate(system, "energy-momentum", 0.02, 4.0)
+    wrapped = diagnostics.coupling_energy(system, history["q"])
+    assert abs(wrapped - history["coupling_energy"]).max() > 5
+
+
+def test_rotation_vector_that_passes_pi_is_reported():
+    model = sc.Model()
+    body = sc.RigidBody(1.5, (0.3, 0.4, 0.5), angular_velocity=(0, 8.0, 0))
+    body = model.add("body", body)
+    model.add("mount", sc.Bushing(sc.ground((0, 0, 0)), body.at((0, 0, 0)), 1e-3))
+    with pytest.warns(sc.AccuracyWarning, match="'mount', t = .*the relative rotation passed pi"):
+        simulate(model.freeze(), "energy-momentum", 0.02, 0.5)
+
+
+# -- relative coordinates in the history -----------------------------------------------------------
+
+
+@integrators
+def test_coordinates_and_rates_of_every_joint(integrator):
+    """Rates are the slopes of the coordinates, to second order."""
+    system = zoo(3)
+    errors = []
+    for h in (0.01, 0.005):
+        history = simulate(system, integrator, h, 0.2, start=pushed(system))
+        worst_of = 0.0
+        for joint in system.joints:
+            for c in joint.coordinates():
+                x = history[f"joint/{joint.name}/{c.name}"]
+                rate = history[f"joint/{joint.name}/{c.name}_rate"]
+                assert (
+                    x.shape == rate.shape == ((len(history), 3) if c.size == 3 else (len(history),))
+                )
+                assert abs(x[0]).max() < 1e-14
+                slope = (x[2:] - x[:-2]) / (2 * h)
+                worst_of = max(worst_of, abs(slope - rate[1:-1]).max())
+        errors.append(worst_of)
+    assert errors[0] < 0.05
+    assert errors[0] / errors[1] > 3
+
+
+def test_coordinates_against_rotations_and_positions():
+    """By plain linear algebra from the frames."""
+    system = zoo(4)
+    joints = {j.name: j for j in system.joints}
+    q = random_state(system, np.random.default_rng(1), 0.0, 0.8)
+    y = system.extend(q, 0.0)
+
+    def side(place):
+        r = system.row_of(place)
+        frame = y[r : r + 4]
+        return frame[0] + place.offset @ frame[1:], place.triad.T @ frame[1:]
+
+    def relative(name):
+        (x_a, A), (x_b, B) = side(joints[name].a), side(joints[name].b)
+        # rotation from a to b in the axes of a, and the distance there
+        return A @ B.T @ np.eye(3), A @ (x_b - x_a), A, B
+
+    zero = np.zeros(system.n)
+
+    def found(name):
+        return {
+            k: v
+            for k, (v, _) in diagnostics.joint_coordinates(system, joints[name], q, zero).items()
+        }
+
+    def vector(R):
+        return Rotation.from_matrix(R).as_rotvec()
+
+    def turn(name):
+        _, _, A, B = relative(name)
+        return vector(A @ B.T)
+
+    assert found("slide")["displacement"] == pytest.approx(
+        relative("slide")[1] @ joints["slide"].axis
+    )
+    for name in ("hinge", "tube"):
+        axis = joints[name].axis
+        assert turn(name) @ axis == pytest.approx(found(name)["angle"], abs=1e-12)
+        assert abs(np.cross(turn(name), axis)).max() < 1e-12
+    assert found("tube")["displacement"] == pytest.approx(relative("tube")[1] @ joints["tube"].axis)
+    plane = joints["plane"]
+    for name, axis in (("x", plane.x), ("y", np.cross(plane.normal, plane.x))):
+        assert found("plane")[name] == pytest.approx(relative("plane")[1] @ axis)
+    for name in ("ball", "wire"):
+        assert abs(found(name)["rotation"] - turn(name)).max() < 1e-12
+    cardan = joints["cardan"]
+    first = Rotation.from_rotvec(found("cardan")["angle_a"] * cardan.axis_a)
+    second = Rotation.from_rotvec(found("cardan")["angle_b"] * cardan.axis_b)
+    assert abs((first * second).as_rotvec() - turn("cardan")).max() < 1e-12
+
+
+# -- eccentric ends of beams -----------------------------------------------------------------------
+
+
+def frame_beams(order, eccentric):
+    """Two beams, hinged to the ground and to each other at points off their nodes."""
+    mesh = [
+        sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, "one"),
+        sc.MeshCurve.init_line((1.1, 0, 0.2), (1.1, 0, 1.2), 3, "two"),
+    ]
+    section = sc.Section(FULL, mass=1.3, inertia=(0.11, 0.07))
+    model = sc.Model()
+    one, two = (
+        model.add(n, sc.Beam(m, section, order=order, director=(0, 1, 0)))
+        for n, m in zip(("one", "two"), mesh, strict=True)
+    )
+    # triads: d1 = e2, d3 along the beam, d2 = d3 x d1
+    elbow = np.array([1.05, 0.0, 0.1])
+
+    def at(beam, node):
+        place = beam.node(node)
+        return beam.node(node, offset=place.triad @ (elbow - place.position))
+
+    if eccentric == "hinge":
+        model.add("elbow", sc.JointRevolute(at(one, "one.end"), at(two, "two.start"), (0, 1, 0)))
+    else:
+        model.add("elbow", sc.JointFixed(at(one, "one.end"), at(two, "two.start")))
+    foot = one.node("one.start", offset=(0.0, 0.1, -0.05))
+    model.add("foot", sc.JointRevolute(sc.ground(foot.position), foot, (0, 1, 0)))
+    model.add("gravity", sc.LoadGravity(GRAVITY))
+    return model.freeze(), elbow
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("eccentric", ["hinge", "fixed"])
+@treatments
+def test_eccentric_ends_of_beams(treatment, eccentric, order):
+    """No body in between: triads without mass in d3 are joined, energy is kept."""
+    system, elbow = frame_beams(order, eccentric)
+    nodes = 2 * (3 * order + 1)
+    held = {"hinge": 5, "fixed": 6}[eccentric] + 5
+    assert system.counts()["unknowns"] == 6 * nodes - held
+    history = simulate(system, "energy-momentum", 0.01, 0.6, treatment)
+    assert abs(history["energy_balance"]).max() < 1e-11 * history["kinetic"].max()
+    assert history["constraint_violation"].max() < 1e-11
+    assert abs(history["joint/elbow/position"][0] - elbow).max() < 1e-15
+    assert abs(history["joint/foot/position"] - history["joint/foot/position"][0]).max() < 1e-12
+    if eccentric == "hinge":
+        assert abs(history["joint/elbow/angle"]).max() > 0.1
+
+
+def test_eccentric_clamp_is_a_clamp():
+    """Held at a point rigid with its end, a beam moves as if held at its end."""
+    ends = []
+    for offset in ((0, 0, 0), (0.3, -0.2, 0.1)):
+        mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0.3, 0), 3, "rod")
+        model = sc.Model()
+        rod = model.add("rod", sc.Beam(mesh, sc.Section(FULL, mass=1.3, inertia=(0.11, 0.07))))
+        place = rod.node("rod.start", offset)
+        model.add("clamp", sc.JointFixed(sc.ground(place.position), place))
+        model.add("gravity", sc.LoadGravity(GRAVITY))
+        ends.append(simulate(model.freeze(), "energy-momentum", 0.01, 0.5)["q"])
+    assert abs(ends[1] - ends[0]).max() < 1e-12
+    assert np.ptp(ends[0], axis=0).max() > 0.05
+
+
+@treatments
+@integrators
+def test_eccentric_node_is_a_point_of_a_lumped_body(integrator, treatment):
+    """The same motion, force and reaction as with the place of a body attached to the node."""
+    x = np.array([1.2, 0.1, -0.3])
+    found = []
+    for lumped in (False, True):
+        mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, "rod")
+        model = sc.Model()
+        rod = model.add("rod", sc.Beam(mesh, sc.Section(FULL, mass=1.3, inertia=(0.11, 0.07))))
+        end = rod.node("rod.end")
+        hub = model.add("hub", sc.RigidBody(0.5, TENSOR, on=end))
+        place = hub.at(x) if lumped else rod.node("rod.end", end.triad @ (x - end.position))
+        model.add("hinge", sc.JointRevolute(sc.ground(x), place, (0, 1, 0)))
+        model.add("spring", sc.SpringDamper(rod.node("rod.start"), sc.ground((0, 1, 0)), 20.0))
+        model.add("push", sc.LoadForce(rod.node("rod.start", (0, 0.1, 0)), GRAVITY, follower=True))
+        found.append(simulate(model.freeze(), integrator, 0.01, 0.3, treatment))
+    for name in ("q", "joint/hinge/force", "joint/hinge/angle"):
+        assert abs(found[0][name] - found[1][name])[:-1].max() < 1e-12
+    assert abs(found[0]["joint/hinge/angle"]).max() > 0.1
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+BODY, OTHER = (sc.RigidBody.box(1.0, (1, 1, 1), position=(k, 0, 0)) for k in range(2))
+POINT = sc.MassPoint(1.0, (0, 0, 2))
+A, B, P, G = BODY.at((0, 0, 0)), OTHER.at((1, 0, 0)), POINT.place(), sc.ground((0, 0, 1))
+HINGE = sc.JointRevolute(G, BODY.at((0, 0, 1)), axis=(0, 0, 1))
+TUBE = sc.JointCylindrical(G, BODY.at((0, 0, 1)), axis=(0, 0, 1))
+BALL = sc.JointSpherical(G, BODY.at((0, 0, 1)))
+NAN = float("nan")
+SKEW = np.eye(6) + np.eye(6, k=1) / 9
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: sc.JointSpringDamper(HINGE), ["joint spring", "both zero"]),
+        (lambda: sc.JointSpringDamper(HINGE, -2.0), ["joint spring", "stiffness = -2.0"]),
+        (lambda: sc.JointSpringDamper(HINGE, 1.0, -0.5), ["joint spring", "damping = -0.5"]),
+        (lambda: sc.JointSpringDamper(HINGE, NAN), ["joint spring", "stiffness", "nan"]),
+        (lambda: sc.JointSpringDamper(HINGE, "a"), ["joint spring", "stiffness = 'a'"]),
+        (lambda: sc.JointSpringDamper(HINGE, np.eye(3)), ["stiffness", "(3, 3)", "a number"]),
+        (lambda: sc.JointSpringDamper(HINGE, 1.0, neutral=NAN), ["neutral = nan"]),
+        (lambda: sc.JointSpringDamper(HINGE, 1.0, neutral=(1, 2)), ["neutral = [1.0, 2.0]"]),
+        (lambda: sc.JointSpringDamper(TUBE, 1.0), ["which of its coordinates", "displacement"]),
+        (lambda: sc.JointSpringDamper(HINGE, 1.0, 0, "slide"), ["no 'slide'", "angle"]),
+        (lambda: sc.JointSpringDamper(BODY, 1.0), ["joint spring", "expected a joint"]),
+        (lambda: sc.JointSpringDamper(BALL, np.eye(2)), ["(2, 2)", "(3, 3)"]),
+        (lambda: sc.JointSpringDamper(BALL, -np.eye(3)), ["not positive semidefinite", "-1"]),
+        (lambda: sc.JointActuator(HINGE, None), ["joint actuator", "amplitude is None"]),
+        (lambda: sc.JointActuator(HINGE, NAN), ["joint actuator", "amplitude = nan"]),
+        (lambda: sc.JointActuator(HINGE, "full"), ["joint actuator", "amplitude = 'full'"]),
+        (lambda: sc.JointActuator(HINGE, lambda t: NAN), ["amplitude is nan at t = 0.0"]),
+        (lambda: sc.JointActuator(BALL, 1.0), ["joint actuator", "amplitude", "(3,)"]),
+        (lambda: sc.JointActuator(BALL, lambda t: t), ["joint actuator", "amplitude(0)"]),
+        (lambda: sc.JointActuator(TUBE, 1.0), ["which of its coordinates"]),
+        (lambda: sc.SpringDamper(A, B, 0.0), ["spring", "both zero"]),
+        (lambda: sc.SpringDamper(A, B, -1.0), ["spring", "stiffness = -1.0"]),
+        (lambda: sc.SpringDamper(A, B, 1.0, length=-1.0), ["spring", "length = -1.0"]),
+        (lambda: sc.SpringDamper(A, BODY.at((1, 0, 0)), 1.0), ["spring", "both sides are on"]),
+        (lambda: sc.SpringDamper(OTHER.at((0, 0, 0)), A, 1.0), ["spring", "no direction"]),
+        (
+            lambda: sc.SpringDamper(G, sc.ground((0, 0, 0)), 1.0),
+            ["spring", "both sides are ground"],
+        ),
+        (lambda: sc.SpringDamper(BODY, B, 1.0), ["spring", "side a", "expected a place"]),
+        (lambda: sc.Cable(A, B, 0.0), ["cable", "stiffness = 0.0"]),
+        (lambda: sc.Cable(A, B, 1.0, -1.0), ["cable", "damping = -1.0"]),
+        (lambda: sc.Cable(A, B, 1.0, length=NAN), ["cable", "length = nan"]),
+        (lambda: sc.Bushing(A, P, np.eye(6)), ["bushing", "side b is mass point", "SpringDamper"]),
+        (lambda: sc.Bushing(A, B, SKEW), ["bushing", "stiffness is not symmetric", "0.111"]),
+        (lambda: sc.Bushing(A, B, np.eye(6), -np.eye(6)), ["bushing", "damping is not positive"]),
+        (lambda: sc.Bushing(A, B, np.eye(3)), ["bushing", "(3, 3)", "(6, 6)"]),
+        (lambda: sc.Bushing(A, B, np.full((6, 6), NAN)), ["bushing", "nan"]),
+        (lambda: sc.Beam(*STRIP).node(0, offset=(0, 1)), ["beam", "offset", "(2,)"]),
+        (lambda: sc.Beam(*STRIP).node(0, offset=(0, NAN, 0)), ["beam", "offset", "nan"]),
+    ],
+)
+def test_bad_elements(call, words):
+    with pytest.raises(sc.InputError) as caught:
+        call()
+    text = str(caught.value)
+    assert not [word for word in words if word not in text], text
+
+
+STRIP = (
+    sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2),
+    sc.Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0)),
+)
+
+
+def test_bad_scenes():
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
+    model.add("spring", sc.JointSpringDamper(hinge, 1.0))
+    with pytest.raises(sc.InputError, match="joint spring 'spring': refers to revolute joint"):
+        model.freeze()
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
+    stray = sc.MassPoint(1.0, (0, 0, 1))
+    model.add("cable", sc.Cable(body.at((0, 0, 0)), stray.place(), 1.0))
+    with pytest.raises(sc.InputError, match="cable 'cable': refers to mass point"):
+        model.freeze()
+
+
+@integrators
+def test_bad_functions_in_time_name_the_actuator(integrator):
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
+    hinge = model.add("hinge", hinge)
+    model.add("motor", sc.JointActuator(hinge, lambda t: 1.0 if t < 0.1 else NAN))
+    with pytest.raises(sc.InputError, match=r"joint actuator 'motor'.*nan"):
+        simulate(model.freeze(), integrator, 0.02, 0.5)
+
+
+def test_turns_must_fit():
+    system = pendulum()
+    state = sc.State(0.0, 0, system.q0, np.zeros(system.n), turns=np.array([1, 2]))
+    with pytest.raises(sc.InputError, match=r"turns of angles: shape \(2,\)"):
+        sc.Stepper(system, sc.Variational(), sc.NullSpace(), 0.1).advance(state)
+
+
+@cache
+def quiet():
+    """A scene without force elements."""
+    model = sc.Model()
+    model.add("ball", sc.MassPoint(2.0, velocity=(1.0, 0, 2.0)))
+    model.add("gravity", sc.LoadGravity(GRAVITY))
+    return model.freeze()
+
+
+@integrators
+def test_scenes_without_elements(integrator):
+    history = simulate(quiet(), integrator, 0.1, 1.0)
+    assert (history["coupling_energy"] == 0).all() and "turns" not in history
+    assert (history["work_actuators"] == 0).all() and (history["work_drives"] == 0).all()
+    assert history["work_loads"][-1] == pytest.approx(2 * -9.81 * history["q"][-1, 2], rel=1e-12)
+    assert quiet().couplings.pairs.shape == (0, 2)
+
+
+# -- compiled kernels ------------------------------------------------------------------------------
+
+
+@pairs
+def test_kernels_agree_far_from_a_solution(integrator, treatment):
+    assert_same_iteration(zoo(scalar=True), integrator, treatment, 1)
+
+
+@pytest.mark.parametrize("shaken", [False, True])
+@pairs
+def test_kernels_agree(integrator, treatment, shaken):
+    """Fifty steps with all elements on all kinds of places; what they do in them is the same."""
+    plain, compiled = both(zoo(3, moving=shaken, scalar=True), integrator, treatment, 2e-3, 0.1)
+    assert_same(plain, compiled)
+    for name in ("work_actuators", "dissipated", "work_drives"):
+        size = max(1e-3, abs(plain[name]).max())
+        assert abs(compiled[name] - plain[name]).max() < 1e-9 * size, name
+    assert compiled["turns"].tolist() == plain["turns"].tolist()
+
+
+@pairs
+def test_kernels_agree_in_steps_of_other_sizes(integrator, treatment):
+    """Dampers know the size of the step."""
+    assert_same_in_steps_of_other_sizes(zoo(scalar=True), integrator, treatment)
+
+
+@treatments
+def test_kept_factors_keep_energy_and_momenta(treatment):
+    """Energy-momentum: with dampers and motors the balance closes, also with kept factors."""
+    pytest.importorskip("numba")
+    system = zoo(5, grounded=False, scalar=True)
+    runs = [
+        simulate(
+            system, "energy-momentum", 1e-3, 0.3, treatment, kernels="numba", start=moving(system),
+            settings=sc.NewtonSettings(reuse=reuse, increment=1e-24),  # down to rounding
+        )
+        for reuse in (0, 4)
+    ]  # fmt: skip
+    for run in runs:
+        assert abs(run["energy_balance"]).max() < 1e-9 * abs(run["energy"]).max()
+        for name in ("linear_momentum", "angular_momentum"):
+            assert abs(run[name] - run[name][0]).max() < 1e-10 * abs(run[name]).max()
+        assert run["dissipated"].min() >= 0 and run["dissipated"].max() > 1e-6
+    whole, kept = runs
+    assert abs(kept["q"][-1] - whole["q"][-1]).max() < 1e-9
+    assert kept.meta["factorisations"] < 0.5 * whole.meta["factorisations"]
+
+
+@treatments
+@integrators
+def test_what_has_no_compiled_kernels(integrator, treatment):
+    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    words = "there are no compiled kernels for springs on rotation vectors, bushings"
+    with pytest.raises(sc.InputError, match=words):
+        sc.simulate(zoo(), *pair, 1e-3, 1e-2, kernels="numba")
+
+
+@treatments
+def test_compiled_motion_does_not_depend_on_how_a_scene_lies(treatment):
+    pytest.importorskip("numba")
+    assert apart(sc.Variational(), TREATMENTS[treatment], "numba", vectors=False) < 1e-11

@@ -1,0 +1,1117 @@
+"""Items, integrators and solvers written outside of the package, by public names alone.
+
+Each is checked against something independent: the built-in item that does the same, a closed form,
+or the balance of energy.
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skfem_cosserat as sc
+
+GROUND = sc.ground((0, 0, 0))
+Z = (0, 0, 1)
+SECTION = sc.Section((2e4, 2e4, 5e4, 40.0, 60.0, 30.0), mass=1.3, inertia=(2e-3, 3e-3))
+SCHEMES = {
+    "variational": sc.Variational(),
+    "energy-momentum": sc.EnergyMomentum(),
+    "energy-decaying": sc.EnergyDecaying(rate=0.1),
+    "generalized-alpha": sc.GeneralizedAlpha(0.9),
+    "composed": sc.Composition(sc.EnergyMomentum(), 4),
+}
+TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
+schemes = pytest.mark.parametrize("scheme", SCHEMES)
+treatments = pytest.mark.parametrize("treatment", TREATMENTS)
+
+
+# -- the items -------------------------------------------------------------------------------------
+
+
+class LoadRotor(sc.Load):
+    """Thrust along d3 of a place, and the torque of the rotor about it."""
+
+    def __init__(self, place, thrust, torque, amplitude=None):
+        super().__init__(amplitude=amplitude)
+        self.place, self.thrust, self.torque = place, thrust, torque
+
+    def terms(self):
+        return [
+            sc.TermForce(self.place, (0, 0, self.thrust), self.time, follower=True),
+            sc.TermMoment(self.place, (0, 0, self.torque), self.time, follower=True),
+        ]
+
+
+class LoadStorm(sc.Load):
+    """Wind on a whole beam, a pressure on its sections, a push on its end, and weight."""
+
+    def __init__(self, beam, end, wind, pressure, push, weight, gusts):
+        super().__init__()
+        self.beam, self.end, self.gusts = beam, end, gusts
+        self.wind, self.pressure, self.push, self.weight = wind, pressure, push, weight
+
+    def terms(self):
+        return [
+            sc.TermLine(self.beam, self.wind, self.gusts),
+            sc.TermLine(self.beam, self.pressure, follower=True),
+            sc.TermForce(self.end, self.push),
+            sc.TermAcceleration(self.weight, 2.0),
+        ]
+
+
+class LoadDrag(sc.Load):
+    """Against the velocity of a place, with the square of the speed."""
+
+    def __init__(self, place, factor, amplitude=None):
+        super().__init__(amplitude=amplitude)
+        self.place, self.factor = place, factor
+
+    def terms(self):
+        return [sc.TermFunction([self.place], self.force, self.time)]
+
+    def force(self, x, v, t):
+        return -self.factor * np.sqrt((v * v).sum()) * v
+
+
+class LoadField(sc.Load):
+    """A charge in a magnetic field, which does no work."""
+
+    def __init__(self, place, field):
+        super().__init__()
+        self.place, self.field = place, np.array(field, dtype=float)
+
+    def terms(self):
+        return [sc.TermFunction([self.place], self.force)]
+
+    def force(self, x, v, t):
+        return np.cross(v, self.field)
+
+
+class LoadAttraction(sc.Load):
+    """Two points attract each other as k/r^2, or as a spring k r."""
+
+    def __init__(self, a, b, k, spring=False, slopes=None, amplitude=None):
+        super().__init__(amplitude=amplitude)
+        self.a, self.b, self.k, self.spring, self.slopes = a, b, k, spring, slopes
+
+    def terms(self):
+        return [sc.TermFunction([self.a, self.b], self.force, self.time, self.slopes)]
+
+    def force(self, x, v, t):
+        r = x[1] - x[0]
+        pull = self.k * r if self.spring else self.k * r / (r @ r) ** 1.5
+        return np.array([pull, -pull])
+
+
+class JointPointOnPlane(sc.Joint):
+    """A point of side b stays in a plane of side a."""
+
+    type = "point on plane"
+    framed_sides = ("a",)
+
+    def __init__(self, a, b, normal):
+        super().__init__(a, b)
+        self.normal = np.array(normal, dtype=float)
+
+    def gap(self, r):
+        return (r @ self.normal) * self.normal
+
+    def rows(self):
+        return [sc.Product(sc.direction(self.a, self.normal), sc.point(self.b) - sc.point(self.a))]
+
+    def freedom(self):
+        first = sc.triad(self.normal)[0]
+        second = np.cross(self.normal, first)
+        slides = sc.Slide("u", self.normal, -second), sc.Slide("v", self.normal, first)
+        return sc.Freedom(None, slides)
+
+
+class SectionSquare(sc.Section):
+    """A solid square."""
+
+    def __init__(self, side, E, G, density):
+        A, second = side**2, side**4 / 12
+        EI, GJ = E * second, 0.1406 * G * side**4
+        stiffness = (5 / 6 * G * A, 5 / 6 * G * A, E * A, EI, EI, GJ)
+        super().__init__(stiffness, density * A, (density * second, density * second))
+        self.side = side
+
+
+class SensorDistance(sc.Sensor):
+    """Between two mass points."""
+
+    unit = "m"
+
+    def __init__(self, a, b):
+        self.a, self.b = a, b
+
+    def items(self):
+        return [self.a, self.b]
+
+    def values(self, system, window):
+        x, y = (window.q[:, system.dofs(item.place())] for item in (self.a, self.b))
+        return np.linalg.norm(x - y, axis=1)
+
+
+class IntegratorMidpoint(sc.Integrator):
+    """Implicit midpoint rule: all forces, stresses and constraints at the midpoint of a step."""
+
+    name = "midpoint"
+    order = 2
+    composed_to = 6
+    constraint_weight = 0.5
+    force_share = 1.0
+    conserves = "linear and angular momentum, quadratic energy"
+    reference = "Hairer, Lubich & Wanner, Geometric Numerical Integration, II.1"
+
+    def evaluate(self, system, step, y1):
+        h, rows, mid = step.h, system.rows, 0.5 * (step.y0 + y1)
+        strains = system.strain(mid)
+        Bs = [B for _, B in strains]
+        elastic = [g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)]
+        force, stresses, damping = sc.damped_force(system, step, Bs, elastic, y1)
+        coupled = None
+        if step.couplings is not None:
+            coupled = system.couplings.midpoint(step.couplings, mid, y1)
+            force = force + coupled.force[:rows]
+        external = sc.load_force(system, step, mid)
+        momentum = (2 / h) * (system.inertia @ (y1 - step.y0)[:rows])
+        terms = momentum, 2 * step.p0, h * (external - force)
+        return sc.Evaluation(
+            R=terms[0] - terms[1] - terms[2],
+            size=max(float(abs(each).max()) for each in terms),
+            momentum=momentum,
+            mid=mid,
+            stresses=stresses,
+            Bs=Bs,
+            B1s=Bs,
+            strains=[eps for eps, _ in strains],
+            external=external,
+            coupled=coupled,
+            damping=damping,
+        )
+
+    def tangent(self, system, step, evaluation):
+        moduli = self.moduli(system, step, evaluation)
+        return sc.midpoint_tangent(system, step, evaluation, moduli, 2 / step.h, step.h)
+
+    def carry(self, system, step, evaluation):
+        return evaluation.momentum - step.p0
+
+    def node_momentum(self, p0, impulse, fresh):
+        return p0
+
+
+class IntegratorMidpointInNumbers(IntegratorMidpoint):
+    """With compiled kernels."""
+
+    name = "midpoint in numbers"
+
+    def scheme(self, h):
+        return sc.Scheme(2 / h, 2.0, h, ends=False, carry=(1.0, -1.0, 0.0))
+
+
+class SolverInverse(sc.Solver):
+    """Takes the inverse matrix."""
+
+    name = "inverse"
+
+    def bind(self, pattern):
+        return FactorsInverse(pattern)
+
+
+class FactorsInverse(sc.Factors):
+    name = "inverse"
+
+    def __init__(self, pattern):
+        columns = np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.indptr))
+        self.at, self.shape = (pattern.indices, columns), pattern.shape
+
+    def factor(self, data):
+        A = np.zeros(self.shape)
+        A[self.at] = data
+        try:
+            self.inverse = np.linalg.inv(A)
+        except np.linalg.LinAlgError as error:
+            raise sc.SingularMatrixError from error
+
+    def solve(self, rhs):
+        return self.inverse @ rhs
+
+
+class TreatmentByScene(sc.Treatment):
+    """Null space of scenes without closed loops, else multipliers."""
+
+    name = "by scene"
+    reference = "none"
+
+    def bind(self, system, weight, large=False):
+        chosen = sc.Multipliers() if system.tree.loops else sc.NullSpace()
+        return chosen.bind(system, weight, large)
+
+
+def test_only_public_names_are_imported():
+    tree = ast.parse(Path(__file__).read_text(encoding="utf-8"))
+    imported = [n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)]
+    imported += [a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names]
+    assert {name.split(".")[0] for name in imported} - {"skfem_cosserat"} <= {
+        *("__future__", "ast", "pathlib", "numpy", "pytest")
+    }
+    assert not any(name.startswith("skfem_cosserat.") for name in imported)
+
+
+# -- loads of data: the same as the built-in ones --------------------------------------------------
+
+WIND, PRESSURE, PUSH, WEIGHT = (0.4, 3.0, 1.0), (0.0, -4.0, 2.0), (1.0, 2.0, -3.0), (0.3, -4.0, 0.1)
+GUSTS = sc.Table([0, 0.05, 0.1], [0, 1, 0.5])
+
+
+def arm(own, planar=False):
+    """A beam on a hinge or ball, a rotor on its end, in a storm."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
+    beam = model.add("beam", sc.Beam(mesh, SECTION, director=Z))
+    start, end = beam.node("rod.start"), beam.node("rod.end")
+    flat = np.array([1.0, 1.0, 0.0]) if planar else np.ones(3)
+    hinge = sc.JointRevolute(GROUND, start, Z) if planar else sc.JointSpherical(GROUND, start)
+    model.add("joint", hinge)
+    box = model.add("box", sc.RigidBody.box(0.5, (0.2, 0.1, 0.1), position=(1.1, 0, 0)))
+    model.add("weld", sc.JointFixed(end, box.at((1, 0, 0))))
+    model.add("bob", sc.MassPoint(0.2, position=(1.1, -0.5, 0)))
+    model.add("rope", sc.JointDistance(box.at((1.1, 0, 0)), model["bob"].place()))
+    rotor, thrust, torque = box.at((1.2, 0.02, 0)), 0.0 if planar else 3.0, -0.4
+    axes = beam.triads[0] @ np.diag(flat)
+    pressure = axes @ (axes.T @ PRESSURE) if planar else PRESSURE
+    wind, push, weight = (flat * each for each in (WIND, PUSH, WEIGHT))
+    if own:
+        model.add("rotor", LoadRotor(rotor, thrust, torque, sc.Harmonic(1.0, 3.0)))
+        model.add("storm", LoadStorm(beam, end, wind, pressure, push, weight, GUSTS))
+        return model
+    for name, load in {
+        "thrust": sc.LoadForce(rotor, (0, 0, thrust), sc.Harmonic(1.0, 3.0), follower=True),
+        "torque": sc.LoadMoment(rotor, (0, 0, torque), sc.Harmonic(1.0, 3.0), follower=True),
+        "wind": sc.LoadLine(beam, wind, GUSTS),
+        "pressure": sc.LoadLine(beam, pressure, follower=True),
+        "push": sc.LoadForce(end, push),
+        "weight": sc.LoadGravity(2 * weight),
+    }.items():
+        model.add(name, load)
+    return model
+
+
+def run(scene, scheme, treatment, step=2e-3, until=0.1, **options):
+    return sc.simulate(scene, SCHEMES[scheme], TREATMENTS[treatment], step, until, **options)
+
+
+@schemes
+@treatments
+def test_own_loads_of_data_move_a_scene_as_the_built_in_ones(scheme, treatment):
+    own, known = (run(arm(own), scheme, treatment, kernels="numpy") for own in (True, False))
+    assert np.abs(own["q"] - own["q"][0]).max() > 0.02
+    for name in ("q", "v", "work_loads"):
+        size = np.abs(known[name]).max()
+        assert own[name] == pytest.approx(known[name], abs=1e-11 * size, rel=0)
+
+
+@treatments
+def test_own_loads_of_data_have_the_kernels(treatment):
+    pytest.importorskip("numba")
+    compiled, plain = (
+        run(arm(True), "energy-momentum", treatment, kernels=kernels)
+        for kernels in ("numba", "numpy")
+    )
+    assert compiled.meta["kernels"] == "numba"
+    assert compiled["q"] == pytest.approx(plain["q"], abs=1e-9)
+
+
+@treatments
+def test_own_loads_of_data_stay_in_a_plane(treatment):
+    flat, space = (
+        run(arm(True, planar=True).freeze(planar=planar), "energy-momentum", treatment)
+        for planar in (sc.Planar(), None)
+    )
+    assert np.abs(space["q"] - space["q"][0]).max() > 0.02
+    assert flat["q"] == pytest.approx(space["q"], abs=1e-9)
+
+
+def test_own_loads_that_leave_a_plane_are_named():
+    assert not sc.planarity(arm(True))
+    found = "; ".join(sc.planarity(arm(True), normal=Z).out_of_plane)
+    assert "load 'storm': [0.4, 3.0, 1.0] leaves the plane by 1" in found
+    assert "load 'rotor': " in found
+
+
+@treatments
+def test_own_loads_of_data_in_statics(treatment):
+    ends = []
+    for own in (True, False):
+        model = arm(own)
+        model.add("stop", sc.Bushing(GROUND, model["beam"].node("rod.start"), 50.0))
+        model.add("hook", sc.JointSpherical(sc.ground((1.1, -0.5, 0)), model["bob"].place()))
+        path = sc.static(model, TREATMENTS[treatment], time=0.05)
+        ends.append((path["q"][-1], path["work_loads"][-1]))
+    assert ends[0][0] == pytest.approx(ends[1][0], abs=1e-9)
+    assert ends[0][1] == pytest.approx(ends[1][1], rel=1e-9)
+    assert abs(ends[0][1]) > 1e-3
+
+
+def test_own_loads_of_data_in_statics_by_kernels(kernels):
+    ends = []
+    for own in (True, False):
+        mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
+        model = sc.Model()
+        beam = model.add("beam", sc.Beam(mesh, SECTION, director=Z))
+        model.add("clamp", sc.JointFixed(GROUND, beam.node("rod.start")))
+        end = beam.node("rod.end")
+        if own:
+            model.add("rotor", LoadRotor(end, 3.0, 0.4))
+            model.add("storm", LoadStorm(beam, end, WIND, PRESSURE, PUSH, WEIGHT, 1.0))
+        else:
+            model.add("thrust", sc.LoadForce(end, (0, 0, 3.0), follower=True))
+            model.add("torque", sc.LoadMoment(end, (0, 0, 0.4), follower=True))
+            model.add("wind", sc.LoadLine(beam, WIND))
+            model.add("pressure", sc.LoadLine(beam, PRESSURE, follower=True))
+            model.add("push", sc.LoadForce(end, PUSH))
+            model.add("weight", sc.LoadGravity(2 * np.array(WEIGHT)))
+        path = sc.static(model, kernels=kernels)
+        assert path.meta["kernels"] == kernels
+        ends.append(path["q"][-1])
+    assert np.abs(ends[0] - path["q"][0]).max() > 1e-3
+    assert ends[0] == pytest.approx(ends[1], abs=1e-10)
+
+
+def test_own_dead_loads_have_the_kernels_of_the_plane():
+    pytest.importorskip("numba")
+
+    class LoadTilt(sc.Load):
+        def __init__(self, place):
+            super().__init__()
+            self.place = place
+
+        def terms(self):
+            return [sc.TermForce(self.place, (2.0, 1.0, 0)), sc.TermAcceleration((0, -9.81, 0))]
+
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (1.0, 0.1, 0.1), position=(0.5, 0, 0)))
+    model.add("hinge", sc.JointRevolute(GROUND, body.at((0, 0, 0)), Z))
+    model.add("tilt", LoadTilt(body.at((1, 0, 0))))
+    flat, space = (
+        run(model.freeze(planar=planar), "variational", "null space", kernels=kernels)
+        for planar, kernels in ((sc.Planar(Z), "numba"), (None, "numpy"))
+    )
+    assert flat.meta["kernels"] == "numba"
+    assert flat["q"] == pytest.approx(space["q"], abs=1e-10)
+
+
+def test_terms_that_a_load_keeps_go_along_with_replaced_items():
+    class LoadKept(sc.Load):
+        def __init__(self, place):
+            super().__init__()
+            self.kept = (sc.TermForce(place, Z, follower=True),)
+
+        def terms(self):
+            return self.kept
+
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.sphere(1.0, 0.1))
+    model.add("push", LoadKept(body.local((0, 0, 0))))
+    other = model.with_items({"body": sc.RigidBody.sphere(4.0, 0.1)})
+    history = run(other, "energy-momentum", "null space", 0.1, 1.0)
+    assert history["v"][-1, 2] == pytest.approx(0.25)
+
+
+def test_resultants_leave_out_what_own_loads_spread():
+    own, known = arm(True), arm(False)
+    rng = np.random.default_rng(3)
+    q = own.freeze().q0 + 0.01 * rng.standard_normal(own.freeze().n)
+    a, b = (
+        sc.diagnostics.nodal_resultants(model, model["beam"], q, 0.05) for model in (own, known)
+    )
+    assert a == pytest.approx(b, abs=1e-12 * np.abs(b).max())
+
+
+def test_an_own_load_on_some_elements():
+    class LoadBand(sc.Load):
+        def __init__(self, beam, elements):
+            super().__init__((0, 1.0, 0))
+            self.beam, self.elements = beam, elements
+
+        def terms(self):
+            return [sc.TermLine(self.beam, *c, elements=self.elements) for c in self.channels]
+
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (3, 0, 0), 3, name="rod")
+    model = sc.Model()
+    beam = model.add("beam", sc.Beam(mesh, SECTION, director=Z))
+    model.add("band", LoadBand(beam, [1, 2]))
+    model.add("foot", sc.JointFixed(GROUND, beam.node("rod.start")))
+    path = sc.static(model, control=sc.LoadControl(until=1e-3))
+    force = sc.diagnostics.nodal_resultants(model, beam, path["q"][-1], 1.0)[0, 0]
+    assert np.linalg.norm(force[:3]) > 0
+    with pytest.raises(sc.InputError, match=r"elements = \[3\], expected numbers from 0 to 2"):
+        LoadBand(beam, [3]).terms()
+
+
+def test_an_event_switches_an_own_load():
+    model = sc.Model()
+    drone = model.add("drone", sc.RigidBody.box(2.0, (1, 1, 0.1)))
+    rotor = model.add("rotor", LoadRotor(drone.local((0, 0, 0)), 4.0, 0.0))
+    off = sc.Event(sc.ConditionTime(0.5), sc.ActionLoad(rotor, 0.0))
+    history = run(model, "energy-momentum", "null space", 0.05, 1.0, events=[off])
+    assert history["v"][-1, 2] == pytest.approx(1.0)  # 4 N / 2 kg for half a second
+    model.add("storm", LoadDrag(drone.local((0, 0, 0)), 0.1))
+    field = model.add("field", LoadField(drone.local((0, 0, 0)), Z))  # knows no amplitude
+    calm = sc.Event(sc.ConditionTime(0.5), sc.ActionLoad("storm", 0.0), name="calm")
+    history = run(model, "energy-momentum", "null space", 0.05, 1.0, events=[off, calm])
+    assert history["v"][10:, 2] == pytest.approx(history["v"][-1, 2], rel=1e-9)
+    assert 0.9 < history["v"][-1, 2] < 0.999
+    calm = sc.Event(sc.ConditionTime(0.5), sc.ActionLoad(field, 0.0))
+    with pytest.raises(sc.InputError, match=r"load 'field': its terms have no amplitude"):
+        run(model, "energy-momentum", "null space", 0.05, 1.0, events=[calm])
+
+
+def test_own_loads_go_along_with_replaced_items():
+    model = arm(True)
+    other = model.with_items({"box": sc.RigidBody.box(5.0, (0.2, 0.1, 0.1), position=(1.1, 0, 0))})
+    (place,) = other["rotor"].places()
+    assert place.item is other["box"]
+    assert other["rotor"].references() == [other["box"]]
+    other.freeze()
+
+
+# -- loads that are functions of the motion --------------------------------------------------------
+
+
+def ball(load=None, velocity=(2.0, 0, 0)):
+    model = sc.Model()
+    item = model.add("ball", sc.MassPoint(1.5, velocity=velocity))
+    if load is not None:
+        model.add("load", load(item.place()))
+    return model
+
+
+@pytest.mark.parametrize("treatment", TREATMENTS)
+@pytest.mark.parametrize("scheme", [*SCHEMES, "explicit"])
+def test_drag_slows_a_ball_as_it_should(scheme, treatment):
+    """v = v_0/(1 + c v_0 t/m), of second order in the step; its work is the change of energy."""
+    if scheme == "explicit" and treatment == "null space":
+        pytest.skip("has multipliers alone")
+    exact = 2.0 / (1 + 0.6 * 2.0 / 1.5)
+    errors = []
+    for step in (0.1, 0.05):
+        integrator = {**SCHEMES, "explicit": sc.Explicit()}[scheme]
+        model = ball(lambda place: LoadDrag(place, 0.6))
+        history = sc.simulate(model, integrator, TREATMENTS[treatment], step, 1.0)
+        errors.append(abs(history["v"][-1, 0] - exact))
+        work, energy = history["work_loads"], history["kinetic"]
+        assert work[-1] == pytest.approx(0.75 * (exact**2 - 4), rel=0.02)
+        if scheme == "energy-momentum":
+            assert energy - energy[0] == pytest.approx(work, abs=1e-10)
+    assert errors[1] < (0.1 if scheme == "composed" else 0.3) * errors[0]
+    assert errors[1] < 1e-3
+
+
+@treatments
+def test_a_magnetic_field_turns_a_charge_and_does_no_work(treatment):
+    model = ball(lambda place: LoadField(place, (0, 0, 3.0)))
+    history = run(model, "energy-momentum", treatment, 5e-3, 1.0)
+    assert history["kinetic"] == pytest.approx(3.0, rel=1e-9)
+    assert history["work_loads"] == pytest.approx(0.0, abs=1e-9)
+    angle = -3.0 / 1.5 * 1.0
+    expected = 2 * np.array([np.cos(angle), np.sin(angle), 0])
+    assert history["v"][-1] == pytest.approx(expected, abs=1e-4)
+
+
+def two(link):
+    """Two bodies, one of them held by a joint at some distance."""
+    model = sc.Model()
+    a = model.add("a", sc.RigidBody.box(1.0, (0.2, 0.3, 0.1)))
+    b = model.add("b", sc.RigidBody.box(2.0, (0.1, 0.2, 0.3), position=(1.5, 0.2, 0)))
+    model.add("hinge", sc.JointSpherical(sc.ground((0.3, 0, 0.1)), a.at((0.3, 0, 0.1))))
+    model.add("link", link(a.at((0.1, 0, 0)), b.at((1.4, 0.3, 0.1))))
+    return model
+
+
+def by_hand(x, v, t):
+    eye = np.einsum("kl,ij->kilj", [[-7.0, 7.0], [7.0, -7.0]], np.eye(3))
+    return eye, np.zeros((2, 3, 2, 3))
+
+
+@schemes
+@treatments
+@pytest.mark.parametrize("slopes", [None, by_hand], ids=["complex step", "slopes"])
+def test_a_function_pulls_as_a_spring_of_no_length(scheme, treatment, slopes):
+    """f = k (x_b - x_a), which a spring of vanishing length has as well."""
+    own = run(
+        two(lambda a, b: LoadAttraction(a, b, 7.0, True, slopes)), scheme, treatment, 0.02, 0.5
+    )
+    spring = two(lambda a, b: sc.SpringDamper(a, b, 7.0, length=1e-9))
+    near = run(spring, scheme, treatment, 0.02, 0.5)
+    assert np.abs(near["q"] - near["q"][0]).max() > 0.5
+    # the energy-decaying scheme damps springs, but not loads
+    assert own["q"] == pytest.approx(near["q"], abs=5e-3 if scheme == "energy-decaying" else 1e-6)
+    assert own["newton_iterations"].max() <= near["newton_iterations"].max() + 1
+
+
+@treatments
+def test_two_stars(treatment):
+    """A circle of Kepler; momentum is kept, since the force on one is that on the other."""
+    model = sc.Model()
+    speed = np.sqrt(3.0)  # of one against the other: v^2 = k (1/m_1 + 1/m_2)/r for r = 1, k = 2
+    left = sc.MassPoint(2.0, position=(-1 / 3, 0, 0), velocity=(0, -speed / 3, 0))
+    right = sc.MassPoint(1.0, position=(2 / 3, 0, 0), velocity=(0, 2 * speed / 3, 0))
+    stars = [model.add("left", left), model.add("right", right)]
+    model.add("gravity", LoadAttraction(*(star.place() for star in stars), 2.0))
+    sensors = {"distance": SensorDistance(*stars)}
+    period = 2 * np.pi / speed
+    history = run(model, "energy-momentum", treatment, period / 200, period, sensors=sensors)
+    assert history.sensors["distance"].values == pytest.approx(1.0, abs=1e-3)
+    assert history["q"][-1] == pytest.approx(history["q"][0], abs=4e-3)
+    assert history["linear_momentum"] == pytest.approx(0.0, abs=1e-12)
+
+
+@treatments
+def test_functions_in_statics_grow_with_the_load_factor(treatment):
+    """Weight against f = -k x at load factor s: x = -g m/k at each, and work of both loads."""
+
+    class LoadSpring(sc.Load):
+        def __init__(self, place, k):
+            super().__init__()
+            self.place, self.k = place, k
+
+        def terms(self):
+            return [sc.TermFunction([self.place], lambda x, v, t: -self.k * x, sc.Table([0], [1]))]
+
+    model = ball(lambda place: LoadSpring(place, 30.0), velocity=(0, 0, 0))
+    model.add("weight", sc.LoadGravity((0, 0, -10.0)))
+    path = sc.static(model, TREATMENTS[treatment], control=sc.LoadControl(steps=4))
+    assert path["q"][:, 2] == pytest.approx(-path["load_factor"] * 15.0 / 30.0, abs=1e-9)
+    modes = sc.modes(model, path, count=1)
+    assert modes.frequencies[0] == pytest.approx(np.sqrt(30.0 / 1.5) / (2 * np.pi), rel=1e-9)
+
+
+def test_a_column_buckles_under_a_function_as_under_a_force():
+    """Constant, so dead; and towards a point far away, which is nearly that."""
+
+    class LoadWeight(sc.Load):
+        def __init__(self, place, far):
+            super().__init__()
+            self.place, self.far = place, far
+
+        def terms(self):
+            return [sc.TermFunction([self.place], self.force)]
+
+        def force(self, x, v, t):
+            return (
+                0 * x + [0, 0, -1.0]
+                if self.far is None
+                else (np.array([0, 0, -self.far]) - x) / self.far
+            )
+
+    def critical(load):
+        mesh = sc.MeshCurve.init_line((0, 0, 0), (0, 0, 1), 6, name="rod")
+        model = sc.Model()
+        beam = model.add("column", sc.Beam(mesh, SECTION, order=2))
+        model.add("foot", sc.JointFixed(GROUND, beam.node("rod.start")))
+        model.add("load", load(beam.node("rod.end")))
+        return sc.buckling(model, count=2).factors
+
+    expected = critical(lambda place: sc.LoadForce(place, (0, 0, -1.0)))
+    assert critical(lambda place: LoadWeight(place, None)) == pytest.approx(expected, rel=1e-9)
+    assert critical(lambda place: LoadWeight(place, 1e6)) == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_function_in_a_plane_and_out_of_it():
+    def scene(load):
+        model = ball(load)
+        model.add("wall", sc.MassPoint(1.0, position=(1, 1, 0)))
+        return model
+
+    drag = scene(lambda place: LoadDrag(place, 0.6))
+    flat, space = (
+        run(drag.freeze(planar=planar), "energy-momentum", "null space", 0.1, 1.0)
+        for planar in (sc.Planar(Z), None)
+    )
+    assert flat["q"] == pytest.approx(space["q"], abs=1e-12)
+    field = scene(lambda place: LoadField(place, (0, 1.0, 0)))
+    with pytest.raises(sc.InputError, match=r"load 'load': pushes out of the plane"):
+        field.freeze(planar=sc.Planar(Z))
+
+
+@pytest.mark.parametrize("late", [0.0, 1.0])
+def test_a_function_that_leaves_the_plane_late_is_told(late):
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
+
+    def force(x, v, t):
+        return -x + np.array([0, 0, late]) * (t > 0.5)
+
+    model.add("pull", LoadKept(sc.TermFunction([body.local((0.5, 0, 0))], force)))
+    scene = model.freeze(planar=sc.Planar(Z)), sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0
+    if not late:
+        sc.simulate(*scene)  # warnings are errors here
+        return
+    with pytest.warns(sc.AccuracyWarning, match="load 'pull', .*pushed out of the plane"):
+        history = sc.simulate(*scene)
+    assert history.meta["warnings"][0]["time"] > 0.5
+
+
+def test_kernels_say_why_they_are_not_used():
+    model = ball(lambda place: LoadDrag(place, 0.6))
+    with pytest.raises(sc.CosseratError, match="loads that are functions of the motion"):
+        run(model, "energy-momentum", "null space", kernels="numba")
+    assert run(model, "energy-momentum", "null space").meta["kernels"] == "numpy"
+
+
+def test_a_function_of_time_and_of_the_moving_ground():
+    """A spring to a platform that moves, and a force that grows with time."""
+    moving = sc.ground((0, 0, 0), sc.Motion(displacement=lambda t: (0.5 * t**2, 0, 0)))
+
+    class LoadTow(sc.Load):
+        def __init__(self, place):
+            super().__init__()
+            self.place = place
+
+        def terms(self):
+            return [sc.TermFunction([moving, self.place], self.force)]
+
+        def force(self, x, v, t):
+            pull = 3.0 * (x[1] - x[0]) + np.array([0, 6.0 * t, 0])
+            return np.array([pull, -pull])
+
+    history = run(ball(LoadTow, (0, 0, 0)), "energy-momentum", "null space", 5e-3, 1.0)
+    w, t = np.sqrt(2.0), 1.0  # m x'' = -3 (x - t^2/2), m y'' = -3 y - 6 t
+    x = t**2 / 2 - (1 - np.cos(w * t)) / w**2
+    y = -2 * (t - np.sin(w * t) / w)
+    assert history["q"][-1] == pytest.approx([x, y, 0], abs=2e-5)
+    start, end = history["kinetic"][[0, -1]]
+    assert end - start == pytest.approx(history["energy"][-1] - history["energy"][0], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("force", "text"),
+    [
+        (lambda x, v, t: -np.linalg.norm(v) * v, "slopes of its force differ"),
+        (lambda x, v, t: -abs(v) * v, "slopes of its force differ"),
+        (
+            lambda x, v, t: -np.interp(x, [0, 1], [0, 1]),
+            "its force failed at complex numbers, .* TypeError",
+        ),
+        (lambda x, v, t: v[0], r"force gives an array \(3,\) of float64, expected \(1, 3\)"),
+        (lambda x, v, t: v + np.nan, "not finite"),
+        (lambda x, v, t: v / (1 // 0), r"its force failed at t = 0 s: ZeroDivisionError: "),
+        (lambda x, v, t: [v, [1]], r"its force failed at t = 0 s: ValueError: "),
+        (lambda x, v: v, r"its force failed at t = 0 s: TypeError: .* positional"),
+    ],
+)
+def test_functions_that_give_no_slopes_are_named(force, text):
+    class LoadOdd(sc.Load):
+        def __init__(self, place):
+            super().__init__()
+            self.place = place
+
+        def terms(self):
+            return [sc.TermFunction([self.place], force)]
+
+    with pytest.raises(sc.InputError, match=rf"load 'load': .*{text}"):
+        ball(LoadOdd).freeze()
+
+
+@pytest.mark.parametrize("slopes", [None, by_hand], ids=["complex step", "slopes"])
+@treatments
+def test_a_force_that_fails_in_a_run_is_named_and_the_history_kept(treatment, slopes):
+    wind = [2.0, 2.0, 2.0]  # by tenths of a second, too few
+
+    def force(x, v, t):
+        return 0 * x + np.array([0, 0, wind[int(10 * t)]])
+
+    def flat(x, v, t):
+        return np.zeros((1, 3, 1, 3)), np.zeros((1, 3, 1, 3))
+
+    model = sc.Model()
+    drone = model.add("drone", sc.MassPoint(2.0))
+    term = sc.TermFunction([drone.place()], force, slopes=slopes and flat)
+    model.add("wind", LoadKept(term))
+    with pytest.raises(sc.InputError, match=r"load 'wind': its force failed") as caught:
+        run(model, "energy-momentum", treatment, 0.1, 1.0)
+    error = caught.value
+    assert "at t = 0.35 s: IndexError: list index" in str(error)
+    assert isinstance(error.__cause__, IndexError)
+    assert error.history.times == pytest.approx([0, 0.1, 0.2, 0.3])
+    assert error.history.status == "failed"
+    assert error.history["q"][-1, 2] == pytest.approx(0.5 * 0.3**2)
+
+
+def test_slopes_that_fail_are_named():
+    def slopes(x, v, t):
+        raise RuntimeError("not yet")
+
+    model = ball(
+        lambda place: LoadKept(sc.TermFunction([place], lambda x, v, t: -x, slopes=slopes))
+    )
+    with pytest.raises(sc.InputError, match=r"load 'load': its slopes function failed at t = 0 s"):
+        model.freeze()
+
+
+def test_a_kink_and_slopes_of_its_own_are_allowed():
+    """A floor that pushes back, with the slope of the side it is on."""
+
+    def floor(x, v, t):
+        depth = np.where(x[0, 2].real < 0, -x[0, 2], 0.0)
+        return np.array([[0, 0, 1.0]]) * 500.0 * depth
+
+    class LoadFloor(sc.Load):
+        def __init__(self, place):
+            super().__init__()
+            self.place = place
+
+        def terms(self):
+            return [sc.TermFunction([self.place], floor)]
+
+    model = ball(LoadFloor, (0, 0, -1.0))
+    history = run(model, "energy-momentum", "multipliers", 1e-3, 0.4)
+    assert history["v"][-1, 2] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_terms_are_checked():
+    place = sc.MassPoint(1.0).place()
+    for make, text in (
+        (lambda: sc.TermForce(GROUND, Z), "expected the place of an item"),
+        (lambda: sc.TermMoment(place, Z), "is a mass point and has no directions"),
+        (lambda: sc.TermForce(place, Z, follower=True), "is a mass point and has no directions"),
+        (lambda: sc.TermFunction([], lambda x, v, t: v), "points is empty"),
+        (lambda: sc.TermFunction([place], 3.0), r"force = 3.0, expected a function"),
+        (lambda: sc.TermFunction([3.0], lambda x, v, t: v), "acts on 3.0, expected a place"),
+        (lambda: sc.TermLine(place, Z), "acts on Place, expected a beam"),
+    ):
+        with pytest.raises(sc.InputError, match=text):
+            make()
+
+    class LoadNothing(sc.Load):
+        def terms(self):
+            return [3.0]
+
+    with pytest.raises(sc.InputError, match=r"item 'nothing': has 3\.0 among its terms"):
+        sc.Model().add("nothing", LoadNothing())
+
+
+# -- an own joint, section and sensor --------------------------------------------------------------
+
+
+@schemes
+@treatments
+def test_an_own_joint_lets_a_bead_slide_down(scheme, treatment):
+    model = sc.Model()
+    bead = model.add("bead", sc.MassPoint(0.7, position=(0.1, 0, 0)))
+    normal = np.array([-0.6, 0, 0.8])
+    foot = sc.ground(np.array([0.1, 0, 0]))
+    model.add("slope", JointPointOnPlane(foot, bead.place(), normal))
+    model.add("weight", sc.LoadGravity((0, 0, -10.0)))
+    history = run(model, scheme, treatment, 0.02, 0.5)
+    moved = history["q"][-1] - history["q"][0]
+    close = 1e-4 if scheme == "energy-decaying" else 1e-9  # t^2 g sin(alpha)/2
+    assert moved @ normal == pytest.approx(0.0, abs=1e-12)
+    assert moved @ (0.8, 0, 0.6) == pytest.approx(-0.75, rel=close)
+
+
+def test_an_own_joint_has_coordinates_a_plane_and_statics():
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.1, 0.1)))
+    joint = model.add("table", JointPointOnPlane(GROUND, body.at((0, 0, 0)), (0, 1, 0)))
+    assert [c.name for c in joint.coordinates()] == ["u", "v", "rotation"]
+    assert model.freeze().unknowns == 5
+    spring = sc.SpringDamper(sc.ground((0, 1, 0)), body.at((0, 0, 0)), 40.0, length=0.1)
+    model.add("spring", spring)
+    model.add("weight", sc.LoadForce(body.at((0, 0, 0)), (0, 3.0, 4.0)))
+    assert sc.planarity(model, normal=(1, 0, 0))
+    for name in ("u", "v"):
+        model.add(f"damper {name}", sc.JointSpringDamper(joint, 2.0, coordinate=name))
+    model.add("torsion", sc.JointSpringDamper(joint, 2.0, coordinate="rotation"))
+    path = sc.static(model)
+    assert path["q"][-1, 1] == pytest.approx(0.0, abs=1e-12)
+    assert path["q"][-1, 2] > 0.01
+
+
+@treatments
+def test_an_own_section_bends_as_its_constants_say(treatment):
+    side, E, length, force = 0.02, 2e11, 1.0, 1.0
+    section = SectionSquare(side, E, 8e10, 7800.0)
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (length, 0, 0), 8, name="rod")
+    beam = model.add("beam", sc.Beam(mesh, section, director=Z, order=2))
+    model.add("clamp", sc.JointFixed(GROUND, beam.node("rod.start")))
+    model.add("push", sc.LoadForce(beam.node("rod.end"), (0, 0, force)))
+    path = sc.static(model, TREATMENTS[treatment])
+    bending = force * length**3 / (3 * E * side**4 / 12)
+    shear = force * length / (5 / 6 * 8e10 * side**2)
+    moved = path.position(beam.node("rod.end"))[-1] - (length, 0, 0)
+    assert moved[2] == pytest.approx(bending + shear, rel=1e-4)
+
+
+def test_an_own_sensor_sees_every_step():
+    model = sc.Model()
+    a = model.add("a", sc.MassPoint(1.0))
+    b = model.add("b", sc.MassPoint(1.0, position=(1, 0, 0), velocity=(0, 2.0, 0)))
+    sensors = {"gap": SensorDistance(a, b)}
+    history = run(model, "variational", "multipliers", 0.1, 1.0, every=10, sensors=sensors)
+    assert len(history) == 2
+    record = history.sensors["gap"]
+    assert record.values == pytest.approx(np.sqrt(1 + (2 * np.arange(11) * 0.1) ** 2))
+    assert sc.ConditionSensor(SensorDistance(a, b), 2.0) is not None
+
+
+@pytest.mark.slow
+def test_an_event_to_a_scene_without_compiled_kernels_is_told():
+    """Weight until the drag of an own function of the motion begins: numpy goes on from there."""
+    pytest.importorskip("numba")
+
+    def scene(*loads):
+        model = sc.Model()
+        body = model.add("body", sc.RigidBody(1.0, np.diag((0.1, 0.2, 0.3)), position=(0, 0, 0)))
+        model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+        for load in loads:
+            model.add("drag", load(body.at((0, 0, 0)), 0.5))
+        return model
+
+    system = scene().freeze()
+    event = sc.Event(sc.ConditionTime(0.1), lambda t, view: scene(LoadDrag), name="chute")
+    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.2
+    with pytest.warns(sc.PerformanceWarning, match="functions of the motion; after an event"):
+        fast = sc.simulate(*run, events=[event], kernels="numba")
+    plain = sc.simulate(*run, events=[event], kernels="numpy")
+    assert np.allclose(fast["q"], plain["q"], rtol=0, atol=1e-10)
+    assert "after an event" in fast.meta["warnings"][0]["text"]
+
+
+class LoadOf(sc.Load):
+    """Whatever terms a function gives."""
+
+    def __init__(self, make, **given):
+        super().__init__(**given)
+        self.make = make
+
+    def terms(self):
+        return self.make(self)
+
+
+def test_a_moving_ground_place_may_be_made_with_the_terms():
+    motion = sc.MotionTurn((0, 0, 1), lambda t: t, (0, 0, 0))
+    kept = sc.ground((2.0, 0, 0), motion=motion)
+
+    def ends(place):
+        model = sc.Model()
+        body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
+        points = body.local((0, 0, 0.5))
+
+        def make(load):
+            other = sc.ground((2.0, 0, 0), motion=motion) if place is None else place
+            return [sc.TermFunction([points, other], spring, load.time)]
+
+        def spring(x, v, t):
+            return np.stack([x[1] - x[0], x[0] - x[1]])
+
+        model.add("spring", LoadOf(make))
+        switch = sc.Event(sc.ConditionTime(0.2), sc.ActionLoad("spring", 2.0), name="switch")
+        run = model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.05, 0.5
+        return sc.simulate(*run, events=[switch])["q"][-1]
+
+    assert np.array_equal(ends(None), ends(kept))
+
+
+class LoadKept(sc.Load):
+    """Terms that were made before."""
+
+    def __init__(self, *kept):
+        super().__init__()
+        self.kept = kept
+
+    def terms(self):
+        return self.kept
+
+
+def resultant(system):
+    """Sum of the dead forces on all nodes at t = 0."""
+    return system.loading.dead.sum(axis=0)[system.origin_rows].sum(axis=0)
+
+
+def test_kept_terms_go_along_with_another_mesh():
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (2, 0, 0), 4, name="boom")
+    beam = sc.Beam(mesh, SECTION, director=Z)
+    model = sc.Model()
+    model.add("beam", beam)
+    model.add("line", LoadKept(sc.TermLine(beam, (1.0, 0, 0))))
+    for elements in (2, 16):
+        finer = sc.MeshCurve.init_line((0, 0, 0), (2, 0, 0), elements, name="boom")
+        other = model.with_items({"beam": sc.Beam(finer, SECTION, director=Z)})
+        assert resultant(other.freeze()) == pytest.approx((2.0, 0, 0))
+    model.add("part", LoadKept(sc.TermLine(beam, (1.0, 0, 0), elements=np.array([0, 1]))))
+    with pytest.raises(sc.InputError, match="take them in terms"):
+        model.with_items({"beam": sc.Beam(finer, SECTION, director=Z)})
+
+
+def test_terms_that_follow_are_turned_into_the_new_triad():
+    body, inertia = sc.RigidBody.box(1.0, (1, 1, 1)), np.eye(3) / 6
+    model = sc.Model()
+    model.add("body", body)
+    push = sc.TermForce(body.at((0, 0, 0)), (1.0, 0, 0), follower=True)
+    model.add("push", LoadKept(push))
+    model.add("same", sc.LoadForce(body.at((0, 0, 0)), (1.0, 0, 0), follower=True))
+    turned = sc.RigidBody(1.0, inertia, triad=((0, 1, 0), (-1, 0, 0), (0, 0, 1)))
+    other = model.with_items({"body": turned})
+    own, same = other["push"].kept[0], other["same"].terms()[0]
+    assert np.allclose(own.vectors(own.value), [(1.0, 0, 0)])
+    assert np.allclose(own.value, same.value)
+
+
+def test_what_is_no_term_is_named_when_it_is_added():
+    body = sc.RigidBody.box(1.0, (1, 1, 1))
+    push = sc.TermForce(body.at((0, 0, 0)), (1.0, 0, 0))
+    for wrong, text in (
+        (None, "gives None, expected a list of terms"),
+        (push, "expected a list of terms"),
+        ([push, 3], "has 3 among its terms"),
+    ):
+        with pytest.raises(sc.InputError, match=f"model, item 'push': .*{text}"):
+            sc.Model().add("push", LoadOf(lambda load, wrong=wrong: wrong))
+
+
+def test_a_load_without_its_base_constructor_works():
+    body = sc.RigidBody.box(1.0, (1, 1, 1))
+
+    class LoadBare(sc.Load):
+        def __init__(self):
+            pass
+
+        def terms(self):
+            return [sc.TermForce(body.at((0, 0, 0)), (2.0, 0, 0), self.time)]
+
+    model = sc.Model()
+    model.add("body", body)
+    load = model.add("bare", LoadBare())
+    assert "LoadBare" in repr(load)
+    run = model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0
+    assert sc.simulate(*run).position(body.at((0, 0, 0)))[-1, 0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("elements", [2, [[0, 1]], [], [0, 0], [0.5], [4]], ids=str)
+def test_elements_of_a_line_are_checked(elements):
+    beam = sc.Beam(sc.MeshCurve.init_line((0, 0, 0), (2, 0, 0), 4, name="boom"), SECTION)
+    with pytest.raises(sc.InputError, match="expected numbers from 0 to 3, each once"):
+        sc.TermLine(beam, (1.0, 0, 0), elements=elements)
+
+
+def test_points_are_checked_and_may_be_any_iterable():
+    place = sc.RigidBody.box(1.0, (1, 1, 1)).at((0, 0, 0))
+
+    def force(x, v, t):
+        return -x
+
+    assert sc.TermFunction((each for each in [place]), force).points == (place,)
+    for points, text in ((place, "a sequence of places"), (None, "a sequence"), ((), "is empty")):
+        with pytest.raises(sc.InputError, match=text):
+            sc.TermFunction(points, force)
+    with pytest.raises(sc.InputError, match="axis has shape"):
+        sc.direction(place, 0)
+
+
+def test_slopes_that_are_not_finite_are_named():
+    body = sc.RigidBody.box(1.0, (1, 1, 1))
+    nowhere = np.full((1, 3, 1, 3), np.nan)
+    model = sc.Model()
+    model.add("body", body)
+    points, slopes = [body.at((0, 0, 0))], lambda x, v, t: (nowhere, 0 * nowhere)
+    model.add("odd", LoadKept(sc.TermFunction(points, lambda x, v, t: -x, slopes=slopes)))
+    with pytest.raises(sc.InputError, match="'odd': slopes are not finite"):
+        model.freeze()
+
+
+def test_a_force_may_be_the_same_array_each_time():
+    body, room = sc.RigidBody.box(1.0, (1, 1, 1)), {}
+
+    def force(x, v, t):
+        out = room.setdefault(np.iscomplexobj(x), np.empty_like(x))
+        out[:] = -x
+        return out
+
+    model = sc.Model()
+    model.add("body", body)
+    model.add("spring", LoadKept(sc.TermFunction([body.at((0, 0, 0))], force)))
+    assert model.freeze().unknowns == 6
+
+
+# -- an own integrator, linear solver and treatment ------------------------------------------------
+
+
+@treatments
+def test_an_own_integrator_moves_a_spring_as_its_closed_form_says(treatment):
+    """x_n = cos(n phi), tan(phi/2) = h w/2: the midpoint rule's own frequency."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(2.0, position=(1.0, 0, 0)))
+    model.add("spring", LoadAttraction(GROUND, ball.place(), 8.0, spring=True))
+    history = sc.simulate(model, IntegratorMidpoint(), TREATMENTS[treatment], 0.1, 2.0)
+    phi = 2 * np.arctan(0.5 * 0.1 * 2.0)
+    assert history["q"][:, 0] == pytest.approx(np.cos(phi * np.arange(21)), abs=1e-9)
+    assert history["v"][:, 0] == pytest.approx(-2 * np.sin(phi * np.arange(21)), abs=1e-9)
+
+
+def pulled():
+    """The arm with a damped section, and a spring with a damper on its end."""
+    model = arm(own=False)
+    foot, end = sc.ground((1, 0, 0.5)), model["beam"].node("rod.end")
+    model.add("strut", sc.SpringDamper(foot, end, 40.0, 2.0))
+    beam = model["beam"]
+    return model.with_items({"beam": sc.Beam(beam.mesh, SECTION.damped(0.01), director=Z)})
+
+
+@treatments
+def test_an_own_integrator_comes_to_the_motion_of_the_built_in_one(treatment):
+    """Beams, joints, loads, springs and dampers; of second order, in few Newton iterations."""
+    exact = sc.simulate(pulled(), sc.EnergyMomentum(), TREATMENTS[treatment], 2.5e-4, 0.04)
+    errors = []
+    for step in (2e-3, 1e-3):
+        history = sc.simulate(pulled(), IntegratorMidpoint(), TREATMENTS[treatment], step, 0.04)
+        assert history["newton_iterations"].max() <= 6
+        errors.append(np.abs(history["q"][-1] - exact["q"][-1]).max())
+    moved = np.abs(exact["q"][-1] - exact["q"][0]).max()
+    assert moved > 1e-3
+    assert errors[1] < 0.35 * errors[0]
+    assert errors[1] < 0.02 * moved
+
+
+@treatments
+def test_an_own_integrator_in_numbers_has_the_kernels(treatment):
+    pytest.importorskip("numba")
+    compiled, plain = (
+        sc.simulate(arm(True), scheme, TREATMENTS[treatment], 2e-3, 0.1, kernels=kernels)
+        for scheme, kernels in (
+            (IntegratorMidpointInNumbers(), "numba"),
+            (IntegratorMidpoint(), "numpy"),
+        )
+    )
+    assert compiled.meta["kernels"] == "numba"
+    assert compiled["q"] == pytest.approx(plain["q"], abs=1e-9)
+
+
+@treatments
+def test_an_own_integrator_can_be_composed(treatment):
+    scheme = sc.Composition(IntegratorMidpoint(), 4)
+    errors = []
+    for step in (0.2, 0.1):
+        model = sc.Model()
+        ball = model.add("ball", sc.MassPoint(2.0, position=(1.0, 0, 0)))
+        model.add("spring", LoadAttraction(GROUND, ball.place(), 8.0, spring=True))
+        history = sc.simulate(model, scheme, TREATMENTS[treatment], step, 2.0)
+        errors.append(abs(history["q"][-1, 0] - np.cos(4.0)))
+    assert errors[0] / errors[1] == pytest.approx(16, rel=0.1)
+
+
+def test_an_own_solver_and_an_own_treatment_give_the_same_motion():
+    known = sc.simulate(arm(True), sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.02)
+    own = sc.simulate(
+        arm(True), sc.EnergyMomentum(), TreatmentByScene(), 2e-3, 0.02, solver=SolverInverse()
+    )
+    assert own.meta["solver"] == "inverse"
+    assert own["q"] == pytest.approx(known["q"], abs=1e-9)

@@ -1,0 +1,350 @@
+"""Loads in time: averages over a step are exact with kinks inside, follower loads, moments."""
+
+import numpy as np
+import pytest
+from helpers_kernels import assert_same, assert_same_iteration, both, tree, with_kept_factors
+from helpers_scenes import TENSOR, four_bar, full_section, pairs
+
+import skfem_cosserat as sc
+
+INTEGRATORS = (sc.Variational, sc.EnergyMomentum)
+TREATMENTS = (sc.NullSpace, sc.Multipliers)
+integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
+treatments = pytest.mark.parametrize("treatment", TREATMENTS)
+
+
+def antiderivative_of_table(times, values):
+    """Exact integral from 0, constant outside of the table."""
+    areas = np.concatenate([[0], np.cumsum(np.diff(times) * (values[1:] + values[:-1]) / 2)])
+
+    def integral(t):
+        if t <= times[0]:
+            return values[0] * (t - times[0]) + values[0] * times[0]
+        k = min(int(np.searchsorted(times, t, side="right")) - 1, len(times) - 1)
+        before = values[0] * times[0] + areas[k]
+        if k == len(times) - 1:
+            return before + values[-1] * (t - times[-1])
+        d = t - times[k]
+        slope = (values[k + 1] - values[k]) / (times[k + 1] - times[k])
+        return before + values[k] * d + slope * d**2 / 2
+
+    return integral
+
+
+TIMES = np.array([0.03, 0.071, 0.22, 0.2300001, 0.4])
+VALUES = np.array([2.0, 50.0, -30.0, 7.0, 1.0])
+#: (function of time, its integral from 0)
+FUNCTIONS = {
+    "table": (sc.Table(TIMES, VALUES), antiderivative_of_table(TIMES, VALUES)),
+    "kink found": (
+        sc.FunctionOfTime(lambda t: abs(t - 0.1234)),
+        lambda t: (abs(t - 0.1234) * (t - 0.1234) + 0.1234**2) / 2,
+    ),
+    "jump found": (
+        sc.FunctionOfTime(lambda t: 3.0 * (t > 0.1777)),
+        lambda t: 3.0 * max(0.0, t - 0.1777),
+    ),
+    "jump next to a step's end": (
+        sc.FunctionOfTime(lambda t: 3.0 * (t > 0.0998)),
+        lambda t: 3.0 * max(0.0, t - 0.0998),
+    ),
+    "kink next to a step's start": (
+        sc.FunctionOfTime(lambda t: max(0.0, 0.2503 - t)),
+        lambda t: (0.2503**2 - max(0.0, 0.2503 - t) ** 2) / 2,
+    ),
+    "jump at a step's end": (
+        sc.FunctionOfTime(lambda t: 3.0 * (t >= 0.25)),
+        lambda t: 3.0 * max(0.0, t - 0.25),
+    ),
+    "jumps given": (
+        sc.FunctionOfTime(lambda t: 3.0 * (t > 0.1777) - (t > 0.18), kinks=(0.18, 0.1777)),
+        lambda t: 3.0 * max(0.0, t - 0.1777) - max(0.0, t - 0.18),
+    ),
+    "smooth": (
+        sc.FunctionOfTime(lambda t: np.cos(40 * t) + t**3),
+        lambda t: np.sin(40 * t) / 40 + t**4 / 4,
+    ),
+    "plain callable": (lambda t: np.exp(-t), lambda t: 1 - np.exp(-t)),
+    "number": (2.5, lambda t: 2.5 * t),
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+@integrators
+@pytest.mark.parametrize("step", [0.05, 0.013])
+def test_momentum_of_a_point_is_the_integral_of_its_load(name, integrator, step):
+    """At every node, to rounding, wherever the kinks are."""
+    time, integral = FUNCTIONS[name]
+    direction = np.array([1.0, -2.0, 0.5])
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(2.0))
+    model.add("load", sc.LoadForce(ball.place(), direction, time))
+    history = sc.simulate(model.freeze(), integrator(), sc.NullSpace(), step, 0.5)
+    exact = np.array([integral(t) for t in history.times])[:, None] * direction
+    size = 1.0 + abs(exact).max()
+    assert abs(history["p"] - exact).max() < 1e-12 * size
+    assert np.allclose(history["v"], history["p"] / 2.0, rtol=1e-14, atol=0)
+
+
+@integrators
+def test_callable_load_vector(integrator):
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(2.0))
+    model.add("load", sc.LoadForce(ball.place(), lambda t: (t, abs(t - 0.21), np.sin(9 * t))))
+    history = sc.simulate(model.freeze(), integrator(), sc.Multipliers(), 0.05, 0.5)
+    exact = [0.125, (0.21**2 + 0.29**2) / 2, (1 - np.cos(4.5)) / 9]
+    assert abs(history["p"][-1] - exact).max() < 1e-13
+
+
+@pytest.mark.parametrize("count", [8, pytest.param(60, marks=pytest.mark.slow)])
+def test_averages_find_a_jump_wherever_it_is(count):
+    """Also between the last quadrature point and the end; at bounded cost with noise."""
+    rng = np.random.default_rng(1)
+    for gap in (*rng.uniform(0, 0.1, count // 2), *10 ** rng.uniform(-7, -2, count // 2)):
+        at = 0.1 - gap
+        jump = sc.FunctionOfTime(lambda t, at=at: 3.0 * (t > at))
+        kink = sc.FunctionOfTime(lambda t, at=at: max(0.0, t - at))
+        assert abs(0.1 * jump.average(0.0, 0.1) - 3 * gap) < 1e-13
+        assert abs(0.1 * kink.average(0.0, 0.1) - gap**2 / 2) < 1e-15
+    calls = []
+
+    def noisy(t):
+        calls.append(t)
+        return 1 + 1e-9 * rng.standard_normal()
+
+    assert abs(sc.FunctionOfTime(noisy).average(0.0, 0.1) - 1) < 1e-9
+    assert len(calls) < 100_000
+
+
+def test_a_sample_at_the_midpoint_would_be_seen():
+    """Negative: the same load sampled in the middle of each step misses the impulse."""
+    table = sc.Table(TIMES, VALUES)
+    exact = FUNCTIONS["table"][1](0.5)
+    sampled = sum(0.05 * table.value(0.05 * (k + 0.5)) for k in range(10))
+    assert abs(sampled - exact) > 1e-2
+
+
+@integrators
+@treatments
+def test_gravity_and_line_load_on_a_free_beam(integrator, treatment, kernels):
+    """Linear momentum is the exact integral of m g(t) and of the resultant of the line load."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1.0, 1.0, 3, "arc")
+    beam = model.add("beam", sc.Beam(mesh, full_section(), order=2))
+    time, integral = FUNCTIONS["table"]
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81), time))
+    model.add("line", sc.LoadLine(beam, (1.0, 2.0, 0), time))
+    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.05, 0.5, kernels=kernels)
+    impulse = np.array([integral(t) for t in history.times])
+    length = beam.basis.lengths.sum()
+    exact = length * impulse[:, None] * np.array([1.0, 2.0, -9.81 * 1.3])
+    # the sum of nodal momenta carries the Newton tolerance of every step
+    assert abs(history["linear_momentum"] - exact).max() < 1e-11 * abs(exact).max()
+
+
+# -- moments ---------------------------------------------------------------------------------------
+
+
+@integrators
+@treatments
+@pytest.mark.parametrize("follower", [False, True])
+def test_constant_moment_about_a_principal_axis(integrator, treatment, follower):
+    """omega = M t / J, exactly: the projected velocity has the angular momentum of p."""
+    axis, J, M = np.array([0.0, 0.6, 0.8]), (0.3, 0.4, 0.5), 0.7
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody(1.0, J, triad=sc.triad(axis)))
+    value = (0, 0, M) if follower else M * axis
+    model.add("motor", sc.LoadMoment(body.at((0, 0, 0)), value, follower=follower))
+    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.05, 3.0)
+    exact = M * history.times[:, None] * axis
+    assert abs(history["angular_momentum"] - exact).max() < 1e-12 * 3
+    d = history["q"][:, 3:].reshape(-1, 3, 3)
+    omega = 0.5 * np.cross(d, history["v"][:, 3:].reshape(-1, 3, 3)).sum(1)
+    assert abs(omega - exact / J[2]).max() < 1e-11
+    assert abs(d[:, 2] - axis).max() < 1e-12
+    # the angle is M t^2 / (2 J), to second order
+    angle = np.unwrap(np.arctan2(d[:, 0] @ d[0, 1], d[:, 0] @ d[0, 0]))
+    assert abs(angle[-1] - M * 9 / (2 * J[2])) < 0.03
+
+
+@integrators
+@treatments
+def test_dead_moments_change_angular_momentum_by_their_integral(integrator, treatment, kernels):
+    """On a tumbling body with offset centre, on a beam's node, with kinks: at every node."""
+    rng = np.random.default_rng(2)
+    model = sc.Model()
+    body = sc.RigidBody(2.0, TENSOR, center=(0.3, -0.2, 0.1), angular_velocity=(1, 2, -1))
+    model.add("body", body)
+    mesh = sc.MeshCurve.init_line((0, 2, 0), (1, 2, 0), 3, "beam")
+    velocity = 0.5 * rng.standard_normal((4, 3))
+    beam = model.add("beam", sc.Beam(mesh, full_section(), velocity=velocity))
+    time, integral = FUNCTIONS["table"]
+    model.add("one", sc.LoadMoment(body.at((0, 0, 0)), (0.1, -0.05, 0.02), time))
+    model.add("two", sc.LoadMoment(beam.node("beam.end"), (-0.02, 0.03, 0.05), time))
+    model.add("three", sc.LoadMoment(beam.node("beam.start"), (0.01, 0, 0.02)))
+    system = model.freeze()
+    history = sc.simulate(system, integrator(), treatment(), 0.02, 0.5, kernels=kernels)
+    L = history["angular_momentum"]
+    impulse = np.array([integral(t) for t in history.times])[:, None]
+    exact = impulse * (0.08, -0.02, 0.07) + history.times[:, None] * (0.01, 0, 0.02)
+    assert abs(L - L[0] - exact).max() < 1e-12 * np.linalg.norm(L, axis=1).max()
+    assert abs(exact).max() > 0.1 * np.linalg.norm(L[0])
+
+
+@integrators
+@treatments
+def test_dead_force_changes_angular_momentum_by_its_midpoint_lever(integrator, treatment, kernels):
+    """L_{n+1} - L_n = h x_mid x F for a force anywhere on a body; with the linear momentum."""
+    force, X = np.array([1.0, -2.0, 3.0]), np.array([0.4, 0.2, -0.3])
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody(2.0, TENSOR, center=(0.1, 0, 0), position=(1, 0, 0)))
+    model.add("force", sc.LoadForce(body.local(X), force))
+    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.02, 1.0, kernels=kernels)
+    q = history["q"].reshape(-1, 4, 3)
+    x = q[:, 0] + np.einsum("i,nij->nj", X, q[:, 1:])
+    lever = np.cross((x[1:] + x[:-1]) / 2, force)
+    L, p = history["angular_momentum"], history["linear_momentum"]
+    assert abs(np.diff(L, axis=0) - 0.02 * lever).max() < 1e-12 * abs(L).max()
+    assert abs(p - history.times[:, None] * force).max() < 1e-12 * abs(p).max()
+
+
+# -- follower forces -------------------------------------------------------------------------------
+
+
+@integrators
+@treatments
+def test_thrust_of_a_spinning_body(integrator, treatment, kernels):
+    """v = F/(m w) (sin wt, 1 - cos wt), position its integral, to second order; spin unchanged."""
+    w, thrust, mass = 2.0, 3.0, 1.5
+    errors = []
+    for steps in (25, 50, 100):
+        model = sc.Model()
+        body = sc.RigidBody(mass, (0.3, 0.4, 0.5), angular_velocity=(0, 0, w))
+        model.add("body", body)
+        model.add("thrust", sc.LoadForce(body.at((0, 0, 0)), (thrust, 0, 0), follower=True))
+        history = sc.simulate(
+            model.freeze(), integrator(), treatment(), 1 / steps, 1.0, kernels=kernels
+        )
+        v = thrust / (mass * w) * np.array([np.sin(w), 1 - np.cos(w), 0])
+        x = thrust / (mass * w) * np.array([(1 - np.cos(w)) / w, 1 - np.sin(w) / w, 0])
+        errors.append([abs(history["v"][-1, :3] - v).max(), abs(history["q"][-1, :3] - x).max()])
+        orbit = np.cross(history["q"][:, :3], history["p"][:, :3])
+        assert abs(history["angular_momentum"] - orbit - (0, 0, 0.5 * w)).max() < 1e-12
+    ratios = np.array(errors[:-1]) / errors[1:]
+    assert ((ratios > 3.9) & (ratios < 4.1)).all()
+
+
+@pytest.mark.parametrize(
+    "last",
+    [
+        sc.Table([0, 0.2], [0, 3.0]),
+        sc.RampLinear(0.0, 0.2, 0.0, 3.0),
+        sc.RampSmooth(0.0, 0.2, 0.0, 3.0),
+    ],
+)
+def test_loads_that_are_over_are_evaluated_once(last):
+    """And give what they would give; not before, and not with functions that may go on."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(2.0))
+    model.add("load", sc.LoadForce(ball.place(), (1.0, 0, 0), last))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    loading = model.freeze().loading
+    assert loading.constant_after == 0.2
+    for t0, t1 in ((0.1, 0.2), (0.15, 0.3), (0.3, 0.19)):
+        found = loading.averages(t0, t1)
+        assert found[0] == pytest.approx(last.average(t0, t1), rel=1e-14)
+        assert loading.averages(t0, t1) is not found
+    found = loading.averages(0.2, 0.4)
+    assert loading.averages(7.0, 6.9) is found
+    assert found.tolist() == pytest.approx([3.0, 1.0], rel=1e-15)
+    model.add("more", sc.LoadForce(ball.place(), (0, 1.0, 0), lambda t: t))
+    assert model.freeze().loading.constant_after == np.inf
+
+
+# -- compiled kernels ------------------------------------------------------------------------------
+
+
+def dead_moments(model):
+    """On a beam's end with a joint, on a body and inside a beam, one of them in time."""
+    end = model["rod"].node("arc.end")
+    model.add("m1", sc.LoadMoment(end, (0.9, -0.5, 1.4), sc.Table([0, 0.02, 1], [1, -2, 3])))
+    model.add("m2", sc.LoadMoment(model["body"].at((1.6, 1.5, 0)), (0.7, 1.1, -0.4)))
+    model.add("m3", sc.LoadMoment(model["rod"].node(1), (-0.3, 0.8, 1.0)))
+
+
+def body_moments(model):
+    """With components in the triad."""
+    end = model["rod"].node("arc.end")
+    model.add("m4", sc.LoadMoment(end, (0.5, 1.2, -0.7), follower=True))
+    body = model["body"].at((1.6, 1.5, 0))
+    model.add("m5", sc.LoadMoment(body, lambda t: (np.sin(30 * t), 1.0, 2.0), follower=True))
+
+
+def body_forces(model):
+    """At an offset, and at a beam's node."""
+    body = model["body"].at((1.2, 1.9, 0.3))
+    model.add("f1", sc.LoadForce(body, (2.0, -1.0, 1.5), lambda t: np.cos(9 * t), follower=True))
+    model.add("f2", sc.LoadForce(model["rod"].node("arc.end"), (1.0, 3.0, -2.0), follower=True))
+
+
+def section_forces(model):
+    """A wind that turns with the sections."""
+    table = sc.Table([0, 0.03, 1], [1, 4, 0])
+    model.add("f3", sc.LoadLine(model["rod"], (0.5, 2.0, -1.0), table, follower=True))
+
+
+def everything(model):
+    for add in (dead_moments, body_moments, body_forces, section_forces):
+        add(model)
+
+
+LOADS = {
+    each.__name__: each
+    for each in (dead_moments, body_moments, body_forces, section_forces, everything)
+}
+
+
+@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pairs
+def test_kernels_agree_far_from_a_solution(integrator, treatment, order):
+    assert_same_iteration(tree(order, everything), integrator, treatment, order)
+
+
+@pytest.mark.parametrize("name", LOADS)
+@pairs
+def test_kernels_agree(integrator, treatment, name):
+    """Fifty steps; reactions and work among what is compared."""
+    assert_same(*both(tree(2, LOADS[name]), integrator, treatment, 1e-3, 0.05))
+
+
+@pytest.mark.parametrize("reuse", [0, 4])
+@integrators
+def test_kernels_agree_in_a_closed_loop(integrator, reuse):
+    """Fifty steps of a four-bar linkage that is driven by a moment and forces on its coupler."""
+    pytest.importorskip("numba")
+    model = four_bar()
+    coupler = model["coupler"].at((1, 1.25, 0))
+    model.add("moment", sc.LoadMoment(coupler, (0, 0, 3.0), sc.Table([0, 0.2, 0.5], [0, 1, -1])))
+    model.add("own", sc.LoadMoment(coupler, (0, 0.5, -1.0), follower=True))
+    model.add("push", sc.LoadForce(coupler, (2.0, 1.0, 0), follower=True))
+    system = model.freeze()
+    plain, compiled = (
+        sc.simulate(
+            system, integrator(), sc.NullSpace(), 0.01, 0.5, derive=False,
+            kernels=kernels, settings=sc.NewtonSettings(reuse=reuse),
+        )
+        for kernels in ("numpy", "numba")
+    )  # fmt: skip
+    assert compiled.meta["kernels"] == "numba" and compiled["attempts"].max() == 1
+    assert abs(plain["q"][-1] - plain["q"][0]).max() > 0.1
+    for name, tolerance in (("q", 1e-11), ("p", 1e-10), ("constraint_force", 1e-7)):
+        size = abs(plain[name]).max()
+        assert abs(compiled[name] - plain[name]).max() < tolerance * size, name
+
+
+@pairs
+def test_kept_factors(integrator, treatment):
+    """The same motion with a fraction of the factorisations."""
+    whole, kept = with_kept_factors(tree(1, everything), integrator, treatment, 5e-4, 0.1)
+    assert abs(kept["q"][-1] - whole["q"][-1]).max() < 1e-10
+    assert kept.meta["factorisations"] < 0.4 * whole.meta["factorisations"]

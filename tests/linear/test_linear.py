@@ -1,0 +1,286 @@
+"""Linear solvers: solutions against dense ones, singular matrices, fallbacks, choice, force."""
+
+from __future__ import annotations
+
+import importlib.util
+import logging
+import sys
+
+import numpy as np
+import pytest
+from helpers_scenes import lattice
+
+import skfem_cosserat as sc
+from skfem_cosserat import PerformanceWarning, Stepper
+from skfem_cosserat.linear import (
+    LinearSolver,
+    SingularMatrixError,
+)
+from skfem_cosserat.linear import (
+    solvers as ordering,
+)
+from skfem_cosserat.linear import (
+    solvers as solver,
+)
+from skfem_cosserat.pattern import FrozenPattern
+
+SOLVERS = {
+    "dense": sc.SolverDense(),
+    "banded": sc.SolverBanded(),
+    "superlu": sc.SolverSuperLU(),
+    "superlu symmetric": sc.SolverSuperLU(symmetric=True),
+    "superlu partial": sc.SolverSuperLU(symmetric=False),
+    "metis": sc.SolverMetis(),
+    "pardiso": sc.SolverPardiso(),
+}
+PACKAGE = {"metis": "pymetis", "pardiso": "pypardiso"}
+TREATMENTS = {"null-space": sc.NullSpace(), "multipliers": sc.Multipliers()}
+
+
+def needed(name):
+    """The solver of this name, if its package is there."""
+    package = PACKAGE.get(name)
+    if package and importlib.util.find_spec(package) is None:
+        pytest.skip(f"{package} is not installed")
+    return SOLVERS[name]
+
+
+solvers = pytest.mark.parametrize("name", SOLVERS)
+
+
+@pytest.fixture(scope="module", params=TREATMENTS)
+def real(request):
+    """Pattern, entries and right-hand side of a step of a lattice."""
+    system, h, integrator = lattice(3), 1e-3, sc.EnergyMomentum()
+    stepper = Stepper(system, integrator, TREATMENTS[request.param], h, kernels="numpy")
+    state = stepper.advance(sc.initial_state(system)).state
+    step, bound = integrator.begin(system, state, h), stepper.bound
+    bound.begin(step.y0, system.ground(state.time + h), h)
+    bound.guess(True)
+    problem = stepper.problem(step)
+    problem.residual()
+    blocks = integrator.tangent(system, step, problem.evaluation)
+    data = bound.data(blocks, problem.evaluation.R, problem.y1)
+    return bound.solver.pattern, data, bound.scale_rows(problem._r)
+
+
+def backward(pattern, data, x, b):
+    """Largest residual against the terms of its row."""
+    A = pattern.assembled(data)
+    return abs(A @ x - b).max() / (abs(A) @ abs(x) + abs(b)).max()
+
+
+@solvers
+def test_solutions(real, name):
+    """One and several right-hand sides; entries that change; kept factors."""
+    pattern, data, _ = real
+    rng = np.random.default_rng(1)
+    own = LinearSolver(pattern, needed(name))
+    for scale in (1.0, 3.0):
+        changed = data * (1 + 1e-3 * scale * rng.standard_normal(pattern.nnz))
+        for shape in ((pattern.shape[0],), (pattern.shape[0], 3)):
+            b = rng.standard_normal(shape)
+            kept = b.copy()
+            x = own.solve(changed, b)
+            assert (b == kept).all() and x.shape == shape
+            dense = np.linalg.solve(pattern.assembled(changed).toarray(), b)
+            condition = np.linalg.cond(pattern.assembled(changed).toarray(), np.inf)
+            assert condition < 1e9
+            assert abs(x - dense).max() < 1e-17 * condition * 1e3 * abs(dense).max()
+            assert backward(pattern, changed, x, b) < 1e-14
+            again = own.solve_again(2 * b)
+            assert again == pytest.approx(2 * x, rel=1e-9, abs=1e-11 * abs(x).max())
+    assert own.factorisations == 4
+
+
+@solvers
+def test_well_conditioned(name):
+    """To 1e-11 of the dense solution: a Laplacian on a grid in space, blocks of six."""
+    pattern, data = grid(5)
+    b = np.random.default_rng(2).standard_normal(pattern.shape[0])
+    dense = np.linalg.solve(pattern.assembled(data).toarray(), b)
+    found = LinearSolver(pattern, needed(name)).solve(data, b)
+    assert found == pytest.approx(dense, abs=1e-11 * abs(dense).max())
+    assert abs(pattern.assembled(data) @ found - b).max() < 1e-12
+
+
+def grid(count, shift=0.3):
+    """Blocks of six unknowns on the points of a grid; shift 0: singular."""
+    g = np.arange(count**3).reshape(count, count, count)
+    pairs = [(g[1:], g[:-1]), (g[:, 1:], g[:, :-1]), (g[:, :, 1:], g[:, :, :-1])]
+    a, b = (np.concatenate([p[k].ravel() for p in pairs]) for k in (0, 1))
+    rng = np.random.default_rng(0)
+    block = rng.integers(1, 4, (6, 6))
+    block = np.tile(block + block.T + 12 * np.eye(6, dtype=int), (len(a), 1, 1)).astype(float)
+    i, j = np.concatenate([a, b, a, b]), np.concatenate([a, b, b, a])
+    values = np.concatenate([block, block, -block, -block])
+    d = g.ravel()
+    i, j = np.concatenate([i, d]), np.concatenate([j, d])
+    values = np.concatenate([values, np.tile(shift * np.eye(6), (len(d), 1, 1))])
+    rows = 6 * i[:, None, None] + np.arange(6)[:, None] + np.zeros((1, 6), dtype=int)
+    cols = 6 * j[:, None, None] + np.arange(6) + np.zeros((6, 1), dtype=int)
+    pattern = FrozenPattern(rows, cols, (6 * len(d), 6 * len(d)))
+    return pattern, pattern.data(values)
+
+
+@solvers
+def test_singular_matrices_raise(name):
+    """A row and column of zeros; and after it the next matrix is solved as if nothing had been."""
+    pattern, data = grid(3)
+    cols = np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.indptr))
+    singular = np.where((pattern.indices == 7) | (cols == 7), 0.0, data)
+    own = LinearSolver(pattern, needed(name))
+    b = np.random.default_rng(3).standard_normal(pattern.shape[0])
+    method = own.method
+    with pytest.raises(SingularMatrixError, match="singular"):
+        own.solve(singular, b)
+    with pytest.raises(SingularMatrixError, match="singular"):
+        own.solve(np.zeros(pattern.nnz), b)
+    dense = np.linalg.solve(pattern.assembled(data).toarray(), b)
+    assert own.solve(data, b) == pytest.approx(dense, abs=1e-12 * abs(dense).max())
+    assert own.method == method  # nothing else would have helped
+
+
+@solvers
+def test_numbers_that_are_not_finite_raise(name):
+    pattern, data = grid(2)
+    data = data.copy()
+    data[5] = np.nan
+    with pytest.raises(SingularMatrixError):
+        LinearSolver(pattern, needed(name)).solve(data, np.ones(pattern.shape[0]))
+
+
+@pytest.mark.parametrize("name", ["superlu symmetric", "metis", "pardiso"])
+def test_pivots_off_the_diagonal(name):
+    """Zeros and tiny numbers on the diagonal: found out, and solved by partial pivoting."""
+    count = 60
+    i = np.arange(count)
+    rows = np.concatenate([i, i[:-1], i[1:], i, i])
+    cols = np.concatenate([i, i[1:], i[:-1], i[::-1], (i + 7) % count])
+    rows, cols = np.concatenate([rows, cols]), np.concatenate([cols, rows])
+    pattern = FrozenPattern(rows, cols, (count, count))
+    rng = np.random.default_rng(4)
+    data = rng.standard_normal(pattern.nnz)
+    columns = np.repeat(np.arange(count), np.diff(pattern.indptr))
+    diagonal = pattern.indices == columns
+    assert ordering.balanced(pattern)
+    for size in (0.0, 1e-25, 1e-17):
+        entries = np.where(diagonal, size, data)
+        own = LinearSolver(pattern, needed(name))
+        b = rng.standard_normal(count)
+        x = own.solve(entries, b)
+        assert backward(pattern, entries, x, b) < 1e-13
+        dense = np.linalg.solve(pattern.assembled(entries).toarray(), b)
+        assert x == pytest.approx(dense, abs=1e-10 * abs(dense).max())
+
+
+def test_an_inaccurate_solution_is_not_taken(monkeypatch, caplog):
+    """Factors of another matrix: one correction is not enough, partial pivoting takes over."""
+    pattern, data = grid(3)
+    own = LinearSolver(pattern, sc.SolverSuperLU(symmetric=True))
+    factors = own._factors
+    factor = type(factors).factor
+    monkeypatch.setattr(type(factors), "factor", lambda self, data: factor(self, 1.1 * data))
+    b = np.ones(pattern.shape[0])
+    with caplog.at_level(logging.INFO, logger="skfem_cosserat"):
+        x = own.solve(data, b)
+    assert abs(pattern.assembled(data) @ x - b).max() < 1e-11
+    assert own.method == "superlu" and "partial pivoting" in caplog.text
+    assert own.factorisations == 2
+    # almost right ones are corrected
+    own = LinearSolver(pattern, sc.SolverSuperLU(symmetric=True))
+    monkeypatch.setattr(type(factors), "factor", lambda self, data: factor(self, (1 + 1e-9) * data))
+    x = own.solve(data, b)
+    assert abs(pattern.assembled(data) @ x - b).max() < 1e-11
+    assert own.method == "superlu-symmetric" and own.factorisations == 1
+
+
+def test_choice():
+    """By size, bandwidth and pattern; multipliers leave zeros on the diagonal."""
+    small, _ = grid(1)
+    assert LinearSolver(small).method == "dense"
+    n = 200
+    i = np.arange(n - 1)
+    rows, cols = np.concatenate([i, i + 1, i]), np.concatenate([i, i, i + 1])
+    chain = FrozenPattern(rows, cols, (n, n))
+    assert LinearSolver(chain).method == "banded"
+    assert LinearSolver(grid(4)[0]).method == "superlu-symmetric"
+    bound = sc.Multipliers().bind(lattice(3), 0.5)
+    assert not ordering.balanced(bound.solver.pattern)
+    assert bound.solver.method == "superlu"
+
+
+def test_choice_of_what_is_installed(monkeypatch):
+    pattern, _ = grid(7)
+    assert pattern.shape[0] > solver.OPTIONAL
+    monkeypatch.setattr(solver, "find_spec", lambda name: None)
+    assert LinearSolver(pattern).method == "superlu-symmetric"
+    monkeypatch.undo()
+    for name in ("metis", "pardiso"):
+        if importlib.util.find_spec(PACKAGE[name]):
+            only = PACKAGE[name]
+            monkeypatch.setattr(solver, "find_spec", lambda n, only=only: n == only or None)
+            assert LinearSolver(pattern).method == SOLVERS[name].name
+
+
+@pytest.mark.parametrize("name", PACKAGE)
+def test_missing_packages(name, monkeypatch):
+    """Forced: an error that names the extra. Broken, not forced: a warning, and the next one."""
+    monkeypatch.setitem(sys.modules, PACKAGE[name], None)
+    pattern, _ = grid(7)
+    with pytest.raises(ImportError, match=r"skfem-cosserat\[solvers\]"):
+        assert LinearSolver(pattern, SOLVERS[name]).method
+    monkeypatch.setattr(solver, "find_spec", lambda n: n == PACKAGE[name] or None)
+    with pytest.warns(PerformanceWarning, match="is not used"):
+        assert LinearSolver(pattern).method == "superlu-symmetric"
+
+
+def test_unknowns_of_a_node_stay_together():
+    pattern, _ = grid(3)
+    group, graph = ordering.merged(pattern)
+    assert graph.shape == (27, 27) and (group == np.repeat(np.arange(27), 6)).all()
+    order = ordering.unknowns_in_order(pattern, ordering.minimum_degree)
+    assert sorted(order) == list(range(162))
+    assert (order.reshape(27, 6) - order.reshape(27, 6)[:, :1] == np.arange(6)).all()
+
+
+def test_permuted_pattern():
+    pattern, data = grid(2)
+    order = np.random.default_rng(0).permutation(pattern.shape[0])
+    new = ordering.Permuted(pattern, order)
+    expected = pattern.assembled(data).toarray()[np.ix_(order, order)]
+    assert (new.pattern.assembled(data[new.take]).toarray() == expected).all()
+
+
+@solvers
+@pytest.mark.parametrize("treatment", TREATMENTS)
+def test_forced_in_runs(name, treatment):
+    """Every back end gives the same motion, and the history says which it was."""
+    system, pair = lattice(3), (sc.EnergyMomentum(), TREATMENTS[treatment])
+    options = {"derive": False, "kernels": "numpy"}
+    plain = sc.simulate(system, *pair, 1e-3, 5e-3, solver=sc.SolverDense(), **options)
+    run = sc.simulate(system, *pair, 1e-3, 5e-3, solver=needed(name), **options)
+    assert run["q"] == pytest.approx(plain["q"], abs=1e-11)
+    assert run.meta["solver"].startswith(SOLVERS[name].name)
+    for report in sc.steps(system, *pair, 1e-3, kernels="numpy", solver=needed(name)):
+        assert report.state.q == pytest.approx(plain["q"][1], abs=1e-12)
+        break
+
+
+@pytest.mark.plain
+def test_forced_on_paths():
+    system = lattice(3)
+    found = [
+        sc.static(system, solver=s, derive=False, watch=False)
+        for s in (sc.SolverDense(), sc.SolverSuperLU(symmetric=True))
+    ]
+    assert [path.meta["solver"] for path in found] == ["dense", "superlu-symmetric"]
+    assert found[1]["q"][-1] == pytest.approx(found[0]["q"][-1], abs=1e-11)
+
+
+def test_what_is_no_solver_is_refused():
+    system = lattice(2)
+    with pytest.raises(sc.InputError, match="argument solver: 'pardiso', expected a Solver"):
+        sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 1e-2, solver="pardiso")
+    with pytest.raises(sc.InputError, match="argument solver"):
+        sc.static(system, solver=sc.SolverDense)

@@ -1,0 +1,382 @@
+import math
+
+import numpy as np
+import pytest
+import skfem
+
+from skfem_cosserat import DirectorBasis, InputError, MeshCurve, MeshError, read_mesh, write_mesh
+from skfem_cosserat.basis import gauss_rule
+from skfem_cosserat.element import ElementLineLobatto, lobatto_nodes
+from skfem_cosserat.mesh import CurveSpline
+
+ORDERS = (1, 2, 3, 4)
+ARC = ((0, 0, 0), (1, 0, 0), (0, 1, 0), 2.0)
+
+
+def arc(elements=3, angle=1.2):
+    return MeshCurve.init_arc(*ARC, angle, elements, name="arc")
+
+
+def helix(elements=4):
+    return MeshCurve.init_helix((1, 0, 0), (0, 0, 0), (0, 0, 1), 0.7, 1.5, elements, name="h")
+
+
+def network():
+    a = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "a")
+    b = MeshCurve.init_line((1, 0, 0), (1, 2, 0), 2, "b")
+    c = MeshCurve.init_line((1, 0, 0), (1, 0, 3), 3, "c")
+    return a.joined(b, c)
+
+
+MESHES = {"arc": arc, "helix": helix, "network": network}
+
+
+def orthonormality(triads):
+    gram = np.einsum("...ik,...jk->...ij", triads, triads) - np.eye(3)
+    return max(np.abs(gram).max(), np.abs(np.linalg.det(triads) - 1).max())
+
+
+# ----------------------------------------------------------------------- numbering
+@pytest.mark.parametrize("p", ORDERS)
+@pytest.mark.parametrize("name", MESHES)
+def test_numbering_is_that_of_scikit_fem(p, name):
+    mesh = MESHES[name]()
+    basis = DirectorBasis(mesh, p)
+    assert basis.n_nodes == mesh.nvertices + mesh.nelements * (p - 1)
+    assert 12 * basis.n_nodes == basis.N
+    ours = np.sort(basis.element_dof_rows, axis=1)
+    assert np.array_equal(ours, np.sort(basis.element_dofs.T, axis=1))
+    assert np.array_equal(basis.connectivity[:, [0, -1]], mesh.t.T)
+    plain = skfem.Basis(mesh, basis.elem, quadrature=basis.quadrature)
+    assert np.abs(plain.doflocs - basis.doflocs).max() < 1e-14
+    for k in range(12 * (p + 1)):
+        a, c = divmod(k, 12)
+        place = basis.elem.elem.places[a]
+        assert np.array_equal(basis.element_dofs[k], 12 * basis.connectivity[:, place] + c)
+
+
+@pytest.mark.parametrize("p", ORDERS)
+def test_nodes_lie_on_the_curve(p):
+    basis = DirectorBasis(arc(), p)
+    assert np.abs(np.linalg.norm(basis.nodes - (0, 2, 0), axis=1) - 2).max() < 1e-14
+    angle = np.arctan2(basis.nodes[:, 0], 2 - basis.nodes[:, 1])[basis.connectivity]
+    assert np.abs(2 * angle - basis.arc_lengths).max() < 1e-14
+
+
+@pytest.mark.parametrize("p", ORDERS)
+def test_default_quadrature_has_p_points(p):
+    basis = DirectorBasis(arc(), p)
+    assert basis.points.shape == basis.weights.shape == (p,)
+    assert basis.X.shape == (1, p)
+    assert np.allclose(basis.dx.sum(axis=1), basis.lengths, rtol=1e-15)
+    for degree in range(2 * p):
+        assert basis.weights @ basis.points**degree == pytest.approx(1 / (degree + 1), rel=1e-14)
+
+
+def test_own_quadrature():
+    x, w = gauss_rule(5)
+    basis = DirectorBasis(arc(), 2, quadrature=(x[None], w))
+    assert len(basis.points) == 5
+    for bad in ((x[None], w[:-1]), (x[None], 2 * w), (np.stack([x, x]), w)):
+        with pytest.raises(InputError, match="argument quadrature"):
+            DirectorBasis(arc(), 2, quadrature=bad)
+
+
+def test_shape_functions_and_evaluation():
+    basis = DirectorBasis(arc(2), 4)
+    assert basis.shape(basis.points).shape == (5, 4)
+    xi = np.array([0.3, 0.9])
+    found = basis.evaluate(basis.nodes, [0, 1], xi)
+    exact = basis.mesh.mapping().F(xi[None, :, None].reshape(1, 2, 1), np.array([0, 1]))[:, :, 0]
+    assert np.abs(found - exact.T).max() < 1e-4  # interpolation error of order 5
+    q = np.arange(basis.N, dtype=float)
+    assert np.allclose(basis.evaluate(q, [1], [1.0])[0], q.reshape(-1, 12)[2], rtol=1e-15)
+    with pytest.raises(InputError, match=r"\(7, 3\)"):
+        basis.evaluate(np.zeros((7, 3)), [0], [0.5])
+
+
+def test_interpolate_agrees_with_the_block_product():
+    basis = DirectorBasis(helix(), 3)
+    q = np.sin(np.arange(basis.N, dtype=float))
+    field = basis.interpolate(q)
+    local = q.reshape(-1, 12)[basis.connectivity]
+    assert np.allclose(field, np.einsum("aq,eac->ceq", basis.shape(basis.points), local))
+    slope = np.einsum("aq,eac,e->ceq", basis.dshape(basis.points), local, 1 / basis.lengths)
+    assert np.allclose(field.grad[:, 0], slope)
+
+
+# ----------------------------------------------------------------------- integrals
+@pytest.mark.parametrize("p", ORDERS)
+def test_mass_and_load_are_exact(p):
+    basis = DirectorBasis(arc(3), p)
+    mass, load = basis.elemental_mass(), basis.elemental_load()
+    x, w = gauss_rule(12)
+    N = basis.shape(x)
+    assert np.allclose(mass, basis.lengths[:, None, None] * ((N * w) @ N.T), rtol=1e-13, atol=1e-16)
+    assert np.allclose(load, basis.lengths[:, None] * (N @ w), rtol=1e-13, atol=1e-16)
+    assert mass.sum() == pytest.approx(2.4, rel=1e-14)
+    assert np.allclose(mass.sum(axis=2), load, rtol=1e-13)
+
+
+def test_mass_with_coefficients():
+    basis = DirectorBasis(network(), 2)
+    plain = basis.elemental_mass()
+    factors = np.arange(1.0, 8.0)
+    assert np.allclose(basis.elemental_mass(3.0), 3 * plain)
+    assert np.allclose(basis.elemental_mass(factors), factors[:, None, None] * plain)
+    by_place = basis.elemental_mass(lambda x: 1 + x[2])
+    assert by_place.sum() == pytest.approx(1 + 2 + 3 + 4.5, rel=1e-14)
+    for bad in (np.ones(3), np.ones((2, 2))):
+        with pytest.raises(InputError, match="argument coefficient"):
+            basis.elemental_mass(bad)
+
+
+def test_scalar_basis_shares_the_nodes():
+    basis = DirectorBasis(helix(), 3)
+    scalar = basis.scalar()
+    assert basis.n_nodes == scalar.N
+    assert np.abs(scalar.doflocs.T - basis.nodes).max() < 1e-14
+    assert len(basis.scalar(intorder=0).W) == 1
+    assert np.array_equal(basis.scalar(quadrature=basis.quadrature).W, basis.W)
+    length = skfem.Functional(lambda w: 1 + 0 * w.x[0]).assemble(scalar)
+    assert length == pytest.approx(basis.lengths.sum(), rel=1e-14)
+
+
+def test_scikit_fem_copies_of_the_basis():
+    basis = DirectorBasis(network(), 2)
+    assert basis.n_nodes == basis.with_element(ElementLineLobatto(2)).N
+    part = basis.with_elements("c")
+    assert part.nelems == 3
+    parts = basis.split(np.arange(basis.N, dtype=float))
+    assert len(parts) == 12
+    assert parts[4][0].tolist() == list(range(4, basis.N, 12))
+    x = basis.project(lambda x: np.concatenate([x, x, x, x]))
+    exact = np.tile(basis.nodes, 4)
+    full = DirectorBasis(network(), 2, quadrature=(gauss_rule(3)[0][None], gauss_rule(3)[1]))
+    x = full.project(lambda x: np.concatenate([x, x, x, x]))
+    assert np.abs(x.reshape(-1, 12) - exact).max() < 1e-12
+
+
+def test_dofs_by_name_and_component():
+    basis = DirectorBasis(network(), 3)
+    v = basis.node("b.end")
+    assert basis.get_dofs("b.end").all().tolist() == list(range(12 * v, 12 * v + 12))
+    assert basis.get_dofs("b.end").all(["phi_2", "d3_3"]).tolist() == [12 * v + 1, 12 * v + 11]
+    assert basis.get_dofs(lambda x: np.isclose(x[2], 3)).all()[0] == 12 * basis.node("c.end")
+
+
+def test_point_load_through_a_facet_basis():
+    basis = DirectorBasis(network(), 2)
+    facet = basis.boundary("c.end")
+    load = skfem.LinearForm(lambda v, w: 5.0 * v[2]).assemble(facet)
+    assert np.flatnonzero(load).tolist() == [12 * basis.node("c.end") + 2]
+    assert load.sum() == 5.0
+
+
+def test_node_lookup_includes_interior_nodes():
+    basis = DirectorBasis(network(), 2)
+    inner = basis.connectivity[0, 1]
+    assert basis.node(tuple(basis.nodes[inner])) == basis.node(int(inner)) == inner
+    assert basis.node("a.end") == basis.node("c.start") == 2
+    for bad, words in [("x", "'a.start'"), (999, "999"), ((9, 9, 9), "nearest")]:
+        with pytest.raises(MeshError, match=words):
+            basis.node(bad)
+
+
+def test_other_meshes_are_refused():
+    with pytest.raises(MeshError, match="MeshLine1, expected a MeshCurve"):
+        DirectorBasis(skfem.MeshLine1())
+
+
+# ----------------------------------------------------------------------- triads
+@pytest.mark.parametrize("p", ORDERS)
+@pytest.mark.parametrize("name", MESHES)
+@pytest.mark.parametrize("twist", [None, 0.7, math.sin])
+def test_triads_are_orthonormal_with_the_tangent_third(p, name, twist):
+    basis = DirectorBasis(MESHES[name](), p)
+    triads = basis.triads(twist=twist)
+    assert triads.shape == (basis.mesh.nelements, p + 1, 3, 3)
+    assert orthonormality(triads) < 2e-14
+    exact = basis.mesh.mapping().tangent(lobatto_nodes(p)[None])
+    assert np.abs(triads[:, :, 2] - np.moveaxis(exact, 0, -1)).max() < 1e-14
+
+
+@pytest.mark.parametrize("directors", [None, (0, 0, 1), {"h": (0, 0, 1)}])
+@pytest.mark.parametrize("twist", [None, 2.0, {"h": 2.0}])
+def test_neighbours_in_a_smooth_beam_share_their_triads(directors, twist):
+    basis = DirectorBasis(helix(), 3)
+    triads = basis.triads(directors, twist)
+    assert np.array_equal(triads[:-1, -1], triads[1:, 0])
+    rotations = basis.relative_rotations(triads)
+    assert np.array_equal(rotations, np.broadcast_to(np.eye(3), rotations.shape))
+
+
+def test_hint_gives_the_first_director():
+    basis = DirectorBasis(helix(), 2)
+    d1, _, d3 = np.moveaxis(basis.triads(directors=(0, 0, 1)), 2, 0)
+    radial = np.cross(d1, d3)
+    assert np.abs(radial[..., 2]).max() < 1e-15  # hint, d1 and tangent are in one plane
+    assert (d1[..., 2] > 0.9).all()
+
+
+def test_transport_is_planar_on_an_arc():
+    triads = DirectorBasis(arc(5), 3).triads()
+    normal = triads[0, 0, 0]
+    assert np.abs(normal - (0, 1, 0)).max() < 1e-15  # first of x, y, z farthest from the tangent
+    assert np.abs(triads[:, :, 1] - triads[0, 0, 1]).max() < 1e-14  # the plane's normal stays
+
+
+def test_transport_on_a_helix_does_not_rotate():
+    """The frame turns by minus the torsion against Frenet's: angle tau * length, to order 4."""
+    errors = []
+    for ne in (8, 16):
+        mesh = helix(ne)
+        basis = DirectorBasis(mesh, 1)
+        triads = basis.triads()
+        s = basis.arc_lengths
+        rate = 1 / np.hypot(1, 0.7 / (2 * np.pi))
+        turn = rate * s
+        normal = -np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=-1)
+        binormal = np.cross(triads[:, :, 2], normal)
+        d1 = triads[:, :, 0]
+        angle = np.unwrap(np.arctan2((d1 * binormal).sum(-1), (d1 * normal).sum(-1)).ravel())
+        torsion = 0.7 / (2 * np.pi) * rate**2
+        errors.append(abs(angle[-1] - angle[0] + torsion * s[-1, -1]))
+    assert 3.7 < math.log2(errors[0] / errors[1]) < 4.3
+
+
+def test_transport_closes_on_a_spatial_loop():
+    points = [(0, 0, 0), (2, 0, 1), (2, 2, -1), (0, 3, 2), (-1, 1, 0)]
+    mesh = MeshCurve.init_curve(CurveSpline(points, closed=True), 400, closed=True)
+    basis = DirectorBasis(mesh, 1)
+    triads = basis.triads()
+    assert np.array_equal(triads[-1, -1], triads[0, 0])
+    assert np.array_equal(triads[:-1, -1], triads[1:, 0])
+    assert orthonormality(triads) < 2e-14
+    rotations = basis.relative_rotations(triads)
+    assert np.array_equal(rotations, np.broadcast_to(np.eye(3), rotations.shape))
+    # the spread rotation is the same everywhere: rate d2.d1' is constant along the loop
+    first, last = triads[:, 0], triads[:, -1]
+    rate = np.einsum("ek,ek->e", first[:, 1], last[:, 0]) - np.einsum(
+        "ek,ek->e", first[:, 0], last[:, 1]
+    )
+    rate /= 2 * basis.lengths
+    assert abs(rate.mean()) > 0.01
+    assert np.ptp(rate) < 0.02 * abs(rate.mean())
+
+
+@pytest.mark.parametrize("kind", ["rate", "function", "dict"])
+def test_twist_turns_about_the_axis(kind):
+    twist = {"rate": 0.4, "function": lambda s: 0.4 * s, "dict": {"a": 0.4}}[kind]
+    basis = DirectorBasis(MeshCurve.init_line((0, 0, 0), (0, 0, 5), 4, "a"), 2)
+    d1, d2 = np.moveaxis(basis.triads((1, 0, 0), twist), 2, 0)[:2]
+    angle = 0.4 * basis.arc_lengths
+    exact = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
+    assert np.abs(d1 - exact).max() < 1e-14
+    assert np.abs(d2 - np.cross((0, 0, 1), exact)).max() < 1e-14
+
+
+def test_hints_and_twists_by_beam():
+    basis = DirectorBasis(network(), 1)
+    mesh = basis.mesh
+    triads = basis.triads({"b": (0, 0, 1), "c": (1, 0, 0)}, {"c": np.pi / 2})
+    assert np.allclose(triads[mesh.elements_of("b"), :, 0], (0, 0, 1), atol=1e-15)
+    assert np.allclose(triads[mesh.elements_of("c")[0], 0, 0], (1, 0, 0), atol=1e-15)
+    assert np.allclose(triads[mesh.elements_of("c")[-1], 1, 0], (0, -1, 0), atol=1e-14)
+
+
+def test_relative_rotations_at_a_branch():
+    basis = DirectorBasis(network(), 3)
+    triads = basis.triads({"a": (0, 0, 1), "b": (0, 0, 1), "c": (0.6, 0.8, 0)})
+    nodal = basis.nodal_triads(triads)
+    rotations = basis.relative_rotations(triads)
+    rebuilt = np.einsum("eaij,eajk->eaik", rotations, nodal[basis.connectivity])
+    assert np.abs(rebuilt - triads).max() < 2e-15
+    junction = basis.node("a.end")
+    assert np.array_equal(nodal[junction], triads[1, -1])  # first element there
+    other = (rotations != np.eye(3)).any(axis=(-1, -2))
+    assert basis.connectivity[other].tolist() == [junction, junction]
+    assert np.abs(np.linalg.det(rotations) - 1).max() < 1e-14
+
+
+def test_corners_of_a_polyline_stay_corners_at_any_angle():
+    corners = [(0, 0, 0), (1, 0, 0), (2, 0.1, 0), (2, 1, 1)]
+    basis = DirectorBasis(MeshCurve.init_polyline(corners, 2), 2)
+    triads = basis.triads()
+    differs = np.abs(triads[:-1, -1] - triads[1:, 0]).max(axis=(-1, -2)) > 0
+    assert differs.tolist() == [False, True, False, True, False]
+    assert orthonormality(triads) < 2e-14
+
+
+def test_transport_over_a_corner_is_the_smallest_rotation():
+    frame = MeshCurve.init_polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)], 1)
+    triads = DirectorBasis(frame).triads()
+    assert np.allclose(triads[0, 0, 0], (0, 1, 0))
+    assert np.allclose(triads[1, 0, 0], (-1, 0, 0))  # turned by 90 degrees about z
+    fold = MeshCurve.init_points([(0, 0, 0), (1, 0, 0)])
+    assert orthonormality(DirectorBasis(fold).triads()) < 1e-15
+
+
+def chords(tmp_path, mesh):
+    write_mesh(tmp_path / "m.msh", mesh)
+    return read_mesh(tmp_path / "m.msh")
+
+
+@pytest.mark.parametrize("p", [1, 2, 4])
+def test_chords_from_a_file_share_mean_tangents(tmp_path, p):
+    mesh = chords(tmp_path, arc(6, 1.2))
+    basis = DirectorBasis(mesh, p)
+    triads = basis.triads()
+    assert np.array_equal(triads[:-1, -1], triads[1:, 0])
+    exact = np.moveaxis(arc(6).mapping().tangent(np.array([[0.0, 1.0]])), 0, -1)
+    assert np.abs(triads[1:-1, [0, -1], 2] - exact[1:-1]).max() < 1e-14  # equal chords of a circle
+    assert orthonormality(triads) < 2e-14
+
+
+def test_chords_at_a_feature_stay_a_corner(tmp_path):
+    bent = [(0, 0, 0), (1, 0, 0), (1 + math.cos(0.5), math.sin(0.5), 0)]
+    mesh = chords(tmp_path, MeshCurve.init_polyline(bent, 1))
+    assert mesh.feature_angle == pytest.approx(math.radians(30))
+    smooth = DirectorBasis(mesh).triads()
+    assert np.array_equal(smooth[0, 1], smooth[1, 0])
+    from dataclasses import replace
+
+    sharp = DirectorBasis(replace(mesh, feature_angle=0.4)).triads()
+    assert np.allclose(sharp[0, 1, 2], (1, 0, 0))
+    assert np.allclose(sharp[1, 0, 2], (math.cos(0.5), math.sin(0.5), 0))
+
+
+def test_a_closed_chord_ring_is_smooth_where_it_closes(tmp_path):
+    mesh = chords(tmp_path, MeshCurve.init_arc(*ARC, 2 * np.pi, 16, "ring"))
+    triads = DirectorBasis(mesh, 2).triads()
+    assert np.array_equal(triads[-1, -1], triads[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "kind", "words"),
+    [
+        ({"directors": (0, 0, 2)}, InputError, ["'arc'", "length 2", "unit"]),
+        ({"directors": {"arc": (0, 0, 2)}}, InputError, ["beam 'arc'", "[0.0, 0.0, 2.0]"]),
+        ({"directors": (0, np.nan, 1)}, InputError, ["'arc'", "nan"]),
+        ({"directors": (0, 1)}, InputError, ["'arc'", "(2,)"]),
+        ({"directors": {"ark": (0, 0, 1)}}, MeshError, ["beam 'ark'", "known beams: 'arc'"]),
+        ({"directors": (1, 0, 0)}, MeshError, ["beam 'arc'", "[1.0, 0.0, 0.0]", "element 0"]),
+        ({"twist": {"ark": 1.0}}, MeshError, ["twist of beam 'ark'", "'arc'"]),
+        ({"twist": np.nan}, InputError, ["twist of beam 'arc'", "nan"]),
+        ({"twist": lambda s: np.inf}, InputError, ["twist of beam 'arc'", "0 m"]),
+        ({"twist": {"arc": [1, 2, 3]}}, InputError, ["twist of beam 'arc'", "[1, 2, 3]"]),
+    ],
+)
+def test_errors_of_triads(kwargs, kind, words):
+    with pytest.raises(kind) as caught:
+        DirectorBasis(arc(), 2).triads(**kwargs)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_hint_parallel_at_an_interior_node_only():
+    mesh = MeshCurve.init_arc(*ARC, np.pi, 1)
+    hint = (0, 1, 0)  # the tangent in the middle of the half circle
+    assert DirectorBasis(mesh, 1).triads(directors=hint).shape == (1, 2, 3, 3)
+    with pytest.raises(MeshError, match=r"parallel .* arc length 3.14159 m"):
+        DirectorBasis(mesh, 2).triads(directors=hint)

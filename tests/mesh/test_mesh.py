@@ -1,0 +1,507 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import skfem
+from skfem import Basis, BilinearForm, ElementLineP1, ElementLineP2, FacetBasis, Functional
+
+from skfem_cosserat import MeshCurve, MeshError
+from skfem_cosserat.mesh import CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
+
+ARC = ((0, 0, 0), (1, 0, 0), (0, 1, 0), 2.0)  # start, tangent, normal, radius
+CENTRE = np.array([0.0, 2.0, 0.0])
+
+
+def ring(elements=7):
+    return MeshCurve.init_arc(*ARC, 2 * np.pi, elements, name="ring")
+
+
+def tee():
+    flange = MeshCurve.init_line((-1, 0, 0), (1, 0, 0), 4, name="flange")
+    web = MeshCurve.init_line((0, 0, 0), (0, 0, -3), 3, name="web")
+    return flange.joined(web)
+
+
+def integral(mesh, function, degree=8):
+    form = Functional(lambda w: function(w.x))
+    return form.assemble(Basis(mesh, ElementLineP1(), intorder=degree))
+
+
+CURVES = {
+    "line": CurveLine((1, 2, 3), (-1, 0, 2)),
+    "arc": CurveArc((1, 0, 0), (1, 1, 0), (0, 3, 1), 0.7, 5.0),
+    "helix": CurveHelix((1, 1, 0), (0, 0, 0), (0, 0, 2), 0.4, 2.5),
+    "left helix": CurveHelix((1, 1, 0), (0, 0, 0), (0, 0, 2), -0.4, 2.5),
+    "spline": CurveSpline([(0, 0, 0), (1, 0.2, 0), (1.5, 1, 0.5), (2, 1, 2), (1, 3, 1)]),
+    "closed spline": CurveSpline([(0, 0, 0), (1, 0.2, 0), (1.5, 1, 0.5), (0, 2, 1)], closed=True),
+    "moved": CurveMoved(CurveArc(*ARC, 1.0), np.diag([1.0, -1.0, 1.0]), np.array([1.0, 2, 3])),
+}
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_curves_are_parametrised_by_arc_length(name):
+    curve = CURVES[name]
+    s = np.linspace(0.03, 0.97, 23) * curve.length
+    h = 1e-6 * curve.length
+    slope = (curve.point(s + h) - curve.point(s - h)) / (2 * h)
+    assert np.abs(slope - curve.tangent(s)).max() < 1e-8
+    assert np.abs(np.linalg.norm(curve.tangent(s), axis=0) - 1).max() < 1e-14
+    assert curve.point(0.3).shape == curve.tangent(0.3).shape == (3,)
+    assert curve.point(np.ones((2, 5))).shape == curve.tangent(np.ones((2, 5))).shape == (3, 2, 5)
+
+
+@pytest.mark.parametrize("name", ["spline", "closed spline"])
+def test_spline_arc_length_to_1e_12(name):
+    curve = CURVES[name]
+    total = 0.0
+    grid = np.linspace(0, 1, 2001)
+    u = np.concatenate([a + (b - a) * grid[:-1] for a, b in zip(*_knots(curve), strict=True)])
+    u = np.append(u, _knots(curve)[1][-1])
+    x, w = np.polynomial.legendre.leggauss(5)
+    nodes = u[:-1, None] + np.diff(u)[:, None] * 0.5 * (x + 1)
+    speed = np.linalg.norm(curve._rate(nodes), axis=-1)
+    total = (0.5 * np.diff(u)[:, None] * speed * w).sum()
+    assert abs(total - curve.length) < 1e-12 * curve.length
+    assert np.abs(curve.point(curve.knots[: len(curve.points)]).T - curve.points).max() < 1e-14
+    steps = np.linspace(0, curve.length, 4001)
+    chords = np.linalg.norm(np.diff(curve.point(steps)), axis=0)
+    assert np.ptp(chords) < 3e-5 * chords.mean()
+
+
+def _knots(curve):
+    u = curve._spline.x
+    return u[:-1], u[1:]
+
+
+def test_spline_through_points_of_a_circle_approaches_it():
+    errors = []
+    for n in (16, 32):
+        angle = 2 * np.pi * np.arange(n) / n
+        points = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+        errors.append(abs(CurveSpline(points, closed=True).length - 2 * np.pi))
+    assert math.log2(errors[0] / errors[1]) > 3.7
+
+
+def test_closed_spline_is_smooth_at_its_start():
+    curve = CURVES["closed spline"]
+    assert np.abs(curve.tangent(0.0) - curve.tangent(curve.length)).max() < 1e-12
+
+
+def test_helix_advances_by_its_pitch_on_either_hand():
+    right, left = CURVES["helix"], CURVES["left helix"]
+    for curve in (right, left):
+        assert curve.point(curve.length)[2] == pytest.approx(2.5 * 0.4, abs=1e-14)
+        assert curve.length == pytest.approx(2.5 * np.hypot(2 * np.pi * np.sqrt(2), 0.4), rel=1e-15)
+    # a quarter turn from (1, 1): to (-1, 1) for the right hand, to (1, -1) for the left
+    quarter = right.length / 10
+    assert np.allclose(right.point(quarter)[:2], (-1, 1))
+    assert np.allclose(left.point(quarter)[:2], (1, -1))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: CurveLine((1, 2, 3), (1, 2, 3)), ["line", "[1.0, 2.0, 3.0]"]),
+        (lambda: CurveLine((1, 2), (1, 2, 3)), ["line start", "(1, 2)"]),
+        (lambda: CurveLine((1, 2, 3), (1, np.nan, 3)), ["line end", "nan"]),
+        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (2, 0, 0), 1, 1), ["arc normal", "(2, 0, 0)"]),
+        (lambda: CurveArc((0, 0, 0), (0, 0, 0), (2, 0, 0), 1, 1), ["arc tangent", "zero"]),
+        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (0, 1, 0), -2.5, 1), ["arc radius", "-2.5"]),
+        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1, 7.0), ["arc angle", "7.0"]),
+        (lambda: CurveHelix((0, 0, 3), (0, 0, 0), (0, 0, 1), 1, 1), ["helix start", "axis"]),
+        (lambda: CurveHelix((1, 0, 3), (0, 0, 0), (0, 0, 1), np.inf, 1), ["helix pitch", "inf"]),
+        (lambda: CurveHelix((1, 0, 3), (0, 0, 0), (0, 0, 1), 1, 0), ["helix turns", "0"]),
+        (lambda: CurveSpline([(0, 0, 0)]), ["spline points", "(1, 3)"]),
+        (lambda: CurveSpline([(0, 0, 0), (1, 0, 0)], closed=True), ["spline points", "(2, 3)"]),
+        (lambda: CurveSpline([(0, 0, 0), (0, 0, 0), (1, 0, 0)]), ["spline points", "0 and 1"]),
+        (lambda: CurveSpline([(0, 0, 0), (0, np.nan, 0)]), ["spline points", "point 1"]),
+    ],
+)
+def test_impossible_curves(make, words):
+    with pytest.raises(MeshError) as caught:
+        make()
+    for word in words:
+        assert word in str(caught.value)
+
+
+# ----------------------------------------------------------------------- exact integrals
+def test_integrals_over_an_arc_are_exact():
+    mesh = MeshCurve.init_arc(*ARC, 1.2, 3)
+    assert integral(mesh, lambda x: 1 + 0 * x[0]) == pytest.approx(2.4, rel=1e-15)
+    # x = 2 sin(s/2): its integral is 4 (1 - cos 0.6 ...) over s in [0, 2.4]
+    assert integral(mesh, lambda x: x[0], 20) == pytest.approx(4 * (1 - math.cos(1.2)), rel=1e-14)
+
+
+def test_integrals_over_a_ring():
+    assert integral(ring(), lambda x: 1 + 0 * x[0]) == pytest.approx(4 * np.pi, rel=1e-15)
+    assert integral(ring(), lambda x: x[0] ** 2, 20) == pytest.approx(8 * np.pi, rel=1e-13)
+    assert ring().nvertices == 7
+    assert list(ring().nodes) == ["ring.start"]
+
+
+def test_a_ring_of_two_elements_is_no_duplicate():
+    mesh = ring(2)
+    assert mesh.nvertices == 2
+    assert integral(mesh, lambda x: x[0] ** 2, 30) == pytest.approx(8 * np.pi, rel=1e-13)
+
+
+def test_integrals_over_a_branching_network():
+    mesh = tee()
+    assert integral(mesh, lambda x: 1 + 0 * x[0]) == pytest.approx(5.0, rel=1e-15)
+    assert integral(mesh, lambda x: x[2]) == pytest.approx(-4.5, rel=1e-15)
+    mass = BilinearForm(lambda u, v, w: u * v).assemble(Basis(mesh, ElementLineP1()))
+    j = mesh.node("web.start")
+    assert mass[j, j] == pytest.approx((0.5 + 0.5 + 1.0) / 3, rel=1e-15)  # all three elements
+
+
+def test_gradient_is_the_derivative_with_respect_to_arc_length():
+    mesh = MeshCurve.init_helix((1, 0, 0), (0, 0, 0), (0, 0, 1), 0.5, 1.0, 5)
+    basis = Basis(mesh, ElementLineP2(), intorder=6)
+    s = np.empty(basis.N)
+    s[basis.dofs.element_dofs] = mesh.arc_starts + mesh.lengths * np.array([0.0, 1.0, 0.5])[:, None]
+    form = Functional(lambda w: (w["u"].grad[0] - 2 * w["u"] * 0 - w["t"]) ** 2)
+    along = basis.interpolate(s)
+    value = form.assemble(basis, u=basis.interpolate(s**2), t=2 * np.asarray(along))
+    assert value < 1e-24
+
+
+def test_project_and_functional_on_a_curve():
+    mesh = MeshCurve.init_line((0, 0, 0), (0, 3, 4), 6)
+    basis = Basis(mesh, ElementLineP2())
+    y = basis.project(lambda x: x[1] * x[2])
+    assert np.abs(y - basis.doflocs[1] * basis.doflocs[2]).max() < 1e-12
+
+
+def test_laplacian_on_a_branching_network_gives_kirchhoff():
+    """Fixed at all three ends: the potential of the junction is the mean weighted by 1/length."""
+    mesh = tee()
+    basis = Basis(mesh, ElementLineP1())
+    stiffness = BilinearForm(lambda u, v, w: u.grad[0] * v.grad[0]).assemble(basis)
+    x = np.zeros(basis.N)
+    ends = [mesh.node(name) for name in ("flange.start", "flange.end", "web.end")]
+    x[ends] = 1.0, 2.0, 6.0
+    x = skfem.solve(*skfem.condense(stiffness, x=x, D=np.array(ends)))
+    assert x[mesh.node("web.start")] == pytest.approx((1 + 2 + 6 / 3) / (1 + 1 + 1 / 3), rel=1e-14)
+
+
+def test_dofs_by_position_name_and_beam():
+    mesh = tee()
+    basis = Basis(mesh, ElementLineP1())
+    tip = basis.get_dofs(lambda x: np.isclose(x[2], -3)).all()
+    assert tip.tolist() == basis.get_dofs("web.end").all().tolist() == [mesh.node("web.end")]
+    assert len(basis.get_dofs(elements="flange").all()) == 5
+
+
+def test_point_load_by_a_facet_basis_is_exact():
+    mesh = tee()
+    for name in ("web.end", "web.start", "flange.start"):
+        facet = FacetBasis(mesh, ElementLineP2(), facets=name)
+        load = skfem.LinearForm(lambda v, w: 7.0 * v).assemble(facet)
+        expected = np.zeros(facet.N)
+        expected[mesh.node(name)] = 7.0
+        assert np.array_equal(load, expected)
+
+
+def test_normals_are_outward_tangents():
+    mesh = MeshCurve.init_arc(*ARC, np.pi / 2, 4)
+    start = FacetBasis(mesh, ElementLineP1(), facets="beam.start").normals
+    end = FacetBasis(mesh, ElementLineP1(), facets="beam.end").normals
+    assert np.allclose(start[:, 0, 0], (-1, 0, 0), atol=1e-15)
+    assert np.allclose(end[:, 0, 0], (0, 1, 0), atol=1e-15)
+
+
+def test_probes_and_inverse_mapping():
+    mesh = ring(5)
+    s = np.array([0.1, 2.0, 6.3, 12.5])
+    x = mesh.curves[0].point(s)
+    basis = Basis(mesh, ElementLineP2())
+    y = basis.project(lambda x: x[0] - 2 * x[1])
+    elements = mesh.element_finder()(*x)
+    assert elements.tolist() == (s // mesh.lengths[0]).astype(int).tolist()
+    xi = mesh.mapping().invF(x[:, :, None], elements)
+    assert np.abs(xi[0, :, 0] - (s % mesh.lengths[0]) / mesh.lengths[0]).max() < 1e-13
+    wanted = (basis.probes(x) @ y) - basis.interpolator(y)(x)
+    assert np.abs(wanted).max() == 0
+    with pytest.raises(MeshError, match=r"\[9.0, 0.0, 0.0\]"):
+        mesh.element_finder()(np.array([9.0]), np.array([0.0]), np.array([0.0]))
+
+
+# ----------------------------------------------------------------------- refinement
+@pytest.mark.parametrize("how", [1, 3, np.int64(2), [1, 2], np.array([True] + 6 * [False])])
+def test_refinement_stays_on_the_curve_and_keeps_names(how):
+    mesh = ring().with_nodes({"n3": 3}).with_beams({"part": [1, 2, 5]})
+    fine = mesh.refined(how)
+    assert np.abs(np.linalg.norm(fine.p - CENTRE[:, None], axis=0) - 2).max() < 1e-14
+    assert fine.lengths.sum() == pytest.approx(4 * np.pi, rel=1e-15)
+    assert len(fine.elements_of("ring")) == fine.nelements > mesh.nelements
+    assert fine.lengths[fine.elements_of("part")].sum() == pytest.approx(12 * np.pi / 7, rel=1e-14)
+    assert np.array_equal(fine.p[:, fine.node("n3")], mesh.p[:, 3])
+    assert integral(fine, lambda x: x[0] ** 2, 20) == pytest.approx(8 * np.pi, rel=1e-13)
+    chain = fine.chains[0].elements
+    assert np.array_equal(chain, np.arange(fine.nelements))  # children in their parent's place
+
+
+def test_refinement_of_a_network_by_beam_name():
+    mesh = tee()
+    fine = mesh.refined("web")
+    assert len(fine.elements_of("web")) == 6
+    assert len(fine.elements_of("flange")) == 4
+    assert len(fine.elements_at("web.start")) == 3
+    middle = fine.mapping().F(np.array([[0.5]]))[:, fine.elements_of("web"), 0]
+    assert (middle[2] < 0).all()
+    again = fine.refined(2).refined(0)
+    assert integral(again, lambda x: x[2]) == pytest.approx(-4.5, rel=1e-15)
+
+
+def test_refining_nothing_or_nonsense():
+    mesh = tee()
+    assert mesh.refined([]).nelements == mesh.nelements
+    for bad, words in [([99], "99"), ([0.5], "float"), ("boom", "'flange', 'web'")]:
+        with pytest.raises(MeshError, match=words):
+            mesh.refined(bad)
+    with pytest.raises(MeshError, match=r"\(2,\)"):
+        mesh.refined(np.array([True, False]))
+
+
+# ----------------------------------------------------------------------- factories and names
+def test_polyline_with_named_corner():
+    mesh = MeshCurve.init_polyline(
+        [(0, 0, 0), (0, 3, 0), (4, 3, 0)], [3, 2], name="frame", nodes={"elbow": 3 / 7}
+    )
+    assert np.allclose(mesh.p[:, mesh.node("elbow")], (0, 3, 0))
+    assert mesh.nelements == 5
+    assert mesh.node("frame.end") == mesh.node((4, 3, 0)) == 5
+    square = MeshCurve.init_polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)], 2, closed=True)
+    assert square.nvertices == 6
+    assert square.chains[0].closed
+
+
+def test_points_are_the_vertices():
+    points = np.array([(0, 0, 0), (1, 0.1, 0.0), (2, 0.5, 0.3), (2.5, 1.5, 1)])
+    mesh = MeshCurve.init_points(points)
+    assert np.array_equal(mesh.p.T, points)
+    assert np.array_equal(mesh.refined(2).p.T[:4], points)
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    assert (mesh.lengths > chords).all()
+    loop = MeshCurve.init_points(points, closed=True)
+    assert loop.nelements == 4
+    assert loop.chains[0].closed
+
+
+def test_names_and_lookup():
+    mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="boom", nodes={"mid": 0.5, "a": 0})
+    assert [mesh.node(k) for k in ("boom.start", "a", "mid", "boom.end")] == [0, 0, 2, 4]
+    assert mesh.node(3) == mesh.node((0.75, 0, 0)) == mesh.node(np.array([0.75, 0, 0])) == 3
+    assert mesh.with_nodes({"hook": (0.25, 0, 0), "eye": 3}).node("hook") == 1
+    assert mesh.elements_of("boom").tolist() == [0, 1, 2, 3]
+    assert mesh.unnamed_elements().size == 0
+    bare = replace(mesh, _subdomains=None)
+    assert bare.unnamed_elements().tolist() == [0, 1, 2, 3]
+    assert bare.with_beams({"left": [0, 1]}).unnamed_elements().tolist() == [2, 3]
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda m: m.node("tipp"), ["node 'tipp'", "'flange.start'", "'web.end'"]),
+        (lambda m: m.node(77), ["node 77", "0 .. 7"]),
+        (lambda m: m.node((5, 0, 0)), ["[5.0, 0.0, 0.0]", "nearest", "4 m"]),
+        (lambda m: m.node((5, 0)), ["(5, 0)", "position"]),
+        (lambda m: m.node((5, 0, np.nan)), ["nan"]),
+        (lambda m: m.node(True), ["True"]),
+        (lambda m: m.elements_of("webb"), ["beam 'webb'", "'flange', 'web'"]),
+        (lambda m: m.with_nodes({"web.end": 0}), ["node 'web.end'", "taken"]),
+        (lambda m: m.with_nodes({"x": "web.end"}), ["node 'x'", "'web.end'"]),
+        (lambda m: m.with_nodes({"x": 100}), ["node 100"]),
+        (lambda m: m.with_beams({"web": [0]}), ["beam 'web'", "taken"]),
+        (lambda m: m.with_beams({"x": [70]}), ["beam 'x'", "70"]),
+        (lambda m: m.with_beams({"x": [0.5]}), ["beam 'x'", "float"]),
+        (lambda m: replace(m, feature_angle=-1.0), ["feature_angle", "-1.0"]),
+        (lambda m: replace(m, curve_ids=m.curve_ids[:-1]), ["curve_ids", "(6,)"]),
+        (lambda m: replace(m, curve_ids=m.curve_ids + 5), ["curve_ids", "curve 6"]),
+        (lambda m: replace(m, spans=m.spans + 1.5), ["element 1", "[2.0, 2.5]", "2.0 m"]),
+        (lambda m: replace(m, doflocs=m.p + 1.0), ["element 0", "off its curve"]),
+        (lambda m: m.moved(2 * np.eye(3)), ["rotation", "orthogonal"]),
+        (lambda m: m.translated((1, 2)), ["shift", "(1, 2)"]),
+        (lambda m: m.joined(m), ["beam 'flange'", "several meshes"]),
+        (lambda m: m.joined(m, tol=np.nan), ["tol", "nan"]),
+        (lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 0), ["beam 'beam'", "0"]),
+        (lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2.0, "b"), ["beam 'b'", "2.0"]),
+        (
+            lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, nodes={"m": 0.3}),
+            ["node 'm'", "0.3", "0.25"],
+        ),
+        (
+            lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, nodes={"m": np.nan}),
+            ["node 'm'", "nan"],
+        ),
+        (
+            lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, nodes={"beam.end": 0}),
+            ["node 'beam.end'", "given"],
+        ),
+        (lambda m: MeshCurve.init_polyline([(0, 0, 0)], 2), ["beam 'beam'", "(1, 3)"]),
+        (
+            lambda m: MeshCurve.init_polyline([(0, 0, 0), (1, 0, 0)], [2, 3]),
+            ["beam 'beam'", "2 numbers", "1 legs"],
+        ),
+    ],
+)
+def test_errors_name_the_item_and_the_value(call, words):
+    with pytest.raises(MeshError) as caught:
+        call(tee())
+    for word in words:
+        assert word in str(caught.value)
+
+
+LINE = np.array([[0.0, 1.0, 2.0], [0, 0, 0], [0, 0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("points", "t", "words"),
+    [
+        (LINE, np.zeros((2, 0), int), ["no elements", "(2, 0)"]),
+        (LINE[:2], [[0, 1], [1, 2]], ["(2, 3)", "expected (3, nv)"]),
+        (LINE, [[0, 1, 2]], ["connectivity", "(1, 3)"]),
+        (LINE, [[0.0, 1.0], [1.0, 2.0]], ["connectivity", "float64"]),
+        (LINE, [[0, 1], [1, 3]], ["element 1", "[1, 3]"]),
+        (LINE, [[0], [1]], ["node 2", "[2.0, 0.0, 0.0]", "no element"]),
+        (LINE, [[0, 1, 2], [1, 2, 2]], ["element 2", "nodes 2 and 2"]),
+        (LINE, [[0, 1, 2], [1, 2, 1]], ["element 2", "duplicates element 1", "[1, 2]"]),
+        (LINE * [[1], [np.nan], [1]], [[0, 1], [1, 2]], ["node 0", "nan"]),
+        (LINE[:, [0, 1, 1]], [[0, 1], [1, 2]], ["element 1", "1 and 2", "zero length"]),
+    ],
+)
+def test_bad_arrays_are_refused_at_construction(points, t, words):
+    with pytest.raises(MeshError) as caught:
+        MeshCurve(points, np.array(t))
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_a_name_of_two_nodes_is_no_node():
+    mesh = replace(tee(), _boundaries={"both": np.array([0, 1])})
+    with pytest.raises(MeshError, match="'both': names 2 nodes"):
+        mesh.node("both")
+
+
+# ----------------------------------------------------------------------- networks
+def test_joined_merges_and_keeps_both_automatic_names():
+    a = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "a")
+    b = MeshCurve.init_arc((1, 0, 0), (1, 0, 0), (0, 1, 0), 1.0, np.pi, 4, "b")
+    c = MeshCurve.init_line((1, 2, 0), (0, 0, 0), 3, "c")
+    mesh = a.joined(b, c)
+    assert mesh.nvertices == 3 + 4 + 2
+    assert mesh.node("a.end") == mesh.node("b.start")
+    assert mesh.node("b.end") == mesh.node("c.start")
+    assert mesh.node("c.end") == mesh.node("a.start")
+    assert mesh.lengths.sum() == pytest.approx(1 + np.pi + np.sqrt(5), rel=1e-15)
+    assert (a + b).nvertices == 7
+    assert len(mesh.chains) == 3
+    assert mesh.arc_starts[mesh.elements_of("c")][0] == 0
+
+
+def test_unwelded_beams_keep_their_own_nodes():
+    a = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "a")
+    b = MeshCurve.init_line((1, 0, 0), (1, 1, 0), 2, "b")
+    mesh = a.joined(b, weld=False)
+    assert mesh.nvertices == 6
+    assert mesh.node("a.end") != mesh.node("b.start")
+    with pytest.raises(MeshError, match=r"several nodes there: \[2, 3\]"):
+        mesh.node((1, 0, 0))
+    c = MeshCurve.init_line((1, 0, 0), (1, 0, 1), 2, "c")
+    with pytest.raises(MeshError, match=r"several nodes \[2, 3\]"):
+        mesh.joined(c)
+    with pytest.raises(MeshError, match="merged into one"):
+        c.joined(mesh)
+
+
+def test_tolerance_of_joining():
+    a = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "a")
+    b = MeshCurve.init_line((1 + 1e-7, 0, 0), (1, 1, 0), 2, "b")
+    assert a.joined(b).nvertices == 6
+    assert a.joined(b, tol=1e-6).nvertices == 5
+    with pytest.raises(MeshError, match=r"tol: 0.6 m would collapse|several nodes"):
+        a.joined(b, tol=0.6)
+
+
+def test_changed_copies_carry_their_curves():
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    mesh = tee().joined(ring())
+    for other in (
+        mesh.moved(turn, (1, 2, 3)),
+        mesh.translated((1, 2, 3)),
+        mesh.mirrored((0, 3, 0), (0, 1, 0)),
+        mesh.copy(),
+    ):
+        assert other.refined().lengths.sum() == pytest.approx(mesh.lengths.sum(), rel=1e-14)
+        assert list(other.beams) == ["flange", "web", "ring"]
+    assert np.allclose(mesh.mirrored((0, 1, 0), (0, 1, 0)).p[1], 2 - mesh.p[1])
+
+
+def test_restrict_keeps_curves_and_names():
+    mesh = tee().joined(ring())
+    part, vertices = mesh.restrict("ring", return_mapping=True)
+    assert part.lengths.sum() == pytest.approx(4 * np.pi, rel=1e-15)
+    assert list(part.beams) == ["ring"]
+    assert np.array_equal(part.p, mesh.p[:, vertices])
+    assert mesh.remove_elements(mesh.elements_of("ring")).nelements == tee().nelements
+    bare = mesh.restrict("web", skip_boundaries=True, skip_subdomains=True)
+    assert bare.beams == bare.nodes == {}
+
+
+def test_directed_turns_opposing_elements():
+    points = LINE[:, [0, 1, 2]]
+    mesh = MeshCurve(points, np.array([[0, 2], [1, 1]]), _subdomains={"b": np.array([0, 1])})
+    with pytest.raises(MeshError, match=r"beam 'b': elements 0 and 1 point against .* node 1"):
+        _ = mesh.chains
+    turned = mesh.directed()
+    assert turned.t.tolist() == [[0, 1], [1, 2]]
+    assert turned.arc_starts.tolist() == [0.0, 1.0]
+
+
+def test_a_turned_element_on_a_curve_runs_backwards():
+    mesh = MeshCurve.init_arc(*ARC, 1.0, 2)
+    back = replace(mesh, t=mesh.t[::-1], spans=mesh.spans[::-1])
+    X = np.array([[0.0, 0.3, 1.0]])
+    assert np.allclose(back.mapping().F(X), mesh.mapping().F(1 - X)[:, :, :], atol=1e-15)
+    assert np.allclose(back.mapping().tangent(X), -mesh.mapping().tangent(1 - X), atol=1e-15)
+    assert [chain.elements.tolist() for chain in back.chains] == [[1, 0]]
+
+
+def test_branches_inside_one_beam_end_chains():
+    mesh = replace(tee(), _subdomains={"all": np.arange(7)})
+    assert sorted(len(chain.elements) for chain in mesh.chains) == [2, 2, 3]
+    assert mesh.boundary_facets().tolist() == sorted(
+        mesh.node(n) for n in ("flange.start", "flange.end", "web.end")
+    )
+
+
+def test_defaults_and_parameters():
+    mesh = tee()
+    named = mesh.with_defaults()
+    assert named.node("left") == mesh.node("flange.start")
+    assert mesh.param() == 1.0
+    assert mesh.is_valid(raise_=True)
+    assert mesh.elements_satisfying(lambda x: x[2] < 0).tolist() == [4, 5, 6]
+    assert isinstance(MeshCurve.init_refdom(), skfem.MeshLine1)
+
+
+HUGE = 10**400, 10**15
+
+
+@pytest.mark.parametrize("number", HUGE)
+def test_huge_numbers_are_refused_at_once(number):
+    mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3)
+    calls = {
+        "refinement: 1000.* times, expected at most 21": lambda: mesh.refined(number),
+        "number of elements is 10000": lambda: MeshCurve.init_line((0, 0, 0), (1, 0, 0), number),
+        "beam': number of elements is": lambda: MeshCurve.init_polyline(np.eye(3), number),
+        "elements? ": lambda: mesh.restrict([number]),
+    }
+    for words, call in calls.items():
+        with pytest.raises(MeshError, match=words) as caught:
+            call()
+        assert len(str(caught.value)) < 200
+    with pytest.raises(MeshError, match="line start"):
+        MeshCurve.init_line((0, 0, 10**400), (1, 0, 0), 2)

@@ -1,0 +1,363 @@
+import importlib.util
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from skfem_cosserat import MeshCurve, MeshError, ModelWarning, read_mesh, write_mesh
+
+MESHES = Path(__file__).parents[2] / "meshes"
+FORMATS = [("a.msh", None), ("a.msh", "gmsh"), ("a.msh", "gmsh22"), ("a.vtu", None)]
+HEAD = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n"
+NODES = "$Nodes\n1 3 1 3\n1 1 0 3\n1\n2\n3\n0 0 0\n1 0 0\n2 0 0\n$EndNodes\n"
+
+
+def network():
+    """Irrational coordinates, a branch, a beam with a space in its name, lines in no beam."""
+    a = MeshCurve.init_line((0, 0, 0), (np.pi, np.e / 7, -1 / 3), 3, "long boom", {"third": 1 / 3})
+    b = MeshCurve.init_line((0, 0, 0), (1e-17, -(2.0**0.5), 1e5), 2, "web")
+    c = MeshCurve.init_line((5, 5, 5), (6, 5, 5), 2, "c")
+    mesh = a.joined(b, c)
+    beams = {k: v for k, v in mesh.beams.items() if k != "c"}
+    return replace(mesh, _subdomains={**beams, "ends": np.array([0, 4])})
+
+
+@pytest.mark.parametrize(("name", "kind"), FORMATS)
+def test_round_trip_is_exact(tmp_path, name, kind):
+    mesh = network()
+    path = tmp_path / name
+    write_mesh(path, mesh, kind)
+    back = read_mesh(path)
+    assert np.array_equal(back.p, mesh.p)
+    assert np.array_equal(back.t, mesh.t)
+    assert set(back.beams) == set(mesh.beams)
+    assert set(back.nodes) == set(mesh.nodes)
+    for k, v in mesh.beams.items():
+        assert np.array_equal(back.beams[k], v)
+    for k, v in mesh.nodes.items():
+        assert np.array_equal(back.nodes[k], v)
+    assert back.unnamed_elements().tolist() == [5, 6]
+
+
+@pytest.mark.parametrize(("name", "kind"), [("a.msh", None), ("a.msh", "gmsh22"), ("a.vtu", None)])
+def test_a_beam_and_a_node_may_share_a_name(tmp_path, name, kind):
+    mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "tip").with_nodes({"tip": 2})
+    write_mesh(tmp_path / name, mesh, kind)
+    back = read_mesh(tmp_path / name)
+    assert back.node("tip") == 2
+    assert back.elements_of("tip").tolist() == [0, 1]
+
+
+def test_save_and_load_are_the_same(tmp_path):
+    mesh = network()
+    mesh.save(tmp_path / "a.vtu", point_data={"u": mesh.p.T}, cell_data={"k": mesh.lengths})
+    data = meshio.read(tmp_path / "a.vtu")
+    assert np.array_equal(data.point_data["u"], mesh.p.T)
+    assert np.array_equal(data.cell_data["k"][0], mesh.lengths)
+    assert list(MeshCurve.load(tmp_path / "a.vtu").beams) == list(mesh.beams)
+
+
+def test_meshio_and_gmsh_22_agree_on_what_we_write(tmp_path):
+    mesh = MeshCurve.init_line((0, 0, 0), (1, 2, 3), 3, "boom")
+    write_mesh(tmp_path / "a.msh", mesh)
+    data = meshio.read(tmp_path / "a.msh")
+    assert np.array_equal(data.points.T, mesh.p)
+    assert np.array_equal(
+        np.concatenate([c.data for c in data.cells if c.type == "line"]).T, mesh.t
+    )
+    assert {"boom", "boom.start", "boom.end"} <= set(data.cell_sets)
+
+
+DATA = Path(__file__).parents[1] / "data"  # files written by gmsh itself
+
+
+@pytest.mark.parametrize("name", ["4.1_ascii", "4.1_binary", "2.2_ascii", "2.2_binary"])
+def test_files_of_gmsh_itself(name):
+    mesh = read_mesh(DATA / f"gmsh_{name}.msh")
+    assert set(mesh.beams) == {"sec:chord", "sec:brace"}
+    assert mesh.lengths[mesh.elements_of("sec:chord")].sum() == pytest.approx(3, rel=1e-14)
+    assert mesh.lengths[mesh.elements_of("sec:brace")].sum() == pytest.approx(np.sqrt(1.25))
+    assert mesh.p[:, mesh.node("support:root")].tolist() == [0, 0, 0]
+    assert len(mesh.elements_at("joint:k")) == 3
+    assert len(mesh.chains) == 2  # opposing lines of one group were turned
+
+
+@pytest.mark.parametrize("name", ["4.1_binary_partly", "4.1_binary_twice"])
+def test_binary_files_that_lose_a_group_are_refused(name):
+    """What meshio drops from them is not dropped in silence."""
+    with pytest.raises(MeshError, match=rf"gmsh_{name}.*save it as ASCII"):
+        read_mesh(DATA / f"gmsh_{name}.msh")
+
+
+def test_lines_in_two_groups():
+    mesh = read_mesh(DATA / "gmsh_4.1_ascii_twice.msh")
+    assert set(mesh.beams) == {"all", "second"}
+    assert mesh.lengths[mesh.elements_of("second")].sum() == pytest.approx(1, rel=1e-14)
+    assert len(mesh.unnamed_elements()) == 0
+
+
+def test_lines_in_no_group_are_kept():
+    mesh = read_mesh(DATA / "gmsh_4.1_ascii_partly.msh")
+    assert mesh.lengths[mesh.unnamed_elements()].sum() == pytest.approx(np.sqrt(1.25), rel=1e-14)
+    assert list(mesh.beams) == ["sec:chord"]
+
+
+def test_groups_without_a_name_are_called_by_their_tag(tmp_path):
+    elements = "$Elements\n1 2 1 2\n1 1 1 2\n1 1 2\n2 2 3\n$EndElements\n"
+    entities = "$Entities\n0 1 0 0\n1 0 0 0 2 0 0 1 12 0\n$EndEntities\n"
+    (tmp_path / "a.msh").write_text(HEAD + entities + NODES + elements)
+    assert list(read_mesh(tmp_path / "a.msh").beams) == ["physical-12"]
+
+
+def test_points_of_no_line_are_dropped(tmp_path):
+    cells = [("line", np.array([[3, 1], [1, 2]]))]
+    meshio.write(tmp_path / "a.vtu", meshio.Mesh(np.arange(12.0).reshape(4, 3), cells))
+    mesh = read_mesh(tmp_path / "a.vtu")
+    assert mesh.p[0].tolist() == [3, 6, 9]
+    assert mesh.t.T.tolist() == [[2, 0], [0, 1]]
+
+
+def test_sets_of_other_formats(tmp_path):
+    (tmp_path / "a.inp").write_text(
+        "*NODE\n1, 0., 0., 0.\n2, 1., 0., 0.\n3, 2., 0., 0.\n"
+        "*ELEMENT, TYPE=T3D2, ELSET=boom\n1, 1, 2\n2, 2, 3\n*NSET, NSET=root\n1\n"
+    )
+    mesh = read_mesh(tmp_path / "a.inp")
+    assert mesh.elements_of("boom").tolist() == [0, 1]
+    assert mesh.node("root") == 0
+
+
+#: models of Abaqus and Nastran, which say more than a mesh
+ABAQUS = """*HEADING
+a frame
+*NODE
+1, 0., 0., 0.
+2, 1., 0., 0.
+3, 2., 0., 0.
+*ELEMENT, TYPE=T3D2, ELSET=boom
+1, 1, 2
+2, 2, 3
+*NSET, NSET=root
+1
+** a remark
+*Beam  Section, ELSET=boom, MATERIAL=steel, SECTION=CIRC
+0.1
+0., 0., 1.
+*MATERIAL, NAME=steel
+*ELASTIC
+2.1e11, 0.3
+"""
+NASTRAN = """SOL 101
+CEND
+BEGIN BULK
+GRID,1,,0.0,0.0,0.0
+GRID,2,,1.0,0.0,0.0
+GRID,3,,2.0,0.0,0.0
+CBAR,1,7,1,2,0.0,0.0,1.0
+CBAR,2,8,2,3,0.0,0.0,1.0
+$ a remark
+PBAR,7,1,1.0,1.0,1.0
+PBAR,8,1,1.0,1.0,1.0
+MAT1,1,2.1+11,,0.3
+ENDDATA
+"""
+
+
+def test_what_is_left_out_of_a_model_is_named(tmp_path):
+    (tmp_path / "a.inp").write_text(ABAQUS)
+    words = r"a\.inp.*not \*BEAM SECTION \(1\), \*MATERIAL \(1\), \*ELASTIC \(1\): give sections"
+    with pytest.warns(ModelWarning, match=words):
+        mesh = read_mesh(tmp_path / "a.inp")
+    assert mesh.elements_of("boom").tolist() == [0, 1]
+    (tmp_path / "a.bdf").write_text(NASTRAN)
+    words = r"PBAR \(2\), MAT1 \(1\), property ids \(2\), orientations of CBAR and CBEAM \(2\)"
+    with pytest.warns(ModelWarning, match=words):
+        assert read_mesh(tmp_path / "a.bdf").nelements == 2
+
+
+def mutated(data, rng):
+    """One file with flipped bits, cut short, without lines, or with words changed."""
+    kind, out = rng.integers(6), bytearray(data)
+    if kind == 0:
+        for place in rng.integers(len(out), size=rng.integers(1, 4)):
+            out[place] ^= 1 << int(rng.integers(8))
+        return bytes(out)
+    if kind == 1:
+        return data[: rng.integers(len(data))]
+    if kind == 2:
+        rows = data.split(b"\n")
+        first = rng.integers(len(rows))
+        del rows[first : first + rng.integers(1, 4)]
+        return b"\n".join(rows)
+    if kind == 3:
+        first, count = rng.integers(len(out)), rng.integers(1, 20)
+        out[first : first + count] = rng.integers(256, size=count, dtype=np.uint8).tobytes()
+        return bytes(out)
+    words = re.split(rb"(\s+|,)", data)
+    one, two = rng.integers(len(words), size=2)
+    if kind == 4:
+        words[one], words[two] = words[two], words[one]
+    else:
+        words[one] = (b"-1", b"9" * 12, b"nan", b"x", b"0", b"1e400", b"9" * 400)[rng.integers(7)]
+    return b"".join(words)
+
+
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
+@pytest.mark.parametrize(
+    "source",
+    [
+        *("41.msh", "22.msh", "zlib.vtu", "raw.vtu", "lzma.vtu", "ascii.vtu", "a.vtk", "a.mesh"),
+        *("a.ply", "a.avs", "frame.inp", "frame.bdf", "gmsh_2.2_binary.msh"),
+        *("gmsh_4.1_binary.msh", "gmsh_4.1_ascii_partly.msh"),
+    ],
+)
+def test_damaged_files_give_one_kind_of_error(tmp_path, source):
+    """Or a mesh, where the damage is one that no reader can see."""
+    path = tmp_path / source
+    stem, suffix = source.rsplit(".", 1)
+    more = {
+        "raw": {"compression": None},
+        "lzma": {"compression": "lzma"},
+        "ascii": {"binary": False},
+    }
+    if suffix in ("inp", "bdf"):
+        path.write_text(ABAQUS if suffix == "inp" else NASTRAN)
+    elif stem.startswith("gmsh_"):
+        path.write_bytes((DATA / source).read_bytes())
+    elif suffix == "msh":
+        write_mesh(path, network(), "gmsh22" if stem == "22" else "gmsh")
+    else:
+        lines = _plain(network().p.T, "line", network().t.T)
+        meshio.write(path, lines, **more.get(stem, {}))
+    assert read_mesh(path).nelements > 1
+    rng, data, refused = np.random.default_rng(7), path.read_bytes(), 0
+    for _ in range(40):
+        path.write_bytes(mutated(data, rng))
+        try:
+            read_mesh(path)
+        except MeshError as error:  # no other one
+            refused += source in str(error)
+    assert refused > 10
+
+
+def _plain(points, kind, cells):
+    return meshio.Mesh(np.asarray(points, float), [(kind, np.array(cells))])
+
+
+BROKEN = {
+    "no.msh": None,
+    "empty.msh": "",
+    "head.msh": HEAD,
+    "cut.msh": HEAD + NODES + "$Elements\n1 2 1 2\n1 1 1 2\n1 1 2\n$EndElements\n",
+    "words.msh": HEAD + NODES.replace("2 0 0", "2 x 0") + "$Elements\n0 0 0 0\n$EndElements\n",
+    "gone.msh": HEAD + NODES + "$Elements\n1 1 1 1\n1 1 1 1\n1 1 9\n$EndElements\n",
+    "v9.msh": "$MeshFormat\n9.9 0 8\n$EndMeshFormat\n",
+    "bad.vtu": "<VTKFile",
+    "other.vtu": "<VTKFile></VTKFile>",
+    "what.xyz": "1 2 3",
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_files_give_one_kind_of_error(tmp_path, name, capsys):
+    if BROKEN[name] is not None:
+        (tmp_path / name).write_text(BROKEN[name])
+    with pytest.raises(MeshError, match=name):
+        read_mesh(tmp_path / name)
+    captured = capsys.readouterr()
+    assert captured.out == captured.err == ""
+
+
+def test_truncated_files_never_leave_the_interpreter(tmp_path):
+    for source, kind in (("a.msh", "gmsh22"), ("b.msh", "gmsh"), ("c.vtu", "vtu")):
+        write_mesh(tmp_path / source, network(), kind)
+        text = (tmp_path / source).read_bytes()
+        for part in (0.2, 0.4, 0.6, 0.8, 0.95):
+            (tmp_path / source).write_bytes(text[: int(part * len(text))])
+            with pytest.raises(MeshError, match=source):
+                read_mesh(tmp_path / source)
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".msh"])
+def test_quadratic_and_missing_lines_are_refused(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    options = {"file_format": "gmsh"} if suffix == ".msh" else {}
+    if suffix == ".msh":
+        elements = "$Elements\n1 1 1 1\n1 1 8 1\n1 1 2 3\n$EndElements\n"
+        path.write_text(HEAD + NODES + elements)
+    else:
+        meshio.write(path, _plain(points, "line3", [[0, 1, 2]]), **options)
+    with pytest.raises(MeshError, match=r"1 (cells of type 'line3'|quadratic lines)"):
+        read_mesh(path)
+    if suffix == ".msh":
+        path.write_text(HEAD + NODES + elements.replace("1 1 8 1", "2 1 2 1"))
+    else:
+        meshio.write(path, _plain(points, "triangle", [[0, 1, 2]]), **options)
+    with pytest.raises(MeshError, match="no lines"):
+        read_mesh(path)
+
+
+def test_a_named_point_of_no_line_is_refused(tmp_path):
+    mesh = _plain([(0, 0, 0), (1, 0, 0), (7, 1, 0)], "line", [[0, 1]])
+    mesh.point_data["node:body:door"] = np.array([0, 0, 1])
+    meshio.write(tmp_path / "a.vtu", mesh)
+    with pytest.raises(MeshError, match=r"node 'body:door': at \[7.0, 1.0, 0.0\]"):
+        read_mesh(tmp_path / "a.vtu")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "words"),
+    [
+        ("a.stl", None, [r"a.stl", ".stl"]),
+        ("a.vtu", "xdmf", ["'xdmf'"]),
+    ],
+)
+def test_unknown_formats(tmp_path, name, kind, words):
+    with pytest.raises(MeshError) as caught:
+        write_mesh(tmp_path / name, network(), kind)
+    assert all(word in str(caught.value) for word in words)
+
+
+def test_names_a_format_cannot_hold(tmp_path):
+    mesh = network().with_nodes({'a "b"': 0})
+    with pytest.raises(MeshError, match='a "b"'):
+        write_mesh(tmp_path / "a.msh", mesh)
+    with pytest.raises(MeshError, match='a "b"'):
+        write_mesh(tmp_path / "a.vtu", mesh)
+    with pytest.raises(MeshError, match="data"):
+        network().save(tmp_path / "a.msh", point_data={"u": np.zeros(3)})
+
+
+@pytest.mark.parametrize("script", sorted(MESHES.glob("*.py")), ids=lambda p: p.stem)
+def test_scripts_reproduce_the_files(tmp_path, script):
+    spec = importlib.util.spec_from_file_location(script.stem, script)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    path = module.main(tmp_path / "again.msh")
+    assert os.fspath(path) == os.fspath(tmp_path / "again.msh")
+    new, kept = read_mesh(path), read_mesh(script.with_suffix(".msh"))
+    assert np.abs(new.p - kept.p).max() <= 4e-16 * new.size
+    assert np.array_equal(new.t, kept.t)
+    assert {k: v.tolist() for k, v in new.beams.items()} == {
+        k: v.tolist() for k, v in kept.beams.items()
+    }
+    assert {k: v.tolist() for k, v in new.nodes.items()} == {
+        k: v.tolist() for k, v in kept.nodes.items()
+    }
+
+
+def test_every_mesh_has_its_script():
+    assert {p.stem for p in MESHES.glob("*.msh")} == {p.stem for p in MESHES.glob("*.py")}
+
+
+def test_the_swing():
+    mesh = read_mesh(MESHES / "three_bar_swing.msh")
+    assert mesh.nelements == 20
+    assert [mesh.node(k) for k in ("left", "mid", "right")] == [0, 10, 20]
+    assert mesh.p[:, mesh.node("right")].tolist() == [0, 0.72, 0]
+    assert mesh.lengths.sum() == pytest.approx(0.72, rel=1e-14)

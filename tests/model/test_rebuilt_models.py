@@ -1,0 +1,172 @@
+"""A scene with other beams: the same one where nothing differs, and never a change of the first."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers_scenes import model_of_everything, swing_model
+
+from skfem_cosserat import (
+    Beam,
+    EnergyMomentum,
+    Foundation,
+    InputError,
+    JointDrive,
+    JointRevolute,
+    JointSpringDamper,
+    LoadForce,
+    LoadGravity,
+    LoadLine,
+    Material,
+    MeshCurve,
+    MeshError,
+    Model,
+    NullSpace,
+    RayleighDamping,
+    RigidBody,
+    SectionCircle,
+    SensorPosition,
+    ground,
+    initial_state,
+    project,
+    simulate,
+)
+from skfem_cosserat.mesh import divided
+
+RUBBER = SectionCircle(5e-3, Material(E=5e6, nu=0.5, rho=1100))
+
+
+def run(model: Model, steps: int = 5, step: float = 1e-3, **options):
+    system = model.freeze()
+    start = initial_state(system, v=project(system, system.q0, system.v0))
+    options |= {"until": steps * step, "start": start}
+    return simulate(system, EnergyMomentum(), NullSpace(), step, **options)
+
+
+def driven(elements: int, order: int = 1) -> Model:
+    """A curved rod in a bed, driven, damped, with a spring on its hinge and a ball on its end."""
+    mesh = MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1.0, 0.8, elements, "rod")
+    model = Model()
+    rod = model.add("rod", Beam(mesh, RUBBER, order=order, angular_velocity=(0, 0, 0)))
+    pin = model.add("pin", JointRevolute(ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1)))
+    model.add("motor", JointDrive(pin, lambda t: 3.0 * t**2))
+    model.add("ball", RigidBody.sphere(0.05, radius=0.02, on=rod.node("rod.end")))
+    end = rod.node("rod.end")
+    tail = RigidBody.box(0.1, (0.1, 0.1, 0.1), position=end.position)
+    model.add("tail", tail)
+    hinge = model.add("hinge", JointRevolute(end, tail.local((0, 0, 0)), axis=(1, 0, 0)))
+    model.add("spring", JointSpringDamper(hinge, stiffness=0.5, damping=0.01))
+    model.add("bed", Foundation(rod, stiffness=20.0, damping=0.1, part="rod"))
+    model.add("line", LoadLine(rod, (0, 0.3, 0.1), part="rod", follower=True))
+    model.add("push", LoadForce(end, (0.1, 0, 0.2), follower=True))
+    model.add("weight", LoadGravity((0, 0, -9.81)))
+    model.add("damping", RayleighDamping(stiffness=1e-3, items=[rod]))
+    return model
+
+
+@pytest.mark.parametrize("make", [lambda: model_of_everything(2), lambda: driven(3, 2)])
+def test_nothing_replaced_is_the_same_scene(make):
+    model = make()
+    other = model.with_items({})
+    first, second = run(model), run(other)
+    assert list(other) == list(model)
+    assert not any(other[name] is model[name] for name in model)
+    np.testing.assert_array_equal(first["q"], second["q"])
+    np.testing.assert_array_equal(first["p"], second["p"])
+
+
+@pytest.mark.parametrize(("elements", "order"), [(2, 1), (3, 2), (5, 3), (9, 1)])
+def test_on_another_mesh_it_is_the_scene_built_there(elements, order):
+    model = driven(4, 2)
+    rod = model["rod"]
+    other = model.with_items({"rod": rod.on_mesh(divided(rod.mesh, elements), order)})
+    built, made = run(driven(elements, order)), run(other)
+    scale = abs(built["p"]).max()
+    np.testing.assert_allclose(made["q"], built["q"], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(made["p"], built["p"], rtol=0, atol=1e-8 * scale)
+    assert rod.mesh.nelements == 4
+    assert model.freeze().n == driven(4, 2).freeze().n
+
+
+def test_swing_of_straight_chords_gets_coarser():
+    model = swing_model(20)
+    beam = model["beam"]
+    other = model.with_items({"beam": beam.on_mesh(divided(beam.mesh, 8))})
+    built, made = run(swing_model(8), 20, 1e-2), run(other, 20, 1e-2)
+    for name in ("energy", "angular_momentum"):
+        np.testing.assert_allclose(made[name], built[name], rtol=1e-7, atol=1e-7)
+
+
+def test_a_body_for_a_beam_moves_alike_in_whatever_triad():
+    """Follower loads, lumps and joints on turned triads are at the same material points."""
+    model, copy = Model(), model_of_everything(1).with_items({})
+    for name in copy:
+        if name not in ("line", "pressure"):  # no body has a line
+            vars(copy[name]).update(name=None)  # in no model any more
+            model.add(name, copy[name])
+    curved = model["curved"]
+    middle = curved.basis.nodes.mean(axis=0)
+    results = []
+    for triad, shift in ((np.eye(3), 0.0), (np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]), 0.3)):
+        position = middle + (0, shift, 0)
+        inertia = triad @ np.diag([0.3, 0.4, 0.5]) @ triad.T
+        center = triad @ (middle - position)
+        body = RigidBody(2.0, inertia, position=position, triad=triad, center=center)
+        made = model.with_items({"curved": body})
+        history = run(made, 20)
+        results.append((history["energy"], history["joint/joint 1/angle"]))
+    for one, other in zip(*results, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-10)
+
+
+def test_sensors_go_along():
+    model = driven(4, 2)
+    rod = model["rod"]
+    sensor = SensorPosition(rod, 0.3)
+    other, replacements = model.rebuilt({"rod": rod.on_mesh(divided(rod.mesh, 7), 3)})
+    seen = run(other, sensors={"x": replacements.of(sensor)}).sensors["x"].values
+    own = run(driven(7, 3))
+    assert seen.shape == (6, 3)
+    mesh = driven(7, 3)["rod"]
+    built = driven(7, 3)
+    direct = run(built, sensors={"x": SensorPosition(built["rod"], 0.3)}).sensors["x"].values
+    np.testing.assert_allclose(seen, direct, atol=1e-10)
+    assert mesh.mesh.nelements == 7
+    assert len(own) == 6
+
+
+def test_division_keeps_corners_names_and_places():
+    corner = [(0, 0, 0), (1, 0, 0), (1, 1, 0)]
+    mesh = MeshCurve.init_polyline(corner, 6, name="frame", nodes={"hook": 0.25})
+    coarse = divided(mesh, 2)
+    assert coarse.nelements == 3
+    np.testing.assert_allclose(coarse.p[:, coarse.node("hook")], (0.5, 0, 0), atol=1e-15)
+    kept = divided(mesh, 2, keep=[(8, 0.5)])
+    assert kept.nelements == 4
+    assert kept.node((1.0, 2.5 / 6, 0)) >= 0
+    ring = MeshCurve.init_arc((1, 0, 0), (0, 1, 0), (-1, 0, 0), 1.0, 2 * np.pi, 24, "ring")
+    assert divided(ring, 1).nelements == 3
+    assert divided(ring, 48).lengths == pytest.approx(2 * np.pi / 48, rel=1e-12)
+    both = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, "a").joined(
+        MeshCurve.init_line((1, 0, 0), (1, 1, 0), 4, "b")
+    )
+    one = divided(both, 2, beam="b")
+    assert (len(one.elements_of("a")), len(one.elements_of("b"))) == (4, 2)
+
+
+def test_bad_replacements_are_named():
+    model = driven(4)
+    rod = model["rod"]
+    with pytest.raises(InputError, match="unknown name 'bar'"):
+        model.with_items({"bar": rod.refined(1)})
+    with pytest.raises(InputError, match="'rod': is already in a model"):
+        model.with_items({"rod": rod})
+    with pytest.raises(InputError, match=r"'pin': the .* expected a beam or rigid body"):
+        model.with_items({"pin": rod.refined(1)})
+    model.add("extra", LoadForce(rod.node(1), (0, 0, 1.0)))
+    with pytest.raises(InputError, match=r"has no node at .*, where something is attached"):
+        model.with_items({"rod": rod.on_mesh(divided(rod.mesh, 3))})
+    with pytest.raises(MeshError, match="number of elements is 0"):
+        divided(rod.mesh, 0)
+    with pytest.raises(MeshError, match="unknown"):
+        divided(rod.mesh, 2, beam="bar")

@@ -1,0 +1,74 @@
+"""The pages of the guide: each code block runs, each shown output comes out, each link leads on.
+
+The ``python`` blocks of a page run in order, in one namespace and an empty folder. A ``text``
+block right under one shows what it prints: the words have to be the same, numbers may differ by
+2 % or be rounding alike (both below 1e-7).
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_readme import relative_targets
+
+ROOT = Path(__file__).resolve().parents[2]
+GUIDE = ROOT / "examples" / "guide"
+PAGES = sorted(GUIDE.glob("*.md"))
+_BLOCK = re.compile(r"^```python\n(.*?)^```\n(?:\n*```text\n(.*?)^```$)?", re.M | re.S)
+_NUMBER = re.compile(r"[-+]?\b\d+\.?\d*(?:e[-+]?\d+)?\b")
+_COMMAND = re.compile(r"`(?:\.venv/bin/)?python ((?:examples|tests)/\S+?\.py)[^`]*`")
+
+
+def blocks(text: str) -> list[tuple[int, str, str | None]]:
+    """Line, source and shown output (or None) of each python block."""
+    return [(text[: m.start(1)].count("\n") + 1, m[1], m[2]) for m in _BLOCK.finditer(text)]
+
+
+def check_output(shown: str, printed: str, where: str) -> None:
+    """Same words; numbers to 2 %, or both rounding."""
+    words = [" ".join(_NUMBER.sub("#", text).split()) for text in (shown, printed)]
+    assert words[0] == words[1], f"{where}: printed is\n{printed}"
+    pairs = zip(_NUMBER.findall(shown), _NUMBER.findall(printed), strict=True)
+    for a, b in ((float(x), float(y)) for x, y in pairs):
+        alike = np.isclose(a, b, rtol=0.02, atol=1e-12) or max(abs(a), abs(b)) < 1e-7
+        assert alike, f"{where}: shown {a}, printed {b}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_code_runs_and_prints_what_is_shown(
+    page: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = {"__name__": "__main__"}
+    for line, source, shown in blocks(page.read_text(encoding="utf-8")):
+        capsys.readouterr()
+        exec(compile("\n" * (line - 1) + source, str(page), "exec"), names)
+        if shown is not None:
+            check_output(shown, capsys.readouterr().out, f"{page.name}, line {line}")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_and_commands_lead_somewhere(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    missing = [target for target in relative_targets(text) if not (GUIDE / target).exists()]
+    missing += [path for path in _COMMAND.findall(text) if not (ROOT / path).is_file()]
+    assert not missing
+
+
+def test_outputs_are_compared():
+    check_output("error 1.00e-12 of 3\n", "error 4.1e-15  of 3\n", "here")
+    with pytest.raises(AssertionError, match="shown 3"):
+        check_output("of 3.0\n", "of 3.2\n", "here")
+    with pytest.raises(AssertionError, match="printed is"):
+        check_output("of 3.0\n", "off 3.0\n", "here")
+
+
+def test_blocks_are_found_with_their_output():
+    text = "# T\n```python\nx = 1\n```\n\n```text\n1\n```\n```python\ny = 2\n```\nwords\n"
+    assert blocks(text) == [(3, "x = 1\n", "1\n"), (10, "y = 2\n", None)]

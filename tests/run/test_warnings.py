@@ -1,0 +1,226 @@
+"""Warnings are seen: by Python's own, once a run and item, and kept with what they are about."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import subprocess
+import sys
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skfem_cosserat as sc
+from skfem_cosserat.parallel.jobs import pack, read, run_packed
+from skfem_cosserat.warn import Notices, in_words, repeat, sum_up, warn
+
+SOFT = sc.Section([1e4, 1e4, 1e4, 1e-3, 1e-3, 1e-3], mass=1.0, inertia=(1e-3, 1e-3))
+RUN = sc.EnergyMomentum(), sc.NullSpace(), 1e-3
+QUICK = {"kernels": "numpy"}
+
+
+def wire(pull: float = 100.0, elements: int = 3, names: tuple[str, ...] = ("wire",)) -> sc.Model:
+    """Taut wires: far beyond what their elements can hold."""
+    model = sc.Model()
+    for k, name in enumerate(names):
+        line = sc.MeshCurve.init_line((0, k, 0), (1, k, 0), elements, name=name)
+        beam = model.add(name, sc.Beam(line, SOFT, director=(0, 1, 0)))
+        start = sc.JointFixed(sc.ground((0, k, 0)), beam.node(f"{name}.start"))
+        model.add(f"{name} clamp", start)
+        model.add(f"{name} pull", sc.LoadForce(beam.node(f"{name}.end"), (pull, 0, 0)))
+    return model
+
+
+def swung(pull: float) -> sc.History:
+    return sc.simulate(wire(pull).freeze(), *RUN, 2e-3, **QUICK)
+
+
+def bent() -> sc.Beam:
+    """Bends that its elements cannot follow well."""
+    mesh = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1.0, np.pi, 3)
+    return sc.Beam(mesh, SOFT)
+
+
+def test_each_item_is_said_once_a_run_at_the_users_line():
+    system = wire(names=("one", "two")).freeze()
+    with pytest.warns(sc.CosseratWarning) as given:
+        history = sc.simulate(system, *RUN, 3e-3, **QUICK)
+    assert len(given) == 1  # the worse one, at the first state that shows it
+    assert given[0].category is sc.AccuracyWarning and given[0].filename == __file__
+    (notice,) = history.meta["warnings"]
+    assert notice["category"] == "AccuracyWarning" and notice["item"] in {
+        "beam 'one'",
+        "beam 'two'",
+    }
+    assert str(given[0].message) == in_words(notice)
+    assert notice["time"] == 1e-3 and notice["when"] == "t = 0.001 s"
+    assert json.loads(json.dumps(history.meta["warnings"])) == history.meta["warnings"]
+    assert repr(history).endswith("completed, 1 warning>")
+    silent = swung(1e-3)
+    assert silent.meta["warnings"] == [] and repr(silent).endswith("completed>")
+
+
+@pytest.mark.parametrize("derive", [True, False])
+def test_streamed_files_have_them(tmp_path, derive):
+    path = tmp_path / "run.history"
+    with pytest.warns(sc.AccuracyWarning):
+        history = sc.simulate(wire().freeze(), *RUN, 3e-3, path=path, derive=derive, **QUICK)
+    assert sc.History.load(path).meta["warnings"] == history.meta["warnings"] != []
+    path = tmp_path / "path.history"
+    with pytest.warns(sc.AccuracyWarning, match="load factor"):
+        history = sc.static(wire(), path=path, derive=derive, watch=False)
+    assert sc.History.load(path).meta["warnings"] == history.meta["warnings"] != []
+
+
+def test_a_warning_that_is_made_an_error_keeps_the_history():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", sc.CosseratWarning)
+        with pytest.raises(sc.AccuracyWarning) as caught:
+            swung(100.0)
+        assert len(caught.value.history) == 3
+        assert len(caught.value.history.meta["warnings"]) == 1
+        with pytest.raises(sc.AccuracyWarning) as caught:
+            sc.static(wire(), watch=False)
+    assert len(caught.value.history) >= 1
+
+
+def test_a_failure_says_what_was_doubtful_before():
+    with pytest.warns(sc.ModelWarning, match="it looks odd"), pytest.raises(sc.Diverged) as caught:
+        failing(doubtful)
+    error = pickle.loads(pickle.dumps(caught.value))
+    assert error.warnings == error.history.meta["warnings"] != []
+    assert str(error).endswith("; warned before: beam 'wire', t = 0.1 s: it looks odd")
+    assert error.history.meta["failure"] == str(error)
+
+
+def failing(doubt):
+    """A blow that the second step does not resolve."""
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(1.0, position=(0, 0, -1)))
+    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
+    model.add("blow", sc.LoadForce(bob.place(), (1e4, 0, 0), sc.Table([0.1, 0.2], [0, 1])))
+    run = sc.Variational(), sc.Multipliers(), 0.1
+    return sc.simulate(model.freeze(), *run, until=1.0, callbacks=[doubt])
+
+
+def test_what_a_scene_is_warned_of_goes_with_its_runs():
+    """Said when it is built, kept with each run, not said again: not in another process either."""
+    with pytest.warns(sc.ModelWarning, match="turns between its ends"):
+        beam = bent()
+    model = sc.Model()
+    model.add("ring", beam)
+    system = model.freeze()
+    again = pickle.loads(pickle.dumps(system))
+    for each in (system, again):
+        history = sc.simulate(each, *RUN, 2e-3, **QUICK)
+        assert history.meta["warnings"] == system.warnings == list(beam.warnings) != []
+        stepper = sc.Stepper(each, *RUN, kernels="numpy")
+        assert stepper.notices.found == system.warnings
+
+
+def test_steps_of_a_loop_say_it_once():
+    """One list a generator or stepper, at the line that asks for the step."""
+    points = [(0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 0, 0)]
+    model, ends = sc.Model(), [sc.ground(points[0])]
+    for k in range(3):
+        a, b = map(np.array, points[k : k + 2])
+        bar = sc.RigidBody.box(1.0, (0.05, 0.05, 1.0), position=(a + b) / 2, triad=sc.triad(b - a))
+        model.add(f"bar {k}", bar)
+        model.add(f"pin {k}", sc.JointRevolute(ends[-1], bar.at(a), axis=(0, 1, 0)))
+        ends.append(bar.at(b))
+    model.add("pin 3", sc.JointRevolute(ends[-1], sc.ground(points[3]), axis=(0, 1, 0)))
+    system = model.freeze()
+    start = sc.initial_state(system, rates={"pin 0": 5.0})
+    reports = sc.steps(system, sc.EnergyMomentum(), sc.NullSpace(), 0.02, start)
+    with pytest.warns(sc.AccuracyWarning, match="passed a singular position") as given:
+        times = [next(reports).state.time for _ in range(60)]  # past two flat positions
+    assert len(given) == 1 and given[0].filename == __file__ and len(times) == 60
+
+
+def test_notices():
+    with Notices(quiet=True) as outer, Notices(alone=True, quiet=True) as inner:
+        warn("a", "1 of 2", sc.ModelWarning, 1)
+        warn("a", "3 of 4", sc.ModelWarning)
+        warn("b", "1 of 2", sc.ModelWarning)
+        warn("a", "1 of 2", sc.AccuracyWarning)
+    assert outer.found == []
+    assert [(n["item"], n["text"]) for n in inner.found] == [("a", "1 of 2"), ("b", "1 of 2")] + [
+        ("a", "1 of 2")
+    ]
+    third = Notices()
+    with pytest.warns(sc.CosseratWarning) as given, third:
+        repeat(2 * inner.found, "job 'x', ")
+    assert [str(each.message) for each in given] == [
+        *("job 'x', a, t = 1 s: 1 of 2", "job 'x', b: 1 of 2", "job 'x', a: 1 of 2"),
+    ]
+    with pytest.warns(sc.AccuracyWarning, match="study: 2 of 3 runs .* 'q': job 'x', a: 1 of 2"):
+        sum_up("study", "runs", {"p": [], "q": third.found, "r": inner.found[:1]}, "rows")
+
+
+def test_jobs_keep_theirs_and_they_are_said_with_the_name():
+    jobs = [sc.Job(f"pull {pull}", swung, pull) for pull in (1e-3, 100.0)]
+    with ThreadPoolExecutor(1) as threads:
+        for executor in (None, threads):
+            with pytest.warns(sc.AccuracyWarning, match=r"^job 'pull 100.0', beam 'wire'") as given:
+                silent, taut = sc.run_all(jobs, executor)
+            assert len(given) == 1
+            assert silent.warnings == [] and "1 warning>" in repr(taut)
+            assert taut.warnings == taut.value.meta["warnings"]
+    # in a worker nothing is said, and errors keep what was said before them
+    outcome = read("x", run_packed(pack(sc.Job("x", failing, doubtful))))
+    assert outcome.error.warnings == outcome.warnings != []
+
+
+def doubtful(report):
+    warn("beam 'wire'", "it looks odd", sc.ModelWarning, report.state.time)
+
+
+def tip(elements: int) -> float:
+    path = sc.static(wire(elements=elements), watch=False)
+    return float(path["q"][-1, 0])
+
+
+def test_studies_sum_them_up():
+    with pytest.warns(sc.AccuracyWarning) as given:
+        study = sc.refine(tip, elements=(2, 4))
+    assert len(given) == 1
+    assert "2 of 2 levels gave warnings, such as 'elements = 2'" in str(given[0].message)
+    assert given[0].filename == __file__
+    assert "load factor" in study.rows[0]["warnings"]
+    assert "warned: elements = 4: beam 'wire', load factor" in str(study)
+    assert repr(study).endswith(", 2 warnings>")
+    setups = [("taut", partial(sc.static, watch=False))]
+    wanted = {"x": lambda path: path["q"][-1, -12]}
+    with pytest.warns(sc.AccuracyWarning, match="1 of 1 setups"):
+        table = sc.work_precision(wire(), setups, {"x": 1.0}, wanted, repeats=1)
+    assert "Gauss points" in table.rows[0]["warnings"] and "1 with warnings" in repr(table)
+    with pytest.warns(sc.AccuracyWarning, match="1 of 2 cells"):
+        cells = sc.stability_map(swung, {"pull": (1e-3, 100.0)}, lambda history: "ok")
+    assert [bool(row["warnings"]) for row in cells.rows] == [False, True]
+    assert str(cells).endswith("1 with warnings")
+
+
+def test_warnings_that_name_different_things_are_different():
+    with Notices(quiet=True) as notices:
+        for name, number in (("pin 1", 3), ("pin 2", 3), ("pin 2", 4)):
+            warn("argument rates", f"{number} parts lag behind {name!r}", sc.ModelWarning)
+    assert [notice["text"][-7:] for notice in notices.found] == ["'pin 1'", "'pin 2'"]
+
+
+def test_the_guide_tells_how_to_make_warnings_errors():
+    """``-W`` cannot: Python reads it before it knows the package."""
+    code = (
+        "import warnings; import skfem_cosserat as sc; "
+        'warnings.simplefilter("error", sc.CosseratWarning); '
+        'from skfem_cosserat.warn import warn; warn("a", "b", sc.ModelWarning)'
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "ModelWarning: a: b" in done.stderr
+    page = Path(__file__).parents[2] / "examples" / "guide" / "05_trust.md"
+    text = page.read_text(encoding="utf-8")
+    assert 'warnings.simplefilter("error", sc.CosseratWarning)' in text
+    assert "-W error" not in text

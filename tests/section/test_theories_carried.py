@@ -1,0 +1,237 @@
+"""States carried from one theory of beams to another, on the same mesh and on others."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from test_theories import SECTION, TIP, arc, branched, cantilever, flying, looped
+
+import skfem_cosserat as sc
+from skfem_cosserat import diagnostics
+from skfem_cosserat.adaptive import carry_history, carry_state
+from skfem_cosserat.diagnostics.nearest import nearest_configuration
+from skfem_cosserat.run import derive_series
+
+THEORIES = {
+    "full": None,
+    "unshearable": sc.TheoryKirchhoff(),
+    "inextensible": sc.TheoryInextensible(),
+    "untwisted": sc.TheoryInextensible(torsion=False),
+    "rigid": sc.TheoryRigid(),
+}
+QUICK = {("full", "inextensible"), ("full", "rigid"), ("unshearable", "untwisted")}
+PAIRS = [
+    pytest.param(a, b, marks=[] if (a, b) in QUICK else pytest.mark.slow)
+    for a in THEORIES
+    for b in THEORIES
+]
+
+
+def moved(scene, theory, step=2e-3, until=0.03):
+    """A system after a while, and its state."""
+    system = scene(theory).freeze()
+    arguments = sc.EnergyMomentum(), sc.NullSpace(), step
+    run = sc.simulate(system, *arguments, until, kernels="numpy", derive=False)
+    return system, sc.restart(system, run, sc.EnergyMomentum(), step)
+
+
+def violations(system, state):
+    """Of constraints and hidden constraints."""
+    y = system.extend(state.q, state.time)
+    v = sc.Projection(system)(state.q, state.p, state.time)[0]
+    p = diagnostics.momentum(system, v)
+    assert abs(p - state.p).max() < 1e-12 * max(1.0, abs(p).max())  # on them already
+    return abs(system.constraints.values(y)).max(), abs(
+        diagnostics.hidden_violation(system, state.q, v, state.time)
+    ).max()
+
+
+def centre(system, q):
+    """Of mass, times the mass."""
+    return (system.mass @ q.reshape(-1, 3))[system.origin_rows].sum(axis=0)
+
+
+@pytest.mark.parametrize(("before", "after"), PAIRS)
+def test_every_theory_takes_states_of_every_other(before, after):
+    """A rod in free flight, on its mesh and on another: on all constraints, in the same place."""
+    source, state = moved(flying, THEORIES[before])
+    rod = source.structures[0]
+    for mesh in (rod.mesh, rod.mesh.refined([1])):
+        model = sc.Model()
+        model.add("rod", rod.on_mesh(mesh, 2, THEORIES[after] or sc.TheoryReissner()))
+        target = model.freeze()
+        carried = carry_state(source, target, state)
+        g, hidden = violations(target, carried)
+        assert g < 5e-12
+        assert hidden < 1e-10
+        if mesh is rod.mesh:
+            v = sc.Projection(source)(state.q, state.p)[0]
+            p = diagnostics.linear_momentum(source, diagnostics.momentum(source, v))
+            assert diagnostics.linear_momentum(target, carried.p) == pytest.approx(p, abs=1e-12)
+            x = centre(source, state.q)
+            assert centre(target, carried.q) == pytest.approx(x, abs=1e-12)
+            held = set() if THEORIES[after] is None else set(THEORIES[after].held)
+            if held <= set(rod.theory.held):  # nothing to be left out
+                assert abs(carried.q - state.q).max() < 1e-12
+        run = sc.simulate(
+            target, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.04, start=carried, kernels="numpy"
+        )
+        assert np.ptp(run["energy"]) < 1e-9 * run["energy"][0]
+        assert run["constraint_violation"].max() < 1e-11
+
+
+@pytest.mark.parametrize("scene", [pytest.param(branched, marks=pytest.mark.slow), looped])
+def test_scenes_with_joints_and_closed_loops(scene):
+    source, state = moved(scene, None)
+    for theory in (sc.TheoryKirchhoff(), sc.TheoryInextensible()):
+        target = scene(theory).freeze()
+        carried = carry_state(source, target, state)
+        g, hidden = violations(target, carried)
+        assert g < 1e-12
+        assert hidden < 1e-9
+        back = carry_state(target, source, carried)
+        assert np.array_equal(back.q, carried.q)
+
+
+@pytest.mark.parametrize("name", ["unshearable", "inextensible"])
+def test_stiff_beams_hardly_move(name):
+    """What is left out is the strain that forces give: of first order in the flexibility."""
+    theory = THEORIES[name]
+    changes = []
+    for factor in (1e1, 1e2, 1e3):
+        stiffness = np.diag(SECTION.stiffness).copy()
+        stiffness[list(theory.held)] *= factor
+        section = sc.Section(stiffness, mass=1.0, inertia=(1e-3, 2e-3))
+        source, target = (cantilever(r, 2, 4, section, TIP).freeze() for r in (None, theory))
+        q = sc.static(source)["q"][-1]
+        carried = carry_state(source, target, sc.initial_state(source, q=q))
+        changes.append(abs(carried.q - q).max())
+        energies = [diagnostics.strain_energy(*at) for at in ((source, q), (target, carried.q))]
+        lost = energies[0] - energies[1]
+    assert 0 < lost < 1e-3 * energies[0]
+    for soft, stiff in pairwise(changes):
+        assert soft / stiff == pytest.approx(10, rel=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theory", [THEORIES["unshearable"], THEORIES["inextensible"]])
+@pytest.mark.parametrize("order", [2, 3])
+def test_finer_meshes_take_over_in_order_2p(order, theory):
+    """Strain energy and place of the end of a rod in flight, on a mesh of twice the elements."""
+    changes = []
+    for count in (4, 8, 16):
+        systems = []
+        mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), count, "rod")
+        spin = np.array([3.0, 2.0, 1.0])
+        options = {
+            "velocity": lambda x: np.cross((3.0, 2.0, 1.0), x),
+            "angular_velocity": tuple(spin),
+            "director": (0, 0, 1),
+            "order": order,
+            "theory": theory,
+        }
+        for own in (mesh, mesh.refined()):
+            model = sc.Model()
+            rod = model.add("rod", sc.Beam(own, SECTION, **options))
+            pulse = sc.Table([0.0, 0.01, 0.02], [0.0, 1.0, 0.0])
+            model.add("push", sc.LoadForce(rod.node("rod.end"), 10 * TIP, pulse))
+            systems.append(model.freeze())
+        coarse, fine = systems
+        arguments = sc.EnergyMomentum(), sc.NullSpace(), 2e-3
+        run = sc.simulate(coarse, *arguments, 0.03, kernels="numpy", derive=False)
+        state = sc.restart(coarse, run, sc.EnergyMomentum(), 2e-3)
+        carried = carry_state(coarse, fine, state)
+        energies = [diagnostics.strain_energy(*at) for at in ((coarse, state.q), (fine, carried.q))]
+        end = slice(12 * rod.node("rod.end").vertex, 12 * rod.node("rod.end").vertex + 3)
+        shift = abs(carried.q[end] - state.q[end]).max()
+        changes.append((abs(energies[1] / energies[0] - 1), shift))
+    orders = np.log2(np.array(changes)[:-1] / np.array(changes)[1:])
+    assert orders[-1] == pytest.approx(2 * order, abs=0.1)
+
+
+def test_a_run_goes_on_without_what_does_not_matter():
+    """A stiff cantilever that swings: on as an inextensible one it ends where it would have."""
+    stiffness = np.array([1e6, 1e6, 1e6, 1.0, 1.2, 0.8])
+    section = sc.Section(stiffness, mass=1.0, inertia=(1e-3, 2e-3))
+    source, target = (
+        cantilever(theory, 2, 3, section, (0, 0.3, 0.2)).freeze()
+        for theory in (None, sc.TheoryInextensible())
+    )
+    arguments = sc.EnergyMomentum(), sc.NullSpace(), 0.02
+    whole = sc.simulate(source, *arguments, 1.0, kernels="numpy")
+    first = whole.truncated(26)
+    history = carry_history(source, target, first)
+    derive_series(target, history)
+    assert np.isfinite(history["energy"]).all()
+    start = sc.restart(target, history, *arguments[::2])
+    assert violations(target, start)[0] < 1e-12
+    rest = sc.simulate(target, *arguments, 1.0, start=start, kernels="numpy")
+    end = 12 * source.structures[0].node("rod.end").vertex
+    path, other = whole["q"][25:, end : end + 3], rest["q"][:, end : end + 3]
+    assert abs(path - path[0]).max() > 0.05
+    assert abs(path - other).max() < 2e-4
+
+
+def test_an_equilibrium_goes_on_on_another_theory():
+    """It is carried near to that of the theory, nearer than it was, and the path goes on there."""
+    stiffness = np.diag(SECTION.stiffness) * np.repeat([1e3, 1.0], 3)
+    section = sc.Section(stiffness, mass=1.0, inertia=(1e-3, 2e-3))
+    source, target = (
+        cantilever(theory, 2, 4, section, TIP).freeze()
+        for theory in (None, sc.TheoryInextensible())
+    )
+    path, own = (sc.static(system) for system in (source, target))
+    start = sc.equilibrium(target, carry_history(source, target, path))
+    before, after = (abs(q - own["q"][-1]).max() for q in (path["q"][-1], start.q))
+    assert after < 0.1 * before
+    control = sc.LoadControl(until=1.5, steps=1)
+    on = sc.static(target, start=start, control=control)["q"][-1]
+    assert abs(on - sc.static(target, control=control)["q"][-1]).max() < 1e-12
+
+
+def test_what_cannot_be_held_is_refused():
+    """Of a bent rod one end is drawn beyond what is its length without extension."""
+
+    def drawn(theory):
+        model = arc(theory)
+        rod = model["rod"]
+        model.add("clamp", sc.JointFixed(sc.ground((1, 0, 0)), rod.node("rod.start")))
+        support = sc.ground(
+            (0, 1, 0), sc.Motion(displacement=lambda t: (-0.3 * t**2, 0.3 * t**2, 0))
+        )
+        model.add("support", sc.JointSpherical(support, rod.node("rod.end")))
+        return model.freeze()
+
+    source, target = (drawn(theory) for theory in (None, sc.TheoryInextensible()))
+    run = sc.simulate(source, sc.EnergyMomentum(), sc.NullSpace(), 0.05, 1.0, kernels="numpy")
+    state = sc.restart(source, run, sc.EnergyMomentum(), 0.05)
+    with pytest.raises(
+        sc.InputError,
+        match=r"beam 'rod': its state with TheoryReissner\(\) cannot be carried over to"
+        r" TheoryInextensible\(\)",
+    ):
+        carry_state(source, target, state)
+    assert carry_state(source, drawn(sc.TheoryKirchhoff()), state).time == state.time
+
+
+def test_nearest_configuration_is_the_least_motion():
+    """Bars of a pendulum pulled apart: back along constraint forces, but for the second order."""
+    model = sc.Model()
+    bobs = [model.add(f"m{k}", sc.MassPoint(1.0 + k, position=(0, 0, -1.0 - k))) for k in (0, 1)]
+    model.add("a", sc.JointDistance(sc.ground((0, 0, 0)), bobs[0].place()))
+    model.add("b", sc.JointDistance(bobs[0].place(), bobs[1].place()))
+    system = model.freeze()
+    masses = np.repeat([1.0, 2.0], 3)
+    left = []
+    for size in (1e-2, 1e-3):
+        y = system.extend(system.q0, 0.0)
+        y[:2] = (0.6, 0.0, -0.8), (0.6, 0.6, -1.6)
+        y[:2] += size * np.array([(1.0, 0.5, -1.0), (0.3, -0.2, -1.0)])
+        found = nearest_configuration(system, y)
+        assert abs(system.constraints.values(found)).max() < 1e-13
+        back = (y - found)[:2].ravel()
+        assert abs(back).max() > 0.5 * size
+        left.append(abs(system.null_space(found[:2].ravel()).T @ (masses * back)).max())
+    assert left[0] / left[1] == pytest.approx(100, rel=0.1)

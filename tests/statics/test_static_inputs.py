@@ -1,0 +1,741 @@
+"""Paths that cannot go on, motions that nothing holds, interruptions, bad arguments."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import numpy as np
+import pytest
+from helpers_scenes import four_bar
+from test_statics import arch, cantilever, column, hinged, rod, stiff, treatments
+
+import skfem_cosserat as sc
+from skfem_cosserat import Spin, equilibrium
+
+NAN, INF = float("nan"), float("inf")
+
+
+def scene():
+    model, tip = cantilever(elements=2, order=2)
+    model.add("force", sc.LoadForce(tip, (0, 1.0, 0)))
+    return model.freeze(), tip
+
+
+# -- free motions ----------------------------------------------------------------------------------
+
+
+def free_beam():
+    model = sc.Model()
+    rod(model)
+    return model
+
+
+def beam_on_a_hinge(force=(0, 1.0, 0)):
+    model = sc.Model()
+    beam = rod(model)
+    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), beam.node("rod.start"), (0, 0, 1)))
+    model.add("force", sc.LoadForce(beam.node("rod.end"), force))
+    return model
+
+
+def beam_between_balls():
+    model = sc.Model()
+    beam = rod(model)
+    for k, name in enumerate(("start", "end")):
+        ball = sc.JointSpherical(sc.ground((k, 0, 0)), beam.node(f"rod.{name}"))
+        model.add(name, ball)
+    return model
+
+
+def slider():
+    model = sc.Model()
+    body = model.add("block", sc.RigidBody.box(1.0, (1, 1, 1)))
+    guide = sc.JointPrismatic(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 1, 0))
+    model.add("guide", guide)
+    model.add("force", sc.LoadForce(body.at((0, 0, 0)), (0, 2.0, 0)))
+    return model
+
+
+def screw():
+    """A tube joint leaves a shift along and a turn about its axis."""
+    model = sc.Model()
+    body = model.add("block", sc.RigidBody.box(1.0, (1, 1, 1), position=(0, 2, 0)))
+    tube = sc.JointCylindrical(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
+    model.add("tube", tube)
+    return model
+
+
+def point_in_space():
+    model = sc.Model()
+    model.add("ball", sc.MassPoint(1.0))
+    return model
+
+
+def point_on_a_spring():
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, (1, 0, 0)))
+    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), ball.place(), 10.0))
+    return model
+
+
+def several_pieces():
+    model = sc.Model()
+    rod(model)
+    rod(model, name="other", ends=((0, 1, 0), (1, 1, 0)))
+    model.add("ball", sc.MassPoint(1.0, (5, 0, 0)))
+    return model
+
+
+def hanging_without_weight():
+    """A pendulum: before its weight grows, nothing holds it."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, (0, 0, -1)))
+    model.add("string", sc.JointDistance(sc.ground((0, 0, 0)), ball.place()))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    model.add("force", sc.LoadForce(ball.place(), (1.0, 0, 0)))
+    return model
+
+
+FREE = {
+    free_beam: ("translation of beam 'rod'", 6, False),
+    beam_on_a_hinge: (r"rotation of beam 'rod'.*about \(0, 0, 1\)", 1, True),
+    beam_between_balls: (r"rotation of beam 'rod'.*about \(1, 0, 0\)", 1, False),
+    slider: (r"translation of rigid body 'block' along \(0, 1, 0\)", 1, True),
+    screw: (r"rigid body 'block'.*\(0, 0, 1\)", 2, False),
+    point_in_space: ("translation of mass point 'ball'", 3, False),
+    point_on_a_spring: ("translation of mass point 'ball'", 2, False),
+    several_pieces: ("beam '(rod|other)'", 15, False),
+    four_bar: (r"rotation of .*'crank'.*\(0, 0, 1\)", 1, False),
+    hanging_without_weight: ("translation of mass point 'ball'", 2, True),
+}
+
+
+@treatments
+@pytest.mark.parametrize("build", FREE, ids=lambda f: f.__name__)
+def test_free_motions_are_named(build, treatment):
+    text, count, worked = FREE[build]
+    with pytest.raises(sc.InputError, match=text) as caught:
+        sc.static(build(), treatment)
+    assert f"{count} such motion(s)" in str(caught.value)
+    assert ("the loads do work on it" in str(caught.value)) == worked
+
+
+def test_where_a_free_rotation_is():
+    """The axis goes through the hinge, not the middle of the piece."""
+    with pytest.raises(sc.InputError, match=r"about \(0, 0, 1\) through \(0, 0, 0\)"):
+        sc.static(beam_on_a_hinge())
+
+
+@treatments
+def test_stresses_hold_a_motion(treatment):
+    """A string of prestressed springs; a pendulum whose weight is there from the start."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, (1, 0, 0)))
+    for k in (0, 2):
+        spring = sc.SpringDamper(sc.ground((k, 0, 0)), ball.place(), 10.0, length=0.5)
+        model.add(f"spring {k}", spring)
+    model.add("force", sc.LoadForce(ball.place(), (0, 1.0, 0)))
+    y = sc.static(model, treatment)["q"][-1, 1]
+    length = np.hypot(1, y)
+    assert 20 * (length - 0.5) * y / length == pytest.approx(1.0, rel=1e-12)
+    path = sc.static(hanging_without_weight(), treatment, factors={"weight": 1.0})
+    assert path["q"][-1, 0] / -path["q"][-1, 2] == pytest.approx(1 / 9.81, rel=1e-12)
+
+
+@treatments
+def test_weight_on_what_is_not_stressed_yet(treatment):
+    """Nothing holds the motion at the start, the tension of the weight does."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, (0, 0, -1)))
+    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), ball.place(), 100.0))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    model.add("force", sc.LoadForce(ball.place(), (1.0, 0, 0)))
+    path = sc.static(model, treatment, factors={"weight": 1.0})
+    assert path["q"][0] == pytest.approx([0, 0, -1 - 9.81 / 100], abs=1e-12)
+    assert path["q"][-1, 0] / -path["q"][-1, 2] == pytest.approx(1 / 9.81, rel=1e-12)
+    assert np.linalg.norm(path["q"][-1]) == pytest.approx(1 + np.hypot(9.81, 1) / 100, rel=1e-12)
+
+
+@treatments
+@pytest.mark.parametrize("count", [2, 3])
+def test_weight_on_cables_that_just_fit(treatment, count):
+    """Two leave a swing out of their plane that only their tension holds, three none."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, (0, 0, -0.5)))
+    for angle in 2 * np.pi / count * np.arange(count):
+        top = sc.ground((np.cos(angle), np.sin(angle), 0))
+        model.add(f"cable {angle:.1f}", sc.Cable(top, ball.place(), stiffness=1e4))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    x, y, z = sc.static(model, treatment, factors={"weight": 1.0})["q"][-1]
+    length = np.hypot(1, z)
+    assert abs(x) < 1e-12 and abs(y) < 1e-12
+    assert count * 1e4 * (length - np.hypot(1, 0.5)) * -z / length == pytest.approx(9.81, rel=1e-9)
+
+
+@treatments
+def test_weight_on_springs_that_hold_a_bent_beam(treatment):
+    """A box on two springs, a beam at its side: it tilts and swings to below the springs."""
+    model = sc.Model()
+    box = model.add("box", sc.RigidBody.box(2.0, (1, 0.5, 0.5), position=(0, 0, -1)))
+    beam = rod(model, stiff(EI=(50.0, 80.0)), ends=((0.5, 0, -1), (1.5, 0, -1)))
+    model.add("fix", sc.JointFixed(box.at((0.5, 0, -1)), beam.node("rod.start")))
+    tops = np.array([[-0.5, 0, 0], [0.5, 0, 0]])
+    for k, top in enumerate(tops):
+        spring = sc.SpringDamper(sc.ground(top), box.at(top - [0, 0, 0.75]), 1e3)
+        model.add(f"spring {k}", spring)
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    model.add("side", sc.LoadForce(box.at((0, 0, -1)), (0, 1.0, 0)))
+    path = sc.static(model, treatment, factors={"weight": 1.0})
+    assert not path["unstable"].any()
+    for q, side in zip(path["q"][[0, -1]], (0.0, 1.0), strict=True):
+        x, d = q[:3], q[3:12].reshape(3, 3)
+        r = tops - x - (tops + [0, 0, 0.25]) @ d
+        length = np.linalg.norm(r, axis=1)
+        force = (1e3 * (length - 0.75) / length) @ r
+        assert force == pytest.approx([0, -side, 3 * 9.81], abs=1e-9)
+
+
+def rod_with_its_weight_along_the_hinge():
+    model = sc.Model()
+    beam = rod(model)
+    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), beam.node("rod.start"), (0, 0, 1)))
+    model.add("weight", sc.LoadGravity((0, 0, -0.5)))
+    return model
+
+
+def slider_with_its_weight_across():
+    model = slider()
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    return model
+
+
+def beam_with_its_weight():
+    model = free_beam()
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    return model
+
+
+def beam_between_balls_with_its_weight():
+    """Bent, it may still turn about its curved axis: no rigid motion any more."""
+    model = beam_between_balls()
+    model.add("weight", sc.LoadGravity((0, 0, -0.1)))
+    return model
+
+
+def beam_on_springs_with_its_weight():
+    model = sc.Model()
+    beam = rod(model, ends=((0, 0, -1), (1, 0, -1)))
+    for k, name in enumerate(("start", "end")):
+        spring = sc.SpringDamper(sc.ground((k, 0, 0)), beam.node(f"rod.{name}"), 1e3)
+        model.add(name, spring)
+    model.add("weight", sc.LoadGravity((0, 0, -0.1)))
+    return model
+
+
+def point_drawn_along_two_springs():
+    """A string without tension: the weight acts along the motion that nothing holds."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, (1, 0, 0)))
+    for k in (0, 2):
+        model.add(f"spring {k}", sc.SpringDamper(sc.ground((k, 0, 0)), ball.place(), 10.0))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    return model
+
+
+@treatments
+@pytest.mark.parametrize(
+    "build",
+    [
+        rod_with_its_weight_along_the_hinge,
+        slider_with_its_weight_across,
+        beam_with_its_weight,
+        beam_between_balls_with_its_weight,
+        beam_on_springs_with_its_weight,
+        point_drawn_along_two_springs,
+    ],
+)
+def test_what_a_weight_does_not_hold(build, treatment):
+    """The advice to let loads act from the start is not given where they do."""
+    with pytest.raises(sc.InputError, match=r"is free.*or start from a state") as caught:
+        sc.static(build(), treatment, factors={"weight": 1.0})
+    assert "factors" not in str(caught.value)
+
+
+@treatments
+def test_a_guess_of_the_stressed_state_is_enough(treatment):
+    """What the refusal advises."""
+    system = point_drawn_along_two_springs().freeze()
+    guess = sc.initial_state(system, q=[1.0, 0, -0.8], time=1.0)
+    path = sc.static(system, treatment, sc.LoadControl(2.0), factors={"weight": 1.0}, start=guess)
+    z = path["q"][-1, 2]
+    length = np.hypot(1, z)
+    assert 20 * (length - 1) * -z / length == pytest.approx(9.81, rel=1e-12)
+
+
+@treatments
+def test_weight_holds_what_hangs(treatment):
+    """A rod on a hinge, unstressed at the start, and two links, with their weight held."""
+    model = sc.Model()
+    beam = rod(model, stiff(EI=(500.0, 500.0)), ends=((0, 0, 0), (0, 0, -1)))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), beam.node("rod.start"), axis=(0, 1, 0))
+    model.add("hinge", hinge)
+    first = model.add("first", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(3, 0, -0.5)))
+    second = model.add("second", sc.RigidBody.box(2.0, (0.1, 0.1, 1.0), position=(3, 0, -1.5)))
+    y = {"axis": (0, 1, 0)}
+    model.add("one", sc.JointRevolute(sc.ground((3, 0, 0)), first.at((3, 0, 0)), **y))
+    model.add("two", sc.JointRevolute(first.at((3, 0, -1)), second.at((3, 0, -1)), **y))
+    model.add("weight", sc.LoadGravity((0, 0, -10.0)))
+    model.add("pull", sc.LoadForce(beam.node("rod.end"), (2.0, 0, 0)))
+    model.add("push", sc.LoadForce(second.at((3, 0, -2)), (2.0, 0, 0)))
+    path = sc.static(model, treatment, factors={"weight": 1.0})
+    angles = [path[f"joint/{name}/angle"][-1] for name in ("one", "two")]
+    assert -angles[0] == pytest.approx(np.arctan(2 / (0.5 * 10 + 20)), rel=1e-12)
+    assert -sum(angles) == pytest.approx(np.arctan(2 / (0.5 * 20)), rel=1e-12)
+    # moments about the hinge, of what the rod has become
+    x = path["q"][-1].reshape(-1, 12)[: len(beam.basis.nodes), :3]
+    weight = np.zeros(len(x))
+    np.add.at(weight, beam.basis.connectivity, 10 * beam.line_weights(np.arange(4)))
+    assert weight @ x[:, 0] == pytest.approx(-2.0 * x[beam.node("rod.end").vertex, 2], rel=1e-11)
+
+
+@treatments
+def test_spin_holds_a_blade(treatment):
+    """On a flapping hinge: m Omega^2 L^2/3 tan(beta) cos^2(beta) = F L cos(beta)."""
+    model = sc.Model()
+    blade = model.add("blade", sc.RigidBody.rod(3.0, 1.0, position=(0.5, 0, 0), triad=_along_x()))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), blade.at((0, 0, 0)), axis=(0, 1, 0))
+    model.add("hinge", hinge)
+    model.add("lift", sc.LoadForce(blade.at((1, 0, 0)), (0, 0, 1.0)))
+    spin = {"spin": Spin((0, 0, 4.0)), "factors": {"spin": 1.0}}
+    beta = -sc.static(model, treatment, **spin)["joint/hinge/angle"][-1]
+    assert np.sin(beta) == pytest.approx(1.0 / 16, rel=1e-12)
+    with pytest.raises(sc.InputError, match="rigid body 'blade' about"):
+        sc.static(model, treatment)
+
+
+def _along_x():
+    return sc.triad((1, 0, 0))
+
+
+@pytest.mark.parametrize("elements", [5, 500])
+@pytest.mark.parametrize("slenderness", [1e2, 1e4, 1e5])
+def test_slender_meshes_are_held(elements, slenderness):
+    """Bending is softer than stretching by 1e11: no reason to call it free."""
+    d = 1 / slenderness
+    section = sc.SectionCircle(radius=d / 2, material=sc.Material(E=2e11, nu=0.3, rho=7800))
+    model, tip = cantilever(section, elements=elements, order=1)
+    load = 0.1 * section.stiffness[3, 3]
+    model.add("force", sc.LoadForce(tip, (0, load, 0)))
+    path = sc.static(model, control=sc.LoadControl(steps=1), watch=False, derive=False)
+    deflection = path["q"][-1, 12 * tip.vertex + 1]
+    assert deflection == pytest.approx(0.1 / 3, rel=0.02)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e3])
+def test_units_do_not_matter(scale):
+    """Lengths in micrometres or kilometres."""
+    section = sc.Section([1e4, 1e4, 1e4, *(np.array([1.0, 1.0, 2.0]) * scale**2)], 1.0, (1.0, 1.0))
+    model = sc.Model()
+    beam = rod(model, section, ends=((0, 0, 0), (scale, 0, 0)))
+    start, end = beam.node("rod.start"), beam.node("rod.end")
+    pin = model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), start, axis=(0, 0, 1)))
+    model.add("force", sc.LoadForce(end, (0, 0.5, 0)))
+    with pytest.raises(sc.InputError, match=r"about \(0, 0, 1\)"):
+        sc.static(model)
+    model.add("spring", sc.JointSpringDamper(pin, 3.0 * scale))
+    assert sc.static(model).status == "completed"
+
+
+# -- paths that end --------------------------------------------------------------------------------
+
+
+@treatments
+def test_limit_point_under_load_control(treatment):
+    """The path up to the limit is kept; reason and a way on are given."""
+    model, _ = arch()
+    with pytest.raises(sc.Diverged, match=r"ArcLength\(\)|DisplacementControl") as caught:
+        sc.static(model, treatment, sc.LoadControl(10.0))
+    error = caught.value
+    limit = 400 * (1.09 ** (1 / 3) - 1) ** 1.5
+    path = error.history
+    assert path.status == "diverged"
+    assert error.time == path["load_factor"][-1]
+    assert 0.99 * limit < error.time < limit
+    assert error.step == len(path)
+    assert str(error) == path.meta["failure"]
+    assert "load factor" in str(error)
+    assert " s could" not in str(error)
+    # the way on that it names
+    start = equilibrium(model, path)
+    on = sc.static(model, treatment, sc.ArcLength(60, until=10.0, first=0.01), start=start)
+    assert [c["kind"] for c in on.meta["critical"]] == ["limit", "limit"]
+    assert on["load_factor"][-1] == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize(
+    "treatment", [sc.NullSpace(), pytest.param(sc.Multipliers(), marks=pytest.mark.slow)]
+)
+def test_fixed_steps_may_snap(treatment):
+    """Automatic steps stop before a limit point; steps that are forced land behind it."""
+    model, _ = arch()
+    path = sc.static(model, treatment, sc.LoadControl(1.995, steps=4))
+    assert len(path) == 5
+    assert path["q"][3, 2] > 0 > path["q"][4, 2]
+    with pytest.raises(sc.Diverged):
+        sc.static(model, treatment, sc.LoadControl(1.995))
+
+
+def test_start_without_an_equilibrium_near():
+    """Held far above the limit load of linear elements."""
+    model, tip = cantilever(elements=1, order=1)
+    model.add("moment", sc.LoadMoment(tip, (0, 0, 5.0)))  # EI/(2 l) = 0.5 is the most it carries
+    with pytest.raises(sc.Diverged, match="the start is no equilibrium") as caught:
+        sc.static(model, factors={"moment": 1.0})
+    assert caught.value.history is not None
+    assert caught.value.history.status == "diverged"
+
+
+@treatments
+def test_load_that_does_not_move_the_place(treatment):
+    system, tip = scene()
+    control = sc.DisplacementControl(tip, (0, 0, 1), until=0.1)
+    with pytest.raises(sc.Diverged, match="load factor") as caught:
+        sc.static(system, treatment, control)
+    assert len(caught.value.history) == 1
+
+
+def test_interrupt_keeps_the_path():
+    system, _ = scene()
+
+    def press(point):
+        if point.t > 0.3:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    before = signal.getsignal(signal.SIGINT)
+    path = sc.static(system, callbacks=[press])
+    assert path.status == "interrupted"
+    assert 0.3 < path["load_factor"][-1] < 1
+    assert "energy" in path
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_callbacks():
+    """All are called with each point asked for; True ends the path."""
+    system, _ = scene()
+    seen, others = [], []
+
+    def watch(point):
+        seen.append(point.t)
+        return point.t > 0.4
+
+    path = sc.static(system, callbacks=[watch, lambda point: others.append(point.t)])
+    assert path.status == "stopped"
+    assert seen == others == path["load_factor"][1:].tolist()
+    assert sum(t > 0.4 for t in seen) == 1
+    asked = []
+    sc.static(
+        system, control=sc.LoadControl(at=[0.5, 1.0]), callbacks=[lambda p: asked.append(p.t)]
+    )
+    assert asked == [0.5, 1.0]
+    lines = []
+    sc.static(system, progress=lambda parameter, factor: lines.append((parameter, factor)))
+    assert lines[-1] == (1.0, 1.0)
+
+
+def test_a_callback_that_fails(tmp_path):
+    """Its error comes out; the file holds what was recorded before."""
+    system, _ = scene()
+
+    def fail(point):
+        if point.t > 0.3:
+            raise ZeroDivisionError("in the callback")
+
+    with pytest.raises(ZeroDivisionError, match="in the callback"):
+        sc.static(system, callbacks=[fail], path=tmp_path / "path.history")
+    kept = sc.History.load(tmp_path / "path.history", recover=True)
+    assert kept.status in ("interrupted", "killed", "diverged", "failed")
+    assert len(kept) >= 3
+    assert equilibrium(system, kept).load_factor == kept["load_factor"][-1]
+
+
+@pytest.mark.parametrize("where", ["load", "factor", "ground", "drive"])
+def test_functions_that_fail_on_the_way_are_named(where):
+    def bad(t):
+        return NAN if t > 0.5 else 0.1 * t
+
+    model, hinge, body = hinged()
+    names = {"load": "'push'", "factor": "'push'", "ground": "motion", "drive": "'motor'"}
+    place = body.at((0, 0, 1))
+    if where == "load":
+        model.add("push", sc.LoadForce(place, (1.0, 0, 0), bad))
+    elif where == "drive":
+        model.add("motor", sc.JointDrive(hinge, bad))
+    elif where == "ground":
+        motion = sc.Motion(displacement=lambda t: (bad(t), 0, 0))
+        model.add("tie", sc.SpringDamper(sc.ground((1, 0, 1), motion), place, 3.0))
+    else:
+        model.add("push", sc.LoadForce(place, (1.0, 0, 0)))
+    factors = {"push": bad} if where == "factor" else None
+    with pytest.raises(sc.InputError, match=names[where]) as caught:
+        sc.static(model, factors=factors)
+    assert "nan" in str(caught.value)
+
+
+# -- arguments -------------------------------------------------------------------------------------
+
+
+def _state(system, **changes):
+    values = {"time": 0.0, "index": 0, "q": system.q0, "p": 0 * system.q0} | changes
+    return sc.State(**values)
+
+
+ARGUMENTS = {
+    "model": [None, "rod", 3.0, sc.NullSpace()],
+    "treatment": ["null space", sc.NullSpace, 1],
+    "control": ["load", sc.ArcLength, 1.0, [1.0]],
+    "start": ["end", 0.5, [0.0], np.zeros(3)],
+    "factors": [["force"], "force", 3, {"other": 1.0}, {3: 1.0}, {"spin": 1.0}],
+    "spin": [(0, 0, 1.0), 3.0, "z"],
+    "settings": [{"iterations": 3}, sc.NewtonSettings, 20],
+    "watch": ["yes", None, 1.0],
+    "callbacks": [print, None, [1], "abc"],
+    "progress": [3, "yes"],
+    "path": [3.5, ["a"]],
+    "derive": ["no", None],
+}
+
+
+@pytest.mark.parametrize("name", ARGUMENTS)
+def test_bad_arguments_are_named(name):
+    system, _ = scene()
+    for value in ARGUMENTS[name]:
+        arguments = {"model": system} | {name: value}
+        with pytest.raises(sc.InputError) as caught:
+            sc.static(**arguments)
+        assert caught.value.item == f"argument {name}", value
+
+
+@pytest.mark.parametrize("value", [NAN, INF, None, "a", True, [1, 2], lambda t: (1, 2)])
+def test_bad_factors(value):
+    system, _ = scene()
+    with pytest.raises(sc.InputError, match=r"argument factors.*'force'"):
+        sc.static(system, factors={"force": value})
+
+
+def test_bad_starts():
+    system, _ = scene()
+    bent = system.q0.copy()
+    bent[3] += 0.1
+    bad = [
+        {"q": np.zeros(3)},
+        {"q": NAN * system.q0},
+        {"q": bent},
+        {"time": NAN},
+        {"time": "0"},
+        {"time": None},
+        {"turns": np.array([1, 2])},
+    ]
+    for changes in bad:
+        with pytest.raises(sc.InputError, match="argument start"):
+            sc.static(system, start=_state(system, **changes))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [(None,), (3.0,), ("abc",), ((0, 0),), ((0, 0, NAN),), ((0, 0, 1j),), ((0, 0, 1), (1, 2))],
+    ids=str,
+)
+def test_bad_spins(arguments):
+    with pytest.raises(sc.InputError, match=r"spin: (velocity|point)"):
+        Spin(*arguments)
+
+
+STEERED = {
+    "until": [NAN, INF, "a", "1", True, np.True_, b"1", [1, 2], 1j],
+    "steps": [0, -1, 1.5, NAN, "a", True, [1]],
+    "at": [[], [NAN], "ab", ["0.5", "1"], [True], 0.5, [[0.1, 0.2]], [1j], [None], {"a": 1}],
+    "first": [0, -1, NAN, INF, None, "a"],
+    "longest": [0, -1, NAN, INF, None, "a"],
+    "turn": [0, -1, NAN, INF, "a", [1]],
+}
+
+
+@pytest.mark.parametrize("name", STEERED)
+def test_bad_controls(name):
+    _, tip = scene()
+    for value in STEERED[name]:
+        with pytest.raises(sc.InputError, match=f"LoadControl: {name}"):
+            sc.LoadControl(**{name: value})
+        arguments = ({} if name == "at" else {"until": 1.0}) | {name: value}
+        with pytest.raises(sc.InputError, match=f"DisplacementControl: {name}"):
+            sc.DisplacementControl(tip, (0, 1, 0), **arguments)
+
+
+ARC = {
+    "points": [0, -1, 1.5, NAN, None, "a", True],
+    "until": [NAN, INF, "a", "1", True, [1]],
+    "first": [0, True, "1", NAN, INF, None, "a"],
+    "length": [0, -1, NAN, INF, None, "a"],
+    "longest": [0, -1, NAN, INF, None, "a"],
+    "turn": [0, -1, NAN, INF, "a"],
+}
+
+
+@pytest.mark.parametrize("name", ARC)
+def test_bad_arc_lengths(name):
+    for value in ARC[name]:
+        with pytest.raises(sc.InputError, match=f"ArcLength: {name}"):
+            sc.ArcLength(**{name: value})
+
+
+def test_controls_that_lead_nowhere():
+    system, tip = scene()
+    for values in ([0.1, 0.1], [0.1, 0.3, 0.2], [0, 0, 1], [0.5, -1.0]):
+        for control in (
+            sc.LoadControl(at=values),
+            sc.DisplacementControl(tip, (0, 1, 0), at=values),
+        ):
+            with pytest.raises(sc.InputError, match="one way"):
+                sc.static(system, control=control)
+    for more in ({"steps": 2}, {"until": 1.0}):
+        with pytest.raises(sc.InputError, match="expected one of them"):
+            sc.LoadControl(at=[0.5, 1.0], **more)
+        with pytest.raises(sc.InputError, match="expected one of them"):
+            sc.DisplacementControl(tip, (0, 1, 0), at=[0.5, 1.0], **more)
+    with pytest.raises(sc.InputError, match="where the path starts"):
+        sc.static(system, control=sc.LoadControl(0.0))
+    with pytest.raises(sc.InputError, match="where the path starts"):
+        sc.static(system, control=sc.LoadControl(at=[0.0]))
+    with pytest.raises(sc.InputError, match="DisplacementControl: until"):
+        sc.DisplacementControl(tip, (0, 1, 0))
+
+
+def test_values_to_record_may_begin_with_the_start():
+    system, tip = scene()
+    wanted = [0.0, 0.25, 0.5, 0.75, 1.0]
+    path = sc.static(system, control=sc.LoadControl(at=np.linspace(0, 1, 5)))
+    assert path["load_factor"].tolist() == wanted
+    start = equilibrium(system, path, 2)
+    path = sc.static(system, control=sc.LoadControl(at=wanted[2:]), start=start)
+    assert path["load_factor"].tolist() == wanted[2:]
+    control = sc.DisplacementControl(tip, (0, 1, 0), at=np.linspace(0, 0.02, 3))
+    assert sc.static(system, control=control).times.tolist() == [0.0, 0.01, 0.02]
+
+
+def test_first_steps_are_cut_to_the_longest():
+    system, _ = scene()
+    path = sc.static(system, control=sc.LoadControl(first=2.0, longest=0.125))
+    assert path["load_factor"].tolist() == np.linspace(0, 1, 9).tolist()
+
+
+def test_an_arc_length_path_may_end_behind_its_start():
+    """Only a path that turns back gets there; this one does not."""
+    system, _ = scene()
+    for until in (0.0, -1.0):
+        path = sc.static(system, control=sc.ArcLength(3, until=until))
+        assert len(path) == 4 and (np.diff(path["load_factor"]) > 0).all()
+
+
+def test_controls_and_treatments_show_their_arguments():
+    _, tip = scene()
+    for shown, made in {
+        "LoadControl(until=60.0)": sc.LoadControl(60),
+        "LoadControl(at=[0.5, 1.0], turn=0.2)": sc.LoadControl(at=[0.5, 1], turn=0.2),
+        "LoadControl(until=1.0, steps=4)": sc.LoadControl(steps=4),
+        "ArcLength()": sc.ArcLength(),
+        "ArcLength(points=9, until=2.0, first=-0.1)": sc.ArcLength(9, until=2, first=-0.1),
+        "NullSpace()": sc.NullSpace(),
+        "Multipliers()": sc.Multipliers(),
+        "Multipliers(scaled=False)": sc.Multipliers(scaled=False),
+        "Variational()": sc.Variational(),
+        "EnergyMomentum()": sc.EnergyMomentum(),
+    }.items():
+        assert repr(made) == shown
+        assert repr(eval(shown, vars(sc))) == shown
+    control = sc.DisplacementControl(tip, (0, -2, 0), 0.1, longest=0.5)
+    text = f"DisplacementControl(<{tip.label}>, (0.0, -1.0, 0.0), until=0.1, longest=0.5)"
+    assert repr(control) == text
+
+
+def test_arguments_in_the_wrong_place_are_told_theirs():
+    system, _ = scene()
+    with pytest.raises(sc.InputError, match=r"treatment: LoadControl\(.*pass this one as control="):
+        sc.static(system, sc.LoadControl())
+    with pytest.raises(sc.InputError, match=r"control: NullSpace\(\).*pass this one as treatment="):
+        sc.static(system, control=sc.NullSpace())
+
+
+def test_the_line_of_progress_is_ended(capfd):
+    system, _ = scene()
+    sc.static(system, progress=True)
+    text = capfd.readouterr().err
+    assert text.endswith("parameter 1, load factor 1\n")
+    assert text.count("\n") == 1
+
+    def stop(point):
+        raise KeyboardInterrupt
+
+    sc.static(system, progress=True, callbacks=[stop], derive=False)
+    assert capfd.readouterr().err.endswith("parameter 0.1, load factor 0.1\n")
+
+
+def test_places_of_displacement_control():
+    system, tip = scene()
+    for place in (None, "tip", 3, sc.ground((0, 0, 0))):
+        with pytest.raises(sc.InputError, match="DisplacementControl: place"):
+            sc.DisplacementControl(place, (0, 1, 0), 0.1)
+    for direction in (None, "y", 3, (0, 0, 0), (NAN, 0, 1), (1, 2)):
+        with pytest.raises(sc.InputError, match="DisplacementControl: direction"):
+            sc.DisplacementControl(tip, direction, 0.1)
+    _, other = scene()
+    with pytest.raises(sc.InputError, match="not in the model"):
+        sc.static(system, control=sc.DisplacementControl(other, (0, 1, 0), 0.1))
+    root = system.structures[0].node("rod.start")
+    with pytest.raises(sc.InputError, match="joints hold"):
+        sc.static(system, control=sc.DisplacementControl(root, (0, 1, 0), 0.1))
+
+
+def test_bad_branches_and_equilibria():
+    model, _ = column()
+    path = sc.static(model, control=sc.LoadControl(3.0))
+    for name, values in {
+        "which": [NAN, None, "a", 1.5, 1, -2, [0], True],
+        "sign": [NAN, None, "a", 0, [1, 2]],
+        "mode": [NAN, None, "a", 1.5, 999, -1, [0], True],
+        "factors": [{"other": 1.0}, 3],
+        "spin": [3.0],
+        "model": [None, "column"],
+    }.items():
+        for value in values:
+            arguments = {"model": model, "history": path} | {name: value}
+            with pytest.raises(sc.InputError, match=f"argument {name}"):
+                sc.branch(**arguments)
+    for value in (NAN, None, "a", 1.5, 99, -99, [0], True):
+        with pytest.raises(sc.InputError, match="argument index"):
+            equilibrium(model, path, value)
+    run = sc.simulate(model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.02)
+    for history in (None, "path", run):
+        for verb in (sc.branch, equilibrium):
+            with pytest.raises(sc.HistoryError, match="no path of static"):
+                verb(model, history)
+    system, _ = scene()
+    for verb in (sc.branch, equilibrium):
+        with pytest.raises(sc.HistoryError, match="another model"):
+            verb(system, path)
+    start = sc.branch(model, path)
+    for control in (sc.LoadControl(), sc.DisplacementControl(_tip(model), (1, 0, 0), 0.1)):
+        with pytest.raises(sc.InputError, match="expected ArcLength"):
+            sc.static(model, control=control, start=start)
+    with pytest.raises(sc.InputError, match="another model"):
+        sc.static(system, control=sc.ArcLength(3), start=start)
+
+
+def _tip(model):
+    return model["rod"].node("rod.end")
+
+
+def test_paths_without_critical_points_have_no_branches():
+    system, _ = scene()
+    with pytest.raises(sc.InputError, match=r"0 critical point\(s\)"):
+        sc.branch(system, sc.static(system))

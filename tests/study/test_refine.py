@@ -1,0 +1,692 @@
+"""Refinement studies: known orders, verdicts that can be trusted, resumed runs, files."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import signal
+import subprocess
+import sys
+import types
+from functools import partial
+from itertools import pairwise
+
+import helpers_studies as problems
+import numpy as np
+import pytest
+
+import skfem_cosserat as sc
+from skfem_cosserat import InputError, PerformanceWarning, refine
+from skfem_cosserat.study import (
+    AtInstants,
+    MaximumOverTime,
+    ReferenceFinest,
+    ReferenceKnown,
+    ReferencePair,
+    ReferenceRun,
+    ResultTable,
+    RootMeanSquare,
+    convergence,
+    run_cases,
+    status,
+)
+
+HALVED = 0.5 ** np.arange(8)
+#: what levels cannot be compared with: its runs are functions of a problem
+PAIR = ReferencePair(abs, abs)
+BENT = {1: (16, 32, 64, 128), 2: (8, 16, 32, 64), 3: (4, 8, 12, 16), 4: (6, 8, 12, 16)}
+
+
+def oscillation(t):
+    return np.stack([np.cos(t), -np.sin(t)], axis=1)
+
+
+# -- known orders: ten problems --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("problem", "levels", "order", "exact"),
+    [
+        (problems.trapezoid, {"elements": (2, 4, 8, 16)}, 2, math.e - 1),
+        (problems.first_and_second, {"elements": (4, 8, 16, 32, 64)}, 1, (1.0, 2.0, -1.0)),
+    ],
+)
+def test_closed_forms(problem, levels, order, exact):
+    """With and without the true value; the extrapolated one is as good as it says."""
+    alone = refine(problem, **levels)
+    found = alone.orders["value"]
+    truth = np.asarray(exact)
+    assert alone.asymptotic
+    assert abs(found.order - order) < 0.02
+    assert abs(found.order - order) <= found.spread
+    assert np.linalg.norm(found.extrapolated - truth) < found.uncertainty
+    against = refine(problem, **levels, reference=exact)
+    assert abs(against.orders["value"].order - order) < 0.02
+    errors = against.errors["value"]
+    assert (abs(found.errors - errors) <= found.uncertainties).all()
+    error, doubt = alone.estimate["value"]
+    assert abs(error - errors[-1]) < doubt < 0.05 * error
+
+
+@pytest.mark.parametrize("norm", [MaximumOverTime(), RootMeanSquare(), AtInstants([0.4, 2.0])])
+@pytest.mark.parametrize("reference", [None, oscillation, {"x": oscillation}])
+def test_fourth_order_over_time(norm, reference):
+    steps = (0.2, 0.1, 0.05, 0.025)
+    study = refine(problems.fourth, step=steps, norm=norm, reference=reference)
+    assert abs(study.orders["x"].order - 4) < 0.05
+    runs = {step: problems.fourth(step) for step in steps}
+    shared = runs[0.2]["t"]
+    errors = [runs[h]["x"][:: round(0.2 / h)] - oscillation(shared) for h in steps]
+    lengths = np.linalg.norm(errors, axis=2)
+    if isinstance(norm, AtInstants):
+        expected = lengths[:, [2, 10]].max(axis=1)
+    elif isinstance(norm, RootMeanSquare):
+        weights = np.full(11, 0.1)
+        weights[[0, -1]] /= 2
+        expected = np.sqrt(lengths**2 @ weights)
+    else:
+        expected = lengths.max(axis=1)
+    if reference is None:
+        expected_doubts = study.orders["x"].uncertainties
+        assert (abs(study.errors["x"] - expected) <= expected_doubts).all()
+    else:
+        np.testing.assert_allclose(study.errors["x"], expected, rtol=1e-9)
+
+
+def test_statics_of_order_two_p_at_nodes():
+    study = refine(problems.bend, elements=BENT)
+    true = problems.bend(48, 4)
+    assert list(study.orders) == [f"value, order = {order}" for order in BENT]
+    for order, found in zip(BENT, study.orders.values(), strict=True):
+        assert abs(found.order - 2 * order) < 0.1
+        assert "three finest of four levels" in found.verdict
+        assert np.linalg.norm(found.extrapolated - true) < found.uncertainty
+
+
+def test_orders_as_series_against_a_fine_run():
+    reference = ReferenceRun(elements=32, order=4)
+    study = refine(problems.bend, elements=(8, 12, 16, 24), order=(2, 3), reference=reference)
+    assert list(study.orders) == ["value, order = 2", "value, order = 3"]
+    for order, found in zip((2, 3), study.orders.values(), strict=True):
+        assert abs(found.order - 2 * order) < 0.1
+    assert len(study.rows) == len(study.outcomes) == 8  # the reference is no level
+    assert [row["order"] for row in study.rows] == 4 * [2] + 4 * [3]
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_strains_of_order_p_plus_one(order):
+    levels = (8, 16, 32, 64)
+    study = refine(problems.bend_moments, elements=levels, order=order, reference=0.0)
+    assert abs(study.orders["value"].order - (order + 1)) < 0.1
+
+
+@pytest.mark.parametrize(("order", "levels"), [(1, (16, 32, 64, 128)), (2, (4, 8, 16, 32))])
+def test_frequencies_of_order_two_p(order, levels):
+    study = refine(problems.frequencies, elements=levels, order=order)
+    assert abs(study.orders["value"].order - 2 * order) < 0.1
+
+
+@pytest.mark.parametrize("integrator", problems.INTEGRATORS)
+def test_steps_of_second_order(integrator):
+    """Also constraint forces, where they belong; assigned to the end of a step they are of first
+    order with energy-momentum."""
+    problem = partial(problems.in_time, integrator=integrator)
+    study = refine(problem, step=[0.02, 0.01, 0.005, 0.0025])
+    expected = dict.fromkeys(("q", "v", "reaction", "reaction of the step"), 2)
+    expected["reaction of the step"] = 1 if integrator == "energy-momentum" else 2
+    assert list(study.orders) == list(expected)
+    for name, order in expected.items():
+        assert abs(study.orders[name].order - order) < 0.1, study.verdicts[name]
+
+
+def test_space_and_time_together():
+    levels = {"elements": (4, 8, 16, 32), "step": [0.05, 0.025, 0.0125, 0.00625]}
+    both = refine(problems.swing_up, **levels, quantities={"tip": problems.last_tip})
+    assert abs(both.orders["tip"].order - 2) < 0.1
+    over = refine(
+        problems.swing_up, **levels, quantities={"tip": problems.tip}, norm=MaximumOverTime()
+    )
+    assert abs(over.orders["tip"].order - 2) < 0.1
+
+
+@pytest.mark.slow
+def test_space_and_time_apart():
+    levels = {"elements": (4, 8, 16, 32), "step": [0.0125, 0.00625, 0.003125, 0.0015625]}
+    quantities = {"tip": problems.last_tip}
+    apart = refine(problems.swing_up, **levels, quantities=quantities, together=False)
+    assert list(apart.orders) == ["tip, elements varied", "tip, step varied"]
+    assert len(apart.outcomes) == 7  # the finest level is shared
+    for found in apart.orders.values():
+        assert abs(found.order - 2) < 0.1
+
+
+# -- no order where there is none ------------------------------------------------------------------
+
+
+# its coarse levels are bent farther than their elements can be
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
+@pytest.mark.parametrize(
+    "levels",
+    [
+        {"elements": (4, 8, 16, 32), "order": 1, "step": 1 / 40},
+        {"elements": 8, "order": 1, "step": (1 / 10, 1 / 20, 1 / 40, 1 / 80, 1 / 160)},
+        {"elements": (4, 8, 16, 32), "order": 3, "step": (1 / 10, 1 / 20, 1 / 40, 1 / 80)},
+    ],
+)
+def test_step_loads_are_not_in_the_asymptotic_range(levels):
+    """D4, the flying spaghetti in a plane, whose loads are there at once."""
+    study = refine(problems.spaghetti, **levels)
+    assert not study.asymptotic
+    assert study.verdicts["value"].startswith("not in the asymptotic range: pairwise orders ")
+    assert study.extrapolated["value"] is None
+    assert math.isnan(study.orders["value"].order)
+    assert math.isnan(study.estimate["value"][1])  # differences: a hint, and shown as such
+    assert "differs by" in str(study)
+
+
+@pytest.mark.slow
+def test_chaos_is_not_in_the_asymptotic_range():
+    study = refine(problems.double_pendulum, step=(0.04, 0.02, 0.01, 0.005))
+    assert study.verdicts["value"].startswith("not in the asymptotic range: pairwise orders ")
+
+
+@pytest.mark.parametrize("reference", [None, 1 - 1 / math.pi])
+def test_a_jump_is_not_in_the_asymptotic_range(reference):
+    study = refine(problems.kinked, elements=(5, 10, 20, 40, 80, 160), reference=reference)
+    assert study.verdicts["value"].startswith("not in the asymptotic range")
+
+
+def judged(errors, **options):
+    values = [np.array(1.0 + error) for error in errors]
+    return convergence(HALVED[: len(values)], values, **options)
+
+
+def test_wandering_sequences_are_seldom_believed():
+    """Orders between 0 and 3 by chance, errors of either sign: less than one in a hundred."""
+    random = np.random.default_rng(6)
+    truth = np.array(1.0)
+    for count in (4, 5):
+        believed = 0
+        for _ in range(300):
+            falls = np.cumsum(random.uniform(0, 3, count - 1))
+            errors = 0.1 * 2.0 ** -np.concatenate([[0.0], falls])
+            errors *= random.choice([-1, 1], count)
+            believed += judged(errors, reference=truth).asymptotic
+            believed += judged(errors).asymptotic
+        assert believed <= 6
+    noise = [judged(random.normal(size=5) * 1e-3, reference=truth) for _ in range(300)]
+    assert sum(each.asymptotic for each in noise) <= 3
+
+
+def test_orders_with_terms_of_higher_order():
+    """Where there is a verdict it is right: the order nearly always within its spread."""
+    random = np.random.default_rng(7)
+    inside = trusted = near = 0
+    for _ in range(300):
+        p, x = random.choice([1, 2, 4]), HALVED[:5]
+        errors = 0.1 * x**p * (1 + random.uniform(-0.5, 0.5) * x + random.uniform(-0.2, 0.2) * x**2)
+        found = judged(errors, reference=np.array(1.0))
+        assert found.asymptotic
+        assert abs(found.order - p) < 0.1
+        inside += abs(found.order - p) <= found.spread
+        alone = judged(errors)
+        trusted += alone.asymptotic
+        near += alone.asymptotic and abs(alone.extrapolated - 1) <= alone.uncertainty
+    assert inside >= 0.93 * 300
+    assert trusted >= 0.6 * 300
+    assert near >= 0.95 * trusted
+
+
+@pytest.mark.parametrize(
+    ("errors", "words"),
+    [
+        ([1e-2, 1e-8, 1e-16, 1e-16], "at rounding: no order (2 of 4 errors above 100 x rounding)"),
+        ([0, 0, 0, 0], "at rounding: no order (0 of 4 errors"),
+        ([1e-2, 2.5e-3, 6.25e-4], "fewer than four levels: pairwise orders 2, 2"),
+        ([1e-2, 1e-2, 1e-2, 1e-2], "not in the asymptotic range: pairwise orders 0, 0, 0"),
+        ([1e-2, 1.2e-2, 8e-3, 9e-3], "not in the asymptotic range: pairwise orders -0.26, 0.58"),
+        ([1e-2, -2.5e-3, 6.25e-4, -1.6e-4], "the sign of the error changes"),
+        ([1e-2, 1e-15, 1e-3, 1e-4], "below rounding and above it again"),
+    ],
+)
+def test_verdicts_without_order(errors, words):
+    found = judged(errors, reference=np.array(1.0))
+    assert words in found.verdict
+    assert not found.asymptotic
+    assert math.isnan(found.order)
+
+
+def test_rounding_is_seen_or_declared():
+    """Noise of 1e-10 that stops the fall; declared noise takes levels away before it shows."""
+    noise = 1e-10 * np.array([0.3, -0.8, 0.5, 0.9, -0.7, 1.0, -0.9, 0.95])
+    found = judged(1e-1 * HALVED**6 + noise, reference=np.array(1.0))
+    assert found.rounding > 5e-11
+    assert "above 100 x rounding" in found.verdict
+    assert abs(found.extrapolated - 1) <= found.uncertainty
+    found = judged(1e-2 * HALVED**2, reference=np.array(1.0), rounding=1e-7)
+    assert "three finest of eight levels, 5 of 8 errors above" in found.verdict
+    assert abs(found.order - 2) < 1e-9
+    assert "at rounding" in judged(1e-2 * HALVED**2, rounding=1e-5).verdict
+    noisy = np.array([1e-2, 1e-4, 1e-6, 1e-8, 1.2e-11])
+    expected = "(down to 1.2e-11 of the value: if that is rounding, declare it)"
+    assert expected in judged(noisy, reference=np.array(1.0)).verdict
+
+
+def test_a_wrong_reference_is_told():
+    found = judged(1e-2 * HALVED[:6] ** 2, reference=np.array(1.0 + 1e-4))
+    assert not found.asymptotic
+    expected = "the levels converge (order 2.00) to a value 0.0001 from the reference"
+    assert found.verdict.endswith(expected)
+
+
+def test_finest_level_as_reference_allows_for_its_own_error():
+    study = refine(
+        problems.trapezoid, elements=(4, 8, 16, 32, 64), reference=ReferenceFinest()
+    ).orders["value"]
+    assert abs(study.order - 2) < 0.01
+    naive = np.log2(study.errors[2] / study.errors[3])
+    assert abs(naive - 2) > 0.3
+    truth = abs(problems.trapezoid(64) - (math.e - 1))
+    assert study.uncertainties[0] == pytest.approx(truth, rel=1e-3)
+
+
+def test_uneven_levels():
+    sizes = np.array([1, 0.7, 0.4, 0.25, 0.2])
+    for finest in (False, True):
+        values = [np.array([1.0, 2.0]) + x**3 for x in sizes]
+        found = convergence(sizes, values, finest=finest)
+        assert abs(found.order - 3) < 1e-6
+        np.testing.assert_allclose(found.extrapolated, [1, 2], atol=1e-9)
+
+
+def test_differences_that_turn_take_five_levels():
+    """Norms fall as h^2, but each time in another direction: no extrapolation."""
+    angles = np.arange(6) * 1.5
+    values = [x**2 * np.array([np.cos(a), np.sin(a)]) for x, a in zip(HALVED, angles, strict=False)]
+    four = convergence(HALVED[:4], values[:4])
+    assert "do not point the same way, which takes five levels" in four.verdict
+    five = convergence(HALVED[:5], values[:5])
+    assert abs(five.order - 2) < 1e-6
+    assert five.extrapolated is None
+
+
+def test_known_values_with_an_error_are_a_reference_too():
+    levels = (4, 8, 16, 32)
+    known = refine(problems.trapezoid, elements=levels, reference=ReferenceKnown(math.e - 1, 1e-9))
+    plain = refine(problems.trapezoid, elements=levels, reference=math.e - 1)
+    assert known.errors["value"].tolist() == plain.errors["value"].tolist()
+    assert known.notes == plain.notes == {"reference": "given"}
+
+
+def test_no_order_is_told_below_the_error_of_known_values():
+    """True to 2e-3 only: differences of 1e-3 to it are no errors of the levels."""
+    off = ReferenceKnown(math.e - 1 + 1e-3, errors=2e-3)
+    found = refine(problems.trapezoid, elements=(4, 8, 16, 32, 64), reference=off)
+    assert np.isnan(found.orders["value"].order) and "at rounding" in found.orders["value"].verdict
+
+
+# -- failures, interruption, processes -------------------------------------------------------------
+
+
+def test_a_level_that_fails_is_kept_with_its_reason(tmp_path):
+    study = refine(problems.fails_at_16, elements=(4, 8, 16, 32, 64))
+    assert abs(study.orders["value"].order - 2) < 0.02
+    assert "three finest of four levels" in study.verdicts["value"]
+    row = study.rows[2]
+    assert row["status"] == "diverged"
+    assert "no solution" in row["reason"]
+    assert math.isnan(row["error_value"])
+    assert list(study.failed) == ["elements = 16"]
+    assert "5 levels, 1 failed" in str(study)
+    lines = study.csv(tmp_path / "study.csv").read_text().splitlines()
+    notes = {line[2:].partition(": ")[0] for line in lines if line.startswith("# ")}
+    assert {"refinement", "verdicts", "versions", "machine", "commit"} <= notes
+    table = list(csv.DictReader(line for line in lines if not line.startswith("# ")))
+    assert [line["status"] for line in table] == ["ok", "ok", "diverged", "ok", "ok"]
+    assert float(table[4]["value"]) == problems.trapezoid(64)
+    assert float(table[4]["error_value"]) == study.errors["value"][4]
+
+
+def test_a_table_of_results_as_text_and_for_pandas(monkeypatch):
+    """Rows need not have the same names; pandas is asked for only here."""
+    table = ResultTable([{"a|b": 1 / 3}, {"why": "two\nlines"}], {"problem": "bend"})
+    head, _, first, second = table.to_markdown().splitlines()
+    assert head == r"| a\|b | why |"
+    assert first == "| 0.333333 |  |"
+    assert second == "|  | two lines |"
+    made = types.SimpleNamespace(attrs={})
+    frame = types.SimpleNamespace(DataFrame=lambda cells, columns: made)
+    monkeypatch.setitem(sys.modules, "pandas", frame)
+    assert table.to_pandas().attrs == {"problem": "bend"}
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match="pandas is needed here"):
+        table.to_pandas()
+
+
+def test_values_that_are_not_finite_fail_their_level():
+    study = refine(lambda elements: np.nan if elements == 8 else 1 / elements, elements=(4, 8, 16))
+    assert [row["status"] for row in study.rows] == ["ok", "not finite", "ok"]
+    assert "fewer than four levels" in study.verdicts["value"]
+
+
+def test_a_series_of_which_nothing_comes():
+    def problem(elements, order):
+        return problems.trapezoid(elements) if order == 1 else np.nan
+
+    study = refine(problem, elements=(4, 8, 16, 32), order=(1, 2))
+    assert abs(study.orders["value, order = 1"].order - 2) < 0.02
+    assert study.verdicts["value, order = 2"] == "fewer than four levels"
+    assert np.isnan(study.estimate["value, order = 2"]).all()
+
+
+def test_all_levels_may_fail():
+    study = refine(lambda elements: 1 / 0, elements=(4, 8))
+    assert {row["status"] for row in study.rows} == {"error"}
+    assert "ZeroDivisionError" in study.rows[0]["reason"]
+    assert not study.asymptotic
+    assert study.orders == {}
+    assert "elements = 4: error: ZeroDivisionError" in str(study)
+    with pytest.raises(InputError, match="no level was solved; elements = 4: error: ZeroDiv"):
+        study.chart()
+
+
+def calls(folder):
+    path = folder / "calls"
+    return [int(line) for line in path.read_text().split()] if path.exists() else []
+
+
+def test_killed_and_resumed(tmp_path):
+    """Only what is missing is computed; more levels and other quantities cost what is new."""
+    log = tmp_path / "log"
+    log.mkdir()
+    problem = partial(problems.noted, log=log, fatal=(16,))
+    options = {"elements": (4, 8, 16, 32), "folder": tmp_path / "study"}
+    with pytest.raises(KeyboardInterrupt):
+        refine(problem, **options)
+    assert calls(log) == [4, 8, 16]
+    (log / "on").touch()
+    study = refine(problem, **options)
+    assert calls(log) == [4, 8, 16, 16, 32]
+    again = refine(problem, **options, quantities={"double": lambda value: 2 * value})
+    assert calls(log) == [4, 8, 16, 16, 32]
+    double = again.values["double"]["elements = 8"]
+    assert double == 2 * study.values["value"]["elements = 8"]
+    more = refine(problem, **options | {"elements": (4, 8, 16, 32, 64)})
+    assert calls(log) == [4, 8, 16, 16, 32, 64]
+    assert more.verdicts["value"].endswith("(three finest of five levels)")
+    direct = refine(problems.trapezoid, elements=(4, 8, 16, 32, 64))
+    np.testing.assert_array_equal(more.errors["value"], direct.errors["value"])
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_leaves_its_levels(tmp_path):
+    code = (
+        "import sys, pathlib, functools\n"
+        f"sys.path[:] = {sys.path!r}\n"
+        "import helpers_studies as problems, skfem_cosserat as sc\n"
+        f"folder = pathlib.Path({str(tmp_path)!r})\n"
+        "problem = functools.partial(problems.killed, log=folder)\n"
+        "sc.refine(problem, elements=(4, 8, 16, 32), folder=folder / 'study')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=False)
+    assert done.returncode == -signal.SIGKILL
+    (tmp_path / "on").touch()
+    problem = partial(problems.killed, log=tmp_path)
+    study = refine(problem, elements=(4, 8, 16, 32), folder=tmp_path / "study")
+    assert calls(tmp_path) == [4, 8, 16, 16, 32]
+    assert abs(study.orders["value"].order - 2) < 0.02
+
+
+def test_ctrl_c_ends_a_study_in_good_order(tmp_path):
+    """The level at work is finished, the others are rows without a result, and run later."""
+    problem = partial(problems.stopped, log=tmp_path)
+    options = {"elements": (4, 8, 16, 32), "folder": tmp_path / "study"}
+    study = refine(problem, **options)
+    assert [row["status"] for row in study.rows] == ["ok", "ok", "not run", "not run"]
+    assert "fewer than four levels" in study.verdicts["value"]
+    (tmp_path / "on").touch()
+    assert refine(problem, **options).asymptotic
+    assert calls(tmp_path) == [4, 8, 16, 32]
+
+
+def test_a_changed_problem_is_refused(tmp_path):
+    log, options = tmp_path, {"elements": (4, 8), "folder": tmp_path / "study"}
+    refine(partial(problems.noted, log=log), **options)
+    with pytest.raises(InputError, match=r"study.*: problem was .*noted.* is now .*other") as error:
+        refine(partial(problems.other, log=log), **options)
+    assert "choose another folder" in str(error.value)
+    with pytest.raises(InputError, match="problem was"):
+        refine(partial(problems.noted, log=log, fatal=(1,)), **options)
+    index = tmp_path / "study" / "study.json"
+    content = json.loads(index.read_text())
+    content["identity"]["version of skfem-cosserat"] = "0.0.1"
+    index.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=r"version of skfem-cosserat was 0.0.1"):
+        refine(partial(problems.noted, log=log), **options)
+    assert calls(log) == [4, 8]
+
+
+def test_code_and_bound_values_make_a_problem_another():
+    def made(factor, power):
+        return lambda elements: factor / elements**power
+
+    from skfem_cosserat.study import identity
+
+    def text(problem):
+        return identity(problem=problem)["problem"]
+
+    assert text(made(1.0, 2)) == text(made(1.0, 2))
+    assert text(made(1.0, 2)) != text(made(2.0, 2))
+    one, other = (lambda x: x + 1.0), (lambda x: x + 2.0)
+    other.__qualname__ = one.__qualname__
+    assert text(one) != text(other)
+
+
+def test_failed_levels_are_kept_unless_tried_again(tmp_path):
+    seen = []
+
+    def problem(elements):
+        seen.append(elements)
+        raise ValueError("no")
+
+    def told(*what):
+        told.done.append(what[:2])
+
+    told.done = []
+    jobs = [sc.Job("one", problem, 1)]
+    run_cases(jobs, folder=tmp_path)
+    (kept,) = run_cases(jobs, folder=tmp_path, progress=told)
+    assert (seen, told.done, status(kept), str(kept.error)) == ([1], [], "error", "no")
+    run_cases(jobs, folder=tmp_path, retry=True, progress=told)
+    assert (seen, told.done) == ([1, 1], [(1, 1)])
+
+
+def test_a_damaged_case_is_run_again(tmp_path):
+    log = tmp_path
+    options = {"elements": (4, 8), "folder": tmp_path / "study"}
+    refine(partial(problems.noted, log=log), **options)
+    (tmp_path / "study").joinpath(
+        next(path.name for path in (tmp_path / "study").glob("elements_8*.case"))
+    ).write_bytes(b"\x80")
+    with pytest.warns(PerformanceWarning, match="is run again"):
+        refine(partial(problems.noted, log=log), **options)
+    assert calls(log) == [4, 8, 8]
+
+
+def test_results_that_cannot_be_kept_are_refused(tmp_path):
+    with pytest.raises(InputError, match="cannot be kept in a file"):
+        refine(lambda elements: (x for x in ()), elements=(4, 8), folder=tmp_path)
+
+
+@pytest.mark.filterwarnings(
+    "ignore::skfem_cosserat.AccuracyWarning"
+)  # four elements are few for the bend
+@pytest.mark.slow
+def test_two_processes_give_the_same(tmp_path):
+    levels = {"elements": (4, 8, 16, 32), "order": (1, 2)}
+    alone = refine(problems.bend, **levels)
+    with sc.Processes(2) as executor:
+        there = refine(problems.bend, **levels, executor=executor, folder=tmp_path)
+    for key, found in alone.orders.items():
+        np.testing.assert_array_equal(found.errors, there.orders[key].errors)
+        assert found.verdict == there.orders[key].verdict
+    assert len(list(tmp_path.glob("*.case"))) == 8
+
+
+def test_an_executor_refuses_what_cannot_travel():
+    with sc.Processes(1) as executor, pytest.raises(InputError, match="cannot be sent"):
+        refine(lambda elements: 1.0, elements=(4, 8), executor=executor)
+
+
+def test_meshes_and_progress():
+    seen = []
+    meshes = [sc.MeshCurve.init_line((0, 0, 0), (2, 0, 0), n, name="rod") for n in (2, 4, 8, 16)]
+
+    def problem(mesh):
+        return problems.trapezoid(mesh.nelements)
+
+    study = refine(problem, mesh=meshes, progress=lambda *what: seen.append(what[:2]))
+    assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert [row["size"] for row in study.rows] == pytest.approx([1, 0.5, 0.25, 0.125])
+    assert study.rows[0]["mesh"] == "2 elements up to 1"
+    assert abs(study.orders["value"].order - 2) < 0.02
+
+
+# -- charts and files ------------------------------------------------------------------------------
+
+
+def test_chart(tmp_path):
+    pytest.importorskip("matplotlib")
+    study = refine(problems.fails_at_16, elements=(4, 8, 16, 32, 64))
+    axis = study.chart(tmp_path / "study.png").axes[0]
+    assert (tmp_path / "study.png").read_bytes()[:4] == b"\x89PNG"
+    errors, crosses, triangle = axis.get_lines()
+    np.testing.assert_array_equal(errors.get_xdata(), 1 / np.array([4, 8, 32, 64]))
+    np.testing.assert_array_equal(errors.get_ydata(), study.errors["value"][[0, 1, 3, 4]])
+    assert errors.get_label() == "order 2.00 +- 0.01"
+    assert crosses.get_xdata().tolist() == [1 / 16]
+    x, y = (np.log(triangle.get_data()[k]) for k in (0, 1))
+    assert (y[1] - y[0]) / (x[1] - x[0]) == pytest.approx(study.orders["value"].order)
+    wandering = refine(problems.kinked, elements=(5, 10, 20, 40, 80, 160)).chart().axes[0]
+    (line,) = wandering.get_lines()
+    assert line.get_label().startswith("not in the asymptotic range")
+    assert line.get_markerfacecolor() == "none"
+
+
+def test_histories_become_paraview_series(tmp_path):
+    levels = {"elements": (2, 4), "step": (0.05, 0.025)}
+    quantities = {"tip": problems.last_tip}
+    study = refine(problems.swing_up, **levels, quantities=quantities, folder=tmp_path / "kept")
+    written = study.paraview(tmp_path / "series")
+    assert list(written) == ["elements = 2, step = 0.05", "elements = 4, step = 0.025"]
+    folders = [tmp_path / "series" / f"elements_{n}_step_{h}" for n, h in ((2, 0.05), (4, 0.025))]
+    for folder, paths in zip(folders, written.values(), strict=True):
+        assert folder / "beams.pvd" in paths
+        assert (folder / "beams.pvd").read_text().count("<DataSet") == 7
+    last = study.values["tip"]["elements = 4, step = 0.025"]
+    again = refine(problems.swing_up, **levels, quantities=quantities, folder=tmp_path / "kept")
+    np.testing.assert_array_equal(again.values["tip"]["elements = 4, step = 0.025"], last)
+    with pytest.raises(InputError, match=r"its result is a float, ParaView series need a History"):
+        refine(problems.trapezoid, elements=(2, 4)).paraview(tmp_path)
+
+
+def test_quantities_by_name():
+    study = refine(problems.swing_up, elements=2, step=(0.05, 0.025), quantities=["q", "energy"])
+    assert study.values["energy"]["elements = 2, step = 0.05"].shape == ()
+    assert study.values["q"]["elements = 2, step = 0.05"].shape == (36,)
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+FOUR = (4, 8, 16, 32)
+
+
+@pytest.mark.parametrize(
+    ("problem", "options", "words"),
+    [
+        (problems.trapezoid, {}, "got no sequence, expected at least two levels"),
+        (problems.trapezoid, {"elements": 4}, "got no sequence, expected at least two levels"),
+        (problems.trapezoid, {"elements": (4,)}, r"argument elements: \(4,\) has fewer than two"),
+        (problems.trapezoid, {"elements": (4, 8, 8)}, r"\(4, 8, 8\), expected growing numbers"),
+        (problems.trapezoid, {"elements": (8, 4)}, "expected growing numbers, coarsest"),
+        (problems.trapezoid, {"elements": (-4, 8)}, "holds -4, expected positive integers"),
+        (problems.trapezoid, {"elements": (4, 8.5)}, "holds 8.5, expected positive integers"),
+        (problems.fourth, {"step": (0.1, 0.2)}, "argument step: .*expected falling numbers"),
+        (problems.fourth, {"step": (0.1, -0.2)}, "argument step: holds -0.2, expected positive"),
+        (problems.fourth, {"step": (0.1, np.nan)}, "argument step: holds nan, expected positive"),
+        (problems.bend, {"elements": FOUR, "order": (2, 1)}, "argument order: .*growing"),
+        (problems.trapezoid, {"mesh": (4, 8)}, "argument mesh: holds 4, expected meshes"),
+        (problems.trapezoid, {"mesh": 4, "elements": 4}, "got both, expected one"),
+        (problems.swing_up, {"elements": FOUR, "step": (0.1, 0.05)}, "got 4 and 2 levels"),
+        (problems.trapezoid, {"step": (0.1, 0.05)}, r"takes \(elements\), but .* with step"),
+        (problems.bend, {"elements": {1: FOUR}, "order": 1}, "elements says the orders already"),
+        (problems.bend, {"elements": {2: FOUR, 1: FOUR}}, "argument order: .*growing"),
+        (3, {"elements": FOUR}, "argument problem: 3 cannot be called"),
+        (problems.trapezoid, {"elements": FOUR, "reference": np.nan}, "reference: nan, expected"),
+        (problems.trapezoid, {"elements": FOUR, "reference": "x"}, "reference: 'x', expected"),
+        (problems.trapezoid, {"elements": FOUR, "reference": (1, 2)}, r"shape \(2,\), expected"),
+        (problems.trapezoid, {"elements": FOUR, "reference": {"x": 1}}, "quantity 'x': unknown"),
+        (problems.trapezoid, {"elements": FOUR, "reference": PAIR}, "expected finite numbers"),
+        (problems.trapezoid, {"elements": FOUR, "rounding": -1.0}, "argument rounding: value"),
+        (problems.trapezoid, {"elements": FOUR, "quantities": ["x"]}, "is a name, but the problem"),
+        (problems.trapezoid, {"elements": FOUR, "quantities": 3}, "quantities: 3, expected names"),
+        (problems.trapezoid, {"elements": FOUR, "norm": "max"}, "argument norm: 'max', expected"),
+        (problems.trapezoid, {"elements": FOUR, "norm": MaximumOverTime()}, "without times at"),
+        (problems.fourth, {"step": (0.1, 0.05), "quantities": ["y"]}, "quantity 'y': unknown; the"),
+        (problems.fourth, {"step": (0.1, 0.05)}, r"quantity 'x': shape \(21, 2\) at step = 0.1, "),
+        (
+            problems.fourth,
+            {"step": (0.1, 0.05), "norm": AtInstants([0.05])},
+            "AtInstants: times holds 0.05, which not all levels have recorded",
+        ),
+        (problems.swing_up, {"elements": 2, "step": (0.1, 0.05)}, "gives a History: say what"),
+        (
+            problems.swing_up,
+            {"elements": 2, "step": (0.1, 0.05), "quantities": ["Q"]},
+            "series 'Q': not recorded",
+        ),
+        (
+            problems.trapezoid,
+            {"elements": FOUR, "reference": ReferenceRun(order=4)},
+            r"takes \(elements\), but the study calls it with elements, order",
+        ),
+        (
+            problems.fails_at_16,
+            {"elements": (4, 8), "reference": ReferenceRun(elements=16)},
+            "argument reference: its run failed: step 7",
+        ),
+    ],
+)
+def test_bad_input(problem, options, words):
+    with pytest.raises(InputError, match=words):
+        refine(problem, **options)
+
+
+def test_unknown_quantities_end_the_study_at_once():
+    seen = []
+
+    def problem(elements):
+        seen.append(elements)
+        return {"a": 1.0}
+
+    with pytest.raises(InputError, match="quantity 'b': unknown; there are a"):
+        refine(problem, elements=FOUR, quantities=["b"])
+    assert seen == [4]
+    with pytest.raises(InputError, match="quantity 'b': unknown; there are a"):
+        refine(problem, elements=FOUR, quantities=["a"], reference={"b": 1.0})
+    assert seen == [4]
+
+
+@pytest.mark.parametrize("times", [[], [0.2, 0.1], [np.nan], "x"])
+def test_bad_instants(times):
+    with pytest.raises(InputError, match="AtInstants"):
+        AtInstants(times)
+
+
+def test_pairs_shown_are_those_of_the_errors():
+    study = refine(problems.trapezoid, elements=FOUR, reference=math.e - 1)
+    errors = study.errors["value"]
+    expected = [np.log2(a / b) for a, b in pairwise(errors)]
+    np.testing.assert_allclose(study.orders["value"].pairwise, expected, rtol=1e-12)
+    assert [row["order_value"] for row in study.rows[1:]] == pytest.approx(expected)

@@ -1,0 +1,399 @@
+"""Maps of where methods fail: known limits, every kind of outcome, resumed maps, a stiff scene."""
+
+from __future__ import annotations
+
+import csv
+import math
+from functools import partial
+
+import helpers_precision as helpers
+import numpy as np
+import pytest
+
+import skfem_cosserat as sc
+from skfem_cosserat import InputError, stability_map
+from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, Map, TimedOut, Verdict
+from skfem_cosserat.study.verdict import full_protocol
+
+KINDS = ("ok", "drift", "blowup", "newton", "half-hearted", "timeout", "error")
+OMEGAS, STEPS = (0.5, 1.9, 2.1, 30.0), (0.05, 0.5, 1.0)
+JUDGE = JudgeEnergy(helpers.amplitude)
+
+
+@pytest.fixture(scope="module")
+def kinds():
+    return stability_map(helpers.every_kind, {"step": (1.0,), "kind": KINDS}, JUDGE, timeout_s=0.05)
+
+
+@pytest.fixture(scope="module")
+def oscillator():
+    axes = {"omega": OMEGAS, "step": STEPS}
+    return stability_map(helpers.leapfrog, axes, helpers.judged)
+
+
+# -- outcomes --------------------------------------------------------------------------------------
+
+
+def test_every_kind_of_outcome(kinds):
+    found = dict(zip(KINDS, kinds.status[0], strict=True))
+    assert found == {name: name for name in KINDS} | {"half-hearted": "error"}
+    assert kinds.status.shape == kinds.time.shape == kinds.energy_error.shape == (1, 7)
+
+
+def test_times_errors_and_residuals(kinds):
+    time, error, residual = (x[0] for x in (kinds.time, kinds.energy_error, kinds.newton_residual))
+    assert time[:4] == pytest.approx([6.0, 6.0, 3.0, 0.25])
+    assert error[:2] == pytest.approx([0.006, 0.03], rel=1e-12)
+    assert error[2] == pytest.approx(9.01, rel=1e-12)  # E > 10 E0 at 10.01, not yet at 9.99
+    assert np.isnan(error[3:]).all()
+    assert residual[2:5] == pytest.approx([0.5, 0.125, 0.125])
+    assert np.isnan(residual[[0, 1, 5, 6]]).all()
+
+
+def test_reasons(kinds):
+    reason = dict(zip(KINDS, kinds.reason[0], strict=True))
+    assert reason["ok"] == reason["drift"] == ""
+    assert reason["blowup"].startswith("then Diverged: step 5")
+    assert reason["newton"].startswith("Diverged: step 3")
+    assert "settings=FULL_PROTOCOL" in reason["half-hearted"]
+    assert reason["timeout"] == "TimedOut: not done within 0.05 s"
+    assert reason["error"] == "LookupError: no such section"
+
+
+def test_a_failed_step_has_had_the_full_protocol():
+    """The stepper's own attempts are counted as such only with 100 iterations each."""
+    for settings, full in ((None, False), (FULL_PROTOCOL, True)):
+        with pytest.raises(sc.Diverged) as caught:
+            sc.simulate(*helpers.struck(), step=0.1, until=1.0, settings=settings)
+        assert len(caught.value.residuals) == 4
+        assert full_protocol(caught.value) is full
+        state = JudgeEnergy(since=0.35)(caught.value).status
+        assert state == ("newton" if full else "error")
+    assert max(len(each) for each in caught.value.residuals) == 101
+
+
+def test_explicit_limit_at_step_times_omega_2(oscillator):
+    """The leapfrog scheme blows up where theory says, and nowhere else."""
+    for i, omega in enumerate(OMEGAS):
+        for k, step in enumerate(STEPS):
+            stable = step * omega < 2
+            assert oscillator.status[i, k] == ("ok" if stable else "blowup")
+    assert oscillator.numbers["last"].shape == (4, 3)
+    stable = np.outer(OMEGAS, STEPS) < 2
+    assert (oscillator.numbers["last"][stable] < 16).all()
+    assert oscillator.time[0, 0] == pytest.approx(399 * 0.05)
+    assert (oscillator.time[~stable] < 399 * np.outer(np.ones(4), STEPS)[~stable]).all()
+
+
+# its two elements are drawn farther than such ones can be, which is quick
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
+def test_a_run_that_is_stopped_tells_how_far_it_came():
+    """Its history comes with the error; energies were not derived yet, which is no fault."""
+    error = TimedOut("not done within 1 s")
+    error.history = helpers.swing_down(2, sc.EnergyMomentum(), 1e-2)
+    for judge in (JudgeEnergy(), JudgeEnergy(lambda history: history["energy"])):
+        found = judge(error)
+        assert found.status == "timeout" and found.time == pytest.approx(0.08)
+        assert np.isnan(found.energy_error)
+    found = JudgeEnergy(_constant)(error)
+    assert (found.status, found.energy_error) == ("timeout", 0.0)
+
+
+def test_a_limit_of_time_stops_a_simulation():
+    (row,) = stability_map(helpers.slow_rod, {"step": (1e-3,)}, timeout_s=0.5).rows
+    assert row["status"] == "timeout" and row["seconds"] < 5
+
+
+def _constant(history):
+    return np.ones(len(history))
+
+
+def test_energy_before_a_time_does_not_count():
+    energy = np.array([0.0, 5.0, 5.0, 5.004, 5.02])
+    history = helpers.history_of(np.sqrt(energy), np.zeros(5), 1.0)
+    found = JudgeEnergy(helpers.amplitude, since=2.0)(history)
+    assert found.status == "ok" and found.energy_error == pytest.approx(0.004, rel=1e-9)
+    assert JudgeEnergy(helpers.amplitude, since=2.0, drift=1e-3)(history).status == "drift"
+    assert JudgeEnergy(helpers.amplitude, scale=1000.0)(history).status == "ok"
+    with pytest.raises(InputError, match="is zero"):
+        JudgeEnergy(helpers.amplitude)(history)
+
+
+# its two elements are drawn farther than such ones can be, which is quick
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
+def test_energy_that_is_zero_by_the_choice_of_a_height():
+    """A rod let go at the height of its hinge: changes are compared with the work of gravity."""
+    t = np.arange(4.0)
+    series = {"t": t, "step": t, "q": np.zeros((4, 3)), "p": np.zeros((4, 3))}
+    work = np.array([0.0, -1.0, -2.0, -4.0])
+    for error, status in ((0.02, "ok"), (0.2, "drift"), (40.0, "blowup")):
+        energy = 1e-17 - work + np.array([0, 0, 0, error])
+        history = sc.History({"status": "completed"}, {}, series)
+        history.add_series("energy", energy)
+        history.add_series("external", work)
+        found = JudgeEnergy()(history)
+        assert (found.status, found.energy_error) == (status, pytest.approx(error / 4))
+    (row,) = stability_map(helpers.swing_from_rest, {"step": (1e-2,)}).rows
+    assert row["status"] == "ok" and row["energy_error"] < 1e-9
+
+
+def test_problems_that_take_settings_get_the_full_protocol():
+    """Without settings of their own they fail only after 100 iterations in each attempt."""
+    found = stability_map(helpers.blow, {"iterations": (None, 5, 100)}, JudgeEnergy(since=0.35))
+    assert found.status.tolist() == ["newton", "error", "newton"]
+    assert found.newton_residual[0] == found.newton_residual[2] > 1e-8
+    assert "4 attempts with 400 Newton iterations" in found.reason[0]
+    assert "settings=FULL_PROTOCOL" in found.reason[1]
+    assert sc.NewtonSettings().iterations == 20  # elsewhere nothing has changed
+    with pytest.raises(sc.Diverged) as caught:
+        helpers.blow(None)
+    assert max(len(each) for each in caught.value.residuals[:2]) <= 21
+    chosen = partial(helpers.blow, settings=sc.NewtonSettings(5, damped_iterations=5))
+    found = stability_map(chosen, {"iterations": (None,)}, JudgeEnergy(since=0.35))
+    assert found.status.tolist() == ["error"]  # it has settings already
+    bare = stability_map(_bare_blow, {"step": (0.1,)}, JudgeEnergy(since=0.35))
+    assert "settings=FULL_PROTOCOL" in bare.reason[0]  # it takes none
+
+
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # what fails is warned of
+def test_explicit_steps_above_the_limit_have_blown_up():
+    """They are not solved for: no protocol is missing."""
+    found = stability_map(helpers.free_rubber, {"times_limit": (0.5, 1.5)})
+    assert found.status.tolist() == ["ok", "blowup"]
+    assert "the motion has blown up" in found.reason[1] or found.energy_error[1] > 9
+    error = sc.Diverged(0.5, 3, np.inf, "the motion has blown up", "none")
+    assert (JUDGE(error).status, JUDGE(error).time) == ("blowup", 0.5)
+    assert JUDGE(error).reason.startswith("Diverged: step 3")
+    assert JUDGE(sc.Diverged(0.5, 3, 0.1, "a dead point", "none")).status == "error"
+
+
+def test_a_subprocess_that_takes_too_long():
+    (row,) = stability_map(helpers.sleeping_process, {"step": (1.0,)}).rows
+    assert row["status"] == "timeout" and row["reason"].startswith("TimeoutExpired")
+
+
+def test_energy_that_is_no_number_has_blown_up():
+    history = helpers.history_of(np.array([1.0, 1.0, np.inf]), np.zeros(3), 1.0)
+    assert JUDGE(history).status == "blowup"
+    history = helpers.history_of(np.array([np.nan, 1.0]), np.zeros(2), 1.0)
+    assert JUDGE(history).status == "blowup"
+
+
+def test_a_judge_of_ones_own():
+    def words(result):
+        return "broken" if isinstance(result, Exception) else "fine"
+
+    found = stability_map(helpers.every_kind, {"step": (1.0,), "kind": ("ok", "error")}, words)
+    assert found.status.tolist() == [["fine", "broken"]]
+
+
+# -- a stiff scene ---------------------------------------------------------------------------------
+
+
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # what fails is warned of
+def test_stiff_column_with_both_integrators():
+    """Steel under twice its Euler load: variational blows up, energy-momentum does not."""
+    schemes = ("energy-momentum", "variational")
+    axes = {"integrator": schemes, "step": (1e-3, 5e-4)}
+    found = stability_map(helpers.stiff_bar, axes, JudgeEnergy(since=helpers.PUSHED))
+    assert found.status.tolist() == [["ok", "ok"], ["blowup", "blowup"]]
+    assert (found.energy_error[0] < 1e-9).all() and (found.energy_error[1] > 9).all()
+    assert found.time[0] == pytest.approx(0.15) and (found.time[1] < 0.14).all()
+    assert np.isnan(found.newton_residual[0]).all()
+    assert (found.newton_residual[1] > 1e-6).all()  # then a step cannot be solved, either
+    assert "then Diverged" in found.reason[1, 0]
+
+
+# -- resumed, elsewhere ----------------------------------------------------------------------------
+
+
+def test_resumed_map(tmp_path):
+    problem = partial(helpers.leapfrog, log=tmp_path)
+    folder = tmp_path / "cells"
+    first = stability_map(problem, {"step": STEPS[:2], "omega": OMEGAS}, JUDGE, resume=folder)
+    calls = (tmp_path / "calls").read_text().splitlines()
+    assert len(calls) == 8
+    more = stability_map(problem, {"step": STEPS, "omega": OMEGAS}, JUDGE, resume=folder)
+    assert len((tmp_path / "calls").read_text().splitlines()) == 12
+    assert (more.status[:2] == first.status).all()
+    with pytest.raises(InputError, match="holds cases of another study: outcome"):
+        stability_map(problem, {"step": STEPS, "omega": OMEGAS}, helpers.judged, resume=folder)
+
+
+@pytest.mark.slow
+def test_processes_give_what_one_process_gives(oscillator):
+    with sc.Processes(2) as executor:
+        axes = {"omega": OMEGAS, "step": STEPS}
+        there = stability_map(helpers.leapfrog, axes, helpers.judged, executor)
+    for name in ("status", "time", "energy_error", "newton_residual"):
+        np.testing.assert_array_equal(getattr(there, name), getattr(oscillator, name))
+
+
+# -- files -----------------------------------------------------------------------------------------
+
+
+def test_csv(kinds, tmp_path):
+    text = kinds.csv(tmp_path / "map.csv").read_text().splitlines()
+    head = [line for line in text if line.startswith("# ")]
+    rows = list(csv.DictReader(text[len(head) :]))
+    assert head[0] == '# stability map: "every_kind"'
+    assert [row["kind"] for row in rows] == list(KINDS)
+    assert [row["status"] for row in rows] == kinds.status[0].tolist()
+    assert float(rows[2]["energy_error"]) == kinds.energy_error[0, 2]
+    assert not any(line.startswith("# kernels") for line in head)  # the rows say which ran
+
+
+@pytest.mark.plain
+@pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.Variational()], ids=repr)
+def test_kernels_that_ran_are_told(scheme, tmp_path):
+    """A column in both kinds of tables, as the history has it; of failed runs, too."""
+
+    def run(step, stiffness):
+        model = sc.Model()
+        ball = model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
+        model.add("spring", sc.SpringDamper(sc.ground((0, -1.0, 0)), ball.place(), stiffness))
+        more = {"callbacks": [stopped]} if stiffness > 50 else {}
+        return sc.simulate(model.freeze(), scheme, sc.NullSpace(), step, 10 * step, **more)
+
+    def stopped(report):
+        raise RuntimeError("enough")
+
+    found = sc.stability_map(run, {"step": (0.01,), "stiffness": (1.0, 100.0)})
+    assert found.status.tolist() == [["ok", "error"]]
+    assert [row["kernels"] for row in found.rows] == ["numpy", "numpy"]
+    text = found.csv(tmp_path / "map.csv").read_text()
+    assert ",seconds,kernels,reason,warnings\n" in text and ",numpy,RuntimeError: enough," in text
+    setups = [(str(k), partial(run, 0.01)) for k in (1.0, 100.0)]
+    setups += [("peer", lambda k: {"x": k, "cost_s": 1.0, "kernels": "other"})]
+    setups += [("mute", lambda k: {"x": k, "cost_s": 1.0}), ("raises", lambda k: 1 / 0)]
+    table = sc.work_precision(1.0, setups, {"x": 1.0}, {"x": reached})
+    kernels = {row["label"]: row["kernels"] for row in table.rows}
+    assert kernels == {"1.0": "numpy", "100.0": "numpy", "peer": "other", "mute": "", "raises": ""}
+    assert "# kernels" not in table.csv(tmp_path / "table.csv").read_text()
+
+
+def reached(result):
+    """A number, of whatever came."""
+    return result["x"] if isinstance(result, dict) else result["q"][-1, 0]
+
+
+def test_chart_with_the_explicit_limit(oscillator, tmp_path):
+    """The line runs between the cells that are stable and those that are not."""
+    pytest.importorskip("matplotlib")
+    lines = {"h omega = 2": lambda omega, step: omega * step / 2}
+    figure = oscillator.chart(tmp_path / "map.png", lines)
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+    (axis,) = figure.axes
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("step", "omega")
+    contour = next(each for each in axis.collections if type(each).__name__ == "QuadContourSet")
+    points = np.concatenate([path.vertices for path in contour.get_paths()])
+    at = np.interp(points[:, 1], range(4), np.log(OMEGAS))
+    at += np.interp(points[:, 0], range(3), np.log(STEPS))
+    np.testing.assert_allclose(at, math.log(2), atol=1e-9)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == ["ok", "blowup", "h omega = 2"]
+    outside = {"soft": lambda omega, step: 1e-3 * omega, "stiff": np.full((4, 3), 3.0)}
+    texts = [text.get_text() for text in oscillator.chart(lines=outside).legends[0].get_texts()]
+    assert texts[2:] == ["soft (no cell beyond)", "stiff (all cells beyond)"]
+    with pytest.raises(InputError, match=r"map\.xyz'.*\.xyz, expected one of"):
+        oscillator.chart(tmp_path / "map.xyz")
+    turned = oscillator.chart(x="omega", lines={"same": np.outer(OMEGAS, STEPS) / 2})
+    assert turned.axes[0].get_ylabel() == "step"
+
+
+def test_chart_with_panels(tmp_path):
+    pytest.importorskip("matplotlib")
+    axes = {"kind": ("ok", "drift"), "step": (0.5, 1.0), "more": (1, 2)}
+    found = stability_map(_third, axes, JUDGE)
+    assert len(found.chart(tmp_path / "panels.png").axes) == 2
+    assert str(found) == "stability map over kind (2) x step (2) x more (2): 4 drift, 4 ok"
+    with pytest.raises(InputError, match="expected two of kind, step, more"):
+        found.chart(x="omega")
+    with pytest.raises(InputError, match=r"shape \(2,\), expected \(2, 2, 2\)"):
+        found.chart(lines={"wrong": np.ones(2)})
+    with pytest.raises(InputError, match=r"line 'wrong': takes \(h, k\)"):
+        found.chart(lines={"wrong": lambda h, k: 1.0})
+    single = stability_map(helpers.every_kind, {"kind": ("ok",), "step": (1.0,)}, JUDGE)
+    assert single.chart(tmp_path / "single.png", {"none": lambda kind, step: 1.0}) is not None
+
+
+def test_maps_are_joined(oscillator, tmp_path):
+    """Two parts make the whole; what none of them has was not run."""
+    parts = [
+        stability_map(helpers.leapfrog, {"omega": omegas, "step": steps}, helpers.judged)
+        for omegas, steps in ((OMEGAS[:2], STEPS), (OMEGAS[2:], STEPS[1:]))
+    ]
+    axes = {"omega": OMEGAS, "step": STEPS}
+    whole = Map.joined(axes, parts)
+    expected = oscillator.status.astype(object)
+    expected[2:, 0] = "not run"
+    assert whole.status.tolist() == expected.tolist()
+    assert np.isnan(whole.seconds[2:, 0]).all() and whole.axes == {k: list(axes[k]) for k in axes}
+    with pytest.raises(InputError, match="expected maps over step"):
+        Map.joined({"step": STEPS}, parts)
+    pytest.importorskip("matplotlib")
+    many = {"kind": ("ok",), "step": (0.5,), "more": (1, 2)}
+    third = stability_map(_third, many, JUDGE)
+    names = [str(k) for k in range(6)]
+    panels = Map(
+        "six",
+        {"name": names, "step": [0.5], "more": [1, 2]},
+        np.array([third.cells[0, 0]] * 6)[:, None],
+        np.ones((6, 1, 2)),
+    )
+    figure = panels.chart(tmp_path / "six.png")
+    assert sum(axis.axison for axis in figure.axes) == 6 and len(figure.axes) == 8
+
+
+def _bare_blow(step):
+    return sc.simulate(*helpers.struck(), step=step, until=1.0)
+
+
+def _third(step, kind, more):
+    return helpers.every_kind(step, kind)
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+
+def never(step, omega):
+    raise AssertionError("work has started")
+
+
+GOOD = {"step": (1.0,), "omega": (1.0,)}
+BAD = {
+    "no axes": ({"axes": {}}, "argument axes: {}, expected values of parameters"),
+    "no values": ({"axes": {"step": (), "omega": (1.0,)}}, "axis 'step': ()"),
+    "a number": ({"axes": {"step": 1.0, "omega": (1.0,)}}, "axis 'step': 1.0, expected a sequence"),
+    "twice": ({"axes": {"step": (1.0, 1.0), "omega": (1.0,)}}, "the same value twice"),
+    "no problem": ({"problem": 3}, "argument problem: 3 cannot be called"),
+    "parameters": ({"axes": {"mass": (1.0,)}}, "argument problem: takes (step, omega)"),
+    "outcome": ({"outcome": 3}, "argument outcome: 3, expected a function"),
+    "timeout": ({"timeout_s": 0}, "timeout_s = 0, expected a positive"),
+    "executor": ({"executor": 3}, "argument executor: 3"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_gives_one_error_before_any_work(name):
+    change, message = BAD[name]
+    given = {"problem": never, "axes": GOOD, **change}
+    with pytest.raises(InputError) as caught:
+        stability_map(given.pop("problem"), given.pop("axes"), **given)
+    assert message in str(caught.value)
+
+
+def test_what_cannot_be_judged_ends_the_map():
+    axes = {"step": (1.0,), "omega": (1.0, 2.0)}
+    with pytest.raises(InputError, match="no series 'energy' and 'external'"):
+        stability_map(helpers.leapfrog, axes)
+    with pytest.raises(InputError, match="gave a dict, expected a History"):
+        stability_map(lambda step, omega: {}, axes)
+    with pytest.raises(InputError, match="gave 3, expected a Verdict"):
+        stability_map(helpers.leapfrog, axes, lambda result: 3)
+    with pytest.raises(InputError, match=r"energy gave shape \(2,\)"):
+        stability_map(helpers.leapfrog, axes, JudgeEnergy(lambda history: np.ones(2)))
+    for bad in ({"energy": 3}, {"since": -1.0}, {"scale": 0.0}, {"drift": 0.0}, {"blowup": -1.0}):
+        with pytest.raises(InputError, match="JudgeEnergy"):
+            JudgeEnergy(**bad)
+    assert Verdict("ok").numbers == {}
