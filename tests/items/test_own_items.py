@@ -160,59 +160,34 @@ class SensorDistance(sc.Sensor):
 class IntegratorMidpoint(sc.Integrator):
     """Implicit midpoint rule: all forces, stresses and constraints at the midpoint of a step."""
 
-    name = "midpoint"
-    order = 2
-    composed_to = 6
-    constraint_weight = 0.5
-    force_share = 1.0
-    conserves = "linear and angular momentum, quadratic energy"
+    name, order, composed_to = "midpoint", 2, 6
     reference = "Hairer, Lubich & Wanner, Geometric Numerical Integration, II.1"
 
-    def evaluate(self, system, step, y1):
-        h, rows, mid = step.h, system.rows, 0.5 * (step.y0 + y1)
-        strains = system.strain(mid)
-        Bs = [B for _, B in strains]
-        elastic = [g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)]
-        force, stresses, damping = sc.damped_force(system, step, Bs, elastic, y1)
-        coupled = None
-        if step.couplings is not None:
-            coupled = system.couplings.midpoint(step.couplings, mid, y1)
-            force = force + coupled.force[:rows]
-        external = sc.load_force(system, step, mid)
-        momentum = (2 / h) * (system.inertia @ (y1 - step.y0)[:rows])
-        terms = momentum, 2 * step.p0, h * (external - force)
-        return sc.Evaluation(
-            R=terms[0] - terms[1] - terms[2],
-            size=max(float(abs(each).max()) for each in terms),
-            momentum=momentum,
-            mid=mid,
-            stresses=stresses,
-            Bs=Bs,
-            B1s=Bs,
-            strains=[eps for eps, _ in strains],
-            external=external,
-            coupled=coupled,
-            damping=damping,
-        )
-
-    def tangent(self, system, step, evaluation):
-        moduli = self.moduli(system, step, evaluation)
-        return sc.midpoint_tangent(system, step, evaluation, moduli, 2 / step.h, step.h)
-
-    def carry(self, system, step, evaluation):
-        return evaluation.momentum - step.p0
-
-    def node_momentum(self, p0, impulse, fresh):
-        return p0
-
-
-class IntegratorMidpointInNumbers(IntegratorMidpoint):
-    """With compiled kernels."""
-
-    name = "midpoint in numbers"
-
     def scheme(self, h):
-        return sc.Scheme(2 / h, 2.0, h, ends=False, carry=(1.0, -1.0, 0.0))
+        return sc.Scheme(2 / h, 2.0, h, weight=0.5, rate=1 / h, carry=(1.0, -1.0, 0.0))
+
+
+class IntegratorTwoInstants(IntegratorMidpoint):
+    """Stresses are the means of those at both ends: a balance that is more than numbers."""
+
+    name, composed_to = "two instants", 0
+
+    def balance(self, system, h):
+        return BalanceOfBothEnds(system, self, h)
+
+
+class BalanceOfBothEnds(sc.StepBalance):
+    def evaluate(self, step, y1):
+        e = super().evaluate(step, y1)
+        strains = [self.system.strain(y) for y in (step.y0, y1)]
+        mean = [
+            0.5 * (g.stress(a[0]) + g.stress(b[0]))
+            for g, a, b in zip(self.system.beam_groups, *strains, strict=True)
+        ]
+        more = [new - old for new, old in zip(mean, e.stresses, strict=True)]
+        force = self.system.internal_force(e.Bs, more)
+        own = {"R": e.R + self.scheme.force * force, "forces": e.forces + force}
+        return sc.Evaluation(**(vars(e) | own | {"stresses": mean}))
 
 
 class SolverInverse(sc.Solver):
@@ -1084,15 +1059,22 @@ def test_an_own_integrator_comes_to_the_motion_of_the_built_in_one(treatment):
 @treatments
 def test_an_own_integrator_in_numbers_has_the_kernels(treatment):
     pytest.importorskip("numba")
-    compiled, plain = (
-        sc.simulate(arm(True), scheme, TREATMENTS[treatment], 2e-3, 0.1, kernels=kernels)
-        for scheme, kernels in (
-            (IntegratorMidpointInNumbers(), "numba"),
-            (IntegratorMidpoint(), "numpy"),
-        )
-    )
+    own = arm(True), IntegratorMidpoint(), TREATMENTS[treatment], 2e-3, 0.1
+    compiled, plain = (sc.simulate(*own, kernels=kernels) for kernels in ("numba", "numpy"))
     assert compiled.meta["kernels"] == "numba"
     assert compiled["q"] == pytest.approx(plain["q"], abs=1e-9)
+
+
+@treatments
+def test_a_balance_that_is_more_than_numbers(treatment):
+    """Stresses of quadratic energies at both ends are the discrete derivative."""
+    known, own = (
+        sc.simulate(pulled(), scheme, TREATMENTS[treatment], 1e-3, 0.02)
+        for scheme in (sc.EnergyMomentum(), IntegratorTwoInstants())
+    )
+    assert own["q"] == pytest.approx(known["q"], abs=1e-6)  # the spring's force is at the midpoint
+    with pytest.raises(sc.InputError, match="two instants integrator is more than numbers"):
+        sc.simulate(arm(True), IntegratorTwoInstants(), sc.NullSpace(), 1e-3, 0.1, kernels="numba")
 
 
 @treatments
