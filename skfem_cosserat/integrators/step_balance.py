@@ -175,14 +175,13 @@ class StepBalance:
         p0, rates0 = state.p.reshape(-1, 3), self.integrator.start(system, state, h)
         amplitudes, ground_rate, couplings = self._acting(state, y0)
         dead = system.loading.dead_force(amplitudes)
-        given = s.momentum * p0
+        given, size = s.momentum * p0, largest(p0)
         if s.before:
             assert rates0 is not None
-            given = given + system.inertia.dot(s.taken_off(rates0))
-        load = s.force * dead
-        size = largest(given, load)
+            own = system.inertia.dot(s.taken_off(rates0))
+            given, size = given + own, largest(own)
         if system.loading.dead_only:
-            given = given + load
+            given = given + s.force * dead
         step = StepData(
             *(s, state, h, y0, p0, rates0, ground_rate, amplitudes, dead, couplings, given, size)
         )
@@ -238,16 +237,15 @@ class StepBalance:
             own = system.couplings, s, step.couplings
             coupled = forces_of(*own, y, y1, y if velocity is None else velocity)
             forces = forces + coupled.force[:rows]
-        size, external = max(largest(inertia, s.force * forces), step.size), step.dead
-        R = inertia - step.given
-        if system.loading.dead_only:
-            R += s.force * forces
-            forces = forces - external
-        else:
+        external, internal = step.dead, forces
+        if not system.loading.dead_only:
             external = step.dead + system.loading.force(y[:rows], step.amplitudes)
-            forces = forces - external
-            R = R + s.force * forces
-            size = max(size, abs(s.force) * largest(external))
+        forces = internal - external
+        R = inertia - step.given
+        R += s.force * (internal if system.loading.dead_only else forces)
+        # only midpoint forces are looked at as one term
+        terms = (forces,) if not s.ends and s.at < 1 else (internal, external)
+        size = max(largest(inertia), step.size, abs(s.force) * largest(*terms))
         found = stresses, Bs, strains, B1s, rates, external, coupled
         return Evaluation(R, size, inertia, forces, y, y1, dq, velocity, *found)
 
