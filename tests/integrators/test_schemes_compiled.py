@@ -178,6 +178,8 @@ def assert_same(compiled: sc.History, plain: sc.History, limit: float = 1e-10) -
 
 
 def pair_of_runs(*run: Any, **options: Any) -> tuple[sc.History, sc.History]:
+    """Compiled and plain, without kept factors: with the same iterates."""
+    options = {"settings": sc.NewtonSettings(reuse=0)} | options
     return tuple(sc.simulate(*run, kernels=kernels, **options) for kernels in ("numba", "numpy"))
 
 
