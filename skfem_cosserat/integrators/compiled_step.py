@@ -837,9 +837,10 @@ class CompiledStep(CompiledScene):
             loads = 0.5 * (loads + self._work_at_start())
         if drag is not None:  # it is among the loads of the kernels
             rows = self.system.rows
-            moved = self._a.y1[:rows] - self._a.y0[:rows]
-            dragged = float((moved * (drag @ moved)).sum()) / self.h
-            loads, lost = loads + dragged, lost + max(0.0, dragged)
+            v = (self._a.y1[:rows] - self._a.y0[:rows]) / self.h
+            power = float((v * (drag @ v)).sum())
+            # a step back, as composed ones have, gives what was lost
+            loads, lost = loads + self.h * power, lost + self.h * max(0.0, power)
         work = self._coupled.work(loads, lost)
         if self.scheme.decay:
             own = self._decay_work()
