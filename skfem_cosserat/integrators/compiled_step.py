@@ -20,6 +20,7 @@ from ..compiled.numbers import (
     CLEARANCE,
     DONE,
     END,
+    ENDS,
     GROUND,
     GUESS,
     ITERATIONS,
@@ -175,7 +176,7 @@ class Viscous:
     def beside(self, beams: Any, numbers: Floats) -> Any:
         """What steps take as beams: the elastic ones, these, and their numbers."""
         own = numbers.copy()
-        own[[MASS, START, END]] = 0.0, -0.5, 0.5
+        own[[MASS, START, END, ENDS]] = 0.0, -0.5, 0.5, 1.0
         return beams, self._beams, own
 
     def dissipated(self) -> float:
@@ -307,6 +308,7 @@ def numbers_of(scheme: Scheme) -> dict[str, float]:
         "share": scheme.at,
         "start": low,
         "end": high,
+        "ends": float(scheme.ends),
         **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
     }
 
