@@ -546,6 +546,13 @@ class System:
         """Pairs (k, 2) of rows of y that couplings connect by 3x3 blocks."""
         return self.couplings.pairs
 
+    def couplings_of(
+        self, items: Sequence[Coupling], functions: Sequence[FunctionLoad] = ()
+    ) -> Couplings:
+        """Some of its force elements, and of its loads that are functions, as arrays."""
+        start = self.extend(self.q0, 0.0)
+        return Couplings(items, self.row_of, start, self.rows, functions)
+
     @cached_property
     def length(self) -> float:
         """Extent of the scene (m), the scale of displacements and gaps; 1 if it is a point."""
