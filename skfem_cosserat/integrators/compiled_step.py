@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiled.couplings import DISPLACEMENT, KIND
 from ..compiled.numbers import (
     ALL_FACTORED,
     ALL_ITERATIONS,
@@ -58,6 +57,7 @@ from ..pattern import FrozenPattern
 from ..types import Floats, IndexArray
 from .base import Integrator, Scheme, State, StepWork
 from .called_back import CalledBack
+from .step_balance import decay_work
 
 __all__ = [
     "BlockOfSteps",
@@ -491,7 +491,7 @@ class CompiledScene:
 
 #: parts of a balance that a projection of velocities does without: forces, and what turns with them
 NO_FORCES = {
-    *("node_matrix", "joint_curvature", "loop_curvature", "span_curvature"),
+    *("node_matrix", "joint_curvature", "loop_curvature", "element_curvature"),
     *("beam_force", "beam_predicted", "load", "couple"),
 }
 
@@ -599,6 +599,8 @@ class CompiledStep(CompiledScene):
 
     def _couple(self, scheme: Scheme, h: float) -> None:
         """Force elements: of kernels, and those that are called back."""
+        from ..compiled.couplings import DISPLACEMENT, KIND
+
         system, outside = self.system, without_kernels(self.system, scheme)
         numbers = {id(item): k for k, item in enumerate(system.couplings.items)}
         left = {numbers[id(item)] for item in outside}
@@ -839,9 +841,18 @@ class CompiledStep(CompiledScene):
             dragged = float((moved * (drag @ moved)).sum()) / self.h
             loads, lost = loads + dragged, lost + max(0.0, dragged)
         work = self._coupled.work(loads, lost)
+        if self.scheme.decay:
+            own = self._decay_work()
+            work = work._replace(dissipated=work.dissipated + own, numerical=own)
         if self._called_back is None:
             return work
         return StepWork(*(a + b for a, b in zip(work, self._called_back.work(), strict=True)))
+
+    def _decay_work(self) -> float:
+        """What the scheme takes by its stresses (J)."""
+        system, ends = self.system, (self._a.y0, self._a.y1)
+        strains = [[eps for eps, _ in system.strain(y.copy())] for y in ends]
+        return decay_work(system, self.scheme.decay, *strains)
 
     def _work_at_start(self) -> float:
         """Work (J) along the step of the loads at its start."""
