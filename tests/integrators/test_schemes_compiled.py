@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from helpers_scenes import four_bar
 from helpers_schemes import SCHEMES, compiled
+from rounding import limits, nudged
 
 import skfem_cosserat as sc
 
@@ -162,25 +163,30 @@ MOTION = ("q", "p", "constraint_force")
 WORKS = ("work_loads", "work_actuators", "work_drives", "dissipated")
 
 
-def assert_same(compiled: sc.History, plain: sc.History, limit: float = 1e-10) -> None:
-    """Motion and works, to a share of their sizes."""
+def assert_same(compiled: sc.History, plain: sc.History, beside: sc.History | None = None) -> None:
+    """Motion and works, to 1e-10 of their sizes; or to what rounding does, as `beside` has it."""
     assert (compiled.meta["kernels"], plain.meta["kernels"]) == ("numba", "numpy")
     assert compiled.times == pytest.approx(plain.times, abs=1e-14)
-    energies = [np.nanmax(abs(plain[name])) for name in (*WORKS, "energy") if name in plain]
-    sizes = {name: np.nanmax(abs(plain[name])) for name in MOTION}
-    sizes |= {name: max(energies) for name in WORKS if name in plain}
-    for name, size in sizes.items():
-        apart = abs(compiled[name] - plain[name])
+    works = [name for name in WORKS if name in plain]
+    most = max(np.nanmax(abs(plain[name])) for name in (*works, "energy"))
+    allowed = {name: 1e-10 * np.nanmax(abs(plain[name])) for name in MOTION}
+    allowed |= dict.fromkeys(works, 1e-10 * most)
+    if beside is not None:
+        rounded = limits(plain, beside, MOTION[1:])
+        allowed |= {name: max(allowed[name], limit) for name, limit in rounded.items()}
+    for name, limit in allowed.items():
         assert (np.isnan(compiled[name]) == np.isnan(plain[name])).all(), name
-        assert np.nanmax(apart, initial=0.0) <= limit * size, name
+        assert np.nanmax(abs(compiled[name] - plain[name]), initial=0.0) <= limit, name
     if "turns" in plain:
         assert compiled["turns"].tolist() == plain["turns"].tolist()
 
 
-def pair_of_runs(*run: Any, **options: Any) -> tuple[sc.History, sc.History]:
-    """Compiled and plain, without kept factors: with the same iterates."""
-    options = {"settings": sc.NewtonSettings(reuse=0)} | options
-    return tuple(sc.simulate(*run, kernels=kernels, **options) for kernels in ("numba", "numpy"))
+def runs(*run: Any, **options: Any) -> tuple[sc.History, sc.History, sc.History]:
+    """Compiled and plain, without kept factors: with the same iterates; and a nudged plain one."""
+    own = {"settings": sc.NewtonSettings(reuse=0), "start": sc.initial_state(run[0])} | options
+    beside = own | {"start": nudged(own["start"])}
+    both = (sc.simulate(*run, kernels=kernels, **own) for kernels in ("numba", "numpy"))
+    return *both, sc.simulate(*run, kernels="numpy", **beside)
 
 
 @pytest.mark.parametrize(
@@ -194,6 +200,102 @@ def test_kernels_agree(scheme, scene, treatment):
             sc.simulate(system, scheme, treatment, 2e-3, 0.04, kernels="numba")
         return
     h = 2e-3
-    compiled, plain = pair_of_runs(system, scheme, treatment, h, STEPS * h)
+    compiled, plain, beside = runs(system, scheme, treatment, h, STEPS * h)
     assert abs(plain["q"][-1] - plain["q"][0]).max() > 1e-3
-    assert_same(compiled, plain)
+    assert_same(compiled, plain, beside)
+
+
+# -- what goes on around a step --------------------------------------------------------------------
+
+ALPHA = [sc.GeneralizedAlpha(0.8), sc.GeneralizedAlpha(0.8, stabilized=False)]
+treatments = pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=repr)
+alphas = pytest.mark.parametrize("scheme", ALPHA, ids=repr)
+
+
+@treatments
+@pytest.mark.parametrize(
+    "scheme", [*ALPHA, sc.EnergyDecaying(0.1, velocity=False)], ids=lambda each: each.name
+)
+def test_kernels_agree_in_steps_of_varying_sizes(scheme, treatment):
+    """The same steps are chosen: their errors are the same, and what is carried on fits each."""
+    control = sc.StepControl(1e-3, first=1e-3)
+    compiled, plain, _ = runs(springs(), scheme, treatment, control, 0.04)
+    sizes = np.diff(plain.times)
+    assert len(plain) > 5 and sizes.max() > 1.1 * sizes.min()
+    assert compiled.times == pytest.approx(plain.times, rel=1e-7)
+    size = abs(plain["q"]).max()
+    assert compiled["q"][-1] == pytest.approx(plain["q"][-1], abs=1e-8 * size)
+    lost = max(abs(plain["dissipated"]).max(), abs(plain["energy"]).max())
+    assert compiled["dissipated"][-1] == pytest.approx(plain["dissipated"][-1], abs=1e-8 * lost)
+
+
+@treatments
+@alphas
+def test_kernels_agree_across_events(scheme, treatment):
+    """A hinge is locked, and released again; a load pushes from an instant on."""
+
+    def events() -> list[sc.Event]:
+        return [
+            sc.Event(sc.ConditionCoordinate("hinge", -0.01), sc.ActionLock("hinge"), name="lock"),
+            sc.Event(sc.ConditionTime(0.06), sc.ActionRelease("rope"), name="release"),
+        ]
+
+    system = arm()[0].freeze()
+    compiled, plain = (
+        sc.simulate(system, scheme, treatment, 2e-3, 0.1, kernels=kernels, events=events())
+        for kernels in ("numba", "numpy")
+    )
+    assert [e.name for e in plain.events] == ["lock", "release"]
+    assert [e.time for e in compiled.events] == pytest.approx([e.time for e in plain.events])
+    assert compiled.meta["kernels"] == "numba"
+    for name in ("q", "p", "energy"):
+        size = np.nanmax(abs(plain[name]))
+        assert compiled[name] == pytest.approx(plain[name], abs=1e-8 * size, nan_ok=True), name
+
+
+@treatments
+@alphas
+def test_a_restart_goes_on_as_if_nothing_had_been(scheme, treatment):
+    """With the memory of the scheme, from kernels of either kind to the other."""
+    run = springs(), scheme, treatment, 2e-3
+    options = {"settings": sc.NewtonSettings(reuse=0)}
+    whole = sc.simulate(*run, 0.04, kernels="numpy", **options)
+    for first, second in (("numba", "numba"), ("numpy", "numba"), ("numba", "numpy")):
+        begun = sc.simulate(*run, 0.02, kernels=first, **options)
+        start = sc.restart(run[0], begun, scheme, 2e-3)
+        rest = sc.simulate(*run, 0.04, kernels=second, start=start, **options)
+        for name in ("q", "p"):
+            size = abs(whole[name]).max()
+            assert rest[name][-1] == pytest.approx(whole[name][-1], abs=1e-10 * size), name
+        assert rest["constraint_force"][0] == pytest.approx(
+            whole["constraint_force"][10], abs=1e-7 * np.nanmax(abs(whole["constraint_force"]))
+        )
+
+
+@treatments
+@pytest.mark.parametrize("chi", [0.1, 1.0])
+def test_what_stresses_take_is_counted(chi, treatment, kernels):
+    """Beside what dampers take: nothing is left of the energy balance, and it is in `numerical`."""
+    system, scheme = tree(), sc.EnergyDecaying(chi, velocity=False)
+    history = sc.simulate(system, scheme, treatment, 2e-3, 0.04, kernels=kernels)
+    assert history.meta["kernels"] == kernels
+    size = abs(history["energy"]).max()
+    assert np.nanmax(abs(history["energy_balance"])) < 1e-10 * size
+    assert history["dissipated"][-1] > 1e-6 * size
+    stepper = sc.Stepper(system, scheme, treatment, 2e-3, kernels=kernels)
+    report = stepper.advance(sc.initial_state(system))
+    assert report.work.numerical > 0
+    assert report.work.numerical == pytest.approx(report.work.dissipated, rel=1e-12)
+
+
+@treatments
+@alphas
+def test_a_load_that_fails_within_compiled_steps_is_named(scheme, treatment):
+    model, tip = arm()
+    model.add("pull", LoadPull(tip, fails=0.021))
+    with pytest.raises(sc.InputError, match=r"load 'pull': its force failed at t = 0\.022 s") as e:
+        sc.simulate(model.freeze(), scheme, treatment, 2e-3, 0.1, kernels="numba")
+    assert isinstance(e.value.__cause__, RuntimeError)
+    history = e.value.history
+    assert (history.status, history.meta["kernels"]) == ("failed", "numba")
+    assert history.times == pytest.approx(2e-3 * np.arange(11))
