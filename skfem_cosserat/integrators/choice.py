@@ -54,8 +54,6 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
             "closed loops in a plane but with the null space, dead loads, ground at rest and no"
             " force elements": looped and confined,
             "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
-            # whether motions agree around a loop is looked at in the general way only
-            "closed loops in prescribed motion": looped and bool(system.moving),
             "damped beams at the ends of steps": scheme.at_end and system.damped,
             **_elements(system),
             **_theories(scene, treatment),

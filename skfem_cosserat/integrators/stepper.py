@@ -614,6 +614,8 @@ class Stepper:
             if self.bound.regular and not state.plain:
                 solved = self._fast.solve(state)
                 if solved is not None:
+                    if self._fast.looped and self.system.moving:
+                        self._check_motion(state, self._fast.y1, solved[1])
                     return self._accept_compiled(self._fast, state, new_time, *solved)
             self.bound.resume(self._fast.last)  # the general way tries again from there
         if step is None:

@@ -191,7 +191,7 @@ def driven_loop():
         ("plain", sc.Explicit(), MULTIPLIERS, "no compiled kernels for explicit steps"),
         ("stored energy", sc.Variational(), NULL, "sections of a stored energy function"),
         (four_bar, sc.GeneralizedAlpha(), MULTIPLIERS, "closed loops with multipliers"),
-        (driven_loop, sc.Variational(), NULL, "closed loops in prescribed motion"),
+        (driven_loop, sc.Variational(), MULTIPLIERS, "closed loops with multipliers"),
         ("inextensible", sc.Variational(), MULTIPLIERS, "hold strains, with multipliers"),
         ("viscous", sc.GeneralizedAlpha(), NULL, "damped beams at the ends of steps"),
     ],

@@ -104,6 +104,14 @@ def loop() -> sc.System:
     return model.freeze()
 
 
+def driven_loop() -> sc.System:
+    """A motor turns the crank, a spring holds the rocker."""
+    model = four_bar()
+    model.add("motor", sc.JointDrive(model["pin 0"], lambda t: 6 * t**2 / (1 + t)))
+    model.add("spring", sc.JointSpringDamper(model["pin 3"], stiffness=2.0, damping=0.1))
+    return model.freeze()
+
+
 def springs() -> sc.System:
     """And an actuator, and moving ground."""
     model, tip = arm()
@@ -146,7 +154,7 @@ def viscous() -> sc.System:
 
 
 TREES = [tree, plane, plane_with_follower, springs, cable, bushing, own_load, drag, viscous]
-NULL_SPACE_ONLY = [inextensible, unshearable, loop]
+NULL_SPACE_ONLY = [inextensible, unshearable, loop, driven_loop]
 DAMPED = [drag, viscous]
 PAIRS = [(scene, treatment) for scene in TREES for treatment in (NULL, MULTIPLIERS)]
 PAIRS += [(scene, NULL) for scene in NULL_SPACE_ONLY]
