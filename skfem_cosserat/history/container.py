@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import InputError, StorageError
 from ..frames import TOLERANCE, Place, is_beam
 from ..types import Array, ArrayLike, Floats, IndexArray, numbers, whole
-from ..warn import Notices, counted
+from ..warn import Notices, counted, listed
 from .file import BASIC, EventRecord, check_basic, load_file, plain, save_file, series_numbers
 
 if TYPE_CHECKING:
@@ -478,6 +478,9 @@ class History:
             f"<History: {len(self)} states{span}, {len(self._series)} series{what}, {self.status}"
             f"{doubt}>"
         )
+
+    def __str__(self) -> str:
+        return "\n".join([repr(self), *listed(self.meta.get("warnings", ()))])
 
     def __contains__(self, name: object) -> bool:
         return name in self._series

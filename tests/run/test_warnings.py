@@ -60,8 +60,11 @@ def test_each_item_is_said_once_a_run_at_the_users_line():
     assert notice["time"] == 1e-3 and notice["when"] == "t = 0.001 s"
     assert json.loads(json.dumps(history.meta["warnings"])) == history.meta["warnings"]
     assert repr(history).endswith("completed, 1 warning>")
+    first, second = str(history).splitlines()  # cut to a line; the whole text is in meta
+    assert first == repr(history) and len(second) <= 100 and second.endswith(" ...")
+    assert second.startswith(f"  AccuracyWarning: {notice['item']}, t = 0.001 s: ")
     silent = swung(1e-3)
-    assert silent.meta["warnings"] == [] and repr(silent).endswith("completed>")
+    assert silent.meta["warnings"] == [] and str(silent).endswith("completed>")
 
 
 @pytest.mark.parametrize("derive", [True, False])
