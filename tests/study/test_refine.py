@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 import signal
 import subprocess
 import sys
@@ -182,7 +183,19 @@ def test_step_loads_are_not_in_the_asymptotic_range(levels):
     assert study.extrapolated["value"] is None
     assert math.isnan(study.orders["value"].order)
     assert math.isnan(study.estimate["value"][1])  # differences: a hint, and shown as such
-    assert "differs by" in str(study)
+    found = study.orders["value"]
+    assert np.isnan(found.errors[-1]) and np.isfinite(found.errors[:-1]).all()
+    assert study.estimate["value"][0] == found.differences[-2]
+    both = not isinstance(levels["elements"], int) and not isinstance(levels["step"], float)
+    assert ("see together=False" in study.verdicts["value"]) == both
+    lines = str(study).splitlines()[2:]
+    assert lines[0].endswith("change -") and f"change {found.differences[0]:.3e}" in lines[1]
+    # orders follow from the numbers that are printed
+    text = "\n".join(lines)
+    changes = [float(number) for number in re.findall(r" change (\d\S+)", text)]
+    orders = [float(number) for number in re.findall(r"change \S+  order (\S+)", text)]
+    assert len(changes) == len(orders) + 1 >= 3
+    np.testing.assert_allclose(np.log2(np.array(changes[:-1]) / changes[1:]), orders, atol=0.006)
 
 
 @pytest.mark.slow
@@ -572,6 +585,7 @@ def test_chart(tmp_path):
     (line,) = wandering.get_lines()
     assert line.get_label().startswith("not in the asymptotic range")
     assert line.get_markerfacecolor() == "none"
+    assert len(line.get_xdata()) == 5  # the finest has no error: nothing is drawn twice
 
 
 def test_histories_become_paraview_series(tmp_path):
