@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError, StorageError
 from ..frames import TOLERANCE, Place, is_beam
-from ..types import Array, ArrayLike, Floats, IndexArray, numbers, whole
+from ..types import Array, ArrayLike, Floats, IndexArray, names_known, numbers, whole
 from ..warn import Notices, counted, listed
 from .file import BASIC, EventRecord, check_basic, load_file, plain, save_file, series_numbers
 
@@ -498,7 +498,8 @@ class History:
         """
         if name not in self._series:
             raise InputError(
-                f"series {name!r}", f"not recorded; there are {', '.join(self.series)}"
+                f"series {name!r}",
+                "not recorded; " + names_known(name, self.series, "recorded", "list(history)"),
             )
         return self._series[name]
 

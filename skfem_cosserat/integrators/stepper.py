@@ -10,7 +10,7 @@ import numpy as np
 
 from ..constraints import BoundTreatment, Treatment
 from ..constraints.saddle import accelerations, nearest_velocity
-from ..errors import AccuracyWarning, Diverged, IncompatibleError
+from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError
 from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
 from ..model import Model, System, system_of
 from ..model.limits import over_rotated, overstretched
@@ -293,6 +293,17 @@ SOLVED, FURTHER = 1e-5, 1e-6
 ATTEMPTS = ((True, False), (False, False), (False, True), (True, True))
 
 
+def _check_methods(integrator: object, treatment: object) -> None:
+    """Raise InputError if they are no integrator and treatment; says if they are swapped."""
+    if isinstance(integrator, Treatment) and isinstance(treatment, Integrator):
+        raise InputError(
+            "arguments integrator, treatment",
+            f"are swapped: got {integrator!r}, {treatment!r}, expected the integrator first",
+        )
+    check_kind("argument integrator", integrator, Integrator, ", such as EnergyMomentum()")
+    check_kind("argument treatment", treatment, Treatment, ": NullSpace() or Multipliers()")
+
+
 class Stepper:
     """Solves step after step, of one size until :meth:`resize` changes it.
 
@@ -372,8 +383,7 @@ class Stepper:
         origin: StepOrigin | None = None,
     ) -> None:
         system = system_of(system)
-        check_kind("argument integrator", integrator, Integrator)
-        check_kind("argument treatment", treatment, Treatment)
+        _check_methods(integrator, treatment)
         if steps is not None:
             steps = min(whole("argument steps", steps, 0), 10**15)
         self.system, self.integrator, self.treatment = system, integrator, treatment

@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..export import write_paraview
 from ..history import History
 from ..parallel import Executor, Job, Outcome
-from ..types import Array, Floats, positive, switch
+from ..types import Array, Floats, names_known, positive, switch
 from ..warn import counted, sum_up, told
 from .cases import OnOutcome, identity, run_cases, status
 from .charts import Line, convergence_chart
@@ -520,7 +520,8 @@ class _Plan:
         given = self.given if isinstance(self.given, Mapping) else {}
         strange = [name for name in (*given, *self.rounding) if name not in (None, *names)]
         if strange:
-            raise InputError(f"quantity {strange[0]!r}", f"unknown; there are {', '.join(names)}")
+            known = names_known(strange[0], names)
+            raise InputError(f"quantity {strange[0]!r}", f"unknown; {known}")
         self.reference.check(names, every=False)
 
     def result(self, title: str, outcomes: dict[str, Outcome]) -> Refinement:

@@ -647,7 +647,11 @@ FOUR = (4, 8, 16, 32)
         (problems.trapezoid, {"elements": FOUR, "quantities": 3}, "quantities: 3, expected names"),
         (problems.trapezoid, {"elements": FOUR, "norm": "max"}, "argument norm: 'max', expected"),
         (problems.trapezoid, {"elements": FOUR, "norm": MaximumOverTime()}, "without times at"),
-        (problems.fourth, {"step": (0.1, 0.05), "quantities": ["y"]}, "quantity 'y': unknown; the"),
+        (
+            problems.fourth,
+            {"step": (0.1, 0.05), "quantities": ["y"]},
+            "quantity 'y': unknown; ",
+        ),
         (problems.fourth, {"step": (0.1, 0.05)}, r"quantity 'x': shape \(21, 2\) at step = 0.1, "),
         (
             problems.fourth,
@@ -684,10 +688,10 @@ def test_unknown_quantities_end_the_study_at_once():
         seen.append(elements)
         return {"a": 1.0}
 
-    with pytest.raises(InputError, match="quantity 'b': unknown; there are a"):
+    with pytest.raises(InputError, match="quantity 'b': unknown; known: 'a'"):
         refine(problem, elements=FOUR, quantities=["b"])
     assert seen == [4]
-    with pytest.raises(InputError, match="quantity 'b': unknown; there are a"):
+    with pytest.raises(InputError, match="quantity 'b': unknown; known: 'a'"):
         refine(problem, elements=FOUR, quantities=["a"], reference={"b": 1.0})
     assert seen == [4]
 
