@@ -199,7 +199,10 @@ def told(notices: Iterable[Notice]) -> str:
 def listed(notices: Iterable[Notice], width: int = 100) -> list[str]:
     """One line each, cut to a width, for the end of a printed result."""
     lines = [f"  {notice['category']}: {in_words(notice)}" for notice in notices]
-    return [line if len(line) <= width else f"{line[: width - 4].rstrip()} ..." for line in lines]
+    return [
+        line if len(line) <= width else f"{line[: width - 4].rpartition(' ')[0]} ..."
+        for line in lines
+    ]
 
 
 def sum_up(item: str, kind: str, cases: Mapping[str, Sequence[Notice]], where: str) -> None:

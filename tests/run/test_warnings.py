@@ -207,6 +207,35 @@ def test_studies_sum_them_up():
     assert str(cells).endswith("1 with warnings")
 
 
+def test_a_time_that_is_no_multiple_of_the_step():
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
+    system, scheme = model.freeze(), (sc.EnergyMomentum(), sc.NullSpace())
+    with pytest.warns(sc.AccuracyWarning) as given:
+        history = sc.simulate(system, *scheme, 0.3, until=1.0)
+    assert str(given[0].message) == (
+        "argument until: the run ends at t = 0.9 s, 0.1 s before until = 1 s, which is no multiple"
+        " of the step of 0.3 s: give until = 0.9, or step = 0.25, which makes 4 steps"
+    )
+    assert len(history.meta["warnings"]) == 1
+    # not where the difference is rounding, steps follow from a tolerance, or events end the run
+    for step, until in ((0.1, 0.3), (1 / 3, 1.0), (1e-3, 0.7), (0.1 - 1e-9, 1.0)):
+        history = sc.simulate(system, *scheme, step, until, every=100)
+        assert history.times[-1] == pytest.approx(until, abs=1e-7)
+    sc.simulate(system, *scheme, 0.3, 1.0, events=[])
+    sc.simulate(system, *scheme, 0.3, 1.0, callbacks=[lambda report: report.state.time > 0.5])
+    start = sc.restart(system, history, scheme[0], 0.3)
+    with pytest.warns(sc.AccuracyWarning, match=r"step = 0.25, which makes 2 steps"):
+        sc.simulate(system, *scheme, 0.3, until=1.5, start=start)
+
+    def run(step):
+        return sc.simulate(system, *scheme, step, until=1.0).position(ball.place())[-1]
+
+    with pytest.warns(sc.AccuracyWarning, match=r"1 of 2 levels .* 'step = 0.3': argument until"):
+        study = sc.refine(run, step=(0.3, 0.25))
+    assert study.rows[0]["warnings"].startswith("argument until")
+
+
 def test_warnings_that_name_different_things_are_different():
     with Notices(quiet=True) as notices:
         for name, number in (("pin 1", 3), ("pin 2", 3), ("pin 2", 4)):
