@@ -219,14 +219,14 @@ def test_a_time_that_is_no_multiple_of_the_step():
     )
     assert len(history.meta["warnings"]) == 1
     # not where the difference is rounding, steps follow from a tolerance, or events end the run
-    for step, until in ((0.1, 0.3), (1 / 3, 1.0), (1e-3, 0.7), (0.1 - 1e-9, 1.0)):
+    for step, until in ((0.1, 0.3), (1 / 3, 1.0), (1e-3, 0.7)):
         history = sc.simulate(system, *scheme, step, until, every=100)
         assert history.times[-1] == pytest.approx(until, abs=1e-7)
     sc.simulate(system, *scheme, 0.3, 1.0, events=[])
     sc.simulate(system, *scheme, 0.3, 1.0, callbacks=[lambda report: report.state.time > 0.5])
     start = sc.restart(system, history, scheme[0], 0.3)
     with pytest.warns(sc.AccuracyWarning, match=r"step = 0.25, which makes 2 steps"):
-        sc.simulate(system, *scheme, 0.3, until=1.5, start=start)
+        sc.simulate(system, *scheme, 0.3, until=1.2, start=start)
 
     def run(step):
         return sc.simulate(system, *scheme, step, until=1.0).position(ball.place())[-1]
