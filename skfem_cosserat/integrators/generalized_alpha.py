@@ -109,7 +109,7 @@ class GeneralizedAlpha(Integrator):
     constraint_weight = 1.0
     force_share = 1.0
     loses = True
-    advice = "a smaller rho_inf, a finer mesh, a softer section"
+    advice = "a smaller rho_inf, then a finer mesh"
     conserves = "nothing exactly"
 
     def __init__(self, rho_inf: float = 0.8, stabilized: bool = True) -> None:

@@ -649,11 +649,11 @@ class Stepper:
                 *(state.index + 1, state.time, attempt, len(ATTEMPTS), report.reason),
             )
         assert best is not None
-        effort = f"after {len(ATTEMPTS)} attempts with {total} Newton iterations"
+        effort = f"{len(ATTEMPTS)} attempts with {total} Newton iterations"
         reason, advice = self._explained(step, best.reason, problem.y1)
         where = state.time, state.index + 1, best.residual
-        text = f"{reason}, {effort}"
-        raise Diverged(*where, text, advice, residuals, settings=self.settings)
+        more = {"settings": self.settings, "effort": effort}
+        raise Diverged(*where, reason, advice, residuals, **more)
 
     def _left(self, problem: StepProblem, residual: float) -> bool:
         """Whether a residual asks for more, although increments have vanished."""
@@ -730,8 +730,10 @@ class Stepper:
         if bent is None and np.isfinite(y1).all():
             bent = over_rotated(self.system, y1)
         drawn = overstretched(self.system, step.y0)  # forces at y1 mean nothing
-        reason = "; ".join(text for text in (reason, bent, drawn) if text is not None)
-        return reason, f"try a smaller step than {self.origin.step:g} s, {self.integrator.advice}"
+        causes = [text for text in (bent, drawn) if text is not None]
+        first, *more = [*causes, f"Newton's method: {reason}" if causes else reason]
+        advice = f"try a smaller step than {self.origin.step:g} s, then {self.integrator.advice}"
+        return ". ".join([first, *(f"{text[0].upper()}{text[1:]}" for text in more)]), advice
 
     def _check_motion(self, state: State, y1: Array, residual: float) -> None:
         """Raise Diverged if prescribed motions no longer agree around a closed loop."""

@@ -98,6 +98,12 @@ def test_a_failure_says_what_was_doubtful_before():
     assert error.warnings == error.history.meta["warnings"] != []
     assert str(error).endswith("; warned before: beam 'wire', t = 0.1 s: it looks odd")
     assert error.history.meta["failure"] == str(error)
+    # the cause, then what to try, then figures
+    text = str(error).partition("; warned before")[0]
+    assert text.startswith(f"step 2 from t = 0.1 s could not be solved: {error.reason}. Try a sm")
+    assert "Try a smaller step than 0.1 s, then EnergyMomentum(), then a finer mesh (4 att" in text
+    assert text.endswith(f"Newton iterations, scaled residual {error.residual:.3g})")
+    assert max(len(part.split()) for part in text.split(". ")) <= 25
 
 
 def failing(doubt):
