@@ -652,8 +652,7 @@ class Stepper:
         effort = f"{len(ATTEMPTS)} attempts with {total} Newton iterations"
         reason, advice = self._explained(step, best.reason, problem.y1)
         where = state.time, state.index + 1, best.residual
-        more = {"settings": self.settings, "effort": effort}
-        raise Diverged(*where, reason, advice, residuals, **more)
+        raise Diverged(*where, reason, advice, residuals, settings=self.settings, effort=effort)
 
     def _left(self, problem: StepProblem, residual: float) -> bool:
         """Whether a residual asks for more, although increments have vanished."""
