@@ -340,7 +340,7 @@ class Integrator(Frozen):
     shares: tuple[float, ...] = ()
     frequency_limit: float | None = None
     loses: bool = False
-    advice: str = "a finer mesh, a softer section"
+    advice: str = "a finer mesh"
     keeping: str = ", or EnergyMomentum(), which keeps the energy"
     conserves: str = ""
     reference: str = ""

@@ -313,10 +313,11 @@ class EnergyDecaying(EnergyMomentum):
     The stresses of a step are ``(S_n + S_{n+1})/2 + (chi/2) D (eps_{n+1} - eps_n)`` with the
     stiffness D at zero strain (for other stored energies than quadratic ones the discrete
     derivative takes the place of the mean), springs alike. Velocities are
-    ``dq = h (v_mid + f)`` with ``f = (chi/2) (v_{n+1} - v_n)`` less what turns all velocities of a
-    connected part alike, or shifts a free one (above). Both terms take ``(chi/2) |.|^2`` of what
-    they act on out of the energy, so without loads and drives the energy never grows; linear and
-    angular momentum are kept exactly, and steady rigid motion is not damped.
+    ``dq = h (v_mid + f)`` with ``f = (chi/2) (v_{n+1} - v_n)``, less the common motion of each
+    connected part of the scene: what turns all its velocities alike and, if nothing ties the part
+    to the ground, what shifts them alike. Both terms take ``(chi/2) |.|^2`` of what they act on out
+    of the energy, so without loads and drives the energy never grows; linear and angular momentum
+    are kept exactly, and steady rigid motion is not damped.
 
     Parameters
     ----------
@@ -366,7 +367,7 @@ class EnergyDecaying(EnergyMomentum):
     composed_to = 0
     loses = True
     conserves = "linear and angular momentum; energy never grows"
-    advice = "a larger chi, a finer mesh, a softer section"
+    advice = "a larger chi, then a finer mesh"
     reference = "Armero & Romero, Comput. Methods Appl. Mech. Engrg 190 (2001) 2603 and 6783"
 
     def __init__(

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..constraints import BoundTreatment, Treatment
 from ..constraints.saddle import accelerations, nearest_velocity
-from ..errors import AccuracyWarning, Diverged, IncompatibleError
+from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError
 from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
 from ..model import Model, System, system_of
 from ..model.limits import over_rotated, overstretched
@@ -291,6 +291,17 @@ SOLVED, FURTHER = 1e-5, 1e-6
 ATTEMPTS = ((True, False), (False, False), (False, True), (True, True))
 
 
+def _check_methods(integrator: object, treatment: object) -> None:
+    """Raise InputError if they are no integrator and treatment; says if they are swapped."""
+    if isinstance(integrator, Treatment) and isinstance(treatment, Integrator):
+        raise InputError(
+            "arguments integrator, treatment",
+            f"are swapped: got {integrator!r}, {treatment!r}, expected the integrator first",
+        )
+    check_kind("argument integrator", integrator, Integrator, ", such as EnergyMomentum()")
+    check_kind("argument treatment", treatment, Treatment, ": NullSpace() or Multipliers()")
+
+
 class Stepper:
     """Solves step after step, of one size until :meth:`resize` changes it.
 
@@ -370,8 +381,7 @@ class Stepper:
         origin: StepOrigin | None = None,
     ) -> None:
         system = system_of(system)
-        check_kind("argument integrator", integrator, Integrator)
-        check_kind("argument treatment", treatment, Treatment)
+        _check_methods(integrator, treatment)
         if steps is not None:
             steps = min(whole("argument steps", steps, 0), 10**15)
         self.system, self.integrator, self.treatment = system, integrator, treatment
@@ -645,11 +655,10 @@ class Stepper:
                 *(state.index + 1, state.time, attempt, len(ATTEMPTS), report.reason),
             )
         assert best is not None
-        effort = f"after {len(ATTEMPTS)} attempts with {total} Newton iterations"
+        effort = f"{len(ATTEMPTS)} attempts with {total} Newton iterations"
         reason, advice = self._explained(step, best.reason, problem.y1)
         where = state.time, state.index + 1, best.residual
-        text = f"{reason}, {effort}"
-        raise Diverged(*where, text, advice, residuals, settings=self.settings)
+        raise Diverged(*where, reason, advice, residuals, settings=self.settings, effort=effort)
 
     def _left(self, problem: StepProblem, residual: float) -> bool:
         """Whether a residual asks for more, although increments have vanished."""
@@ -729,8 +738,10 @@ class Stepper:
         if bent is None and np.isfinite(y1).all():
             bent = over_rotated(self.system, y1)
         drawn = overstretched(self.system, step.y0)  # forces at y1 mean nothing
-        reason = "; ".join(text for text in (reason, bent, drawn) if text is not None)
-        return reason, f"try a smaller step than {self.origin.step:g} s, {self.integrator.advice}"
+        causes = [text for text in (bent, drawn) if text is not None]
+        first, *more = [*causes, f"Newton's method: {reason}" if causes else reason]
+        advice = f"try a smaller step than {self.origin.step:g} s, then {self.integrator.advice}"
+        return ". ".join([first, *(f"{text[0].upper()}{text[1:]}" for text in more)]), advice
 
     def _check_motion(self, state: State, y1: Array, residual: float) -> None:
         """Raise Diverged if prescribed motions no longer agree around a closed loop."""

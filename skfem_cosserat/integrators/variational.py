@@ -56,7 +56,7 @@ class Variational(Integrator):
         "symplectic for steps of one size only: with steps that follow the motion its energy drifts"
     )
     frequency_limit = 10.0  # explained and measured in examples/paper/failure_mechanism.py
-    advice = "a finer mesh, a softer section, or EnergyMomentum()"
+    advice = "EnergyMomentum(), then a finer mesh"
     conserves = "symplectic form, linear and angular momentum"
     reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equations (22) and (25)"
 

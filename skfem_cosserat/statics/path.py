@@ -444,9 +444,9 @@ class Continuation:
         residuals: list[list[float]] | None = None,
     ) -> Diverged:
         """Why the path ends, and what to try."""
-        advice = "ArcLength() follows a path through limit points; else try a finer mesh"
+        advice = "try ArcLength(), which follows a path through limit points, then a finer mesh"
         if isinstance(self.control, ArcLength):
-            advice = "try a shorter first step, or a finer mesh"
+            advice = "try a shorter first step, then a finer mesh"
         elif isinstance(self.control, DisplacementControl) and UNMOVED in report.reason:
             place, way = self.control.place.label, self.control.direction.round(6).tolist()
             advice = f"the loads do not move {place} along {way}: choose what they move"

@@ -796,7 +796,7 @@ def test_a_closed_loop_of_mobility_one(scheme, treatment):
 def test_composed_steps_say_where_they_fail():
     system, start = double_pendulum()
     settings = sc.NewtonSettings(iterations=1, damped_iterations=1)
-    said = "step 1 from t = 0 s.*try a smaller step than 0.5 s"  # not than one of its parts
+    said = "step 1 from t = 0 s.*Try a smaller step than 0.5 s"  # not than one of its parts
     with pytest.raises(sc.Diverged, match=said) as caught:
         sc.simulate(
             system, sc.Composition(sc.Variational()), NULL, 0.5, 1.0, start=start, settings=settings
