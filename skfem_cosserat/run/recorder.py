@@ -51,6 +51,8 @@ OFF, LOST = 0.01, 0.1
 
 #: energies below this share of ``|G^T lambda| . |q|`` are rounding of what holds a scene at rest
 NOISE = 1e-9
+#: share of the extent in the duration of a run: energies of slower motions are those of rest
+REST = 1e-8
 
 
 class EnergyBalance(NamedTuple):
@@ -608,7 +610,11 @@ class Recorder:
         except (CosseratError, ArithmeticError) as error:
             logger.info("no balance of energy in between: %s", error)
             return Between(np.zeros(0), np.zeros(0), 0.0)
+        system, duration = self.system, float(history.times[-1] - history.times[0])
+        mass = float(system.mass.diagonal()[system.origin_rows].sum())
+        rest = mass * (REST * system.length / duration) ** 2 if duration > 0 else np.inf
         sound = np.isfinite(lost)
+        lost = np.where(abs(lost) > rest, lost, 0.0)
         largest = float(abs(found[sound]).max(initial=0.0))
         return Between(history.times[rows][sound], lost[sound], largest)
 
