@@ -203,12 +203,15 @@ from .relative import (
     point as point,
 )
 from .run import (
+    Action as Action,
     ActionFunction as ActionFunction,
     ActionLoad as ActionLoad,
     ActionLock as ActionLock,
+    ActionOutcome as ActionOutcome,
     ActionRelease as ActionRelease,
     ActionStop as ActionStop,
     ActionUnlock as ActionUnlock,
+    Condition as Condition,
     ConditionCoordinate as ConditionCoordinate,
     ConditionEnergy as ConditionEnergy,
     ConditionReaction as ConditionReaction,

@@ -464,10 +464,13 @@ def _lengths(shape: str, **values: ArrayLike) -> Floats:
     array = np.atleast_1d(numbers(f"rigid body ({shape})", ", ".join(values), given))
     if array.ndim > 1:
         raise InputError(f"rigid body ({shape})", f"{values}, expected single numbers")
-    if not (np.isfinite(array).all() and (array > 0).all()):
-        raise InputError(f"rigid body ({shape})", f"{values} must be positive and finite")
     if shape == "box" and array.shape != (3,):
         raise InputError("rigid body (box)", f"edges has shape {array.shape}, expected (3,)")
+    names = [f"edges[{k}]" for k in range(3)] if shape == "box" else list(values)
+    if len(array) != len(names):
+        raise InputError(f"rigid body ({shape})", f"{values}, expected single numbers")
+    for name, value in zip(names, array.tolist(), strict=True):
+        positive(f"rigid body ({shape})", name, value)
     return array
 
 

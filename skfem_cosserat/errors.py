@@ -181,6 +181,8 @@ class Diverged(CosseratError, RuntimeError):
         Smallest scaled residual that was reached.
     reason, advice : str
         Why Newton's method stopped, and what to try, the most promising first.
+    hint : str
+        What else the run knows about the step; empty, or a sentence of the text.
     residuals : list of lists of float
         Scaled residuals of each attempt at the step, iteration by iteration.
     settings : NewtonSettings or None
@@ -231,7 +233,7 @@ class Diverged(CosseratError, RuntimeError):
         self.history: Any = None
         self.settings = settings
         self.warnings: list[dict[str, Any]] = []
-        self.warned = ""
+        self.warned = self.hint = ""
         where = f"t = {time:.9g} s" if at is None else at
         known = math.isfinite(residual) and residual > 0
         details = ", ".join([effort] * bool(effort) + [f"scaled residual {residual:.3g}"] * known)
@@ -242,6 +244,7 @@ class Diverged(CosseratError, RuntimeError):
 
     def __str__(self) -> str:
         text = super().__str__()
+        text = f"{text}; {self.hint}" if self.hint else text
         return f"{text}; warned before: {self.warned}" if self.warned else text
 
 

@@ -460,4 +460,8 @@ class SectionCircle(SectionTube):
     """
 
     def __init__(self, radius: float, material: Material, shear_factor: float | None = None):
+        _positive("circle", radius=radius)
+        _check_material("circle", material)
+        if shear_factor is not None:
+            _positive("circle", shear_factor=shear_factor)
         super().__init__(radius, 0.0, material, shear_factor)

@@ -110,6 +110,7 @@ class Notices:
     ) -> None:
         self.found: list[Notice] = [dict(notice) for notice in known]
         self.clock, self.quiet, self.alone = clock, quiet, alone
+        self._failing = False
         self._keys = {_key(notice) for notice in self.found}
         self._tokens: list[Token[tuple[Notices, ...]]] = []
 
@@ -129,12 +130,21 @@ class Notices:
         self.found.append(notice)
         return True
 
+    @property
+    def failing(self) -> bool:
+        """Whether a failure is on its way."""
+        return self._failing
+
     def kept(self) -> list[Notice]:
         """A copy of what was found, for the meta data of a result."""
         return [dict(notice) for notice in self.found]
 
     def tell(self, error: Diverged) -> None:
-        """Let a failure say what was doubtful before it; its list replaces one told before."""
+        """Let a failure say what was doubtful before it; its list replaces one told before.
+
+        Warnings that the user made errors do not take its place from here on.
+        """
+        self._failing = True
         error.warnings = self.kept()
         error.warned = told(self.found)
 
@@ -182,7 +192,11 @@ def _give(notice: Notice, category: type[CosseratWarning]) -> None:
     listeners = _open.get()
     new = [listener.take(dict(notice)) for listener in listeners]
     if all(new) and not any(listener.quiet for listener in listeners):
-        warnings.warn(in_words(notice), category, stacklevel=_level())
+        try:
+            warnings.warn(in_words(notice), category, stacklevel=_level())
+        except CosseratWarning:  # made an error by the user: a failure has it in its text
+            if not any(listener.failing for listener in listeners):
+                raise
 
 
 def in_words(notice: Notice) -> str:

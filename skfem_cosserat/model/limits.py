@@ -14,6 +14,7 @@ from .system import System
 from .theories import theory_of
 
 if TYPE_CHECKING:
+    from ..beam import Beam
     from ..element import Interpolation
 
 
@@ -25,6 +26,9 @@ __all__ = [
     "tension_factor",
 ]
 
+
+#: gravity (m/s^2), and weight times length squared over EI above which a stiffness looks wrong
+EARTH, LIMP = 9.81, 1e4
 
 # -- elements bent so far that they give way: why Newton's method fails on a mesh too coarse -------
 
@@ -90,9 +94,23 @@ def over_rotated_beam(system: System, y: Floats) -> tuple[str, str] | None:
             found = (
                 beam.label,
                 f"relative rotation between nodes {a} and {b} of {beam.label} is"
-                f" {gives_way(basis.interpolation, angle)}",
+                f" {gives_way(basis.interpolation, angle)}{_limp(beam)}",
             )
     return found
+
+
+def _limp(beam: Beam) -> str:
+    """That a beam is too soft by far to carry its own weight, as with E in MPa; else empty."""
+    sections = beam.sections.values()
+    soft = min(_bending(each.stiffness, beam.theory.held) for each in sections)
+    length = float(beam.elements.lengths.sum())
+    weight = EARTH * min(each.mass for each in sections) * length
+    if not soft * LIMP < weight * length**2:
+        return ""
+    return (
+        f"; its bending stiffness EI = {soft:.3g} N m^2 is"
+        f" {soft / (weight * length**2):.1g} of its weight times its length squared: is E in Pa?"
+    )
 
 
 def _steps(triads: Floats) -> Floats:

@@ -281,7 +281,8 @@ def out_of_plane(system: System, plane: Plane) -> OutOfPlane:
         off = float(plane.height(place.position))
         if abs(off) > TOLERANCE * system.length and label not in seen:
             seen.add(label)  # once for each item
-            yield label, f"{place.label} is {off:.6g} m off the plane"
+            where = place.label.removeprefix(label).lstrip()
+            yield label, f"{where} is {off:.6g} m off the plane"
     for item in system.structures:
         yield from _inertia(item, plane)
         yield from _velocity(item, plane)
@@ -672,11 +673,12 @@ def confined(system: System, planar: Planar) -> System:
         raise InputError("argument planar", f"{planar!r}, expected Planar()")
     found = inspect(system.spatial, planar.normal)
     if not found:
-        normal, more = found.plane.normal.round(9).tolist(), len(found.out_of_plane) - 1
+        plane, more = found.plane, len(found.out_of_plane) - 1
+        normal, point = plane.normal.round(9).tolist(), (plane.point.round(9) + 0.0).tolist()
         raise InputError(
             "planar scene",
-            f"{found.out_of_plane[0]}; the plane is normal to {normal}"
-            + (f" ({more} more: see planarity(model))" if more else ""),
+            f"{found.out_of_plane[0]}; the plane is normal to {normal}, through the middle of the"
+            f" scene, {point}" + (f" ({more} more: see planarity(model))" if more else ""),
         )
     return system.spatial.within(found.plane)
 

@@ -9,6 +9,8 @@ from functools import wraps
 from inspect import signature
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
+import numpy as np
+
 from ..body import MassPoint, RigidBody
 from ..coupling import Coupling, Foundation
 from ..damping import RayleighDamping
@@ -367,16 +369,13 @@ class Model:
         for item in items:
             for other in item.references():
                 if id(other) not in known:
-                    raise InputError(
-                        item.label,
-                        f"refers to {other.label}, which is not in the model: add it first",
-                    )
+                    raise InputError(item.label, _missing(item, other))
         drives = [i for i in items if isinstance(i, JointDrive)]
         for drive in drives:
             if not any(drive.joint is item for item in items):
                 raise InputError(
                     drive.label,
-                    f"refers to the {drive.joint.label}, which is not in the model: add it first",
+                    f"refers to the {drive.joint.label}, which is not in the model: add it",
                 )
         before = [notice for i in structures if is_beam(i) for notice in i.warnings]
         with Notices(before) as notices:
@@ -480,10 +479,16 @@ def takes_scene(
     function: Callable[Concatenate[System, ParametersT], ReturnT],
 ) -> Callable[Concatenate[Model | System, ParametersT], ReturnT]:
     """Let a function of a system take a model as well, by :func:`system_of`."""
-    name = next(iter(signature(function).parameters))
+    parameters = signature(function).parameters
+    name = next(iter(parameters))
 
     @wraps(function)
     def taking(*args: Any, **kwargs: Any) -> ReturnT:
+        if "planar" in kwargs and "planar" not in parameters:
+            raise TypeError(
+                f"{function.__name__}() got an unexpected keyword argument 'planar': give it a"
+                " scene that is confined to its plane, model.freeze(planar=sc.Planar())"
+            )
         if args:
             args = (system_of(args[0], f"argument {name}"), *args[1:])
         elif name in kwargs:
@@ -491,6 +496,30 @@ def takes_scene(
         return function(*args, **kwargs)
 
     return cast("Callable[Concatenate[Model | System, ParametersT], ReturnT]", taking)
+
+
+def _missing(item: Item, other: Item) -> str:
+    """That an item refers to another one which is not in the model: which one, and where."""
+    sides = {id(place.item): (side, place) for side, place in _sides(item)}
+    where = ""
+    if id(other) in sides:
+        side, place = sides[id(other)]
+        where = f"side {side}, {place.label}, "
+    which = other.label
+    if is_beam(other):
+        names, x = sorted(other.mesh.subdomains or {}), other.mesh.p
+        called = f"of {', '.join(map(repr, names))} " if names else ""
+        ends = " to ".join(str(np.round(x[:, k], 9).tolist()) for k in (0, -1))
+        which += f" (on the mesh {called}from {ends})"
+    elif isinstance(other, MASSES):
+        which += f" (at {np.round(other.position, 9).tolist()})"
+    return f"{where}refers to the {which}, which is not in the model: add it"
+
+
+def _sides(item: Item) -> Iterator[tuple[str, Place]]:
+    for side in ("a", "b"):
+        if isinstance(place := getattr(item, side, None), Place):
+            yield side, place
 
 
 def _check_kind(name: str, item: Item) -> None:

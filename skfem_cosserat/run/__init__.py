@@ -1,13 +1,16 @@
 """Integration in time: a generator of steps, and a simulation with a history on top of it."""
 
 from .conditions import (
+    Action,
     ActionFunction,
     ActionLoad,
     ActionLock,
     ActionNone,
+    ActionOutcome,
     ActionRelease,
     ActionStop,
     ActionUnlock,
+    Condition,
     ConditionCoordinate,
     ConditionEnergy,
     ConditionFunction,
@@ -35,13 +38,16 @@ from .step_advice import StepAdvice, advise_step
 from .step_size import StepControl
 
 __all__ = [
+    "Action",
     "ActionFunction",
     "ActionLoad",
     "ActionLock",
     "ActionNone",
+    "ActionOutcome",
     "ActionRelease",
     "ActionStop",
     "ActionUnlock",
+    "Condition",
     "ConditionCoordinate",
     "ConditionEnergy",
     "ConditionFunction",

@@ -50,12 +50,35 @@ __all__ = [
 class Condition(Frozen):
     """A number that passes through zero.
 
+    To write your own, derive from it and give `value`; :class:`Event` takes a plain function of
+    ``(time, view)``, too.
+
     Attributes
     ----------
     period : float or None
         What it may jump by, such as angles by a full turn; None: it does not jump.
     monotonic : bool
         It passes through zero once at most.
+
+    Examples
+    --------
+    Two places come nearer than a distance:
+
+    >>> import numpy as np
+    >>> import skfem_cosserat as sc
+    >>> class ConditionNear(sc.Condition):
+    ...     def __init__(self, a, b, distance):
+    ...         self.a, self.b, self.distance = a, b, distance
+    ...     def value(self, view):
+    ...         gap = view.position(self.b) - view.position(self.a)
+    ...         return float(np.linalg.norm(gap)) - self.distance
+    >>> model = sc.Model()
+    >>> ball = model.add("ball", sc.MassPoint(1.0, position=(2, 0, 0), velocity=(-1, 0, 0)))
+    >>> near = ConditionNear(sc.ground((0, 0, 0)), ball.place(), 0.5)
+    >>> run = model, sc.EnergyMomentum(), sc.NullSpace(), 0.1, 2.0
+    >>> history = sc.simulate(*run, events=[sc.Event(near, sc.ActionStop())])
+    >>> round(history.events[0].time, 9)
+    1.5
     """
 
     period: float | None = None
@@ -242,7 +265,7 @@ def _level(value: float) -> float:
 
 
 class ActionOutcome(NamedTuple):
-    """What an action asks for.
+    """What an :class:`Action` asks for.
 
     Attributes
     ----------
@@ -251,6 +274,14 @@ class ActionOutcome(NamedTuple):
     state : State or None
         To go on from; None: this one, with the nearest velocity that the system allows.
     stop : bool
+        Whether the run ends.
+
+    Examples
+    --------
+    Nothing, as where an event is only recorded:
+
+    >>> ActionOutcome()
+    ActionOutcome(system=None, state=None, stop=False)
     """
 
     system: System | None = None
@@ -259,7 +290,32 @@ class ActionOutcome(NamedTuple):
 
 
 class Action(Frozen):
-    """What an event does."""
+    """What an event does.
+
+    To write your own, derive from it and give `outcome`; :class:`Event` takes a plain function of
+    ``(time, view)``, too, see :class:`ActionFunction`.
+
+    Examples
+    --------
+    A wall throws a ball back and takes a share of its speed; a slow one stays:
+
+    >>> import skfem_cosserat as sc
+    >>> class ActionBounce(sc.Action):
+    ...     def __init__(self, share, least):
+    ...         self.share, self.least = share, least
+    ...     def outcome(self, view):
+    ...         if abs(view.v[0]) < self.least:
+    ...             return sc.ActionOutcome(stop=True)
+    ...         state = sc.initial_state(view.system, q=view.q, v=-self.share * view.v)
+    ...         return sc.ActionOutcome(state=state)
+    >>> model = sc.Model()
+    >>> ball = model.add("ball", sc.MassPoint(1.0, position=(1, 0, 0), velocity=(-2, 0, 0)))
+    >>> wall = sc.Event(lambda time, view: view.position(ball.place())[0], ActionBounce(0.5, 0.1))
+    >>> run = model, sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0
+    >>> history = sc.simulate(*run, events=[wall])
+    >>> history.velocity(ball.place())[-1].round(9).tolist()
+    [1.0, 0.0, 0.0]
+    """
 
     def __repr__(self) -> str:
         given = [value for name, value in vars(self).items() if not name.startswith("_")]

@@ -303,7 +303,8 @@ def simulate(
         ``history.meta["energy_balance"]`` what energies and works there were (J): ``start, end,
         loads, actuators, drives, dissipated`` (by dampers and events), ``lost`` (by the scheme;
         negative: gained) and their ``scale``, the largest of them at any time. More than 1 % lost
-        or gained is an :class:`AccuracyWarning`; of schemes that are meant to lose, 10 % lost.
+        or gained, at the end or at one of a hundred recorded states, is an
+        :class:`AccuracyWarning`; of schemes that are meant to lose, 10 % lost.
 
     Raises
     ------
@@ -344,7 +345,8 @@ def simulate(
         extent = state, until, count, every, at, eventful, looked
         plan, wanted = _planned(step, factory, stepper, *extent)
         recorder = Recorder(system, stepper, state, wanted, path, sensors, varying, notices)
-        _log_if_unresolved(stepper)
+        highest = _highest_needed(stepper)
+        _log_if_unresolved(stepper, highest)
         with recorder, Interrupt() as interrupt:
             watch = EventMonitor(found, factory, system, state) if found else None
             run = RunLoop(
@@ -360,8 +362,9 @@ def simulate(
                 _warn_of_elements(system, recorded)
                 _warn_of_functions(system, recorded)
             else:
-                notices.tell(failure)
-            history = recorder.close(status, failure)
+                failure.hint = _unresolved(recorder.stepper, highest)
+                notices.tell(failure)  # from here on no warning takes its place
+            history = recorder.close(status, failure, _unresolved(recorder.stepper, highest))
             if failure is not None:
                 notices.tell(failure)  # now with the balance of energy
                 failure.history = history
@@ -370,6 +373,7 @@ def simulate(
                 _derive(recorder, history, path)
         logger.info("%s: %d states up to t = %.6g s", status, len(history), history.times[-1])
         if failure is not None:
+            notices.tell(failure)
             raise failure
         return history
 
@@ -468,23 +472,33 @@ def _warn_of_functions(system: System, history: History) -> None:
         warn(label, text, AccuracyWarning, time)
 
 
-def _log_if_unresolved(stepper: Stepper) -> None:
-    """Log once that the step leaves frequencies unresolved which the integrator needs."""
-    limit, system = stepper.integrator.frequency_limit, stepper.system
-    if limit is None or not system.beam_groups:
-        return
+def _highest_needed(stepper: Stepper) -> float | None:
+    """Highest frequency (rad/s) of the beams, where the integrator has a limit for it."""
+    if stepper.integrator.frequency_limit is None or not stepper.system.beam_groups:
+        return None
     try:
-        omega = highest_frequency(system)
+        return float(highest_frequency(stepper.system))
     except (CosseratError, ArithmeticError, ValueError) as error:  # never stops a run
         logger.debug("the highest frequency could not be estimated: %s", error)
-        return
-    if stepper.h * omega > limit:
-        # a false alarm on many right runs; replaced when steps know their own error
-        logger.info(
-            "the step %.3g s times the highest frequency of the beams, %.3g rad/s, is %.3g: above"
-            " %.3g the %s integrator is likely to fail; try steps below %.2g s, or another one",
-            *(stepper.h, omega, stepper.h * omega, limit, stepper.integrator.name, limit / omega),
-        )
+        return None
+
+
+def _unresolved(stepper: Stepper, highest: float | None) -> str:
+    """That the step leaves frequencies unresolved which the integrator needs, or nothing."""
+    limit = stepper.integrator.frequency_limit
+    if limit is None or highest is None or stepper.h * highest <= limit:
+        return ""
+    return (
+        f"the step of {stepper.h:.3g} s times the highest frequency of the beams,"
+        f" {highest:.3g} rad/s, is {stepper.h * highest:.3g}, above {limit:.3g}: steps below"
+        f" {limit / highest:.2g} s resolve it (sc.advise_step)"
+    )
+
+
+def _log_if_unresolved(stepper: Stepper, highest: float | None) -> None:
+    """Log it: as a warning it would be a false alarm on many right runs."""
+    if hint := _unresolved(stepper, highest):
+        logger.info("the %s integrator is likely to fail: %s", stepper.integrator.name, hint)
 
 
 def _derive(recorder: Recorder, history: History, path: str | os.PathLike[str] | None) -> None:

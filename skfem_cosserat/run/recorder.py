@@ -51,6 +51,8 @@ OFF, LOST = 0.01, 0.1
 
 #: energies below this share of ``|G^T lambda| . |q|`` are rounding of what holds a scene at rest
 NOISE = 1e-9
+#: share of the extent in the duration of a run: energies of slower motions are those of rest
+REST = 1e-8
 
 
 class EnergyBalance(NamedTuple):
@@ -86,25 +88,64 @@ class EnergyBalance(NamedTuple):
     lost: float
     scale: float
 
-    def check(self, integrator: Integrator, h: float, time: float) -> None:
-        """Warn if it is off by more than the scheme is allowed to."""
+    def check(
+        self, integrator: Integrator, h: float, time: float, between: Between, hint: str = ""
+    ) -> None:
+        """Warn if it is off by more than the scheme is allowed to, at the end or in between.
+
+        Parameters
+        ----------
+        h, time : float
+            Step size, and end of the run (s).
+        between : Between
+            What was lost up to recorded states: the worst of them counts if the end is in order.
+        hint : str
+            What else is known about the step.
+        """
         if not self.scale > 0:
             return
-        share = self.lost / self.scale
-        if -OFF <= share <= (LOST if integrator.loses else OFF):
-            return
-        verb = "gained" if self.lost < 0 else "lost"
-        most = f"{self.scale:.3g} J, the largest of its energies and works"
-        amount = f"the run {verb} {abs(self.lost):.3g} J, {100 * abs(share):.3g} % of {most}"
+        allowed = LOST if integrator.loses else OFF
+        lost, scale, amount = self.lost, self.scale, ""
+        if -OFF <= lost / scale <= allowed:
+            scale = max(scale, between.largest)
+            over = np.maximum(between.lost / allowed, -between.lost / OFF) / scale
+            if not over.max(initial=0.0) > 1:
+                return
+            k = int(over.argmax())
+            time, lost = float(between.times[k]), float(between.lost[k])
+            amount = f" up to then ({self.lost:.2g} J at the end)"
+        verb = "gained" if lost < 0 else "lost"
+        most = f"{scale:.3g} J, the largest of its energies and works"
+        share = 100 * abs(lost) / scale
+        amount = f"the run {verb} {abs(lost):.3g} J{amount}, {share:.3g} % of {most}"
         if not np.isfinite(share):
             amount = f"the energy went from {self.start:.3g} J to {self.end} J"
         warn(
             "balance of energy",
             f"{amount}; no load, drive, damper or event explains this, {integrator!r} does not"
-            f" follow the motion in steps of {h:.3g} s: take smaller ones{integrator.keeping}",
+            f" follow the motion in steps of {h:.3g} s: take smaller ones{integrator.keeping}"
+            + (f"; {hint}" if hint else ""),
             AccuracyWarning,
             time=time,
         )
+
+
+class Between(NamedTuple):
+    """What was lost up to recorded states.
+
+    Attributes
+    ----------
+    times : (N,) array
+        (s)
+    lost : (N,) array
+        As in :class:`EnergyBalance` (J), finite.
+    largest : float
+        Largest energy of these states (J).
+    """
+
+    times: Floats
+    lost: Floats
+    largest: float
 
 
 def energy(system: System, integrator: Integrator, state: State) -> float:
@@ -125,6 +166,19 @@ def energy(system: System, integrator: Integrator, state: State) -> float:
     coupled = diagnostics.coupling_energy(system, q[None], np.array([t]), turns)
     stored = diagnostics.strain_energy(system, q)
     return float(kinetic + stored + coupled[0])
+
+
+def energies(system: System, integrator: Integrator, part: History, rows: IndexArray) -> Floats:
+    """The same of recorded states of one system, by their rows."""
+    q, p, t = part["q"][rows], part["carried"][rows], part.times[rows]
+    if integrator.carries_node_momentum:
+        kinetic = diagnostics.kinetic_energy(system, p)
+    else:
+        v = Projection(system).stack(q, p, t)[0]
+        kinetic = diagnostics.kinetic_energy_of_velocity(system, v)
+    turns = part["turns"][rows] if "turns" in part else None
+    coupled = diagnostics.coupling_energy(system, q, t, turns)
+    return np.asarray(kinetic + coupled + diagnostics.strain_energy(system, q))
 
 
 class Works:
@@ -207,6 +261,11 @@ class Works:
             self.drives -= self._next * float(force @ self._waiting)
             self._waiting = None
 
+    @property
+    def numerical(self) -> float:
+        """What the scheme took of what was dissipated (J)."""
+        return self._numerical
+
     def balance(self, force: Floats | None) -> EnergyBalance | None:
         """Of the run so far; None where there is nothing to compare.
 
@@ -249,6 +308,8 @@ class Works:
 
 # -- which states are recorded, and when a row of the history is complete --------------------------
 
+#: recorded states, evenly spread, at which the balance of energy is looked at
+BETWEEN = 100
 #: recorded states after which what sensors saw is written, so that a killed run keeps it, too
 SEEN = 50
 
@@ -263,6 +324,7 @@ class Segment(NamedTuple):
     system: System
 
 
+_WORKS = "work_loads", "work_actuators", "work_drives"
 #: what the step after the last one may raise: it is beyond the run the user asked for
 _NO_STEP = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
 
@@ -343,6 +405,8 @@ class Recorder:
         self.bank.begin(state)
         self._before = state
         self._rows = 0
+        #: what the scheme took up to each row
+        self._taken: list[float] = []
         #: constraint force of a recent state
         self._force: Floats | None = None
         weight = stepper.integrator.constraint_weight
@@ -403,6 +467,7 @@ class Recorder:
 
     def _append(self, row: dict[str, Any]) -> None:
         self.writer.append(row)
+        self._taken.append(self.works.numerical)
         self.open, self._rows = True, self._rows + 1
         if self._rows % SEEN == 0:
             self.bank.flush()
@@ -529,8 +594,33 @@ class Recorder:
         self._complete = self.writer.history()
         return self._complete
 
-    def close(self, status: str, failure: Diverged | None) -> History:
-        """Close the file and give the history."""
+    def _between_ends(self, history: History) -> Between:
+        """What was lost up to recorded states."""
+        rows = np.linspace(0, self._rows - 1, min(self._rows, BETWEEN)).round().astype(np.int64)
+        integrator, starts = self.stepper.integrator, [segment.row for segment in self.segments]
+        owner = np.searchsorted(starts, rows, side="right") - 1
+        found = np.full(len(rows), np.nan)
+        try:
+            with np.errstate(all="ignore"):
+                for k in np.unique(owner):
+                    chosen = self.segments[k].system, integrator, history, rows[owner == k]
+                    found[owner == k] = energies(*chosen)
+                works = sum(history[name][rows] for name in _WORKS)
+                left = history["dissipated"][rows] - np.array(self._taken)[rows]
+                lost = found[0] + works - left - found
+        except (CosseratError, ArithmeticError) as error:
+            logger.info("no balance of energy in between: %s", error)
+            return Between(np.zeros(0), np.zeros(0), 0.0)
+        system, duration = self.system, float(history.times[-1] - history.times[0])
+        mass = float(system.mass.diagonal()[system.origin_rows].sum())
+        rest = mass * (REST * system.length / duration) ** 2 if duration > 0 else np.inf
+        sound = np.isfinite(lost)
+        lost = np.where(abs(lost) > rest, lost, 0.0)
+        largest = float(abs(found[sound]).max(initial=0.0))
+        return Between(history.times[rows][sound], lost[sound], largest)
+
+    def close(self, status: str, failure: Diverged | None, hint: str = "") -> History:
+        """Close the file and give the history; `hint` is for the warning about its balance."""
         history = self.complete()
         extra: dict[str, Any] = {
             "factorisations": self.stepper.factorisations,
@@ -544,7 +634,8 @@ class Recorder:
         try:
             if balance is not None:
                 extra["energy_balance"] = balance._asdict()
-                balance.check(self.stepper.integrator, self.stepper.h, self._before.time)
+                run = self.stepper.integrator, self.stepper.h, self._before.time
+                balance.check(*run, self._between_ends(history), hint)
         finally:  # a warning is an error, if the user wants it so
             self.writer.close(status, **extra, warnings=self.notices.kept())
             history.meta = self.writer.meta

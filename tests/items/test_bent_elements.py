@@ -12,11 +12,13 @@ from skfem_cosserat import (
     InterpolationLobatto,
     JointFixed,
     LoadMoment,
+    Material,
     MeshCurve,
     MeshError,
     Model,
     ModelWarning,
     Section,
+    SectionCircle,
     ground,
     static,
 )
@@ -358,3 +360,16 @@ def test_what_is_possible_but_doubtful_is_said(make, words):
 )
 def test_what_is_right_is_not_mentioned(make):
     assert make().warnings == ()
+
+
+def test_a_beam_too_soft_for_its_own_weight_asks_for_the_unit():
+    """E = 210 GPa, given in MPa."""
+    for E, asked in ((210e3, True), (210e9, False)):
+        model = Model()
+        wire = SectionCircle(2e-3, Material(E, 0.3, 7850))
+        mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="wire")
+        beam = model.add("wire", Beam(mesh, wire))
+        y = model.freeze().q0.reshape(-1, 3).copy()
+        y[9:12] = turned(np.array([0, 0, 1.2]))
+        text = over_rotated(model.freeze(), y)
+        assert f"of {beam.label} is" in text and text.endswith("is E in Pa?") == asked

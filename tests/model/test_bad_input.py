@@ -99,6 +99,9 @@ def cases(*rows):
     (lambda: SectionTube(1.0, 2.0, MATERIAL), ["tube", "inner = 2.0", "outer = 1.0"]),
     (lambda: SectionTube(1.0, NAN, MATERIAL), ["tube", "inner = nan"]),
     (lambda: SectionTube(1.0, 0.5, None), ["tube", "material", "None"]),
+    (lambda: SectionCircle(-0.01, MATERIAL), ["circle: radius = -0.01, expected a positive"]),
+    (lambda: SectionCircle(1.0, MATERIAL, -1.0), ["circle", "shear_factor = -1.0"]),
+    (lambda: SectionCircle(1.0, None), ["circle", "material", "None"]),
     (lambda: SectionCircle(-1.0, MATERIAL), ["-1.0"]),
     (lambda: Section(np.ones(5), 1.0, (1, 1)), ["section", "stiffness", "(5,)", "(6, 6)"]),
     (lambda: Section(np.full(6, NAN), 1.0, (1, 1)), ["section", "stiffness", "nan"]),
@@ -226,6 +229,9 @@ def test_a_mesh_of_other_cells_is_no_beam():
     (lambda: RigidBody.box(1.0, (1, 2, -3)), ["rigid body", "box", "-3"]),
     (lambda: RigidBody.box(-1.0, (1, 2, 3)), ["rigid body", "mass = -1.0"]),
     (lambda: RigidBody.sphere(1.0, 0.0), ["rigid body", "sphere", "radius", "0.0"]),
+    (lambda: RigidBody.sphere(1.0, (1, 2)), ["rigid body", "sphere", "radius", "single"]),
+    (lambda: RigidBody.box(1.0, (0.1, -0.06, 1)), ["rigid body (box)", "edges[1] = -0.06"]),
+    (lambda: RigidBody.cylinder(1.0, 1.0, -2.0), ["rigid body (cylinder): length = -2.0"]),
     (lambda: RigidBody.sphere(NAN, 1.0), ["rigid body", "mass = nan"]),
     (lambda: RigidBody.cylinder(1.0, 0.1, NAN), ["rigid body", "cylinder", "length", "nan"]),
     (lambda: RigidBody.pyramid(1.0, -0.1, 1), ["rigid body", "pyramid", "edge", "-0.1"]),
@@ -402,6 +408,17 @@ def test_items_that_are_not_in_the_model():
     refused(outside(LoadForce(other.at((0, 0, 0)), (1, 0, 0))), ["load 'item'", "not in the model"])
     refused(outside(LoadLine(lost, (1, 0, 0))), ["load 'item'", "beam", "not in the model"])
     refused(outside(MassPoint(1.0, on=lost.node(0))), ["mass point 'item'", "not in the model"])
+    refused(
+        outside(JointSpherical(HERE, lost.node(0))),
+        ["side b, beam node 0 at [0.0, 0.0, 0.0]", "from [0.0, 0.0, 0.0] to [0.0, 2.0, 0.0]"],
+    )
+    named = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="boom")
+    boom = Beam(named, SECTION)
+    joint = outside(JointSpherical(boom.node("boom.end"), ground((1, 0, 0))))
+    refused(joint, ["side a, beam node 'boom.end'", "the mesh of 'boom'", "model: add it"])
+    with pytest.raises(InputError) as caught:
+        joint()
+    assert "first" not in str(caught.value)
     mine = RigidBody.sphere(1.0, 1.0)
     model_of(theirs=mine)
     refused(
@@ -773,3 +790,9 @@ def test_all_errors_are_ours_and_value_errors():
 )
 def test_what_is_no_name_of_a_file_no_number_and_no_mesh(call, words):
     refused(call, words)
+
+
+def test_a_run_in_a_plane_is_asked_of_the_model():
+    model = model_of(ball=MassPoint(1.0))
+    with pytest.raises(TypeError, match=r"model\.freeze\(planar=sc\.Planar\(\)\)"):
+        simulate(model, EnergyMomentum(), NullSpace(), 0.1, 1.0, planar=sc.Planar())

@@ -179,6 +179,7 @@ def arrays_in(value):
 def test_all_public_kinds_are_here():
     kinds = {getattr(sc, name) for name in sc.__all__ if isinstance(getattr(sc, name), type)}
     bases = {sc.Theory, sc.Joint, sc.Load, sc.Sensor, sc.Solver, sc.Integrator, sc.Treatment}
+    bases |= {sc.Action, sc.Condition}
     frozen = {kind for kind in kinds - bases if issubclass(kind, Frozen)}
     assert frozen <= set(map(type, ITEMS))
 

@@ -584,7 +584,8 @@ def test_what_leaves_the_plane_is_named(name: str):
     model.freeze()
     with pytest.raises(sc.InputError, match=message) as caught:
         model.freeze(planar=sc.Planar((0, 0, 1.0)))
-    assert "the plane is normal to [0.0, 0.0, 1.0]" in str(caught.value)
+    assert "the plane is normal to [0.0, 0.0, 1.0], through the middle" in str(caught.value)
+    assert str(caught.value).count("beam 'rod'") < 2
     found = sc.planarity(model, (0, 0, 1.0))
     assert not found
     assert found.planar is None
@@ -613,7 +614,7 @@ def test_curved_beams():
     assert repr(found) == "<planar, normal [0.0, 0.8, -0.6]>"
     model = sc.Model()
     model.add("rod", sc.Beam(HELIX, section(), director=(0, 0, 1)))
-    with pytest.raises(sc.InputError, match=r"beam 'rod' node \d+ at .* m off the plane"):
+    with pytest.raises(sc.InputError, match=r"beam 'rod': node \d+ at .* m off the plane"):
         model.freeze(planar=sc.Planar())
 
 
@@ -667,7 +668,7 @@ def test_prescribed_motion_out_of_the_plane():
             "d06_fourbar",
             "revolute joint 'C': its axis [0.0, -0.087155743, 0.996194698] is 5 ",
         ),
-        ("d07_lateral_buckling", "beam 'link' node 0 at [1.0, 0.0001, 0.0] is "),
+        ("d07_lateral_buckling", "beam 'link': node 0 at [1.0, 0.0001, 0.0] is "),
         ("d08_rotating_shaft", "its prescribed motion leaves the plane at t = 0.001 s"),
         ("d09_blade_spinup", None),
     ],

@@ -1,6 +1,8 @@
 """The balance of energy at the end of a run: kept with it, and a warning where it does not hold."""
 
 import itertools
+import pickle
+import re
 import warnings
 from functools import partial
 
@@ -180,6 +182,51 @@ def test_a_blow_up_is_told(until):
     with pytest.warns(sc.AccuracyWarning, match="the run gained .* % of .*EnergyMomentum"):
         found = run() if until < 5 else diverged(run).history.meta["energy_balance"]
     assert found["lost"] < -0.01 * found["scale"]
+
+
+def test_a_balance_that_is_off_in_between_only_is_told():
+    """Where a pendulum turns back the energy of the variational scheme is back, too."""
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(1.0, position=(1, 0, 0)))
+    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    with pytest.warns(sc.AccuracyWarning) as found:
+        history = sc.simulate(model, sc.Variational(), NULL, 0.06, 2.4)
+    (notice,) = history.meta["warnings"]
+    assert len(found) == 1 and str(found[0].message).startswith("balance of energy, t = ")
+    balance = history.meta["energy_balance"]
+    assert abs(balance["lost"]) < 1e-5 * balance["scale"]
+    off = abs(history["energy_projected"] - history["work_loads"])
+    assert notice["time"] == history.times[off.argmax()] < 1.0
+    share = 100 * off.max() / balance["scale"]
+    assert 1 < share < 2 and f"{share:.3g} % of" in notice["text"]
+    assert " J up to then (" in notice["text"] and " J at the end)" in notice["text"]
+
+
+def test_an_unresolved_frequency_is_told_with_what_it_leads_to():
+    """Where the user looks: in the warning about the balance, and in the text of a failure."""
+    system, q = column(400)
+    start = sc.initial_state(system, q, nu=1e-3 * np.sin(np.arange(system.unknowns)))
+    run = partial(balance_of, system, sc.Variational(), NULL, 0.1, start=start)
+    resolve = r"is \d\S+, above \d\S*: steps below \S+ s resolve it \(sc.advise_step\)"
+    with pytest.warns(sc.AccuracyWarning, match=resolve):
+        run(until=4.0)
+    with pytest.warns(sc.AccuracyWarning, match=resolve):
+        error = diverged(partial(run, until=20.0))
+    assert re.search(resolve, error.hint) and error.hint in str(error)
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error)
+
+
+def test_a_failure_wins_over_warnings_that_are_errors(silent):
+    system, q = column(400)
+    start = sc.initial_state(system, q, nu=1e-3 * np.sin(np.arange(system.unknowns)))
+    error = diverged(
+        partial(sc.simulate, system, sc.Variational(), NULL, 0.1, until=20.0, start=start)
+    )
+    assert "balance of energy" in str(error) and error.history.status == "diverged"
+    told = [notice["item"] for notice in error.history.meta["warnings"]]
+    assert "balance of energy" in told and "kinetic" in error.history
 
 
 def test_events_and_steps_under_control_belong_to_it(silent):
