@@ -4,7 +4,7 @@ from __future__ import annotations
 
 __all__ = ["BEAM_PARTS", "COUPLED", "NUMBERS", "RECORD", "TREE_PARTS"]
 
-#: see :class:`skfem_cosserat.integrators.base.Scheme` and :class:`skfem_cosserat.NewtonSettings`
+#: see :class:`skfem_cosserat.integrators.scheme.Scheme` and :class:`skfem_cosserat.NewtonSettings`
 NUMBERS = (
     *("mass", "momentum", "force", "start", "end", "weight", "length"),
     *("rotation", "mixed", "reuse", "iterations", "largest", "increment", "negligible"),

@@ -1,11 +1,12 @@
 """Time integrators, each in a module of its equations, and the steps that are taken with them."""
 
-from .base import Integrator, Scheme, State, StepOrigin, StepWork
+from .base import Integrator
 from .composition import Composition
 from .energy_decaying import EnergyDecaying
 from .energy_momentum import EnergyMomentum
 from .explicit import Asynchronous, Explicit
 from .generalized_alpha import GeneralizedAlpha
+from .scheme import Scheme, State, StepOrigin, StepWork
 from .step_balance import Evaluation, StepBalance, StepData
 from .stepper import Stepper, StepReport
 from .variational import Variational

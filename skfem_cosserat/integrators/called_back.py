@@ -17,7 +17,7 @@ from ..kernels import skew
 from ..model import System
 from ..model.force_elements import CoupledForce, CoupledStart, Couplings
 from ..types import Floats, IndexArray
-from .base import Scheme, State, StepWork
+from .scheme import Scheme, State, StepWork
 
 __all__ = ["CalledBack", "coupled"]
 

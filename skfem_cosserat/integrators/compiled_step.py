@@ -56,8 +56,9 @@ from ..model.tree import Coordinate
 from ..newton import NewtonSettings
 from ..pattern import FrozenPattern
 from ..types import Floats, IndexArray
-from .base import Integrator, Scheme, State, StepWork
+from .base import Integrator
 from .called_back import CalledBack
+from .scheme import Scheme, State, StepWork
 from .step_balance import decay_work
 
 __all__ = [

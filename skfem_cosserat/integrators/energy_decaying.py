@@ -15,8 +15,8 @@ from ..kernels import cross, skew
 from ..model import System
 from ..model.groups import Blocks, Parts
 from ..types import Array, Floats, IndexArray, positive, real, switch
-from .base import Scheme, State, StepWork
 from .energy_momentum import EnergyMomentum
+from .scheme import Scheme, State, StepWork
 from .step_balance import Evaluation, StepBalance, StepData, end_velocity
 
 __all__ = ["EnergyDecaying", "Flow", "Separate", "separate_parts"]

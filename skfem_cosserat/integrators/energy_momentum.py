@@ -6,7 +6,8 @@ from dataclasses import replace
 
 from ..model import System
 from ..types import Floats, switch
-from .base import Integrator, Scheme, State
+from .base import Integrator
+from .scheme import Scheme, State
 from .step_balance import end_velocity
 
 __all__ = ["EnergyMomentum"]

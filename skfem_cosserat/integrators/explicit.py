@@ -38,9 +38,10 @@ from ..model.force_elements import CoupledForce
 from ..model.groups import BeamGroup
 from ..types import Floats, IndexArray, numbers, positive, real, switch
 from ..warn import logger, warn
-from .base import Integrator, March, Marched, State, StepWork
+from .base import Integrator, March, Marched
 from .explicit_limit import LimitWatch, StepLimit, check_lumped
 from .explicit_nodes import ITERATIONS, Bodies, Cluster, Nodes, Unclosed, checked_nodes
+from .scheme import State, StepWork
 
 __all__ = ["Asynchronous", "Explicit", "ExplicitScheme", "Marching"]
 

@@ -10,7 +10,8 @@ from ..constraints.saddle import accelerations, nearest_velocity, saddle_point
 from ..errors import InputError
 from ..model import System
 from ..types import Floats, real, switch
-from .base import Integrator, Scheme, State
+from .base import Integrator
+from .scheme import Scheme, State
 
 __all__ = ["GeneralizedAlpha"]
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,8 +23,11 @@ from ..model.balance import amplitudes_at, balance
 from ..model.force_elements import CoupledForce, CoupledStart
 from ..model.groups import BeamGroup, Blocks, Parts
 from ..types import Array, Floats
-from .base import Integrator, Scheme, State, StepWork
 from .called_back import coupled as forces_of
+from .scheme import Scheme, State, StepWork
+
+if TYPE_CHECKING:
+    from .base import Integrator
 
 __all__ = ["Evaluation", "Finished", "StepBalance", "StepData", "end_velocity", "mean"]
 

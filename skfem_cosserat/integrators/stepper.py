@@ -18,9 +18,10 @@ from ..model.loops import contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, check_kind, positive, switch, whole
 from ..warn import Notices, listening, logger, warn
-from .base import Integrator, March, State, StepOrigin, StepWork
+from .base import Integrator, March
 from .choice import built, choose_kernels, in_space
 from .compiled_step import CompiledStep, compiled_step
+from .scheme import State, StepOrigin, StepWork
 from .step_balance import Evaluation, StepBalance, StepData
 
 __all__ = ["BlockReport", "ComposedReport", "Solved", "StepProblem", "StepReport", "Stepper"]

@@ -8,7 +8,8 @@ import numpy as np
 
 from ..model import System
 from ..types import Floats, switch
-from .base import Integrator, Scheme, State
+from .base import Integrator
+from .scheme import Scheme, State
 
 __all__ = ["Variational"]
 

@@ -12,9 +12,9 @@ from scipy.sparse.linalg import LinearOperator, cg
 from ..compiled.plan import Plan
 from ..constraints import Treatment
 from ..constraints.base import BoundTreatment
-from ..integrators.base import Scheme
 from ..integrators.choice import Choice, built
 from ..integrators.compiled_step import CompiledScene
+from ..integrators.scheme import Scheme
 from ..linear import SingularMatrixError, Solver, checked_solver
 from ..model import System
 from ..model.balance import Balance, balance, balance_tangent, external_force, predicted
