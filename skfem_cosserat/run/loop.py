@@ -144,8 +144,8 @@ class RunLoop:
 
 #: recorded states, evenly spread, at which the tension of elements is looked at
 LOOKS = 20
-#: parts of a step, and of the time, by which a run may end before its time
-REST, ROUNDING = 1e-6, 1e-12
+#: parts of a step, and of a run, by which it may end before its time
+REST, ROUNDING = 1e-6, 1e-8
 
 
 @takes_scene
@@ -427,7 +427,7 @@ def _planned(
 def _warn_of_rest(start: State, end: State, step: float | None, until: float) -> None:
     """Say that a run whose time is no multiple of its step ended before the time asked for."""
     rest = until - end.time
-    if step is None or rest <= REST * step + ROUNDING * abs(until):
+    if step is None or rest <= REST * step + ROUNDING * (until - start.time):
         return
     count = end.index - start.index + 1
     warn(

@@ -230,7 +230,7 @@ def test_a_time_that_is_no_multiple_of_the_step():
         assert history.times[-1] == pytest.approx(until, abs=1e-7)
     sc.simulate(system, *scheme, 0.3, 1.0, events=[])
     sc.simulate(system, *scheme, 0.3, 1.0, callbacks=[lambda report: report.state.time > 0.5])
-    start = sc.restart(system, history, scheme[0], 0.3)
+    start = sc.restart(system, history, scheme[0], 0.3)  # at 0.7 s
     with pytest.warns(sc.AccuracyWarning, match=r"step = 0.25, which makes 2 steps"):
         sc.simulate(system, *scheme, 0.3, until=1.2, start=start)
 
