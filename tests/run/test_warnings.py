@@ -242,6 +242,23 @@ def test_a_time_that_is_no_multiple_of_the_step():
     assert study.rows[0]["warnings"].startswith("argument until")
 
 
+def test_frames_that_turn_far_in_a_step():
+    """Bounded, but nothing that follows the motion; twenty steps a turn are none of these."""
+    model = sc.Model()
+    arm = model.add("arm", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(0, 0, -0.5)))
+    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), arm.at((0, 0, 0)), axis=(1, 0, 0)))
+    system, scheme = model.freeze(), (sc.EnergyMomentum(), sc.NullSpace())
+    start = sc.initial_state(system, rates={"pin": 2 * np.pi})
+    with pytest.warns(sc.AccuracyWarning, match=r"up to 1.\d* rad in a step \(rigid body 'arm'\)"):
+        history = sc.simulate(system, *scheme, 0.25, 2.0, start=start)
+    (notice,) = history.meta["warnings"]
+    assert notice["item"] == "argument step" and notice["time"] > 0
+    with pytest.warns(sc.AccuracyWarning, match="frames turn"):  # of few steps all
+        sc.simulate(system, *scheme, 0.25, 0.5, start=start, derive=False)
+    for step in (0.05, sc.StepControl(1e-2)):
+        assert sc.simulate(system, *scheme, step, 2.0, start=start).meta["warnings"] == []
+
+
 def test_warnings_that_name_different_things_are_different():
     with Notices(quiet=True) as notices:
         for name, number in (("pin 1", 3), ("pin 2", 3), ("pin 2", 4)):
