@@ -67,7 +67,7 @@ def run(modulus: float, element_steps: int, kernels: str = "auto") -> dict[str, 
         integrator,
         sc.Multipliers(),
         step=step,
-        until=(every + 0.5) * step,
+        until=every * step,
         every=max(1, every // 400),
         kernels=kernels,
     )

@@ -77,6 +77,11 @@ def system(factor: float, lumped: bool = False) -> sc.System:
     return swing.build("stiff", factor=factor, lumped=lumped)
 
 
+def whole_steps(until: float, step: float) -> float:
+    """The last time up to `until` that a number of whole steps ends at (s)."""
+    return step * int(until / step * (1 + 1e-12) + 1e-9)
+
+
 def cell(
     integrator: str,
     factor: float,
@@ -94,7 +99,7 @@ def cell(
             scene,
             *scheme,
             step,
-            until,
+            whole_steps(until, step),
             every=max(1, round(until / step / LOOKS)),
             callbacks=[swing._EnergyGuard(scene, PULSE_END)],
             settings=FULL_PROTOCOL,
@@ -146,7 +151,8 @@ def constraint_frequency(factor: float, step: float, until: float, kernels: str)
     scene = system(factor)
     run = {"every": max(1, round(until / step / SAMPLES)), "derive": False, "kernels": kernels}
     try:
-        history = sc.simulate(scene, sc.EnergyMomentum(), sc.NullSpace(), step, until, **run)
+        end = whole_steps(until, step)
+        history = sc.simulate(scene, sc.EnergyMomentum(), sc.NullSpace(), step, end, **run)
     except sc.Diverged as error:
         history = error.history
     found = [

@@ -496,9 +496,9 @@ class Trials:
             return None
         try:
             system = self.model.freeze(planar=planar)
-            step = 1e-6 * self.until
             state = self.begin(system)
-            until = state.time + 1.5 * step  # a step, however it is rounded
+            until = state.time + 1e-6 * self.until
+            step = until - state.time  # one step, however it is rounded
             simulate(system, EnergyMomentum(), NullSpace(), step, until, start=state, derive=False)
         except CosseratError:  # it starts out of the plane
             return None

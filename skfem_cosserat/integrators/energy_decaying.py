@@ -8,12 +8,12 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ..errors import InputError
 from ..kernels import cross, skew
 from ..model import System
 from ..model.groups import Blocks, Parts
+from ..model.parts import connected_parts
 from ..types import Array, Floats, IndexArray, positive, real, switch
 from .energy_momentum import EnergyMomentum
 from .scheme import Scheme, State, StepWork
@@ -77,25 +77,11 @@ class Separate:
 @lru_cache(maxsize=4)
 def separate_parts(system: System) -> Separate:
     """Those of a system, kept as long as no others are asked for."""
-    rows, g = system.rows, system.constraints
-    links = [group.rows[:, [0, k]] for group in system.groups for k in range(group.rows.shape[1])]
-    own = g.inside
-    links.append(np.stack([g.cols[own] // 3, rows + g.rows[own]], axis=1))
-    ends = [[system.row_of(c.a), system.row_of(c.b)] for c in system.couplings.items]
-    ends += [pair for each in system.couplings.functions for pair in each.pairs.tolist()]
-    pairs = np.array(ends, dtype=np.int64).reshape(-1, 2)
-    inside = (pairs < rows).all(axis=1)
-    edges = np.concatenate([*links, pairs[inside]])
-    size = rows + system.m
-    graph = csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(size, size))
-    _, label = connected_components(graph, directed=False)
-    grounded = np.setdiff1d(np.arange(len(g.cols)), own)
-    tied = [label[rows + g.rows[grounded]], label[pairs[~inside][pairs[~inside] < rows]]]
-    names, part = np.unique(label[:rows], return_inverse=True)
-    ones = np.zeros(rows)
+    found = connected_parts(system)
+    ones = np.zeros(system.rows)
     ones[system.origin_rows] = 1.0
-    free = ~np.isin(names, np.concatenate(tied))
-    return Separate(system, part, free.astype(float), ones, system.mass @ ones)
+    free = found.free.astype(float)
+    return Separate(system, found.part, free, ones, system.mass @ ones)
 
 
 def _lengths(rows: Array, of: Callable[..., Floats] = np.linalg.norm) -> Floats:

@@ -29,6 +29,7 @@ from ..types import ArrayLike, Floats, names_known
 from ..warn import Notices
 from .ground import Placed
 from .groups import Structure
+from .parts import warn_of_loose_parts
 from .plane import Planar, Planarity, confined, inspect
 from .system import System, listed
 
@@ -389,6 +390,7 @@ class Model:
                 scene=dict(self._items),
             )
             system = system if planar is None else confined(system, planar)
+            warn_of_loose_parts(system)
         system.warnings = notices.found
         return system
 

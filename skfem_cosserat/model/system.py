@@ -49,6 +49,7 @@ from .loops import (
     tree_values,
     wrong_branch,
 )
+from .parts import connected_parts
 from .plane import Plane, guard_of
 from .quadratic import ConstraintBuilder, QuadraticConstraints
 from .theories import TheoryRows, add_theory_rows, constrained_elements
@@ -352,6 +353,11 @@ class System:
             f" unknowns {self.coordinates + c['rank']} with multipliers,"
             f" {c['unknowns']} with the null space>"
         )
+
+    def __str__(self) -> str:
+        count = len(self.joints)
+        joints = f"{count or 'no'} joint{'s' * (count != 1)}"
+        return f"{self!r}\n{connected_parts(self)}; {joints}"
 
     def redundancies(self) -> dict[str, list[int]]:
         """Redundant constraint rows: numbers within each joint or drive that has some.

@@ -144,8 +144,10 @@ class RunLoop:
 
 #: recorded states, evenly spread, at which the tension of elements is looked at
 LOOKS = 20
-#: parts of a step, and of the time, by which a run may end before its time
-REST, ROUNDING = 1e-6, 1e-12
+#: rotation in a step (rad) that is far, and so many such steps give a warning, of as many at most
+FAR_TURN, FAR_TURNS, TURNS_LOOKED_AT = 0.8, 3, 200
+#: parts of a step, and of a run, by which it may end before its time
+REST, ROUNDING = 1e-6, 1e-8
 
 
 @takes_scene
@@ -360,6 +362,8 @@ def simulate(
                 if status == "completed":
                     _warn_of_rest(state, run.state, None if eventful else h, until)
                 _warn_of_elements(system, recorded)
+                if h is not None:  # else a tolerance is kept
+                    _warn_of_turns(system, recorded)
                 _warn_of_functions(system, recorded)
             else:
                 failure.hint = _unresolved(recorder.stepper, highest)
@@ -432,7 +436,7 @@ def _planned(
 def _warn_of_rest(start: State, end: State, step: float | None, until: float) -> None:
     """Say that a run whose time is no multiple of its step ended before the time asked for."""
     rest = until - end.time
-    if step is None or rest <= REST * step + ROUNDING * abs(until):
+    if step is None or rest <= REST * step + ROUNDING * (until - start.time):
         return
     count = end.index - start.index + 1
     warn(
@@ -460,6 +464,37 @@ def _warn_of_elements(system: System, history: History) -> None:
         if drawn := overstretched_at(system, points[k], force):
             warn(*drawn, AccuracyWarning, float(history.times[k]))
             break
+
+
+def _warn_of_turns(system: System, history: History) -> None:
+    """Say that steps are so long that frames turn far in one: bounded motion, but a wrong one.
+
+    Of neighbouring states that are one step apart, some of them in a long run.
+    """
+    first = np.flatnonzero(np.diff(history["step"]) == 1)
+    rows = system.origin_rows[system.is_frame[: len(system.origin_rows)]]
+    if not (len(first) and len(rows)):
+        return
+    if len(first) > TURNS_LOOKED_AT:
+        first = first[np.linspace(0, len(first) - 1, TURNS_LOOKED_AT).astype(int)]
+    places = rows[:, None] + np.arange(1, 4)
+    states = history["q"].reshape(len(history), -1, 3)
+    turned = np.einsum("kfic,kfic->kf", states[first][:, places], states[first + 1][:, places])
+    angles = np.arccos(np.clip((turned - 1) / 2, -1, 1))
+    largest = angles.max(axis=1)
+    if np.count_nonzero(largest > FAR_TURN) < min(FAR_TURNS, len(first)):
+        return
+    k = int(largest.argmax())
+    row = rows[angles[k].argmax()]
+    starts = [(system.first[id(i)][1], i) for i in system.structures if id(i) in system.first]
+    label = max((start, item.label) for start, item in starts if start <= row)[1]
+    warn(
+        "argument step",
+        f"frames turn by up to {largest[k]:.2g} rad in a step ({label}): steps this long may give"
+        " bounded motion, but not an accurate one; take smaller ones, and compare",
+        AccuracyWarning,
+        float(history.times[first[k] + 1]),
+    )
 
 
 def _warn_of_functions(system: System, history: History) -> None:

@@ -146,7 +146,7 @@ def test_step_above_the_limit_is_refused_by_name():
     said = f"above the limit of the explicit scheme, {re.escape(str(limit))}"
     with pytest.raises(sc.InputError, match=said + ".*rounds=12"):
         run(system, sc.Explicit(rounds=11), 11.5 * limit.seconds, 1.0)
-    assert len(run(system, sc.Explicit(rounds=12), 11.5 * limit.seconds, 0.01)) > 1
+    assert len(run(system, sc.Explicit(rounds=12), 11.5 * limit.seconds, 23 * limit.seconds)) > 1
 
 
 @pytest.mark.filterwarnings("ignore:beam 'rod'.* (relative rotation|tension)")
@@ -154,10 +154,10 @@ def test_step_above_the_limit_blows_up():
     """Theory says so; below it the same run keeps its energy."""
     system = free_rod()
     step = sc.Explicit.limit(system).seconds
-    good = run(system, sc.Explicit(), 0.98 * step, 400 * step)
+    good = run(system, sc.Explicit(), 0.98 * step, 392 * step)
     assert abs(good["energy"] / good["energy"][0] - 1).max() < 1e-2
     with pytest.warns(sc.AccuracyWarning, match="balance of energy.* gained"):
-        bad = run(system, sc.Explicit(checked=False), 1.1 * step, 400 * step)
+        bad = run(system, sc.Explicit(checked=False), 1.1 * step, 396 * step)
     assert bad["energy"].max() > 10 * bad["energy"][0]
 
 
@@ -494,7 +494,7 @@ def test_a_blade_that_folds_up_keeps_its_energy():
     """By pi an element; without the shorter steps it blows up when a limit falls below its step."""
     system = asynchronous_blade.blade(1e6)
     step = 0.999 * 0.9 * float(sc.Asynchronous.limits(system)[0].max())
-    steps = {"step": step, "until": 9091.5 * step, "every": 50}
+    steps = {"step": step, "until": 9091 * step, "every": 50}
     with pytest.warns(sc.AccuracyWarning, match="limits fall"):
         history = run(system, sc.Asynchronous(), **steps)
     assert history.status == "completed"
@@ -523,11 +523,11 @@ def test_steps_that_are_not_graded_meet_resonances():
     """What the grading is for: without it the blade of the example blows up, with it not."""
     system = asynchronous_blade.blade(1e8)
     step = 0.999 * 0.8 * float(sc.Asynchronous.limits(system)[0].max())
-    graded = run(system, sc.Asynchronous(0.8), step, 2000.5 * step, every=50)
+    graded = run(system, sc.Asynchronous(0.8), step, 2000 * step, every=50)
     assert abs(graded["energy"] / graded["energy"][0] - 1).max() < 1e-6
     bare = sc.Asynchronous(0.8, grading=np.inf, checked=False)  # steps stay as it folds up
     with pytest.raises(sc.Diverged, match="blown up"):
-        run(system, bare, step, 2000.5 * step, every=50)
+        run(system, bare, step, 2000 * step, every=50)
 
 
 def check_blade(numbers, bound):

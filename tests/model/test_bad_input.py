@@ -304,6 +304,39 @@ def test_a_joint_between_names_of_one_node():
     refused(lambda: JointSpherical(*ends), ["both sides are beam", "weld=False"])
 
 
+def arm_and_hand(**options):
+    model = Model()
+    arm = model.add("arm", body())
+    model.add("hand", body(position=(0, 0, -1), **options))
+    model.add("shoulder", JointSpherical(HERE, arm.at((0, 0, 0))))
+    model.add("gravity", LoadGravity((0, 0, -9.81)))
+    return model
+
+
+def test_a_forgotten_joint():
+    """What hangs on nothing beside a mechanism; what may be meant to fly is left out."""
+    with pytest.warns(sc.ModelWarning, match="rigid body 'hand' is at rest, on no") as caught:
+        system = arm_and_hand().freeze()
+    assert len(caught) == 1 and len(system.warnings) == 1
+    assert "2 separate parts, 1 of them tied" in str(system) and "; 1 joint" in str(system)
+    assert "separate parts" not in repr(system)
+    system = arm_and_hand(velocity=(1, 0, 0)).freeze()  # thrown
+    assert system.warnings == [] and "2 separate parts" in str(system)
+    model = arm_and_hand()
+    model.add("push", LoadForce(model["hand"].at((0, 0, -1)), (1, 0, 0)))
+    assert model.freeze().warnings == []
+    model = arm_and_hand()
+    ends = [model[name].at(model[name].position) for name in ("arm", "hand")]
+    model.add("muscle", sc.SpringDamper(*ends, 10.0))
+    assert str(model.freeze()).endswith("1 connected part, tied to the ground; 1 joint")
+    free = Model()
+    for k in range(2):
+        free.add(f"ball {k}", body(position=(k, 0, 0)))
+    assert str(free.freeze()).endswith(
+        "2 separate parts, none of them tied to the ground; no joints"
+    )
+
+
 def test_names_that_do_not_exist():
     """A similar name is asked for, long lists are cut."""
     words = ["node 'two.stop'", "in the mesh of beams 'one', 'two'", "did you mean 'two.start'"]

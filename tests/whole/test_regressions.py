@@ -247,7 +247,8 @@ def test_writing_a_mesh_to_a_missing_folder():
 
 def test_progress_of_a_run_that_ends_before_until(capfd):
     """Its last line never came."""
-    run(rigid_pendulum(), until=0.105, progress=True)
+    with pytest.warns(sc.AccuracyWarning, match="ends at t = 0.1 s, 0.005 s before"):
+        run(rigid_pendulum(), until=0.105, progress=True)
     assert capfd.readouterr().err.endswith("t = 0.1 s of 0.105 s\n")
     with pytest.raises(sc.InputError, match="yes"):
         run(rigid_pendulum(), progress="yes")

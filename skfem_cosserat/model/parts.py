@@ -1,0 +1,105 @@
+"""Parts of a scene that nothing connects, and what ties them to the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from ..body import MassPoint
+from ..errors import ModelWarning
+from ..frames import is_beam
+from ..types import IndexArray
+from ..warn import warn
+
+if TYPE_CHECKING:
+    from .system import System
+
+__all__ = ["Connected", "connected_parts", "warn_of_loose_parts"]
+
+
+@dataclass(frozen=True, eq=False)
+class Connected:
+    """Parts of a scene: beams, joints, springs and loads on several points connect.
+
+    Attributes
+    ----------
+    part : (rows,) int array
+        Number of the part that a row of y belongs to.
+    free : (parts,) bool array
+        Whether nothing ties it to the ground.
+    """
+
+    part: IndexArray
+    free: np.typing.NDArray[np.bool_]
+
+    def __str__(self) -> str:
+        count, tied = len(self.free), int((~self.free).sum())
+        if count == 1:
+            return f"1 connected part, {'tied' if tied else 'not tied'} to the ground"
+        return f"{count} separate parts, {tied or 'none'} of them tied to the ground"
+
+
+def connected_parts(system: System) -> Connected:
+    """Those of a system.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import JointSpherical, Model, RigidBody, ground
+    >>> model = Model()
+    >>> arm = model.add("arm", RigidBody.box(1.0, (1, 1, 1)))
+    >>> pin = model.add("pin", JointSpherical(ground((0, 0, 0)), arm.at((0, 0, 0))))
+    >>> ball = model.add("ball", RigidBody.sphere(1.0, 1.0, velocity=(1, 0, 0)))
+    >>> print(connected_parts(model.freeze()))
+    2 separate parts, 1 of them tied to the ground
+    """
+    rows, g = system.rows, system.constraints
+    links = [group.rows[:, [0, k]] for group in system.groups for k in range(group.rows.shape[1])]
+    own = g.inside
+    links.append(np.stack([g.cols[own] // 3, rows + g.rows[own]], axis=1))
+    ends = [[system.row_of(c.a), system.row_of(c.b)] for c in system.couplings.items]
+    ends += [pair for each in system.couplings.functions for pair in each.pairs.tolist()]
+    pairs = np.array(ends, dtype=np.int64).reshape(-1, 2)
+    inside = (pairs < rows).all(axis=1)
+    edges = np.concatenate([*links, pairs[inside]])
+    size = rows + system.m
+    graph = csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(size, size))
+    _, label = connected_components(graph, directed=False)
+    grounded = np.setdiff1d(np.arange(len(g.cols)), own)
+    tied = [label[rows + g.rows[grounded]], label[pairs[~inside][pairs[~inside] < rows]]]
+    names, part = np.unique(label[:rows], return_inverse=True)
+    return Connected(part, ~np.isin(names, np.concatenate(tied)))
+
+
+def warn_of_loose_parts(system: System) -> None:
+    """Say which beams and bodies hang on nothing while other parts of the scene are tied.
+
+    They may be meant to fly: what starts with a velocity, or has a load of its own, is left out, as
+    are scenes of which nothing is tied.
+    """
+    found = connected_parts(system)
+    if found.free.all() or not found.free.any():
+        return
+    moving = np.unique(found.part[np.any(system.v0.reshape(-1, 3) != 0, axis=1)])
+    loaded = {id(item) for load in system.loads for item in load.references()}
+    loose = []
+    for item in system.structures:
+        if id(item) not in system.first or isinstance(item, MassPoint):
+            continue
+        row = system.first[id(item)][1]
+        own = np.unique(found.part[row : row + 4 * (item.basis.n_nodes if is_beam(item) else 1)])
+        alone = own[found.free[own] & ~np.isin(own, moving)]
+        if len(alone) and id(item) not in loaded:
+            loose.append(item.label if len(alone) == len(own) else f"a part of {item.label}")
+    if loose:
+        many = len(loose) > 1
+        names = ", ".join(loose[:4]) + (f" and {len(loose) - 4} more" if len(loose) > 4 else "")
+        warn(
+            "model",
+            f"has {found}; {names} {'are' if many else 'is'} at rest, on no joint or spring that"
+            " leads to the ground, and under no load but gravity: is a joint missing?",
+            ModelWarning,
+        )
