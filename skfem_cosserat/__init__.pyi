@@ -101,13 +101,11 @@ from .integrators import (
     Integrator as Integrator,
     Scheme as Scheme,
     State as State,
+    StepBalance as StepBalance,
     StepData as StepData,
     StepWork as StepWork,
     Stepper as Stepper,
     Variational as Variational,
-    damped_force as damped_force,
-    load_force as load_force,
-    midpoint_tangent as midpoint_tangent,
 )
 from .joint import (
     Freedom as Freedom,

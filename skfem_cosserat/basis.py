@@ -19,7 +19,7 @@ from .element import (
 )
 from .errors import InputError, MeshError
 from .mesh import MeshCurve
-from .mesh.topology import find_node
+from .mesh.topology import find_node, mesh_label
 from .mesh.triads import Directors, Twist, section_triads
 from .types import Array, ArrayLike, Floats, IndexArray, VectorLike
 
@@ -171,7 +171,9 @@ class DirectorBasis(CellBasis):
         MeshError
             If there is no such node; the message lists what is known.
         """
-        return find_node(self.nodes, self.mesh.nodes, which, self.mesh.size)
+        return find_node(
+            self.nodes, self.mesh.nodes, which, self.mesh.size, mesh_label(self.mesh.beams)
+        )
 
     # ------------------------------------------------------------------ scikit-fem
     def scalar(

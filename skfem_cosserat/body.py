@@ -47,9 +47,18 @@ class _Lump(StructuralItem):
         self.velocity = vector(self.label, "velocity", _NOWHERE if velocity is None else velocity)
         self.on = on
 
+    @property
+    def _carrier(self) -> Floats | None:
+        """Triad of the place that it is attached to."""
+        return None if self.on is None else self.on.triad
+
     def references(self) -> list[StructuralItem]:
         """What it is attached to."""
         return [] if self.on is None or self.on.item is None else [self.on.item]
+
+    def _parts(self) -> Iterator[tuple[str, Any]]:
+        moved = ("velocity", "angular_velocity") if self.on is not None else ()  # by the place
+        yield from (part for part in super()._parts() if part[0] not in moved)
 
     def scalar_mass(self) -> Floats:
         """Mass matrix of (phi, d1, d2, d3) without the factor I_3: (4, 4) or (1, 1)."""
@@ -137,7 +146,7 @@ class RigidBody(_Lump):
     position : (3,) array, optional
         Reference point phi (m); default: the origin.
     triad : (3, 3) array, optional
-        Rows d1, d2, d3 (default: identity).
+        Rows d1, d2, d3 (default: identity; attached, the triad of its place).
     center : (3,) array
         Centre of mass in the body frame, relative to the reference point (m).
     velocity, angular_velocity : (3,) array, optional
@@ -181,7 +190,8 @@ class RigidBody(_Lump):
         super().__init__(
             mass, on, position, velocity, triad=triad, angular_velocity=angular_velocity
         )
-        self.triad = np.eye(3) if triad is None else check_triad(self.label, triad)
+        own = self._carrier if triad is None else check_triad(self.label, triad)
+        self.triad = np.eye(3) if own is None else own
         self.center = vector(self.label, "center", center)
         self.angular_velocity = vector(
             self.label,
@@ -422,8 +432,7 @@ class RigidBody(_Lump):
         [2.5, 0.0, 0.0]
         """
         offset = vector(self.label, "X", X)
-        base = self.triad if self.on is None or self.on.triad is None else self.on.triad
-        return self.at(self.position + offset @ base)
+        return self.at(self.position + offset @ self.triad)
 
     def counterpart(self, place: Place) -> Place:
         """See the base class; also of a node of a beam that it stands for."""
@@ -436,6 +445,8 @@ class RigidBody(_Lump):
         if turn is not None:
             other.center = turn @ self.center
             other.euler = turn @ self.euler @ turn.T
+        if other._carrier is not None:
+            other.triad = other._carrier
         return other
 
     def scalar_mass(self) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from typing import Any
 
@@ -179,7 +180,7 @@ class Diverged(CosseratError, RuntimeError):
     residual : float
         Smallest scaled residual that was reached.
     reason, advice : str
-        Why Newton's method stopped, and what to try.
+        Why Newton's method stopped, and what to try, the most promising first.
     hint : str
         What else the run knows about the step; empty, or a sentence of the text.
     residuals : list of lists of float
@@ -221,6 +222,7 @@ class Diverged(CosseratError, RuntimeError):
         residuals: list[list[float]] | None = None,
         at: str | None = None,
         settings: Any = None,
+        effort: str = "",
     ) -> None:
         self.time = time
         self.step = step
@@ -233,14 +235,16 @@ class Diverged(CosseratError, RuntimeError):
         self.warnings: list[dict[str, Any]] = []
         self.warned = self.hint = ""
         where = f"t = {time:.9g} s" if at is None else at
+        known = math.isfinite(residual) and residual > 0
+        details = ", ".join([effort] * bool(effort) + [f"scaled residual {residual:.3g}"] * known)
         super().__init__(
-            f"step {step} from {where} could not be solved: {reason}"
-            f" (scaled residual {residual:.3g}); {advice}"
+            f"step {step} from {where} could not be solved: {reason}."
+            f" {advice[:1].upper()}{advice[1:]}" + (f" ({details})" if details else "")
         )
 
     def __str__(self) -> str:
         text = super().__str__()
-        text = f"{text}; {self.hint}" if self.hint else text
+        text = f"{text}. {self.hint[:1].upper()}{self.hint[1:]}" if self.hint else text
         return f"{text}; warned before: {self.warned}" if self.warned else text
 
 

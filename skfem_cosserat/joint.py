@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .errors import InputError
-from .frames import TOLERANCE, Item, Motion, Place, StructuralItem, no_place, unit_vector
+from .frames import TOLERANCE, Item, Motion, Place, StructuralItem, is_beam, no_place, unit_vector
 from .frozen import Frozen
 from .relative import (
     ORIGIN,
@@ -144,7 +144,10 @@ class Joint(Item):
         if a.item is None and b.item is None:
             raise InputError(self.label, "both sides are ground")
         if a.item is b.item and a.vertex == b.vertex:
-            raise InputError(self.label, f"both sides are {a.label}")
+            text = f"both sides are {a.label}"
+            if is_beam(a.item):
+                text += ": a joint needs two nodes there, as from mesh.joined(other, weld=False)"
+            raise InputError(self.label, text)
         self.a = a
         self.b = b
 

@@ -759,6 +759,12 @@ class LoadGravity(Load):
     """
 
     def __init__(self, value: Any, amplitude: Amplitude = None) -> None:
+        if isinstance(value, int | float | np.number):
+            raise InputError(
+                "gravity",
+                f"value = {value!r} has no direction, expected a vector in space such as"
+                f" LoadGravity((0, 0, {-abs(float(value))!r}))",
+            )
         super().__init__(value, amplitude)
 
     def terms(self) -> Sequence[Term]:

@@ -13,7 +13,7 @@ from .errors import InputError
 from .export.geometry import BeamShape, beam_shapes, body_shapes
 from .figures import MISSING, check_folder, new_figure, write_figure
 from .history import History
-from .types import Array, ArrayLike, Floats
+from .types import Array, ArrayLike, Floats, names_known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,10 +24,14 @@ __all__ = ["plot_energy", "plot_orbit", "plot_series", "render"]
 _ENERGIES = {
     "kinetic": "kinetic",
     "strain_energy": "strain",
+    "coupling_energy": "springs",
     "external": "external",
     "energy": "total",
     "energy_midpoint": "total (midpoint)",
+    "energy_balance": "balance",
 }
+#: what is drawn unless names are given: of springs if there are some
+_USUAL = ("kinetic", "strain_energy", "coupling_energy", "energy", "energy_midpoint")
 _CAMERAS = ("xy", "xz", "yz", "iso")
 _STEEL, _BODY, _BALL = (0.27, 0.51, 0.71), (0.6, 0.66, 0.75), (0.7, 0.13, 0.13)
 
@@ -35,23 +39,27 @@ _STEEL, _BODY, _BALL = (0.27, 0.51, 0.71), (0.6, 0.66, 0.75), (0.7, 0.13, 0.13)
 def plot_energy(
     history: History,
     path: str | os.PathLike[str] | None = None,
-    names: Sequence[str] = ("kinetic", "strain_energy", "energy", "energy_midpoint"),
+    names: Sequence[str] | None = None,
     since: float = 0.0,
 ) -> Figure:
-    """Chart of the energies over time, and of the change of the total energy below it.
+    """Chart of the energies over time, and below it of what is wrong with their sum.
 
     Parameters
     ----------
     history : History
-        With some of the series ``energy, energy_midpoint, kinetic, strain_energy, external (N,)``
-        in J.
+        With some of the series ``kinetic, strain_energy, coupling_energy, external, energy,
+        energy_midpoint, energy_balance (N,)`` in J; ``coupling_energy`` is that of springs.
     path : path-like, optional
         Write the chart here (``.png``, ``.svg``, ``.pdf``).
-    names : sequence of str
-        Which of them, as far as recorded. The potential of the loads (``external``) is drawn on
-        request: that of a strong pulse would hide all others.
+    names : sequence of str, optional
+        Which of them, as far as recorded. ``energy_balance`` is drawn below the others: the total
+        less the work that was done and plus what was dissipated, zero for a perfect run. Without it
+        the change of the totals is drawn there, which is an error only if nothing does work: no
+        gravity, no loads, no drives. Default: all but ``external``, the potential of the loads,
+        since that of a strong pulse would hide all others.
     since : float
-        Time in s from which the change of the total counts, such as the end of a pulse.
+        Time in s from which the balance, or the change of the total, counts, such as the end of a
+        pulse.
 
     Returns
     -------
@@ -72,31 +80,42 @@ def plot_energy(
     >>> len(plot_energy(History({}, {}, series)).axes)
     2
     """
-    unknown = [name for name in names if name not in _ENERGIES]
-    if unknown:
-        raise InputError("argument names", f"got {unknown[0]!r}, expected of {list(_ENERGIES)}")
-    present = [name for name in _ENERGIES if name in history and name in names]
+    for name in names or ():
+        if name not in _ENERGIES:
+            text = f"got {name!r}, expected some of them; {names_known(name, _ENERGIES)}"
+            raise InputError("argument names", text)
+    springs = "coupling_energy" in history and bool(np.any(history["coupling_energy"]))
+    usual = [name for name in _USUAL if name != "coupling_energy" or springs]
+    wanted = [*usual, "energy_balance"] if names is None else list(names)
+    present = [name for name in _ENERGIES if name in history and name in wanted]
     if not present:
-        raise InputError("history", f"has no energy series; expected some of {list(names)}")
-    totals = [name for name in present if _ENERGIES[name].startswith("total")]
-    figure = new_figure(7.0, 5.0 if totals else 3.2)
-    ratios = [2, 1][: 1 + bool(totals)]
+        raise InputError("history", f"has no energy series; expected some of {wanted}")
+    balanced = "energy_balance" in present
+    drawn = [name for name in present if name != "energy_balance"]
+    totals = [name for name in drawn if _ENERGIES[name].startswith("total")]
+    below = ["energy_balance"] if balanced else totals
+    sizes = [name for name in usual if name in history] if balanced else []
+    scale = max(float(np.nanmax(abs(history[name]), initial=0.0)) for name in present + sizes)
+
+    ratios = [2] * bool(drawn) + [1] * bool(below)
+    figure = new_figure(7.0, 5.0 if len(ratios) > 1 else 3.2)
     axes = figure.subplots(len(ratios), sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
-    for name in present:
+    for name in drawn:
         style = {"color": "black"} if name == "energy" else {"linewidth": 1.0}
         axes[0].plot(history.times, history[name], label=_ENERGIES[name], **style)
-    axes[0].set_ylabel("energy in J")
-    axes[0].legend(ncols=3, fontsize="small")
-    scale = max(float(np.nanmax(abs(history[name]), initial=0.0)) for name in present)
-    for name in totals:
+    if drawn:
+        axes[0].set_ylabel("energy in J")
+        axes[0].legend(ncols=3, fontsize="small")
+    for name in below:
         valid = np.flatnonzero(np.isfinite(history[name]) & (history.times >= since))
         if len(valid) and scale > 0.0:
             first = valid[0]  # later gaps stay gaps
             drift = (history[name][first:] - history[name][first]) / scale
-            axes[1].plot(history.times[first:], drift, linewidth=1.0, label=_ENERGIES[name])
-    if totals:
-        axes[1].set_ylabel("change of total\n/ largest energy")
-        axes[1].axhline(0.0, color="grey", linewidth=0.5)
+            axes[-1].plot(history.times[first:], drift, linewidth=1.0, label=_ENERGIES[name])
+    if below:
+        what = "balance of energy" if balanced else "change of total"
+        axes[-1].set_ylabel(f"{what}\n/ largest energy")
+        axes[-1].axhline(0.0, color="grey", linewidth=0.5)
     axes[-1].set_xlabel("time in s")
     return write_figure(figure, path)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -19,6 +20,7 @@ __all__ = [
     "IndexArray",
     "VectorLike",
     "check_kind",
+    "names_known",
     "numbers",
     "positive",
     "real",
@@ -37,6 +39,8 @@ VectorLike: TypeAlias = Sequence[float] | NDArray[np.float64]
 
 #: how many steps may be asked for: at a million a second these take eleven days
 MOST = 10**12
+#: so many names a message lists, and so many that are like the one asked for
+LISTED, ALIKE = 12, 3
 
 
 def numbers(item: str, name: str, value: Any) -> Floats:
@@ -114,5 +118,46 @@ def whole(item: str, value: Any, least: int | None, name: str = "") -> int:
 
 def check_kind(item: str, value: object, kind: type, more: str = "") -> None:
     """Raise InputError if a value is not of a type; `more` says where one comes from."""
-    if not isinstance(value, kind):
-        raise InputError(item, f"{value!r}, expected an object of type {kind.__name__}{more}")
+    if isinstance(value, kind):
+        return
+    if isinstance(value, type) and issubclass(value, kind):
+        name = value.__name__
+        raise InputError(item, f"got the class {name}, expected an object of it: {name}()")
+    raise InputError(item, f"{value!r}, expected an object of type {kind.__name__}{more}")
+
+
+def names_known(name: object, known: Iterable[object], what: str = "known", ask: str = "") -> str:
+    """Names for an error about one that does not exist, those most like it first.
+
+    Parameters
+    ----------
+    name : object
+        What was asked for.
+    known : iterable of str
+        What there is.
+    what : str
+        In front of the list.
+    ask : str
+        Expression that gives all names, where they may be too many for a message.
+
+    Examples
+    --------
+    >>> names_known("tipp", ["root", "tip"])
+    "did you mean 'tip'? known: 'root', 'tip'"
+    >>> names_known("angle", [f"joint/{k}/angle" for k in range(30)], ask="list(history)")
+    "did you mean 'joint/0/angle', 'joint/1/angle' or 'joint/2/angle'? (all: list(history))"
+    """
+    names = list(dict.fromkeys(map(str, known)))
+    wanted = str(name)
+    near = [each for each in names if wanted and wanted in each][:ALIKE]
+    near = near or get_close_matches(wanted, names, ALIKE, cutoff=0.75)
+    near = near or get_close_matches(wanted, names, 1)
+    quoted = [repr(each) for each in near]
+    either = " or ".join([", ".join(quoted[:-1]), *quoted[-1:]][len(quoted) < 2 :])
+    question = f"did you mean {either}?" if near else ""
+    every = f" (all: {ask})" if ask else f" ({len(names)} names)"
+    if len(names) <= LISTED:
+        listed = f"{what}: {', '.join(map(repr, names)) or 'none'}"
+        return f"{question} {listed}".strip()
+    first = ", ".join(map(repr, names[:LISTED]))
+    return f"{question}{every}" if near else f"{what}: {first}, ...{every}"

@@ -29,6 +29,7 @@ __all__ = [
     "Notices",
     "counted",
     "in_words",
+    "listed",
     "listening",
     "repeat",
     "sum_up",
@@ -207,6 +208,15 @@ def in_words(notice: Notice) -> str:
 def told(notices: Iterable[Notice]) -> str:
     """All in one line, for a table; empty if there are none."""
     return "; ".join(map(in_words, notices))
+
+
+def listed(notices: Iterable[Notice], width: int = 100) -> list[str]:
+    """One line each, cut to a width, for the end of a printed result."""
+    lines = [f"  {notice['category']}: {in_words(notice)}" for notice in notices]
+    return [
+        line if len(line) <= width else f"{line[: width - 4].rpartition(' ')[0]} ..."
+        for line in lines
+    ]
 
 
 def sum_up(item: str, kind: str, cases: Mapping[str, Sequence[Notice]], where: str) -> None:

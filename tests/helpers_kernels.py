@@ -228,7 +228,7 @@ def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc
         bound.resume(guess)
         fast.resume(guess)
         bound.guess(True)
-        problem: Any = stepper.problem(method.begin(system, state, h))
+        problem: Any = stepper.problem(stepper.balance.begin(state))
         problem.residual()
         plain = problem.direction()
         assert bound.solver.solve is not None
@@ -275,7 +275,7 @@ def _same_with_multipliers(system: sc.System, integrator: str, seed: int, state:
         bound.resume(guess)
         fast.resume(guess)
         bound.guess(True)
-        problem: Any = stepper.problem(method.begin(system, state, h))
+        problem: Any = stepper.problem(stepper.balance.begin(state))
         problem.residual()
         fast._begin(state)
         called(fast._step.start)(*fast._all, 1)

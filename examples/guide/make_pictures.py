@@ -291,7 +291,8 @@ def _line_load(s: Sketch, follower: bool) -> None:
     tangent = np.gradient(x, axis=0)
     for k in range(2, 30, 4):
         n = np.array([-tangent[k, 1], tangent[k, 0]]) / np.linalg.norm(tangent[k])
-        s.arrow(x[k] + 0.5 * (n if follower else np.array([0, 1])), x[k] + 0.05 * n)
+        back = n if follower else np.array([0, 1])  # dead loads keep their direction
+        s.arrow(x[k] + 0.5 * back, x[k] + 0.05 * back)
 
 
 def _gravity(s: Sketch) -> None:

@@ -379,7 +379,8 @@ def write(system: sc.System, history: sc.History, folder: Path, pulse_end: float
     try:
         from skfem_cosserat.plot import plot_energy, plot_orbit
 
-        plot_energy(history, folder / "energy.png", since=pulse_end)
+        names = "kinetic", "strain_energy", "energy", "energy_midpoint"
+        plot_energy(history, folder / "energy.png", names, since=pulse_end)
         beam: Any = system.structures[0]
         mid = beam.node("mid").vertex
         plot_orbit(history, f"beam/beam/{mid}", folder / "orbit.png", axes="yz")

@@ -28,7 +28,7 @@ from ..statics import Control, LoadControl, Point, equilibrium, static
 from ..statics.control import Stage
 from ..statics.schedule import Functional, recorded_amplitudes
 from ..study.quantities import Quantity
-from ..types import ArrayLike, Floats, VectorLike, check_kind, numbers, positive
+from ..types import ArrayLike, Floats, VectorLike, check_kind, names_known, numbers, positive
 from ..warn import logger
 
 __all__ = [
@@ -92,9 +92,8 @@ class NodePosition:
         """The position (3,), or one component (1,)."""
         beams = {item.name: item for item in system.structures if isinstance(item, Beam)}
         if self.beam not in beams:
-            raise InputError(
-                "quantity", f"unknown beam {self.beam!r}; known: {sorted(map(str, beams))}"
-            )
+            known = names_known(self.beam, sorted(map(str, beams)))
+            raise InputError("quantity", f"unknown beam {self.beam!r}; {known}")
         at = system.offset(beams[self.beam].node(self.node))
         x = np.asarray(q, dtype=float)[at : at + 3]
         return x if self.direction is None else np.array([x @ np.asarray(self.direction)])

@@ -223,7 +223,8 @@ def addresses(
         name: address(part_named(name, family), *signature(name, kinds), kept_only=kept_only)
         for name in names
     }
-    return np.array([found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)])
+    # the last one is that of Python code, if some is called back
+    return np.array([*(found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)), 0])
 
 
 def part_named(name: str, family: str = "tree") -> Any:

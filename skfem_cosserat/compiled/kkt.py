@@ -17,7 +17,7 @@ from .couplings import SIDE, SLOT, couple_force, gradients, right_side
 from .elements import Point, add_geometric, at_point, take
 from .jit import inlined, part
 from .loads import load_force, moment_change, moment_on
-from .numbers import FORCE, MASS, SHARE, START, WEIGHT, S
+from .numbers import END, ENDS, FORCE, MASS, SHARE, WEIGHT, S
 from .small import directors, row
 
 __all__ = [
@@ -171,15 +171,16 @@ def scalars_to_nodes(rotations: Floats, e: int, C: Floats, V: Floats) -> None:
 def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add the blocks of all elements to their slots, not projected.
 
-    ``mass M + share force (int B(q_mid)^T D B(y_S) ds + int S . C/l ds)``: y_S is where the
-    stresses come from; S are those, or with flag 1 predicted ones.
+    ``mass M + force (c int B(q_mid)^T D B(y_S) ds + share int S . C/l ds)``, see
+    :func:`.elements.beam_tangent`.
     """
     yB, yS, S, A = w.mid, w.mid, g.S, w.A
-    if numbers[START] != 0.0:
-        yS = w.y1
+    mass, half = numbers[MASS], numbers[SHARE] * numbers[FORCE]
+    material = half
+    if numbers[ENDS] != 0.0:
+        yS, material = w.y1, numbers[END] * numbers[FORCE]
     if flag == 1:
         S = g.predicted
-    mass, half = numbers[MASS], numbers[SHARE] * numbers[FORCE]
     lengths, shapes, slopes, weights = g.lengths, g.N, g.dN, g.weights
     masses, slot, stiffness, section = g.mass, g.slot, g.stiffness, g.section
     diagonal = g.diagonal
@@ -208,7 +209,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             GB = at_point(N, dN, inverse, XB)
             GS = at_point(N, dN, inverse, XS)
             add_geometric(N, dN, half * weights[p], S, e, p, C)
-            factor = half * weights[p] * lengths[e]
+            factor = material * weights[p] * lengths[e]
             for a in range(nn):
                 strain_rows(factor * N[a], factor * dN[a] * inverse, GB, a, 6 * p, L)
                 strain_rows(N[a], dN[a] * inverse, GS, a, 6 * p, B)

@@ -9,12 +9,12 @@ NUMBERS = (
     *("mass", "momentum", "force", "start", "end", "weight", "length"),
     *("rotation", "mixed", "reuse", "iterations", "largest", "increment", "negligible"),
     *("stagnation", "settled", "carry_mass", "carry_momentum", "carry_force"),
-    *("share", "worth"),
+    *("share", "worth", "ends"),
 )
 MASS, MOMENTUM, FORCE, START, END, WEIGHT, LENGTH = range(7)
 ROTATION, MIXED, REUSE, LIMIT, LARGEST, INCREMENT, NEGLIGIBLE = range(7, 14)
 STAGNATION, SETTLED, CARRY_MASS, CARRY_MOMENTUM, CARRY_FORCE = range(14, 19)
-SHARE, WORTH = 19, 20
+SHARE, WORTH, ENDS = 19, 20, 21
 
 #: what the loop over the iterations leaves behind for the next step: whether factors are kept, the
 #: contraction they gave last and the first increment of that step; how to start: from no
@@ -52,6 +52,9 @@ JOINT_BEGIN, JOINT_ADD, JOINT_MOVE, JOINT_MAPS, JOINT_REDUCE, JOINT_CURVATURE = 
 LOOP_FORCE, LOOP_CURVATURE, LOOP_ROW, LOOP_KEEP, LOOP_SCHUR, LOOP_CORRECT = range(19, 25)
 LOAD, COUPLE, ELEMENT_CURVATURE = 25, 26, 27
 BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(28, 33)
+#: place of the address of ``double f(int64 stage)``, by which Python code is called back; stages
+CALLED_BACK = 33
+AT_BEGIN, AT_FORCE, AT_PREDICTED, AT_MATRIX = range(4)
 
 #: what a force element has in a step, columns of ``w.coupled``: step size, force of an actuator,
 #: full turns and what else is known at the start; forces by invariants, travel of the coordinate;

@@ -18,7 +18,7 @@ from .jit import call, jit
 from .nodes import twist_force
 from .step import evaluate, matrix, start
 
-__all__ = ["begin", "move", "pivots", "pull", "push", "solve"]
+__all__ = ["begin", "move", "nearest", "pivots", "pull", "push", "solve"]
 
 
 @jit
@@ -82,6 +82,21 @@ def solve(
                 increments[k, 1, v, c] = twist[v, c]
                 x[v, c] = 0.0
     return regular
+
+
+@jit
+def nearest(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats) -> bool:
+    """``w.change``: the velocity on the constraints nearest to the momentum p_0, at y_0.
+
+    It is ``P nu`` with ``P^T M P nu = P^T p_0``; False: the matrix is singular.
+    """
+    start(p, s, m, w, g, numbers, 0)
+    evaluate(p, s, m, w, g, numbers, 0)
+    if not matrix(p, s, m, w, g, numbers, 0):
+        return False
+    call(p[n.SWEEP], s, m, w, numbers, 0)
+    call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
+    return True
 
 
 @jit

@@ -9,7 +9,7 @@ import numpy as np
 from .. import newton
 from ..types import Floats, IndexArray
 from . import numbers as n
-from .jit import call, call_beams, inlined, jit
+from .jit import call, call_back, call_beams, inlined, jit
 from .simd import WIDTH, load, store
 
 __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
@@ -37,6 +37,8 @@ def start(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, guess:
         call_beams(p[n.BEAM_START], g, w, numbers, 0)
     if p[n.COUPLE]:
         call(p[n.COUPLE], s, m, w, numbers, 3)
+    if p[n.CALLED_BACK]:
+        call_back(p[n.CALLED_BACK], n.AT_BEGIN)
 
 
 @inlined
@@ -63,6 +65,8 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
         call(p[n.COUPLE], s, m, w, numbers, 0)
     if p[n.LOAD]:
         call(p[n.LOAD], s, m, w, numbers, 0)
+    if p[n.CALLED_BACK]:
+        call_back(p[n.CALLED_BACK], n.AT_FORCE)
     largest = call(p[n.BALANCE], s, m, w, numbers, 2 * sized)
     if p[n.LOOP_FORCE]:
         call(p[n.LOOP_FORCE], s, m, w, numbers, 0)
@@ -91,6 +95,8 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
         call_beams(p[n.BEAM_FORCE], g, w, numbers, 1)
         if p[n.COUPLE]:
             call(p[n.COUPLE], s, m, w, numbers, 2)
+        if p[n.CALLED_BACK]:
+            call_back(p[n.CALLED_BACK], n.AT_PREDICTED)
         call(p[n.BALANCE], s, m, w, numbers, 1)
         if p[n.JOINT_REDUCE]:
             call(p[n.JOINT_REDUCE], s, m, w, numbers, 1)
@@ -98,6 +104,8 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
         call(p[n.LOAD], s, m, w, numbers, 1)
     if p[n.COUPLE]:
         call(p[n.COUPLE], s, m, w, numbers, 1)
+    if p[n.CALLED_BACK]:
+        call_back(p[n.CALLED_BACK], n.AT_MATRIX)
     if p[n.NODAL_MASS_MATRIX]:
         call(p[n.NODAL_MASS_MATRIX], s, m, w, numbers, 0)
     other = mixed

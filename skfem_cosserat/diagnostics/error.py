@@ -15,7 +15,7 @@ from ..linear import SingularMatrixError
 from ..model import Model, System, system_of, takes_scene
 from ..model.balance import Amplitudes
 from ..strain import strain_measures
-from ..types import ArrayLike, Floats, IndexArray, numbers, switch
+from ..types import ArrayLike, Floats, IndexArray, names_known, numbers, switch
 from .energy import group_of, held_forces, section_strains
 from .forces import element_forces
 from .nearest import inner_rows, settled
@@ -455,7 +455,7 @@ def beam_of(system: System, name: str | None, label: str) -> Beam:
         if is_beam(item) and item.name == name:
             return item
     known = sorted(str(item.name) for item in system.structures if is_beam(item))
-    raise InputError(label, f"is not in the system, which has the beams {known}")
+    raise InputError(label, f"is not in the system; {names_known(name, known, 'its beams')}")
 
 
 def _gauss_places(coarse: Beam, fine: Beam) -> tuple[IndexArray, Floats]:

@@ -103,14 +103,15 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
     if len(q) and not history["fresh"][0]:
         plus[0] = history["carried"][0]
     turns = np.asarray(history["turns"], dtype=np.int64) if "turns" in history else None
+    balance = scheme.balance(system, h)
     for n in range(len(q) - 1):
         # with p = 0 the balance is -D_1 L_d - f^-, what is carried on D_2 L_d + f^+
         turned = None if turns is None else turns[n]
         rest = State(float(times[n]), n, q[n], np.zeros(system.n), turns=turned)
-        step = scheme.begin(system, rest, h)
-        evaluation = scheme.evaluate(system, step, system.extend(q[n + 1], float(times[n + 1])))
+        step = balance.begin(rest)
+        evaluation = balance.evaluate(step, system.extend(q[n + 1], float(times[n + 1])))
         minus[n] = evaluation.R.reshape(-1)
-        plus[n + 1] = scheme.carry(system, step, evaluation).reshape(-1)
+        plus[n + 1] = balance.finish(step, evaluation).momentum.reshape(-1)
     return minus + half, plus - half
 
 

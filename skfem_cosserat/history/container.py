@@ -11,8 +11,8 @@ import numpy as np
 
 from ..errors import InputError, StorageError
 from ..frames import TOLERANCE, Place, is_beam
-from ..types import Array, ArrayLike, Floats, IndexArray, numbers, whole
-from ..warn import Notices, counted
+from ..types import Array, ArrayLike, Floats, IndexArray, names_known, numbers, whole
+from ..warn import Notices, counted, listed
 from .file import BASIC, EventRecord, check_basic, load_file, plain, save_file, series_numbers
 
 if TYPE_CHECKING:
@@ -479,6 +479,9 @@ class History:
             f"{doubt}>"
         )
 
+    def __str__(self) -> str:
+        return "\n".join([repr(self), *listed(self.meta.get("warnings", ()))])
+
     def __contains__(self, name: object) -> bool:
         return name in self._series
 
@@ -495,7 +498,8 @@ class History:
         """
         if name not in self._series:
             raise InputError(
-                f"series {name!r}", f"not recorded; there are {', '.join(self.series)}"
+                f"series {name!r}",
+                "not recorded; " + names_known(name, self.series, "recorded", "list(history)"),
             )
         return self._series[name]
 

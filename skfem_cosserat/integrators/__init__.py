@@ -1,22 +1,12 @@
 """Time integrators, each in a module of its equations, and the steps that are taken with them."""
 
-from .base import (
-    Evaluation,
-    Integrator,
-    Scheme,
-    State,
-    StepData,
-    StepOrigin,
-    StepWork,
-    damped_force,
-    load_force,
-    midpoint_tangent,
-)
+from .base import Integrator, Scheme, State, StepOrigin, StepWork
 from .composition import Composition
 from .energy_decaying import EnergyDecaying
 from .energy_momentum import EnergyMomentum
 from .explicit import Asynchronous, Explicit
 from .generalized_alpha import GeneralizedAlpha
+from .step_balance import Evaluation, StepBalance, StepData
 from .stepper import Stepper, StepReport
 from .variational import Variational
 
@@ -31,13 +21,11 @@ __all__ = [
     "Integrator",
     "Scheme",
     "State",
+    "StepBalance",
     "StepData",
     "StepOrigin",
     "StepReport",
     "StepWork",
     "Stepper",
     "Variational",
-    "damped_force",
-    "load_force",
-    "midpoint_tangent",
 ]

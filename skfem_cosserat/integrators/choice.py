@@ -18,7 +18,8 @@ from ..model import System
 from ..newton import NewtonSettings
 from ..warn import warn
 from .base import Integrator
-from .compiled_step import compiled_step, scalar
+from .compiled_step import compiled_step
+from .step_balance import StepBalance
 
 __all__ = [
     "Choice",
@@ -41,22 +42,28 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
     """Why a scene cannot be stepped by compiled kernels; None: it can."""
     if not integrator.solves:
         return "there are no compiled kernels for explicit steps"
-    if integrator.single.scheme(1.0) is None:
-        return f"the {integrator.name} integrator gives no scheme for compiled kernels"
-    looped = len(system.closure.rows) > 0
+    scheme = integrator.single.scheme(1.0)
+    if scheme is None or type(integrator.single.balance(system, 1.0)) is not StepBalance:
+        return f"the balance of the {integrator.name} integrator is more than numbers"
+    looped, scene = len(system.closure.rows) > 0, solved_in(system, treatment)
+    confined = scene is not system
     return _missing(
         treatment,
         (NullSpace, Multipliers),
         {
+            "closed loops in a plane but with the null space, dead loads, ground at rest and no"
+            " force elements": looped and confined,
             "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
-            # whether motions agree around a loop is looked at in the general way only
-            "closed loops in prescribed motion": looped and bool(system.moving),
-            "springs on rotation vectors, bushings": not scalar(system.couplings),
-            **_everywhere(system),
-            **_theories(system, treatment),
-            **_plane(system, treatment),
+            "damped beams at the ends of steps": scheme.at_end and system.damped,
+            **_elements(system),
+            **_theories(scene, treatment),
         },
     )
+
+
+def solved_in(system: System, treatment: Treatment) -> System:
+    """The scene whose kernels step it: of one in a plane often that in space, see `in_space`."""
+    return system.spatial if in_space(system, treatment) else system
 
 
 def static_refusal(system: System, treatment: Treatment, spin: object) -> str | None:
@@ -67,7 +74,8 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
         {
             "closed loops": len(system.closure.rows) > 0,
             "springs, dampers and actuators": len(system.couplings.items) > 0,
-            **_everywhere(system),
+            "loads that are functions of the motion": len(system.loading.functions) > 0,
+            **_elements(system),
             "scenes confined to a plane": system.plane is not None,
             "beams that hold strains": len(system.theory_rows) > 0,
             "a turning frame": spin is not None,
@@ -75,26 +83,26 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
     )
 
 
-def _everywhere(system: System) -> dict[str, bool]:
+def _elements(system: System) -> dict[str, bool]:
     return {
-        "loads that are functions of the motion": len(system.loading.functions) > 0,
         "beams of several orders": len(system.beam_groups) > 1,
         "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),
     }
 
 
-def _plane(system: System, treatment: Treatment) -> dict[str, bool]:
-    """What there is for scenes in space only."""
-    if system.plane is None:
-        return {}
-    return {
-        "scenes confined to a plane with multipliers": isinstance(treatment, Multipliers),
-        "moments and forces that follow the motion in a plane": not system.loading.dead_only,
-        "springs, dampers and actuators in a plane": len(system.couplings.items) > 0,
-        "viscous sections and drag in a plane": system.damped,
-        "prescribed motion in a plane": bool(system.moving),
-        "beams in a plane whose sections are turned out of it": _oblique(system),
-    }
+def in_space(system: System, treatment: Treatment) -> bool:
+    """Whether a scene in a plane takes the kernels of space: those of the plane do less.
+
+    They have the null space method for dead loads, ground at rest, no force elements and damping.
+    """
+    return system.plane is not None and (
+        isinstance(treatment, Multipliers)
+        or not system.loading.dead_only
+        or len(system.couplings.items) > 0
+        or system.damped
+        or bool(system.moving)
+        or _oblique(system)
+    )
 
 
 def _oblique(system: System) -> bool:
@@ -194,12 +202,14 @@ def choose_kernels(
         seconds *= ELIMINATED
     refused = refusal(system, integrator, treatment)
 
+    space = in_space(system, treatment)
+
     def trial(plan: Plan) -> None:
         chosen = integrator.single, treatment, 1.0, NewtonSettings(), plan, solver
-        compiled_step(system, *chosen, kept_only=True)
+        compiled_step(system, *chosen, space=space, kept_only=True)
 
-    multipliers = isinstance(treatment, Multipliers)
-    return choose(kernels, system, refused, seconds, solver, multipliers, trial)
+    multipliers, scene = isinstance(treatment, Multipliers), solved_in(system, treatment)
+    return choose(kernels, scene, refused, seconds, solver, multipliers, trial)
 
 
 def choose(

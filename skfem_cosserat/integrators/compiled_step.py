@@ -16,9 +16,11 @@ from ..compiled.numbers import (
     ALL_WORK,
     AMPLITUDE,
     ASKED,
+    CALLED_BACK,
     CLEARANCE,
     DONE,
     END,
+    ENDS,
     GROUND,
     GUESS,
     ITERATIONS,
@@ -41,17 +43,22 @@ from ..compiled.numbers import (
 )
 from ..compiled.plan import Plan, following, plan_of
 from ..constraints import Multipliers, Treatment
-from ..constraints.base import BoundTreatment, half_turn
+from ..constraints.base import BoundTreatment, half_turn, largest
+from ..coupling import Coupling
 from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
+from ..model.balance import amplitudes_at, external_force
 from ..model.force_elements import Couplings
+from ..model.plane import Plane
 from ..model.reparametrisation import Reparametrisation
 from ..model.tree import Coordinate
 from ..newton import NewtonSettings
 from ..pattern import FrozenPattern
 from ..types import Floats, IndexArray
 from .base import Integrator, Scheme, State, StepWork
+from .called_back import CalledBack
+from .step_balance import decay_work
 
 __all__ = [
     "BlockOfSteps",
@@ -64,16 +71,22 @@ __all__ = [
     "Viscous",
     "compiled_step",
     "is_viscous",
-    "scalar",
+    "without_kernels",
 ]
 
 
 # -- force elements in compiled steps: what goes in and comes out, one row for each ----------------
 
 
-def scalar(couplings: Couplings) -> bool:
-    """Whether all act on one number each, as the compiled ones do: not on rotation vectors."""
-    return all(item.size == 1 for item in couplings.items)
+def without_kernels(system: System, scheme: Scheme) -> list[Coupling]:
+    """Force elements that compiled steps of a scheme leave to numpy.
+
+    Kernels have those on one number each, not on rotation vectors, in schemes whose forces act at
+    the midpoint and take no damping of the scheme's own.
+    """
+    items = system.couplings.items
+    every = scheme.at_end or scheme.decay > 0
+    return [item for item in items if every or item.size > 1]
 
 
 class Coupled:
@@ -81,17 +94,19 @@ class Coupled:
 
     Parameters
     ----------
+    system : System
     couplings : Couplings
+        Those of its force elements that have kernels.
     columns : (count, COUPLED) array
         What they have in a step, in place; see :mod:`skfem_cosserat.compiled.numbers`.
     h : float
         Step size (s).
     """
 
-    def __init__(self, couplings: Couplings, columns: Floats, h: float) -> None:
+    def __init__(self, system: System, couplings: Couplings, columns: Floats, h: float) -> None:
         self._couplings, self._columns = couplings, columns
         self.resize(h)
-        number = {id(item): k for k, item in enumerate(couplings.items)}
+        number = {id(item): k for k, item in enumerate(system.couplings.items)}
         self._driven = [number[id(item)] for item in couplings.owners]
         self._angles = [number[id(item)] for item in couplings.angles]
 
@@ -161,7 +176,7 @@ class Viscous:
     def beside(self, beams: Any, numbers: Floats) -> Any:
         """What steps take as beams: the elastic ones, these, and their numbers."""
         own = numbers.copy()
-        own[[MASS, START, END]] = 0.0, -0.5, 0.5
+        own[[MASS, START, END, ENDS]] = 0.0, -0.5, 0.5, 1.0
         return beams, self._beams, own
 
     def dissipated(self) -> float:
@@ -272,10 +287,30 @@ class Rest:
 # --------------------------------------------------------------------------------------------------
 # Steps by compiled kernels: the same iteration as that of the stepper, in a few compiled calls.
 
+#: momenta out of a plane, by the largest ones, up to which they are nothing but rounding
+ROUNDING = 1e-9
 #: threads compile one after the other: the second finds all there, and starts no helper of its own
 COMPILING = threading.Lock()
 #: addresses of the parts; what is constant, the elimination, what changes, and beams
 Bound = tuple[IndexArray, Any, Any, Any, Any]
+
+
+def numbers_of(scheme: Scheme) -> dict[str, float]:
+    """The numbers of a scheme that the kernels take, see :mod:`skfem_cosserat.compiled.numbers`.
+
+    What a scheme with rates takes off the balance is made in Python, in place of the momentum.
+    """
+    low, high = (0.5 * (1 - scheme.decay), 0.5 * (1 + scheme.decay)) if scheme.ends else (0.0, 1.0)
+    return {
+        "mass": scheme.mass,
+        "momentum": 1.0 if scheme.before else scheme.momentum,
+        "force": scheme.force,
+        "share": scheme.at,
+        "start": low,
+        "end": high,
+        "ends": float(scheme.ends),
+        **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
+    }
 
 
 class BlockOfSteps(NamedTuple):
@@ -356,13 +391,8 @@ class CompiledScene:
         self._factors: list[float] | None = None
         self._solver = solver
         self._rest: Rest | None = None
-        numbers = {
-            **vars(settings),
-            **{name: getattr(scheme, name) for name in ("mass", "momentum", "force", "share")},
-            **dict(zip(("start", "end"), (0.5, 0.5) if scheme.ends else (0.0, 1.0), strict=True)),
-            **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
-            **{"weight": weight, "length": system.length, "worth": self.worth},
-        }
+        own = {"weight": weight, "length": system.length, "worth": self.worth}
+        numbers = vars(settings) | numbers_of(scheme) | own
         self._all = (
             *self._bind(weight, scheme.ends, static),
             np.array([numbers[name] for name in NUMBERS], dtype=float),
@@ -377,7 +407,7 @@ class CompiledScene:
         from ..compiled import bind
 
         system, groups = self.system, self.system.beam_groups
-        parts = bind.parts_of(system, weight, ends or is_viscous(system), static)
+        parts = self._parts(weight, ends or is_viscous(system), static)
         with COMPILING, bind.compiling(system, parts, kept_only=self._kept_only):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
@@ -390,6 +420,12 @@ class CompiledScene:
             planned["rest"][1] = self._rest.address
         self._number([c for cs in bind.coordinates_of(system) for c in cs])
         return table, s, m, w, g
+
+    def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
+        """Names of the parts that are called."""
+        from ..compiled import bind
+
+        return bind.parts_of(self.system, weight, ends, static)
 
     def _number(self, coordinates: list[Coordinate]) -> None:
         """Where the tree's coordinates are among those of the vertices."""
@@ -455,6 +491,51 @@ class CompiledScene:
             self._tree["driven"][:] = self._nodal.driven(self._coordinates)
 
 
+#: parts of a balance that a projection of velocities does without: forces, and what turns with them
+NO_FORCES = {
+    *("node_matrix", "joint_curvature", "loop_curvature", "element_curvature"),
+    *("beam_force", "beam_predicted", "load", "couple"),
+}
+
+
+class NearestVelocity(CompiledScene):
+    """Velocities on the hidden constraints nearest to a momentum, in the kinetic energy.
+
+    For scenes without closed loops and prescribed motion, also those in a plane.
+
+    Parameters
+    ----------
+    system, settings, kept_only
+        As for :class:`CompiledScene`.
+    """
+
+    def __init__(self, system: System, settings: NewtonSettings, kept_only: bool = False) -> None:
+        from ..compiled import bind, jit, static
+
+        scheme = Scheme(1.0, 1.0, 0.0, weight=1.0, rate=0.0, at=1.0)
+        space = system if system.plane is None else system.spatial
+        super().__init__(space, scheme, 1.0, settings, static=True, kept_only=kept_only)
+        kinds = tuple(bind.typeof(each) for each in self._all)
+        self._nearest = jit.ready(static.nearest, kinds, kept_only).entry_point
+
+    @staticmethod
+    def serves(system: System) -> bool:
+        """Whether a scene has neither closed loops nor prescribed motion."""
+        return not (system.closure.rank or system.moving)
+
+    def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
+        """See the base class."""
+        return [name for name in super()._parts(weight, ends, static) if name not in NO_FORCES]
+
+    def __call__(self, y: Floats, p: Floats) -> Floats | None:
+        """Velocity (rows, 3) at y (total, 3) for the momentum p (rows, 3); None: singular."""
+        self._place(y[: self.system.rows], None)
+        self._a.p0[:] = p
+        if not self._nearest(*self._all):
+            return None
+        return np.array(self._a.change[: self.system.rows])
+
+
 class CompiledStep(CompiledScene):
     """Steps of one system, integrator and step size with the null space method, compiled.
 
@@ -465,6 +546,8 @@ class CompiledStep(CompiledScene):
         Step size (s).
     system, settings, plan, solver, kept_only
         As for :class:`CompiledScene`.
+    plane : Plane, optional
+        In which the scene stays: rounding that leads out of it is taken away after each step.
     """
 
     def __init__(
@@ -476,18 +559,21 @@ class CompiledStep(CompiledScene):
         plan: Plan | None = None,
         solver: Solver | None = None,
         kept_only: bool = False,
+        plane: Plane | None = None,
     ) -> None:
         from ..compiled import step
 
         scheme = integrator.scheme(h)
         assert isinstance(scheme, Scheme)
-        own = system, scheme, integrator.constraint_weight, settings, plan, solver
+        own = system, scheme, scheme.weight, settings, plan, solver
         super().__init__(*own, kept_only=kept_only)
         self.integrator, self.h = integrator, h
+        self._normal = None if plane is None else plane.normal
         self._step = step
         self._record = np.zeros(len(RECORD))
         self._ends = self._a.y0, self._a.y1, self._a.p0, self._a.carried
-        self._coupled = Coupled(system.couplings, self._a.coupled, h)
+        self._called_back: CalledBack | None = None
+        self._couple(scheme, h)
         self._elastic = self._all[-2]
         self._viscous: Viscous | None = None
         self._resist(h)
@@ -496,6 +582,9 @@ class CompiledStep(CompiledScene):
         self.looped = len(self._a.mu) > 0
         # how far coordinates went since rows of closed loops were chosen, and in the last step
         self._travelled = self._travel = self._farthest = np.inf
+        self.nearest: NearestVelocity | None = None
+        if scheme.moved and system.m and NearestVelocity.serves(system):
+            self.nearest = NearestVelocity(system, settings, kept_only)
         #: whether nothing changes from step to step but the state, where loads do not
         self._alike = not (
             system.moving
@@ -505,8 +594,35 @@ class CompiledStep(CompiledScene):
             or system.drag is not None
             or self._viscous is not None
             or self._rest is not None
+            or scheme.table
+            or plane is not None
         )
         self._solve = self._entry()
+
+    def _couple(self, scheme: Scheme, h: float) -> None:
+        """Force elements: of kernels, and those that are called back."""
+        from ..compiled.couplings import DISPLACEMENT, KIND
+
+        system, outside = self.system, without_kernels(self.system, scheme)
+        numbers = {id(item): k for k, item in enumerate(system.couplings.items)}
+        left = {numbers[id(item)] for item in outside}
+        inside = [item for k, item in enumerate(system.couplings.items) if k not in left]
+        functions = system.couplings.functions
+        self._coupled = Coupled(system, system.couplings_of(inside), self._a.coupled, h)
+        if not (outside or functions):
+            return
+        for name in ("coupling_law", "coupling_forms"):
+            self._tables[name][sorted(left)] = 0.0
+        for k in left:
+            self._tables["coupling"][k, KIND] = DISPLACEMENT
+        own = system.couplings_of(outside, functions)
+        self._called_back = CalledBack(system, own, self.plan.slot, self._a)
+        self._all[0][CALLED_BACK] = self._called_back.address
+
+    @property
+    def _tables(self) -> dict[str, Any]:
+        """Arrays of what is constant, by name."""
+        return self._tree
 
     def _resist(self, h: float) -> None:
         """Drag and viscous sections in steps of this size."""
@@ -529,10 +645,7 @@ class CompiledStep(CompiledScene):
         """The same for steps of another size; factors of matrices are not kept."""
         scheme = self.integrator.scheme(h)
         assert isinstance(scheme, Scheme)
-        changed = {name: getattr(scheme, name) for name in ("mass", "momentum", "force")}
-        carried = ("carry_mass", "carry_momentum", "carry_force")
-        changed |= dict(zip(carried, scheme.carry, strict=True))
-        for name, number in changed.items():
+        for name, number in numbers_of(scheme).items():
             self._all[-1][NUMBERS.index(name)] = number
         self.resume(self._scaled_last(h / self.h))
         self._record[KEPT] = 0.0
@@ -580,20 +693,28 @@ class CompiledStep(CompiledScene):
 
     @property
     def last(self) -> Any:
-        """What the treatment keeps of the last step, see there; None before the first."""
+        """What the treatment keeps of the last step, see there; None before the first.
+
+        Of a scene in a plane nothing: its unknowns are others.
+        """
+        if self._normal is not None:
+            return None
         return self._a.last.ravel()[self._numbering] if self._record[KNOWN] else None
 
     def resume(self, last: Any) -> None:
         """See the treatment: the next step is guessed from what is known of another one."""
+        last = last if self._normal is None else None
         self._record[KNOWN] = self._record[GUESS] = float(last is not None)
         if last is not None:
             self._a.last.ravel()[self._numbering] = np.real(last)
 
     def _begin(self, state: State) -> None:
         """Loads, prescribed motion and all that is fixed during a step."""
-        system, t = self.system, state.time
+        system, t, scheme = self.system, state.time, self.scheme
+        self._time = t
         if not (self._loaded and system.loading.constant):
-            self.load(system.loading.averages(t, t + self.h))
+            loading, end = system.loading, t + self.h
+            self.load(loading.values(end) if scheme.at_end else loading.averages(t, end))
             self._loaded = True
         if system.drag is not None:
             q = state.q.reshape(-1, 3)
@@ -601,7 +722,14 @@ class CompiledStep(CompiledScene):
         self._coupled.begin(state)
         moving = bool(system.moving)
         self._place(state.q, (system.ground(t), system.ground(t + self.h)) if moving else None)
-        self._a.p0[:] = state.p.reshape(-1, 3)
+        self.rates0 = self.integrator.start(system, state, self.h) if scheme.table else None
+        if scheme.before:
+            assert self.rates0 is not None
+            self._a.p0[:] = system.inertia.dot(scheme.taken_off(self.rates0))
+        else:
+            self._a.p0[:] = state.p.reshape(-1, 3)
+        if self._called_back is not None:
+            self._called_back.begin(state, self.h, scheme, self.rates0)
 
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
@@ -635,6 +763,8 @@ class CompiledStep(CompiledScene):
         self.factorisations += int(record[ALL_FACTORED])
         if self._rest is not None:
             self._rest.complain()
+        if self._called_back is not None:
+            self._called_back.complain()
         if self.looped:
             self._farthest, self._travel = a.found.tolist()
             self._travelled = float(record[TRAVELLED])
@@ -648,13 +778,23 @@ class CompiledStep(CompiledScene):
             solved = False
         if not solved:
             self._travelled = np.inf
+        elif self._normal is not None:
+            self._flatten(self._normal)
         return solved
+
+    def _flatten(self, normal: Floats) -> None:
+        """Take away what rounding has led out of the plane, which might grow there."""
+        y0, y1, p = self._a.y0, self._a.y1, self._a.carried
+        y1 -= ((y1 - y0) @ normal)[:, None] * normal
+        out = p @ normal
+        if largest(out) <= ROUNDING * largest(p):  # else directors that lie askew have a share
+            p -= out[:, None] * normal
 
     def _flipped(self) -> bool:
         """Whether a frame has turned by half a turn, where the midpoint tells nothing of it."""
         if self.looped and self._travel < SHORT_WAY:
             return False
-        middle = 0.0 < self.integrator.constraint_weight < 1.0
+        middle = 0.0 < self.scheme.weight < 1.0
         turned = (self.looped or middle) and half_turn(self.system, self._a.y0, self._a.y1)
         return bool(turned)
 
@@ -693,16 +833,40 @@ class CompiledStep(CompiledScene):
         """Work of the loads along the step."""
         lost = 0.0 if self._viscous is None else self._viscous.dissipated()
         loads, drag = float(self._record[WORK]), self.system.drag
+        loading = self.system.loading
+        if self.scheme.at_end and not (loading.constant and loading.dead_only):
+            # by the trapezoidal rule
+            loads = 0.5 * (loads + self._work_at_start())
         if drag is not None:  # it is among the loads of the kernels
             rows = self.system.rows
-            moved = self._a.y1[:rows] - self._a.y0[:rows]
-            dragged = float((moved * (drag @ moved)).sum()) / self.h
-            loads, lost = loads + dragged, lost + max(0.0, dragged)
-        return self._coupled.work(loads, lost)
+            v = (self._a.y1[:rows] - self._a.y0[:rows]) / self.h
+            power = float((v * (drag @ v)).sum())
+            # a step back, as composed ones have, gives what was lost
+            loads, lost = loads + self.h * power, lost + self.h * max(0.0, power)
+        work = self._coupled.work(loads, lost)
+        if self.scheme.decay:
+            own = self._decay_work()
+            work = work._replace(dissipated=work.dissipated + own, numerical=own)
+        if self._called_back is None:
+            return work
+        return StepWork(*(a + b for a, b in zip(work, self._called_back.work(), strict=True)))
+
+    def _decay_work(self) -> float:
+        """What the scheme takes by its stresses (J)."""
+        system, ends = self.system, (self._a.y0, self._a.y1)
+        strains = [[eps for eps, _ in system.strain(y.copy())] for y in ends]
+        return decay_work(system, self.scheme.decay, *strains)
+
+    def _work_at_start(self) -> float:
+        """Work (J) along the step of the loads at its start."""
+        system, a, rows = self.system, self._a, self.system.rows
+        force = external_force(system, a.y0, amplitudes_at(system, self._time))
+        return float((force * (a.y1[:rows] - a.y0[:rows])).sum())
 
     def turns(self) -> IndexArray | None:
         """Full turns of angles at the end of the step, as in a state."""
-        return self._coupled.turns()
+        outside = None if self._called_back is None else self._called_back.turns()
+        return self._coupled.turns() if outside is None else outside
 
 
 # -- which compiled steps a scene takes: those in a plane, and those with multipliers --------------
@@ -716,14 +880,20 @@ def compiled_step(
     settings: NewtonSettings,
     plan: Plan | None = None,
     solver: Solver | None = None,
+    *,
+    space: bool = False,
     kept_only: bool = False,
 ) -> CompiledStep:
-    """Steps with one of the treatments; see :class:`CompiledStep`."""
-    own = system, integrator, h, settings, plan
+    """Steps with one of the treatments; see :class:`CompiledStep`.
+
+    `space`: a scene in a plane is stepped by the kernels of space.
+    """
+    plane = system.plane if space else None
+    own = system.spatial if space else system, integrator, h, settings, plan
     if isinstance(treatment, Multipliers):
-        return CompiledMultipliers(*own, treatment.scaled, kept_only)
-    kind = CompiledStep if system.plane is None else CompiledPlane
-    return kind(*own, solver, kept_only)
+        return CompiledMultipliers(*own, treatment.scaled, kept_only, plane)
+    kind = CompiledStep if space or system.plane is None else CompiledPlane
+    return kind(*own, solver, kept_only, plane)
 
 
 class CompiledPlane(CompiledStep):
@@ -770,7 +940,7 @@ class CompiledMultipliers(CompiledStep):
 
     Parameters
     ----------
-    system, integrator, h, settings, plan, kept_only
+    system, integrator, h, settings, plan, kept_only, plane
         See :class:`CompiledStep`.
     scaled : bool
         See :class:`skfem_cosserat.Multipliers`.
@@ -785,11 +955,13 @@ class CompiledMultipliers(CompiledStep):
         plan: Plan | None = None,
         scaled: bool = True,
         kept_only: bool = False,
+        plane: Plane | None = None,
     ) -> None:
         self._scaled, self._h = scaled, h
         if plan is None:
             plan = plan_of(system, whole=True)
-        super().__init__(system, integrator, h, settings, plan, kept_only=kept_only)
+        own = system, integrator, h, settings, plan
+        super().__init__(*own, kept_only=kept_only, plane=plane)
 
     def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
         """See the base class."""
@@ -808,14 +980,20 @@ class CompiledMultipliers(CompiledStep):
         return table, s, m, w, g
 
     @property
+    def _tables(self) -> dict[str, Any]:
+        """See the base class."""
+        return vars(self._own)
+
+    @property
     def last(self) -> Any:
         """See the base class."""
-        if not self._record[KNOWN]:
+        if not self._record[KNOWN] or self._normal is not None:
             return None
         return self._own.last.ravel().copy(), self._own.last_one.copy()
 
     def resume(self, last: Any) -> None:
         """See the base class."""
+        last = last if self._normal is None else None
         self._record[KNOWN] = self._record[GUESS] = float(last is not None)
         if last is not None:
             self._own.last.ravel()[:], self._own.last_one[:] = last

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import IncompatibleError, InputError
-from ..model import System
-from ..model.groups import Blocks
-from ..types import Array, Floats
-from .base import Evaluation, Integrator, StepData
+from .base import Integrator
 
 __all__ = ["Composition"]
 
@@ -71,8 +68,7 @@ class Composition(Integrator):
     """
 
     part: Integrator
-    constraint_weight = 0.0
-    force_share = 1.0
+    constraint_weight = 0.0  # its force is that of the continuous equations at the nodes
 
     def __init__(self, part: Integrator, order: int = 4) -> None:
         if not isinstance(order, int | np.integer) or order not in _HALVES:
@@ -95,7 +91,6 @@ class Composition(Integrator):
         self.part, self.order = part, int(order)
         self.shares = (*half, *half[-2::-1])
         self.name = f"{part.name} composed to order {order}"
-        self.carries_node_momentum, self.remembered = part.carries_node_momentum, part.remembered
         # it is the longest of the steps that has to resolve the frequencies
         limit, longest = part.frequency_limit, max(abs(share) for share in half)
         self.frequency_limit = None if limit is None else limit / longest
@@ -110,19 +105,3 @@ class Composition(Integrator):
 
     def __repr__(self) -> str:
         return f"Composition({self.part!r}, order={self.order})"
-
-    def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:
-        """Of the scheme it is composed of."""
-        return self.part.evaluate(system, step, y1)
-
-    def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
-        """Of the scheme it is composed of."""
-        return self.part.tangent(system, step, evaluation)
-
-    def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
-        """Of the scheme it is composed of."""
-        return self.part.carry(system, step, evaluation)
-
-    def node_momentum(self, p0: Floats, impulse: Floats, fresh: bool) -> Floats:
-        """Of the scheme it is composed of."""
-        return np.asarray(self.part.node_momentum(p0, impulse, fresh))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -13,11 +13,11 @@ from scipy.sparse.csgraph import connected_components
 from ..errors import InputError
 from ..kernels import cross, skew
 from ..model import System
-from ..model.force_elements import CoupledForce, CoupledStart
-from ..model.groups import BeamGroup, Blocks, Parts
+from ..model.groups import Blocks, Parts
 from ..types import Array, Floats, IndexArray, positive, real, switch
-from .base import Evaluation, State, StepData, StepWork
-from .energy_momentum import EnergyMomentum, EnergyMomentumStep, MovedEvaluation
+from .base import Scheme, State, StepWork
+from .energy_momentum import EnergyMomentum
+from .step_balance import Evaluation, StepBalance, StepData, end_velocity
 
 __all__ = ["EnergyDecaying", "Flow", "Separate", "separate_parts"]
 
@@ -252,17 +252,59 @@ class Flow:
 
 
 @dataclass(eq=False)
-class _DecayingStep(EnergyMomentumStep):
-    """The share of both terms in this step."""
+class _WithFlow(Evaluation):
+    """An evaluation with the velocities whose relative part is damped."""
 
-    chi: float = 0.0
+    flow: Flow
 
 
-@dataclass(eq=False)
-class _DecayingEvaluation(MovedEvaluation):
-    flow: Flow | None = None
-    extra: list[Array] = field(default_factory=list)
-    v0: Floats | None = None
+class DecayingBalance(StepBalance):
+    """The balance of energy-momentum with an extra velocity, which is no number; see above."""
+
+    def evaluate(self, step: StepData, y1: Array) -> Evaluation:
+        """See the base class."""
+        e = super().evaluate(step, y1)
+        flow = Flow(separate_parts(self.system), e.dq, step.p0, self.h, self.scheme.decay)
+        inertia = 2 * flow.momentum
+        own = vars(e) | {"R": e.R + (inertia - e.inertia), "inertia": inertia}
+        return _WithFlow(**own, flow=flow)
+
+    def tangent(self, step: StepData, evaluation: Evaluation) -> list[Blocks]:
+        """See the base class."""
+        assert isinstance(evaluation, _WithFlow)
+        blocks, flow = super().tangent(step, evaluation), evaluation.flow
+        # 2 A/h takes the place of 2/h
+        more = (2 / self.h) * (flow.A - np.eye(3))
+        part = flow.parts.part
+        for k, group in enumerate(self.system.groups):
+            block = blocks[k]
+            full = block.blocks() if isinstance(block, Parts) else block
+            own = more[part[group.rows[:, 0]]]
+            product = group.scalar_mass[:, :, None, :, None] * own[:, None, :, None, :]
+            blocks[k] = full + product.reshape(full.shape)
+        return blocks
+
+    def border(self, step: StepData, evaluation: Evaluation) -> tuple[Array, Array] | None:
+        """See the base class: what all velocities have in common."""
+        assert isinstance(evaluation, _WithFlow)
+        return evaluation.flow.update()
+
+    def rates(self, step: StepData, evaluation: Evaluation) -> Floats | None:
+        """See the base class: v."""
+        assert isinstance(evaluation, _WithFlow)
+        assert step.rates0 is not None
+        v0 = step.rates0[0]
+        return (2 * evaluation.flow.velocity(v0) - v0)[None]
+
+    def work(self, step: StepData, evaluation: Evaluation) -> StepWork:
+        """See the base class; with what the extra velocity takes."""
+        assert isinstance(evaluation, _WithFlow)
+        assert step.rates0 is not None
+        done, flow = super().work(step, evaluation), evaluation.flow
+        f = flow.dq / self.h - flow.velocity(step.rates0[0])
+        lost = 2 * float((f * (flow.momentum - step.p0)).sum())
+        whole, own = done.dissipated + lost, done.numerical + lost
+        return done._replace(dissipated=whole, numerical=own)
 
 
 class EnergyDecaying(EnergyMomentum):
@@ -271,10 +313,11 @@ class EnergyDecaying(EnergyMomentum):
     The stresses of a step are ``(S_n + S_{n+1})/2 + (chi/2) D (eps_{n+1} - eps_n)`` with the
     stiffness D at zero strain (for other stored energies than quadratic ones the discrete
     derivative takes the place of the mean), springs alike. Velocities are
-    ``dq = h (v_mid + f)`` with ``f = (chi/2) (v_{n+1} - v_n)`` less what turns all velocities of a
-    connected part alike, or shifts a free one (above). Both terms take ``(chi/2) |.|^2`` of what
-    they act on out of the energy, so without loads and drives the energy never grows; linear and
-    angular momentum are kept exactly, and steady rigid motion is not damped.
+    ``dq = h (v_mid + f)`` with ``f = (chi/2) (v_{n+1} - v_n)``, less the common motion of each
+    connected part of the scene: what turns all its velocities alike and, if nothing ties the part
+    to the ground, what shifts them alike. Both terms take ``(chi/2) |.|^2`` of what they act on out
+    of the energy, so without loads and drives the energy never grows; linear and angular momentum
+    are kept exactly, and steady rigid motion is not damped.
 
     Parameters
     ----------
@@ -286,7 +329,7 @@ class EnergyDecaying(EnergyMomentum):
         gets smaller.
     velocity : bool
         False: without the term in the velocities. What is not resolved is damped in its
-        displacements only, its velocities keep alternating.
+        displacements only, its velocities keep alternating. Compiled kernels are for this alone.
     stabilized : bool
         Velocities on the hidden constraints, as with :class:`EnergyMomentum`; the energy that this
         takes is in ``history["dissipated"]``. Without it ``G v_n`` of prescribed or constrained
@@ -324,7 +367,7 @@ class EnergyDecaying(EnergyMomentum):
     composed_to = 0
     loses = True
     conserves = "linear and angular momentum; energy never grows"
-    advice = "a larger chi, a finer mesh, a softer section"
+    advice = "a larger chi, then a finer mesh"
     reference = "Armero & Romero, Comput. Methods Appl. Mech. Engrg 190 (2001) 2603 and 6783"
 
     def __init__(
@@ -348,7 +391,6 @@ class EnergyDecaying(EnergyMomentum):
             text = f"chi = {self.chi:g}"
         super().__init__(stabilized)
         self.velocity = switch("argument velocity", velocity)
-        self.remembered = int(self.velocity or self.stabilized)
         self.conserves, self.keeping = type(self).conserves, type(self).keeping
         self._text = text.replace("/s", "").replace(" ", "")
         kind = "stabilized energy-decaying" if stabilized else "energy-decaying"
@@ -359,111 +401,17 @@ class EnergyDecaying(EnergyMomentum):
         more += ", stabilized=True" if self.stabilized else ""
         return f"EnergyDecaying({self._text}{more})"
 
-    def scheme(self, h: float) -> None:
-        """See the base class: there are no compiled kernels."""
-        return None
-
-    def begin(
-        self, system: System, state: State, h: float, before: Evaluation | None = None
-    ) -> StepData:
-        """See the base class."""
-        step = super().begin(system, state, h, before)
+    def scheme(self, h: float) -> Scheme:
+        """See the base class; of the stresses alone."""
         chi = self.chi if self.rate is None else min(1.0, self.rate * h)
-        return _DecayingStep(**vars(step), chi=chi)
+        own = replace(super().scheme(h), decay=chi)
+        return replace(own, table=((2 / h, -1.0),)) if self.velocity else own
 
-    def stress(self, group: BeamGroup, step: StepData, k: int, strains: Array) -> Array:
+    def start(self, system: System, state: State, h: float) -> Floats | None:
+        """See the base class: the velocity."""
+        return end_velocity(system, state) if self.velocity or self.stabilized else None
+
+    def balance(self, system: System, h: float) -> StepBalance:
         """See the base class."""
-        return super().stress(group, step, k, strains) + self._extra(group, step, k, strains)
-
-    def _extra(self, group: BeamGroup, step: StepData, k: int, strains: Array) -> Array:
-        assert isinstance(step, _DecayingStep)
-        change = strains - step.strains0[k]
-        return np.asarray((0.5 * step.chi) * (change @ group.elements.stiffness))
-
-    def coupled(
-        self, system: System, step: StepData, start: CoupledStart, mid: Array, y1: Array
-    ) -> CoupledForce:
-        """See the base class; springs are damped as beams are."""
-        assert isinstance(step, _DecayingStep)
-        return system.couplings.discrete(start, mid, y1, step.chi)
-
-    def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:
-        """See the base class."""
-        assert isinstance(step, _DecayingStep)
-        e = super().evaluate(system, step, y1)
-        flow = None
-        if self.velocity:
-            dq = y1[: system.rows] - step.y0[: system.rows]
-            flow = Flow(separate_parts(system), dq, step.p0, step.h, step.chi)
-            momentum = 2 * flow.momentum
-            e.R, e.momentum = e.R + (momentum - e.momentum), momentum
-        extra = [
-            self._extra(g, step, k, eps)
-            for k, (g, eps) in enumerate(zip(system.beam_groups, e.strains, strict=True))
-        ]
-        return _DecayingEvaluation(**vars(e), flow=flow, extra=extra, v0=step.v0)
-
-    def moduli(self, system: System, step: StepData, evaluation: Evaluation) -> list[Array]:
-        """See the base class."""
-        assert isinstance(step, _DecayingStep)
-        both = zip(system.beam_groups, super().moduli(system, step, evaluation), strict=True)
-        return [D + step.chi * g.elements.weighted_stiffness for g, D in both]
-
-    def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
-        """See the base class; without :meth:`update`."""
-        assert isinstance(evaluation, _DecayingEvaluation)
-        blocks = super().tangent(system, step, evaluation)
-        flow = evaluation.flow
-        if flow is None:
-            return blocks
-        # 2 A/h takes the place of 2/h
-        more = (2 / step.h) * (flow.A - np.eye(3))
-        part = flow.parts.part
-        for k, group in enumerate(system.groups):
-            block = blocks[k]
-            full = block.blocks() if isinstance(block, Parts) else block
-            own = more[part[group.rows[:, 0]]]
-            product = group.scalar_mass[:, :, None, :, None] * own[:, None, :, None, :]
-            blocks[k] = full + product.reshape(full.shape)
-        return blocks
-
-    def update(
-        self, system: System, step: StepData, evaluation: Evaluation
-    ) -> tuple[Array, Array] | None:
-        """See the base class: what all velocities have in common."""
-        assert isinstance(evaluation, _DecayingEvaluation)
-        return None if evaluation.flow is None else evaluation.flow.update()
-
-    def memory(self, evaluation: Evaluation) -> Floats | None:
-        """See the base class: v."""
-        assert isinstance(evaluation, _DecayingEvaluation)
-        e = evaluation
-        if e.v1 is not None or e.flow is None:
-            return super().memory(e)
-        assert e.v0 is not None
-        return (2 * self._mean(e) - e.v0).reshape(1, -1)
-
-    def _mean(self, e: _DecayingEvaluation) -> Floats:
-        """Mean velocity (rows, 3)."""
-        assert e.flow is not None
-        assert e.v0 is not None
-        return e.flow.velocity(e.v0)
-
-    def _end_velocity(self, step: EnergyMomentumStep, e: MovedEvaluation, way: Floats) -> Floats:
-        """See the base class."""
-        assert isinstance(e, _DecayingEvaluation)
-        return super()._end_velocity(step, e, way if e.flow is None else self._mean(e))
-
-    def work(self, system: System, step: StepData, evaluation: Evaluation, y1: Floats) -> StepWork:
-        """See the base class; with what both terms take."""
-        assert isinstance(step, _DecayingStep)
-        assert isinstance(evaluation, _DecayingEvaluation)
-        e, done = evaluation, super().work(system, step, evaluation, y1)
-        lost = 0.0
-        for k, (g, S) in enumerate(zip(system.beam_groups, e.extra, strict=True)):
-            lost += float((g.elements.measure * S * (e.strains[k] - step.strains0[k])).sum())
-        if e.flow is not None:
-            f = e.flow.dq / step.h - self._mean(e)
-            lost += 2 * float((f * (e.flow.momentum - step.p0)).sum())
-        whole, own = done.dissipated + lost, done.numerical + lost
-        return done._replace(dissipated=whole, numerical=own)
+        kind = DecayingBalance if self.velocity else StepBalance
+        return kind(system, self, h)

@@ -35,10 +35,10 @@ from ..kernels import (
 )
 from ..model import Model, System, system_of
 from ..model.force_elements import CoupledForce
-from ..model.groups import BeamGroup, Blocks
-from ..types import Array, Floats, IndexArray, numbers, positive, real, switch
+from ..model.groups import BeamGroup
+from ..types import Floats, IndexArray, numbers, positive, real, switch
 from ..warn import logger, warn
-from .base import Evaluation, Integrator, March, Marched, State, StepData, StepWork
+from .base import Integrator, March, Marched, State, StepWork
 from .explicit_limit import LimitWatch, StepLimit, check_lumped
 from .explicit_nodes import ITERATIONS, Bodies, Cluster, Nodes, Unclosed, checked_nodes
 
@@ -509,7 +509,8 @@ class ExplicitScheme(Integrator):
     )
     solves = False
     constraint_weight = 0.0
-    force_share = 1.0
+    carries_node_momentum = True
+    remembered = 0
     advice = "a step below the limit"
     conserves = "symplectic form, momentum maps; energy oscillates within a bound"
     checked: bool
@@ -536,22 +537,6 @@ class ExplicitScheme(Integrator):
     @abstractmethod
     def plan(self, system: System, h: float, watch: LimitWatch) -> tuple[int, list[IndexArray]]:
         """Rounds of a step (s), and counts of the elements of each beam group in a round."""
-
-    def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:
-        """There is no balance to solve."""
-        raise NotImplementedError(f"{self.name}: steps are not solved for")
-
-    def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
-        """There is no balance to solve."""
-        raise NotImplementedError(f"{self.name}: steps are not solved for")
-
-    def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
-        """There is no balance to solve."""
-        raise NotImplementedError(f"{self.name}: steps are not solved for")
-
-    def node_momentum(self, p0: Floats, impulse: Floats, fresh: bool) -> Floats:
-        """``M v_n``, on the hidden constraints."""
-        return p0
 
 
 class Explicit(ExplicitScheme):

@@ -2,52 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from ..constraints.base import largest
 from ..constraints.saddle import accelerations, nearest_velocity, saddle_point
 from ..errors import InputError
 from ..model import System
-from ..model.balance import (
-    Amplitudes,
-    Balance,
-    amplitudes_at,
-    balance,
-    balance_tangent,
-    predicted,
-)
-from ..model.groups import Blocks
-from ..types import Array, Floats, IndexArray, real, switch
-from .base import Evaluation, Integrator, State, StepData, StepOrigin, StepWork
+from ..types import Floats, real, switch
+from .base import Integrator, Scheme, State
 
 __all__ = ["GeneralizedAlpha"]
-
-
-@dataclass(eq=False)
-class _AlphaStep(StepData):
-    """Rates (rows, 3) at the start, and what acts at the end of the step."""
-
-    turns: IndexArray | None
-    v0: Floats
-    a0: Floats
-    alpha0: Floats
-    at_end: Amplitudes
-    #: velocities of the ground at the end
-    ground1: Floats
-
-
-@dataclass(eq=False)
-class _AlphaEvaluation(Evaluation):
-    """Forces and rates (rows, 3) at the end."""
-
-    at: Balance
-    v1: Array
-    a1: Array
-    alpha1: Array
-    #: v1 before it was moved onto the hidden constraints
-    before: Array
 
 
 class GeneralizedAlpha(Integrator):
@@ -106,10 +71,8 @@ class GeneralizedAlpha(Integrator):
     """
 
     order = 2
-    constraint_weight = 1.0
-    force_share = 1.0
     loses = True
-    advice = "a smaller rho_inf, a finer mesh, a softer section"
+    advice = "a smaller rho_inf, then a finer mesh"
     conserves = "nothing exactly"
 
     def __init__(self, rho_inf: float = 0.8, stabilized: bool = True) -> None:
@@ -122,8 +85,6 @@ class GeneralizedAlpha(Integrator):
         self.alpha_m, self.alpha_f = (2 * r - 1) / (r + 1), r / (r + 1)
         self.gamma = 0.5 + self.alpha_f - self.alpha_m
         self.beta = 0.25 * (self.gamma + 0.5) ** 2
-        # stabilized: and the velocities that forces were found with
-        self.remembered = 4 if stabilized else 3
         if not stabilized:
             self.keeping = f"{Integrator.keeping}, or stabilized=True"
         # histories have this name, those from before stabilized=True was the default, too
@@ -138,25 +99,46 @@ class GeneralizedAlpha(Integrator):
         more = "" if self.stabilized else ", stabilized=False"
         return f"GeneralizedAlpha(rho_inf={self.rho_inf:g}{more})"
 
-    def begin(
-        self, system: System, state: State, h: float, before: Evaluation | None = None
-    ) -> StepData:
-        """See the base class; the first step starts with consistent accelerations."""
-        t1 = state.time + h
-        v0, a0, alpha0 = (row.reshape(-1, 3) for row in self._rates(system, state, h)[:3])
-        y0 = system.extend(state.q, state.time)
-        at_end = amplitudes_at(system, t1)
-        coupled = None
-        if system.couplings.count:
-            coupled = system.couplings.starting(y0, state.turns, at_end.actuators, 1.0, t1)
-        dead = system.loading.dead_force(at_end.loads)
-        fields = y0, state.p.reshape(-1, 3), state.time, h, at_end.loads, dead, coupled
-        return _AlphaStep(*fields, state.turns, v0, a0, alpha0, at_end, system.ground_rate(t1))
+    def scheme(self, h: float) -> Scheme:
+        """See the base class; rates are v, a, alpha, and if stabilized v before it was moved."""
+        b, g, am, af = self.beta, self.gamma, self.alpha_m, self.alpha_f
+        # each by dq and the rates v, a, alpha at the start
+        alpha = np.array([1 / (b * h * h), -1 / (b * h), 0.0, -(0.5 - b) / b])
+        v = g * h * alpha + np.array([0.0, 1.0, 0.0, (1 - g) * h])
+        a = ((1 - am) * alpha + np.array([0.0, 0.0, -af, am])) / (1 - af)
+        table = [v, a, alpha]
+        if self.stabilized:
+            table = [np.append(row, 0.0) for row in (v, a, alpha, v)]
+        v, a = table[0], table[1]
+        own = Scheme(
+            *(h * a[0], 0.0, h, 1.0, v[0]),
+            at=1.0,
+            before=tuple(-h * a[1:]),
+            rates=tuple(v[1:]),
+            table=tuple(map(tuple, table)),
+        )
+        if not self.stabilized:
+            return own
+        turn = (1 - am) / (1 - af) / (g * h)
+        moved = (1.0, turn, 1 / (g * h), 0.0)
+        return replace(own, moved=moved, moved_force=h * turn, found_with=3)
+
+    def start(self, system: System, state: State, h: float) -> Floats:
+        """See the base class: known, or consistent accelerations."""
+        if state.memory is None:
+            rates = self._rates(system, state, h)
+            if self.stabilized:
+                rates = np.concatenate([rates, rates[:1]])
+            return rates.reshape(len(rates), -1, 3)
+        rates = state.memory.reshape(len(state.memory), -1, 3)
+        if state.made_by is not None and state.made_by.step != h:
+            # alpha is an acceleration a share of the step earlier or later
+            rates = rates.copy()
+            rates[2] = rates[1] + h / state.made_by.step * (rates[2] - rates[1])
+        return rates
 
     def _rates(self, system: System, state: State, h: float) -> Floats:
-        """v, a, and the acceleration ``(alpha_f - alpha_m) h`` earlier: known, or consistent."""
-        if state.memory is not None:
-            return state.memory
+        """v, a, and the acceleration ``(alpha_f - alpha_m) h`` earlier, at a start (3, n)."""
         q, t = state.q, state.time
         v, a = self._at_start(system, state)
         s = 0.1 * h
@@ -185,136 +167,3 @@ class GeneralizedAlpha(Integrator):
         y = system.extend(state.q, state.time)
         v = nearest_velocity(system, y, state.p, state.time)
         return v, accelerations(system, state.q, v, state.time, state.turns)[0]
-
-    def resized(self, state: State, h: float) -> State:
-        """See the base class: alpha is an acceleration a share of the step earlier or later."""
-        if state.memory is None or state.made_by is None:
-            return state
-        memory = state.memory.copy()
-        memory[2] = memory[1] + h / state.made_by.step * (memory[2] - memory[1])
-        return replace(state, memory=memory, made_by=StepOrigin(self.name, h))
-
-    def start_force(self, system: System, state: State, h: float) -> Floats:
-        """See the base class: what the accelerations leave of the balance."""
-        if state.memory is None:
-            rates = self._at_start(system, state)
-        else:  # stabilized: forces are those of the velocities before they were moved
-            rates = state.memory[3 if self.stabilized else 0], state.memory[1]
-        v, a = (row.reshape(-1, 3) for row in rates)
-        y, amplitudes = system.extend(state.q, state.time), amplitudes_at(system, state.time)
-        ydot = np.concatenate([v, system.ground_rate(state.time)])
-        R = balance(system, y, amplitudes, turns=state.turns, ydot=ydot).R
-        return np.asarray(-(system.mass @ a + R)).reshape(-1)
-
-    def evaluate(self, system: System, step: StepData, y1: Array) -> Evaluation:
-        """See the base class."""
-        assert isinstance(step, _AlphaStep)
-        h, b, g = step.h, self.beta, self.gamma
-        dq = y1[: system.rows] - step.y0[: system.rows]
-        alpha1 = ((dq - h * step.v0) / h**2 - (0.5 - b) * step.alpha0) / b
-        v1 = step.v0 + h * ((1 - g) * step.alpha0 + g * alpha1)
-        a1 = (1 - self.alpha_m) * alpha1 + self.alpha_m * step.alpha0 - self.alpha_f * step.a0
-        a1 = a1 / (1 - self.alpha_f)
-        ydot = np.concatenate([v1, step.ground1])
-        at = balance(system, y1, step.at_end, step.y0, step.turns, ydot, g / (b * h))
-        inertia = h * (system.mass @ a1)
-        momentum = system.mass @ v1
-        return _AlphaEvaluation(
-            inertia + h * at.R,
-            max(largest(inertia, momentum), abs(h) * at.size),
-            momentum,
-            y1,
-            at.stresses,
-            at.Bs,
-            at.Bs,
-            at.strains,
-            at.external,
-            at.coupled,
-            None,
-            at,
-            v1,
-            a1,
-            alpha1,
-            v1,
-        )
-
-    def tangent(self, system: System, step: StepData, evaluation: Evaluation) -> list[Blocks]:
-        """See the base class: inertia, stiffness at the end, damping."""
-        assert isinstance(evaluation, _AlphaEvaluation)
-        e, h = evaluation, step.h
-        by_q = self.gamma / (self.beta * h)  # of v_1
-        inertia = (1 - self.alpha_m) / ((1 - self.alpha_f) * self.beta * h**2)
-        blocks = balance_tangent(system, e.at, Amplitudes(step.amplitudes, _NONE), e.stresses)
-        for k, group in enumerate(system.groups):
-            blocks[k] += inertia * group.mass
-            if group.drag is not None:
-                blocks[k] += by_q * group.drag
-        velocity = np.zeros_like(e.mid)
-        velocity[: system.rows] = e.v1
-        for k, beams in enumerate(system.beam_groups):
-            if beams.viscous:  # B is linear in q: that of the velocities is its rate
-                rate = beams.strain(velocity)[1]
-                blocks[k] += beams.damping(e.Bs[k], by_q * e.Bs[k] + rate)
-        return [h * block for block in blocks]
-
-    def mixed(
-        self, system: System, step: StepData, evaluation: Evaluation, change: Array
-    ) -> list[Array]:
-        """See the base class; forces act at the end of the step."""
-        assert isinstance(evaluation, _AlphaEvaluation)
-        return predicted(system, evaluation.at, change)
-
-    def finished(self, system: System, step: StepData, evaluation: Evaluation) -> Evaluation:
-        """See the base class: velocities on the hidden constraints if stabilized."""
-        assert isinstance(evaluation, _AlphaEvaluation)
-        if not self.stabilized or not system.m:
-            return evaluation
-        e, h = evaluation, step.h
-        v = nearest_velocity(system, e.mid, e.momentum.reshape(-1), step.t0 + h).reshape(-1, 3)
-        # with the accelerations that belong to it; M (v - v_1) is a constraint force
-        more = (v - e.v1) / (self.gamma * h)
-        a1 = e.a1 + (1 - self.alpha_m) / (1 - self.alpha_f) * more
-        R = e.R + h * (system.mass @ (a1 - e.a1))
-        momentum = np.asarray(system.mass @ v)
-        return replace(e, R=R, momentum=momentum, v1=v, a1=a1, alpha1=e.alpha1 + more)
-
-    def carry(self, system: System, step: StepData, evaluation: Evaluation) -> Floats:
-        """``M v_1``."""
-        return np.asarray(evaluation.momentum)
-
-    def memory(self, evaluation: Evaluation) -> Floats | None:
-        """See the base class: v, a and alpha."""
-        assert isinstance(evaluation, _AlphaEvaluation)
-        rates = [evaluation.v1, evaluation.a1, evaluation.alpha1, evaluation.before]
-        rates = rates[: self.remembered]
-        return np.array([rate.reshape(-1) for rate in rates])
-
-    def node_momentum(self, p0: Floats, impulse: Floats, fresh: bool) -> Floats:
-        """``M v_n``."""
-        return p0
-
-    def work(self, system: System, step: StepData, evaluation: Evaluation, y1: Floats) -> StepWork:
-        """See the base class; all by the trapezoidal rule, which the scheme takes no part in."""
-        assert isinstance(step, _AlphaStep)
-        assert isinstance(evaluation, _AlphaEvaluation)
-        e, rows = evaluation, system.rows
-        ydot = np.concatenate([step.v0, system.ground_rate(step.t0)])
-        before = amplitudes_at(system, step.t0)
-        start = balance(system, step.y0, before, turns=step.turns, ydot=ydot)
-        change = y1 - step.y0
-        loads = 0.5 * float(((start.external + e.external) * change[:rows]).sum())
-        lost = 0.5 * step.h * (start.lost + e.at.lost)
-        if step.couplings is None or e.coupled is None or start.coupled is None:
-            return StepWork(loads, dissipated=lost)
-        couplings = system.couplings
-        at0 = couplings.starting(step.y0, step.turns, before.actuators, 1.0, step.t0)
-        done = couplings.work(at0, e.coupled, y1), couplings.work(step.couplings, e.coupled, y1)
-        both = start.coupled, e.coupled
-        loads += 0.5 * sum(coupled.work_of_loads(change) for coupled in both)
-        forces = start.coupled.force[rows:] + e.coupled.force[rows:]
-        ground = 0.5 * float((forces * change[rows:]).sum())
-        return StepWork(loads, 0.5 * (done[0].actuators + done[1].actuators), lost, ground)
-
-
-#: no actuators: their tangent is in that of the forces found
-_NONE = np.zeros(0)

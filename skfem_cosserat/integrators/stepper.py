@@ -10,7 +10,7 @@ import numpy as np
 
 from ..constraints import BoundTreatment, Treatment
 from ..constraints.saddle import accelerations, nearest_velocity
-from ..errors import AccuracyWarning, Diverged, IncompatibleError
+from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError
 from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
 from ..model import Model, System, system_of
 from ..model.limits import over_rotated, overstretched
@@ -18,9 +18,10 @@ from ..model.loops import contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, check_kind, positive, switch, whole
 from ..warn import Notices, listening, logger, warn
-from .base import Evaluation, Integrator, March, State, StepData, StepOrigin, StepWork
-from .choice import built, choose_kernels
+from .base import Integrator, March, State, StepOrigin, StepWork
+from .choice import built, choose_kernels, in_space
 from .compiled_step import CompiledStep, compiled_step
+from .step_balance import Evaluation, StepBalance, StepData
 
 __all__ = ["BlockReport", "ComposedReport", "Solved", "StepProblem", "StepReport", "Stepper"]
 
@@ -81,14 +82,17 @@ class StepReport:
     def momentum(self) -> Floats:
         """``p_n`` (n,) of the discrete Legendre transform at the *start* of the step."""
         _, integrator, _, state, _, impulse = self._solved
-        p0 = state.p.reshape(-1, 3)
-        return np.array(integrator.node_momentum(p0, impulse, state.fresh)).reshape(-1)
+        if state.fresh or integrator.carries_node_momentum:
+            return state.p.copy()
+        # the mean of both transforms (34), (35), whose parts of lambda cancel
+        return state.p - 0.5 * impulse.reshape(-1)
 
     @property
     def constraint_force(self) -> Floats:
         """``G^T lambda`` (n,) of the step (N; N m on directors)."""
         _, integrator, h, state, _, impulse = self._solved
-        share = integrator.start_share if state.fresh else 1.0
+        # a given momentum has the other half of the force at a node in it already
+        share = 0.5 if state.fresh and integrator.constraint_weight == 0 else 1.0
         return (impulse / (share * h)).reshape(-1)
 
     @property
@@ -204,12 +208,11 @@ class Solved(NamedTuple):
 
 
 class StepProblem:
-    """A step of an integrator with a treatment that is at its start.
+    """A step of a discrete balance with a treatment that is at its start.
 
     Parameters
     ----------
-    system : System
-    integrator : Integrator
+    balance : StepBalance
     treatment : BoundTreatment
     step : StepData
     mixed : float
@@ -217,14 +220,9 @@ class StepProblem:
     """
 
     def __init__(
-        self,
-        system: System,
-        integrator: Integrator,
-        treatment: BoundTreatment,
-        step: StepData,
-        mixed: float,
+        self, balance: StepBalance, treatment: BoundTreatment, step: StepData, mixed: float
     ) -> None:
-        self.system, self.integrator = system, integrator
+        self.balance, self.system = balance, balance.system
         self.treatment, self.step = treatment, step
         self.evaluation: Evaluation | None = None
         self._mixed = mixed
@@ -234,7 +232,7 @@ class StepProblem:
     def residual(self) -> float:
         """Evaluate, see :class:`skfem_cosserat.newton.NewtonProblem`."""
         y1 = self.treatment.configuration()
-        self.evaluation = self.integrator.evaluate(self.system, self.step, y1)
+        self.evaluation = self.balance.evaluate(self.step, y1)
         self.y1 = y1
         self._r = self.treatment.residual(self.evaluation.R, y1)
         return self.treatment.relative(self._r, self.evaluation.size)
@@ -244,12 +242,12 @@ class StepProblem:
         assert self.evaluation is not None
         e, _ = self._from = self.evaluation, self.y1
         if self._stresses is not None:
-            e = self.integrator.with_stresses(self.system, self.step, e, self._stresses)
+            e = self.balance.with_stresses(e, self._stresses)
             self.treatment.residual(e.R, self.y1)
-        blocks = self.integrator.tangent(self.system, self.step, e)
+        blocks = self.balance.tangent(self.step, e)
         data = self.treatment.data(blocks, e.R, self.y1)
         direction = -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
-        more = self.integrator.update(self.system, self.step, e)
+        more = self.balance.border(self.step, e)
         return direction if more is None else self._updated(direction, *more)
 
     def _updated(self, direction: Floats, U: Array, V: Array) -> Floats:
@@ -272,7 +270,7 @@ class StepProblem:
         self._stresses = None
         if self.sizes(increment)[0] > self._mixed and self.system.beam_groups:
             change = self.treatment.push(increment, self._from[1])
-            self._stresses = self.integrator.mixed(self.system, self.step, self._from[0], change)
+            self._stresses = self.balance.predicted(self.step, self._from[0], change)
         self.treatment.apply(increment)
 
     def save(self) -> object:
@@ -291,6 +289,17 @@ class StepProblem:
 SOLVED, FURTHER = 1e-5, 1e-6
 #: attempts at a step: (extrapolate the last increment, damped)
 ATTEMPTS = ((True, False), (False, False), (False, True), (True, True))
+
+
+def _check_methods(integrator: object, treatment: object) -> None:
+    """Raise InputError if they are no integrator and treatment; says if they are swapped."""
+    if isinstance(integrator, Treatment) and isinstance(treatment, Integrator):
+        raise InputError(
+            "arguments integrator, treatment",
+            f"are swapped: got {integrator!r}, {treatment!r}, expected the integrator first",
+        )
+    check_kind("argument integrator", integrator, Integrator, ", such as EnergyMomentum()")
+    check_kind("argument treatment", treatment, Treatment, ": NullSpace() or Multipliers()")
 
 
 class Stepper:
@@ -372,8 +381,7 @@ class Stepper:
         origin: StepOrigin | None = None,
     ) -> None:
         system = system_of(system)
-        check_kind("argument integrator", integrator, Integrator)
-        check_kind("argument treatment", treatment, Treatment)
+        _check_methods(integrator, treatment)
         if steps is not None:
             steps = min(whole("argument steps", steps, 0), 10**15)
         self.system, self.integrator, self.treatment = system, integrator, treatment
@@ -414,6 +422,8 @@ class Stepper:
         if self._march is not None:
             return
         one = integrator.single
+        #: of its steps, which may be those that a composed one is made of
+        self.balance: StepBalance = one.balance(system, self.h)
         if one is not integrator:
             common = self.settings, self.choice.name, steps, solver, announce
             for share in integrator.shares:
@@ -429,7 +439,10 @@ class Stepper:
                 announce(text)
             plan = self.choice.plan
             chosen = integrator, treatment, self.h, self.settings, plan, solver
-            self.choice, self._fast = built(self.choice, lambda: compiled_step(system, *chosen))
+            space = in_space(system, treatment)
+            self.choice, self._fast = built(
+                self.choice, lambda: compiled_step(system, *chosen, space=space)
+            )
 
     @property
     def factorisations(self) -> int:
@@ -472,6 +485,7 @@ class Stepper:
         for share, stage in self._stages.items():
             stage.resize(share * h, self.origin)
         self.bound.rescale(ratio)
+        self.balance = self.integrator.single.balance(self.system, self.h)
         if self._fast is not None:
             self._fast = self._fast.resized(h)
 
@@ -595,7 +609,7 @@ class Stepper:
             if state.made_by.same_step(self.origin):
                 return state
             if self.varying:
-                return self.integrator.resized(state, self.h)
+                return state
         y = self.system.extend(state.q, state.time)
         v = nearest_velocity(self.system, y, state.p, state.time)
         p = np.asarray(self.system.mass @ v.reshape(-1, 3)).reshape(-1)
@@ -610,6 +624,8 @@ class Stepper:
             if self.bound.regular and not state.plain:
                 solved = self._fast.solve(state)
                 if solved is not None:
+                    if self._fast.looped and self.system.moving:
+                        self._check_motion(state, self._fast.y1, solved[1])
                     return self._accept_compiled(self._fast, state, new_time, *solved)
             self.bound.resume(self._fast.last)  # the general way tries again from there
         if step is None:
@@ -639,11 +655,10 @@ class Stepper:
                 *(state.index + 1, state.time, attempt, len(ATTEMPTS), report.reason),
             )
         assert best is not None
-        effort = f"after {len(ATTEMPTS)} attempts with {total} Newton iterations"
+        effort = f"{len(ATTEMPTS)} attempts with {total} Newton iterations"
         reason, advice = self._explained(step, best.reason, problem.y1)
         where = state.time, state.index + 1, best.residual
-        text = f"{reason}, {effort}"
-        raise Diverged(*where, text, advice, residuals, settings=self.settings)
+        raise Diverged(*where, reason, advice, residuals, settings=self.settings, effort=effort)
 
     def _left(self, problem: StepProblem, residual: float) -> bool:
         """Whether a residual asks for more, although increments have vanished."""
@@ -685,6 +700,10 @@ class Stepper:
         solved = Solved(self.system, self.integrator, self.h, state, y1, none)
         return ComposedReport(new, iterations, 1, residual, work, solved, [])
 
+    def start_force(self, state: State) -> Floats | None:
+        """Constraint force (n,) at a state a run starts from; None: that of the step after it."""
+        return None if self._march is not None else self.balance.start_force(state)
+
     def start_anew(self) -> None:
         """The next step does not go on from the last one: treat it as the first of a run."""
         self._first = True
@@ -692,7 +711,7 @@ class Stepper:
     def _begin(self, state: State) -> StepData:
         """Data of a step for the general way, and its treatment at its start."""
         before = None if self._end is None or (self._end[0] != state.q).any() else self._end[1]
-        step = self.integrator.begin(self.system, state, self.h, before)
+        step = self.balance.begin(state, before)
         momentum = state.p if state.fresh or self._first else None
         self._first = False
         self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h, momentum)
@@ -703,15 +722,14 @@ class Stepper:
 
     def problem(self, step: StepData) -> StepProblem:
         """The step as the Newton loop sees it."""
-        own = self.system, self.integrator, self.bound
-        return StepProblem(*own, step, self.settings.mixed)
+        return StepProblem(self.balance, self.bound, step, self.settings.mixed)
 
     def _explained(self, step: StepData, reason: str, y1: Array) -> tuple[str, str]:
         """Why a step failed and what to try: a dead point, a loop that does not close, Newton.
 
         `y1` is where the last iteration ended.
         """
-        stop = dead_point(self.system, step.y0, step.t0, self.h)
+        stop = dead_point(self.system, step.y0, step.state.time, self.h)
         if stop is not None:
             return stop.reason, "stop or turn the drive before it, or drive another joint"
         if self.bound.trouble is not None:
@@ -720,8 +738,10 @@ class Stepper:
         if bent is None and np.isfinite(y1).all():
             bent = over_rotated(self.system, y1)
         drawn = overstretched(self.system, step.y0)  # forces at y1 mean nothing
-        reason = "; ".join(text for text in (reason, bent, drawn) if text is not None)
-        return reason, f"try a smaller step than {self.origin.step:g} s, {self.integrator.advice}"
+        causes = [text for text in (bent, drawn) if text is not None]
+        first, *more = [*causes, f"Newton's method: {reason}" if causes else reason]
+        advice = f"try a smaller step than {self.origin.step:g} s, then {self.integrator.advice}"
+        return ". ".join([first, *(f"{text[0].upper()}{text[1:]}" for text in more)]), advice
 
     def _check_motion(self, state: State, y1: Array, residual: float) -> None:
         """Raise Diverged if prescribed motions no longer agree around a closed loop."""
@@ -741,39 +761,51 @@ class Stepper:
     ) -> StepReport:
         step, evaluation, y1 = problem.step, problem.evaluation, problem.y1
         assert evaluation is not None
+        finished = self.balance.finish(step, evaluation)
         self.bound.finish()
         if self._fast is not None:
             self._fast.resume(self.bound.last)
         impulse: Array = self.bound.constraint_impulse(evaluation.R)
-        R, evaluation = evaluation.R, self.integrator.finished(self.system, step, evaluation)
-        if evaluation.R is not R:
-            impulse = impulse - (evaluation.R - R)
+        if finished.impulse is not None:
+            impulse = impulse + finished.impulse
+        rates = finished.rates
         new = State(
             time,
             state.index + 1,
             np.array(y1[: self.system.rows]).reshape(-1),
-            self.integrator.carry(self.system, step, evaluation).reshape(-1),
+            finished.momentum.reshape(-1),
             fresh=False,
             turns=None
             if step.couplings is None
             else self.system.couplings.turns(step.couplings, y1, time),
-            memory=self.integrator.memory(evaluation),
+            memory=None if rates is None else rates.reshape(len(rates), -1),
             made_by=self.origin,
         )
         self._end = y1[: self.system.rows].reshape(-1), evaluation
-        work = self.integrator.work(self.system, step, evaluation, y1)
         solved = Solved(self.system, self.integrator, self.h, state, y1, impulse)
-        return StepReport(new, iterations, attempts, report.residual, work, solved)
+        return StepReport(new, iterations, attempts, report.residual, finished.work, solved)
 
     def _accept_compiled(
         self, fast: CompiledStep, state: State, time: float, iterations: int, residual: float
     ) -> StepReport:
-        y1, p = fast.y1, fast.carried().ravel()
-        q = y1[: self.system.rows].ravel()
-        new = State(time, state.index + 1, q, p, False, fast.turns(), made_by=self.origin)
+        y1, p, impulse, work = fast.y1, fast.carried(), fast.impulse, fast.work()
+        rows = y1[: self.system.rows]
+        memory = None
+        if self.balance.scheme.table:
+            dq, rates0 = rows - state.q.reshape(-1, 3), fast.rates0
+            rates = self.balance.scheme.rates_after(dq, rates0)
+            own = y1, dq, p, rates0, rates, work, time
+            finished = self.balance.handed_on(*own, nearest=fast.nearest)
+            p, work = finished.momentum, finished.work
+            if finished.impulse is not None:
+                impulse = impulse + finished.impulse
+            if finished.rates is not None:
+                memory = finished.rates.reshape(len(finished.rates), -1)
+        q, p = rows.ravel(), p.ravel()
+        new = State(time, state.index + 1, q, p, False, fast.turns(), memory, self.origin)
         self._first = False
-        solved = Solved(self.system, self.integrator, self.h, state, y1, fast.impulse)
-        return StepReport(new, iterations, 1, residual, fast.work(), solved)
+        solved = Solved(self.system, self.integrator, self.h, state, y1, impulse)
+        return StepReport(new, iterations, 1, residual, work, solved)
 
     def iteration_matrix(self, state: State, scaled: bool = True) -> tuple[Floats, StepReport]:
         """Dense iteration matrix at the converged state of the step after `state`.
@@ -800,11 +832,11 @@ class Stepper:
             report = self.advance(state)
         finally:
             self._fast = fast
-        step, bound = self.integrator.begin(self.system, state, self.h), self.bound
+        step, bound = self.balance.begin(state), self.bound
         problem = self.problem(step)
         problem.residual()
         assert problem.evaluation is not None
-        blocks = self.integrator.tangent(self.system, step, problem.evaluation)
+        blocks = self.balance.tangent(step, problem.evaluation)
         data = bound.data(blocks, problem.evaluation.R, problem.y1, scaled)
         matrix = bound.solver.pattern.assembled(data).toarray()
         active = bound.active()

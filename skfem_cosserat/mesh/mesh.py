@@ -634,7 +634,9 @@ class MeshCurve(Frozen, MeshLine1):
         MeshError
             If there is no such node; the message lists the names or the nearest vertex.
         """
-        return topology.find_node(self.p.T, self.nodes, which, self.size)
+        return topology.find_node(
+            self.p.T, self.nodes, which, self.size, topology.mesh_label(self.beams)
+        )
 
     def elements_of(self, beam: str) -> IndexArray:
         """Elements of a named beam; MeshError lists the names there are."""

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, MeshError
-from ..types import Array, ArrayLike, Floats, IndexArray, VectorLike, numbers, real, shown
+from ..types import (
+    Array,
+    ArrayLike,
+    Floats,
+    IndexArray,
+    VectorLike,
+    names_known,
+    numbers,
+    real,
+    shown,
+)
 from .curves import Curve
 
 if TYPE_CHECKING:
@@ -34,6 +44,7 @@ __all__ = [
     "find_beam",
     "find_chains",
     "find_node",
+    "mesh_label",
     "number_of_times",
     "places_along",
 ]
@@ -396,22 +407,39 @@ def _listed(names: Mapping[str, Any]) -> str:
     return ", ".join(f"'{name}'" for name in names) or "none"
 
 
+def mesh_label(beams: Mapping[str, Any]) -> str:
+    """How messages call a mesh: by its beams."""
+    names = [f"'{name}'" for name in beams]
+    if not names:
+        return "the mesh"
+    more = f", ... ({len(names)} beams)" if len(names) > 4 else ""
+    return f"the mesh of beam{'s' * (len(names) > 1)} {', '.join(names[:4])}{more}"
+
+
 def find_beam(beams: Mapping[str, IndexArray], beam: str) -> IndexArray:
     """Elements of a named beam."""
     if not isinstance(beam, str):
         raise MeshError(f"beam {beam!r}", f"expected a name; known beams: {_listed(beams)}")
     if beam not in beams:
-        raise MeshError(f"beam '{beam}'", f"unknown; known beams: {_listed(beams)}")
+        raise MeshError(f"beam '{beam}'", f"unknown; {names_known(beam, beams, 'known beams')}")
     return beams[beam]
 
 
 def find_node(
-    points: Floats, names: Mapping[str, IndexArray], which: str | int | VectorLike, size: float
+    points: Floats,
+    names: Mapping[str, IndexArray],
+    which: str | int | VectorLike,
+    size: float,
+    where: str = "the mesh",
 ) -> int:
-    """Number of the node in ``points`` (n, 3) given by name, number or position."""
+    """Number of the node in ``points`` (n, 3) given by name, number or position.
+
+    Errors about names say `where` they were looked for: see :func:`mesh_label`.
+    """
     if isinstance(which, str):
         if which not in names:
-            raise MeshError(f"node '{which}'", f"unknown; known nodes: {_listed(names)}")
+            known = names_known(which, names, "known nodes", "mesh.nodes")
+            raise MeshError(f"node '{which}'", f"unknown in {where}; {known}")
         if len(names[which]) != 1:
             raise MeshError(
                 f"node '{which}'", f"names {len(names[which])} nodes, expected exactly one"
@@ -429,12 +457,12 @@ def find_node(
         raise MeshError(f"node {which!r}", "expected a name, a number or a position (3,)")
     gaps = np.linalg.norm(points - place, axis=1)
     hits = np.flatnonzero(gaps <= POSITION_TOLERANCE * size)
-    where = f"node at {place.tolist()}"
+    spot = f"node at {place.tolist()}"
     if hits.size == 0:
         k = int(np.argmin(gaps))
-        raise MeshError(where, f"no node there; node {k} is nearest, {gaps[k]:.3g} m away")
+        raise MeshError(spot, f"no node there; node {k} is nearest, {gaps[k]:.3g} m away")
     if hits.size > 1:
-        raise MeshError(where, f"several nodes there: {hits.tolist()}; give the number or a name")
+        raise MeshError(spot, f"several nodes there: {hits.tolist()}; give the number or a name")
     return int(hits[0])
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from ..errors import InputError, MeshError
-from ..types import Array, Floats, VectorLike, numbers
+from ..types import Array, Floats, VectorLike, names_known, numbers
 
 if TYPE_CHECKING:  # pragma: no cover - for annotations only
     from .mesh import MeshCurve
@@ -99,8 +99,8 @@ def _by_beam(mesh: MeshCurve, value: Any, what: str) -> list[Any]:
     out: list[Any] = [None] * mesh.nelements
     for name, part in value.items():
         if name not in mesh.beams:
-            known = ", ".join(f"'{k}'" for k in mesh.beams) or "none"
-            raise MeshError(f"{what} of beam '{name}'", f"unknown beam; known beams: {known}")
+            known = names_known(name, mesh.beams, "known beams")
+            raise MeshError(f"{what} of beam '{name}'", f"unknown beam; {known}")
         for e in mesh.elements_of(name).tolist():
             out[e] = part
     return out

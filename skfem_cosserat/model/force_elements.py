@@ -651,10 +651,14 @@ class Couplings:
         return [f.push(y, rates, start.time, factor, by_y, by_rate) for f, factor in pairs]
 
     def _assemble(self, responses: list[_Response], pushes: list[Push]) -> CoupledForce:
-        nodal = [(r.s[:, :, None, None] * r.gradients).sum(1).reshape(-1, 3) for r in responses]
-        force = self._scatter @ np.concatenate([np.zeros((0, 3)), *nodal])
+        if responses:
+            nodal = [(r.s[:, :, None, None] * r.gradients).sum(1).reshape(-1, 3) for r in responses]
+            force = self._scatter @ np.concatenate(nodal)
+        else:
+            force = np.zeros((self._scatter.shape[0], 3))
         for push in pushes:
-            force = force.astype(np.result_type(force, push.force))
+            if force.dtype != push.force.dtype:
+                force = force.astype(np.result_type(force, push.force))
             force[push.function.rows] -= push.nodal()
         return CoupledForce(force, responses, pushes)
 

@@ -30,7 +30,7 @@ from ..time_function import Constant
 from ..types import ArrayLike, Floats, IndexArray
 from .force_elements import Couplings
 from .groups import lumped
-from .loading import FunctionLoad, Loading
+from .loading import Loading
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -61,9 +61,9 @@ class Planar(Frozen):
     one rotation for each frame, and only the constraints that act in the plane. All results are
     those of the scene in space, to rounding; histories hold all coordinates. What is out of the
     plane cannot be found, however: no modes, no bifurcations there. Compiled kernels step it with
-    the null space method, three unknowns a frame; where they do not (multipliers, loads that follow
-    the motion, force elements, damping, prescribed motion), plain ones do. There are no explicit
-    schemes for it.
+    the null space method, three unknowns a frame; with multipliers, loads that follow the motion,
+    force elements, damping or prescribed motion those of space do, or plain ones where there are
+    closed loops beside these. There are no explicit schemes for it.
 
     Scenes that are their own mirror image by pairs of items, on either side of a plane, are not
     meant here, where each item is its own image: they are halved by leaving one half out. What the
@@ -297,7 +297,7 @@ def out_of_plane(system: System, plane: Plane) -> OutOfPlane:
     for coupling in system.couplings.items:
         yield from _coupling(system, coupling, plane)
     for function in system.couplings.functions:
-        alone = _alone(system, [], [function])
+        alone = system.couplings_of([], [function])
         yield from _pushed(system, alone, function.load.label, INSTANTS, plane)
     yield from _ground(system, plane)
 
@@ -512,13 +512,7 @@ def _coupling(system: System, item: Coupling, plane: Plane) -> OutOfPlane:
             yield item.label, f"acts on the {coordinate.name}, which leaves the plane"
         return
     instants = INSTANTS if item.channels else INSTANTS[:3]
-    yield from _pushed(system, _alone(system, [item], []), item.label, instants, plane)
-
-
-def _alone(system: System, items: list[Coupling], functions: list[FunctionLoad]) -> Couplings:
-    """Some of a scene's force elements and functions."""
-    start = system.extend(system.q0, 0.0)
-    return Couplings(items, system.row_of, start, system.rows, functions)
+    yield from _pushed(system, system.couplings_of([item]), item.label, instants, plane)
 
 
 def _pushed(

@@ -25,7 +25,7 @@ from ..time_function import (
     FunctionOfTime,
     time_function,
 )
-from ..types import ArrayLike, Floats
+from ..types import ArrayLike, Floats, names_known
 from ..warn import Notices
 from .ground import Placed
 from .groups import Structure
@@ -69,7 +69,7 @@ def joint_of(system: System, joint: Joint | str) -> Joint:
         if each.name == name:
             return each
     known = sorted(str(each.name) for each in system.joints)
-    raise InputError("joint", f"{name!r} is not in this system; known: {known}")
+    raise InputError("joint", f"{name!r} is not in this system; {names_known(name, known)}")
 
 
 def load_of(system: System, load: Load | str) -> Load:
@@ -79,7 +79,7 @@ def load_of(system: System, load: Load | str) -> Load:
         if each.name == name:
             return each
     known = sorted(str(each.name) for each in system.loads)
-    raise InputError("load", f"{name!r} is not in this system; known: {known}")
+    raise InputError("load", f"{name!r} is not in this system; {names_known(name, known)}")
 
 
 def locked(system: System, joint: Joint | str, q: Floats, t: float) -> System:
@@ -277,7 +277,8 @@ class Model:
 
     def __getitem__(self, name: str) -> Item:
         if name not in self._items:
-            raise InputError("model", f"unknown name {name!r}; known: {sorted(self._items)}")
+            known = names_known(name, sorted(self._items), ask="list(model)")
+            raise InputError("model", f"unknown name {name!r}; {known}")
         return self._items[name]
 
     def __iter__(self) -> Iterator[str]:

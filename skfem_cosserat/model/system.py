@@ -25,7 +25,7 @@ from ..joint import Joint, JointDrive
 from ..load import Load
 from ..pattern import product_form, sum_at
 from ..relative import Expression, Form, Product, Zero
-from ..types import Array, ArrayLike, Floats, IndexArray, check_kind, numbers, real
+from ..types import Array, ArrayLike, Floats, IndexArray, check_kind, names_known, numbers, real
 from ..warn import Notices
 from .checks import (
     JointRows,
@@ -496,7 +496,7 @@ class System:
             if item.name == name and id(item) in self.first:
                 return 3 * self.first[id(item)][1]
         known = [i.name for i in self.structures if id(i) in self.first]
-        raise InputError("system", f"unknown name {name!r}; known: {known}")
+        raise InputError("system", f"unknown name {name!r}; {names_known(name, known)}")
 
     def offset(self, place: Place) -> int:
         """First number in q of the frame or point that carries a place."""
@@ -545,6 +545,13 @@ class System:
     def coupled_rows(self) -> IndexArray:
         """Pairs (k, 2) of rows of y that couplings connect by 3x3 blocks."""
         return self.couplings.pairs
+
+    def couplings_of(
+        self, items: Sequence[Coupling], functions: Sequence[FunctionLoad] = ()
+    ) -> Couplings:
+        """Some of its force elements, and of its loads that are functions, as arrays."""
+        start = self.extend(self.q0, 0.0)
+        return Couplings(items, self.row_of, start, self.rows, functions)
 
     @cached_property
     def length(self) -> float:

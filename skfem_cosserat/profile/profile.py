@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..figures import new_figure
 from ..frozen import Frozen
 from ..section import Material, Section
-from ..types import ArrayLike, Floats, IndexArray, positive
+from ..types import ArrayLike, Floats, IndexArray, names_known, positive
 from .warping import MaterialAnisotropic, ProfileConstants, Warping, elasticity, solve_warping
 
 __all__ = ["AnyMaterial", "Profile", "boundary_loops", "signed_area"]
@@ -140,7 +140,9 @@ def _assigned(item: str, mesh: Mesh, names: list[str]) -> IndexArray:
     index = np.full(mesh.nelements, -1)
     for k, name in enumerate(names):
         if name not in known:
-            raise InputError(item, f"subdomain {name!r} is unknown, known: {sorted(known)}")
+            raise InputError(
+                item, f"subdomain {name!r} is unknown; {names_known(name, sorted(known))}"
+            )
         if (index[known[name]] >= 0).any():
             other = names[index[known[name]].max()]
             raise InputError(item, f"subdomains {other!r} and {name!r} share elements")

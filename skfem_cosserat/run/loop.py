@@ -144,6 +144,8 @@ class RunLoop:
 
 #: recorded states, evenly spread, at which the tension of elements is looked at
 LOOKS = 20
+#: parts of a step, and of the time, by which a run may end before its time
+REST, ROUNDING = 1e-6, 1e-12
 
 
 @takes_scene
@@ -245,8 +247,9 @@ def simulate(
         the times `at`: ``history.meta["step_control"]`` says how many there were and how many were
         rejected, the series ``step_size`` how long they were.
     until : float
-        End time (s), by a step at least later than the start; the last step ends at or before it
-        (to rounding).
+        End time (s), by a step at least later than the start. The last step ends at or before it: a
+        time that is not a multiple of the step is an :class:`AccuracyWarning`, which says where the
+        run ended.
     every : int
         Record every k-th step (the first and the last state always). What lies between compiled
         kernels take in one go, where loads are constant and there are no force elements, damping
@@ -263,10 +266,11 @@ def simulate(
         faster after some 10 s of compilation, which is kept on disk. "auto" takes them if numba
         is installed, the estimated time with numpy is above 25 s, or above 1 s where all kernels
         of the scene are on disk or in this process already, and there are some: not for
-        explicit schemes, springs on rotation vectors, bushings, beams of several orders or with a
-        stored energy function, closed loops in prescribed motion or with multipliers, nor for a
-        plane with multipliers, loads that follow the motion, force elements, damping or prescribed
-        motion, nor for loads that are functions of the motion. ``history.meta["kernels"]`` and
+        explicit schemes, :class:`EnergyDecaying` with its term in the velocities, beams of several
+        orders or with a stored energy function, closed loops in prescribed motion or with
+        multipliers, nor closed loops in a plane with loads that follow the motion, force elements
+        or damping, nor beams that hold strains with multipliers or of higher order, nor
+        :class:`GeneralizedAlpha` with damped beams or drag. ``history.meta["kernels"]`` and
         ``["kernels_why"]`` say what was taken, and why. They keep factors of matrices over
         iterations and steps as long as these contract well, see :class:`NewtonSettings`.
     solver : Solver, optional
@@ -353,6 +357,8 @@ def simulate(
             recorder.tell(plan.summary())
             if failure is None:
                 recorded = recorder.complete()
+                if status == "completed":
+                    _warn_of_rest(state, run.state, None if eventful else h, until)
                 _warn_of_elements(system, recorded)
                 _warn_of_functions(system, recorded)
             else:
@@ -421,6 +427,21 @@ def _planned(
         return FixedSteps(stepper, state, count, until), wanted
     numbered = Numbered(state, stepper.h, count, every, at)
     return FixedSteps(stepper, state, count, None, None if looked else numbered.ahead), numbered
+
+
+def _warn_of_rest(start: State, end: State, step: float | None, until: float) -> None:
+    """Say that a run whose time is no multiple of its step ended before the time asked for."""
+    rest = until - end.time
+    if step is None or rest <= REST * step + ROUNDING * abs(until):
+        return
+    count = end.index - start.index + 1
+    warn(
+        "argument until",
+        f"the run ends at t = {end.time:.9g} s, {rest:.3g} s before until = {until:.9g} s, which"
+        f" is no multiple of the step of {step:.9g} s: give until = {end.time:.9g}, or"
+        f" step = {(until - start.time) / count:.9g}, which makes {count} steps",
+        AccuracyWarning,
+    )
 
 
 def _warn_of_elements(system: System, history: History) -> None:

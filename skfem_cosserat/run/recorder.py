@@ -204,7 +204,8 @@ class Works:
         self._own, self._next = (1.0, 0.0) if weight == 0.5 else (0.5, float(weight == 0) / 2)
         self._before = 1 - self._own - self._next
         self._q = state.q
-        self._last = one.start_force(system, state, h) if self._driven and self._before else None
+        wanted = self._driven and self._before > 0
+        self._last = one.balance(system, h).start_force(state) if wanted else None
         self._waiting: Floats | None = None
         self._now = system, integrator, state
 
@@ -411,7 +412,7 @@ class Recorder:
         weight = stepper.integrator.constraint_weight
         #: whether a step's constraint force acts at its end, between both
         self._at_end, self._between = weight == 1, 0 < weight < 1
-        first = stepper.integrator.start_force(system, state, stepper.h)
+        first = stepper.start_force(state)
         self._append(self._row(state, 0, 1, 0.0, first))
 
     def __enter__(self) -> Recorder:
@@ -522,7 +523,7 @@ class Recorder:
         self.works.go_on(stepper.integrator, system, state, stepper.h, loss)
         self.bank.go_on(system)
         self._before = state
-        first = stepper.integrator.start_force(system, state, stepper.h)
+        first = stepper.start_force(state)
         self._append(self._row(state, 0, 1, 0.0, first))
 
     def note(self) -> None:

@@ -206,7 +206,7 @@ def _trials(
         *(state.time, 0, trials[-1][1]),
         f"the differences of the pilot's steps do not fall by the order {order} of the scheme"
         f" ({tried})",
-        "a shorter first step, another pilot, loads that set in smoothly, or a coarser mesh",
+        "try a shorter first step, another pilot, loads that set in smoothly, or a coarser mesh",
     )
 
 

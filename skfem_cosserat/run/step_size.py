@@ -451,7 +451,7 @@ class ControlledSteps(SteppingPlan):
                 ratio,
                 f"its error is {ratio:.3g} times what the tolerance of {self.control.tolerance:g}"
                 " allows for the smallest step",
-                f"a smaller one than {self.smallest:g} s, or a larger tolerance",
+                f"allow a smaller one than {self.smallest:g} s, or take a larger tolerance",
             )
         change = max(LEAST, SAFETY * (1 / ratio) ** (1 / self._order))
         self.h, self._held = max(change * pair / 2, self.smallest), True

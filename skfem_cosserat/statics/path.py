@@ -464,8 +464,8 @@ class Continuation:
         if share > LIMP:
             return ""
         return (
-            "there is a limit point near, where the smallest eigenvalue of the stiffness, which has"
-            f" fallen to {100 * share:.2g} % of that at the start, vanishes"
+            "a limit point is near, as the smallest eigenvalue of the stiffness has fallen to"
+            f" {100 * share:.2g} % of that at the start"
         )
 
     def _failure(
@@ -477,15 +477,15 @@ class Continuation:
     ) -> Diverged:
         """Why the path ends, and what to try."""
         near = self._limit_near() if isinstance(self.control, LoadControl) else ""
-        advice = f"{BEYOND}; else try a finer mesh"
+        advice = f"{BEYOND}, or try a finer mesh"
+        reason = f"{what}: {report.reason}"
         if near:
-            what, advice = f"{what}: {near}", BEYOND
+            advice, reason = BEYOND, f"{what}: {near}. Newton's method: {report.reason}"
         elif isinstance(self.control, ArcLength):
-            advice = "try a shorter first step, or a finer mesh"
+            advice = "try a shorter first step, then a finer mesh"
         elif isinstance(self.control, DisplacementControl) and UNMOVED in report.reason:
             place, way = self.control.place.label, self.control.direction.round(6).tolist()
             advice = f"the loads do not move {place} along {way}: choose what they move"
-        reason = f"{what}: {report.reason}"
         return Diverged(
             point.t,
             max(1, self.recorder.count),

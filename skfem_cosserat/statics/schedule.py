@@ -26,7 +26,7 @@ from ..time_function import (
     TimeFunction,
     time_function,
 )
-from ..types import MOST, Array, Floats, IndexArray, numbers, positive, real
+from ..types import MOST, Array, Floats, IndexArray, names_known, numbers, positive, real
 from ..types import shown as cut
 from ..warn import Notices
 
@@ -279,9 +279,8 @@ class Schedule:
         known = {str(owner.name) for owner in owners} | ({"spin"} if spin is not None else set())
         for name, factor in given.items():
             if name not in known:
-                raise InputError(
-                    "argument factors", f"unknown name {name!r}; known: {sorted(known)}"
-                )
+                text = f"unknown name {name!r}; {names_known(name, sorted(known))}"
+                raise InputError("argument factors", text)
             if factor is None or isinstance(factor, bool):
                 raise InputError(
                     "argument factors", f"{name!r}: {factor!r}, expected a number or function"

@@ -370,7 +370,7 @@ class PlainProblem(Problem):
 # -- points of a path by compiled kernels: the same iterates, in a few compiled calls each ---------
 
 #: a balance at rest as a step without masses, all of it taken at its end
-REST = Scheme(0.0, 0.0, 1.0, False, (0.0, 0.0, 0.0), share=1.0)
+REST = Scheme(0.0, 0.0, 1.0, weight=1.0, rate=0.0, at=1.0)
 #: increments of joints and of free vertices since the start
 STATE = ("turn", "value", "swing")
 

@@ -55,11 +55,14 @@ class Series:
     kind : str
         What `size` is, for the axis of a chart.
     levels : list of Level
+    at_once : bool
+        Whether mesh and step vary together.
     """
 
     label: str
     kind: str
     levels: list[StudyLevel]
+    at_once: bool = False
 
     @property
     def sizes(self) -> Floats:
@@ -159,7 +162,7 @@ def _of_order(
         ]
         parts = [case_name(fixed)] if named else []
         parts += [f"{names[0]} varied"] if len(varied) > 1 and not together else []
-        found.append(Series(", ".join(parts), _kind(names), levels))
+        found.append(Series(", ".join(parts), _kind(names), levels, len(names) > 1))
     return found
 
 

@@ -48,8 +48,8 @@ class Convergence:
         Of the elements or steps, coarsest first.
     errors : (n,)
         Of each level: against the reference; without one against the extrapolated value; where
-        there is none, the largest difference from a finer level (from the one before for the
-        finest), which is no more than a hint.
+        there is none, the largest difference from a finer level, which is no more than a hint. The
+        finest level has none then: NaN.
     uncertainties : (n,)
         Of `errors`: that of the extrapolated value, or the rounding; NaN where `errors` are hints.
     differences : (n,)
@@ -403,9 +403,8 @@ def _result(
 
 
 def _hints(values: list[Array], norm: Norm) -> list[float]:
-    """Largest differences from finer levels; the finest has that from the one before."""
-    found = [max(norm(a - b) for b in values[k + 1 :]) for k, a in enumerate(values[:-1])]
-    return [*found, found[-1] if found else np.nan]
+    """Largest differences from finer levels; the finest level has no hint."""
+    return [*(max(norm(a - b) for b in values[k + 1 :]) for k, a in enumerate(values[:-1])), np.nan]
 
 
 def _off(value: Array | None, exact: Array, norm: Norm) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import InputError
 from ..parallel import Executor, Job, Outcome
 from ..parallel.jobs import Caught, in_words
-from ..types import positive, switch
+from ..types import names_known, positive, switch
 from ..warn import sum_up, told
 from .cases import OnOutcome, identity, run_cases
 from .charts import Lines, Row, precision_chart
@@ -111,8 +111,8 @@ class PrecisionTable(Report):
             If there is no such quantity.
         """
         if quantity not in self.reference_errors:
-            known = ", ".join(self.quantities)
-            raise InputError(f"quantity {quantity!r}", f"unknown; there are {known}")
+            known = names_known(quantity, self.quantities)
+            raise InputError(f"quantity {quantity!r}", f"unknown; {known}")
         return [
             row
             for row in self.rows

@@ -15,7 +15,7 @@ from ..history import History
 from ..integrators import State
 from ..model import System
 from ..run import Sensor
-from ..types import Array, Floats, numbers
+from ..types import Array, Floats, names_known, numbers
 from .orders import Norm, euclidean
 
 __all__ = [
@@ -266,7 +266,8 @@ class Quantity:
                 " expected a mapping or a History",
             )
         if what not in result:
-            raise InputError(f"quantity {what!r}", f"unknown; there are {', '.join(result)}")
+            known = names_known(what, result)
+            raise InputError(f"quantity {what!r}", f"unknown; {known}")
         return result[what]
 
     def count_arguments(self) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..history import History
-from ..types import Array, Floats, positive
+from ..types import Array, Floats, names_known, positive
 from .levels import case_name
 
 __all__ = [
@@ -204,7 +204,7 @@ class ReferenceKnown(Reference):
             )
         for name in (*self.known, *self.errors):
             if name is not None and name not in names:
-                raise InputError(f"reference of {name!r}", f"there are {', '.join(names)}")
+                raise InputError(f"reference of {name!r}", f"unknown; {names_known(name, names)}")
         missing = [name for name in names if name not in self.known and None not in self.known]
         if every and missing:
             raise InputError("argument reference", f"has no value of {missing[0]!r}")

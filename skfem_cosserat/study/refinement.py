@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..export import write_paraview
 from ..history import History
 from ..parallel import Executor, Job, Outcome
-from ..types import Array, Floats, positive, switch
+from ..types import Array, Floats, names_known, positive, switch
 from ..warn import counted, sum_up, told
 from .cases import OnOutcome, identity, run_cases, status
 from .charts import Line, convergence_chart
@@ -112,12 +112,21 @@ class Refinement(Report):
 
     @property
     def estimate(self) -> dict[str, tuple[float, float]]:
-        """Error of the finest level that was solved, and how far to trust that number."""
+        """Error of the finest level that was solved, and how far to trust that number.
+
+        The second number is NaN where the levels bear no extrapolated value and there is no
+        reference: the first one is then the difference between the two finest levels, a hint at
+        the size of the error. With a single level both are NaN.
+        """
         found = {}
         for name, each in self.orders.items():
-            last = np.flatnonzero(np.isfinite(each.errors))
-            pair = (each.errors[last[-1]], each.uncertainties[last[-1]]) if len(last) else (np.nan,)
-            found[name] = float(pair[0]), float(pair[-1])
+            known, pair = np.isfinite(each.uncertainties), (np.nan, np.nan)
+            if known.any():
+                last = np.flatnonzero(known)[-1]
+                pair = each.errors[last], each.uncertainties[last]
+            elif np.isfinite(each.differences).any():
+                pair = each.differences[np.isfinite(each.differences)][-1], np.nan
+            found[name] = float(pair[0]), float(pair[1])
         return found
 
     @property
@@ -298,20 +307,31 @@ def _report(key: str, series: Series, found: Convergence, state: Any, width: int
     if found.extrapolated is not None and found.extrapolated.size <= WIDE:
         numbers = ", ".join(f"{each:.9g}" for each in found.extrapolated.ravel())
         lines.append(f"  extrapolated: {numbers} +- {found.uncertainty:.1e}")
-    hints = not np.isfinite(found.uncertainties).any()
-    for k, level in enumerate(series.levels):
+    shown = _shown(found, [state(level)[0] == "ok" for level in series.levels])
+    for level, numbers in zip(series.levels, shown, strict=True):
         status, reason = state(level)
-        line = f"  {level.name:{width}s}  "
-        if status != "ok":
-            lines.append(f"{line}{status}: {reason}".rstrip(": "))
-            continue
-        line += f"{'differs by' if hints else 'error'} {found.errors[k]:.3e}"
-        if np.isfinite(found.uncertainties[k]):
-            line += f" +- {found.uncertainties[k]:.1e}"
-        if np.isfinite(found.observed[k]):
-            line += f"  order {found.observed[k]:.2f}"
-        lines.append(line)
+        text = numbers if status == "ok" else f"{status}: {reason}".rstrip(": ")
+        lines.append(f"  {level.name:{width}s}  {text}")
     return lines
+
+
+def _shown(found: Convergence, solved: list[bool]) -> list[str]:
+    """Numbers of each level in words: errors, or hints, and the orders that follow from them."""
+    good, texts = np.flatnonzero(solved), [""] * len(solved)
+    hints = not np.isfinite(found.uncertainties).any()
+    alone = hints and len(good) and np.isnan(found.errors[good[-1]])  # no reference either
+    for number, k in enumerate(good):
+        if alone:
+            change = found.differences[good[number - 1]] if number else np.nan
+            texts[k] = f"change {change:.3e}" if number else "change -"
+        elif hints:
+            error = found.errors[k]
+            texts[k] = f"differs by {error:.3e}" if k != good[-1] else "the reference"
+        else:
+            texts[k] = f"error {found.errors[k]:.3e} +- {found.uncertainties[k]:.1e}"
+        if np.isfinite(found.observed[k]):
+            texts[k] += f"  order {found.observed[k]:.2f}"
+    return texts
 
 
 # -- refinement studies in one call ----------------------------------------------------------------
@@ -413,6 +433,10 @@ def refine(
 
     Steps over which loads jump, and singular points, spoil orders: the verdict shows it.
 
+    ``print(study)`` shows the error of each level, as far as it is known. If the levels bear no
+    extrapolated value, and there is no reference, it shows by how much each level changed the
+    value of the level before it.
+
     Examples
     --------
     The tip of a cantilever that is bent by 60 degrees, on meshes of linear elements:
@@ -496,7 +520,8 @@ class _Plan:
         given = self.given if isinstance(self.given, Mapping) else {}
         strange = [name for name in (*given, *self.rounding) if name not in (None, *names)]
         if strange:
-            raise InputError(f"quantity {strange[0]!r}", f"unknown; there are {', '.join(names)}")
+            known = names_known(strange[0], names)
+            raise InputError(f"quantity {strange[0]!r}", f"unknown; {known}")
         self.reference.check(names, every=False)
 
     def result(self, title: str, outcomes: dict[str, Outcome]) -> Refinement:
@@ -523,7 +548,7 @@ class _Plan:
                     noise = max(off / size, ROUNDING if noise is None else noise)
             for series in self.series:
                 key = f"{name}, {series.label}" if series.label else name
-                orders[key] = convergence(
+                judged = convergence(
                     series.sizes,
                     [_finite(shared, level) for level in series.levels],
                     norm,
@@ -531,11 +556,20 @@ class _Plan:
                     noise,
                     isinstance(self.reference, ReferenceFinest),
                 )
+                orders[key] = _at_once(judged) if series.at_once else judged
                 names = [level.name for level in series.levels]
                 values[key] = {each: shared[each] for each in names if each in shared}
         used = {each: outcomes[each] for each in outcomes if each in self.levels}
         notes = {"reference": self.reference.about}
         return Refinement(title, self.series, used, orders, values, notes)
+
+
+def _at_once(found: Convergence) -> Convergence:
+    """Say that mesh and step, refined together, may converge with orders of their own."""
+    if not found.verdict.startswith("not in the asymptotic range"):
+        return found
+    advice = "; mesh and step, refined at once, may have orders of their own: see together=False"
+    return replace(found, verdict=found.verdict + advice)
 
 
 def _finite(shared: Mapping[str, Array], level: StudyLevel) -> Array | None:

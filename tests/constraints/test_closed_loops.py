@@ -546,13 +546,14 @@ def test_tangent_at_the_solution(scene, integrator):
         state = stepper.advance(state).state
     matrix, _ = stepper.iteration_matrix(state)
     bound, scheme = stepper.bound, stepper.integrator
-    step = scheme.begin(system, state, 0.02)
+    balance = scheme.balance(system, 0.02)
+    step = balance.begin(state)
     saved = bound.save()
 
     def residual(increment):
         bound.apply(increment)
         y1 = bound.configuration()
-        r = bound.residual(scheme.evaluate(system, step, y1).R, y1)
+        r = bound.residual(balance.evaluate(step, y1).R, y1)
         bound.restore(saved)
         return r
 

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 
+import skfem_cosserat as sc
 from skfem_cosserat import InputError
 from skfem_cosserat.plot import plot_energy, plot_orbit, plot_series, render
 
@@ -28,6 +29,26 @@ def test_energy(make_scene, tmp_path):
     assert len(plot_energy(history).axes[0].get_lines()) == 3
     assert len(plot_energy(history, names=["external"]).axes) == 1
     assert lower.get_xlabel() == "time in s"
+
+
+def test_a_perfect_run_with_gravity_and_a_spring(tmp_path):
+    """The total changes by the work of gravity: what is wrong is in the balance."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, position=(1, 0, 0)))
+    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), ball.place(), 100.0))
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    history = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.5)
+    upper, lower = plot_energy(history, tmp_path / "energy.png").axes
+    lines = {line.get_label(): line for line in upper.get_lines()}
+    assert set(lines) == {"kinetic", "strain", "springs", "total"}
+    np.testing.assert_array_equal(lines["springs"].get_ydata(), history["coupling_energy"])
+    assert abs(lower.get_lines()[0].get_ydata()).max() < 1e-10
+    assert lower.get_ylabel() == "balance of energy\n/ largest energy"
+    changes = plot_energy(history, names=["energy"]).axes[1]
+    assert abs(changes.get_lines()[0].get_ydata()).max() == pytest.approx(1.0)
+    (only,) = plot_energy(history, names=["energy_balance"]).axes
+    drawn = only.get_lines()[0].get_ydata()
+    assert only.get_ylabel() == lower.get_ylabel() and abs(drawn).max() < 1e-10
 
 
 def test_energy_with_gaps_and_without_total(make_scene):

@@ -31,11 +31,12 @@ class Step:
         self, system: System, integrator, treatment, seed=0, h=0.05, t=0.35, size=0.3, q=None
     ):
         rng = np.random.default_rng(seed)
-        self.system, self.integrator = system, integrator
+        self.system = system
         self.bound = treatment.bind(system, integrator.constraint_weight)
         q = random_state(system, rng, t, size) if q is None else q
         state = State(t, 0, q, rng.standard_normal(system.n))
-        self.step = integrator.begin(system, state, h)
+        self.balance = integrator.balance(system, h)
+        self.step = self.balance.begin(state)
         self.bound.begin(self.step.y0, system.ground(t + h), h)
         self.bound.guess(False)
         self.matrix()  # multipliers take their scale from the first matrix of a step
@@ -44,12 +45,12 @@ class Step:
 
     def residual(self):
         y1 = self.bound.configuration()
-        evaluation = self.integrator.evaluate(self.system, self.step, y1)
+        evaluation = self.balance.evaluate(self.step, y1)
         return self.bound.residual(evaluation.R, y1), evaluation, y1
 
     def matrix(self, scaled=True):
         _, evaluation, y1 = self.residual()
-        blocks = self.integrator.tangent(self.system, self.step, evaluation)
+        blocks = self.balance.tangent(self.step, evaluation)
         data = self.bound.data(blocks, evaluation.R, y1, scaled)
         return self.bound.solver.pattern.assembled(data).toarray()
 

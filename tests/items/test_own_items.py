@@ -27,6 +27,7 @@ SCHEMES = {
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
 schemes = pytest.mark.parametrize("scheme", SCHEMES)
 treatments = pytest.mark.parametrize("treatment", TREATMENTS)
+BOTH = ("numba", "numpy")
 
 
 # -- the items -------------------------------------------------------------------------------------
@@ -160,59 +161,32 @@ class SensorDistance(sc.Sensor):
 class IntegratorMidpoint(sc.Integrator):
     """Implicit midpoint rule: all forces, stresses and constraints at the midpoint of a step."""
 
-    name = "midpoint"
-    order = 2
-    composed_to = 6
-    constraint_weight = 0.5
-    force_share = 1.0
-    conserves = "linear and angular momentum, quadratic energy"
+    name, order, composed_to = "midpoint", 2, 6
     reference = "Hairer, Lubich & Wanner, Geometric Numerical Integration, II.1"
 
-    def evaluate(self, system, step, y1):
-        h, rows, mid = step.h, system.rows, 0.5 * (step.y0 + y1)
-        strains = system.strain(mid)
-        Bs = [B for _, B in strains]
-        elastic = [g.stress(eps) for g, (eps, _) in zip(system.beam_groups, strains, strict=True)]
-        force, stresses, damping = sc.damped_force(system, step, Bs, elastic, y1)
-        coupled = None
-        if step.couplings is not None:
-            coupled = system.couplings.midpoint(step.couplings, mid, y1)
-            force = force + coupled.force[:rows]
-        external = sc.load_force(system, step, mid)
-        momentum = (2 / h) * (system.inertia @ (y1 - step.y0)[:rows])
-        terms = momentum, 2 * step.p0, h * (external - force)
-        return sc.Evaluation(
-            R=terms[0] - terms[1] - terms[2],
-            size=max(float(abs(each).max()) for each in terms),
-            momentum=momentum,
-            mid=mid,
-            stresses=stresses,
-            Bs=Bs,
-            B1s=Bs,
-            strains=[eps for eps, _ in strains],
-            external=external,
-            coupled=coupled,
-            damping=damping,
-        )
-
-    def tangent(self, system, step, evaluation):
-        moduli = self.moduli(system, step, evaluation)
-        return sc.midpoint_tangent(system, step, evaluation, moduli, 2 / step.h, step.h)
-
-    def carry(self, system, step, evaluation):
-        return evaluation.momentum - step.p0
-
-    def node_momentum(self, p0, impulse, fresh):
-        return p0
-
-
-class IntegratorMidpointInNumbers(IntegratorMidpoint):
-    """With compiled kernels."""
-
-    name = "midpoint in numbers"
-
     def scheme(self, h):
-        return sc.Scheme(2 / h, 2.0, h, ends=False, carry=(1.0, -1.0, 0.0))
+        return sc.Scheme(2 / h, 2.0, h, weight=0.5, rate=1 / h, carry=(1.0, -1.0, 0.0))
+
+
+class IntegratorTwoInstants(IntegratorMidpoint):
+    """Stresses are the means of those at both ends: a balance that is more than numbers."""
+
+    name, composed_to = "two instants", 0
+
+    def balance(self, system, h):
+        return BalanceOfBothEnds(system, self, h)
+
+
+class BalanceOfBothEnds(sc.StepBalance):
+    def evaluate(self, step, y1):
+        e = super().evaluate(step, y1)
+        strains = [self.system.strain(y) for y in (step.y0, y1)]
+        groups = zip(self.system.beam_groups, e.strains, *strains, strict=True)
+        more = [0.5 * (g.stress(a[0]) + g.stress(b[0])) - g.stress(eps) for g, eps, a, b in groups]
+        force = self.system.internal_force(e.Bs, more)
+        own = {"R": e.R + self.scheme.force * force, "forces": e.forces + force}
+        stresses = [old + new for old, new in zip(e.stresses, more, strict=True)]
+        return sc.Evaluation(**(vars(e) | own | {"stresses": stresses}))
 
 
 class SolverInverse(sc.Solver):
@@ -659,11 +633,24 @@ def test_a_function_that_leaves_the_plane_late_is_told(late):
     assert history.meta["warnings"][0]["time"] > 0.5
 
 
-def test_kernels_say_why_they_are_not_used():
-    model = ball(lambda place: LoadDrag(place, 0.6))
-    with pytest.raises(sc.CosseratError, match="loads that are functions of the motion"):
-        run(model, "energy-momentum", "null space", kernels="numba")
-    assert run(model, "energy-momentum", "null space").meta["kernels"] == "numpy"
+@schemes
+@treatments
+def test_own_loads_that_are_functions_beside_the_kernels(scheme, treatment):
+    """Drag and an attraction between two places of a beam and a box; they are called back."""
+    pytest.importorskip("numba")
+    if scheme == "energy-decaying":
+        pytest.skip("its balance is more than numbers")
+    model = arm(own=False)
+    end, box = model["beam"].node("rod.end"), model["box"].at((1.2, 0.1, 0))
+    model.add("drag", LoadDrag(box, 0.6, sc.Harmonic(1.0, 3.0, np.pi / 3)))
+    model.add("pull", LoadAttraction(sc.ground((0.5, 0.5, 0)), end, 2.0))
+    compiled, plain = (run(model, scheme, treatment, kernels=kernels) for kernels in BOTH)
+    assert (compiled.meta["kernels"], plain.meta["kernels"]) == BOTH
+    for name in ("q", "p", "constraint_force", "work_loads"):
+        size = np.nanmax(np.abs(plain[name]))
+        assert compiled[name] == pytest.approx(plain[name], abs=1e-9 * size, nan_ok=True), name
+    lost = compiled["dissipated"], plain["dissipated"]
+    assert lost[0] == pytest.approx(lost[1], abs=1e-10 * np.abs(plain["work_loads"]).max())
 
 
 def test_a_function_of_time_and_of_the_moving_ground():
@@ -722,7 +709,7 @@ def test_functions_that_give_no_slopes_are_named(force, text):
 
 @pytest.mark.parametrize("slopes", [None, by_hand], ids=["complex step", "slopes"])
 @treatments
-def test_a_force_that_fails_in_a_run_is_named_and_the_history_kept(treatment, slopes):
+def test_a_force_that_fails_in_a_run_is_named_and_the_history_kept(treatment, slopes, kernels):
     wind = [2.0, 2.0, 2.0]  # by tenths of a second, too few
 
     def force(x, v, t):
@@ -736,7 +723,7 @@ def test_a_force_that_fails_in_a_run_is_named_and_the_history_kept(treatment, sl
     term = sc.TermFunction([drone.place()], force, slopes=slopes and flat)
     model.add("wind", LoadKept(term))
     with pytest.raises(sc.InputError, match=r"load 'wind': its force failed") as caught:
-        run(model, "energy-momentum", treatment, 0.1, 1.0)
+        run(model, "energy-momentum", treatment, 0.1, 1.0, kernels=kernels)
     error = caught.value
     assert "at t = 0.35 s: IndexError: list index" in str(error)
     assert isinstance(error.__cause__, IndexError)
@@ -865,21 +852,25 @@ def test_an_own_sensor_sees_every_step():
 
 @pytest.mark.slow
 def test_an_event_to_a_scene_without_compiled_kernels_is_told():
-    """Weight until the drag of an own function of the motion begins: numpy goes on from there."""
+    """A second hinge on the axis of the first one, with multipliers: numpy goes on from there."""
     pytest.importorskip("numba")
 
-    def scene(*loads):
+    def scene(count):
         model = sc.Model()
-        body = model.add("body", sc.RigidBody(1.0, np.diag((0.1, 0.2, 0.3)), position=(0, 0, 0)))
+        body = model.add("body", sc.RigidBody(1.0, np.diag((0.1, 0.2, 0.3)), position=(1, 0, 0)))
+        for k in range(count):
+            place = (0, 0.2 * k, 0)
+            model.add(f"hinge {k}", sc.JointRevolute(sc.ground(place), body.at(place), (0, 1, 0)))
         model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-        for load in loads:
-            model.add("drag", load(body.at((0, 0, 0)), 0.5))
         return model
 
-    system = scene().freeze()
-    event = sc.Event(sc.ConditionTime(0.1), lambda t, view: scene(LoadDrag), name="chute")
-    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.2
-    with pytest.warns(sc.PerformanceWarning, match="functions of the motion; after an event"):
+    def closed(t, view):
+        return other
+
+    system, other = scene(1).freeze(), scene(2)
+    event = sc.Event(sc.ConditionTime(0.1), closed, name="second hinge")
+    run = system, sc.EnergyMomentum(), sc.Multipliers(), 0.01, 0.2
+    with pytest.warns(sc.PerformanceWarning, match="loops with multipliers; after an event"):
         fast = sc.simulate(*run, events=[event], kernels="numba")
     plain = sc.simulate(*run, events=[event], kernels="numpy")
     assert np.allclose(fast["q"], plain["q"], rtol=0, atol=1e-10)
@@ -1084,15 +1075,22 @@ def test_an_own_integrator_comes_to_the_motion_of_the_built_in_one(treatment):
 @treatments
 def test_an_own_integrator_in_numbers_has_the_kernels(treatment):
     pytest.importorskip("numba")
-    compiled, plain = (
-        sc.simulate(arm(True), scheme, TREATMENTS[treatment], 2e-3, 0.1, kernels=kernels)
-        for scheme, kernels in (
-            (IntegratorMidpointInNumbers(), "numba"),
-            (IntegratorMidpoint(), "numpy"),
-        )
-    )
+    own = arm(True), IntegratorMidpoint(), TREATMENTS[treatment], 2e-3, 0.1
+    compiled, plain = (sc.simulate(*own, kernels=kernels) for kernels in ("numba", "numpy"))
     assert compiled.meta["kernels"] == "numba"
     assert compiled["q"] == pytest.approx(plain["q"], abs=1e-9)
+
+
+@treatments
+def test_a_balance_that_is_more_than_numbers(treatment):
+    """Stresses of quadratic energies at both ends are the discrete derivative."""
+    known, own = (
+        sc.simulate(pulled(), scheme, TREATMENTS[treatment], 1e-3, 0.02)
+        for scheme in (sc.EnergyMomentum(), IntegratorTwoInstants())
+    )
+    assert own["q"] == pytest.approx(known["q"], abs=1e-6)  # the spring's force is at the midpoint
+    with pytest.raises(sc.InputError, match="two instants integrator is more than numbers"):
+        sc.simulate(arm(True), IntegratorTwoInstants(), sc.NullSpace(), 1e-3, 0.1, kernels="numba")
 
 
 @treatments

@@ -54,12 +54,12 @@ def real(request):
     system, h, integrator = lattice(3), 1e-3, sc.EnergyMomentum()
     stepper = Stepper(system, integrator, TREATMENTS[request.param], h, kernels="numpy")
     state = stepper.advance(sc.initial_state(system)).state
-    step, bound = integrator.begin(system, state, h), stepper.bound
+    step, bound = stepper.balance.begin(state), stepper.bound
     bound.begin(step.y0, system.ground(state.time + h), h)
     bound.guess(True)
     problem = stepper.problem(step)
     problem.residual()
-    blocks = integrator.tangent(system, step, problem.evaluation)
+    blocks = stepper.balance.tangent(step, problem.evaluation)
     data = bound.data(blocks, problem.evaluation.R, problem.y1)
     return bound.solver.pattern, data, bound.scale_rows(problem._r)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from helpers_scenes import four_bar
@@ -295,8 +297,44 @@ def test_joints(call, words):
     refused(call, words)
 
 
+def test_a_joint_between_names_of_one_node():
+    """Meshes are welded where they meet."""
+    frame = Beam(TWO, SECTION)
+    ends = [frame.node(name) for name in ("one.end", "two.start")]
+    refused(lambda: JointSpherical(*ends), ["both sides are beam", "weld=False"])
+
+
+def test_names_that_do_not_exist():
+    """A similar name is asked for, long lists are cut."""
+    words = ["node 'two.stop'", "in the mesh of beams 'one', 'two'", "did you mean 'two.start'"]
+    refused(lambda: TWO.node("two.stop"), words)
+    refused(lambda: TWO.node("xyz"), ["known nodes: 'one.start', 'one.end', 'two.start'"])
+    model = Model()
+    arm = model.add("arm", body())
+    model.add("elbow", JointRevolute(HERE, arm.at((0, 0, 0)), axis=(1, 0, 0)))
+    refused(lambda: model["elbo"], ["did you mean 'elbow'?", "known: 'arm', 'elbow'"])
+    history = simulate(model, EnergyMomentum(), NullSpace(), 0.1, 0.1)
+    with pytest.raises(InputError, match="did you mean 'joint/elbow/angle'") as caught:
+        history["joint/elbw/angle"]
+    assert len(str(caught.value)) < 150 and str(caught.value).endswith("(all: list(history))")
+    with pytest.raises(InputError, match=r"recorded: 't', .*, \.\.\. \(all: list\(history\)\)$"):
+        history["zzzzz"]
+
+
+def test_methods_of_a_run():
+    model = Model()
+    model.add("ball", MassPoint(1.0))
+    one, two = EnergyMomentum(), NullSpace()
+    run = partial(simulate, model, step=0.1, until=0.1)
+    refused(lambda: run(two, one), ["integrator, treatment", "swapped", "the integrator first"])
+    refused(lambda: run(EnergyMomentum, two), ["argument integrator", "EnergyMomentum()"])
+    refused(lambda: run(one, NullSpace), ["argument treatment", "the class", "NullSpace()"])
+    refused(lambda: run(one, "null"), ["argument treatment", "NullSpace() or Multipliers()"])
+
+
 # ----------------------------------------------------------------------- loads
 @cases(
+    (lambda: LoadGravity(-9.81), ["gravity", "LoadGravity((0, 0, -9.81))"]),
     (lambda: LoadForce(HERE, (1, 0, 0)), ["load", "ground"]),
     (lambda: LoadMoment(HERE, (1, 0, 0)), ["load", "ground"]),
     (lambda: LoadForce(BALL, (1, 0, 0)), ["load", "rigid body", "place", "body.at"]),
@@ -320,7 +358,6 @@ def test_joints(call, words):
     (lambda: LoadLine(BALL, (1, 0, 0)), ["load", "RigidBody", "beam"]),
     (lambda: LoadLine(beam(), (1, INF, 0)), ["load", "value", "inf"]),
     (lambda: LoadGravity((0, 0)), ["load", "value", "(2,)"]),
-    (lambda: LoadGravity(9.81), ["load", "value", "()"]),
     (lambda: Table([0, 1], [0]), ["table", "(2,)", "(1,)"]),
     (lambda: Table([0, 0], [0, 1]), ["table", "increase", "[0.0, 0.0]"]),
     (lambda: Table([0, NAN], [0, 1]), ["table", "nan"]),

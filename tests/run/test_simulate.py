@@ -208,7 +208,7 @@ def test_diverged_run_leaves_its_history(tmp_path):
     with pytest.raises(sc.Diverged) as info:
         sc.simulate(model.freeze(), sc.Variational(), sc.NullSpace(), 0.02, 20.0, path=path)
     error = info.value
-    assert f"step {error.step} from t" in str(error) and "try a smaller step" in str(error)
+    assert f"step {error.step} from t" in str(error) and "Try a smaller step" in str(error)
     assert np.isfinite(error.residual) or error.residual == np.inf
     loaded = sc.History.load(path)
     for history in (error.history, loaded):

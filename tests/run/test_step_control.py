@@ -142,7 +142,9 @@ def test_steps_that_cannot_be_solved_are_made_smaller():
 def test_a_smallest_step_that_is_too_large_is_an_error():
     """With the history so far, and what would help."""
     control = sc.StepControl(1e-9, smallest=1e-2, first=1e-2)
-    with pytest.raises(sc.Diverged, match=r"a smaller one than 0\.01 s, or a larger tol") as caught:
+    with pytest.raises(
+        sc.Diverged, match=r"a smaller one than 0\.01 s, or take a larger tol"
+    ) as caught:
         sc.simulate(pendulum(), sc.EnergyMomentum(), sc.NullSpace(), control, until=1.0)
     assert caught.value.history.meta["step_control"]["rejected"] == 1
 

@@ -60,8 +60,11 @@ def test_each_item_is_said_once_a_run_at_the_users_line():
     assert notice["time"] == 1e-3 and notice["when"] == "t = 0.001 s"
     assert json.loads(json.dumps(history.meta["warnings"])) == history.meta["warnings"]
     assert repr(history).endswith("completed, 1 warning>")
+    first, second = str(history).splitlines()  # cut to a line; the whole text is in meta
+    assert first == repr(history) and len(second) <= 100 and second.endswith(" ...")
+    assert second.startswith(f"  AccuracyWarning: {notice['item']}, t = 0.001 s: ")
     silent = swung(1e-3)
-    assert silent.meta["warnings"] == [] and repr(silent).endswith("completed>")
+    assert silent.meta["warnings"] == [] and str(silent).endswith("completed>")
 
 
 @pytest.mark.parametrize("derive", [True, False])
@@ -95,6 +98,12 @@ def test_a_failure_says_what_was_doubtful_before():
     assert error.warnings == error.history.meta["warnings"] != []
     assert str(error).endswith("; warned before: beam 'wire', t = 0.1 s: it looks odd")
     assert error.history.meta["failure"] == str(error)
+    # the cause, then what to try, then figures
+    text = str(error).partition("; warned before")[0]
+    assert text.startswith(f"step 2 from t = 0.1 s could not be solved: {error.reason}. Try a sm")
+    assert "Try a smaller step than 0.1 s, then EnergyMomentum(), then a finer mesh (4 att" in text
+    assert text.endswith(f"Newton iterations, scaled residual {error.residual:.3g})")
+    assert max(len(part.split()) for part in text.split(". ")) <= 25
 
 
 def failing(doubt):
@@ -202,6 +211,35 @@ def test_studies_sum_them_up():
         cells = sc.stability_map(swung, {"pull": (1e-3, 100.0)}, lambda history: "ok")
     assert [bool(row["warnings"]) for row in cells.rows] == [False, True]
     assert str(cells).endswith("1 with warnings")
+
+
+def test_a_time_that_is_no_multiple_of_the_step():
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
+    system, scheme = model.freeze(), (sc.EnergyMomentum(), sc.NullSpace())
+    with pytest.warns(sc.AccuracyWarning) as given:
+        history = sc.simulate(system, *scheme, 0.3, until=1.0)
+    assert str(given[0].message) == (
+        "argument until: the run ends at t = 0.9 s, 0.1 s before until = 1 s, which is no multiple"
+        " of the step of 0.3 s: give until = 0.9, or step = 0.25, which makes 4 steps"
+    )
+    assert len(history.meta["warnings"]) == 1
+    # not where the difference is rounding, steps follow from a tolerance, or events end the run
+    for step, until in ((0.1, 0.3), (1 / 3, 1.0), (1e-3, 0.7)):
+        history = sc.simulate(system, *scheme, step, until, every=100)
+        assert history.times[-1] == pytest.approx(until, abs=1e-7)
+    sc.simulate(system, *scheme, 0.3, 1.0, events=[])
+    sc.simulate(system, *scheme, 0.3, 1.0, callbacks=[lambda report: report.state.time > 0.5])
+    start = sc.restart(system, history, scheme[0], 0.3)
+    with pytest.warns(sc.AccuracyWarning, match=r"step = 0.25, which makes 2 steps"):
+        sc.simulate(system, *scheme, 0.3, until=1.2, start=start)
+
+    def run(step):
+        return sc.simulate(system, *scheme, step, until=1.0).position(ball.place())[-1]
+
+    with pytest.warns(sc.AccuracyWarning, match=r"1 of 2 levels .* 'step = 0.3': argument until"):
+        study = sc.refine(run, step=(0.3, 0.25))
+    assert study.rows[0]["warnings"].startswith("argument until")
 
 
 def test_warnings_that_name_different_things_are_different():

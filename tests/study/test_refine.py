@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 import signal
 import subprocess
 import sys
@@ -182,7 +183,19 @@ def test_step_loads_are_not_in_the_asymptotic_range(levels):
     assert study.extrapolated["value"] is None
     assert math.isnan(study.orders["value"].order)
     assert math.isnan(study.estimate["value"][1])  # differences: a hint, and shown as such
-    assert "differs by" in str(study)
+    found = study.orders["value"]
+    assert np.isnan(found.errors[-1]) and np.isfinite(found.errors[:-1]).all()
+    assert study.estimate["value"][0] == found.differences[-2]
+    both = not isinstance(levels["elements"], int) and not isinstance(levels["step"], float)
+    assert ("see together=False" in study.verdicts["value"]) == both
+    lines = str(study).splitlines()[2:]
+    assert lines[0].endswith("change -") and f"change {found.differences[0]:.3e}" in lines[1]
+    # orders follow from the numbers that are printed
+    text = "\n".join(lines)
+    changes = [float(number) for number in re.findall(r" change (\d\S+)", text)]
+    orders = [float(number) for number in re.findall(r"change \S+  order (\S+)", text)]
+    assert len(changes) == len(orders) + 1 >= 3
+    np.testing.assert_allclose(np.log2(np.array(changes[:-1]) / changes[1:]), orders, atol=0.006)
 
 
 @pytest.mark.slow
@@ -572,6 +585,7 @@ def test_chart(tmp_path):
     (line,) = wandering.get_lines()
     assert line.get_label().startswith("not in the asymptotic range")
     assert line.get_markerfacecolor() == "none"
+    assert len(line.get_xdata()) == 5  # the finest has no error: nothing is drawn twice
 
 
 def test_histories_become_paraview_series(tmp_path):
@@ -633,7 +647,11 @@ FOUR = (4, 8, 16, 32)
         (problems.trapezoid, {"elements": FOUR, "quantities": 3}, "quantities: 3, expected names"),
         (problems.trapezoid, {"elements": FOUR, "norm": "max"}, "argument norm: 'max', expected"),
         (problems.trapezoid, {"elements": FOUR, "norm": MaximumOverTime()}, "without times at"),
-        (problems.fourth, {"step": (0.1, 0.05), "quantities": ["y"]}, "quantity 'y': unknown; the"),
+        (
+            problems.fourth,
+            {"step": (0.1, 0.05), "quantities": ["y"]},
+            "quantity 'y': unknown; ",
+        ),
         (problems.fourth, {"step": (0.1, 0.05)}, r"quantity 'x': shape \(21, 2\) at step = 0.1, "),
         (
             problems.fourth,
@@ -670,10 +688,10 @@ def test_unknown_quantities_end_the_study_at_once():
         seen.append(elements)
         return {"a": 1.0}
 
-    with pytest.raises(InputError, match="quantity 'b': unknown; there are a"):
+    with pytest.raises(InputError, match="quantity 'b': unknown; known: 'a'"):
         refine(problem, elements=FOUR, quantities=["b"])
     assert seen == [4]
-    with pytest.raises(InputError, match="quantity 'b': unknown; there are a"):
+    with pytest.raises(InputError, match="quantity 'b': unknown; known: 'a'"):
         refine(problem, elements=FOUR, quantities=["a"], reference={"b": 1.0})
     assert seen == [4]
 

@@ -300,7 +300,7 @@ def test_csv_and_chart(table, tmp_path):
     ]
     crosses = [line for line in axis.lines if line.get_marker() == "x"]
     assert sum(len(line.get_xdata()) for line in crosses) == len(FAILING)
-    with pytest.raises(InputError, match="unknown; there are x"):
+    with pytest.raises(InputError, match="unknown; known: 'x'"):
         table.chart(quantities=["y"])
     with pytest.raises(InputError, match="expected some of x"):
         table.chart(quantities=[])
@@ -407,7 +407,7 @@ def test_a_reference_that_fails_ends_the_study_before_the_setups():
 
     with pytest.raises(InputError, match="its run failed: RuntimeError"):
         study(ReferencePair(lambda problem: good, _raises))
-    with pytest.raises(InputError, match=r"'y'.*unknown; there are x"):
+    with pytest.raises(InputError, match=r"'y'.*unknown; known: 'x'"):
         study(lambda problem: good, ["y"])
     with pytest.raises(InputError, match="run of the reference: ZeroDivisionError"):
         study(lambda problem: good, {"x": lambda result: 1 / 0})
@@ -492,7 +492,7 @@ BAD = {
     "no reference": ({"reference": None}, "argument reference: None, expected values"),
     "of levels": ({"reference": ReferenceFinest()}, "expected values, ReferenceKnown"),
     "not finite": ({"reference": math.nan}, "expected finite numbers"),
-    "unknown": ({"reference": {"y": 1.0}}, "reference of 'y': there are x"),
+    "unknown": ({"reference": {"y": 1.0}}, "reference of 'y': unknown; known: 'x'"),
     "one value": ({"quantities": ["x", "y"]}, "one value for 2 quantities"),
     "missing": ({"quantities": ["x", "y"], "reference": {"x": 1.0}}, "no value of 'y'"),
     "quantities": ({"quantities": "x"}, "argument quantities: 'x'"),
@@ -527,5 +527,5 @@ def test_bad_quantities_references_and_axes():
         ReferencePair(1, never)
     with pytest.raises(InputError, match="expected a positive"):
         ReferenceKnown(1.0, errors=0.0)
-    with pytest.raises(InputError, match="unknown; there are x"):
+    with pytest.raises(InputError, match="unknown; known: 'x'"):
         work_precision(-1.0, good, 1.0, ["x"]).front("y")

@@ -180,8 +180,9 @@ def test_residual_of_a_load_on_a_scene_at_rest(integrator, treatment):
     """Regression: its size counts the load, else the line search starts from a residual of 0."""
     system = stiff_whip()
     stepper = sc.Stepper(system, INTEGRATORS[integrator], TREATMENTS[treatment], 0.5)
-    step = stepper.integrator.begin(system, sc.initial_state(system, time=2.0), 0.5)
-    evaluation = stepper.integrator.evaluate(system, step, step.y0)
+    balance = stepper.balance
+    step = balance.begin(sc.initial_state(system, time=2.0))
+    evaluation = balance.evaluate(step, step.y0)
     assert evaluation.size > 0.4 * 0.5 * 1e4
     assert abs(evaluation.R).max() <= evaluation.size
 

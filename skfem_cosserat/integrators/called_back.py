@@ -1,0 +1,193 @@
+"""Force elements without kernels of their own in compiled steps: evaluated by numpy, called back.
+
+Compiled code calls a Python function at the stages of an iteration. That adds its forces to the
+rows of y, and its 3x3 blocks to those of the matrix.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+
+from ..compiled.numbers import AT_BEGIN, AT_FORCE, AT_MATRIX, AT_PREDICTED
+from ..kernels import skew
+from ..model import System
+from ..model.force_elements import CoupledForce, CoupledStart, Couplings
+from ..types import Floats, IndexArray
+from .base import Scheme, State, StepWork
+
+__all__ = ["CalledBack", "coupled"]
+
+
+def coupled(
+    couplings: Couplings, scheme: Scheme, start: CoupledStart, y: Floats, y1: Floats, v: Floats
+) -> CoupledForce:
+    """Forces of springs and other force elements in a step of a scheme.
+
+    Parameters
+    ----------
+    y, y1, v : (total, 3) array
+        Configuration at which forces act, that at the end, and the velocity there.
+    """
+    if scheme.ends:
+        return couplings.discrete(start, y, y1, scheme.decay)
+    if scheme.at_end:
+        return couplings.static(start, y1, v, scheme.rate)
+    return couplings.midpoint(start, y, y1)
+
+
+class CalledBack:
+    """Force elements, and loads that are functions, of a scene in compiled steps.
+
+    Parameters
+    ----------
+    system : System
+    couplings : Couplings
+        Those that compiled code has no kernels for.
+    slot : dict
+        Number of the block of two vertices.
+    arrays : namespace
+        Arrays of the compiled steps: y0, y1, mid, internal, R_mixed, A.
+
+    Attributes
+    ----------
+    address : int
+        Of ``double f(int64 stage)``.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        couplings: Couplings,
+        slot: dict[tuple[int, int], int],
+        arrays: SimpleNamespace,
+    ) -> None:
+        self.system, self.couplings, self._arrays = system, couplings, arrays
+        self._scheme: Scheme | None = None
+        self._error: BaseException | None = None
+        self._place(slot)
+        stages: dict[int, Callable[[], None]] = {
+            AT_BEGIN: self._begin,
+            AT_FORCE: self._add_force,
+            AT_PREDICTED: self._add_predicted,
+            AT_MATRIX: self._add_blocks,
+        }
+
+        def called(stage: int) -> float:
+            """From compiled code, which no exception can pass."""
+            try:
+                if self._error is None:
+                    stages[stage]()
+            except BaseException as error:  # noqa: BLE001, it is raised after the step
+                self._error = error
+            return 1.0
+
+        self._call = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_int64)(called)
+        self.address = int(ctypes.cast(self._call, ctypes.c_void_p).value or 0)
+
+    def _place(self, slot: dict[tuple[int, int], int]) -> None:
+        """Where blocks go in the matrix: 6x6 by velocities, or 12x12 by coordinates."""
+        system, width = self.system, self._arrays.A.shape[1]
+        self._reduced = width == 6
+        sizes = np.where(system.is_frame, 4, 1)
+        first = np.array(system.origin_rows)
+        vertex, local = np.zeros(system.rows, dtype=np.int64), np.zeros(system.rows, dtype=np.int64)
+        for v, (r, size) in enumerate(zip(first, sizes, strict=True)):
+            vertex[r : r + size], local[r : r + size] = v, np.arange(size)
+        a, b = self._pairs = self.couplings.pairs.T
+        slots = np.array([slot[u, v] for u, v in zip(vertex[a], vertex[b], strict=True)], dtype=int)
+        self._turned = np.flatnonzero(local[a] > 0), np.flatnonzero(local[b] > 0)
+        if self._reduced:
+            local = np.minimum(local, 1)
+        i = 3 * local[a][:, None, None] + np.arange(3)[:, None]
+        j = 3 * local[b][:, None, None] + np.arange(3)
+        self._entries: IndexArray = (width * (width * slots[:, None, None] + i) + j).ravel()
+
+    def begin(self, state: State, h: float, scheme: Scheme, rates0: Floats | None) -> None:
+        """What is fixed in a step of size h (s) after a state."""
+        self._state, self._h, self._scheme, self._error = state, h, scheme, None
+        system, t1 = self.system, state.time + h
+        if scheme.at_end:
+            self._factors = np.array([*(time.value(t1) for time in self.couplings.times), 0.0])
+            rate = system.ground_rate(t1)
+        else:
+            self._factors = self.couplings.averages(state.time, t1)
+            rate = np.zeros_like(system.ground(t1))
+        drift = np.zeros((system.rows, 3))
+        if scheme.rates:
+            assert rates0 is not None
+            drift = np.tensordot(np.array(scheme.rates), rates0, 1)
+        self._drift, self._rates0 = np.concatenate([drift, rate]), rates0
+
+    def _begin(self) -> None:
+        scheme, a, h = self._scheme, self._arrays, self._h
+        assert scheme is not None
+        turns = self._state.turns if self.couplings.angles else None
+        y0, t = a.y0.copy(), self._state.time
+        span, when = (1.0, t + h) if scheme.at_end else (h, t + 0.5 * h)
+        self._start = self.couplings.starting(y0, turns, self._factors, span, when)
+
+    def _add_force(self) -> None:
+        assert self._scheme is not None
+        a, rows, v = self._arrays, self.system.rows, self._drift
+        if self._scheme.at_end:
+            v = v.copy()
+            v[:rows] += self._scheme.rate * (a.y1[:rows] - a.y0[:rows])
+        self._found = coupled(self.couplings, self._scheme, self._start, a.mid, a.y1, v)
+        a.internal[:] += self._found.force[:rows]
+
+    def _add_predicted(self) -> None:
+        self._arrays.R_mixed[:] += self._found.force[: self.system.rows]
+
+    def _add_blocks(self) -> None:
+        assert self._scheme is not None
+        arrays = self._arrays
+        out = self.couplings.tangent(self._found, self._scheme.force)
+        if self._reduced:
+            (a, b), (left, right) = self._pairs, self._turned
+            y = arrays.y0 if self._scheme.weight == 0 else arrays.mid
+            out[left] = skew(y[a[left]]) @ out[left]
+            out[right] = out[right] @ -skew(arrays.y1[b[right]])
+        np.add.at(arrays.A.reshape(-1), self._entries, out.ravel())
+
+    def complain(self) -> None:
+        """Raise what could not be raised when compiled code called."""
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
+
+    def turns(self) -> IndexArray | None:
+        """Full turns of angles at the end of the step, as in a state."""
+        end = self._arrays.y1.copy()
+        return self.couplings.turns(self._start, end, self._state.time + self._h)
+
+    def work(self) -> StepWork:
+        """Work of the solved step."""
+        assert self._scheme is not None
+        y0, y1 = self._arrays.y0, self._arrays.y1.copy()
+        if not self._scheme.at_end:
+            done = self.couplings.work(self._start, self._found, y1)
+            return StepWork(
+                done.loads, done.actuators, done.dissipated, done.ground, done.numerical
+            )
+        # the trapezoidal rule
+        assert self._rates0 is not None
+        system, state, rows, t0 = self.system, self._state, self.system.rows, self._state.time
+        factors = np.array([*(time.value(t0) for time in self.couplings.times), 0.0])
+        turns = state.turns if self.couplings.angles else None
+        began = self.couplings.starting(y0.copy(), turns, factors, 1.0, t0)
+        ydot = np.concatenate([self._rates0[0], system.ground_rate(t0)])
+        both = self.couplings.static(began, y0.copy(), ydot), self._found
+        works = [self.couplings.work(at, self._found, y1) for at in (began, self._start)]
+        change = y1 - y0
+        lost = sum(float(r.dissipated.sum()) for force in both for r in force.responses)
+        forces = sum(force.force[rows:] for force in both)
+        return StepWork(
+            0.5 * sum(force.work_of_loads(change) for force in both),
+            0.5 * sum(work.actuators for work in works),
+            0.5 * self._h * lost,
+            0.5 * float((forces * change[rows:]).sum()),
+        )
