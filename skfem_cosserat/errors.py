@@ -244,7 +244,7 @@ class Diverged(CosseratError, RuntimeError):
 
     def __str__(self) -> str:
         text = super().__str__()
-        text = f"{text}; {self.hint}" if self.hint else text
+        text = f"{text}. {self.hint[:1].upper()}{self.hint[1:]}" if self.hint else text
         return f"{text}; warned before: {self.warned}" if self.warned else text
 
 

@@ -87,26 +87,32 @@ def peer(python: Any, steps: int, repeats: int) -> tuple[np.ndarray, float]:
 
 
 def main(repeats: int = 3) -> dict[str, list[dict[str, float]]]:
-    """For both codes, and each number of steps: temporal error of the tip (m), time (s)."""
+    """For both codes, and each number of steps: temporal error of the tip (m), time (s).
+
+    Each line is printed as soon as it is known.
+    """
     calls = {"own": own}
     try:
         python = peer_calls.prepare(peer_calls.ELASTICA)
         calls["PyElastica"] = lambda steps, count: peer(python, steps, count)
-    except peer_calls.Unavailable:
-        pass
+    except peer_calls.Unavailable as reason:
+        print(f"without PyElastica: {reason}", flush=True)
     out: dict[str, list[dict[str, float]]] = {name: [] for name in calls}
-    finest = {name: call(FINEST, 1)[0] for name, call in calls.items()}
+    finest = {}
+    for name, call in calls.items():
+        print(f"{name}: reference of {FINEST} steps, up to two minutes", flush=True)
+        finest[name] = call(FINEST, 1)[0]
     for steps in STEPS:
         for name, call in calls.items():  # one after the other: the same load of the machine
             tip, seconds = call(steps, repeats)
             error = float(np.linalg.norm(tip - finest[name]))
-            out[name].append({"steps": steps, "error": error, "seconds": seconds})
+            row = {"steps": steps, "error": error, "seconds": seconds}
+            print(name, ", ".join(f"{k} {value:.4g}" for k, value in row.items()), flush=True)
+            out[name].append(row)
     return out
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--repeats", type=int, default=3)
-    for code, rows in main(parser.parse_args().repeats).items():
-        for row in rows:
-            print(code, ", ".join(f"{key} {value:.4g}" for key, value in row.items()))
+    main(parser.parse_args().repeats)

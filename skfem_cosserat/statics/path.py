@@ -62,6 +62,10 @@ JUMP = 2.0
 CRITICAL = 1e-5
 #: motion (mean over the nodes, relative to the scene) within which no other branch is looked for
 NEAR = 1e-6
+#: smallest eigenvalue of the stiffness, against that at the start, below which it is nearly lost
+LIMP = 0.05
+#: what to do about limit points
+BEYOND = "follow the path with ArcLength() or DisplacementControl(), which pass limit points"
 #: how often a step is halved to locate the critical points in it
 LOSSES = 6
 
@@ -92,6 +96,7 @@ class Continuation:
     over_rotated: bool = False
     overstretched: bool = False
     _stability: Stability | None = None
+    _first: Stability | None = None
     _rate: Floats | None = None
 
     def run(
@@ -141,6 +146,7 @@ class Continuation:
             solver.neutral = stability.neutral_motions(system, direction)
         # at a critical point the number of unstable motions is one or the other
         self._stability = stability if direction is None else None
+        self._first = self._stability
         tangent = reduced_tangent(system, point.y, amplitudes, at)
         force = system.constraints.jacobian(point.y).T @ tangent.multipliers
         self._record(point, stage.parameter, force, 0.0, effort=self._effort())
@@ -194,8 +200,8 @@ class Continuation:
             shorter = 0.5
             if solution is not None:
                 turn = rotation(self.system, point.y, solution.point.y)
-                jumps = limit is not None and self._jumps(point, solution)
-                if not jumps and (limit is None or turn <= limit):
+                jumps = self._jumps(point, solution)
+                if limit is None or (not jumps and turn <= limit):
                     if isinstance(self.control, ArcLength) and self._crosses(point, solution.point):
                         solution = self._at_end(solution)
                     along = self._stability_along(point, solution)
@@ -213,7 +219,18 @@ class Continuation:
                 raise self._failure(point, report, "the path cannot be continued", residuals)
         solution = self._before_crest(point, solution, along)
         asked = self._accept(point, solution, stage, functional, length, along)
+        if jumps and limit is None and not along.found:
+            self._warn_of_jump(point, solution)
         return solution.point, asked
+
+    def _warn_of_jump(self, point: Point, solution: Solution) -> None:
+        """Say that a step of a size that was given may have left out a limit point."""
+        text = (
+            f"from load factor {point.t:.6g} on the point is much farther away than the tangents at"
+            " both ends lead: the step may have passed a limit point and jumped to another branch;"
+            " take shorter steps, or ArcLength() or DisplacementControl()"
+        )
+        warn("path", text, AccuracyWarning, solution.point.t)
 
     def _solve(self, point: Point, functional: Functional) -> tuple[Solution | None, NewtonReport]:
         """As the solver does it; if it fails, again with the motions that nothing holds.
@@ -433,8 +450,23 @@ class Continuation:
         reason = (
             f"the load factor has a limit point, {t:.9g}: beyond it there is no equilibrium near"
         )
-        advice = "follow the path with ArcLength() or DisplacementControl()"
+        advice = BEYOND
         raise Diverged(t, self.recorder.count, 0.0, reason, advice, at=f"load factor {t:.9g}")
+
+    def _limit_near(self) -> str:
+        """That the stiffness is nearly lost at the last point, as far as it was looked at."""
+        first, last = self._first, self._stability
+        if first is None or last is None or not (first.symmetric and last.symmetric):
+            return ""
+        if last.point is first.point or not first.smallest > first.floor:
+            return ""
+        share = last.smallest / first.smallest
+        if share > LIMP:
+            return ""
+        return (
+            "a limit point is near, as the smallest eigenvalue of the stiffness has fallen to"
+            f" {100 * share:.2g} % of that at the start"
+        )
 
     def _failure(
         self,
@@ -444,13 +476,16 @@ class Continuation:
         residuals: list[list[float]] | None = None,
     ) -> Diverged:
         """Why the path ends, and what to try."""
-        advice = "try ArcLength(), which follows a path through limit points, then a finer mesh"
-        if isinstance(self.control, ArcLength):
+        near = self._limit_near() if isinstance(self.control, LoadControl) else ""
+        advice = f"{BEYOND}, or try a finer mesh"
+        reason = f"{what}: {report.reason}"
+        if near:
+            advice, reason = BEYOND, f"{what}: {near}. Newton's method: {report.reason}"
+        elif isinstance(self.control, ArcLength):
             advice = "try a shorter first step, then a finer mesh"
         elif isinstance(self.control, DisplacementControl) and UNMOVED in report.reason:
             place, way = self.control.place.label, self.control.direction.round(6).tolist()
             advice = f"the loads do not move {place} along {way}: choose what they move"
-        reason = f"{what}: {report.reason}"
         return Diverged(
             point.t,
             max(1, self.recorder.count),

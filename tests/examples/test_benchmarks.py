@@ -242,6 +242,25 @@ def test_versus_peers_tells_what_is_missed(versus_peers, exudyn):
     assert len(versus_peers.missed(result)) == 6
 
 
+def test_the_explicit_pendulum_says_what_it_does_before_it_does_it(monkeypatch, capsys):
+    pendulum = load("explicit_pendulum")
+    seen = []
+
+    def refuse(*arguments):
+        raise pendulum.peer_calls.Unavailable("no wheel")
+
+    def own(steps, repeats):
+        seen.append(capsys.readouterr().out)
+        return np.array([1.0 / steps, 0, 0]), 0.5
+
+    monkeypatch.setattr(pendulum.peer_calls, "prepare", refuse)
+    monkeypatch.setattr(pendulum, "own", own)
+    rows = pendulum.main(1)["own"]
+    assert [row["steps"] for row in rows] == list(pendulum.STEPS)
+    assert "without PyElastica: no wheel" in seen[0] and "own: reference of 128000" in seen[0]
+    assert seen[2].startswith("own steps 4500, error ")  # each line as soon as it is known
+
+
 def test_a_peer_that_cannot_be_installed_counts_as_missed(versus_peers, monkeypatch):
     def refuse(*arguments):
         raise versus_peers.peer_calls.Unavailable("no wheel")

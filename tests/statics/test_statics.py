@@ -428,6 +428,30 @@ def test_controls_agree(treatment):
         assert other["q"][-1] == pytest.approx(path["q"][1], abs=1e-11)
 
 
+def test_a_step_that_jumps_over_a_limit_point_is_told():
+    """Ends of all steps are stable: only the tangents tell. Shorter ones on one branch do not."""
+    model, _ = arch()
+    crest = pushed_down(np.linspace(0, 0.3, 10001)).max()
+    beyond = rf"path, load factor {2 * crest:.6g}: from load factor 0 on .* jumped .*ArcLength"
+    with pytest.warns(sc.AccuracyWarning, match=beyond):
+        path = sc.static(model, control=sc.LoadControl(until=4 * crest, steps=2))
+    assert (path["unstable"] == 0).all() and path["q"][-1, 2] < 0
+    assert [each["item"] for each in path.meta["warnings"]] == ["path"]
+    for steps in (1, 3):
+        assert not sc.static(model, control=sc.LoadControl(0.9 * crest, steps=steps)).meta[
+            "warnings"
+        ]
+
+
+def test_a_path_that_ends_at_a_limit_point_names_it():
+    model, _ = arch()
+    with pytest.raises(sc.Diverged) as caught:
+        sc.static(model, control=sc.LoadControl(until=20.0))
+    text = str(caught.value)
+    assert "a limit point is near, as the smallest eigenvalue of the stiffness has fallen" in text
+    assert "ArcLength() or DisplacementControl()" in text
+
+
 @treatments
 def test_arc_length_comes_back_to_its_first_load_factor(treatment):
     """``until`` at the start: the path ends where it crosses that load again."""
