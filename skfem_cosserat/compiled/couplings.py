@@ -15,7 +15,7 @@ import numpy as np
 from ..model.coordinates import NEAR_ONE, QUADRATURE, TURN_POWERS
 from ..types import Floats, IndexArray
 from .elements import scalar_block
-from .jit import inlined, part
+from .jit import inlined, part, shared
 from .numbers import (
     AMPLITUDE,
     END,
@@ -102,7 +102,7 @@ def over_sine(x: float) -> tuple[float, float]:
     return x / sine, (sine - x * np.cos(x)) / (sine * sine)
 
 
-@inlined
+@shared
 def turn_factors(c: float) -> Three:
     """``phi = theta/sin(theta)`` of the cosine c, phi' and phi''."""
     u = 1 - c
@@ -120,7 +120,7 @@ def turn_factors(c: float) -> Three:
     return phi, first, (phi + 3 * c * first) / square
 
 
-@inlined
+@shared
 def turn_quotient(c0: float, c1: float) -> tuple[float, float]:
     """``(phi_1 - phi_0)/(c_1 - c_0)`` and its derivative by ``c_1``."""
     step = c1 - c0
@@ -137,7 +137,7 @@ def turn_quotient(c0: float, c1: float) -> tuple[float, float]:
     return quotient, (one[1] - quotient) / step
 
 
-@inlined
+@shared
 def value(kind: int, l: int, pi: Floats, p: int, xi: Floats, x: int) -> None:
     """``xi_x`` of ``pi_p``: an angle's principal value."""
     for i in range(l):
@@ -180,7 +180,7 @@ def bordered(l: int, diagonal: float, column: Three, J: Floats, j: int) -> None:
         J[j, l + i, l + 3] = column[i]
 
 
-@inlined
+@shared
 def slope(kind: int, l: int, pi: Floats, p: int, J: Floats, j: int) -> None:
     """``J_j = dxi/dpi`` at ``pi_p``."""
     unit(kind, l, J, j)
@@ -196,7 +196,7 @@ def slope(kind: int, l: int, pi: Floats, p: int, J: Floats, j: int) -> None:
         bordered(l, phi[0], column, J, j)
 
 
-@inlined
+@shared
 def curvature(kind: int, l: int, pi: Floats, p: int, X: Floats) -> None:
     """``X = d^2 xi/dpi^2`` of the last coordinate at ``pi_p``."""
     for i in range(3):
@@ -218,7 +218,7 @@ def curvature(kind: int, l: int, pi: Floats, p: int, X: Floats) -> None:
             X[i, 3, 3] = phi[2] * pi[p, l + i]
 
 
-@inlined
+@shared
 def discrete(kind: int, l: int, P: Floats, xi0: float, xi1: float, J: Floats) -> None:
     """``J_0 = Psi``; xi0, xi1 of a distance or an angle."""
     unit(kind, l, J, 0)
@@ -236,7 +236,7 @@ def discrete(kind: int, l: int, P: Floats, xi0: float, xi1: float, J: Floats) ->
         bordered(l, diagonal, (x, y, f * (P[BEGIN, l + 2] + P[AT_END, l + 2])), J, 0)
 
 
-@inlined
+@shared
 def discrete_slope(kind: int, l: int, P: Floats, xi0: float, xi1: float, X: Floats) -> None:
     """``X = dPsi/dpi_1`` of the last coordinate."""
     for i in range(3):
@@ -287,7 +287,7 @@ def slack_law(k: float, c: float, e: float, e0: float, e1: float, h: float, ends
     return 0.0, 0.0, 0.0
 
 
-@inlined
+@shared
 def slack(laws: Floats, state: Floats, c: int, V: Floats, ends: bool, decay: float) -> Factors:
     """Of a cable: forces in V, and what is dissipated."""
     K, C, h = laws[c, STIFFNESS, 0, 0], laws[c, DAMPING, 0, 0], state[c, STEP]
@@ -307,7 +307,7 @@ def slack(laws: Floats, state: Floats, c: int, V: Floats, ends: bool, decay: flo
     return by_e, 0.0, by_end + 0.5 * decay * taut, taut / h
 
 
-@inlined
+@shared
 def linear(
     laws: Floats, state: Floats, c: int, m: int, V: Floats, ends: bool, decay: float
 ) -> Factors:
@@ -331,7 +331,7 @@ def linear(
     return 1.0, 1.0, 0.0, 0.0
 
 
-@inlined
+@shared
 def respond(
     s: Any, state: Floats, c: int, numbers: Floats, P: Floats, V: Floats, J: Floats
 ) -> Factors:
@@ -381,7 +381,7 @@ def respond(
     return found
 
 
-@inlined
+@shared
 def slopes(
     s: Any,
     state: Floats,
@@ -447,7 +447,7 @@ def slopes(
 # -- forces and tangents ---------------------------------------------------------------------------
 
 
-@inlined
+@shared
 def gradients(s: Any, c: int, y: Floats, G: Floats, j: int, P: Floats, p: int) -> None:
     """``G_j+k = A_k y`` (8, 3), and ``P_p = pi``."""
     places, entries, factors = s.coupling, s.coupling_entry, s.coupling_factor
@@ -469,7 +469,7 @@ def gradients(s: Any, c: int, y: Floats, G: Floats, j: int, P: Floats, p: int) -
         P[p, k] = 0.5 * pi
 
 
-@inlined
+@shared
 def couple_start(s: Any, w: Any, G: Floats, P: Floats, V: Floats) -> None:
     """Invariants and coordinates at the start of the step."""
     places, state = s.coupling, w.coupled
@@ -485,7 +485,7 @@ def couple_start(s: Any, w: Any, G: Floats, P: Floats, V: Floats) -> None:
         state[c, XI0 + l] += 2.0 * np.pi * state[c, TURNS]
 
 
-@inlined
+@shared
 def couple_force(
     s: Any, w: Any, numbers: Floats, flag: int, G: Floats, P: Floats, V: Floats, J: Floats
 ) -> None:
@@ -521,7 +521,7 @@ def couple_force(
                 state[c, GROUND] += dot(f, minus(row(y1, r), row(y0, r)))
 
 
-@inlined
+@shared
 def derivatives(
     s: Any,
     w: Any,
@@ -558,7 +558,7 @@ def derivatives(
     return count
 
 
-@inlined
+@shared
 def put_twist(places: IndexArray, c: int, y: Floats, G: Floats, k: int, F: Floats, j: int) -> None:
     """``F_j`` (12,): ``P_int(y)^T G_k`` of both sides."""
     for side in range(2):
