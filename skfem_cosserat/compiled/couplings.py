@@ -138,116 +138,116 @@ def turn_quotient(c0: float, c1: float) -> tuple[float, float]:
 
 
 @shared
-def value(kind: int, l: int, pi: Floats, p: int, xi: Floats, x: int) -> None:
+def value(kind: int, d: int, pi: Floats, p: int, xi: Floats, x: int) -> None:
     """``xi_x`` of ``pi_p``: an angle's principal value."""
-    for i in range(l):
+    for i in range(d):
         xi[x, i] = pi[p, i]
-    a = pi[p, l]
+    a = pi[p, d]
     if kind == DISTANCE:
-        xi[x, l] = np.sqrt(a)
+        xi[x, d] = np.sqrt(a)
     elif kind == ANGLE:
-        xi[x, l] = np.arctan2(pi[p, l + 1], a)
+        xi[x, d] = np.arctan2(pi[p, d + 1], a)
     elif kind == ROTATION:
-        phi = turn_factors(pi[p, l + 3] - 0.5)[0]
+        phi = turn_factors(pi[p, d + 3] - 0.5)[0]
         for i in range(3):
-            xi[x, l + i] = phi * pi[p, l + i]
+            xi[x, d + i] = phi * pi[p, d + i]
     else:
-        xi[x, l] = a
+        xi[x, d] = a
 
 
 @inlined
-def continued(kind: int, l: int, pi: Floats, p: int, before: float, xi: Floats, x: int) -> None:
+def continued(kind: int, d: int, pi: Floats, p: int, before: float, xi: Floats, x: int) -> None:
     """``xi_x``, an angle by less than half a turn from the value `before`."""
-    value(kind, l, pi, p, xi, x)
+    value(kind, d, pi, p, xi, x)
     if kind == ANGLE:
-        xi[x, l] -= 2.0 * np.pi * np.floor((xi[x, l] - before) / (2.0 * np.pi) + 0.5)
+        xi[x, d] -= 2.0 * np.pi * np.floor((xi[x, d] - before) / (2.0 * np.pi) + 0.5)
 
 
 @inlined
-def unit(kind: int, l: int, J: Floats, j: int) -> None:
+def unit(kind: int, d: int, J: Floats, j: int) -> None:
     """``J_j``, of displacements only."""
     m, k = numbers_of_kind(kind)
-    for i in range(l + m):
-        for n in range(l + k):
+    for i in range(d + m):
+        for n in range(d + k):
             J[j, i, n] = 1.0 if i == n else 0.0
 
 
 @inlined
-def bordered(l: int, diagonal: float, column: Three, J: Floats, j: int) -> None:
+def bordered(d: int, diagonal: float, column: Three, J: Floats, j: int) -> None:
     """``J_j`` of a rotation vector: ``[diagonal I, column]``."""
     for i in range(3):
-        J[j, l + i, l + i] = diagonal
-        J[j, l + i, l + 3] = column[i]
+        J[j, d + i, d + i] = diagonal
+        J[j, d + i, d + 3] = column[i]
 
 
 @shared
-def slope(kind: int, l: int, pi: Floats, p: int, J: Floats, j: int) -> None:
+def slope(kind: int, d: int, pi: Floats, p: int, J: Floats, j: int) -> None:
     """``J_j = dxi/dpi`` at ``pi_p``."""
-    unit(kind, l, J, j)
-    a = pi[p, l]
+    unit(kind, d, J, j)
+    a = pi[p, d]
     if kind == DISTANCE:
-        J[j, l, l] = 0.5 / np.sqrt(a)
+        J[j, d, d] = 0.5 / np.sqrt(a)
     elif kind == ANGLE:
-        b = pi[p, l + 1]
-        J[j, l, l], J[j, l, l + 1] = -b / (a * a + b * b), a / (a * a + b * b)
+        b = pi[p, d + 1]
+        J[j, d, d], J[j, d, d + 1] = -b / (a * a + b * b), a / (a * a + b * b)
     elif kind == ROTATION:
-        phi = turn_factors(pi[p, l + 3] - 0.5)
-        column = phi[1] * a, phi[1] * pi[p, l + 1], phi[1] * pi[p, l + 2]
-        bordered(l, phi[0], column, J, j)
+        phi = turn_factors(pi[p, d + 3] - 0.5)
+        column = phi[1] * a, phi[1] * pi[p, d + 1], phi[1] * pi[p, d + 2]
+        bordered(d, phi[0], column, J, j)
 
 
 @shared
-def curvature(kind: int, l: int, pi: Floats, p: int, X: Floats) -> None:
+def curvature(kind: int, d: int, pi: Floats, p: int, X: Floats) -> None:
     """``X = d^2 xi/dpi^2`` of the last coordinate at ``pi_p``."""
     for i in range(3):
         for n in range(4):
             for o in range(4):
                 X[i, n, o] = 0.0
-    a = pi[p, l]
+    a = pi[p, d]
     if kind == DISTANCE:
         X[0, 0, 0] = -0.25 / (a * np.sqrt(a))
     elif kind == ANGLE:
-        b = pi[p, l + 1]
+        b = pi[p, d + 1]
         fourth = (a * a + b * b) ** 2
         X[0, 0, 0], X[0, 1, 1] = 2 * a * b / fourth, -2 * a * b / fourth
         X[0, 0, 1] = X[0, 1, 0] = (b * b - a * a) / fourth
     elif kind == ROTATION:
-        phi = turn_factors(pi[p, l + 3] - 0.5)
+        phi = turn_factors(pi[p, d + 3] - 0.5)
         for i in range(3):
             X[i, i, 3] = X[i, 3, i] = phi[1]
-            X[i, 3, 3] = phi[2] * pi[p, l + i]
+            X[i, 3, 3] = phi[2] * pi[p, d + i]
 
 
 @shared
-def discrete(kind: int, l: int, P: Floats, xi0: float, xi1: float, J: Floats) -> None:
+def discrete(kind: int, d: int, P: Floats, xi0: float, xi1: float, J: Floats) -> None:
     """``J_0 = Psi``; xi0, xi1 of a distance or an angle."""
-    unit(kind, l, J, 0)
+    unit(kind, d, J, 0)
     if kind == DISTANCE:
-        J[0, l, l] = 1.0 / (xi0 + xi1)
+        J[0, d, d] = 1.0 / (xi0 + xi1)
     elif kind == ANGLE:
         mean = 0.5 * (xi0 + xi1)
         factor = over_sine(0.5 * (xi1 - xi0))[0]
-        J[0, l, l], J[0, l, l + 1] = -factor * np.sin(mean), factor * np.cos(mean)
+        J[0, d, d], J[0, d, d + 1] = -factor * np.sin(mean), factor * np.cos(mean)
     elif kind == ROTATION:
-        c0, c1 = P[BEGIN, l + 3] - 0.5, P[AT_END, l + 3] - 0.5
+        c0, c1 = P[BEGIN, d + 3] - 0.5, P[AT_END, d + 3] - 0.5
         f = 0.5 * turn_quotient(c0, c1)[0]
         diagonal = 0.5 * (turn_factors(c0)[0] + turn_factors(c1)[0])
-        x, y = f * (P[BEGIN, l] + P[AT_END, l]), f * (P[BEGIN, l + 1] + P[AT_END, l + 1])
-        bordered(l, diagonal, (x, y, f * (P[BEGIN, l + 2] + P[AT_END, l + 2])), J, 0)
+        x, y = f * (P[BEGIN, d] + P[AT_END, d]), f * (P[BEGIN, d + 1] + P[AT_END, d + 1])
+        bordered(d, diagonal, (x, y, f * (P[BEGIN, d + 2] + P[AT_END, d + 2])), J, 0)
 
 
 @shared
-def discrete_slope(kind: int, l: int, P: Floats, xi0: float, xi1: float, X: Floats) -> None:
+def discrete_slope(kind: int, d: int, P: Floats, xi0: float, xi1: float, X: Floats) -> None:
     """``X = dPsi/dpi_1`` of the last coordinate."""
     for i in range(3):
         for n in range(4):
             for o in range(4):
                 X[i, n, o] = 0.0
-    a = P[AT_END, l]
+    a = P[AT_END, d]
     if kind == DISTANCE:
         X[0, 0, 0] = -0.5 / (xi1 * (xi0 + xi1) ** 2)
     elif kind == ANGLE:
-        b = P[AT_END, l + 1]
+        b = P[AT_END, d + 1]
         mean = 0.5 * (xi0 + xi1)
         factor, rate = over_sine(0.5 * (xi1 - xi0))
         s, c = np.sin(mean), np.cos(mean)
@@ -255,12 +255,12 @@ def discrete_slope(kind: int, l: int, P: Floats, xi0: float, xi1: float, X: Floa
         X[0, 0, 0], X[0, 1, 0] = -b * one / (a * a + b * b), -b * two / (a * a + b * b)
         X[0, 0, 1], X[0, 1, 1] = a * one / (a * a + b * b), a * two / (a * a + b * b)
     elif kind == ROTATION:
-        c0, c1 = P[BEGIN, l + 3] - 0.5, P[AT_END, l + 3] - 0.5
+        c0, c1 = P[BEGIN, d + 3] - 0.5, P[AT_END, d + 3] - 0.5
         quotient, rate = turn_quotient(c0, c1)
         first = turn_factors(c1)[1]
         for i in range(3):
             X[i, i, 3], X[i, 3, i] = 0.5 * first, 0.5 * quotient
-            X[i, 3, 3] = 0.5 * rate * (P[BEGIN, l + i] + P[AT_END, l + i])
+            X[i, 3, 3] = 0.5 * rate * (P[BEGIN, d + i] + P[AT_END, d + i])
 
 
 # -- laws ------------------------------------------------------------------------------------------
@@ -340,22 +340,22 @@ def respond(
     ``J_0`` is what makes s of sigma.
     """
     places, laws = s.coupling, s.coupling_law
-    kind, l = places[c, KIND], places[c, LEADING]
+    kind, d = places[c, KIND], places[c, LEADING]
     m, k = numbers_of_kind(kind)
-    m, k = l + m, l + k
-    last = state[c, XI0 + l]
+    m, k = d + m, d + k
+    last = state[c, XI0 + d]
     ends, decay = numbers[START] != 0.0, 0.0
     for n in range(k):
         P[BEGIN, n] = state[c, PI0 + n]
-    continued(kind, l, P, AT_END, last, V, XI1)
+    continued(kind, d, P, AT_END, last, V, XI1)
     if ends:
         decay = numbers[END] - numbers[START]
-        discrete(kind, l, P, last, V[XI1, l], J)
+        discrete(kind, d, P, last, V[XI1, d], J)
         for i in range(m):
             V[CHANGE, i] = V[XI1, i] - state[c, XI0 + i]
     else:
-        continued(kind, l, P, AT_MID, last, V, XI)
-        slope(kind, l, P, AT_MID, J, 0)
+        continued(kind, d, P, AT_MID, last, V, XI)
+        slope(kind, d, P, AT_MID, J, 0)
         for i in range(m):
             V[CHANGE, i] = 0.0
             for n in range(k):
@@ -373,10 +373,10 @@ def respond(
         state[c, TRAVEL + i] = V[CHANGE, i]
     state[c, TURNED] = 0.0
     if kind == ANGLE:
-        whole = V[XI1, l] - np.arctan2(P[AT_END, l + 1], P[AT_END, l])
+        whole = V[XI1, d] - np.arctan2(P[AT_END, d + 1], P[AT_END, d])
         state[c, TURNED] = whole / (2.0 * np.pi)
     elif kind == ROTATION:
-        for i in range(l, l + 3):
+        for i in range(d, d + 3):
             state[c, TURNED] = max(state[c, TURNED], abs(V[XI1, i] - state[c, XI0 + i]))
     return found
 
@@ -399,16 +399,16 @@ def slopes(
     After :func:`respond`; ``J_1``, ``J_2`` and X are scratch.
     """
     laws, h = s.coupling_law, state[c, STEP]
-    kind, l = s.coupling[c, KIND], s.coupling[c, LEADING]
+    kind, d = s.coupling[c, KIND], s.coupling[c, LEADING]
     own, last = numbers_of_kind(kind)
-    m, k = l + own, l + last
+    m, k = d + own, d + last
     at = AT_MID
     if ends:
         at = AT_END
-        discrete_slope(kind, l, P, state[c, XI0 + l], V[XI1, l], X)
+        discrete_slope(kind, d, P, state[c, XI0 + d], V[XI1, d], X)
     else:
-        curvature(kind, l, P, AT_MID, X)
-    slope(kind, l, P, AT_END, J, 1)
+        curvature(kind, d, P, AT_MID, X)
+    slope(kind, d, P, AT_END, J, 1)
     # J_2: derivatives of the force by invariants at the midpoint, then at the end
     for where in range(2):
         for i in range(m):
@@ -421,12 +421,12 @@ def slopes(
                     K, C = found[BY_E] * K, found[BY_RATE] * C
                     for n in range(k):
                         J[2, i, n] += K * J[0, o, n]
-                    if o >= l:
+                    if o >= d:
                         for n in range(last):
                             rate = 0.0
                             for a in range(last):
-                                rate += X[o - l, n, a] * (P[AT_END, l + a] - P[BEGIN, l + a])
-                            J[2, i, l + n] += C * rate / h
+                                rate += X[o - d, n, a] * (P[AT_END, d + a] - P[BEGIN, d + a])
+                            J[2, i, d + n] += C * rate / h
                 else:
                     by_end = found[BY_END] * K + found[DAMPED_END] * C
                     by_mid = found[BY_RATE] * C / h
@@ -441,7 +441,7 @@ def slopes(
             for i in range(own):
                 for a in range(last):
                     for n in range(last):
-                        H[where, l + a, l + n] += V[SIGMA, l + i] * X[i, a, n]
+                        H[where, d + a, d + n] += V[SIGMA, d + i] * X[i, a, n]
 
 
 # -- forces and tangents ---------------------------------------------------------------------------
@@ -474,15 +474,15 @@ def couple_start(s: Any, w: Any, G: Floats, P: Floats, V: Floats) -> None:
     """Invariants and coordinates at the start of the step."""
     places, state = s.coupling, w.coupled
     for c in range(len(places)):
-        kind, l = places[c, KIND], places[c, LEADING]
+        kind, d = places[c, KIND], places[c, LEADING]
         m, k = numbers_of_kind(kind)
         gradients(s, c, w.y0, G, 0, P, BEGIN)
-        value(kind, l, P, BEGIN, V, XI)
-        for n in range(l + k):
+        value(kind, d, P, BEGIN, V, XI)
+        for n in range(d + k):
             state[c, PI0 + n] = P[BEGIN, n]
-        for i in range(l + m):
+        for i in range(d + m):
             state[c, XI0 + i] = V[XI, i]
-        state[c, XI0 + l] += 2.0 * np.pi * state[c, TURNS]
+        state[c, XI0 + d] += 2.0 * np.pi * state[c, TURNS]
 
 
 @shared

@@ -317,7 +317,9 @@ def numbers_of(scheme: Scheme) -> dict[str, float]:
 
     What a scheme with rates takes off the balance is made in Python, in place of the momentum.
     """
-    low, high = (0.5 * (1 - scheme.decay), 0.5 * (1 + scheme.decay)) if scheme.ends else (0.0, 1.0)
+    low, high = 0.0, 1.0  # kernels take a start of 0 for the midpoint configuration
+    if scheme.ends:
+        low, high = max(0.5 * (1 - scheme.decay), 1e-300), 0.5 * (1 + scheme.decay)
     return {
         "mass": scheme.mass,
         "momentum": 1.0 if scheme.before else scheme.momentum,
