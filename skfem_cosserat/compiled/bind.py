@@ -18,11 +18,30 @@ from ..model.tree import ConstrainedElement, Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..types import Floats, IndexArray
 from . import blocks, constraints, couplings, elements, kkt, loads, loops, nodes, structures, tree
-from .couplings import ANGLE, DISPLACEMENT, DISTANCE, KIND, ROW, SIDE, SLACK, SLOT
+from .couplings import (
+    ANGLE,
+    DAMPING,
+    DISPLACEMENT,
+    DISTANCE,
+    FIRST,
+    KIND,
+    LAST,
+    LEADING,
+    MOST_XI,
+    NEUTRAL,
+    ROTATION,
+    ROW,
+    ROWS,
+    SIDE,
+    SLACK,
+    SLOT,
+    STIFFNESS,
+)
 from .jit import address
 from .numbers import BEAM_PARTS, COUPLED, TREE_PARTS
 from .plan import Plan, following
-from .tree import AXIS, ROTATION, SLIDE, SPHERE, STRETCH
+from .tree import AXIS, SLIDE, SPHERE, STRETCH
+from .tree import ROTATION as TURN
 from .warm import cold, helped
 
 __all__ = [
@@ -50,30 +69,45 @@ __all__ = [
 
 # -- from force elements to the arrays of the compiled kernels -------------------------------------
 
-COUPLING_KINDS = {"displacement": DISPLACEMENT, "distance": DISTANCE, "angle": ANGLE}
+COUPLING_KINDS = {
+    "displacement": DISPLACEMENT,
+    "distance": DISTANCE,
+    "angle": ANGLE,
+    "rotation": ROTATION,
+}
 
 
 def bound_couplings(system: System, plan: Plan) -> dict[str, Any]:
-    """Force elements on one scalar coordinate each; see :mod:`.couplings`.
-
-    Others (with statics, which take none) are left out: see ``refusal``.
-    """
+    """Force elements; see :mod:`.couplings`."""
     items = system.couplings.items
-    count = len(items)
-    places = np.zeros((count, ROW + 2 * SIDE), dtype=np.int64)
-    laws, forms = np.zeros((count, 3)), np.zeros((count, 2, 2 * SIDE, 2 * SIDE))
+    places = np.zeros((len(items), ROW + ROWS), dtype=np.int64)
+    laws = np.zeros((len(items), 3, MOST_XI, MOST_XI))
+    entries, factors = [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0)]
     reference = system.extend(system.q0, 0.0)
     for c, item in enumerate(items):
-        coordinate = item.coordinates[0]
-        if coordinate.kind not in COUPLING_KINDS:
-            continue
-        invariants = Invariants([coordinate.forms], system.row_of)
+        kinds = [coordinate.kind for coordinate in item.coordinates]
+        assert set(kinds[:-1]) <= {"displacement"}, item.label
+        own = [form for coordinate in item.coordinates for form in coordinate.forms]
+        invariants = Invariants([tuple(own)], system.row_of)
         vertices = _place(system, plan, item, invariants.rows[0], places[c])
-        _fill(system, invariants, vertices, forms[c])
-        places[c, KIND], places[c, SLACK] = COUPLING_KINDS[coordinate.kind], item.slack
-        origin = invariants.values(reference)[0, 0] if coordinate.kind == "displacement" else 0.0
-        laws[c] = item.stiffness[0, 0], item.damping[0, 0], item.neutral[0] + origin
-    return {"coupling": places, "coupling_law": laws, "coupling_forms": forms}
+        forms = _forms(system, invariants, vertices)
+        places[c, KIND], places[c, SLACK] = COUPLING_KINDS[kinds[-1]], item.slack
+        places[c, LEADING], places[c, FIRST] = len(kinds) - 1, sum(map(len, factors))
+        entries.append(np.argwhere(forms))
+        factors.append(forms[forms != 0])
+        places[c, LAST] = places[c, FIRST] + len(factors[-1])
+        origin, values = np.zeros(item.size), invariants.values(reference)[0]
+        shifts = [k for k, kind in enumerate(kinds) if kind == "displacement"]
+        origin[shifts] = values[shifts]
+        m = slice(item.size)
+        laws[c, STIFFNESS, m, m], laws[c, DAMPING, m, m] = item.stiffness, item.damping
+        laws[c, NEUTRAL, 0, m] = item.neutral + origin
+    return {
+        "coupling": places,
+        "coupling_law": laws,
+        "coupling_entry": np.concatenate(entries),
+        "coupling_factor": np.concatenate(factors),
+    }
 
 
 def _vertices(system: System, rows: IndexArray) -> IndexArray:
@@ -100,14 +134,15 @@ def _place(
     return vertices
 
 
-def _fill(system: System, invariants: Invariants, vertices: list[int], out: Floats) -> None:
-    """Matrices of the invariants by the rows of both sides."""
+def _forms(system: System, invariants: Invariants, vertices: list[int]) -> Floats:
+    """Matrices (k, 8, 8) of the invariants by the rows of both sides."""
     rows = invariants.rows[0][invariants.real[0]]
     owner = _vertices(system, rows)
     side = np.array([vertices.index(v) for v in owner])
     local = SIDE * side + rows - np.asarray(system.vertex_rows)[owner]
-    for k, A in enumerate(invariants.A[0][:, : len(rows), : len(rows)]):
-        out[k][np.ix_(local, local)] = A
+    out = np.zeros((invariants.A.shape[1], ROWS, ROWS))
+    out[:, local[:, None], local] = invariants.A[0][:, : len(rows), : len(rows)]
+    return out
 
 
 # -- from the elements of the tree whose lines follow from directors to arrays ---------------------
@@ -154,7 +189,7 @@ _PLANNED = (
     "update",
     "parent_at",
 )
-KINDS = {"rotation": ROTATION, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE, "stretch": STRETCH}
+KINDS = {"rotation": TURN, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE, "stretch": STRETCH}
 
 
 def parts_of(system: System, weight: float, ends: bool, static: bool = False) -> list[str]:

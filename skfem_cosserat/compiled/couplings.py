@@ -1,4 +1,10 @@
-"""Springs, dampers and actuators in kernels."""
+"""Springs, dampers, cables, bushings and actuators in kernels.
+
+As in :mod:`skfem_cosserat.model.force_elements`: the force of an element on its rows of y is
+``sum_k s_k A_k y`` at the midpoint, with its invariants ``pi_k = y . A_k y / 2`` of at most two
+vertices, four rows each. Its coordinates are displacements, then one that may be of another kind;
+see :mod:`skfem_cosserat.model.coordinates`.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +12,21 @@ from typing import Any
 
 import numpy as np
 
+from ..model.coordinates import NEAR_ONE, QUADRATURE, TURN_POWERS
 from ..types import Floats, IndexArray
 from .elements import scalar_block
-from .jit import inlined, part
+from .jit import inlined, part, shared
 from .numbers import (
     AMPLITUDE,
-    AT_END,
-    AT_MID,
+    END,
     ENDS,
     FORCE,
     GROUND,
     LOST,
+    NUMERICAL,
     PI0,
     SHARE,
+    START,
     STEP,
     TRAVEL,
     TURNED,
@@ -27,86 +35,64 @@ from .numbers import (
     XI0,
     S,
 )
-from .small import Vector, cross, dot, increase, minus, plus, put, row, times
+from .small import cross, dot, increase, minus, row
 
 __all__ = [
     "ANGLE",
     "DISPLACEMENT",
     "DISTANCE",
+    "FIRST",
     "KIND",
+    "LAST",
+    "LEADING",
+    "MOST_PI",
+    "MOST_XI",
+    "ROTATION",
     "ROW",
+    "ROWS",
     "SIDE",
     "SLACK",
     "SLOT",
-    "continued",
     "couple",
     "couple_force",
-    "gradients",
-    "respond",
-    "right_side",
-    "value",
+    "derivatives",
 ]
 
-
-# --------------------------------------------------------------------------------------------------
-# Compiled coordinates and laws of force elements, as in :mod:`skfem_cosserat.model.coordinates`.
-#
-# A coordinate xi is a function of two invariants, of which displacements and distances use one. For
-# all of them the discrete derivative Psi depends on the end of a step through xi_1 only.
-
-DISPLACEMENT, DISTANCE, ANGLE = range(3)
-#: columns of ``s.coupling_law``
+#: kinds of the last coordinate
+DISPLACEMENT, DISTANCE, ANGLE, ROTATION = range(4)
+#: most components and invariants of an element
+MOST_XI, MOST_PI = 6, 7
+#: rows of a side
+SIDE = 4
+ROWS = 2 * SIDE
+#: columns of ``s.coupling``: kind of the last coordinate, number of displacements before it,
+#: whether the element is slack under pressure, first and last of its entries, slots of the sides
+#: (a, a), (a, b), (b, a), (b, b), -1 where one is ground, and rows of y. An entry is the number of
+#: an invariant, a row and a column of its matrix
+KIND, LEADING, SLACK, FIRST, LAST, SLOT, ROW = 0, 1, 2, 3, 4, 5, 9
+#: ``s.coupling_law``: matrices, and the row of the neutral coordinates
 STIFFNESS, DAMPING, NEUTRAL = range(3)
+
+
+# -- coordinates xi of invariants pi ---------------------------------------------------------------
+
+#: rows of invariants P: at the midpoint, at the end and at the start of a step
+AT_MID, AT_END, BEGIN = range(3)
 #: below, x/sin(x) is a series
 SMALL = 0.1
-#: force by the coordinate, by its rate, by its end in a step
-Force = tuple[float, float, float, float, float]
-Two = tuple[float, float]
+Three = tuple[float, float, float]
 
 
 @inlined
-def value(kind: int, a: float, b: float) -> float:
-    """``xi``, the principal value of an angle."""
-    if kind == DISTANCE:
-        return np.sqrt(a)
-    if kind == ANGLE:
-        return np.arctan2(b, a)
-    return a
+def numbers_of_kind(kind: int) -> tuple[int, int]:
+    """Components and invariants of a coordinate."""
+    if kind == ROTATION:
+        return 3, 4
+    return 1, 2 if kind == ANGLE else 1
 
 
 @inlined
-def continued(kind: int, a: float, b: float, before: float) -> float:
-    """``xi``, an angle by less than half a turn from the value `before`."""
-    xi = value(kind, a, b)
-    if kind == ANGLE:
-        xi -= 2.0 * np.pi * np.floor((xi - before) / (2.0 * np.pi) + 0.5)
-    return xi
-
-
-@inlined
-def slope(kind: int, a: float, b: float) -> Two:
-    """``dxi/dpi``."""
-    if kind == DISTANCE:
-        return 0.5 / np.sqrt(a), 0.0
-    if kind == ANGLE:
-        square = a * a + b * b
-        return -b / square, a / square
-    return 1.0, 0.0
-
-
-@inlined
-def curvature(kind: int, a: float, b: float) -> tuple[float, float, float]:
-    """``d^2 xi/dpi^2``: (1, 1), (1, 2), (2, 2)."""
-    if kind == DISTANCE:
-        return -0.25 / (a * np.sqrt(a)), 0.0, 0.0
-    if kind == ANGLE:
-        fourth = (a * a + b * b) ** 2
-        return 2 * a * b / fourth, (b * b - a * a) / fourth, -2 * a * b / fourth
-    return 0.0, 0.0, 0.0
-
-
-@inlined
-def over_sine(x: float) -> Two:
+def over_sine(x: float) -> tuple[float, float]:
     """``x/sin(x)`` and its derivative."""
     if abs(x) < SMALL:
         u = x * x
@@ -117,208 +103,474 @@ def over_sine(x: float) -> Two:
     return x / sine, (sine - x * np.cos(x)) / (sine * sine)
 
 
-@inlined
-def discrete_slope(kind: int, before: float, xi: float) -> tuple[Two, Two]:
-    """``Psi`` and its derivative by the end xi of a step."""
+@shared
+def turn_factors(c: float) -> Three:
+    """``phi = theta/sin(theta)`` of the cosine c, phi' and phi''."""
+    u = 1 - c
+    if abs(u) < NEAR_ONE:
+        phi, first, second = 0.0, 0.0, 0.0
+        for n in range(len(TURN_POWERS) - 1, -1, -1):
+            phi = phi * u + TURN_POWERS[n, 0]
+            first = first * u + TURN_POWERS[n, 1]
+            second = second * u + TURN_POWERS[n, 2]
+        return phi, first, second
+    square = 1 - c * c
+    sine = np.sqrt(square)  # NaN below -1, so that Newton's method steps back
+    phi = np.arctan2(sine, c) / sine
+    first = (c * phi - 1) / square
+    return phi, first, (phi + 3 * c * first) / square
+
+
+@shared
+def turn_quotient(c0: float, c1: float) -> tuple[float, float]:
+    """``(phi_1 - phi_0)/(c_1 - c_0)`` and its derivative by ``c_1``."""
+    step = c1 - c0
+    if abs(step) < 0.05 * (1 + min(c0, c1)):
+        mean, rate = 0.0, 0.0
+        for n in range(len(QUADRATURE)):
+            share, weight = QUADRATURE[n, 0], QUADRATURE[n, 1]
+            inside = turn_factors(c0 + share * step)
+            mean += weight * inside[1]
+            rate += weight * share * inside[2]
+        return mean, rate
+    one = turn_factors(c1)
+    quotient = (one[0] - turn_factors(c0)[0]) / step
+    return quotient, (one[1] - quotient) / step
+
+
+@shared
+def value(kind: int, d: int, pi: Floats, p: int, xi: Floats, x: int) -> None:
+    """``xi_x`` of ``pi_p``: an angle's principal value."""
+    for i in range(d):
+        xi[x, i] = pi[p, i]
+    a = pi[p, d]
     if kind == DISTANCE:
-        f = 1.0 / (before + xi)
-        return (f, 0.0), (-f * f, 0.0)
-    if kind == ANGLE:
-        mean = 0.5 * (before + xi)
-        factor, rate = over_sine(0.5 * (xi - before))
-        s, c = np.sin(mean), np.cos(mean)
-        by = 0.5 * (-rate * s - factor * c), 0.5 * (rate * c - factor * s)
-        return (-factor * s, factor * c), by
-    return (1.0, 0.0), (0.0, 0.0)
-
-
-@inlined
-def discrete_law(slack: bool, k: float, c: float, e0: float, e1: float, h: float) -> Force:
-    """Force, its derivatives (by e_1 only), and what is dissipated."""
-    change = e1 - e0
-    if not slack:
-        sigma = 0.5 * k * (e0 + e1) + c * change / h
-        return sigma, 0.0, 0.0, 0.5 * k + c / h, c * change * change / h
-    up0, up1 = max(e0, 0.0), max(e1, 0.0)
-    quotient, by = 0.0, 0.0
-    if e0 > 0.0 and e1 > 0.0:
-        quotient, by = 0.5 * (up0 + up1), 0.5
-    elif e0 > 0.0 or e1 > 0.0:
-        quotient = 0.5 * (up1 * up1 - up0 * up0) / change
-        by = (up1 - quotient) / change
-    spring = k * quotient
-    sigma = spring + c * (up1 - up0) / h
-    if not sigma > 0.0:
-        return 0.0, 0.0, 0.0, 0.0, -spring * change
-    by = k * by + (c / h if e1 > 0.0 else 0.0)
-    return sigma, 0.0, 0.0, by, (sigma - spring) * change
-
-
-@inlined
-def midpoint_law(
-    slack: bool, k: float, c: float, e: float, rate: float, e0: float, e1: float, h: float
-) -> Force:
-    """Force at the midpoint's e, its derivatives by e, `rate` and e_1, what is dissipated."""
-    if not slack:
-        return k * e + c * rate, k, c, 0.0, h * c * rate * rate
-    spring = k * max(e, 0.0)
-    sigma = spring + c * (max(e1, 0.0) - max(e0, 0.0)) / h
-    if not sigma > 0.0:
-        return 0.0, 0.0, 0.0, 0.0, -h * spring * rate
-    by, by_end = k if e > 0.0 else 0.0, c / h if e1 > 0.0 else 0.0
-    return sigma, by, 0.0, by_end, h * (sigma - spring) * rate
-
-
-@inlined
-def respond(
-    kind: int,
-    slack: bool,
-    discrete: bool,
-    laws: Floats,
-    state: Floats,
-    i: int,
-    a: float,
-    b: float,
-    a1: float,
-    b1: float,
-) -> None:
-    """Forces s, their slopes, and what they do, in ``state_i``; (a, b) at the midpoint, then y_1.
-
-    `discrete`: that conserve energy; else those of the midpoint configuration.
-    """
-    k, c, neutral = laws[i, STIFFNESS], laws[i, DAMPING], laws[i, NEUTRAL]
-    h, xi0 = state[i, STEP], state[i, XI0]
-    xi1 = continued(kind, a1, b1, xi0)
-    e0, e1, end = xi0 - neutral, xi1 - neutral, slope(kind, a1, b1)
-    if discrete:
-        J, q = discrete_slope(kind, xi0, xi1)
-        travel = xi1 - xi0
-        found = discrete_law(slack, k, c, e0, e1, h)
-        sigma = found[0] - state[i, AMPLITUDE]
-        for n in range(2):
-            for o in range(2):
-                state[i, AT_MID + 2 * n + o] = 0.0
-                state[i, AT_END + 2 * n + o] = (J[n] * found[3] + sigma * q[n]) * end[o]
-    else:
-        J, X = slope(kind, a, b), curvature(kind, a, b)
-        da, db = a1 - state[i, PI0], b1 - state[i, PI0 + 1]
-        travel = J[0] * da + J[1] * db
-        e = continued(kind, a, b, xi0) - neutral
-        found = midpoint_law(slack, k, c, e, travel / h, e0, e1, h)
-        sigma = found[0] - state[i, AMPLITUDE]
-        rate = (X[0] * da + X[1] * db) / h, (X[1] * da + X[2] * db) / h
-        for n in range(2):
-            for o in range(2):
-                by = found[1] * J[o] + found[2] * rate[o]
-                state[i, AT_MID + 2 * n + o] = J[n] * by + sigma * X[n + o]
-                state[i, AT_END + 2 * n + o] = J[n] * (found[2] * J[o] / h + found[3] * end[o])
-    state[i, S], state[i, S + 1] = sigma * J[0], sigma * J[1]
-    state[i, TRAVEL], state[i, LOST] = travel, found[4]
-    state[i, TURNED] = (xi1 - value(kind, a1, b1)) / (2.0 * np.pi)
-
-
-# -- compiled springs, dampers, cables and actuators on one scalar coordinate each -----------------
-#
-# As in :mod:`skfem_cosserat.model.force_elements`: invariants ``pi_k = y . A_k y / 2`` of at most
-# two vertices, four rows each; the force on their rows is ``sum_k s_k A_k y_mid``. Coordinates are
-# displacements, distances and angles. The laws above give s and its slopes.
-
-#: columns of ``s.coupling``: kind, whether it is slack under pressure, slots of the sides (a, a),
-#: (a, b), (b, a), (b, b), -1 where one is ground, and rows of y
-KIND, SLACK, SLOT, ROW = 0, 1, 2, 6
-#: rows of a side
-SIDE = 4
-ROWS = 2 * SIDE
-ZERO = (0.0, 0.0, 0.0)
-
-
-@inlined
-def gradients(
-    forms: Floats, places: IndexArray, c: int, k: int, y: Floats, G: Floats, j: int
-) -> float:
-    """``G_j = A_k y`` (8, 3); gives pi_k."""
-    pi = 0.0
-    for a in range(ROWS):
-        u = ZERO
-        for b in range(ROWS):
-            f = forms[c, k, a, b]
-            if f != 0.0:
-                u = plus(u, times(f, row(y, places[c, ROW + b])))
+        xi[x, d] = np.sqrt(a)
+    elif kind == ANGLE:
+        xi[x, d] = np.arctan2(pi[p, d + 1], a)
+    elif kind == ROTATION:
+        phi = turn_factors(pi[p, d + 3] - 0.5)[0]
         for i in range(3):
-            G[j, a, i] = u[i]
-        pi += 0.5 * dot(u, row(y, places[c, ROW + a]))
-    return pi
+            xi[x, d + i] = phi * pi[p, d + i]
+    else:
+        xi[x, d] = a
 
 
 @inlined
-def couple_start(s: Any, w: Any, G: Floats) -> None:
-    """Invariants and coordinates at the start of the step; G (1, 8, 3) or more is scratch."""
-    y0, places, forms, state = w.y0, s.coupling, s.coupling_forms, w.coupled
+def continued(kind: int, d: int, pi: Floats, p: int, before: float, xi: Floats, x: int) -> None:
+    """``xi_x``, an angle by less than half a turn from the value `before`."""
+    value(kind, d, pi, p, xi, x)
+    if kind == ANGLE:
+        xi[x, d] -= 2.0 * np.pi * np.floor((xi[x, d] - before) / (2.0 * np.pi) + 0.5)
+
+
+@inlined
+def unit(kind: int, d: int, J: Floats, j: int) -> None:
+    """``J_j``, of displacements only."""
+    m, k = numbers_of_kind(kind)
+    for i in range(d + m):
+        for n in range(d + k):
+            J[j, i, n] = 1.0 if i == n else 0.0
+
+
+@inlined
+def bordered(d: int, diagonal: float, column: Three, J: Floats, j: int) -> None:
+    """``J_j`` of a rotation vector: ``[diagonal I, column]``."""
+    for i in range(3):
+        J[j, d + i, d + i] = diagonal
+        J[j, d + i, d + 3] = column[i]
+
+
+@shared
+def slope(kind: int, d: int, pi: Floats, p: int, J: Floats, j: int) -> None:
+    """``J_j = dxi/dpi`` at ``pi_p``."""
+    unit(kind, d, J, j)
+    a = pi[p, d]
+    if kind == DISTANCE:
+        J[j, d, d] = 0.5 / np.sqrt(a)
+    elif kind == ANGLE:
+        b = pi[p, d + 1]
+        J[j, d, d], J[j, d, d + 1] = -b / (a * a + b * b), a / (a * a + b * b)
+    elif kind == ROTATION:
+        phi = turn_factors(pi[p, d + 3] - 0.5)
+        column = phi[1] * a, phi[1] * pi[p, d + 1], phi[1] * pi[p, d + 2]
+        bordered(d, phi[0], column, J, j)
+
+
+@shared
+def curvature(kind: int, d: int, pi: Floats, p: int, X: Floats) -> None:
+    """``X = d^2 xi/dpi^2`` of the last coordinate at ``pi_p``."""
+    for i in range(3):
+        for n in range(4):
+            for o in range(4):
+                X[i, n, o] = 0.0
+    a = pi[p, d]
+    if kind == DISTANCE:
+        X[0, 0, 0] = -0.25 / (a * np.sqrt(a))
+    elif kind == ANGLE:
+        b = pi[p, d + 1]
+        fourth = (a * a + b * b) ** 2
+        X[0, 0, 0], X[0, 1, 1] = 2 * a * b / fourth, -2 * a * b / fourth
+        X[0, 0, 1] = X[0, 1, 0] = (b * b - a * a) / fourth
+    elif kind == ROTATION:
+        phi = turn_factors(pi[p, d + 3] - 0.5)
+        for i in range(3):
+            X[i, i, 3] = X[i, 3, i] = phi[1]
+            X[i, 3, 3] = phi[2] * pi[p, d + i]
+
+
+@shared
+def discrete(kind: int, d: int, P: Floats, xi0: float, xi1: float, J: Floats) -> None:
+    """``J_0 = Psi``; xi0, xi1 of a distance or an angle."""
+    unit(kind, d, J, 0)
+    if kind == DISTANCE:
+        J[0, d, d] = 1.0 / (xi0 + xi1)
+    elif kind == ANGLE:
+        mean = 0.5 * (xi0 + xi1)
+        factor = over_sine(0.5 * (xi1 - xi0))[0]
+        J[0, d, d], J[0, d, d + 1] = -factor * np.sin(mean), factor * np.cos(mean)
+    elif kind == ROTATION:
+        c0, c1 = P[BEGIN, d + 3] - 0.5, P[AT_END, d + 3] - 0.5
+        f = 0.5 * turn_quotient(c0, c1)[0]
+        diagonal = 0.5 * (turn_factors(c0)[0] + turn_factors(c1)[0])
+        x, y = f * (P[BEGIN, d] + P[AT_END, d]), f * (P[BEGIN, d + 1] + P[AT_END, d + 1])
+        bordered(d, diagonal, (x, y, f * (P[BEGIN, d + 2] + P[AT_END, d + 2])), J, 0)
+
+
+@shared
+def discrete_slope(kind: int, d: int, P: Floats, xi0: float, xi1: float, X: Floats) -> None:
+    """``X = dPsi/dpi_1`` of the last coordinate."""
+    for i in range(3):
+        for n in range(4):
+            for o in range(4):
+                X[i, n, o] = 0.0
+    a = P[AT_END, d]
+    if kind == DISTANCE:
+        X[0, 0, 0] = -0.5 / (xi1 * (xi0 + xi1) ** 2)
+    elif kind == ANGLE:
+        b = P[AT_END, d + 1]
+        mean = 0.5 * (xi0 + xi1)
+        factor, rate = over_sine(0.5 * (xi1 - xi0))
+        s, c = np.sin(mean), np.cos(mean)
+        one, two = 0.5 * (-rate * s - factor * c), 0.5 * (rate * c - factor * s)
+        X[0, 0, 0], X[0, 1, 0] = -b * one / (a * a + b * b), -b * two / (a * a + b * b)
+        X[0, 0, 1], X[0, 1, 1] = a * one / (a * a + b * b), a * two / (a * a + b * b)
+    elif kind == ROTATION:
+        c0, c1 = P[BEGIN, d + 3] - 0.5, P[AT_END, d + 3] - 0.5
+        quotient, rate = turn_quotient(c0, c1)
+        first = turn_factors(c1)[1]
+        for i in range(3):
+            X[i, i, 3], X[i, 3, i] = 0.5 * first, 0.5 * quotient
+            X[i, 3, 3] = 0.5 * rate * (P[BEGIN, d + i] + P[AT_END, d + i])
+
+
+# -- laws ------------------------------------------------------------------------------------------
+
+#: numbers of :func:`law`: factors of K and C in the derivatives of its force by the stretch at the
+#: midpoint, by its rate, and by the stretch at the end
+BY_E, BY_RATE, BY_END, DAMPED_END = range(4)
+#: rows of vectors (m,): coordinates at the end and at the midpoint, their change or rate, forces
+XI1, XI, CHANGE, SIGMA = range(4)
+Factors = tuple[float, float, float, float]
+
+
+@inlined
+def slack_law(k: float, c: float, e: float, e0: float, e1: float, h: float, ends: bool) -> Three:
+    """Force of the spring, with its derivatives by e and by the end."""
+    if not ends:
+        return k * max(e, 0.0), 1.0 if e > 0.0 else 0.0, 0.0
+    up0, up1 = max(e0, 0.0), max(e1, 0.0)
+    if e0 > 0.0 and e1 > 0.0:
+        return 0.5 * k * (up0 + up1), 0.0, 0.5
+    if e0 > 0.0 or e1 > 0.0:
+        quotient = 0.5 * (up1 * up1 - up0 * up0) / (e1 - e0)
+        return k * quotient, 0.0, (up1 - quotient) / (e1 - e0)
+    return 0.0, 0.0, 0.0
+
+
+@shared
+def slack(laws: Floats, state: Floats, c: int, V: Floats, ends: bool, decay: float) -> Factors:
+    """Of a cable: forces in V, and what is dissipated."""
+    K, C, h = laws[c, STIFFNESS, 0, 0], laws[c, DAMPING, 0, 0], state[c, STEP]
+    neutral = laws[c, NEUTRAL, 0, 0]
+    e0, e1 = state[c, XI0] - neutral, V[XI1, 0] - neutral
+    spring, by_e, by_end = slack_law(K, C, V[XI, 0] - neutral, e0, e1, h, ends)
+    own = 0.5 * h * decay * K
+    sigma = spring + (C + own) * (max(e1, 0.0) - max(e0, 0.0)) / h
+    pulls, taut = sigma > 0.0, 1.0 if e1 > 0.0 else 0.0
+    if not pulls:
+        sigma, by_e, by_end, taut = 0.0, 0.0, 0.0, 0.0
+    change = V[CHANGE, 0]
+    V[SIGMA, 0] = sigma - state[c, AMPLITUDE]
+    lost = (sigma - spring) * change
+    state[c, LOST] = lost
+    state[c, NUMERICAL] = lost * own / (C + own) if C + own > 0.0 else 0.0
+    return by_e, 0.0, by_end + 0.5 * decay * taut, taut / h
+
+
+@shared
+def linear(
+    laws: Floats, state: Floats, c: int, m: int, V: Floats, ends: bool, decay: float
+) -> Factors:
+    """Of springs and dampers: forces in V, and what is dissipated."""
+    h = state[c, STEP]
+    lost, numerical = 0.0, 0.0
+    for i in range(m):
+        force, damping, more = 0.0, 0.0, 0.0
+        for n in range(m):
+            k, change = laws[c, STIFFNESS, i, n], V[CHANGE, n]
+            xi = 0.5 * (state[c, XI0 + n] + V[XI1, n]) if ends else V[XI, n]
+            force += k * (xi - laws[c, NEUTRAL, 0, n])
+            damping += laws[c, DAMPING, i, n] * change
+            more += 0.5 * decay * k * change
+        lost += damping * V[CHANGE, i] / h
+        numerical += more * V[CHANGE, i]
+        V[SIGMA, i] = force + damping / h + more - state[c, AMPLITUDE + i]
+    state[c, LOST], state[c, NUMERICAL] = max(lost, 0.0) + numerical, numerical
+    if ends:
+        return 0.0, 0.0, 0.5 * (1 + decay), 1 / h
+    return 1.0, 1.0, 0.0, 0.0
+
+
+@shared
+def respond(
+    s: Any, state: Floats, c: int, numbers: Floats, P: Floats, V: Floats, J: Floats
+) -> Factors:
+    """Forces s and what they do, in ``state_c``; P: invariants.
+
+    ``J_0`` is what makes s of sigma.
+    """
+    places, laws = s.coupling, s.coupling_law
+    kind, d = places[c, KIND], places[c, LEADING]
+    m, k = numbers_of_kind(kind)
+    m, k = d + m, d + k
+    last = state[c, XI0 + d]
+    ends, decay = numbers[ENDS] != 0.0, 0.0
+    for n in range(k):
+        P[BEGIN, n] = state[c, PI0 + n]
+    continued(kind, d, P, AT_END, last, V, XI1)
+    if ends:
+        decay = numbers[END] - numbers[START]
+        discrete(kind, d, P, last, V[XI1, d], J)
+        for i in range(m):
+            V[CHANGE, i] = V[XI1, i] - state[c, XI0 + i]
+    else:
+        continued(kind, d, P, AT_MID, last, V, XI)
+        slope(kind, d, P, AT_MID, J, 0)
+        for i in range(m):
+            V[CHANGE, i] = 0.0
+            for n in range(k):
+                V[CHANGE, i] += J[0, i, n] * (P[AT_END, n] - P[BEGIN, n])
+    found = (0.0, 0.0, 0.0, 0.0)
+    if places[c, SLACK] != 0:
+        found = slack(laws, state, c, V, ends, decay)
+    else:
+        found = linear(laws, state, c, m, V, ends, decay)
+    for n in range(k):
+        state[c, S + n] = 0.0
+        for i in range(m):
+            state[c, S + n] += J[0, i, n] * V[SIGMA, i]
+    for i in range(m):
+        state[c, TRAVEL + i] = V[CHANGE, i]
+    state[c, TURNED] = 0.0
+    if kind == ANGLE:
+        whole = V[XI1, d] - np.arctan2(P[AT_END, d + 1], P[AT_END, d])
+        state[c, TURNED] = whole / (2.0 * np.pi)
+    elif kind == ROTATION:
+        for i in range(d, d + 3):
+            state[c, TURNED] = max(state[c, TURNED], abs(V[XI1, i] - state[c, XI0 + i]))
+    return found
+
+
+@shared
+def slopes(
+    s: Any,
+    state: Floats,
+    c: int,
+    found: Factors,
+    ends: bool,
+    P: Floats,
+    V: Floats,
+    J: Floats,
+    X: Floats,
+    H: Floats,
+) -> None:
+    """``H``: derivatives of s by the invariants at the midpoint and at the end.
+
+    After :func:`respond`; ``J_1``, ``J_2`` and X are scratch.
+    """
+    laws, h = s.coupling_law, state[c, STEP]
+    kind, d = s.coupling[c, KIND], s.coupling[c, LEADING]
+    own, last = numbers_of_kind(kind)
+    m, k = d + own, d + last
+    at = AT_MID
+    if ends:
+        at = AT_END
+        discrete_slope(kind, d, P, state[c, XI0 + d], V[XI1, d], X)
+    else:
+        curvature(kind, d, P, AT_MID, X)
+    slope(kind, d, P, AT_END, J, 1)
+    # J_2: derivatives of the force by invariants at the midpoint, then at the end
+    for where in range(2):
+        for i in range(m):
+            for n in range(k):
+                J[2, i, n] = 0.0
+        for i in range(m):
+            for o in range(m):
+                K, C = laws[c, STIFFNESS, i, o], laws[c, DAMPING, i, o]
+                if where == AT_MID:
+                    K, C = found[BY_E] * K, found[BY_RATE] * C
+                    for n in range(k):
+                        J[2, i, n] += K * J[0, o, n]
+                    if o >= d:
+                        for n in range(last):
+                            rate = 0.0
+                            for a in range(last):
+                                rate += X[o - d, n, a] * (P[AT_END, d + a] - P[BEGIN, d + a])
+                            J[2, i, d + n] += C * rate / h
+                else:
+                    by_end = found[BY_END] * K + found[DAMPED_END] * C
+                    by_mid = found[BY_RATE] * C / h
+                    for n in range(k):
+                        J[2, i, n] += by_end * J[1, o, n] + by_mid * J[0, o, n]
+        for a in range(k):
+            for n in range(k):
+                H[where, a, n] = 0.0
+                for i in range(m):
+                    H[where, a, n] += J[0, i, a] * J[2, i, n]
+        if where == at:
+            for i in range(own):
+                for a in range(last):
+                    for n in range(last):
+                        H[where, d + a, d + n] += V[SIGMA, d + i] * X[i, a, n]
+
+
+# -- forces and tangents ---------------------------------------------------------------------------
+
+
+@shared
+def gradients(s: Any, c: int, y: Floats, G: Floats, j: int, P: Floats, p: int) -> None:
+    """``G_j+k = A_k y`` (8, 3), and ``P_p = pi``."""
+    places, entries, factors = s.coupling, s.coupling_entry, s.coupling_factor
+    count = places[c, LEADING] + numbers_of_kind(places[c, KIND])[1]
+    for k in range(j, j + count):
+        for a in range(ROWS):
+            for i in range(3):
+                G[k, a, i] = 0.0
+    for e in range(places[c, FIRST], places[c, LAST]):
+        k, a, r, f = j + entries[e, 0], entries[e, 1], places[c, ROW + entries[e, 2]], factors[e]
+        for i in range(3):
+            G[k, a, i] += f * y[r, i]
+    for k in range(count):
+        pi = 0.0
+        for a in range(ROWS):
+            r = places[c, ROW + a]
+            for i in range(3):
+                pi += G[j + k, a, i] * y[r, i]
+        P[p, k] = 0.5 * pi
+
+
+@shared
+def couple_start(s: Any, w: Any, G: Floats, P: Floats, V: Floats) -> None:
+    """Invariants and coordinates at the start of the step."""
+    places, state = s.coupling, w.coupled
     for c in range(len(places)):
-        for k in range(2):
-            state[c, PI0 + k] = gradients(forms, places, c, k, y0, G, 0)
-        xi = value(places[c, KIND], state[c, PI0], state[c, PI0 + 1])
-        state[c, XI0] = xi + 2.0 * np.pi * state[c, TURNS]
+        kind, d = places[c, KIND], places[c, LEADING]
+        m, k = numbers_of_kind(kind)
+        gradients(s, c, w.y0, G, 0, P, BEGIN)
+        value(kind, d, P, BEGIN, V, XI)
+        for n in range(d + k):
+            state[c, PI0 + n] = P[BEGIN, n]
+        for i in range(d + m):
+            state[c, XI0 + i] = V[XI, i]
+        state[c, XI0 + d] += 2.0 * np.pi * state[c, TURNS]
 
 
-@inlined
-def couple_force(s: Any, w: Any, numbers: Floats, flag: int, G: Floats) -> None:
+@shared
+def couple_force(
+    s: Any, w: Any, numbers: Floats, flag: int, G: Floats, P: Floats, V: Floats, J: Floats
+) -> None:
     """Flag 0: evaluate, and add to the internal force; 2: add to that of predicted stresses.
 
-    3: at the start of the step. G (3, 8, 3) or more is scratch.
+    3: at the start of the step. G (7, 8, 3), P (3, 7), V (4, 6) and J (1, 6, 7) are scratch.
     """
     if flag == 3:
-        couple_start(s, w, G)
+        couple_start(s, w, G, P, V)
         return
-    y0, y1, mid, places, forms, state = w.y0, w.y1, w.mid, s.coupling, s.coupling_forms, w.coupled
+    y0, y1, places, state = w.y0, w.y1, s.coupling, w.coupled
     out = w.internal
     if flag == 2:
         out = w.R_mixed
     rows = out.shape[0]
     for c in range(len(places)):
-        kind = places[c, KIND]
-        a = gradients(forms, places, c, 0, mid, G, 0)
-        b = gradients(forms, places, c, 1, mid, G, 1) if kind == ANGLE else 0.0
         if flag == 0:
-            a1 = gradients(forms, places, c, 0, y1, G, 2)
-            b1 = gradients(forms, places, c, 1, y1, G, 2) if kind == ANGLE else 0.0
-            discrete, slack = numbers[ENDS] != 0.0, places[c, SLACK] != 0
-            respond(kind, slack, discrete, s.coupling_law, state, c, a, b, a1, b1)
+            gradients(s, c, y1, G, 0, P, AT_END)
+        gradients(s, c, w.mid, G, 0, P, AT_MID)
+        if flag == 0:
+            respond(s, state, c, numbers, P, V, J)
             state[c, GROUND] = 0.0
-        for i in range(ROWS):
-            f = times(state[c, S], (G[0, i, 0], G[0, i, 1], G[0, i, 2]))
-            if kind == ANGLE:
-                f = plus(f, times(state[c, S + 1], (G[1, i, 0], G[1, i, 1], G[1, i, 2])))
-            r = places[c, ROW + i]
+        count = places[c, LEADING] + numbers_of_kind(places[c, KIND])[1]
+        for a in range(ROWS):
+            f = (0.0, 0.0, 0.0)
+            for k in range(count):
+                x = state[c, S + k]
+                f = f[0] + x * G[k, a, 0], f[1] + x * G[k, a, 1], f[2] + x * G[k, a, 2]
+            r = places[c, ROW + a]
             if r < rows:
                 increase(out, r, f)
             elif flag == 0:
                 state[c, GROUND] += dot(f, minus(row(y1, r), row(y0, r)))
 
 
-@inlined
-def right_side(state: Floats, c: int, k: int, share: float, G: Floats, a: int) -> Vector:
-    """Row a of the derivative of s_k by y_1, G (4, 8, 3) at the midpoint and at y_1."""
-    u = ZERO
-    for n in range(2):
-        here = share * state[c, AT_MID + 2 * k + n]
-        end = state[c, AT_END + 2 * k + n]
-        u = plus(u, times(here, (G[n, a, 0], G[n, a, 1], G[n, a, 2])))
-        u = plus(u, times(end, (G[2 + n, a, 0], G[2 + n, a, 1], G[2 + n, a, 2])))
-    return u
+@shared
+def derivatives(
+    s: Any,
+    w: Any,
+    c: int,
+    numbers: Floats,
+    G: Floats,
+    P: Floats,
+    V: Floats,
+    J: Floats,
+    X: Floats,
+    H: Floats,
+    C: Floats,
+) -> int:
+    """For the tangent: gradients G at the midpoint, behind the first 7 those at the end, and H.
+
+    H is by the midpoint, times the share of y_1 in it, and by the end. C (8, 8): ``sum s_k A_k``.
+    It gives the number of invariants; P (3, 7), V (4, 6), J (3, 6, 7) and X (3, 4, 4) are scratch.
+    """
+    places, entries, factors, state = s.coupling, s.coupling_entry, s.coupling_factor, w.coupled
+    gradients(s, c, w.mid, G, 0, P, AT_MID)
+    gradients(s, c, w.y1, G, MOST_PI, P, AT_END)
+    found = respond(s, state, c, numbers, P, V, J)
+    slopes(s, state, c, found, numbers[ENDS] != 0.0, P, V, J, X, H)
+    for a in range(ROWS):
+        for b in range(ROWS):
+            C[a, b] = 0.0
+    for e in range(places[c, FIRST], places[c, LAST]):
+        C[entries[e, 1], entries[e, 2]] += state[c, S + entries[e, 0]] * factors[e]
+    count = places[c, LEADING] + numbers_of_kind(places[c, KIND])[1]
+    share = numbers[SHARE]
+    for k in range(count):
+        for n in range(count):
+            H[0, k, n] *= share
+    return count
 
 
-@inlined
-def put_twist(places: IndexArray, c: int, y: Floats, U: Floats, F: Floats, j: int) -> None:
-    """``F_j`` (2, 6): ``P_int(y)^T U`` of both sides, U (8, 3)."""
+@shared
+def put_twist(places: IndexArray, c: int, y: Floats, G: Floats, k: int, F: Floats, j: int) -> None:
+    """``F_j`` (12,): ``P_int(y)^T G_k`` of both sides."""
     for side in range(2):
-        torque = ZERO
+        torque = (0.0, 0.0, 0.0)
         for i in range(1, SIDE):
             a = SIDE * side + i
-            torque = plus(torque, cross(row(y, places[c, ROW + a]), row(U, a)))
+            t = cross(row(y, places[c, ROW + a]), (G[k, a, 0], G[k, a, 1], G[k, a, 2]))
+            torque = torque[0] + t[0], torque[1] + t[1], torque[2] + t[2]
         for i in range(3):
-            F[j, side, i] = U[SIDE * side, i]
-            F[j, side, 3 + i] = torque[i]
+            F[j, 6 * side + i] = G[k, SIDE * side, i]
+            F[j, 6 * side + 3 + i] = torque[i]
 
 
 @inlined
@@ -331,43 +583,50 @@ def put_node(y: Floats, r: int, X: Floats, i: int) -> None:
 @part
 def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Force elements: 0, 2 and 3 see :func:`couple_force`; 1: ``force P(y_L)^T df/dy_1 P(y_1)``."""
-    G = np.empty((4, ROWS, 3))
+    G, J = np.empty((2 * MOST_PI, ROWS, 3)), np.empty((3, MOST_XI, MOST_PI))
+    P, V = np.empty((3, MOST_PI)), np.empty((4, MOST_XI))
     if flag != 1:
-        couple_force(s, w, numbers, flag, G)
+        couple_force(s, w, numbers, flag, G, P, V, J)
         return 0.0
-    A, places, forms, state, share = w.A, s.coupling, s.coupling_forms, w.coupled, numbers[SHARE]
-    force, yL = numbers[FORCE], w.y0
+    A, places = w.A, s.coupling
+    force, geometric, yL = numbers[FORCE], numbers[FORCE] * numbers[SHARE], w.y0
     if numbers[WEIGHT] != 0.0:
         yL = w.mid
-    U, F = np.empty((ROWS, 3)), np.empty((4, 2, 6))
-    C, V = np.empty((1, 1, 4, 4)), np.empty((3, 3))
+    X, H, S8 = np.empty((3, 4, 4)), np.empty((2, MOST_PI, MOST_PI)), np.empty((ROWS, ROWS))
+    left, right, turned = np.empty((MOST_PI, 12)), np.empty((2 * MOST_PI, 12)), np.empty(12)
+    C, U = np.empty((1, 1, 4, 4)), np.empty((3, 3))
     L, R = np.empty((1, 4, 3)), np.empty((1, 4, 3))
     for c in range(len(places)):
-        for k in range(2):
-            gradients(forms, places, c, k, w.mid, G, k)
-            gradients(forms, places, c, k, w.y1, G, 2 + k)
-        for k in range(2):
-            for a in range(ROWS):
-                put(U, a, (G[k, a, 0], G[k, a, 1], G[k, a, 2]))
-            put_twist(places, c, yL, U, F, k)
-            for a in range(ROWS):
-                put(U, a, right_side(state, c, k, share, G, a))
-            put_twist(places, c, w.y1, U, F, 2 + k)
+        count = derivatives(s, w, c, numbers, G, P, V, J, X, H, S8)
+        for k in range(count):
+            put_twist(places, c, yL, G, k, left, k)
+            put_twist(places, c, w.y1, G, k, right, k)
+            put_twist(places, c, w.y1, G, MOST_PI + k, right, MOST_PI + k)
+        for k in range(count):
+            for j in range(12):
+                turned[j] = 0.0
+            for n in range(count):
+                here, end = force * H[0, k, n], force * H[1, k, n]
+                for j in range(12):
+                    turned[j] += here * right[n, j] + end * right[MOST_PI + n, j]
+            for one in range(2):
+                for two in range(2):
+                    slot = places[c, SLOT + 2 * one + two]
+                    if slot < 0:
+                        continue
+                    for i in range(6):
+                        f = left[k, 6 * one + i]
+                        for j in range(6):
+                            A[slot, i, j] += f * turned[6 * two + j]
         for one in range(2):
             for two in range(2):
                 slot = places[c, SLOT + 2 * one + two]
                 if slot < 0:
                     continue
-                for i in range(6):
-                    for j in range(6):
-                        f = F[0, one, i] * F[2, two, j] + F[1, one, i] * F[3, two, j]
-                        A[slot, i, j] += force * f
                 for i in range(SIDE):
                     put_node(yL, places[c, ROW + SIDE * one + i], L, i)
                     put_node(w.y1, places[c, ROW + SIDE * two + i], R, i)
                     for j in range(SIDE):
-                        a, b = SIDE * one + i, SIDE * two + j
-                        f = state[c, S] * forms[c, 0, a, b] + state[c, S + 1] * forms[c, 1, a, b]
-                        C[0, 0, i, j] = force * share * f
-                scalar_block(C, 0, 0, L, R, A, slot, V)
+                        C[0, 0, i, j] = geometric * S8[SIDE * one + i, SIDE * two + j]
+                scalar_block(C, 0, 0, L, R, A, slot, U)
     return 0.0

@@ -23,7 +23,7 @@ from numba.extending import intrinsic
 from .warm import NotKept, stamp
 
 __all__ = ["STAMP", "address", "call", "call_back", "call_beams", "inlined", "jit"]
-__all__ += ["part", "ready"]
+__all__ += ["part", "ready", "shared"]
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
@@ -103,6 +103,12 @@ def part(function: Kernel) -> Kernel:
 def inlined(function: Kernel) -> Kernel:
     """For parts to call: compiled into them. They take arrays, but make none."""
     made = _compiled(function, False, no_cpython_wrapper=True, forceinline=True, _nrt=False)
+    return cast(Kernel, made)
+
+
+def shared(function: Kernel) -> Kernel:
+    """As :func:`inlined`, for what a part calls in several places: compiled into it once."""
+    made = _compiled(function, False, no_cpython_wrapper=True, _nrt=False)
     return cast(Kernel, made)
 
 

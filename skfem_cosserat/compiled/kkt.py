@@ -13,11 +13,11 @@ from numba.extending import intrinsic
 from ..types import Floats, IndexArray
 from .blocks import carry
 from .constraints import PAIRS, border
-from .couplings import SIDE, SLOT, couple_force, gradients, right_side
+from .couplings import MOST_PI, MOST_XI, ROWS, SIDE, SLOT, couple_force, derivatives
 from .elements import Point, add_geometric, at_point, take
 from .jit import inlined, part
 from .loads import load_force, moment_change, moment_on
-from .numbers import END, ENDS, FORCE, MASS, SHARE, WEIGHT, S
+from .numbers import END, ENDS, FORCE, MASS, SHARE, WEIGHT
 from .small import directors, row
 
 __all__ = [
@@ -501,29 +501,41 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 @part
 def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Force elements: 0 and 2 see :mod:`.couplings`; 1: ``force df/dy_1``; 3: at the start."""
-    G, rows = np.empty((4, 2 * SIDE, 3)), 2 * SIDE
+    G, J = np.empty((2 * MOST_PI, ROWS, 3)), np.empty((3, MOST_XI, MOST_PI))
+    P, V = np.empty((3, MOST_PI)), np.empty((4, MOST_XI))
     if flag != 1:
-        couple_force(s, w, numbers, flag, G)
+        couple_force(s, w, numbers, flag, G, P, V, J)
         return 0.0
-    A, places, forms, state, share = w.A, s.coupling, s.coupling_forms, w.coupled, numbers[SHARE]
-    force = numbers[FORCE]
+    X, H, C = np.empty((3, 4, 4)), np.empty((2, MOST_PI, MOST_PI)), np.empty((ROWS, ROWS))
+    right, wide = np.empty(3 * ROWS), 3 * SIDE
+    A, places, force = w.A, s.coupling, numbers[FORCE]
     for c in range(len(places)):
-        for k in range(2):
-            gradients(forms, places, c, k, w.mid, G, k)
-            gradients(forms, places, c, k, w.y1, G, 2 + k)
-        for b in range(rows):
-            right = right_side(state, c, 0, share, G, b), right_side(state, c, 1, share, G, b)
-            for a in range(rows):
+        count = derivatives(s, w, c, numbers, G, P, V, J, X, H, C)
+        for k in range(count):
+            for j in range(3 * ROWS):
+                right[j] = 0.0
+            for n in range(count):
+                here, end = force * H[0, k, n], force * H[1, k, n]
+                for b in range(ROWS):
+                    for i in range(3):
+                        right[3 * b + i] += here * G[n, b, i] + end * G[MOST_PI + n, b, i]
+            for one in range(2):
+                for two in range(2):
+                    slot = places[c, SLOT + 2 * one + two]
+                    if slot < 0:
+                        continue
+                    for r in range(wide):
+                        f = G[k, SIDE * one + r // 3, r % 3]
+                        for j in range(wide):
+                            A[slot, r, j] += f * right[wide * two + j]
+        for a in range(ROWS):
+            for b in range(ROWS):
                 slot = places[c, SLOT + 2 * (a // SIDE) + b // SIDE]
                 if slot < 0:
                     continue
-                f = state[c, S] * forms[c, 0, a, b] + state[c, S + 1] * forms[c, 1, a, b]
+                f = force * numbers[SHARE] * C[a, b]
                 for i in range(3):
-                    r = 3 * (a % SIDE) + i
-                    for j in range(3):
-                        product = G[0, a, i] * right[0][j] + G[1, a, i] * right[1][j]
-                        A[slot, r, 3 * (b % SIDE) + j] += force * product
-                    A[slot, r, 3 * (b % SIDE) + i] += force * share * f
+                    A[slot, 3 * (a % SIDE) + i, 3 * (b % SIDE) + i] += f
     return 0.0
 
 

@@ -56,10 +56,10 @@ BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(28, 33
 CALLED_BACK = 33
 AT_BEGIN, AT_FORCE, AT_PREDICTED, AT_MATRIX = range(4)
 
-#: what a force element has in a step, columns of ``w.coupled``: step size, force of an actuator,
-#: full turns and what else is known at the start; forces by invariants, travel of the coordinate;
-#: what is dissipated, and done by the ground (J); slopes of s by invariants at the midpoint and at
-#: the end, four each; full turns at the end
-STEP, AMPLITUDE, TURNS, PI0, XI0, S, TRAVEL, LOST, GROUND = 0, 1, 2, 3, 5, 6, 8, 9, 10
-AT_MID, AT_END, TURNED = 11, 15, 19
-COUPLED = 20
+#: what a force element has in a step, columns of ``w.coupled``: step size; full turns of an angle
+#: at the start and at the end, or how far a rotation vector went; what is dissipated, the part of
+#: the scheme in it, and what the ground does (J); forces of an actuator, invariants and coordinates
+#: at the start, forces by invariants, travel of the coordinates
+STEP, TURNS, TURNED, LOST, NUMERICAL, GROUND = range(6)
+AMPLITUDE, PI0, XI0, S, TRAVEL = 6, 12, 19, 25, 32
+COUPLED = 38

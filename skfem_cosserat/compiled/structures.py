@@ -214,8 +214,8 @@ BEAMS = (
 #: body, or drag, couples: first rows of y of where it acts and of what it depends on, and the slot
 #: of their block
 FOLLOWING = ("moment_vertex", "moment_follows", "follower")
-#: force elements: integers, factors of laws, matrices of invariants
-COUPLINGS = ("coupling", "coupling_law", "coupling_forms")
+#: force elements: integers, matrices of laws, entries of the matrices of invariants
+COUPLINGS = ("coupling", "coupling_law", "coupling_entry", "coupling_factor")
 #: constrained beam elements in the tree, whose lines follow from their directors: of each edge
 #: which of them, or -1; length from parent to child, negative against the element; Gamma of the
 #: reference, rotations of the section at both, blocks of both

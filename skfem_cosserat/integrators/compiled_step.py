@@ -29,6 +29,7 @@ from ..compiled.numbers import (
     LOST,
     MASS,
     NUMBERS,
+    NUMERICAL,
     RECORD,
     RESIDUAL,
     SHORT,
@@ -49,7 +50,7 @@ from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
 from ..model.balance import amplitudes_at, external_force
-from ..model.force_elements import Couplings
+from ..model.force_elements import Couplings, warn_of_jump
 from ..model.plane import Plane
 from ..model.reparametrisation import Reparametrisation
 from ..model.tree import Coordinate
@@ -82,12 +83,9 @@ __all__ = [
 def without_kernels(system: System, scheme: Scheme) -> list[Coupling]:
     """Force elements that compiled steps of a scheme leave to numpy.
 
-    Kernels have those on one number each, not on rotation vectors, in schemes whose forces act at
-    the midpoint and take no damping of the scheme's own.
+    Kernels have those of schemes whose forces act at the midpoint.
     """
-    items = system.couplings.items
-    every = scheme.at_end or scheme.decay > 0
-    return [item for item in items if every or item.size > 1]
+    return system.couplings.items if scheme.at_end else []
 
 
 class Coupled:
@@ -108,8 +106,11 @@ class Coupled:
         self._couplings, self._columns = couplings, columns
         self.resize(h)
         number = {id(item): k for k, item in enumerate(system.couplings.items)}
-        self._driven = [number[id(item)] for item in couplings.owners]
         self._angles = [number[id(item)] for item in couplings.angles]
+        self._vectors = [(number[id(i)], i) for i in couplings.items if _turns_freely(i)]
+        # of each time of an actuator, in their order
+        driven = [number[id(item)] for item in couplings.owners]
+        self._driven = driven, [AMPLITUDE + driven[:k].count(c) for k, c in enumerate(driven)]
 
     def resize(self, h: float) -> None:
         """Take steps of another size (s)."""
@@ -117,15 +118,21 @@ class Coupled:
 
     def begin(self, state: State) -> None:
         """Forces of actuators, and full turns at the start of a step."""
-        if self._driven:
+        if self._driven[0]:
             averages = self._couplings.averages(state.time, state.time + self._h)
-            self._columns[self._driven, AMPLITUDE] = averages[:-1]
+            self._columns[self._driven] = averages[:-1]
         if self._angles:
             self._couplings.check_turns(state.turns)
             self._columns[self._angles, TURNS] = 0 if state.turns is None else state.turns
 
-    def turns(self) -> IndexArray | None:
-        """Full turns of all angles at the end of the step; None if there are none."""
+    def turns(self, time: float) -> IndexArray | None:
+        """Full turns of all angles at the end of the step, at a time; None if there are none.
+
+        Warns of a rotation vector that passed a turn of pi, where it jumps.
+        """
+        for k, item in self._vectors:
+            if self._columns[k, TURNED] > np.pi:
+                warn_of_jump(item, time)
         if not self._angles:
             return None
         return np.rint(self._columns[self._angles, TURNED]).astype(np.int64)
@@ -134,9 +141,20 @@ class Coupled:
         """Work of the step, with that of the loads and what is lost elsewhere (J)."""
         if not self._couplings.count:
             return StepWork(loads, dissipated=lost)
-        c = self._columns
-        actuators = float((c[:, AMPLITUDE] * c[:, TRAVEL]).sum())
-        return StepWork(loads, actuators, lost + float(c[:, LOST].sum()), float(c[:, GROUND].sum()))
+        # in one go, few elements or many
+        sums = self._columns.sum(0)
+        lost, ground, numerical = lost + float(sums[LOST]), float(sums[GROUND]), sums[NUMERICAL]
+        actuators = 0.0
+        if self._driven[0]:
+            k, forces = self._driven[0], self._columns[self._driven]
+            travel = self._columns[k, [c + TRAVEL - AMPLITUDE for c in self._driven[1]]]
+            actuators = float((forces * travel).sum())
+        return StepWork(loads, actuators, lost, ground, float(numerical))
+
+
+def _turns_freely(item: Coupling) -> bool:
+    """Whether one of its coordinates is a rotation vector."""
+    return any(coordinate.kind == "rotation" for coordinate in item.coordinates)
 
 
 # -- viscosity of beams in compiled steps: elements beside the elastic ones ------------------------
@@ -602,7 +620,7 @@ class CompiledStep(CompiledScene):
 
     def _couple(self, scheme: Scheme, h: float) -> None:
         """Force elements: of kernels, and those that are called back."""
-        from ..compiled.couplings import DISPLACEMENT, KIND
+        from ..compiled.couplings import DISPLACEMENT, FIRST, KIND, LAST, LEADING
 
         system, outside = self.system, without_kernels(self.system, scheme)
         numbers = {id(item): k for k, item in enumerate(system.couplings.items)}
@@ -612,10 +630,9 @@ class CompiledStep(CompiledScene):
         self._coupled = Coupled(system, system.couplings_of(inside), self._a.coupled, h)
         if not (outside or functions):
             return
-        for name in ("coupling_law", "coupling_forms"):
-            self._tables[name][sorted(left)] = 0.0
+        self._tables["coupling_law"][sorted(left)] = 0.0
         for k in left:
-            self._tables["coupling"][k, KIND] = DISPLACEMENT
+            self._tables["coupling"][k, [KIND, LEADING, FIRST, LAST]] = DISPLACEMENT, 0, 0, 0
         own = system.couplings_of(outside, functions)
         self._called_back = CalledBack(system, own, self.plan.slot, self._a)
         self._all[0][CALLED_BACK] = self._called_back.address
@@ -867,7 +884,8 @@ class CompiledStep(CompiledScene):
     def turns(self) -> IndexArray | None:
         """Full turns of angles at the end of the step, as in a state."""
         outside = None if self._called_back is None else self._called_back.turns()
-        return self._coupled.turns() if outside is None else outside
+        inside = self._coupled.turns(self._time + self.h)
+        return inside if outside is None else outside
 
 
 # -- which compiled steps a scene takes: those in a plane, and those with multipliers --------------

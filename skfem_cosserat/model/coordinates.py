@@ -20,7 +20,8 @@ import numpy as np
 
 from ..types import Array, Floats
 
-__all__ = ["KINDS", "Angle", "Displacement", "Distance", "Joined", "Kind", "Rotation"]
+__all__ = ["KINDS", "NEAR_ONE", "QUADRATURE", "TURN_POWERS"]
+__all__ += ["Angle", "Displacement", "Distance", "Joined", "Kind", "Rotation"]
 
 
 class Kind(ABC):
@@ -331,14 +332,15 @@ def _turn_series(count: int = 24) -> Floats:
 _TURN = _turn_series()
 _FIRST = np.arange(1, len(_TURN)) * _TURN[1:]
 #: columns: powers of u in phi, -phi' and phi''
-_TURN_POWERS = np.zeros((len(_TURN), 3))
-_TURN_POWERS[:, 0] = _TURN
-_TURN_POWERS[:-1, 1] = _FIRST
-_TURN_POWERS[:-2, 2] = np.arange(1, len(_FIRST)) * _FIRST[1:]
-_TURN_POWERS[:, 1] *= -1
+TURN_POWERS = np.zeros((len(_TURN), 3))
+TURN_POWERS[:, 0] = _TURN
+TURN_POWERS[:-1, 1] = _FIRST
+TURN_POWERS[:-2, 2] = np.arange(1, len(_FIRST)) * _FIRST[1:]
+TURN_POWERS[:, 1] *= -1
 #: so many terms are exact to round-off up to here
-_NEAR_ONE = 0.25
-_QUADRATURE = np.polynomial.legendre.leggauss(5)
+NEAR_ONE = 0.25
+#: places and weights in [0, 1]
+QUADRATURE = 0.5 * (np.column_stack(np.polynomial.legendre.leggauss(5)) + [1.0, 0.0])
 
 
 def turn_factors(c: Array) -> Array:
@@ -352,11 +354,11 @@ def turn_factors(c: Array) -> Array:
     [1.0, 1.0, 1.042914821467]
     """
     u = 1 - c
-    near = abs(u.real) < _NEAR_ONE
+    near = abs(u.real) < NEAR_ONE
     small = np.where(near, u, 0.0)
     powers = np.ones((*c.shape, len(_TURN)), dtype=c.dtype)
     powers[..., 1:] = small[..., None]
-    series = np.cumprod(powers, axis=-1) @ _TURN_POWERS
+    series = np.cumprod(powers, axis=-1) @ TURN_POWERS
     # no rotation has a cosine below -1: NaN, so that Newton's method steps back
     safe = np.where(near, 0.0, np.where(c.real > -1, c, np.nan))
     square = 1 - safe * safe
@@ -378,8 +380,7 @@ def _turn_quotient(c0: Array, c1: Array, phi0: Array, phi1: Array) -> tuple[Arra
     safe = np.where(close, 1.0, step)
     quotient = (phi1[0] - phi0[0]) / safe
     rate = (phi1[1] - quotient) / safe
-    share = 0.5 * (1 + _QUADRATURE[0])
-    weight = 0.5 * _QUADRATURE[1]
+    share, weight = QUADRATURE.T
     inside = turn_factors(c0 + np.multiply.outer(share, np.where(close, step, 0.0)))
     mean, mean_rate = weight @ inside[1], (weight * share) @ inside[2]
     return np.where(close, mean, quotient), np.where(close, mean_rate, rate)

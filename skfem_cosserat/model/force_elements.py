@@ -33,6 +33,7 @@ __all__ = [
     "LinearLaw",
     "SlackLaw",
     "apply",
+    "warn_of_jump",
 ]
 
 
@@ -466,6 +467,12 @@ class _Group:
 # -- all -------------------------------------------------------------------------------------------
 
 
+def warn_of_jump(item: Coupling, time: float | None) -> None:
+    """Warn of a rotation vector that passed a turn of pi, where it jumps."""
+    text = "the relative rotation passed pi, where its rotation vector jumps"
+    warn(item.label, text, AccuracyWarning, time)
+
+
 @dataclass(eq=False)
 class CoupledStart:
     """All couplings at the start of a step of size h.
@@ -696,8 +703,7 @@ class Couplings:
             elif g.kind.size > 1:
                 jump = abs(g.kind.value(pi)[:, -3:] - s.xi[:, -3:]).max(1) > np.pi
                 for i in np.flatnonzero(jump):
-                    text = "the relative rotation passed pi, where its rotation vector jumps"
-                    warn(g.members[i].label, text, AccuracyWarning, time)
+                    warn_of_jump(g.members[i], time)
         return np.concatenate(out) if out else None
 
     # -- states ------------------------------------------------------------------------------------
