@@ -864,7 +864,8 @@ class CompiledStep(CompiledScene):
         work = self._coupled.work(loads, lost)
         if self.scheme.decay:
             own = self._decay_work()
-            work = work._replace(dissipated=work.dissipated + own, numerical=own)
+            lost, numerical = work.dissipated + own, work.numerical + own
+            work = work._replace(dissipated=lost, numerical=numerical)
         if self._called_back is None:
             return work
         return StepWork(*(a + b for a, b in zip(work, self._called_back.work(), strict=True)))

@@ -358,13 +358,9 @@ def simulate(
                 status, failure = run.go(state)
             recorder.tell(plan.summary())
             if failure is None:
-                recorded = recorder.complete()
                 if status == "completed":
                     _warn_of_rest(state, run.state, None if eventful else h, until)
-                _warn_of_elements(system, recorded)
-                if h is not None:  # else a tolerance is kept
-                    _warn_of_turns(system, recorded)
-                _warn_of_functions(system, recorded)
+                _warn_of_motion(system, recorder.complete(), h)
             else:
                 failure.hint = _unresolved(recorder.stepper, highest)
                 notices.tell(failure)  # from here on no warning takes its place
@@ -380,6 +376,14 @@ def simulate(
             notices.tell(failure)
             raise failure
         return history
+
+
+def _warn_of_motion(system: System, recorded: History, h: float | None) -> None:
+    """Warn of what the states of a run show; `h`: of equal steps (s), else a tolerance is kept."""
+    _warn_of_elements(system, recorded)
+    if h is not None:
+        _warn_of_turns(system, recorded)
+    _warn_of_functions(system, recorded)
 
 
 def _intended(step: float, until: float, start: State | None) -> int | None:
