@@ -56,6 +56,9 @@ BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(28, 33
 CALLED_BACK = 33
 AT_BEGIN, AT_FORCE, AT_PREDICTED, AT_MATRIX = range(4)
 
+#: what beams of a stored energy ask for: stresses by strains, and their derivative
+STRESSES_BY_LAW, MODULI_BY_LAW = range(2)
+
 #: what a force element has in a step, columns of ``w.coupled``: step size, force of an actuator,
 #: full turns and what else is known at the start; forces by invariants, travel of the coordinate;
 #: what is dissipated, and done by the ground (J); slopes of s by invariants at the midpoint and at

@@ -57,7 +57,6 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
             # whether motions agree around a loop is looked at in the general way only
             "closed loops in prescribed motion": looped and bool(system.moving),
             "damped beams at the ends of steps": scheme.at_end and system.damped,
-            **_elements(system),
             **_theories(scene, treatment),
         },
     )
@@ -77,7 +76,6 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
             "closed loops": len(system.closure.rows) > 0,
             "springs, dampers and actuators": len(system.couplings.items) > 0,
             "loads that are functions of the motion": len(system.loading.functions) > 0,
-            **_elements(system),
             "scenes confined to a plane": system.plane is not None,
             "beams that hold strains": len(system.theory_rows) > 0,
             "a turning frame": spin is not None,
@@ -85,17 +83,11 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
     )
 
 
-def _elements(system: System) -> dict[str, bool]:
-    return {
-        "beams of several orders": len(system.beam_groups) > 1,
-        "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),
-    }
-
-
 def in_space(system: System, treatment: Treatment) -> bool:
     """Whether a scene in a plane takes the kernels of space: those of the plane do less.
 
-    They have the null space method for dead loads, ground at rest, no force elements and damping.
+    They have the null space method for dead loads, ground at rest, no force elements and damping,
+    and sections whose energy is quadratic.
     """
     return system.plane is not None and (
         isinstance(treatment, Multipliers)
@@ -103,6 +95,7 @@ def in_space(system: System, treatment: Treatment) -> bool:
         or len(system.couplings.items) > 0
         or system.damped
         or bool(system.moving)
+        or any(group.elements.stored for group in system.beam_groups)
         or _oblique(system)
     )
 
