@@ -236,8 +236,10 @@ def addresses(
     kinds, beams = [*map(typeof, structures)], structures[-1]
 
     def made(name: str, own: Sequence[Any]) -> int:
-        part = part_named(name, "stored" if structure_of_law(own[-1]) else family)
-        return address(part, *signature(name, own), kept_only=kept_only)
+        kind = family
+        if structure_of_law(own[-1]):
+            kind = "multipliers by law" if family == "multipliers" else "by law"
+        return address(part_named(name, kind), *signature(name, own), kept_only=kept_only)
 
     found: dict[str, int] = {}
     for name in names:
@@ -257,8 +259,10 @@ def part_named(name: str, family: str = "tree") -> Any:
         modules = [kkt, constraints, elements]
     if family == "plane":
         modules = [*plane_parts(), *modules]
-    if family == "stored":
+    if family == "by law":
         modules = [stored, elements]
+    if family == "multipliers by law":
+        modules = [stored, kkt, elements]
     return next(vars(m)[name] for m in modules if name in m.__all__)
 
 

@@ -31,13 +31,11 @@ __all__ = ["beam_force", "beam_predicted", "beam_start"]
 
 
 @inlined
-def measure(g: Any, y: Floats, out: Floats) -> None:
-    """Strains at y."""
+def measure(g: Any, y: Floats, out: Floats, X: Floats) -> None:
+    """Strains at y; X is for the nodes."""
     lengths, N, dN, reference = g.lengths, g.N, g.dN, g.reference
     base, turned, rotations = g.base, g.turned, g.rotations
-    ne, nn = base.shape
-    ng = len(N)
-    X = np.empty(12 * nn * WIDTH)
+    ne, ng = len(base), len(N)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         take_elements(base, turned, rotations, es, y, X)
@@ -52,7 +50,8 @@ def measure(g: Any, y: Floats, out: Floats) -> None:
 @part
 def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Strains at the start of the step."""
-    measure(g, w.y0, g.S0)
+    base = g.base
+    measure(g, w.y0, g.S0, np.empty(12 * base.shape[1] * WIDTH))
     return 0.0
 
 
@@ -60,21 +59,21 @@ def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
 def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """S at y1 and ``internal += int B(q_mid)^T S ds``; flag 1: with the predicted S instead."""
     mid, S, f, law = w.mid, g.S, w.internal, g.law
-    if flag == 1:
-        S, f = g.predicted, w.R_mixed
-    else:
-        y = mid
-        if numbers[START] != 0.0:
-            y = w.y1
-        measure(g, y, g.strains)
-        if law[0] != 0:
-            call_back(law[0], STRESSES_BY_LAW)
     lengths, N, dN, weights = g.lengths, g.N, g.dN, g.weights
     base, turned, rotations = g.base, g.turned, g.rotations
     ne, nn = base.shape
     ng = len(N)
     size = 12 * nn * WIDTH
     X, F = np.empty(size), np.empty(size)
+    if flag == 1:
+        S, f = g.predicted, w.R_mixed
+    else:
+        y = mid
+        if numbers[START] != 0.0:
+            y = w.y1
+        measure(g, y, g.strains, X)
+        if law[0] != 0:
+            call_back(law[0], STRESSES_BY_LAW)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         length = gather(lengths, es, 1, 0)
