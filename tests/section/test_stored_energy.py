@@ -153,8 +153,8 @@ def test_discrete_derivative_has_no_noise_at_small_increments(energy):
     stress = abs(law.stress(eps0)).max(1)
     small = size < 1e-3
     assert (difference_[small] < (20 * size[small] ** 2 + 5e-14) * stress.max()).all()
-    same = law.discrete(eps0, eps0)
-    assert abs(same - law.stress(eps0)).max() == 0
+    same = law.discrete(eps0, eps0)  # functions of several stacks at once may round otherwise
+    assert abs(same - law.stress(eps0)).max() <= 1e-15 * stress.max()
 
 
 def test_discrete_derivative_of_an_energy_with_noise():
