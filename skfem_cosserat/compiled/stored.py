@@ -23,7 +23,7 @@ from .elements import (
     triple,
 )
 from .jit import call_back, inlined, part
-from .numbers import END, SHARE, START, STRESSES_BY_LAW
+from .numbers import END, ENDS, SHARE, STRESSES_BY_LAW
 from .simd import WIDTH, gather, scatter
 from .small import block, counted, dot, times
 
@@ -69,7 +69,7 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         S, f = g.predicted, w.R_mixed
     else:
         y = mid
-        if numbers[START] != 0.0:
+        if numbers[ENDS] != 0.0:
             y = w.y1
         measure(g, y, g.strains, X)
         if law[0] != 0:
@@ -96,7 +96,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     lengths, N, dN, moduli = g.lengths, g.N, g.dN, g.stiffness
     y, change, S, out = w.mid, w.change, g.S, g.predicted
     share = numbers[SHARE]
-    if numbers[START] != 0.0:
+    if numbers[ENDS] != 0.0:
         y, share = w.y1, numbers[END]
     base, turned, rotations = g.base, g.turned, g.rotations
     ne, nn = base.shape

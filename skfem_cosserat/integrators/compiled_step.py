@@ -20,6 +20,7 @@ from ..compiled.numbers import (
     CLEARANCE,
     DONE,
     END,
+    ENDS,
     GROUND,
     GUESS,
     ITERATIONS,
@@ -57,6 +58,7 @@ from ..pattern import FrozenPattern
 from ..types import Floats, IndexArray
 from .base import Integrator, Scheme, State, StepWork
 from .called_back import CalledBack, CalledLaws
+from .step_balance import decay_work
 
 __all__ = [
     "BlockOfSteps",
@@ -178,13 +180,13 @@ class Viscous:
         for group, own in zip(groups, fields, strict=True):
             eta = group.elements.viscosity
             assert eta is not None
-            inverse = np.linalg.pinv(eta, rcond=1e-12, hermitian=True)
+            inverse: Floats = np.linalg.pinv(eta, rcond=1e-12, hermitian=True)
             self._each.append((own["S"], inverse, group.elements.measure))
 
     def beside(self, beams: Any, numbers: Floats) -> Any:
         """What steps take as beams: the elastic ones, these, and their numbers."""
         own = numbers.copy()
-        own[[MASS, START, END]] = 0.0, -0.5, 0.5
+        own[[MASS, START, END, ENDS]] = 0.0, -0.5, 0.5, 1.0
         for fields in self._bound:
             fields["numbers"][:] = own
             fields["stiffness"][:] = (2 / self._h) * fields["viscosity"]
@@ -321,6 +323,7 @@ def numbers_of(scheme: Scheme) -> dict[str, float]:
         "share": scheme.at,
         "start": low,
         "end": high,
+        "ends": float(scheme.ends),
         **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
     }
 
@@ -522,7 +525,7 @@ class CompiledScene:
 
 #: parts of a balance that a projection of velocities does without: forces, and what turns with them
 NO_FORCES = {
-    *("node_matrix", "joint_curvature", "loop_curvature", "span_curvature"),
+    *("node_matrix", "joint_curvature", "loop_curvature", "element_curvature"),
     *("beam_force", "beam_predicted", "load", "couple"),
 }
 
@@ -634,6 +637,8 @@ class CompiledStep(CompiledScene):
 
     def _couple(self, scheme: Scheme, h: float) -> None:
         """Force elements: of kernels, and those that are called back."""
+        from ..compiled.couplings import DISPLACEMENT, KIND
+
         system, outside = self.system, without_kernels(self.system, scheme)
         numbers = {id(item): k for k, item in enumerate(system.couplings.items)}
         left = {numbers[id(item)] for item in outside}
@@ -642,8 +647,6 @@ class CompiledStep(CompiledScene):
         self._coupled = Coupled(system, system.couplings_of(inside), self._a.coupled, h)
         if not (outside or functions):
             return
-        from ..compiled.couplings import DISPLACEMENT, KIND
-
         for name in ("coupling_law", "coupling_forms"):
             self._tables[name][sorted(left)] = 0.0
         for k in left:
@@ -874,13 +877,23 @@ class CompiledStep(CompiledScene):
             loads = 0.5 * (loads + self._work_at_start())
         if drag is not None:  # it is among the loads of the kernels
             rows = self.system.rows
-            moved = self._a.y1[:rows] - self._a.y0[:rows]
-            dragged = float((moved * (drag @ moved)).sum()) / self.h
-            loads, lost = loads + dragged, lost + max(0.0, dragged)
+            v = (self._a.y1[:rows] - self._a.y0[:rows]) / self.h
+            power = float((v * (drag @ v)).sum())
+            # a step back, as composed ones have, gives what was lost
+            loads, lost = loads + self.h * power, lost + self.h * max(0.0, power)
         work = self._coupled.work(loads, lost)
+        if self.scheme.decay:
+            own = self._decay_work()
+            work = work._replace(dissipated=work.dissipated + own, numerical=own)
         if self._called_back is None:
             return work
         return StepWork(*(a + b for a, b in zip(work, self._called_back.work(), strict=True)))
+
+    def _decay_work(self) -> float:
+        """What the scheme takes by its stresses (J)."""
+        system, ends = self.system, (self._a.y0, self._a.y1)
+        strains = [[eps for eps, _ in system.strain(y.copy())] for y in ends]
+        return decay_work(system, self.scheme.decay, *strains)
 
     def _work_at_start(self) -> float:
         """Work (J) along the step of the loads at its start."""

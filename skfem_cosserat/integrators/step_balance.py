@@ -260,12 +260,8 @@ class StepBalance:
         if not self.scheme.ends:
             return group.stress(strains)
         S = group.discrete_stress(step.strains0[k], step.stresses0[k], strains)
-        return S + self._decay(step, k, group, strains) if self.scheme.decay else S
-
-    def _decay(self, step: StepData, k: int, group: BeamGroup, strains: Array) -> Array:
-        """What a scheme that is meant to lose energy adds to the stresses."""
-        change = strains - step.strains0[k]
-        return np.asarray((0.5 * self.scheme.decay) * (change @ group.elements.stiffness))
+        chi = self.scheme.decay
+        return S + decay_stress(group, chi, strains - step.strains0[k]) if chi else S
 
     def _velocity(self, step: StepData, dq: Array) -> Array:
         """Velocity (total, 3) at which dampers act."""
@@ -437,21 +433,14 @@ class StepBalance:
         e, system = evaluation, self.system
         loads = float((e.external * e.dq).sum())
         lost = self.h * self._dissipated_power(e)
-        own = self._decay_work(step, e) if self.scheme.decay else 0.0
+        chi = self.scheme.decay
+        own = decay_work(system, chi, step.strains0, e.strains) if chi else 0.0
         lost += own
         if step.couplings is None or e.coupled is None:
             return StepWork(loads, dissipated=lost, numerical=own)
         done = system.couplings.work(step.couplings, e.coupled, e.y1)
         lost, own = lost + done.dissipated, own + done.numerical
         return StepWork(loads + done.loads, done.actuators, lost, done.ground, own)
-
-    def _decay_work(self, step: StepData, e: Evaluation) -> float:
-        """What the scheme takes by its stresses (J)."""
-        lost = 0.0
-        for k, g in enumerate(self.system.beam_groups):
-            S = self._decay(step, k, g, e.strains[k])
-            lost += float((g.elements.measure * S * (e.strains[k] - step.strains0[k])).sum())
-        return lost
 
     def _dissipated_power(self, e: Evaluation) -> float:
         """Power (W) lost in viscous sections and drag, not negative."""
@@ -515,6 +504,22 @@ class StepBalance:
         ydot = np.concatenate([v, system.ground_rate(t)])
         R = balance(system, y, amplitudes_at(system, t), turns=state.turns, ydot=ydot).R
         return np.asarray(-(system.mass @ rates[1] + R)).reshape(-1)
+
+
+def decay_stress(group: BeamGroup, chi: float, change: Array) -> Array:
+    """What a scheme that is meant to lose energy adds to stresses, by the strains' change."""
+    return np.asarray((0.5 * chi) * (change @ group.elements.stiffness))
+
+
+def decay_work(
+    system: System, chi: float, strains0: Sequence[Array], strains1: Sequence[Array]
+) -> float:
+    """What it takes by that in a step (J), of the strains of all beam groups at both ends."""
+    lost = 0.0
+    for g, eps0, eps1 in zip(system.beam_groups, strains0, strains1, strict=True):
+        S = decay_stress(g, chi, eps1 - eps0)
+        lost += float((g.elements.measure * S * (eps1 - eps0)).sum())
+    return lost
 
 
 def mean(a: Array, b: Array) -> Array:

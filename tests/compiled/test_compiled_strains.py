@@ -15,7 +15,7 @@ from helpers_scenes import FULL, full_section, rotation
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled import bind, bind_kkt, elements, kkt, tree
-from skfem_cosserat.compiled.numbers import END, FORCE, NUMBERS, SHARE, START, WEIGHT
+from skfem_cosserat.compiled.numbers import END, ENDS, FORCE, NUMBERS, SHARE, START, WEIGHT
 from skfem_cosserat.compiled.plan import plan_of
 from skfem_cosserat.compiled.plane import bind as plane_bind
 from skfem_cosserat.compiled.plane import elements as plane_elements
@@ -34,7 +34,7 @@ class Expected(NamedTuple):
     """Of three states, at the start, middle and end of a step."""
 
     start: np.ndarray  # stresses there
-    stress: np.ndarray  # mean of both ends
+    stress: np.ndarray  # between both ends
     force: np.ndarray  # at the middle, rows of y
     predicted: np.ndarray
     tangent: np.ndarray
@@ -42,9 +42,9 @@ class Expected(NamedTuple):
 
 
 def numbers() -> np.ndarray:
-    """Means of both ends, no masses; a share and a factor that are not one."""
+    """Shares of both ends that differ, no masses; a share and a factor that are not one."""
     out = np.zeros(len(NUMBERS))
-    out[[START, END, WEIGHT, SHARE, FORCE]] = 0.5, 0.5, 0.5, 0.7, 1.3
+    out[[ENDS, START, END, WEIGHT, SHARE, FORCE]] = 1, 0.4, 0.6, 0.5, 0.7, 1.3
     return out
 
 
@@ -98,6 +98,7 @@ def by_table(beam: sc.Beam, D: np.ndarray, states: list[np.ndarray]) -> Expected
     x0, xm, x1 = (y.ravel()[dofs] for y in states)
     rest = beam.reference[dofs]
     share, factor = numbers()[SHARE], numbers()[FORCE]
+    low, high = numbers()[[START, END]]
 
     def strains(x: np.ndarray) -> np.ndarray:
         return 0.5 * (
@@ -109,18 +110,19 @@ def by_table(beam: sc.Beam, D: np.ndarray, states: list[np.ndarray]) -> Expected
         return np.einsum("egsij,ej->egsi", forms, x)
 
     start = strains(x0) @ D
-    stress = 0.5 * (start + strains(x1) @ D)
+    stress = low * start + high * strains(x1) @ D
     measure = basis.lengths[:, None] * basis.weights
     force = np.zeros(states[0].size)
     np.add.at(force, dofs, np.einsum("eg,egsi,egs->ei", measure, slopes(xm), stress))
     change = states[2] - states[0]
     rates = np.einsum("egsi,ei->egs", slopes(x1), change.ravel()[dofs])
     blocks = np.einsum("eg,egsi,st,egtj->eij", measure, slopes(xm), D, slopes(x1), optimize=True)
-    blocks += np.einsum("eg,egs,egsij->eij", measure, stress, forms)
+    blocks *= high  # stresses change with the end of the step by its share
+    blocks += share * np.einsum("eg,egs,egsij->eij", measure, stress, forms)
     K = np.zeros((force.size, force.size))
     for rows, block in zip(dofs, blocks, strict=True):
-        K[np.ix_(rows, rows)] += share * factor * block
-    predicted = stress + share * rates @ D
+        K[np.ix_(rows, rows)] += factor * block
+    predicted = stress + high * rates @ D
     return Expected(start, stress, force.reshape(-1, 3), predicted, K, change)
 
 

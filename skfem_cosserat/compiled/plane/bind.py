@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -391,7 +392,7 @@ def bound_beams(
 
 def bound_groups(system: System, plan: Plan, frames: Frames, rows: dict[str, Any]) -> Any:
     """Structure of all groups of elements, or of none."""
-    groups = system.beam_groups or [None]
+    groups: Sequence[BeamGroup | None] = system.beam_groups or [None]
     bound = [bound_beams(system, group, plan, frames, rows)[0] for group in groups]
     if len(bound) == 1:
         return bound[0]
