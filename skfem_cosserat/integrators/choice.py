@@ -51,8 +51,8 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
         treatment,
         (NullSpace, Multipliers),
         {
-            "closed loops in a plane but with the null space, dead loads, ground at rest and no"
-            " force elements": looped and confined,
+            "closed loops in a plane but with the null space, dead loads, ground at rest, no force"
+            " elements and no stored energies": looped and confined,
             "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
             # whether motions agree around a loop is looked at in the general way only
             "closed loops in prescribed motion": looped and bool(system.moving),

@@ -176,11 +176,11 @@ class Viscous:
             self._beams, own = bind.bound_beams(system, groups[0], plan, (2 / h) * eta)
             fields = [own]
         #: stresses, strain rates by them (of semidefinite eta, too), and weights
-        self._each: list[tuple[Floats, Floats, Floats]] = []
+        self._each: list[tuple[Floats, Any, Floats]] = []
         for group, own in zip(groups, fields, strict=True):
             eta = group.elements.viscosity
             assert eta is not None
-            inverse: Floats = np.linalg.pinv(eta, rcond=1e-12, hermitian=True)
+            inverse = np.linalg.pinv(eta, rcond=1e-12, hermitian=True)
             self._each.append((own["S"], inverse, group.elements.measure))
 
     def beside(self, beams: Any, numbers: Floats) -> Any:
