@@ -30,7 +30,8 @@ class SectionHyperelastic(Section):
     objective. Everything works as with :class:`Section`, whose energy is ``eps . D eps/2``: with
     :class:`EnergyMomentum` energy is kept exactly by a discrete derivative of W. What is linear
     about the reference (Rayleigh damping, ``damped(time=...)``, linear buckling) takes the second
-    derivative at zero strain, which is its `stiffness`. Steps are those of plain kernels.
+    derivative at zero strain, which is its `stiffness`. Compiled kernels call the functions in each
+    iteration, for all Gauss points at once, which takes most of the time of a step.
 
     Parameters
     ----------
