@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -72,49 +72,77 @@ class Law(Frozen):
         in the metric of the stiffness at zero strain, so that it does not depend on units. It is
         symmetric in both strains, hence of second order.
         """
-        middle = self.stress(0.5 * (eps0 + eps1))
-        metric, square, gap, _ = self._correction(eps0, eps1, middle)
-        return middle + _ratio(gap, square)[..., None] * metric
+        found = self._correction(eps0, eps1)
+        return found.middle + _ratio(found.gap, found.square)[..., None] * found.metric
 
     def discrete_tangent(self, eps0: Array, eps1: Array) -> Array:
         """Derivative (..., 6, 6) of the discrete derivative by eps1; not symmetric."""
-        mean = 0.5 * (eps0 + eps1)
-        middle, half = self.stress(mean), 0.5 * self.tangent(mean)
-        metric, square, gap, size = self._correction(eps0, eps1, middle)
+        half = 0.5 * self.tangent(0.5 * (eps0 + eps1))
+        middle, metric, square, gap, size, (last,) = self._correction(eps0, eps1, eps1)
         factor = _ratio(gap, square)
-        slope = self.stress(eps1) - middle - (half @ (eps1 - eps0)[..., None])[..., 0]
+        slope = last - middle - (half @ (eps1 - eps0)[..., None])[..., 0]
         slope = _ratio(slope - 2 * factor[..., None] * metric, square[..., None])
         more = factor[..., None, None] * self.stiffness + metric[..., None] * slope[..., None, :]
         # of the order of the increment, and rounding where that is very small
         return half + np.where((square > _SMALL**2 * size)[..., None, None], more, 0.0)
 
-    def mean_stress(self, mean: Array, d: Array, middle: Array) -> Array:
-        """Mean of the stresses from ``mean - d/2`` to ``mean + d/2`` by three Gauss points.
+    def mean_stress(self, eps0: Array, eps1: Array) -> Array:
+        """Mean of the stresses on the way by three Gauss points, to the sixth order of it."""
+        middle, more, _ = self._stresses_between(eps0, eps1)
+        return middle + more
 
-        `middle` is that of the mean strain; the error is of the sixth order of d.
+    def _stresses_between(
+        self, eps0: Array, eps1: Array, *others: Array
+    ) -> tuple[Array, Array, Array]:
+        """Stress of the mean strain, what the mean stress is more than it, and that of `others`.
+
+        In one call: calls of functions take longer than what they do.
         """
         place, weight = _GAUSS
-        around = self.stress(mean - place * d) + self.stress(mean + place * d)
-        return middle + weight * (around - 2 * middle)
+        mean, step = 0.5 * (eps0 + eps1), place * (eps1 - eps0)
+        found = self.stress(np.array([mean, mean - step, mean + step, *others]))
+        middle = found[0]
+        return middle, weight * (found[1] + found[2] - 2 * middle), found[3:]
 
-    def _correction(
-        self, eps0: Array, eps1: Array, middle: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """``D d``, ``d . D d``, ``W_1 - W_0 - S . d`` of an increment d; size of the energies.
+    def _correction(self, eps0: Array, eps1: Array, *others: Array) -> _Correction:
+        """Terms of the discrete derivative.
 
-        The difference cancels to the third order of d. Where that is below the rounding of the
-        energies, the Gauss rule for the mean stress has the same value without the loss.
+        The difference of energies cancels to the third order of the increment. Where that is below
+        the rounding of the energies, the Gauss rule for the mean stress has the same value without
+        the loss.
         """
+        middle, more, stresses = self._stresses_between(eps0, eps1, *others)
         d = eps1 - eps0
-        metric = d @ self.stiffness
-        before, after = self.energy(eps0), self.energy(eps1)
-        gap = (after - before) - (middle * d).sum(-1)
-        mean = self.mean_stress(0.5 * (eps0 + eps1), d, middle)
-        smooth = ((mean - middle) * d).sum(-1)
+        metric, work = d @ self.stiffness, middle * d
+        before, after = self.energy(np.array([eps0, eps1]))
+        gap, smooth = (after - before) - work.sum(-1), (more * d).sum(-1)
         size = abs(before.real) + abs(after.real)
-        rounding = 4 * EPS * (size + abs((middle * d).real).sum(-1)) + 2 * self.noise
+        rounding = 4 * EPS * (size + abs(work.real).sum(-1)) + 2 * self.noise
         gap = np.where(abs((gap - smooth).real) <= rounding, smooth, gap)
-        return metric, (metric * d).sum(-1), gap, size
+        return _Correction(middle, metric, (metric * d).sum(-1), gap, size, stresses)
+
+
+class _Correction(NamedTuple):
+    """Of an increment d of strains in the metric D of the stiffness at zero strain.
+
+    Attributes
+    ----------
+    middle : (..., 6) array
+        Stress S of the mean strain.
+    metric : (..., 6) array
+        ``D d``.
+    square, gap, size : (...) array
+        ``d . D d``, ``W_1 - W_0 - S . d``, and the size of the energies.
+    others : (k, ..., 6) array
+        Stresses of other strains.
+    """
+
+    middle: Array
+    metric: Array
+    square: Array
+    gap: Array
+    size: Array
+    others: Array
 
 
 def _ratio(a: Array, b: Array) -> Array:

@@ -17,7 +17,19 @@ from ..model.groups import BeamGroup, Group
 from ..model.tree import ConstrainedElement, Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..types import Floats, IndexArray
-from . import blocks, constraints, couplings, elements, kkt, loads, loops, nodes, structures, tree
+from . import (
+    blocks,
+    constraints,
+    couplings,
+    elements,
+    kkt,
+    loads,
+    loops,
+    nodes,
+    stored,
+    structures,
+    tree,
+)
 from .couplings import (
     ANGLE,
     DAMPING,
@@ -38,8 +50,9 @@ from .couplings import (
     STIFFNESS,
 )
 from .jit import address
-from .numbers import BEAM_PARTS, COUPLED, TREE_PARTS
+from .numbers import BEAM_PARTS, COUPLED, NUMBERS, TREE_PARTS
 from .plan import Plan, following
+from .structures import Groups
 from .tree import AXIS, SLIDE, SPHERE, STRETCH
 from .tree import ROTATION as TURN
 from .warm import cold, helped
@@ -49,6 +62,7 @@ __all__ = [
     "bound_beams",
     "bound_couplings",
     "bound_elements",
+    "bound_groups",
     "bound_nodal_masses",
     "bound_plan",
     "bound_tree",
@@ -233,9 +247,9 @@ def compiling(
 
     `kept_only`: nothing is to be compiled.
     """
-    order = system.beam_groups[0].vertices.shape[1] - 1 if system.beam_groups else 1
+    orders = sorted({group.vertices.shape[1] - 1 for group in system.beam_groups}) or [1]
     if not kept_only and cold([part_named(names[0], family)]):
-        return helped(order, names, family)
+        return helped(orders, names, family)
     return nullcontext()
 
 
@@ -247,17 +261,28 @@ def addresses(
     Parameters
     ----------
     structures : (tree, plan, work, beams)
-        With multipliers (constraints, elimination, work, beams).
+        With multipliers (constraints, elimination, work, beams). Of beams in several groups each
+        has parts of its own, whose addresses stand in rows of these.
     family : {"tree", "plane", "multipliers"}
         Null space method in space, in a plane, or steps with multipliers.
     kept_only : bool
         Nothing is to be compiled, see :func:`.jit.ready`.
     """
-    kinds = [*map(typeof, structures)]
-    found = {
-        name: address(part_named(name, family), *signature(name, kinds), kept_only=kept_only)
-        for name in names
-    }
+    kinds, beams = [*map(typeof, structures)], structures[-1]
+
+    def made(name: str, own: Sequence[Any]) -> int:
+        kind = family
+        if structure_of_law(own[-1]):
+            kind = "multipliers by law" if family == "multipliers" else "by law"
+        return address(part_named(name, kind), *signature(name, own), kept_only=kept_only)
+
+    found: dict[str, int] = {}
+    for name in names:
+        if name in BEAM_PARTS and isinstance(beams, Groups):
+            each = [made(name, [*kinds[:-1], typeof(one)]) for one in beams.members]
+            found[name] = beams.place(name, each)
+        else:
+            found[name] = made(name, kinds)
     # the last one is that of Python code, if some is called back
     return np.array([*(found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)), 0])
 
@@ -269,6 +294,10 @@ def part_named(name: str, family: str = "tree") -> Any:
         modules = [kkt, constraints, elements]
     if family == "plane":
         modules = [*plane_parts(), *modules]
+    if family == "by law":
+        modules = [stored, elements]
+    if family == "multipliers by law":
+        modules = [stored, kkt, elements]
     return next(vars(m)[name] for m in modules if name in m.__all__)
 
 
@@ -364,6 +393,50 @@ def bound_beams(
         "predicted": S.copy(),
     }
     return structures.beams(tuple(fields[name] for name in structures.BEAMS)), fields
+
+
+def bound_groups(
+    system: System, plan: Plan, viscous: bool = False
+) -> tuple[Any, list[dict[str, Any]]]:
+    """All groups of elements; the structure, and arrays by name of each.
+
+    One group, or none, of elastic sections is as :func:`bound_beams` has it. Else, with `viscous`,
+    elements of viscous sections follow behind all others, with numbers of their own; their
+    stiffness is the viscosity.
+    """
+    groups = system.beam_groups
+    if len(groups) < 2 and not any(group.elements.stored for group in groups):
+        g, fields = bound_beams(system, groups[0] if groups else None, plan)
+        return g, [fields]
+    bound = [
+        (bound_by_law if group.elements.stored else bound_beams)(system, group, plan)
+        for group in groups
+    ]
+    numbers: list[Any] = [None] * len(bound)
+    for group in groups:
+        eta = group.elements.viscosity
+        if viscous and eta is not None:
+            g, fields = bound_beams(system, group, plan, eta)
+            numbers.append(np.zeros(len(NUMBERS)))
+            bound.append(
+                (g, fields | {"numbers": numbers[-1], "viscosity": fields["stiffness"].copy()})
+            )
+    return Groups([g for g, _ in bound], numbers, BEAM_PARTS), [fields for _, fields in bound]
+
+
+def bound_by_law(system: System, group: BeamGroup, plan: Plan) -> tuple[Any, dict[str, Any]]:
+    """One group of elements of which some have a stored energy; as :func:`bound_beams`."""
+    _, fields = bound_beams(system, group, plan)
+    ne, ng, _ = fields["S"].shape
+    moduli = np.repeat(group.elements.stiffness[:, None], ng, axis=1)
+    fields |= {"stiffness": moduli, "diagonal": False, "strains": np.zeros((ne, ng, 6))}
+    fields["law"] = np.zeros(1, dtype=np.int64)
+    return structures.beams_by_law(tuple(fields[n] for n in structures.BEAMS_BY_LAW)), fields
+
+
+def structure_of_law(kind: Any) -> bool:
+    """Whether a type is that of :func:`bound_by_law`."""
+    return getattr(kind, "family", None) == "beams_by_law"
 
 
 def nested(table: Floats) -> tuple[tuple[float, ...], ...]:

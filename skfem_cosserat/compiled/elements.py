@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from ..types import Floats, IndexArray
-from .jit import inlined, part
-from .numbers import END, ENDS, FORCE, MASS, SHARE, START, WEIGHT
+from .jit import call_back, inlined, part
+from .numbers import END, ENDS, FORCE, MASS, MODULI_BY_LAW, SHARE, START, WEIGHT
 from .simd import WIDTH, add_rows, gather, load, pack, rows, scatter, store
 from .small import (
     Places,
@@ -37,13 +37,20 @@ from .small import (
 __all__ = [
     "Point",
     "add_geometric",
+    "ask_for_moduli",
     "at_point",
     "beam_force",
     "beam_predicted",
     "beam_start",
     "beam_tangent",
+    "give",
+    "point_force",
     "scalar_block",
+    "strain_changes",
+    "strained",
     "take",
+    "take_elements",
+    "triple",
 ]
 
 #: slope of the centre line, directors and their slopes
@@ -474,10 +481,29 @@ def turned_strain(N: float, dN: float, X: Floats, u: int, G: Point, a: Floats, k
 
 @inlined
 def stiff(D: Floats, own: Places, diagonal: bool, factor: float, a: Floats) -> None:
-    """Stiffness of the sections, or its diagonal, times a factor."""
+    """Stiffness of the sections, or its diagonal, times a factor; none of that of a law."""
+    if D.ndim == 4:
+        return
     step = 7 if diagonal else 1
     for i in range(0, 36, step):
         store(a, STIFFNESS + i, factor * gather(D, own, 36, i))
+
+
+@inlined
+def stiff_by_law(D: Floats, es: Places, points: int, p: int, factor: float, a: Floats) -> None:
+    """Stiffness of a law at Gauss point p, times a factor; that of sections is constant."""
+    if D.ndim == 4:
+        for i in range(36):
+            store(a, STIFFNESS + i, factor * gather(D, es, 36 * points, 36 * p + i))
+
+
+@inlined
+def ask_for_moduli(D: Floats, g: Any) -> None:
+    """Have the stiffness of a law made for the strains evaluated last."""
+    if D.ndim == 4:
+        law = g.law
+        if law[0] != 0:
+            call_back(law[0], MODULI_BY_LAW)
 
 
 @inlined
@@ -635,6 +661,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     base, turned, rotations, diagonal = g.base, g.turned, g.rotations, g.diagonal
     ne, nodes = base.shape
     points = len(shapes)
+    ask_for_moduli(stiffness, g)
     table = np.empty((2, points, nodes))
     tabulated(shapes, slopes, table)
     XB, XR = np.empty(12 * nodes * WIDTH), np.empty(12 * nodes * WIDTH)
@@ -660,6 +687,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             f = half * weights[p] * once
             keep(a, STRESSES + 6 * p, times(f, n))
             keep(a, STRESSES + 6 * p + 3, times(0.5 * f, m))
+            stiff_by_law(stiffness, es, points, p, material * once * length, a)
             point_terms(p, (GB, GS), X, table, weights[p], inverse, diagonal, a)
         for u in range(nodes):
             for v in range(nodes):

@@ -15,28 +15,31 @@ from ..mesh import MeshCurve
 from ..model import Model, Planar, System
 from ..section import Material, SectionCircle
 from . import bind, bind_kkt, step
-from .jit import address
 from .plan import Plan, plan_of
 from .plane import bind as plane
 
 __all__ = ["main"]
 
 
-def main(order: int, names: Sequence[str], family: str = "tree") -> None:
+def main(orders: Sequence[int], names: Sequence[str], family: str = "tree") -> None:
     """Compile the loop over a step, then parts from the last to the first."""
     model = Model()
-    mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 1, name="rod")
-    rod = model.add("rod", Beam(mesh, SectionCircle(0.01, Material(1e6, 0.3, 1e3)), order=order))
-    model.add("hinge", JointRevolute(ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1)))
+    section = SectionCircle(0.01, Material(1e6, 0.3, 1e3))
+    for k, order in enumerate(orders):
+        mesh = MeshCurve.init_line((0, k, 0), (1, k, 0), 1, name=f"rod{k}")
+        rod = model.add(f"rod {k}", Beam(mesh, section, order=order))
+        hinge = JointRevolute(ground((0, k, 0)), rod.node(f"rod{k}.start"), axis=(0, 0, 1))
+        model.add(f"hinge {k}", hinge)
     system = model.freeze(planar=Planar() if family == "plane" else None)
     plan = plan_of(system, whole=family == "multipliers")
-    kinds = [typeof(each) for each in structures_of(system, plan, family)]
+    given = structures_of(system, plan, family)
+    kinds = [typeof(each) for each in given]
     numbers, places = typeof(np.zeros(0)), typeof(np.zeros(0, dtype=np.int64))
     compiled: Any = step.solve
     ends = typeof((np.zeros((0, 3)),) * 4)
     compiled.compile((places, *kinds, numbers, numbers, ends))
     for name in reversed(names):
-        address(bind.part_named(name, family), *bind.signature(name, kinds))
+        bind.addresses([name], given, family)
 
 
 def structures_of(system: System, plan: Plan, family: str) -> list[Any]:
@@ -48,7 +51,7 @@ def structures_of(system: System, plan: Plan, family: str) -> list[Any]:
             plane.bound_tree(system, plan, frames, rows)[0],
             bind.bound_plan(system, plan)[0],
             plane.bound_work(system, plan, frames)[0],
-            plane.bound_beams(system, system.beam_groups[0], plan, frames, fields)[0],
+            plane.bound_groups(system, plan, frames, fields),
         ]
     if family == "multipliers":
         own = (
@@ -62,4 +65,4 @@ def structures_of(system: System, plan: Plan, family: str) -> list[Any]:
             bind.bound_plan(system, plan)[0],
             bind.bound_work(system, plan)[0],
         )
-    return [*own, bind.bound_beams(system, system.beam_groups[0], plan)[0]]
+    return [*own, bind.bound_groups(system, plan)[0]]

@@ -20,6 +20,7 @@ from numba.core.caching import FunctionCache
 from numba.core.runtime import rtsys
 from numba.extending import intrinsic
 
+from .structures import is_groups
 from .warm import NotKept, stamp
 
 __all__ = ["STAMP", "address", "call", "call_back", "call_beams", "inlined", "jit"]
@@ -163,8 +164,11 @@ def call_beams(typing: Any, place: Any, g: Any, w: Any, numbers: Any, flag: Any)
     """Call the part of beams at an address; twice where g is ``(beams, beams, numbers)``.
 
     Then the second ones have the numbers that come with them: they are the viscosity of beams. Only
-    steps of scenes with some are compiled for such a tuple.
+    steps of scenes with some are compiled for such a tuple. Where g is :class:`.structures.Groups`
+    the address is that of a row of addresses: each of its groups has a part of its own.
     """
+    if is_groups(g):
+        return types.float64(types.int64, g, w, numbers, flag), _each_group
     twice = isinstance(g, types.BaseTuple)
     kinds = (g.types[0] if twice else g, w, numbers, flag)
 
@@ -178,6 +182,27 @@ def call_beams(typing: Any, place: Any, g: Any, w: Any, numbers: Any, flag: Any)
         return result
 
     return types.float64(types.int64, g, w, numbers, flag), generate
+
+
+def _each_group(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    """Call the parts of all groups, some with numbers of their own."""
+    word = ir.IntType(64).as_pointer()
+    parts, words = builder.inttoptr(values[0], word), builder.bitcast(values[1], word)
+    own = [builder.load(builder.gep(words, [ir.Constant(ir.IntType(64), k)])) for k in range(3)]
+    count, places, numbers = own[0], *(builder.inttoptr(each, word) for each in own[1:])
+    kinds = signature.args[1:]
+    with cgutils.for_range(builder, count) as loop:
+        part, beams, other = (
+            builder.load(builder.gep(each, [loop.index])) for each in (parts, places, numbers)
+        )
+        beams = builder.inttoptr(beams, context.get_value_type(kinds[0]))
+        array = context.make_array(kinds[2])(context, builder, value=values[3])
+        given = builder.icmp_unsigned("!=", other, ir.Constant(other.type, 0))
+        other = builder.inttoptr(other, array.data.type)
+        array.data = builder.select(given, other, array.data)
+        chosen = [beams, values[2], array._getvalue(), values[4]]
+        _called(context, builder, part, kinds, chosen)
+    return ir.Constant(ir.DoubleType(), 0.0)
 
 
 @intrinsic

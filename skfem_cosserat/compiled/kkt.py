@@ -14,7 +14,7 @@ from ..types import Floats, IndexArray
 from .blocks import carry
 from .constraints import PAIRS, border
 from .couplings import MOST_PI, MOST_XI, ROWS, SIDE, SLOT, couple_force, derivatives
-from .elements import Point, add_geometric, at_point, take
+from .elements import Point, add_geometric, ask_for_moduli, at_point, take
 from .jit import inlined, part
 from .loads import load_force, moment_change, moment_on
 from .numbers import END, ENDS, FORCE, MASS, SHARE, WEIGHT
@@ -167,6 +167,22 @@ def scalars_to_nodes(rotations: Floats, e: int, C: Floats, V: Floats) -> None:
                     C[a, b, 1 + j, r] = V[j]
 
 
+@inlined
+def first_of(D: Floats, section: IndexArray, e: int, points: int, p: int) -> int:
+    """Which stiffness an element has at Gauss point p: of its section, or of a law its own."""
+    if D.ndim == 4:
+        return e * points + p
+    return section[e]
+
+
+@inlined
+def on_diagonal(D: Floats, section: IndexArray, e: int, i: int) -> float:
+    """Entry of the stiffness of a section; laws have none that is known to be diagonal."""
+    if D.ndim == 4:
+        return 0.0
+    return D[section[e], i, i]
+
+
 @part
 def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add the blocks of all elements to their slots, not projected.
@@ -187,6 +203,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     base, turned, rotations = g.base, g.turned, g.rotations
     ne, nn = base.shape
     wide, count = WIDE * nn, 6 * len(shapes)
+    ask_for_moduli(stiffness, g)
     XB, XS, V = np.empty((nn, 4, 3)), np.empty((nn, 4, 3)), np.empty(3)
     C, L, B = np.empty((nn, nn, 4, 4)), np.zeros((count, wide)), np.zeros((count, wide))
     T = np.zeros((count, wide))
@@ -221,11 +238,11 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             i = k % 6
             if diagonal:
                 for c in range(wide):
-                    T[k, c] = -stiffness[section[e], i, i] * B[k, c]
+                    T[k, c] = -on_diagonal(stiffness, section, e, i) * B[k, c]
             else:
                 for c in range(wide):
                     T[k, c] = 0.0
-                place = 36 * section[e] + 6 * i
+                place = 36 * first_of(stiffness, section, e, len(shapes), k // 6) + 6 * i
                 subtract_rows(T, k * wide, stiffness, place, 1, B, (k - i) * wide, wide, 6, wide)
         for a in range(nn):
             for b in range(nn):

@@ -56,6 +56,9 @@ BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(28, 33
 CALLED_BACK = 33
 AT_BEGIN, AT_FORCE, AT_PREDICTED, AT_MATRIX = range(4)
 
+#: what beams of a stored energy ask for: stresses by strains, and their derivative
+STRESSES_BY_LAW, MODULI_BY_LAW = range(2)
+
 #: what a force element has in a step, columns of ``w.coupled``: step size; full turns of an angle
 #: at the start and at the end, or how far a rotation vector went; what is dissipated, the part of
 #: the scheme in it, and what the ground does (J); forces of an actuator, invariants and coordinates

@@ -14,7 +14,7 @@ import numpy as np
 from ..types import Floats, IndexArray
 from . import numbers as n
 from .blocks import invert_exchanging
-from .jit import call, jit
+from .jit import call, call_beams, jit
 from .nodes import twist_force
 from .step import evaluate, matrix, start
 
@@ -105,7 +105,7 @@ def push(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, what: i
     if what == 0:
         call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
     elif p[n.BEAM_PREDICTED]:
-        call(p[n.BEAM_PREDICTED], g, w, numbers, 0)
+        call_beams(p[n.BEAM_PREDICTED], g, w, numbers, 0)
 
 
 @jit

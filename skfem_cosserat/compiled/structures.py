@@ -16,6 +16,7 @@ from numba.extending import NativeValue, register_model, unbox
 
 __all__ = [
     "BEAMS",
+    "BEAMS_BY_LAW",
     "CONSTRAINTS",
     "ELIMINATION",
     "PLAN",
@@ -24,10 +25,13 @@ __all__ = [
     "ROWS",
     "TREE",
     "WORK",
+    "Groups",
     "Structure",
     "beams",
+    "beams_by_law",
     "constraints",
     "elimination",
+    "is_groups",
     "plan",
     "plane_beams",
     "plane_tree",
@@ -78,7 +82,7 @@ class _Kind(types.Type):
     def __init__(self, family: str, fields: dict[str, Any]) -> None:
         text = repr([(name, str(kind)) for name, kind in fields.items()])
         super().__init__(f"{family}_{hashlib.sha256(text.encode()).hexdigest()[:16]}")
-        self.fields = fields
+        self.family, self.fields = family, fields
         self.places, end = {}, 0
         for name, kind in fields.items():
             self.places[name] = end
@@ -160,6 +164,46 @@ class Structure:
         self.address = self._memory.ctypes.data
 
 
+class Groups(Structure):
+    """Groups of beams as one argument: whatever is in them, its type is the same.
+
+    Of beam parts, tables of scenes have the address of a row here, with that of each group's part;
+    see :func:`.jit.call_beams`.
+
+    Parameters
+    ----------
+    members : sequence of Structure
+        Of :func:`beams`, :func:`beams_by_law` or :func:`plane_beams`.
+    numbers : sequence of (array or None)
+        Numbers of a step that a member takes in place of those of the scene.
+    parts : sequence of str
+        Names of beam parts.
+    """
+
+    __slots__ = ("_kept", "_rows", "members")
+
+    def __init__(
+        self, members: Sequence[Structure], numbers: Sequence[Any], parts: Sequence[str]
+    ) -> None:
+        places = np.array([each.address for each in members], dtype=np.int64)
+        own = [0 if each is None else each.ctypes.data for each in numbers]
+        others = np.array(own, dtype=np.int64)
+        self.members, self._kept = tuple(members), (places, others, tuple(numbers))
+        self._rows = {name: np.zeros(len(members), dtype=np.int64) for name in parts}
+        ends = len(members), places.ctypes.data, others.ctypes.data
+        super().__init__("groups", ("count", "places", "numbers"), ends)
+
+    def place(self, name: str, addresses: Sequence[int]) -> int:
+        """Address of the row of a part, of which each member has its own."""
+        self._rows[name][:] = addresses
+        return int(self._rows[name].ctypes.data)
+
+
+def is_groups(kind: Any) -> bool:
+    """Whether a type is that of :class:`Groups`."""
+    return isinstance(kind, _Kind) and kind.family == "groups"
+
+
 def _field_type(name: str, value: Any) -> Any:
     """Numba's type of a field."""
     kind = types.unliteral(typeof(value))
@@ -210,6 +254,9 @@ BEAMS = (
     *("N", "dN", "weights", "base", "slot", "lengths", "section", "stiffness", "reference", "mass"),
     *("diagonal", "rotations", "turned", "S0", "S", "predicted"),
 )
+#: elements of which some have a stored energy: stiffness by Gauss points, S0 the strains at the
+#: start; beside these the strains, and the address of what makes stresses and stiffness of them
+BEAMS_BY_LAW = (*BEAMS, "strains", "law")
 #: vertices of moments and whether these follow; of each pair of vertices that a force fixed in a
 #: body, or drag, couples: first rows of y of where it acts and of what it depends on, and the slot
 #: of their block
@@ -327,6 +374,11 @@ PLANE_TREE = (
 def beams(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`BEAMS`."""
     return Structure("beams", BEAMS, values)
+
+
+def beams_by_law(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`BEAMS_BY_LAW`."""
+    return Structure("beams_by_law", BEAMS_BY_LAW, values)
 
 
 def tree(values: Sequence[Any]) -> Structure:

@@ -70,19 +70,19 @@ def cold(functions: Sequence[Any]) -> bool:
 
 
 @contextmanager
-def helped(order: int, names: Sequence[str], family: str = "tree") -> Iterator[None]:
+def helped(orders: Sequence[int], names: Sequence[str], family: str = "tree") -> Iterator[None]:
     """While parts are compiled, in this order, a helper compiles them in reverse.
 
     Parameters
     ----------
-    order : int
+    orders : sequence of int
         Of the beam elements.
     names : sequence of str
         Of the parts.
     family : str
         Of the parts, see :func:`.bind.addresses`.
     """
-    arguments = f"{order}, {[*names]}, {family!r}"
+    arguments = f"{[*orders]}, {[*names]}, {family!r}"
     code = f"from skfem_cosserat.compiled.helper import main; main({arguments})"
     helper = None
     # embedded in another program, the executable may be anything

@@ -1,7 +1,8 @@
-"""Force elements without kernels of their own in compiled steps: evaluated by numpy, called back.
+"""What has no kernels of its own in compiled steps: evaluated by numpy, called back.
 
-Compiled code calls a Python function at the stages of an iteration. That adds its forces to the
-rows of y, and its 3x3 blocks to those of the matrix.
+Compiled code calls a Python function at the stages of an iteration. Force elements add their forces
+to the rows of y, and their 3x3 blocks to those of the matrix. Sections of a stored energy fill in
+stresses, and the derivative of these by the strains.
 """
 
 from __future__ import annotations
@@ -9,17 +10,26 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
-from ..compiled.numbers import AT_BEGIN, AT_FORCE, AT_MATRIX, AT_PREDICTED
+from ..compiled.numbers import (
+    AT_BEGIN,
+    AT_FORCE,
+    AT_MATRIX,
+    AT_PREDICTED,
+    MODULI_BY_LAW,
+    STRESSES_BY_LAW,
+)
 from ..kernels import skew
 from ..model import System
 from ..model.force_elements import CoupledForce, CoupledStart, Couplings
+from ..model.groups import BeamGroup
 from ..types import Floats, IndexArray
 from .scheme import Scheme, State, StepWork
 
-__all__ = ["CalledBack", "coupled"]
+__all__ = ["CalledBack", "CalledLaws", "coupled"]
 
 
 def coupled(
@@ -37,6 +47,107 @@ def coupled(
     if scheme.at_end:
         return couplings.static(start, y1, v, scheme.rate)
     return couplings.midpoint(start, y, y1)
+
+
+class Called:
+    """A Python function that compiled code calls at stages of an iteration.
+
+    Parameters
+    ----------
+    stages : dict
+        What is done at each.
+    failed : callable
+        What is done after an exception, which compiled code does not pass.
+
+    Attributes
+    ----------
+    address : int
+        Of ``double f(int64 stage)``.
+    """
+
+    def __init__(
+        self,
+        stages: dict[int, Callable[[], None]],
+        failed: Callable[[], None] | None = None,
+    ) -> None:
+        self.error: BaseException | None = None
+
+        def called(stage: int) -> float:
+            try:
+                if self.error is None:
+                    stages[stage]()
+            except BaseException as error:  # noqa: BLE001, it is raised after the step
+                self.error = error
+            if self.error is not None and failed is not None:
+                failed()
+            return 1.0
+
+        self._call = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_int64)(called)
+        self.address = int(ctypes.cast(self._call, ctypes.c_void_p).value or 0)
+
+    def complain(self) -> None:
+        """Raise what could not be raised when compiled code called."""
+        error, self.error = self.error, None
+        if error is not None:
+            raise error
+
+
+class CalledLaws(Called):
+    """Stresses of beam elements of which some have a stored energy, in compiled steps.
+
+    Parameters
+    ----------
+    group : BeamGroup
+    arrays : dict
+        Those of its structure, in place: "S0" the strains at the start of a step, "strains" those
+        of an iteration, "S" stresses, "stiffness" their derivative (ne, ng, 6, 6), "law".
+    scheme : Scheme
+    """
+
+    def __init__(self, group: BeamGroup, arrays: dict[str, Any], scheme: Scheme) -> None:
+        super().__init__({STRESSES_BY_LAW: self._stresses, MODULI_BY_LAW: self._moduli}, self._fail)
+        self.scheme = scheme
+        self._group, self._arrays = group, arrays
+        self._known = False
+        arrays["law"][0] = self.address
+
+    def _stresses(self) -> None:
+        self._known = False
+        group, s, eps, S = self._group, self.scheme, self._arrays["strains"], self._arrays["S"]
+        with np.errstate(all="ignore"):
+            if not s.ends:
+                S[:] = group.stress(eps)
+                return
+            eps0, D = self._arrays["S0"], group.elements.stiffness
+            S[:] = group.discrete_stress(eps0, eps0 @ D, eps)
+            if s.decay:
+                S += (0.5 * s.decay) * ((eps - eps0) @ D)
+
+    def _moduli(self) -> None:
+        """Kernels multiply them with the share that the end has in the stresses."""
+        if self._known:
+            return
+        self._known = True
+        group, s, eps, elements = (
+            self._group,
+            self.scheme,
+            self._arrays["strains"],
+            self._group.elements,
+        )
+        D = self._arrays["stiffness"]
+        with np.errstate(all="ignore"):
+            if s.ends:
+                D[:] = group.discrete_moduli(self._arrays["S0"], eps)
+                if s.decay:
+                    D += s.decay * elements.weighted_stiffness
+                    D /= 1 + s.decay
+            else:
+                D[:] = group.moduli(eps)
+            D /= elements.measure[..., None]
+
+    def _fail(self) -> None:
+        """Nothing is found with these."""
+        self._arrays["S"][:] = np.nan
 
 
 class CalledBack:
@@ -67,7 +178,6 @@ class CalledBack:
     ) -> None:
         self.system, self.couplings, self._arrays = system, couplings, arrays
         self._scheme: Scheme | None = None
-        self._error: BaseException | None = None
         self._place(slot)
         stages: dict[int, Callable[[], None]] = {
             AT_BEGIN: self._begin,
@@ -75,18 +185,8 @@ class CalledBack:
             AT_PREDICTED: self._add_predicted,
             AT_MATRIX: self._add_blocks,
         }
-
-        def called(stage: int) -> float:
-            """From compiled code, which no exception can pass."""
-            try:
-                if self._error is None:
-                    stages[stage]()
-            except BaseException as error:  # noqa: BLE001, it is raised after the step
-                self._error = error
-            return 1.0
-
-        self._call = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_int64)(called)
-        self.address = int(ctypes.cast(self._call, ctypes.c_void_p).value or 0)
+        self._called = Called(stages)
+        self.address = self._called.address
 
     def _place(self, slot: dict[tuple[int, int], int]) -> None:
         """Where blocks go in the matrix: 6x6 by velocities, or 12x12 by coordinates."""
@@ -108,7 +208,7 @@ class CalledBack:
 
     def begin(self, state: State, h: float, scheme: Scheme, rates0: Floats | None) -> None:
         """What is fixed in a step of size h (s) after a state."""
-        self._state, self._h, self._scheme, self._error = state, h, scheme, None
+        self._state, self._h, self._scheme, self._called.error = state, h, scheme, None
         system, t1 = self.system, state.time + h
         if scheme.at_end:
             self._factors = np.array([*(time.value(t1) for time in self.couplings.times), 0.0])
@@ -155,9 +255,7 @@ class CalledBack:
 
     def complain(self) -> None:
         """Raise what could not be raised when compiled code called."""
-        error, self._error = self._error, None
-        if error is not None:
-            raise error
+        self._called.complain()
 
     def turns(self) -> IndexArray | None:
         """Full turns of angles at the end of the step, as in a state."""

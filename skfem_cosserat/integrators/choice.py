@@ -51,11 +51,10 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
         treatment,
         (NullSpace, Multipliers),
         {
-            "closed loops in a plane but with the null space, dead loads, ground at rest and no"
-            " force elements": looped and confined,
+            "closed loops in a plane but with the null space, dead loads, ground at rest, no force"
+            " elements and no stored energies": looped and confined,
             "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
             "damped beams at the ends of steps": scheme.at_end and system.damped,
-            **_elements(system),
             **_theories(scene, treatment),
         },
     )
@@ -75,7 +74,6 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
             "closed loops": len(system.closure.rows) > 0,
             "springs, dampers and actuators": len(system.couplings.items) > 0,
             "loads that are functions of the motion": len(system.loading.functions) > 0,
-            **_elements(system),
             "scenes confined to a plane": system.plane is not None,
             "beams that hold strains": len(system.theory_rows) > 0,
             "a turning frame": spin is not None,
@@ -83,17 +81,11 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
     )
 
 
-def _elements(system: System) -> dict[str, bool]:
-    return {
-        "beams of several orders": len(system.beam_groups) > 1,
-        "sections of a stored energy function": any(g.elements.stored for g in system.beam_groups),
-    }
-
-
 def in_space(system: System, treatment: Treatment) -> bool:
     """Whether a scene in a plane takes the kernels of space: those of the plane do less.
 
-    They have the null space method for dead loads, ground at rest, no force elements and damping.
+    They have the null space method for dead loads, ground at rest, no force elements and damping,
+    and sections whose energy is quadratic.
     """
     return system.plane is not None and (
         isinstance(treatment, Multipliers)
@@ -101,6 +93,7 @@ def in_space(system: System, treatment: Treatment) -> bool:
         or len(system.couplings.items) > 0
         or system.damped
         or bool(system.moving)
+        or any(group.elements.stored for group in system.beam_groups)
         or _oblique(system)
     )
 

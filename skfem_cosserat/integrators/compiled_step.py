@@ -58,7 +58,7 @@ from ..newton import NewtonSettings
 from ..pattern import FrozenPattern
 from ..types import Floats, IndexArray
 from .base import Integrator
-from .called_back import CalledBack
+from .called_back import CalledBack, CalledLaws
 from .scheme import Scheme, State, StepWork
 from .step_balance import decay_work
 
@@ -174,34 +174,49 @@ class Viscous:
     Parameters
     ----------
     system : System
-        With viscous sections, and beams of one order.
+        With viscous sections.
     plan : Plan
     h : float
         Step size (s).
+    bound : list of dict
+        Arrays of these elements, if they are among the groups of the scene's; default: they are
+        not, and the scene has one group only.
     """
 
-    def __init__(self, system: System, plan: Plan, h: float) -> None:
+    def __init__(self, system: System, plan: Plan, h: float, bound: list[dict[str, Any]]) -> None:
         from ..compiled import bind
 
-        group = system.beam_groups[0]
-        eta = group.elements.viscosity
-        assert eta is not None
-        self._beams, fields = bind.bound_beams(system, group, plan, (2 / h) * eta)
-        self._stress: Floats = fields["S"]
-        #: strain rates by stresses, of semidefinite eta, too
-        self._inverse = np.linalg.pinv(eta, rcond=1e-12, hermitian=True)
-        self._measure, self._h = group.elements.measure, h
+        self._h, self._bound = h, bound
+        groups = [group for group in system.beam_groups if group.viscous]
+        fields = bound
+        if not bound:
+            eta = groups[0].elements.viscosity
+            assert eta is not None
+            self._beams, own = bind.bound_beams(system, groups[0], plan, (2 / h) * eta)
+            fields = [own]
+        #: stresses, strain rates by them (of semidefinite eta, too), and weights
+        self._each: list[tuple[Floats, Any, Floats]] = []
+        for group, own in zip(groups, fields, strict=True):
+            eta = group.elements.viscosity
+            assert eta is not None
+            inverse = np.linalg.pinv(eta, rcond=1e-12, hermitian=True)
+            self._each.append((own["S"], inverse, group.elements.measure))
 
     def beside(self, beams: Any, numbers: Floats) -> Any:
         """What steps take as beams: the elastic ones, these, and their numbers."""
         own = numbers.copy()
         own[[MASS, START, END, ENDS]] = 0.0, -0.5, 0.5, 1.0
-        return beams, self._beams, own
+        for fields in self._bound:
+            fields["numbers"][:] = own
+            fields["stiffness"][:] = (2 / self._h) * fields["viscosity"]
+        return beams if self._bound else (beams, self._beams, own)
 
     def dissipated(self) -> float:
         """Lost in the step evaluated last (J)."""
-        rate = self._stress @ self._inverse
-        return self._h * max(0.0, float((self._measure * rate * self._stress).sum()))
+        lost = 0.0
+        for stress, inverse, measure in self._each:
+            lost += float((measure * (stress @ inverse) * stress).sum())
+        return self._h * max(0.0, lost)
 
 
 # -- what an elimination in blocks leaves of a system, by a sparse solver --------------------------
@@ -410,6 +425,7 @@ class CompiledScene:
         self._factors: list[float] | None = None
         self._solver = solver
         self._rest: Rest | None = None
+        self._beams: list[dict[str, Any]] = []
         own = {"weight": weight, "length": system.length, "worth": self.worth}
         numbers = vars(settings) | numbers_of(scheme) | own
         self._all = (
@@ -417,21 +433,37 @@ class CompiledScene:
             np.array([numbers[name] for name in NUMBERS], dtype=float),
         )
         self._a = a = SimpleNamespace(**self._arrays)
+        self._laws = self._called_laws()
         self._evaluated = static or not system.loading.dead_only or system.drag is not None
         self._moments, self._followers = system.loading.moments, following(system)
         a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
+
+    def _called_laws(self) -> list[CalledLaws]:
+        """What evaluates stored energies for the kernels."""
+        return [
+            CalledLaws(group, fields, self.scheme)
+            for group, fields in zip(self.system.beam_groups, self._beams, strict=False)
+            if group.elements.stored
+        ]
+
+    def complain(self) -> None:
+        """Raise what could not be raised when compiled code called Python."""
+        if self._rest is not None:
+            self._rest.complain()
+        for law in self._laws:
+            law.complain()
 
     def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
         """Addresses of the parts and structures for the kernels; arrays by name."""
         from ..compiled import bind
 
-        system, groups = self.system, self.system.beam_groups
+        system, viscous = self.system, not static and is_viscous(self.system)
         parts = self._parts(weight, ends or is_viscous(system), static)
         with COMPILING, bind.compiling(system, parts, kept_only=self._kept_only):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
             w, self._arrays = bind.bound_work(system, self.plan)
-            g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
+            g, self._beams = bind.bound_groups(system, self.plan, viscous)
             table = bind.addresses(parts, (s, m, w, g), kept_only=self._kept_only)
         if len(self.plan.rest):
             A, x = self._arrays["A"], self._arrays["x"]
@@ -546,6 +578,10 @@ class NearestVelocity(CompiledScene):
         """See the base class."""
         return [name for name in super()._parts(weight, ends, static) if name not in NO_FORCES]
 
+    def _called_laws(self) -> list[CalledLaws]:
+        """See the base class: there are no stresses."""
+        return []
+
     def __call__(self, y: Floats, p: Floats) -> Floats | None:
         """Velocity (rows, 3) at y (total, 3) for the momentum p (rows, 3); None: singular."""
         self._place(y[: self.system.rows], None)
@@ -647,7 +683,8 @@ class CompiledStep(CompiledScene):
         # a velocity is 2 (y_mid - y_0)/h: a force that follows, and a dead one
         self._drag_factor, self._loaded = -2 / h, False
         if is_viscous(self.system):
-            self._viscous = Viscous(self.system, self.plan, h)
+            own = [fields for fields in self._beams if "viscosity" in fields]
+            self._viscous = Viscous(self.system, self.plan, h, own)
             *others, _, numbers = self._all
             self._all = (*others, self._viscous.beside(self._elastic, numbers), numbers)
 
@@ -668,6 +705,8 @@ class CompiledStep(CompiledScene):
         self.resume(self._scaled_last(h / self.h))
         self._record[KEPT] = 0.0
         self.h, self.scheme, self._factors = h, scheme, None
+        for law in self._laws:
+            law.scheme = scheme
         self._coupled.resize(h)
         self._resist(h)
         return self
@@ -779,8 +818,7 @@ class CompiledStep(CompiledScene):
         known = self.looped and record[KNOWN] > 0.0
         solved = self._solve(*self._all, record, self._ends)
         self.factorisations += int(record[ALL_FACTORED])
-        if self._rest is not None:
-            self._rest.complain()
+        self.complain()
         if self._called_back is not None:
             self._called_back.complain()
         if self.looped:
@@ -927,7 +965,7 @@ class CompiledPlane(CompiledStep):
         from ..compiled import bind
         from ..compiled.plane import bind as plane
 
-        system, groups = self.system, self.system.beam_groups
+        system = self.system
         parts = bind.parts_of(system, weight, ends or is_viscous(system))
         frames = plane.Frames(system)
         with COMPILING, bind.compiling(system, parts, "plane", self._kept_only):
@@ -935,8 +973,7 @@ class CompiledPlane(CompiledStep):
             s, self._tree = plane.bound_tree(system, self.plan, frames, rows)
             m, _ = bind.bound_plan(system, self.plan)
             w, arrays = plane.bound_work(system, self.plan, frames)
-            group = groups[0] if groups else None
-            g, _ = plane.bound_beams(system, group, self.plan, frames, outside)
+            g = plane.bound_groups(system, self.plan, frames, outside)
             table = bind.addresses(parts, (s, m, w, g), "plane", self._kept_only)
         own = ("y0", "y1", "ground1", "p0", "external", "R", "carried")
         self._arrays = arrays | {name: outside[name] for name in own}
@@ -987,13 +1024,13 @@ class CompiledMultipliers(CompiledStep):
         """See the base class."""
         from ..compiled import bind, bind_kkt
 
-        system, groups = self.system, self.system.beam_groups
+        system = self.system
         parts = bind_kkt.parts_of(system, ends or is_viscous(system))
         with COMPILING, bind.compiling(system, parts, "multipliers", self._kept_only):
             s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self._h)
             m, _ = bind_kkt.bound_elimination(system, self.plan)
             w, self._arrays = bind_kkt.bound_steps(system, self.plan)
-            g, _ = bind.bound_beams(system, groups[0] if groups else None, self.plan)
+            g, self._beams = bind.bound_groups(system, self.plan, is_viscous(system))
             table = bind.addresses(parts, (s, m, w, g), "multipliers", self._kept_only)
         self._own = SimpleNamespace(**own)
         self._nodal = Reparametrisation(system.kinematics)

@@ -429,6 +429,7 @@ class CompiledBalance(CompiledScene):
         rows = self.system.rows
         self._place(y[:rows].ravel(), (y[rows:], ground))
         self._static.begin(*self._all)
+        self.complain()
 
     def move_ground(self, ground: Floats) -> None:
         """The same increments, with the ground elsewhere."""
@@ -441,7 +442,9 @@ class CompiledBalance(CompiledScene):
 
     def evaluate(self) -> float:
         """Evaluate; size of the residual against its terms."""
-        return float(self._static.move(*self._all))
+        size = float(self._static.move(*self._all))
+        self.complain()
+        return size
 
     @property
     def residual(self) -> Floats:
@@ -475,8 +478,7 @@ class CompiledBalance(CompiledScene):
         both = self._increments[:count]
         regular = self._static.solve(*self._all, int(mixed), self._residuals[:count], both)
         self.factorisations += 1
-        if self._rest is not None:
-            self._rest.complain()
+        self.complain()
         out = both.reshape(count, self._width).T
         if not (regular and np.isfinite(out).all()):
             raise SingularMatrixError("the iteration matrix is singular")
@@ -488,6 +490,7 @@ class CompiledBalance(CompiledScene):
             return None
         out = np.zeros(5)
         regular = self._static.pivots(*self._all, out)
+        self.complain()
         self.factorisations += 1
         if not (regular and np.isfinite(out).all()):
             return None
@@ -503,6 +506,7 @@ class CompiledBalance(CompiledScene):
     def predict(self) -> None:
         """Stresses that the change pushed last predicts."""
         self._static.push(*self._all, 1)
+        self.complain()
 
     def apply(self, increment: Floats) -> None:
         """Move by an increment with the next evaluation."""

@@ -6,13 +6,19 @@ import pickle
 
 import numpy as np
 import pytest
+from helpers_kernels import (
+    assert_same,
+    assert_same_in_steps_of_other_sizes,
+    assert_same_iteration,
+    both,
+    needs_numba,
+)
 from helpers_scenes import FULL, TENSOR
 from scipy.integrate import solve_ivp
 from test_tangents import Step, worst
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
-from skfem_cosserat.integrators.choice import refusal, static_refusal
 from skfem_cosserat.law import LawQuadratic, difference
 from skfem_cosserat.model.limits import overstretched
 
@@ -153,8 +159,8 @@ def test_discrete_derivative_has_no_noise_at_small_increments(energy):
     stress = abs(law.stress(eps0)).max(1)
     small = size < 1e-3
     assert (difference_[small] < (20 * size[small] ** 2 + 5e-14) * stress.max()).all()
-    same = law.discrete(eps0, eps0)
-    assert abs(same - law.stress(eps0)).max() == 0
+    same = law.discrete(eps0, eps0)  # functions of several stacks at once may round otherwise
+    assert abs(same - law.stress(eps0)).max() <= 1e-15 * stress.max()
 
 
 def test_discrete_derivative_of_an_energy_with_noise():
@@ -567,17 +573,6 @@ def test_a_history_belongs_to_its_energy():
         sc.restart(other.freeze(), history, sc.EnergyMomentum(), 0.01)
 
 
-def test_no_compiled_kernels_and_why():
-    system = free_beam(section(QUARTIC))[0].freeze()
-    words = "no compiled kernels for sections of a stored energy function"
-    assert words in refusal(system, sc.EnergyMomentum(), sc.NullSpace())
-    assert words in static_refusal(system, sc.NullSpace(), None)
-    with pytest.raises(sc.InputError, match=words):
-        simulated(system, "energy-momentum", "null space", kernels="numba")
-    assert not section(QUARTIC).quadratic
-    assert sc.Section(FULL, 1.0, (1, 1)).quadratic
-
-
 def test_sections_travel():
     """Pickled with a function that can be imported, copied with damping."""
     made = pickle.loads(pickle.dumps(section(QUARTIC)))
@@ -586,6 +581,123 @@ def test_sections_travel():
     damped = made.damped(time=0.1)
     assert (damped.law.stress(eps) == made.law.stress(eps)).all()
     assert damped.viscosity == pytest.approx(0.1 * made.stiffness)
+
+
+# -- compiled kernels: strains from them, stresses from numpy --------------------------------------
+
+
+def beside_others(planar=False):
+    """Parts of one beam with and without a stored energy, another order beside, some of it damped.
+
+    In a plane the law is even in what leads out of it.
+    """
+    law = moving_section(Quartic(np.diag(np.diag(FULL)))) if planar else moving_section(QUARTIC)
+    plain = sc.Section(law.stiffness, MASS, (0.13, 0.09))
+    if planar:
+        law = sc.SectionHyperelastic(Quartic(law.stiffness), MASS, (0.13, 0.09))
+    third = 0.0 if planar else 0.4
+    points = [(0, 0, 0), (1, 0, 0), (1.4, 0.8, third)]
+    lines = [sc.MeshCurve.init_line(*points[k : k + 2], k + 2, name=f"l{k}") for k in range(2)]
+    model = sc.Model()
+    sections = {"l0": law, "l1": plain}
+    beam = model.add("beam", sc.Beam(lines[0] + lines[1], sections, order=2, director=(0, 0, 1)))
+    model.add("clamp", sc.JointFixed(sc.ground(points[0]), beam.node("l0.start")))
+    damped = law.damped(time=1e-3)
+    mesh = sc.MeshCurve.init_line(points[2], (2.0, 0.8, third), 3, name="tail")
+    tail = model.add("tail", sc.Beam(mesh, damped, order=1, director=(0, 0, 1)))
+    model.add("weld", sc.JointFixed(beam.node("l1.end"), tail.node("tail.start")))
+    model.add("gravity", sc.LoadGravity((0.5, -9.81, 0.0 if planar else -0.3)))
+    model.add("push", sc.LoadForce(tail.node("tail.end"), (20.0, 30.0, 0.0), np.sin))
+    return model.freeze(planar=sc.Planar() if planar else None)
+
+
+@integrators
+@treatments
+def test_kernels_agree_with_numpy(integrator, treatment):
+    """One iteration far from the solution and one with predicted stresses; runs."""
+    system = free_beam(moving_section(FUNG))[0].freeze()
+    assert_same_iteration(system, integrator, treatment, 5)
+    assert_same(*both(beside_others(), integrator, treatment, 2e-3, 0.03))
+
+
+@pytest.mark.parametrize(
+    "scheme", [sc.GeneralizedAlpha(0.8), sc.EnergyDecaying(0.2, velocity=False)], ids=str
+)
+@treatments
+def test_kernels_agree_in_other_schemes(scheme, treatment):
+    system, start = with_joints(moving_section(QUARTIC))
+    run = system, scheme, TREATMENTS[treatment], 2e-3, 0.02
+    options = {"start": start, "settings": sc.NewtonSettings(reuse=0)}
+    plain, compiled = (
+        sc.simulate(*run, kernels=kernels, **options) for kernels in ("numpy", "numba")
+    )
+    assert compiled.meta["kernels"] == "numba"
+    for name in ("q", "p", "energy"):
+        size = abs(plain[name]).max()
+        assert abs(compiled[name] - plain[name]).max() <= 1e-11 * size, name
+
+
+@needs_numba
+def test_kernels_of_steps_of_other_sizes():
+    assert_same_in_steps_of_other_sizes(beside_others(), "energy-momentum", "null space")
+
+
+@needs_numba
+def test_kernels_of_space_step_scenes_in_a_plane():
+    plain, compiled = both(
+        beside_others(True),
+        "energy-momentum",
+        "null space",
+        2e-3,
+        0.02,
+        sc.initial_state(beside_others(True)),
+    )
+    assert_same(plain, compiled, iterates=False)
+    assert abs(compiled["q"].reshape(len(compiled), -1, 4, 3)[:, :, 0, 2]).max() == 0
+
+
+@needs_numba
+def test_kernels_keep_the_energy_with_kept_factors():
+    system, start = with_joints(moving_section(QUARTIC))
+    history = simulated(system, "energy-momentum", "null space", start=start, kernels="numba")
+    assert_conserved(system, history, "energy-momentum")
+    assert history.meta["factorisations"] < 0.6 * history["newton_iterations"].sum()
+
+
+@needs_numba
+def test_kernels_find_the_same_equilibria():
+    system = beside_others()
+    plain, compiled = (
+        sc.static(system, control=sc.LoadControl(1.0, longest=0.25), kernels=kernels)
+        for kernels in ("numpy", "numba")
+    )
+    assert (plain.meta["kernels"], compiled.meta["kernels"]) == ("numpy", "numba")
+    assert plain["newton_iterations"].tolist() == compiled["newton_iterations"].tolist()
+    assert abs(plain["q"] - compiled["q"]).max() < 1e-11
+
+
+class Failing(Quartic):
+    """Cannot be evaluated once it is told so."""
+
+    told = False
+
+    def __call__(self, eps):
+        if self.told:
+            raise ZeroDivisionError("told so")
+        return super().__call__(eps)
+
+
+@needs_numba
+def test_what_an_energy_raises_in_kernels_is_raised_behind_them():
+    energy = Failing()
+    system = free_beam(section(energy))[0].freeze()
+    stepper = sc.Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, kernels="numba")
+    state = stepper.advance(sc.initial_state(system)).state
+    energy.told = True
+    with pytest.raises(ZeroDivisionError, match="told so"):
+        stepper.advance(state)
+    energy.told = False
+    assert stepper.advance(state).attempts == 1
 
 
 # -- bad input -------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,12 @@ from ...strain import FORMS, strain_factors
 from ...types import Floats, IndexArray
 from .. import structures
 from ..bind import KINDS, bound_elements, coordinates_of, followed, fulcrum_of, integers, nested
-from ..numbers import COUPLED
+from ..numbers import BEAM_PARTS, COUPLED
 from ..plan import Plan
 from . import complex_numbers as places
 
-__all__ = ["Frames", "bound_beams", "bound_rows", "bound_tree", "bound_work", "choose_rows"]
+__all__ = ["Frames", "bound_beams", "bound_groups", "bound_rows", "bound_tree", "bound_work"]
+__all__ += ["choose_rows"]
 
 ComplexArray = NDArray[np.complex128]
 
@@ -386,6 +388,15 @@ def bound_beams(
         **common,
     }
     return structures.plane_beams(tuple(fields[name] for name in structures.PLANE_BEAMS)), fields
+
+
+def bound_groups(system: System, plan: Plan, frames: Frames, rows: dict[str, Any]) -> Any:
+    """Structure of all groups of elements, or of none."""
+    groups: Sequence[BeamGroup | None] = system.beam_groups or [None]
+    bound = [bound_beams(system, group, plan, frames, rows)[0] for group in groups]
+    if len(bound) == 1:
+        return bound[0]
+    return structures.Groups(bound, [None] * len(bound), BEAM_PARTS)
 
 
 def inverse(D: Floats) -> Floats:

@@ -229,16 +229,13 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 @part
 def beam_finish(g: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """``int B(q_mid)^T S ds`` by rows of y in space, once a step: of each director its own."""
+    """Add ``int B(q_mid)^T S ds`` by rows of y in space, once a step: of each director its own."""
     lengths, N, dN, weights, S, mid = g.lengths, g.N, g.dN, g.weights, g.S, w.mid
     base, turned, rotations, section, axes = g.base, g.turned, g.rotations, g.section, g.axes
     director, resultants, frames, triads, out = g.director, g.resultants, g.frames, g.triads, g.out
     ne, nn = base.shape
     ng = len(N)
     X, F = np.empty(4 * nn * WIDTH), np.empty(12 * nn * WIDTH)
-    for r in range(len(out)):
-        for c in range(3):
-            out[r, c] = 0.0
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         own = chosen(section, es)

@@ -118,7 +118,10 @@ def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     o = s.rows
     first, axes, director, framed = o.first, o.axes, o.director, o.framed
     y, p, f, moved = w.y0, w.p0, w.external, w.ground1
-    y0, p0, external, ground1 = o.y0, o.p0, o.external, o.ground1
+    y0, p0, external, ground1, internal = o.y0, o.p0, o.external, o.ground1, o.internal
+    for r in range(len(internal)):  # beams add to it when the step is solved
+        for c in range(3):
+            internal[r, c] = 0.0
     for v in range(len(p)):
         r = first[v]
         take_frame(axes, director, framed, y0, r, v, y, v)
