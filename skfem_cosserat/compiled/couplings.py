@@ -13,12 +13,12 @@ from .numbers import (
     AMPLITUDE,
     AT_END,
     AT_MID,
+    ENDS,
     FORCE,
     GROUND,
     LOST,
     PI0,
     SHARE,
-    START,
     STEP,
     TRAVEL,
     TURNED,
@@ -282,7 +282,7 @@ def couple_force(s: Any, w: Any, numbers: Floats, flag: int, G: Floats) -> None:
         if flag == 0:
             a1 = gradients(forms, places, c, 0, y1, G, 2)
             b1 = gradients(forms, places, c, 1, y1, G, 2) if kind == ANGLE else 0.0
-            discrete, slack = numbers[START] != 0.0, places[c, SLACK] != 0
+            discrete, slack = numbers[ENDS] != 0.0, places[c, SLACK] != 0
             respond(kind, slack, discrete, s.coupling_law, state, c, a, b, a1, b1)
             state[c, GROUND] = 0.0
         for i in range(ROWS):

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..types import Floats, IndexArray
 from .jit import inlined, part
-from .numbers import END, FORCE, MASS, SHARE, START, WEIGHT
+from .numbers import END, ENDS, FORCE, MASS, SHARE, START, WEIGHT
 from .simd import WIDTH, add_rows, gather, load, pack, rows, scatter, store
 from .small import (
     Places,
@@ -317,7 +317,7 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     S = g.S
     if flag == 1:
         S, f = g.predicted, w.R_mixed
-    start, end = numbers[START], numbers[END]
+    start, end, ends = numbers[START], numbers[END], numbers[ENDS] != 0.0
     base, turned, rotations = g.base, g.turned, g.rotations
     section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
@@ -331,18 +331,18 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         inverse = 1.0 / length
         once = counted(e, ne)
         take_elements(base, turned, rotations, es, mid, X)
-        if flag == 0 and start != 0.0:
+        if flag == 0 and ends:
             take_elements(base, turned, rotations, es, y1, Y)
         for k in range(size):
             F[k] = 0.0
         for p in range(ng):
             G = at_point(N[p], dN[p], inverse, X)
             if flag == 0:
-                H = at_point(N[p], dN[p], inverse, Y) if start != 0.0 else G
+                H = at_point(N[p], dN[p], inverse, Y) if ends else G
                 eps = strained(reference, es, ng, p, H)
                 for i in range(6):
                     now = end * stress(stiffness, own, i, diagonal, eps)
-                    if start != 0.0:
+                    if ends:
                         now = now + start * gather(S0, es, 6 * ng, 6 * p + i)
                     scatter(S, es, 6 * ng, 6 * p + i, now)
             weight = weights[p] * once * length
@@ -379,7 +379,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     lengths, N, dN, stiffness = g.lengths, g.N, g.dN, g.stiffness
     y, change, S, out = w.mid, w.change, g.S, g.predicted
     share = numbers[SHARE]
-    if numbers[START] != 0.0:
+    if numbers[ENDS] != 0.0:
         y, share = w.y1, numbers[END]
     base, turned, rotations = g.base, g.turned, g.rotations
     section, diagonal = g.section, g.diagonal
@@ -628,7 +628,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     if flag == 1:
         S = g.predicted
     mass, half = numbers[MASS], numbers[SHARE] * numbers[FORCE]
-    early, ends = numbers[WEIGHT] == 0.0, numbers[START] != 0.0
+    early, ends = numbers[WEIGHT] == 0.0, numbers[ENDS] != 0.0
     material = numbers[END] * numbers[FORCE] if ends else half
     lengths, shapes, slopes, weights = g.lengths, g.N, g.dN, g.weights
     masses, stiffness, slot, section = g.mass, g.stiffness, g.slot, g.section

@@ -17,7 +17,7 @@ from .couplings import SIDE, SLOT, couple_force, gradients, right_side
 from .elements import Point, add_geometric, at_point, take
 from .jit import inlined, part
 from .loads import load_force, moment_change, moment_on
-from .numbers import END, FORCE, MASS, SHARE, START, WEIGHT, S
+from .numbers import END, ENDS, FORCE, MASS, SHARE, WEIGHT, S
 from .small import directors, row
 
 __all__ = [
@@ -177,7 +177,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     yB, yS, S, A = w.mid, w.mid, g.S, w.A
     mass, half = numbers[MASS], numbers[SHARE] * numbers[FORCE]
     material = half
-    if numbers[START] != 0.0:
+    if numbers[ENDS] != 0.0:
         yS, material = w.y1, numbers[END] * numbers[FORCE]
     if flag == 1:
         S = g.predicted

@@ -17,6 +17,7 @@ from .numbers import (
     CARRY_FORCE,
     CARRY_MASS,
     CARRY_MOMENTUM,
+    ENDS,
     FORCE,
     LENGTH,
     MASS,
@@ -24,7 +25,6 @@ from .numbers import (
     MOMENTUM,
     ROTATION,
     SHARE,
-    START,
     WEIGHT,
 )
 from .simd import WIDTH, add_rows, put_rows, rows, store
@@ -198,7 +198,7 @@ def sum_balance(w: Any, numbers: Floats, sized: bool) -> float:
     if not sized:
         return 0.0
     # one term, as in the variational scheme's evaluation
-    single = numbers[START] == 0.0 and numbers[SHARE] < 1.0
+    single = numbers[ENDS] == 0.0 and numbers[SHARE] < 1.0
     none = simd.pack((0.0, 0.0, 0.0, 0.0))
     most = none
     for k in range(R.size // WIDTH):

@@ -9,12 +9,12 @@ NUMBERS = (
     *("mass", "momentum", "force", "start", "end", "weight", "length"),
     *("rotation", "mixed", "reuse", "iterations", "largest", "increment", "negligible"),
     *("stagnation", "settled", "carry_mass", "carry_momentum", "carry_force"),
-    *("share", "worth"),
+    *("share", "worth", "ends"),
 )
 MASS, MOMENTUM, FORCE, START, END, WEIGHT, LENGTH = range(7)
 ROTATION, MIXED, REUSE, LIMIT, LARGEST, INCREMENT, NEGLIGIBLE = range(7, 14)
 STAGNATION, SETTLED, CARRY_MASS, CARRY_MOMENTUM, CARRY_FORCE = range(14, 19)
-SHARE, WORTH = 19, 20
+SHARE, WORTH, ENDS = 19, 20, 21
 
 #: what the loop over the iterations leaves behind for the next step: whether factors are kept, the
 #: contraction they gave last and the first increment of that step; how to start: from no

@@ -20,6 +20,7 @@ from ..compiled.numbers import (
     CLEARANCE,
     DONE,
     END,
+    ENDS,
     GROUND,
     GUESS,
     ITERATIONS,
@@ -175,7 +176,7 @@ class Viscous:
     def beside(self, beams: Any, numbers: Floats) -> Any:
         """What steps take as beams: the elastic ones, these, and their numbers."""
         own = numbers.copy()
-        own[[MASS, START, END]] = 0.0, -0.5, 0.5
+        own[[MASS, START, END, ENDS]] = 0.0, -0.5, 0.5, 1.0
         return beams, self._beams, own
 
     def dissipated(self) -> float:
@@ -307,6 +308,7 @@ def numbers_of(scheme: Scheme) -> dict[str, float]:
         "share": scheme.at,
         "start": low,
         "end": high,
+        "ends": float(scheme.ends),
         **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
     }
 
@@ -491,7 +493,7 @@ class CompiledScene:
 
 #: parts of a balance that a projection of velocities does without: forces, and what turns with them
 NO_FORCES = {
-    *("node_matrix", "joint_curvature", "loop_curvature", "span_curvature"),
+    *("node_matrix", "joint_curvature", "loop_curvature", "element_curvature"),
     *("beam_force", "beam_predicted", "load", "couple"),
 }
 
@@ -837,9 +839,10 @@ class CompiledStep(CompiledScene):
             loads = 0.5 * (loads + self._work_at_start())
         if drag is not None:  # it is among the loads of the kernels
             rows = self.system.rows
-            moved = self._a.y1[:rows] - self._a.y0[:rows]
-            dragged = float((moved * (drag @ moved)).sum()) / self.h
-            loads, lost = loads + dragged, lost + max(0.0, dragged)
+            v = (self._a.y1[:rows] - self._a.y0[:rows]) / self.h
+            power = float((v * (drag @ v)).sum())
+            # a step back, as composed ones have, gives what was lost
+            loads, lost = loads + self.h * power, lost + self.h * max(0.0, power)
         work = self._coupled.work(loads, lost)
         if self.scheme.decay:
             own = self._decay_work()

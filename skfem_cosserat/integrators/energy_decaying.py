@@ -328,7 +328,7 @@ class EnergyDecaying(EnergyMomentum):
         gets smaller.
     velocity : bool
         False: without the term in the velocities. What is not resolved is damped in its
-        displacements only, its velocities keep alternating.
+        displacements only, its velocities keep alternating. Compiled kernels are for this alone.
     stabilized : bool
         Velocities on the hidden constraints, as with :class:`EnergyMomentum`; the energy that this
         takes is in ``history["dissipated"]``. Without it ``G v_n`` of prescribed or constrained

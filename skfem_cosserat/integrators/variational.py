@@ -40,8 +40,7 @@ class Variational(Integrator):
         kinetic energy, that does (RATTLE). The motion is the same to rounding, and so are the
         multipliers, ``mu`` being part of them: what the momentum has along ``G^T`` changes the
         multipliers of the next step only (Leimkuhler & Skeel 1994). ``history["p"]`` is the
-        ``history["Qp"]`` of the scheme without. Plain kernels only, as
-        ``history.meta["kernels_why"]`` says; not for steps under control, nor is the scheme
+        ``history["Qp"]`` of the scheme without. Not for steps under control, nor is the scheme
         without: see :class:`StepControl`.
 
     Examples

@@ -263,10 +263,11 @@ def simulate(
         faster after some 10 s of compilation, which is kept on disk. "auto" takes them if numba
         is installed, the estimated time with numpy is above 25 s, or above 1 s where all kernels
         of the scene are on disk or in this process already, and there are some: not for
-        explicit schemes, springs on rotation vectors, bushings, beams of several orders or with a
-        stored energy function, closed loops in prescribed motion or with multipliers, nor for a
-        plane with multipliers, loads that follow the motion, force elements, damping or prescribed
-        motion, nor for loads that are functions of the motion. ``history.meta["kernels"]`` and
+        explicit schemes, :class:`EnergyDecaying` with its term in the velocities, beams of several
+        orders or with a stored energy function, closed loops in prescribed motion or with
+        multipliers, nor closed loops in a plane with loads that follow the motion, force elements
+        or damping, nor beams that hold strains with multipliers or of higher order, nor
+        :class:`GeneralizedAlpha` with damped beams or drag. ``history.meta["kernels"]`` and
         ``["kernels_why"]`` say what was taken, and why. They keep factors of matrices over
         iterations and steps as long as these contract well, see :class:`NewtonSettings`.
     solver : Solver, optional

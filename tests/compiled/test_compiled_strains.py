@@ -15,7 +15,7 @@ from helpers_scenes import FULL, full_section, rotation
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled import bind, bind_kkt, elements, kkt, tree
-from skfem_cosserat.compiled.numbers import END, FORCE, NUMBERS, SHARE, START, WEIGHT
+from skfem_cosserat.compiled.numbers import END, ENDS, FORCE, NUMBERS, SHARE, START, WEIGHT
 from skfem_cosserat.compiled.plan import plan_of
 from skfem_cosserat.compiled.plane import bind as plane_bind
 from skfem_cosserat.compiled.plane import elements as plane_elements
@@ -44,7 +44,7 @@ class Expected(NamedTuple):
 def numbers() -> np.ndarray:
     """Shares of both ends that differ, no masses; a share and a factor that are not one."""
     out = np.zeros(len(NUMBERS))
-    out[[START, END, WEIGHT, SHARE, FORCE]] = 0.4, 0.6, 0.5, 0.7, 1.3
+    out[[ENDS, START, END, WEIGHT, SHARE, FORCE]] = 1, 0.4, 0.6, 0.5, 0.7, 1.3
     return out
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from functools import partial
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 import states
 from helpers_kernels import tree
+from helpers_scenes import four_bar
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled import warm
@@ -163,26 +165,38 @@ def test_a_numba_that_does_not_work(code, variables, why, tmp_path):
 
 
 def test_what_is_not_compiled_is_refused_or_runs_plain():
-    model = sc.Model()
-    a = model.add("a", sc.RigidBody.sphere(1.0, 0.1))
-    model.add("mount", sc.Bushing(sc.ground((0, 0, 0)), a.at((0, 0, 0)), stiffness=2.0))
-    system = model.freeze()
-    assert "bushings" in refusal(system, sc.EnergyMomentum(), sc.NullSpace())
-    with pytest.raises(sc.InputError, match="springs on rotation vectors, bushings"):
-        sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, kernels="numba")
-    run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-6, 2e-6)
-    assert "springs" in run.meta["kernels_why"]
+    system, pair = states.PARTS["two_orders"]().freeze(), (sc.EnergyMomentum(), sc.NullSpace())
+    assert refusal(system, *pair) == "there are no compiled kernels for beams of several orders"
+    with pytest.raises(sc.InputError, match="kernels for beams of several orders"):
+        sc.simulate(system, *pair, 0.1, 1.0, kernels="numba")
+    run = sc.simulate(system, *pair, 1e-6, 2e-6)
+    assert run.meta["kernels"] == "numpy" and "several orders" in run.meta["kernels_why"]
     with pytest.raises(sc.InputError, match="'fortran', expected"):
-        sc.simulate(tree(1), sc.EnergyMomentum(), sc.NullSpace(), 0.1, 1.0, kernels="fortran")
+        sc.simulate(tree(1), *pair, 0.1, 1.0, kernels="fortran")
 
 
-def test_closed_loops_with_multipliers_are_refused():
-    """Closed loops have rows that depend on others: chosen anew in each step."""
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (1, 0.3, 0.2)))
-    for name, z in (("low", 0.0), ("high", 0.1)):
-        place = body.at((0, 0, z))
-        model.add(name, sc.JointRevolute(sc.ground((0, 0, z)), place, axis=(0, 0, 1)))
-    system = model.freeze()
-    assert "closed loops" in refusal(system, sc.EnergyMomentum(), sc.Multipliers())
-    assert refusal(tree(1), sc.EnergyMomentum(), sc.Multipliers()) is None
+NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()
+
+
+def driven_loop():
+    model = four_bar()
+    model.add("drive", sc.JointDrive(model["pin 0"], lambda t: 0.1 * t**2))
+    return model
+
+
+@pytest.mark.parametrize(
+    ("scene", "integrator", "treatment", "why"),
+    [
+        ("plain", sc.EnergyDecaying(), NULL, "balance of the energy-decaying.* more than numbers"),
+        ("plain", sc.Explicit(), MULTIPLIERS, "no compiled kernels for explicit steps"),
+        ("stored energy", sc.Variational(), NULL, "sections of a stored energy function"),
+        (four_bar, sc.GeneralizedAlpha(), MULTIPLIERS, "closed loops with multipliers"),
+        (driven_loop, sc.Variational(), NULL, "closed loops in prescribed motion"),
+        ("inextensible", sc.Variational(), MULTIPLIERS, "hold strains, with multipliers"),
+        ("viscous", sc.GeneralizedAlpha(), NULL, "damped beams at the ends of steps"),
+    ],
+    ids=lambda each: getattr(each, "name", getattr(each, "__name__", None)),
+)
+def test_why_scenes_are_refused(scene, integrator, treatment, why):
+    system = (states.PARTS[scene] if isinstance(scene, str) else scene)().freeze()
+    assert re.search(why, refusal(system, integrator, treatment))

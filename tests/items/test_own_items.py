@@ -27,6 +27,7 @@ SCHEMES = {
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
 schemes = pytest.mark.parametrize("scheme", SCHEMES)
 treatments = pytest.mark.parametrize("treatment", TREATMENTS)
+BOTH = ("numba", "numpy")
 
 
 # -- the items -------------------------------------------------------------------------------------
@@ -180,14 +181,12 @@ class BalanceOfBothEnds(sc.StepBalance):
     def evaluate(self, step, y1):
         e = super().evaluate(step, y1)
         strains = [self.system.strain(y) for y in (step.y0, y1)]
-        mean = [
-            0.5 * (g.stress(a[0]) + g.stress(b[0]))
-            for g, a, b in zip(self.system.beam_groups, *strains, strict=True)
-        ]
-        more = [new - old for new, old in zip(mean, e.stresses, strict=True)]
+        groups = zip(self.system.beam_groups, e.strains, *strains, strict=True)
+        more = [0.5 * (g.stress(a[0]) + g.stress(b[0])) - g.stress(eps) for g, eps, a, b in groups]
         force = self.system.internal_force(e.Bs, more)
         own = {"R": e.R + self.scheme.force * force, "forces": e.forces + force}
-        return sc.Evaluation(**(vars(e) | own | {"stresses": mean}))
+        stresses = [old + new for old, new in zip(e.stresses, more, strict=True)]
+        return sc.Evaluation(**(vars(e) | own | {"stresses": stresses}))
 
 
 class SolverInverse(sc.Solver):
@@ -634,11 +633,24 @@ def test_a_function_that_leaves_the_plane_late_is_told(late):
     assert history.meta["warnings"][0]["time"] > 0.5
 
 
-def test_kernels_say_why_they_are_not_used():
-    model = ball(lambda place: LoadDrag(place, 0.6))
-    with pytest.raises(sc.CosseratError, match="loads that are functions of the motion"):
-        run(model, "energy-momentum", "null space", kernels="numba")
-    assert run(model, "energy-momentum", "null space").meta["kernels"] == "numpy"
+@schemes
+@treatments
+def test_own_loads_that_are_functions_beside_the_kernels(scheme, treatment):
+    """Drag and an attraction between two places of a beam and a box; they are called back."""
+    pytest.importorskip("numba")
+    if scheme == "energy-decaying":
+        pytest.skip("its balance is more than numbers")
+    model = arm(own=False)
+    end, box = model["beam"].node("rod.end"), model["box"].at((1.2, 0.1, 0))
+    model.add("drag", LoadDrag(box, 0.6, sc.Harmonic(1.0, 3.0, np.pi / 3)))
+    model.add("pull", LoadAttraction(sc.ground((0.5, 0.5, 0)), end, 2.0))
+    compiled, plain = (run(model, scheme, treatment, kernels=kernels) for kernels in BOTH)
+    assert (compiled.meta["kernels"], plain.meta["kernels"]) == BOTH
+    for name in ("q", "p", "constraint_force", "work_loads"):
+        size = np.nanmax(np.abs(plain[name]))
+        assert compiled[name] == pytest.approx(plain[name], abs=1e-9 * size, nan_ok=True), name
+    lost = compiled["dissipated"], plain["dissipated"]
+    assert lost[0] == pytest.approx(lost[1], abs=1e-10 * np.abs(plain["work_loads"]).max())
 
 
 def test_a_function_of_time_and_of_the_moving_ground():
@@ -697,7 +709,7 @@ def test_functions_that_give_no_slopes_are_named(force, text):
 
 @pytest.mark.parametrize("slopes", [None, by_hand], ids=["complex step", "slopes"])
 @treatments
-def test_a_force_that_fails_in_a_run_is_named_and_the_history_kept(treatment, slopes):
+def test_a_force_that_fails_in_a_run_is_named_and_the_history_kept(treatment, slopes, kernels):
     wind = [2.0, 2.0, 2.0]  # by tenths of a second, too few
 
     def force(x, v, t):
@@ -711,7 +723,7 @@ def test_a_force_that_fails_in_a_run_is_named_and_the_history_kept(treatment, sl
     term = sc.TermFunction([drone.place()], force, slopes=slopes and flat)
     model.add("wind", LoadKept(term))
     with pytest.raises(sc.InputError, match=r"load 'wind': its force failed") as caught:
-        run(model, "energy-momentum", treatment, 0.1, 1.0)
+        run(model, "energy-momentum", treatment, 0.1, 1.0, kernels=kernels)
     error = caught.value
     assert "at t = 0.35 s: IndexError: list index" in str(error)
     assert isinstance(error.__cause__, IndexError)
@@ -840,21 +852,25 @@ def test_an_own_sensor_sees_every_step():
 
 @pytest.mark.slow
 def test_an_event_to_a_scene_without_compiled_kernels_is_told():
-    """Weight until the drag of an own function of the motion begins: numpy goes on from there."""
+    """A second hinge on the axis of the first one, with multipliers: numpy goes on from there."""
     pytest.importorskip("numba")
 
-    def scene(*loads):
+    def scene(count):
         model = sc.Model()
-        body = model.add("body", sc.RigidBody(1.0, np.diag((0.1, 0.2, 0.3)), position=(0, 0, 0)))
+        body = model.add("body", sc.RigidBody(1.0, np.diag((0.1, 0.2, 0.3)), position=(1, 0, 0)))
+        for k in range(count):
+            place = (0, 0.2 * k, 0)
+            model.add(f"hinge {k}", sc.JointRevolute(sc.ground(place), body.at(place), (0, 1, 0)))
         model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-        for load in loads:
-            model.add("drag", load(body.at((0, 0, 0)), 0.5))
         return model
 
-    system = scene().freeze()
-    event = sc.Event(sc.ConditionTime(0.1), lambda t, view: scene(LoadDrag), name="chute")
-    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.2
-    with pytest.warns(sc.PerformanceWarning, match="functions of the motion; after an event"):
+    def closed(t, view):
+        return other
+
+    system, other = scene(1).freeze(), scene(2)
+    event = sc.Event(sc.ConditionTime(0.1), closed, name="second hinge")
+    run = system, sc.EnergyMomentum(), sc.Multipliers(), 0.01, 0.2
+    with pytest.warns(sc.PerformanceWarning, match="loops with multipliers; after an event"):
         fast = sc.simulate(*run, events=[event], kernels="numba")
     plain = sc.simulate(*run, events=[event], kernels="numpy")
     assert np.allclose(fast["q"], plain["q"], rtol=0, atol=1e-10)

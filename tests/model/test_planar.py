@@ -16,7 +16,7 @@ from helpers_kernels import assert_same, assert_same_iteration, both, needs_numb
 from helpers_scenes import chequered, swing, swing_model
 from helpers_scenes import four_bar as bars
 from helpers_scenes import rotation as random_rotation
-from helpers_schemes import KINDS
+from helpers_schemes import KINDS, compiled
 from test_theories import swing as example
 
 import skfem_cosserat as sc
@@ -57,7 +57,12 @@ def difference(a: sc.History, b: sc.History, name: str = "q") -> float:
 @pytest.mark.parametrize(
     ("integrator", "treatment", "kernels"),
     [(i, t, "numpy") for i in INTEGRATORS for t in TREATMENTS]
-    + [pytest.param(i, TREATMENTS[0], "numba", marks=needs_numba) for i in BOTH],
+    + [
+        pytest.param(i, t, "numba", marks=needs_numba)
+        for i in INTEGRATORS
+        for t in TREATMENTS
+        if compiled(i)
+    ],
     ids=str,
 )
 def test_swing_moves_as_in_space(integrator: Any, treatment: Any, kernels: str):
@@ -71,7 +76,9 @@ def test_swing_moves_as_in_space(integrator: Any, treatment: Any, kernels: str):
     assert abs(a["q"][-1] - a["q"][0]).max() > 1e-3
     for name, size in {"q": 1.0, "p": 100.0, "energy": 1e3, "constraint_force": 1e5}.items():
         assert difference(a, b, name) < 1e-11 * size, name
-    assert difference(a, b, "joint/support left/force") < 1e-8
+    # the kernels of a plane have other unknowns, and round as constraint forces do
+    limit = 1e-8 if kernels == "numpy" else 1e-11 * 1e5
+    assert difference(a, b, "joint/support left/force") < limit
     assert (b["q"].reshape(len(b), -1, 3)[:, system.origin_rows, 0] == 0).all()
 
 
@@ -92,8 +99,6 @@ def test_unknowns_of_the_swing():
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 @pytest.mark.parametrize("integrator", BOTH, ids=str)
 def test_swing_is_that_in_space_to_5_s(integrator: Any, treatment: Any, kernels: str):
-    if kernels == "numba" and treatment.name == "multipliers":
-        pytest.skip("in a plane there are no compiled kernels with multipliers")
     system = swing()
     plane = confined(system, sc.Planar())
     a, b = (
@@ -843,9 +848,9 @@ def test_kernels_agree_far_from_a_solution(scene: str, integrator: str):
 def test_kernels_agree_on_trees(scene: str, integrator: str):
     """All joints, in any plane, with directors that are oblique to it."""
     system = TREES[scene]().freeze(planar=sc.Planar())
-    plain, compiled = both(system, integrator, "null space", 5e-3, 0.1, started_in_plane(system))
+    plain, fast = both(system, integrator, "null space", 5e-3, 0.1, started_in_plane(system))
     assert abs(plain["q"][-1] - plain["q"][0]).max() > 1e-2
-    assert_same(plain, compiled)
+    assert_same(plain, fast)
 
 
 @pytest.mark.parametrize("integrator", KIND)
@@ -891,31 +896,45 @@ def spring(model: sc.Model) -> sc.SpringDamper:
     return sc.SpringDamper(sc.ground((2, 1, 0)), model["bob"].place(), 20.0)
 
 
-@pytest.mark.parametrize(
-    ("add", "what"),
-    [
-        (follow, "follow"),
-        (lambda model: sc.RayleighDamping(mass=0.1), "viscous sections and drag"),
-        (spring, "springs"),
-        (lambda model: sc.JointDrive(model["pin"], lambda t: 0.1 * t), "prescribed motion"),
-    ],
-    ids=["follower", "drag", "spring", "drive"],
-)
-def test_what_has_no_compiled_kernels(add: Callable[[sc.Model], Any], what: str):
-    pytest.importorskip("numba")
-    model = mechanism(IDENTITY)
-    model.add("more", add(model))
+BESIDE = {
+    "follower": follow,
+    "drag": lambda model: sc.RayleighDamping(mass=0.1),
+    "spring": spring,
+    "drive": lambda model: sc.JointDrive(model["pin"], lambda t: 0.5 * t**2),
+}
+
+
+@pytest.mark.parametrize("treatment", ["null space", "multipliers"])
+@pytest.mark.parametrize("integrator", KIND)
+@pytest.mark.parametrize("name", BESIDE)
+def test_kernels_agree_on_what_those_of_a_plane_do_not_have(name, integrator, treatment):
+    """The kernels of space take such scenes, and keep them in their plane."""
+    model = mechanism(IDENTITY, 0.4)
+    model.add("more", BESIDE[name](model))
+    system = model.freeze(planar=sc.Planar())
+    plain, fast = both(system, integrator, treatment, 5e-3, 0.1, sc.initial_state(system))
+    assert abs(plain["q"][-1] - plain["q"][0]).max() > 1e-2
+    assert_same(plain, fast, iterates=False)
+    out = fast["q"].reshape(len(fast), -1, 3) @ system.plane.normal
+    assert abs(out - out[0]).max() < 1e-13
+
+
+def test_closed_loops_beside_what_the_kernels_of_a_plane_do_not_have():
+    """In space their rows depend on others: there are no compiled kernels for these scenes."""
+    model = loop()
+    model.add("push", sc.LoadForce(model["mast"].node("mast.end"), (0, 1.0, 0), follower=True))
     run = model.freeze(planar=sc.Planar()), sc.Variational(), sc.NullSpace(), 5e-3, 0.01
-    with pytest.raises(sc.InputError, match=what):
+    with pytest.raises(sc.InputError, match="closed loops in a plane but with the null space, dea"):
         sc.simulate(*run, kernels="numba")
+    assert sc.simulate(*run).meta["kernels"] == "numpy"
 
 
 def test_a_run_says_which_kernels_and_why():
     pytest.importorskip("numba")
-    system = mechanism(IDENTITY).freeze(planar=sc.Planar())
+    system = loop().freeze(planar=sc.Planar())
     pair = sc.Variational(), sc.Multipliers()
     run = sc.simulate(system, *pair, 5e-3, 0.01, derive=False)
     assert run.meta["kernels"] == "numpy"
-    assert "confined to a plane with multipliers" in run.meta["kernels_why"]
-    with pytest.raises(sc.InputError, match="confined to a plane with multipliers"):
+    assert "closed loops with multipliers" in run.meta["kernels_why"]
+    with pytest.raises(sc.InputError, match="closed loops with multipliers"):
         sc.simulate(system, *pair, 5e-3, 0.01, kernels="numba")

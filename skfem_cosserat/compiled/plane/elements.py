@@ -9,7 +9,7 @@ import numpy as np
 from ...types import Floats, IndexArray
 from ..elements import give, origins, triple
 from ..jit import inlined, part
-from ..numbers import END, FORCE, MASS, SHARE, START, WEIGHT
+from ..numbers import END, ENDS, FORCE, MASS, SHARE, START, WEIGHT
 from ..simd import WIDTH, add_rows, gather, load, rows, scatter, store
 from ..small import Places, Rotation, Vector, block, chosen, counted, dot, minus, times
 from .complex_numbers import Complex, crossed, inner, left, outer, plus, product, scaled
@@ -143,7 +143,7 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     y1, mid, f, S0, S, weights = w.y1, w.mid, w.internal, g.S0, g.S, g.weights
     if flag == 1:
         S, f = g.predicted, w.R_mixed
-    start, end = numbers[START], numbers[END]
+    start, end, ends = numbers[START], numbers[END], numbers[ENDS] != 0.0
     base, turned, rotations, section = g.base, g.turned, g.rotations, g.section
     ne, nn = base.shape
     ng = len(N)
@@ -155,17 +155,17 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         inverse = 1.0 / length
         once = counted(e, ne)
         take(base, turned, rotations, es, mid, X)
-        if flag == 0 and start != 0.0:
+        if flag == 0 and ends:
             take(base, turned, rotations, es, y1, Y)
         for k in range(4 * nn):
             store(F, k, 0.0 * once)
         for p in range(ng):
             G = at_point(N[p], dN[p], inverse, X)
             if flag == 0:
-                H = at_point(N[p], dN[p], inverse, Y) if start != 0.0 else G
+                H = at_point(N[p], dN[p], inverse, Y) if ends else G
                 eps = minus(strains(H), triple(reference, es, 3 * ng, 3 * p))
                 now = times(end, stresses(stiffness, own, eps))
-                if start != 0.0:
+                if ends:
                     before = triple(S0, es, 3 * ng, 3 * p)
                     now = (
                         now[0] + start * before[0],
@@ -205,7 +205,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """``S + share D B(y) change``, y being where the stresses come from."""
     lengths, N, dN, stiffness = g.lengths, g.N, g.dN, g.stiffness
     y, change, S, out, share = w.mid, w.change, g.S, g.predicted, numbers[SHARE]
-    if numbers[START] != 0.0:
+    if numbers[ENDS] != 0.0:
         y, share = w.y1, numbers[END]
     base, turned, rotations, section = g.base, g.turned, g.rotations, g.section
     ne, nn = base.shape
@@ -366,7 +366,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     if flag == 1:
         S = g.predicted
     mass, half = numbers[MASS], numbers[SHARE] * numbers[FORCE]
-    early, ends = numbers[WEIGHT] == 0.0, numbers[START] != 0.0
+    early, ends = numbers[WEIGHT] == 0.0, numbers[ENDS] != 0.0
     material = numbers[END] * numbers[FORCE] if ends else half
     lengths, N, dN, weights, masses = g.lengths, g.N, g.dN, g.weights, g.mass
     stiffness, slot, section = g.stiffness, g.slot, g.section

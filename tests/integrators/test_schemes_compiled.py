@@ -1,0 +1,301 @@
+"""Every scheme that compiled kernels have, against plain numpy: scenes of all kinds, whole runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers_scenes import four_bar
+from helpers_schemes import SCHEMES, compiled
+from rounding import limits, nudged
+
+import skfem_cosserat as sc
+
+pytest.importorskip("numba")
+
+GROUND, Z = sc.ground((0, 0, 0)), (0, 0, 1)
+SECTION = sc.Section((2e4, 2e4, 5e4, 40.0, 60.0, 30.0), mass=1.3, inertia=(2e-3, 3e-3))
+NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()
+COMPILED = [
+    *(scheme for scheme in SCHEMES if compiled(scheme)),
+    sc.EnergyDecaying(0.1, velocity=False),
+    sc.EnergyDecaying(rate=8.0, velocity=False, stabilized=True),
+    sc.Composition(sc.EnergyMomentum()),
+]
+STEPS = 20
+
+
+# -- scenes ----------------------------------------------------------------------------------------
+
+
+class LoadPull(sc.Load):
+    """Towards a point as a stiffening spring, with the square of the speed against the motion."""
+
+    def __init__(self, place: sc.Place, fails: float = np.inf) -> None:
+        super().__init__(amplitude=sc.Harmonic(1.0, 3.0, np.pi / 3))
+        self.place, self.fails = place, fails
+
+    def terms(self) -> list[sc.Term]:
+        return [sc.TermFunction([sc.ground((1, 1, 0)), self.place], self.force, self.time)]
+
+    def force(self, x: Any, v: Any, t: float) -> Any:
+        if t > self.fails:
+            raise RuntimeError("out of reach")
+        r = x[1] - x[0]
+        pull = 3.0 * (1 + r @ r) * r + 0.2 * np.sqrt((v[1] * v[1]).sum() + 1e-4) * v[1]
+        return np.array([pull, -pull])
+
+
+def arm(
+    theory: sc.Theory | None = None, section: sc.Section = SECTION, planar: bool = False
+) -> tuple[sc.Model, sc.Place]:
+    """A beam on a hinge, a box on its end, a bob on a rope; what is at the end."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
+    beam = model.add("beam", sc.Beam(mesh, section, director=Z, theory=theory))
+    axis = Z if planar else (0.6, 0.0, 0.8)
+    model.add("hinge", sc.JointRevolute(GROUND, beam.node("rod.start"), axis))
+    box = model.add("box", sc.RigidBody.box(0.5, (0.2, 0.1, 0.1), position=(1.1, 0, 0)))
+    weld = sc.JointFixed if planar else sc.JointSpherical
+    model.add("weld", weld(beam.node("rod.end"), box.at((1, 0, 0))))
+    bob = model.add("bob", sc.MassPoint(0.2, position=(1.1, -0.5, 0)))
+    model.add("rope", sc.JointDistance(box.at((1.1, 0, 0)), bob.place()))
+    model.add("gravity", sc.LoadGravity((0.3, -9.81, 0.0 if planar else 0.2)))
+    return model, box.at((1.2, 0.02, 0))
+
+
+def tree() -> sc.System:
+    model, tip = arm()
+    end = model["beam"].node("rod.end")
+    model.add("follower", sc.LoadForce(end, (1.0, 2.0, 0.5), sc.Harmonic(1.0, 3.0), follower=True))
+    model.add("moment", sc.LoadMoment(tip, (0.3, -0.2, 0.1), lambda t: np.cos(20 * t)))
+    return model.freeze()
+
+
+def plane() -> sc.System:
+    model, tip = arm(planar=True)
+    model.add("push", sc.LoadForce(tip, (1.0, 2.0, 0.0), sc.Harmonic(1.0, 3.0)))
+    return model.freeze(planar=sc.Planar())
+
+
+def plane_with_follower() -> sc.System:
+    model, tip = arm(planar=True)
+    model.add("push", sc.LoadForce(tip, (1.0, 2.0, 0.0), sc.Harmonic(1.0, 3.0), follower=True))
+    return model.freeze(planar=sc.Planar())
+
+
+def inextensible() -> sc.System:
+    return arm(sc.TheoryInextensible())[0].freeze()
+
+
+def unshearable() -> sc.System:
+    return arm(sc.TheoryKirchhoff())[0].freeze()
+
+
+def loop() -> sc.System:
+    """A four-bar linkage, as it falls, with a beam on its coupler."""
+    model = four_bar()
+    mesh = sc.MeshCurve.init_line((0, 1, 0), (-0.5, 1, 0.1), 2, name="mast")
+    mast = model.add("mast", sc.Beam(mesh, SECTION, director=Z))
+    model.add("foot", sc.JointFixed(model["coupler"].at((0, 1, 0)), mast.node("mast.start")))
+    model.add("weight", sc.LoadGravity((1.0, -9.81, 0.2)))
+    return model.freeze()
+
+
+def springs() -> sc.System:
+    """And an actuator, and moving ground."""
+    model, tip = arm()
+    shake = sc.Motion(displacement=lambda t: (0.1 * np.sin(3 * t) ** 2, 0.0, 0.0))
+    model.add("coil", sc.JointSpringDamper(model["hinge"], stiffness=5.0, damping=0.2))
+    model.add("torque", sc.JointActuator(model["hinge"], sc.FunctionOfTime(np.sin)))
+    model.add("strut", sc.SpringDamper(sc.ground((2, 1, 1), shake), tip, 20.0, damping=2.0))
+    return model.freeze()
+
+
+def cable() -> sc.System:
+    """It gets slack and tight."""
+    model, tip = arm()
+    model.add("cable", sc.Cable(sc.ground((1, 1, -1)), tip, 30.0, damping=0.5))
+    return model.freeze()
+
+
+def bushing() -> sc.System:
+    model, tip = arm()
+    shake = sc.Motion(displacement=lambda t: (0.1 * np.sin(3 * t) ** 2, 0.0, 0.0))
+    model.add("mount", sc.Bushing(sc.ground((1.2, 0.02, 0), shake), tip, 5.0, 0.2))
+    model.add("coil", sc.JointSpringDamper(model["hinge"], stiffness=5.0, damping=0.2))
+    return model.freeze()
+
+
+def own_load() -> sc.System:
+    model, tip = arm()
+    model.add("pull", LoadPull(tip))
+    return model.freeze()
+
+
+def drag() -> sc.System:
+    model, _ = arm()
+    model.add("drag", sc.RayleighDamping(mass=0.5))
+    return model.freeze()
+
+
+def viscous() -> sc.System:
+    return arm(section=SECTION.damped(time=1e-3))[0].freeze()
+
+
+TREES = [tree, plane, plane_with_follower, springs, cable, bushing, own_load, drag, viscous]
+NULL_SPACE_ONLY = [inextensible, unshearable, loop]
+DAMPED = [drag, viscous]
+PAIRS = [(scene, treatment) for scene in TREES for treatment in (NULL, MULTIPLIERS)]
+PAIRS += [(scene, NULL) for scene in NULL_SPACE_ONLY]
+
+
+def missing(scene: Callable[[], sc.System], scheme: sc.Integrator) -> bool:
+    """Dampers at the ends of steps that are not there as force elements."""
+    return scene in DAMPED and isinstance(scheme, sc.GeneralizedAlpha)
+
+
+# -- the same runs ---------------------------------------------------------------------------------
+
+MOTION = ("q", "p", "constraint_force")
+WORKS = ("work_loads", "work_actuators", "work_drives", "dissipated")
+
+
+def assert_same(compiled: sc.History, plain: sc.History, beside: sc.History | None = None) -> None:
+    """Motion and works, to 1e-10 of their sizes; or to what rounding does, as `beside` has it."""
+    assert (compiled.meta["kernels"], plain.meta["kernels"]) == ("numba", "numpy")
+    assert compiled.times == pytest.approx(plain.times, abs=1e-14)
+    works = [name for name in WORKS if name in plain]
+    most = max(np.nanmax(abs(plain[name])) for name in (*works, "energy"))
+    allowed = {name: 1e-10 * np.nanmax(abs(plain[name])) for name in MOTION}
+    allowed |= dict.fromkeys(works, 1e-10 * most)
+    if beside is not None:
+        rounded = limits(plain, beside, MOTION[1:])
+        allowed |= {name: max(allowed[name], limit) for name, limit in rounded.items()}
+    for name, limit in allowed.items():
+        assert (np.isnan(compiled[name]) == np.isnan(plain[name])).all(), name
+        assert np.nanmax(abs(compiled[name] - plain[name]), initial=0.0) <= limit, name
+    if "turns" in plain:
+        assert compiled["turns"].tolist() == plain["turns"].tolist()
+
+
+def runs(*run: Any, **options: Any) -> tuple[sc.History, sc.History, sc.History]:
+    """Compiled and plain, without kept factors: with the same iterates; and a nudged plain one."""
+    own = {"settings": sc.NewtonSettings(reuse=0), "start": sc.initial_state(run[0])} | options
+    beside = own | {"start": nudged(own["start"])}
+    both = (sc.simulate(*run, kernels=kernels, **own) for kernels in ("numba", "numpy"))
+    return *both, sc.simulate(*run, kernels="numpy", **beside)
+
+
+@pytest.mark.parametrize(
+    ("scene", "treatment"), PAIRS, ids=lambda each: getattr(each, "__name__", repr(each))
+)
+@pytest.mark.parametrize("scheme", COMPILED, ids=repr)
+def test_kernels_agree(scheme, scene, treatment):
+    system = scene()
+    if missing(scene, scheme):
+        with pytest.raises(sc.InputError, match="damped beams at the ends of steps"):
+            sc.simulate(system, scheme, treatment, 2e-3, 0.04, kernels="numba")
+        return
+    h = 2e-3
+    compiled, plain, beside = runs(system, scheme, treatment, h, STEPS * h)
+    assert abs(plain["q"][-1] - plain["q"][0]).max() > 1e-3
+    assert_same(compiled, plain, beside)
+
+
+# -- what goes on around a step --------------------------------------------------------------------
+
+ALPHA = [sc.GeneralizedAlpha(0.8), sc.GeneralizedAlpha(0.8, stabilized=False)]
+treatments = pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=repr)
+alphas = pytest.mark.parametrize("scheme", ALPHA, ids=repr)
+
+
+@treatments
+@pytest.mark.parametrize(
+    "scheme", [*ALPHA, sc.EnergyDecaying(0.1, velocity=False)], ids=lambda each: each.name
+)
+def test_kernels_agree_in_steps_of_varying_sizes(scheme, treatment):
+    """The same steps are chosen: their errors are the same, and what is carried on fits each."""
+    control = sc.StepControl(1e-3, first=1e-3)
+    compiled, plain, _ = runs(springs(), scheme, treatment, control, 0.04)
+    sizes = np.diff(plain.times)
+    assert len(plain) > 5 and sizes.max() > 1.1 * sizes.min()
+    assert compiled.times == pytest.approx(plain.times, rel=1e-7)
+    size = abs(plain["q"]).max()
+    assert compiled["q"][-1] == pytest.approx(plain["q"][-1], abs=1e-8 * size)
+    lost = max(abs(plain["dissipated"]).max(), abs(plain["energy"]).max())
+    assert compiled["dissipated"][-1] == pytest.approx(plain["dissipated"][-1], abs=1e-8 * lost)
+
+
+@treatments
+@alphas
+def test_kernels_agree_across_events(scheme, treatment):
+    """A hinge is locked, and released again; a load pushes from an instant on."""
+
+    def events() -> list[sc.Event]:
+        return [
+            sc.Event(sc.ConditionCoordinate("hinge", -0.01), sc.ActionLock("hinge"), name="lock"),
+            sc.Event(sc.ConditionTime(0.06), sc.ActionRelease("rope"), name="release"),
+        ]
+
+    system = arm()[0].freeze()
+    compiled, plain = (
+        sc.simulate(system, scheme, treatment, 2e-3, 0.1, kernels=kernels, events=events())
+        for kernels in ("numba", "numpy")
+    )
+    assert [e.name for e in plain.events] == ["lock", "release"]
+    assert [e.time for e in compiled.events] == pytest.approx([e.time for e in plain.events])
+    assert compiled.meta["kernels"] == "numba"
+    for name in ("q", "p", "energy"):
+        size = np.nanmax(abs(plain[name]))
+        assert compiled[name] == pytest.approx(plain[name], abs=1e-8 * size, nan_ok=True), name
+
+
+@treatments
+@alphas
+def test_a_restart_goes_on_as_if_nothing_had_been(scheme, treatment):
+    """With the memory of the scheme, from kernels of either kind to the other."""
+    run = springs(), scheme, treatment, 2e-3
+    options = {"settings": sc.NewtonSettings(reuse=0)}
+    whole = sc.simulate(*run, 0.04, kernels="numpy", **options)
+    for first, second in (("numba", "numba"), ("numpy", "numba"), ("numba", "numpy")):
+        begun = sc.simulate(*run, 0.02, kernels=first, **options)
+        start = sc.restart(run[0], begun, scheme, 2e-3)
+        rest = sc.simulate(*run, 0.04, kernels=second, start=start, **options)
+        for name in ("q", "p"):
+            size = abs(whole[name]).max()
+            assert rest[name][-1] == pytest.approx(whole[name][-1], abs=1e-10 * size), name
+        assert rest["constraint_force"][0] == pytest.approx(
+            whole["constraint_force"][10], abs=1e-7 * np.nanmax(abs(whole["constraint_force"]))
+        )
+
+
+@treatments
+@pytest.mark.parametrize("chi", [0.1, 1.0])
+def test_what_stresses_take_is_counted(chi, treatment, kernels):
+    """Beside what dampers take: nothing is left of the energy balance, and it is in `numerical`."""
+    system, scheme = tree(), sc.EnergyDecaying(chi, velocity=False)
+    history = sc.simulate(system, scheme, treatment, 2e-3, 0.04, kernels=kernels)
+    assert history.meta["kernels"] == kernels
+    size = abs(history["energy"]).max()
+    assert np.nanmax(abs(history["energy_balance"])) < 1e-10 * size
+    assert history["dissipated"][-1] > 1e-6 * size
+    stepper = sc.Stepper(system, scheme, treatment, 2e-3, kernels=kernels)
+    report = stepper.advance(sc.initial_state(system))
+    assert report.work.numerical > 0
+    assert report.work.numerical == pytest.approx(report.work.dissipated, rel=1e-12)
+
+
+@treatments
+@alphas
+def test_a_load_that_fails_within_compiled_steps_is_named(scheme, treatment):
+    model, tip = arm()
+    model.add("pull", LoadPull(tip, fails=0.021))
+    with pytest.raises(sc.InputError, match=r"load 'pull': its force failed at t = 0\.022 s") as e:
+        sc.simulate(model.freeze(), scheme, treatment, 2e-3, 0.1, kernels="numba")
+    assert isinstance(e.value.__cause__, RuntimeError)
+    history = e.value.history
+    assert (history.status, history.meta["kernels"]) == ("failed", "numba")
+    assert history.times == pytest.approx(2e-3 * np.arange(11))
