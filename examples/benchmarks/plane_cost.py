@@ -12,6 +12,7 @@ import sys
 import time
 import warnings
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -28,8 +29,9 @@ def scene(spring: bool) -> sc.Model:
     """The published swing; with a soft spring on its mass."""
     model = swing.scene("published")
     if spring:
+        beam: Any = model["beam"]
         ground = sc.ground((0.0, 5.0, -5.0))
-        model.add("spring", sc.SpringDamper(ground, model["beam"].node("mid"), stiffness=1.0))
+        model.add("spring", sc.SpringDamper(ground, beam.node("mid"), stiffness=1.0))
     return model
 
 
