@@ -841,10 +841,16 @@ class CompiledStep(CompiledScene):
     def _flatten(self, normal: Floats) -> None:
         """Take away what rounding has led out of the plane, which might grow there."""
         y0, y1, p = self._a.y0, self._a.y1, self._a.carried
-        y1 -= ((y1 - y0) @ normal)[:, None] * normal
-        out = p @ normal
-        if largest(out) <= ROUNDING * largest(p):  # else directors that lie askew have a share
-            p -= out[:, None] * normal
+        along = int(np.argmax(abs(normal)))
+        if abs(normal[along]) == 1.0:  # most of the time, and faster
+            y1[:, along] = y0[:, along]
+            out = normal[along] * p[:, along]
+        else:
+            y1 -= ((y1 - y0) @ normal)[:, None] * normal
+            out = p @ normal
+        if largest(out) > ROUNDING * largest(p):
+            return  # directors that lie askew have a share
+        p -= out[:, None] * normal
 
     def _flipped(self) -> bool:
         """Whether a frame has turned by half a turn, where the midpoint tells nothing of it."""
