@@ -326,7 +326,9 @@ def linear(
         lost += damping * V[CHANGE, i] / h
         numerical += more * V[CHANGE, i]
         V[SIGMA, i] = force + damping / h + more - state[c, AMPLITUDE + i]
-    state[c, LOST], state[c, NUMERICAL] = max(lost, 0.0) + numerical, numerical
+    if h > 0.0:  # a step back gives what was lost
+        lost = max(lost, 0.0)
+    state[c, LOST], state[c, NUMERICAL] = lost + numerical, numerical
     if ends:
         return 0.0, 0.0, 0.5 * (1 + decay), 1 / h
     return 1.0, 1.0, 0.0, 0.0

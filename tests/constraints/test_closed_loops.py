@@ -833,6 +833,7 @@ def test_kernels_agree(scene, integrator):
         assert abs(difference).max() < 1e-8 * abs(force).max()
 
 
+@pytest.mark.filterwarnings("ignore:argument step")
 def test_a_step_with_closed_loops_that_flips_a_body_is_none():
     """At large steps forces of loops without bound turned a crank by 180 degrees in each step."""
     pytest.importorskip("numba")
@@ -898,7 +899,9 @@ def outcome(system, start, integrator, turn, rounds, kernels):
     except sc.Diverged as error:
         history, end = error.history, (error.time, error.step)
     assert history.meta["kernels"] == kernels
-    return history, end, [(each["when"], each["text"]) for each in history.meta["warnings"]]
+    # which of several bodies that turn alike is named is a matter of rounding
+    told = [each for each in history.meta["warnings"] if each["item"] != "argument step"]
+    return history, end, [(each["when"], each["text"]) for each in told]
 
 
 def slow(*values):

@@ -1045,13 +1045,13 @@ def test_bad_scenes():
     body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
     hinge = sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
     model.add("spring", sc.JointSpringDamper(hinge, 1.0))
-    with pytest.raises(sc.InputError, match="joint spring 'spring': refers to revolute joint"):
+    with pytest.raises(sc.InputError, match="joint spring 'spring': refers to the revolute joint"):
         model.freeze()
     model = sc.Model()
     body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
     stray = sc.MassPoint(1.0, (0, 0, 1))
     model.add("cable", sc.Cable(body.at((0, 0, 0)), stray.place(), 1.0))
-    with pytest.raises(sc.InputError, match="cable 'cable': refers to mass point"):
+    with pytest.raises(sc.InputError, match="cable 'cable': .* mass point"):
         model.freeze()
 
 

@@ -586,7 +586,7 @@ def test_cranks_that_part_later(integrator, treatment):
         "prescribed motions contradict each other at t = 0.52 s",
         "the drive 'left' at angle = -0.2704 rad",
         "the drive 'right' at angle = 0.27 rad",
-        "leave out one of the drives",
+        "Leave out one of the drives",
     ):
         assert word in str(error)
 

@@ -386,6 +386,7 @@ def test_table_and_function_of_time_average_exactly():
 
 @pytest.mark.parametrize("integrator", [Variational(), EnergyMomentum()], ids=lambda i: i.name)
 @pytest.mark.parametrize("h", [0.1, 0.07, 0.03])
+@pytest.mark.filterwarnings("ignore:argument until")
 def test_impulse_is_exact_at_any_step(integrator, h):
     """A triangular pulse whose kinks fall inside steps leaves the exact momentum."""
     model = Model()
