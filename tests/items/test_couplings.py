@@ -1051,7 +1051,7 @@ def test_bad_scenes():
     body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
     stray = sc.MassPoint(1.0, (0, 0, 1))
     model.add("cable", sc.Cable(body.at((0, 0, 0)), stray.place(), 1.0))
-    with pytest.raises(sc.InputError, match="cable 'cable': .* mass point"):
+    with pytest.raises(sc.InputError, match=r"cable 'cable': .* mass point"):
         model.freeze()
 
 
