@@ -360,7 +360,7 @@ def simulate(
             if failure is None:
                 if status == "completed":
                     _warn_of_rest(state, run.state, None if eventful else h, until)
-                _warn_of_motion(system, recorder.complete(), h)
+                _warn_of_motion(system, recorder.complete(), h, integrator.solves)
             else:
                 failure.hint = _unresolved(recorder.stepper, highest)
                 notices.tell(failure)  # from here on no warning takes its place
@@ -378,10 +378,18 @@ def simulate(
         return history
 
 
-def _warn_of_motion(system: System, recorded: History, h: float | None) -> None:
-    """Warn of what the states of a run show; `h`: of equal steps (s), else a tolerance is kept."""
+def _warn_of_motion(system: System, recorded: History, h: float | None, solves: bool) -> None:
+    """Warn of what the states of a run show.
+
+    Parameters
+    ----------
+    h : float or None
+        Of equal steps (s), else a tolerance is kept.
+    solves : bool
+        Whether the scheme solves for its steps; explicit ones have steps within steps.
+    """
     _warn_of_elements(system, recorded)
-    if h is not None:
+    if h is not None and solves:
         _warn_of_turns(system, recorded)
     _warn_of_functions(system, recorded)
 
@@ -488,8 +496,9 @@ def _warn_of_turns(system: System, history: History) -> None:
     largest = angles.max(axis=1)
     if np.count_nonzero(largest > FAR_TURN) < min(FAR_TURNS, len(first)):
         return
-    k = int(largest.argmax())
-    row = rows[angles[k].argmax()]
+    most = (1 - 1e-6) * largest.max()  # the first one, however equal ones are rounded
+    k = int(np.argmax(largest >= most))
+    row = rows[np.argmax(angles[k] >= most)]
     starts = [(system.first[id(i)][1], i) for i in system.structures if id(i) in system.first]
     label = max((start, item.label) for start, item in starts if start <= row)[1]
     warn(

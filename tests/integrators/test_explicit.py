@@ -227,7 +227,6 @@ def test_energy_error_is_of_second_order():
     assert abs(orders - 2).max() < 0.1
 
 
-@pytest.mark.filterwarnings("ignore:argument step")  # steps are as long as one likes
 def test_symmetric_top_is_exact_in_any_step():
     """Its axis goes around the angular momentum at |L|/J: closed form after one large step."""
     spin = np.array([0.7, 0.0, 2.0])
@@ -248,7 +247,6 @@ def test_symmetric_top_is_exact_in_any_step():
     assert top.name == "top"
 
 
-@pytest.mark.filterwarnings("ignore:argument step")
 def test_unsymmetric_body_off_its_point():
     """Second order, angular momentum exact, its centre of mass on a straight line."""
     model = sc.Model()
