@@ -37,6 +37,7 @@ def check_output(shown: str, printed: str, where: str) -> None:
         assert alike, f"{where}: shown {a}, printed {b}"
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_code_runs_and_prints_what_is_shown(
     page: Path,
