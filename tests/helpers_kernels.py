@@ -245,7 +245,8 @@ def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc
         assert matrix(*fast._all, 0)
         increment(*whole, 0)
         found = fast._a.x.ravel()[fast._numbering]
-        assert found == pytest.approx(plain, abs=1e-10 * abs(plain).max())
+        # at random states an elimination in blocks, which exchanges no rows, loses digits
+        assert found == pytest.approx(plain, abs=1e-9 * abs(plain).max())
         if mixed:  # the next one with predicted stresses
             problem.apply(plain)
             problem.residual()
@@ -296,9 +297,10 @@ def _difference(fast: Any, problem: Any, mixed: int) -> float:
     )
     bound, n = problem.treatment, fast.system.n
     size = evaluate(*fast._all, 1)
-    assert fast._a.y1 == pytest.approx(problem.y1, abs=1e-12)
+    assert fast._a.y1 == pytest.approx(problem.y1, abs=1e-12 * abs(problem.y1).max())
     R = problem.evaluation.R
-    assert fast.balance == pytest.approx(R, abs=1e-11 * abs(R).max())
+    # R is a difference of terms of this size
+    assert fast.balance == pytest.approx(R, abs=1e-11 * max(problem.evaluation.size, abs(R).max()))
     impulse = bound.constraint_impulse(R)
     assert fast.impulse == pytest.approx(impulse, abs=1e-11 * abs(impulse).max())
     assert size == pytest.approx(bound.relative(problem._r, problem.evaluation.size), rel=1e-9)

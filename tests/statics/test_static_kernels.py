@@ -131,7 +131,7 @@ def test_iterates(monkeypatch, order, scene):
     control = sc.LoadControl(until=1.0, steps=2)
     # Newton's way from far off amplifies rounding: of the bend the third increment differs by 5e-9
     # or 1e-8, as blocks are eliminated by exchanging rows or by inverses; where it ends does not
-    rounding = 2e-8 if scene == "bend" else 1e-9
+    rounding = 2e-7 if scene == "bend" else 1e-9  # with room for other processors
     assert_same(*both(monkeypatch, system, control=control), rounding=rounding)
 
 
