@@ -245,8 +245,7 @@ def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc
         assert matrix(*fast._all, 0)
         increment(*whole, 0)
         found = fast._a.x.ravel()[fast._numbering]
-        # at random states an elimination in blocks, which exchanges no rows, loses digits
-        assert found == pytest.approx(plain, abs=1e-9 * abs(plain).max())
+        assert found == pytest.approx(plain, abs=1e-10 * abs(plain).max())
         if mixed:  # the next one with predicted stresses
             problem.apply(plain)
             problem.residual()
@@ -257,7 +256,8 @@ def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc
             assert matrix(*fast._all, 1)
             increment(*whole, 0)
             found = fast._a.x.ravel()[fast._numbering]
-            assert found == pytest.approx(plain, abs=1e-9 * abs(plain).max())
+            # an increment that leads anywhere came before: what it amplified, two ways of rounding
+            assert found == pytest.approx(plain, abs=1e-8 * abs(plain).max())
 
 
 def _same_with_multipliers(system: sc.System, integrator: str, seed: int, state: sc.State) -> None:
