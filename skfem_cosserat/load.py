@@ -626,7 +626,7 @@ class LoadForce(_NodalLoad):
     --------
     A pulse on a body, and thrust along its d3:
 
-    >>> from skfem_cosserat import RigidBody
+    >>> from skfem_cosserat import RigidBody, Table
     >>> body = RigidBody.box(1.0, (1, 1, 1))
     >>> push = LoadForce(body.local((0, 0, 0.5)), (0, 10.0, 0), Table([0, 1, 2], [0, 1, 0]))
     >>> thrust = LoadForce(body.local((0, 0, 0)), (0, 0, 5.0), follower=True)

@@ -234,7 +234,7 @@ def sail(
         "newton_iterations": int(run.iterations[: run.good].sum()),
         "steps_tried_again": int((run.attempts[: run.good] > 1).sum()),
         "wall_s": wall,
-        "reason": "" if error is None else error.reason,
+        "reason": "" if error is None else str(error),
         "series": series,
         "residuals": [] if error is None else error.residuals,
     }

@@ -383,7 +383,7 @@ def test_newton_alone_stops_where_the_mixed_iteration_passes_event_x(step, stops
     """With 100 iterations in each of four attempts."""
     arguments = sc.EnergyMomentum(), sc.NullSpace(), step, 1.2
     settings = replace(failure_mechanism.SETTINGS, mixed=np.inf)
-    with pytest.raises(sc.Diverged, match="after 4 attempts") as caught:
+    with pytest.raises(sc.Diverged, match="4 attempts") as caught:
         sc.simulate(swing.build("stiff"), *arguments, derive=False, settings=settings)
     assert caught.value.time == pytest.approx(stops, abs=1.01 * step)
     mixed = sc.simulate(

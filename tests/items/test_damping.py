@@ -381,6 +381,7 @@ def test_modes_of_the_cantilever():
     assert mode("bending")[0] == pytest.approx(slender, rel=1e-3)
 
 
+@pytest.mark.filterwarnings("ignore:argument until")
 @chequered("damping", DAMPINGS, "integrator", INTEGRATORS)
 @pytest.mark.parametrize("kind", ["bending", "axial"])
 def test_logarithmic_decrement(integrator, kind, damping):

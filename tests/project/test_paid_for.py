@@ -192,6 +192,8 @@ def test_steps_call_nothing_that_is_not_there(scheme: Any, treatment: Any):
 
     alone = growing(lambda steps: run(body(), steps))
     assert not alone & NEVER
+    # the balance of energy is judged at recorded states, a hundred at most
+    alone -= {"diagnostics/momenta", "diagnostics/stacked", "diagnostics/energy"}
     assert not {name for name in alone if name.startswith(("diagnostics", "export", "modal"))}
     assert {"integrators/stepper", "newton"} < alone
     spring = growing(lambda steps: run(body(spring=True), steps))

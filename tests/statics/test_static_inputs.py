@@ -376,6 +376,7 @@ def test_limit_point_under_load_control(treatment):
 @pytest.mark.parametrize(
     "treatment", [sc.NullSpace(), pytest.param(sc.Multipliers(), marks=pytest.mark.slow)]
 )
+@pytest.mark.filterwarnings("ignore:path, load factor")
 def test_fixed_steps_may_snap(treatment):
     """Automatic steps stop before a limit point; steps that are forced land behind it."""
     model, _ = arch()
