@@ -57,12 +57,18 @@ def test_every_marked_example_is_found():
 
 @pytest.mark.parametrize("number", range(len(examples(readme()))))
 def test_example_runs_as_written(
-    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    number: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     line, source = examples(readme())[number]  # each alone: a reader copies one block
     monkeypatch.chdir(tmp_path)
     code = compile("\n" * (line - 1) + source, str(README), "exec")
     exec(code, {"__name__": "__main__"})
+    drift = float(capsys.readouterr().out.split()[0])
+    assert 0 <= drift < 1e-10  # "the energy is conserved to rounding"
+    assert (tmp_path / "rod" / "beams.pvd").is_file()
 
 
 @pytest.mark.parametrize(
