@@ -29,7 +29,7 @@ from ..model.groups import BeamGroup
 from ..types import Floats, IndexArray
 from .scheme import Scheme, State, StepWork
 
-__all__ = ["CalledBack", "CalledLaws", "coupled"]
+__all__ = ["CalledBack", "CalledLaws", "coupled", "trapezoidal_work"]
 
 
 def coupled(
@@ -47,6 +47,32 @@ def coupled(
     if scheme.at_end:
         return couplings.static(start, y1, v, scheme.rate)
     return couplings.midpoint(start, y, y1)
+
+
+def trapezoidal_work(
+    couplings: Couplings,
+    starts: tuple[CoupledStart, CoupledStart],
+    forces: tuple[CoupledForce, CoupledForce],
+    y1: Floats,
+    rows: int,
+) -> StepWork:
+    """Work of force elements in a step by the trapezoidal rule, without what dampers take.
+
+    Parameters
+    ----------
+    starts, forces : two each
+        With the actuators of both ends of the step, and the forces there.
+    y1 : (total, 3) array
+        Configuration at the end, whose first `rows` are unknowns.
+    """
+    change = y1 - starts[0].y0
+    works = [couplings.work(at, forces[1], y1) for at in starts]
+    ground = sum(force.force[rows:] for force in forces)
+    return StepWork(
+        0.5 * sum(force.work_of_loads(change) for force in forces),
+        0.5 * sum(work.actuators for work in works),
+        ground=0.5 * float((ground * change[rows:]).sum()),
+    )
 
 
 class Called:
@@ -279,13 +305,6 @@ class CalledBack:
         began = self.couplings.starting(y0.copy(), turns, factors, 1.0, t0)
         ydot = np.concatenate([self._rates0[0], system.ground_rate(t0)])
         both = self.couplings.static(began, y0.copy(), ydot), self._found
-        works = [self.couplings.work(at, self._found, y1) for at in (began, self._start)]
-        change = y1 - y0
+        work = trapezoidal_work(self.couplings, (began, self._start), both, y1, rows)
         lost = sum(float(r.dissipated.sum()) for force in both for r in force.responses)
-        forces = sum(force.force[rows:] for force in both)
-        return StepWork(
-            0.5 * sum(force.work_of_loads(change) for force in both),
-            0.5 * sum(work.actuators for work in works),
-            0.5 * self._h * lost,
-            0.5 * float((forces * change[rows:]).sum()),
-        )
+        return work._replace(dissipated=0.5 * self._h * lost)

@@ -44,7 +44,8 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
         return "there are no compiled kernels for explicit steps"
     scheme = integrator.single.scheme(1.0)
     if scheme is None or type(integrator.single.balance(system, 1.0)) is not StepBalance:
-        return f"the balance of the {integrator.name} integrator is more than numbers"
+        name = integrator.name
+        return f"there are no compiled kernels for the {name} integrator, whose balance is its own"
     looped, scene = len(system.closure.rows) > 0, solved_in(system, treatment)
     confined = scene is not system
     return _missing(

@@ -24,6 +24,7 @@ from ..model.force_elements import CoupledForce, CoupledStart
 from ..model.groups import BeamGroup, Blocks, Parts
 from ..types import Array, Floats
 from .called_back import coupled as forces_of
+from .called_back import trapezoidal_work
 from .scheme import Scheme, State, StepWork
 
 if TYPE_CHECKING:
@@ -470,15 +471,9 @@ class StepBalance:
             return StepWork(loads, dissipated=lost)
         couplings = system.couplings
         began = couplings.starting(step.y0, turns, at0.actuators, 1.0, t0)
-        done = (
-            couplings.work(began, e.coupled, e.y1),
-            couplings.work(step.couplings, e.coupled, e.y1),
-        )
-        both = start.coupled, e.coupled
-        loads += 0.5 * sum(coupled.work_of_loads(change) for coupled in both)
-        forces = start.coupled.force[rows:] + e.coupled.force[rows:]
-        ground = 0.5 * float((forces * change[rows:]).sum())
-        return StepWork(loads, 0.5 * (done[0].actuators + done[1].actuators), lost, ground)
+        starts, forces = (began, step.couplings), (start.coupled, e.coupled)
+        done = trapezoidal_work(couplings, starts, forces, e.y1, rows)
+        return done._replace(loads=loads + done.loads, dissipated=lost)
 
     def _lost_power(self, e: Evaluation) -> float:
         """Power (W) lost at the configuration evaluated, in dampers as well."""

@@ -824,7 +824,7 @@ def test_composition_with_compiled_kernels():
 @pytest.mark.parametrize("name", [k for k in SCHEMES if "decaying" in k])
 def test_compiled_kernels_refuse_by_name(name):
     system, start = double_pendulum()
-    why = f"balance of the {SCHEMES[name].name} integrator is more than numbers"
+    why = f"the {SCHEMES[name].name} integrator, whose balance is its own"
     with pytest.raises(sc.InputError, match=why):
         sc.simulate(system, SCHEMES[name], NULL, 0.1, 0.2, start=start, kernels="numba")
     run = sc.simulate(system, SCHEMES[name], NULL, 1e-6, 1.0, start=start, callbacks=[stopped])

@@ -1089,7 +1089,7 @@ def test_a_balance_that_is_more_than_numbers(treatment):
         for scheme in (sc.EnergyMomentum(), IntegratorTwoInstants())
     )
     assert own["q"] == pytest.approx(known["q"], abs=1e-6)  # the spring's force is at the midpoint
-    with pytest.raises(sc.InputError, match="two instants integrator is more than numbers"):
+    with pytest.raises(sc.InputError, match="two instants integrator, whose balance is its own"):
         sc.simulate(arm(True), IntegratorTwoInstants(), sc.NullSpace(), 1e-3, 0.1, kernels="numba")
 
 
