@@ -13,7 +13,7 @@ from ..compiled.plan import Plan
 from ..constraints import Treatment
 from ..constraints.base import BoundTreatment
 from ..integrators.choice import Choice, built
-from ..integrators.compiled_step import CompiledScene
+from ..integrators.compiled_scene import CompiledScene
 from ..integrators.scheme import Scheme
 from ..linear import SingularMatrixError, Solver, checked_solver
 from ..model import System

@@ -1,0 +1,382 @@
+"""One system for compiled kernels: its arrays and parts, and what solves for the rest."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from ..compiled.numbers import (
+    NUMBERS,
+)
+from ..compiled.plan import Plan, following, plan_of
+from ..errors import CosseratError
+from ..linear import LinearSolver, SingularMatrixError, Solver
+from ..model import System
+from ..model.reparametrisation import Reparametrisation
+from ..model.tree import Coordinate
+from ..newton import NewtonSettings
+from ..pattern import FrozenPattern
+from ..types import Floats, IndexArray
+from .called_back import CalledLaws
+from .scheme import Scheme
+
+__all__ = [
+    "COMPILING",
+    "Bound",
+    "CompiledScene",
+    "NearestVelocity",
+    "Rest",
+    "is_viscous",
+    "numbers_of",
+]
+
+
+def is_viscous(system: System) -> bool:
+    """Whether a section of a scene has Kelvin-Voigt damping."""
+    return any(group.viscous for group in system.beam_groups)
+
+
+# -- what an elimination in blocks leaves of a system, by a sparse solver --------------------------
+
+#: what a solver, or a user in a hurry, may raise
+NOT_OURS = (ArithmeticError, ImportError, KeyboardInterrupt, MemoryError, RuntimeError, ValueError)
+
+
+class Rest:
+    """Vertices that were not eliminated: their blocks as a sparse matrix of a frozen pattern.
+
+    Parameters
+    ----------
+    plan : Plan
+        With vertices left.
+    size : (nv,) int array
+        Unknowns of each vertex: the first rows and columns of its blocks.
+    A : (slots, 6, 6) array
+        Blocks, in place: those of the rest after the elimination of all others.
+    x : (nv, 6) array
+        Right-hand sides, in place, which the solution replaces.
+    solver : Solver, optional
+        Take this one; default: the fastest that is installed.
+
+    Attributes
+    ----------
+    solver : LinearSolver
+    """
+
+    def __init__(
+        self, plan: Plan, size: IndexArray, A: Floats, x: Floats, solver: Solver | None = None
+    ) -> None:
+        left = np.zeros(len(size), dtype=bool)
+        left[plan.rest] = True
+        ends = np.array(list(plan.slot), dtype=np.int64)  # in the order of the slots
+        slots = np.flatnonzero(left[ends].all(axis=1))
+        ends = ends[slots]
+        each = np.where(left, size, 0)
+        first = np.cumsum(each) - each
+        k = np.arange(6)
+        inside = (k[:, None] < each[ends[:, :1, None]]) & (k < each[ends[:, 1:, None]])
+        rows = np.broadcast_to(first[ends[:, :1, None]] + k[:, None], inside.shape)[inside]
+        cols = np.broadcast_to(first[ends[:, 1:, None]] + k, inside.shape)[inside]
+        places = (36 * slots[:, None, None] + 6 * k[:, None] + k)[inside]
+        count = int(each.sum())
+        pattern = FrozenPattern(rows, cols, (count, count))
+        self._take = np.empty(pattern.nnz, dtype=np.int64)  # every entry is in one place only
+        self._take[pattern.slot] = places
+        self._numbers = (6 * np.arange(len(size))[:, None] + k)[k < each[:, None]]
+        self._A, self._x = A.reshape(-1), x.reshape(-1)
+        self.solver = LinearSolver(pattern, solver)
+
+        self._call = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_int64)(self._called)
+        self._error: BaseException | None = None
+
+    @property
+    def address(self) -> int:
+        """Of ``double f(int64)``: 0 to factorise, 1 to solve; gives 1, or 0 where that fails."""
+        return int(ctypes.cast(self._call, ctypes.c_void_p).value or 0)
+
+    def _called(self, again: int) -> float:
+        """From compiled code, which no exception can pass."""
+        try:
+            if again:
+                self.solve()
+            else:
+                self.factor()
+        except SingularMatrixError:
+            return 0.0
+        except (CosseratError, *NOT_OURS) as error:
+            self._error = error
+            return 0.0
+        return 1.0
+
+    def complain(self) -> None:
+        """Raise what could not be raised when the solver was called."""
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
+
+    def factor(self) -> None:
+        """Factorise the blocks as they are.
+
+        Raises
+        ------
+        SingularMatrixError
+            If a pivot vanishes.
+        """
+        self.solver.factor(self._A.take(self._take))
+
+    def solve(self) -> None:
+        """Solve for the right-hand sides, with the factors that are there.
+
+        Raises
+        ------
+        SingularMatrixError
+            If the solution is not finite.
+        """
+        self._x[self._numbers] = self.solver.solve_again(self._x[self._numbers])
+
+
+# -- arrays and parts of a system ------------------------------------------------------------------
+
+#: threads compile one after the other: the second finds all there, and starts no helper of its own
+COMPILING = threading.Lock()
+#: addresses of the parts; what is constant, the elimination, what changes, and beams
+Bound = tuple[IndexArray, Any, Any, Any, Any]
+
+
+def numbers_of(scheme: Scheme) -> dict[str, float]:
+    """The numbers of a scheme that the kernels take, see :mod:`skfem_cosserat.compiled.numbers`.
+
+    What a scheme with rates takes off the balance is made in Python, in place of the momentum.
+    """
+    low, high = (0.5 * (1 - scheme.decay), 0.5 * (1 + scheme.decay)) if scheme.ends else (0.0, 1.0)
+    return {
+        "mass": scheme.mass,
+        "momentum": 1.0 if scheme.before else scheme.momentum,
+        "force": scheme.force,
+        "share": scheme.at,
+        "start": low,
+        "end": high,
+        "ends": float(scheme.ends),
+        **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
+    }
+
+
+class CompiledScene:
+    """Arrays and parts of one system for compiled kernels, with the null space method.
+
+    Needs numba; :func:`.choice.refusal` says for what there is none.
+
+    Parameters
+    ----------
+    system : System
+    scheme : Scheme
+    weight : float
+        Constraint forces act at ``(1 - w) y_0 + w y_1``.
+    settings : NewtonSettings
+    plan : Plan, optional
+        Of the elimination, if it is there already.
+    solver : Solver, optional
+        Of what elimination in blocks leaves.
+    static : bool
+        For a balance at rest, with loads that are evaluated in each iteration.
+    kept_only : bool
+        Take kernels that are in this process or on the disk; compile none.
+
+    Raises
+    ------
+    NotKept
+        If a kernel is neither here nor there.
+
+    Attributes
+    ----------
+    factorisations : int
+        So far.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        scheme: Scheme,
+        weight: float,
+        settings: NewtonSettings,
+        plan: Plan | None = None,
+        solver: Solver | None = None,
+        static: bool = False,
+        kept_only: bool = False,
+    ) -> None:
+        self.system, self.settings, self.scheme = system, settings, scheme
+        self._kept_only = kept_only
+        self.plan = plan_of(system, solver is not None) if plan is None else plan
+        self.factorisations = 0
+        self._drag_factor = 0.0
+        self._factors: list[float] | None = None
+        self._solver = solver
+        self._rest: Rest | None = None
+        self._beams: list[dict[str, Any]] = []
+        own = {"weight": weight, "length": system.length, "worth": self.worth}
+        numbers = vars(settings) | numbers_of(scheme) | own
+        self._all = (
+            *self._bind(weight, scheme.ends, static),
+            np.array([numbers[name] for name in NUMBERS], dtype=float),
+        )
+        self._a = a = SimpleNamespace(**self._arrays)
+        self._laws = self._called_laws()
+        self._evaluated = static or not system.loading.dead_only or system.drag is not None
+        self._moments, self._followers = system.loading.moments, following(system)
+        a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
+
+    def _called_laws(self) -> list[CalledLaws]:
+        """What evaluates stored energies for the kernels."""
+        return [
+            CalledLaws(group, fields, self.scheme)
+            for group, fields in zip(self.system.beam_groups, self._beams, strict=False)
+            if group.elements.stored
+        ]
+
+    def complain(self) -> None:
+        """Raise what could not be raised when compiled code called Python."""
+        if self._rest is not None:
+            self._rest.complain()
+        for law in self._laws:
+            law.complain()
+
+    def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
+        """Addresses of the parts and structures for the kernels; arrays by name."""
+        from ..compiled import bind
+
+        system, viscous = self.system, not static and is_viscous(self.system)
+        parts = self._parts(weight, ends or is_viscous(system), static)
+        with COMPILING, bind.compiling(system, parts, kept_only=self._kept_only):
+            s, self._tree = bind.bound_tree(system, self.plan)
+            m, planned = bind.bound_plan(system, self.plan)
+            w, self._arrays = bind.bound_work(system, self.plan)
+            g, self._beams = bind.bound_groups(system, self.plan, viscous)
+            table = bind.addresses(parts, (s, m, w, g), kept_only=self._kept_only)
+        if len(self.plan.rest):
+            A, x = self._arrays["A"], self._arrays["x"]
+            self._rest = Rest(self.plan, planned["size"], A, x, self._solver)
+            planned["rest"][1] = self._rest.address
+        self._number([c for cs in bind.coordinates_of(system) for c in cs])
+        return table, s, m, w, g
+
+    def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
+        """Names of the parts that are called."""
+        from ..compiled import bind
+
+        return bind.parts_of(self.system, weight, ends, static)
+
+    def _number(self, coordinates: list[Coordinate]) -> None:
+        """Where the tree's coordinates are among those of the vertices."""
+        system, width = self.system, self._arrays["x"].shape[1]
+        self._coordinates = coordinates
+        self._drives = any(c.drive is not None for c in coordinates)
+        self._nodal = Reparametrisation(system.kinematics)
+        self._numbering = np.full(system.kinematics.unknowns, -1)
+        for v, places in system.tree.own.items():
+            self._numbering[places] = width * v + np.arange(len(places))
+
+    @property
+    def linear(self) -> LinearSolver | None:
+        """What solves for the vertices that elimination in blocks leaves, if there are any."""
+        return None if self._rest is None else self._rest.solver
+
+    @property
+    def worth(self) -> float:
+        """How many iterations new factors cost, as measured; infinite: they are kept while they do.
+
+        Not measured where sparse solvers take the rest.
+        """
+        return np.inf if len(self.plan.rest) else 5.0
+
+    @property
+    def method(self) -> str:
+        """How linear systems are solved."""
+        return "blocks" if self._rest is None else f"blocks, {self._rest.solver.method}"
+
+    def _place(self, q: Floats, ground: tuple[Floats, Floats] | None) -> None:
+        """Where a step starts, q (n,), and the ground's rows at both its ends if they move."""
+        system, a = self.system, self._a
+        a.y0[: system.rows] = q.reshape(-1, 3)
+        if ground is not None:
+            a.y0[system.rows :], a.ground1[:] = ground
+        self._prescribe()
+
+    def load(self, amplitudes: Floats) -> None:
+        """Take these factors of the loads' channels."""
+        a, moments, followers = self._a, self._moments, self._followers
+        factors = amplitudes.tolist()
+        if factors == self._factors:  # a pulse that is over, most of the time
+            return
+        self._factors = factors
+        self._dead = dead = self.system.loading.dead_force(amplitudes)
+        if not self._evaluated:
+            a.external[:] = dead
+            return
+        a.dead[:] = dead
+        amplitudes = np.append(amplitudes, self._drag_factor)
+        a.moments[:] = amplitudes[moments.channels, None] * moments.values
+        a.followers[:] = amplitudes[followers.channels, None, None] * followers.values
+
+    def _prescribe(self) -> None:
+        """Prescribed motion during a step, and what is fixed in it."""
+        a = self._a
+        if self.system.kinematics.spheres or self._drives:
+            self._nodal.begin(a.y0.copy(), a.ground1.copy())
+            if self.system.plane is None:  # else all axes are normal to it
+                sphere = [k for k, c in enumerate(self._coordinates) if c.kind == "sphere"]
+                numbers = [self._coordinates[k].number for k in sphere]
+                self._tree["axis"][sphere] = self._nodal.fixed[numbers]
+            self._tree["driven"][:] = self._nodal.driven(self._coordinates)
+
+
+#: parts of a balance that a projection of velocities does without: forces, and what turns with them
+NO_FORCES = {
+    *("node_matrix", "joint_curvature", "loop_curvature", "element_curvature"),
+    *("beam_force", "beam_predicted", "load", "couple"),
+}
+
+
+class NearestVelocity(CompiledScene):
+    """Velocities on the hidden constraints nearest to a momentum, in the kinetic energy.
+
+    For scenes without closed loops and prescribed motion, also those in a plane.
+
+    Parameters
+    ----------
+    system, settings, kept_only
+        As for :class:`CompiledScene`.
+    """
+
+    def __init__(self, system: System, settings: NewtonSettings, kept_only: bool = False) -> None:
+        from ..compiled import bind, jit, static
+
+        scheme = Scheme(1.0, 1.0, 0.0, weight=1.0, rate=0.0, at=1.0)
+        space = system if system.plane is None else system.spatial
+        super().__init__(space, scheme, 1.0, settings, static=True, kept_only=kept_only)
+        kinds = tuple(bind.typeof(each) for each in self._all)
+        self._nearest = jit.ready(static.nearest, kinds, kept_only).entry_point
+
+    @staticmethod
+    def serves(system: System) -> bool:
+        """Whether a scene has neither closed loops nor prescribed motion."""
+        return not (system.closure.rank or system.moving)
+
+    def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
+        """See the base class."""
+        return [name for name in super()._parts(weight, ends, static) if name not in NO_FORCES]
+
+    def _called_laws(self) -> list[CalledLaws]:
+        """See the base class: there are no stresses."""
+        return []
+
+    def __call__(self, y: Floats, p: Floats) -> Floats | None:
+        """Velocity (rows, 3) at y (total, 3) for the momentum p (rows, 3); None: singular."""
+        self._place(y[: self.system.rows], None)
+        self._a.p0[:] = p
+        if not self._nearest(*self._all):
+            return None
+        return np.array(self._a.change[: self.system.rows])
