@@ -19,13 +19,11 @@ from ..strain import strain_factors
 from ..types import Floats, IndexArray
 from . import (
     blocks,
-    constraints,
     couplings,
     elements,
-    kkt,
     loads,
-    loops,
     nodes,
+    rows,
     stored,
     structures,
     tree,
@@ -219,12 +217,14 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
     unused = set()
     if not system.tree.edges:
         unused |= {name for name in TREE_PARTS if name.startswith("joint")}
-    if not system.closure.rank:
-        unused |= {name for name in TREE_PARTS if name.startswith("loop")}
+    if not len(system.left_rows):
+        unused |= {name for name in TREE_PARTS if name.startswith("row")}
+    if system.tree is system.spanning:
+        unused.add("row_branch")
     if not weight or system.kinematics.elements is None:
         unused.add("element_curvature")
     if not weight:
-        unused |= {"joint_curvature", "node_matrix", "loop_curvature"}
+        unused |= {"joint_curvature", "node_matrix"}
     if system.frame_group is None and system.point_group is None:
         unused.add("nodal_mass_matrix")
     if not ends:
@@ -261,10 +261,10 @@ def addresses(
     Parameters
     ----------
     structures : (tree, plan, work, beams)
-        With multipliers (constraints, elimination, work, beams). Of beams in several groups each
-        has parts of its own, whose addresses stand in rows of these.
-    family : {"tree", "plane", "multipliers"}
-        Null space method in space, in a plane, or steps with multipliers.
+        Of beams in several groups each has parts of its own, whose addresses stand in rows of
+        these.
+    family : {"tree", "plane"}
+        In space, or in a plane.
     kept_only : bool
         Nothing is to be compiled, see :func:`.jit.ready`.
     """
@@ -273,7 +273,7 @@ def addresses(
     def made(name: str, own: Sequence[Any]) -> int:
         kind = family
         if structure_of_law(own[-1]):
-            kind = "multipliers by law" if family == "multipliers" else "by law"
+            kind = "by law"
         return address(part_named(name, kind), *signature(name, own), kept_only=kept_only)
 
     found: dict[str, int] = {}
@@ -289,15 +289,11 @@ def addresses(
 
 def part_named(name: str, family: str = "tree") -> Any:
     """The function of this name."""
-    modules = [nodes, tree, loops, blocks, elements, loads, couplings]
-    if family == "multipliers":
-        modules = [kkt, constraints, elements]
+    modules = [nodes, tree, rows, blocks, elements, loads, couplings]
     if family == "plane":
         modules = [*plane_parts(), *modules]
     if family == "by law":
         modules = [stored, elements]
-    if family == "multipliers by law":
-        modules = [stored, kkt, elements]
     return next(vars(m)[name] for m in modules if name in m.__all__)
 
 
@@ -447,15 +443,15 @@ def nested(table: Floats) -> tuple[tuple[float, ...], ...]:
 def bound_plan(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
     """The elimination with the tree of joints; the structure, and its arrays by name."""
     edge, parent = _parents(system)
-    count = len(edge)
+    count, own = len(edge), system.tree.own
     to_parent = [
         plan.slot[e.parent, e.child] if e.parent < count else -1 for e in system.tree.edges
     ]
     fields: dict[str, Any] = {
         **{name: getattr(plan, name) for name in _PLANNED},
-        "edge": integers(edge),
-        "parent": integers(parent),
-        "size": integers([len(system.tree.own[v]) for v in range(count)]),
+        "edge": integers([*edge, *([-1] * len(plan.rows))]),
+        "parent": integers([*parent, *([-1] * len(plan.rows))]),
+        "size": integers([*(len(own[v]) for v in range(count)), *(len(b.rows) for b in plan.rows)]),
         "to_parent": integers(to_parent),
         "rest": integers([plan.blocks, 0]),
     }
@@ -480,7 +476,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         "mass_indptr": mass.indptr.astype(np.int64),
         **_edges(system),
         **_coordinates(system),
-        **_loops(system, plan),
+        **bound_rows(system, plan),
         **bound_nodal_masses(system.frame_group, system.point_group),
         **bound_following(system, plan),
         **bound_couplings(system, plan),
@@ -569,48 +565,87 @@ def _coordinates(system: System) -> dict[str, Any]:
     }
 
 
-def _loops(system: System, plan: Plan) -> dict[str, Any]:
-    """Rows of joints that close loops, as lists of terms; none is chosen yet."""
-    rows = set(system.closure.rows.tolist())
-    terms = system.constraints.terms()
+def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
+    """Constraint rows with multipliers, as lists of terms; see :mod:`.rows`."""
+    count, width, blocks = len(system.origin_rows), 6, plan.rows
     where: dict[int, tuple[int, int]] = {}
     for v, (r, framed) in enumerate(zip(system.origin_rows, system.is_frame, strict=True)):
         where |= {int(r) + i: (v, i) for i in range(4 if framed else 1)}
-    products, factors, linear, own, number = [], [], [], [], []
-    for k, a, b, c in zip(*terms[:4], strict=True):
-        if k in rows:
+    block, place = places_of(system, blocks, count)
+    terms, cosines = system.constraints.terms(), system.branch_cosines.terms()
+    products, factors, linear, own = [], [], [], []
+    for k, a, b, c, drive, component in zip(*terms[:6], strict=True):
+        if block[k] >= 0:
             (u, i), (v, j) = where.get(a, (-1, 0)), where.get(b, (-1, 0))
-            slots = (plan.slot[u, v], plan.slot[v, u]) if u >= 0 and v >= 0 else (-1, -1)
-            products.append((-1, a, b, u, i, v, j, *slots))
+            slots = [plan.slot[x, y] if x >= 0 and y >= 0 else -1 for x, y in ((u, v), (v, u))]
+            for x in (u, v):
+                slots += [plan.slot[e] if x >= 0 else -1 for e in ((block[k], x), (x, block[k]))]
+            ends = block[k], place[k], a, b, u, i, v, j
+            products.append((*ends, *slots, drive, component))
             factors.append(c)
-            number.append(k)
-    linear_number = []
     for k, a, c in zip(terms.linear_row, terms.linear, terms.linear_factor, strict=True):
-        for component in range(3):
-            if k + component in rows:
-                linear.append((-1, a, component, where.get(a, (-1, 0))[0]))
+        v, i = where.get(a, (-1, 0))
+        for n in range(3):
+            e = block[k + n]
+            if e >= 0:
+                slots = [plan.slot[x] if v >= 0 else -1 for x in ((e, v), (v, e))]
+                linear.append((e, place[k + n], a, n, v, i, *slots))
                 own.append(c)
-                linear_number.append(k + component)
-    vertices = {v for row in products for v in (row[3], row[5])} | {row[3] for row in linear}
+    vertices = {v for row in products for v in (row[4], row[6])} | {row[4] for row in linear}
+    owners = [[v for v in (*b.waits, *b.vertices) if v in b.vertices] for b in blocks]
+    framed = [[v for v in own if v < count and system.is_frame[v]] for own in owners]
+    numbers = np.full((len(blocks), width), -1)
+    numbers[block[block >= 0] - count, place[block >= 0]] = np.flatnonzero(block >= 0)
+    magnitude = system.constraints.magnitudes(system.extend(system.q0, system.since))[numbers]
+    turned = np.zeros((len(cosines.row), 16), dtype=np.int64)
+    turned[:, [rows.BLOCK, rows.LEFT, rows.RIGHT]] = np.column_stack(cosines[:3])
+    turned[:, [rows.DRIVE, rows.COMPONENT]] = np.column_stack(cosines[4:6])
     return {
-        "loop_products": np.array(products, dtype=np.int64).reshape(-1, 9),
-        "loop_factors": np.array(factors, dtype=float),
-        "loop_linear": np.array(linear, dtype=np.int64).reshape(-1, 4),
-        "loop_linear_factors": np.array(own, dtype=float),
-        "loop_constant": np.zeros(system.closure.rank),
-        "loop_vertices": integers(sorted(vertices - {-1})),
-        "loop_numbers": (integers(number), integers(linear_number)),
+        "row_products": np.array(products, dtype=np.int64).reshape(-1, 16),
+        "row_factors": np.array(factors, dtype=float),
+        "row_linear": np.array(linear, dtype=np.int64).reshape(-1, 8),
+        "row_linear_factors": np.array(own, dtype=float),
+        "row_constant": np.where(numbers < 0, 0.0, terms.constant[numbers]),
+        "row_size": np.where((numbers < 0) | (magnitude == 0), 1.0, magnitude),
+        "row_on": (numbers >= 0).astype(float),
+        "row_vertices": integers(sorted(vertices - {-1})),
+        "row_triple": np.full(len(blocks), -1),
+        "row_owner": integers([own[0] if own else -1 for own in framed]),
+        "row_numbers": numbers,
+        "cosines": turned,
+        "cosine_factors": np.array(cosines.factor, dtype=float),
+        "cosine_constant": np.array(cosines.constant, dtype=float),
+        "cosine": np.zeros(len(cosines.constant)),
     }
 
 
-def choose_rows(system: System, fields: dict[str, Any], rows: IndexArray) -> None:
-    """Take these constraint rows (rank,) as the border, in the arrays of :func:`bound_tree`."""
-    place = np.full(system.m, -1)
-    place[rows] = np.arange(len(rows))
-    products, linear = fields["loop_numbers"]
-    fields["loop_products"][:, 0] = place[products]
-    fields["loop_linear"][:, 0] = place[linear]
-    fields["loop_constant"][:] = system.constraints.terms().constant[rows]
+def places_of(
+    system: System, blocks: Sequence[RowBlock], count: int
+) -> tuple[IndexArray, IndexArray]:
+    """Block, numbered from `count` on, and place in it of each constraint row; -1: in none."""
+    block, place = np.full((2, system.m), -1)
+    for k, each in enumerate(blocks, count):
+        block[list(each.rows)], place[list(each.rows)] = k, np.arange(len(each.rows))
+    return block, place
+
+
+def choose_rows(system: System, fields: dict[str, Any], chosen: IndexArray) -> None:
+    """Take these rows (r,) of closed loops, none of the others, in the arrays of :func:`bound_tree`.
+
+    Three rows that are a vector in space turn with the frame of a vertex while factors are kept:
+    then all three have to be there.
+    """
+    numbers, on = fields["row_numbers"], fields["row_on"]
+    there = np.ones(system.m, dtype=bool)
+    there[system.closure.rows] = False
+    there[chosen] = True
+    on[:] = (numbers >= 0) & there[numbers]
+    vectors = set(system.constraints.terms().linear_row.tolist())
+    owner = fields["row_owner"]
+    for k, own in enumerate(numbers.tolist()):
+        first = [i for i, number in enumerate(own) if number in vectors]
+        whole = first and owner[k] >= 0 and on[k, first[0] : first[0] + 3].all()
+        fields["row_triple"][k] = first[0] if whole else -1
 
 
 def _triples(system: System, each: list[list[Coordinate]]) -> IndexArray:
@@ -655,27 +690,24 @@ def bound_following(system: System, plan: Plan) -> dict[str, Any]:
 
 def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
     """What changes during a step; the structure, and its arrays by name."""
-    total, rows, count = system.total, system.rows, len(system.origin_rows)
-    edges, loops = len(system.tree.edges), system.closure.rank
+    total, rows, edges = system.total, system.rows, len(system.tree.edges)
+    count, each = len(system.origin_rows), len(plan.diag)
     shapes: dict[str, tuple[int, ...]] = {
         **dict.fromkeys(("y0", "y1", "mid"), (total, 3)),
         **dict.fromkeys(("p0", "external", "R", "momentum", "internal", "carried"), (rows, 3)),
         **dict.fromkeys(("R_mixed", "change"), (rows, 3)),
         "ground1": (total - rows, 3),
-        **dict.fromkeys(("F", "F_mixed", "b", "x", "total", "last", "extra", "twist"), (count, 6)),
-        "before": (count, 6),
+        **dict.fromkeys(("F", "F_mixed"), (count, 6)),
+        **dict.fromkeys(("b", "x", "total", "last", "before", "extra", "twist"), (each, 6)),
         "found": (2,),
         "frames": (rows, 3),
         "A": (len(plan.slot), 6, 6),
-        "inverse": (count, 6, 6),
+        "inverse": (each, 6, 6),
         **dict.fromkeys(
             ("S_left", "X_left", "S_right", "X_right", "S_kept", "X_kept"), (edges, 6, 6)
         ),
         **dict.fromkeys(("C_child", "C_parent"), (edges, 6, 6)),
-        **dict.fromkeys(("mu", "mu_change", "gap", "gap_rate"), (loops,)),
-        **{"closing": (rows, 3), "b_kept": (count if loops else 0, 6)},
-        **dict.fromkeys(("border", "border_twist", "border_row"), (loops, count, 6)),
-        **dict.fromkeys(("schur", "schur_scratch"), (loops, loops)),
+        "closing": (rows, 3),
         "scratch": (1, 6, 6),
         "dead": (rows, 3),
         "moments": (len(system.loading.moments.vertices), 3),

@@ -1,7 +1,7 @@
 """Compiled block elimination on the graph of vertices: linear in the length of chains and trees.
 
 All blocks are 6x6, in a plane 3x3: vertices with fewer unknowns are filled up with ones on the
-diagonal. Where a vertex hangs on a joint, its rows and columns are those of its twist until its
+diagonal. Blocks of constraint rows with multipliers count as vertices, too. Where a vertex hangs on a joint, its rows and columns are those of its twist until its
 turn comes: then they are turned into its joint's own coordinates, and what its parent carries along
 goes to the parent (the articulated-body recursion, inside a factorisation). In lattices the last
 vertices, from ``m.rest[0]`` on, are not eliminated: their blocks and right-hand sides only get into
@@ -203,6 +203,17 @@ def turn_back(s: Any, m: Any, w: Any) -> None:
         carry(then, now, 1.0, twist, v, 3, twist)
         if triple[v] >= 0:
             carry(then, now, 1.0, x, v, triple[v], x)
+    turn_rows(s, w, then_y, y1, 1.0, x)
+
+
+@inlined
+def turn_rows(s: Any, w: Any, y: Floats, z: Floats, sign: float, a: Floats) -> None:
+    """Turn vectors among constraint rows, with a frame that they hold: ``x = sign R a``."""
+    owner, triple, first, x = s.row_owner, s.row_triple, s.row, w.x
+    for k in range(len(triple)):
+        if triple[k] >= 0:
+            r = first[owner[k]]
+            carry(directors(y, r), directors(z, r), sign, a, len(first) + k, triple[k], x)
 
 
 @inlined
@@ -225,6 +236,11 @@ def begin_sweep(s: Any, w: Any, flag: int) -> None:
         if flag == 1 and triple[v] >= 0:
             now, then = directors(y1, first[v]), directors(then_y, first[v])
             carry(now, then, -1.0, b, v, triple[v], x)
+    for v in range(len(first), x.shape[0]):
+        for c in range(6):
+            x[v, c] = -b[v, c]
+    if flag == 1:
+        turn_rows(s, w, y1, then_y, -1.0, b)
 
 
 @part

@@ -14,7 +14,7 @@ from ..joint import JointRevolute
 from ..mesh import MeshCurve
 from ..model import Model, Planar, System
 from ..section import Material, SectionCircle
-from . import bind, bind_kkt, step
+from . import bind, step
 from .plan import Plan, plan_of
 from .plane import bind as plane
 
@@ -31,7 +31,7 @@ def main(orders: Sequence[int], names: Sequence[str], family: str = "tree") -> N
         hinge = JointRevolute(ground((0, k, 0)), rod.node(f"rod{k}.start"), axis=(0, 0, 1))
         model.add(f"hinge {k}", hinge)
     system = model.freeze(planar=Planar() if family == "plane" else None)
-    plan = plan_of(system, whole=family == "multipliers")
+    plan = plan_of(system)
     given = structures_of(system, plan, family)
     kinds = [typeof(each) for each in given]
     numbers, places = typeof(np.zeros(0)), typeof(np.zeros(0, dtype=np.int64))
@@ -53,16 +53,9 @@ def structures_of(system: System, plan: Plan, family: str) -> list[Any]:
             plane.bound_work(system, plan, frames)[0],
             plane.bound_groups(system, plan, frames, fields),
         ]
-    if family == "multipliers":
-        own = (
-            bind_kkt.bound_constraints(system, plan, True, 1.0)[0],
-            bind_kkt.bound_elimination(system, plan)[0],
-            bind_kkt.bound_steps(system, plan)[0],
-        )
-    else:
-        own = (
-            bind.bound_tree(system, plan)[0],
-            bind.bound_plan(system, plan)[0],
-            bind.bound_work(system, plan)[0],
-        )
-    return [*own, bind.bound_groups(system, plan)[0]]
+    return [
+        bind.bound_tree(system, plan)[0],
+        bind.bound_plan(system, plan)[0],
+        bind.bound_work(system, plan)[0],
+        bind.bound_groups(system, plan)[0],
+    ]

@@ -243,10 +243,10 @@ def balance(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 @part
 def size(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Largest entry of the residual; NaN if there is one."""
+    """Largest entry of the residual of vertices; NaN if there is one."""
     b = w.b
     out = 0.0
-    for v in range(b.shape[0]):
+    for v in range(len(s.framed)):
         for c in range(b.shape[1]):
             a = abs(b[v, c])
             if not a <= out:
@@ -337,7 +337,7 @@ def cap(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     x, twist, turning, found = w.x, w.twist, s.turning, w.found
     shift = 0.0
     turn = 0.0
-    for v in range(x.shape[0]):
+    for v in range(len(s.framed)):
         for c in range(x.shape[1]):
             a = abs(x[v, c])
             if turning[v, c]:
@@ -403,17 +403,19 @@ def better(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     farthest = 0.0
     path = 0.0
     inverse = 1.0 / numbers[LENGTH]
-    for v in range(total.shape[0]):
+    for v in range(len(s.framed)):
         for c in range(total.shape[1]):
             change = total[v, c] - last[v, c]
             once += change * change
             change += before[v, c] - last[v, c]
             twice += change * change
-            before[v, c] = last[v, c]
-            last[v, c] = total[v, c]
             way = abs(total[v, c]) * (1.0 if turning[v, c] else inverse)
             farthest = max(farthest, way)
             path += way
+    for v in range(total.shape[0]):
+        for c in range(total.shape[1]):
+            before[v, c] = last[v, c]
+            last[v, c] = total[v, c]
     found[0] = farthest
     found[1] = path
     return 2.0 if flag > 1 and twice < once else 1.0

@@ -42,18 +42,18 @@ TREE_PARTS = (
     *("begin", "move", "balance", "size", "clear", "node_matrix", "cap", "predict_changes"),
     *("finish", "better", "nodal_mass_matrix", "factor", "sweep"),
     *("joint_begin", "joint_add", "joint_move", "joint_maps", "joint_reduce", "joint_curvature"),
-    *("loop_force", "loop_curvature", "loop_row", "loop_keep", "loop_schur", "loop_correct"),
+    *("row_force", "row_matrix", "row_branch"),
     *("load", "couple", "element_curvature"),
 )
 BEAM_PARTS = ("beam_start", "beam_force", "beam_tangent", "beam_predicted", "beam_finish")
 BEGIN, MOVE, BALANCE, SIZE, CLEAR, NODE_MATRIX, CAP, PREDICT_CHANGES = range(8)
 FINISH, BETTER, NODAL_MASS_MATRIX, FACTOR, SWEEP = range(8, 13)
 JOINT_BEGIN, JOINT_ADD, JOINT_MOVE, JOINT_MAPS, JOINT_REDUCE, JOINT_CURVATURE = range(13, 19)
-LOOP_FORCE, LOOP_CURVATURE, LOOP_ROW, LOOP_KEEP, LOOP_SCHUR, LOOP_CORRECT = range(19, 25)
-LOAD, COUPLE, ELEMENT_CURVATURE = 25, 26, 27
-BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(28, 33)
+ROW_FORCE, ROW_MATRIX, ROW_BRANCH = 19, 20, 21
+LOAD, COUPLE, ELEMENT_CURVATURE = 22, 23, 24
+BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(25, 30)
 #: place of the address of ``double f(int64 stage)``, by which Python code is called back; stages
-CALLED_BACK = 33
+CALLED_BACK = 30
 AT_BEGIN, AT_FORCE, AT_PREDICTED, AT_MATRIX = range(4)
 
 #: what beams of a stored energy ask for: stresses by strains, and their derivative

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from ..joint import JointDrive
 from ..model import System
 from ..model.loading import Followers
 from ..types import Floats, IndexArray
 
-__all__ = ["Plan", "following", "plan_of"]
+__all__ = ["Plan", "RowBlock", "following", "plan_of", "row_blocks"]
 
 
 # -- the order in which vertices are eliminated, and where their blocks are: once for a system -----
@@ -44,6 +46,8 @@ class Plan:
         Those of them without unknowns: nothing is coupled with them.
     thin : bool
         Eliminate vertices with up to two neighbours only, even where all would not fill in.
+    rows : sequence of RowBlock
+        The last vertices are these, each after those that it waits for.
 
     Attributes
     ----------
@@ -64,6 +68,8 @@ class Plan:
         Slots of all pairs of its neighbours; -1 where nothing is added.
     work : int
         Products of blocks that a factorisation takes.
+    rows : list of RowBlock
+        What the last vertices are, if not of the scene: constraint rows with multipliers.
 
     Examples
     --------
@@ -82,13 +88,15 @@ class Plan:
         grounded: Collection[int] = (),
         held: Collection[int] = (),
         thin: bool = False,
+        rows: Sequence[RowBlock] = (),
     ) -> None:
-        pairs = list(pairs)
-        graph = _Graph(count, pairs, parent, held)
+        pairs, self.rows = list(pairs), list(rows)
+        waits = {count - len(rows) + k: block.waits for k, block in enumerate(rows)}
+        graph = _Graph(count, pairs, parent, held, waits)
         graph.eliminate(None)
         left = count - len(graph.order)
         if not thin and not graph.eliminate(FILLED * left):
-            graph = _Graph(count, pairs, parent, held)
+            graph = _Graph(count, pairs, parent, held, waits)
             graph.eliminate(None)
         self.blocks = len(graph.order)
         updates: list[list[tuple[int, int] | None]] = [
@@ -111,12 +119,70 @@ class Plan:
         self.parent_at = _ints(ws.index(parent[v]) if parent[v] >= 0 else -1 for v, ws in both)
 
 
-def plan_of(system: System, thin: bool = False, whole: bool = False) -> Plan:
-    """Elimination of the vertices of a system; see :class:`Plan`.
+class RowBlock(NamedTuple):
+    """Constraint rows with multipliers, up to a block full: of a joint, or of an element.
 
-    With multipliers (`whole`) vertices that are held have their unknowns like all others.
+    Attributes
+    ----------
+    rows : tuple of int
+        Their numbers; three that are a vector in space stand together.
+    vertices : tuple of int
+        Vertices that they hold together; those of the ground have the highest numbers.
+    waits : tuple of int
+        Those whose elimination leaves the rows independent: on the way along the tree of all joints
+        from one to the other, without where the ways meet.
     """
+
+    rows: tuple[int, ...]
+    vertices: tuple[int, ...]
+    waits: tuple[int, ...]
+
+
+def row_blocks(system: System, width: int = 6) -> list[RowBlock]:
+    """Rows that the tree's coordinates leave, in blocks of at most `width`.
+
+    Forces along these rows are eliminated like the coordinates of a vertex. A block that comes
+    behind the vertices it waits for has a regular pivot: without masses behind them it is minus a
+    positive definite one.
+    """
+    left = set(system.left_rows.tolist())
+    if system.plane is not None:
+        left &= set(system.rows_in_plane.tolist())
     count = len(system.origin_rows)
+    parent = {e.child: e.parent for e in system.spanning.edges}
+    found: dict[int, tuple[list[int], set[int]]] = {}
+    for jr in system.joint_rows:
+        joint = jr.joint.joint if isinstance(jr.joint, JointDrive) else jr.joint
+        numbers, vertices = found.setdefault(id(joint), ([], set()))
+        numbers += range(jr.rows.start, jr.rows.stop)
+        vertices |= {jr.a.vertex, jr.b.vertex} if joint is jr.joint else set()
+    each = [*found.values()]
+    for theory in system.theory_rows:
+        nodes = theory.first + theory.beam.basis.connectivity
+        each += [
+            (numbers.ravel().tolist(), set(vertices))
+            for numbers, vertices in zip(theory.numbers, nodes.tolist(), strict=True)
+        ]
+    out = []
+    for numbers, vertices in each:
+        ways = []
+        for v in vertices:
+            way = [min(v, count)]
+            while way[-1] in parent:
+                way.append(min(parent[way[-1]], count))
+            ways.append(set(way))
+        waits = set.union(*ways) - set.intersection(*ways) - {count}
+        kept = [k for k in numbers if k in left]
+        for first in range(0, len(kept), width):
+            ends = tuple(sorted(vertices)), tuple(sorted(waits))
+            out.append(RowBlock(tuple(kept[first : first + width]), *ends))
+    return out
+
+
+def plan_of(system: System, thin: bool = False) -> Plan:
+    """Elimination of the vertices of a system, and of its rows with multipliers; see :class:`Plan`."""
+    count = len(system.origin_rows)
+    rows = row_blocks(system, 6 if system.plane is None else 3)
     pairs = [
         (a, b)
         for group in system.beam_groups
@@ -124,17 +190,19 @@ def plan_of(system: System, thin: bool = False, whole: bool = False) -> Plan:
         for k, a in enumerate(vertices)
         for b in vertices[k + 1 :]
     ]
-    pairs += _looped(system)
     pairs += _coupled(system)
-    parent = [-1] * count
+    for k, block in enumerate(rows, count):
+        own = [v for v in block.vertices if v < count]
+        pairs += [(a, b) for i, a in enumerate(own) for b in (*own[i + 1 :], k)]
+    parent = [-1] * (count + len(rows))
     grounded = set()
     for e in system.tree.edges:
         if e.parent < count:
             parent[e.child] = e.parent
         else:
             grounded.add(e.child)
-    held = set() if whole else {v for v in grounded if not len(system.tree.own[v])}
-    return Plan(count, pairs, parent, grounded, held, thin)
+    held = {v for v in grounded if not len(system.tree.own[v])}
+    return Plan(len(parent), pairs, parent, grounded, held, thin, rows)
 
 
 def _coupled(system: System) -> list[tuple[int, int]]:
@@ -143,23 +211,6 @@ def _coupled(system: System) -> list[tuple[int, int]]:
     order = np.argsort(first)
     vertex = order[np.searchsorted(first[order], system.couplings.pairs, side="right") - 1]
     return sorted({(min(a, b), max(a, b)) for a, b in vertex.tolist() if a != b})
-
-
-def _looped(system: System) -> list[tuple[int, int]]:
-    """Vertices that products in the rows of closed loops couple."""
-    if not len(system.closure.rows):
-        return []
-    terms = system.constraints.terms()
-    mine = np.isin(terms.row, system.closure.rows)
-    mine &= (terms.left < system.rows) & (terms.right < system.rows)
-    first = np.array(system.origin_rows)
-    order = np.argsort(first)
-
-    def vertex(rows: IndexArray) -> list[int]:
-        return order[np.searchsorted(first[order], rows, side="right") - 1].tolist()
-
-    both = zip(vertex(terms.left[mine]), vertex(terms.right[mine]), strict=True)
-    return sorted({(min(a, b), max(a, b)) for a, b in both if a != b})
 
 
 def _ints(numbers: Iterable[int]) -> IndexArray:
@@ -199,12 +250,14 @@ class _Graph:
         pairs: Iterable[tuple[int, int]],
         parent: Sequence[int],
         held: Collection[int],
+        waits: Mapping[int, Collection[int]],
     ) -> None:
         self.parent, self.held = parent, set(held)
         self.around: list[set[int]] = [set() for _ in range(count)]
         self.order: list[int] = []
         self.later: list[set[int]] = []
-        self._waiting = [0] * count  # children that come first
+        self._waiting = [0] * count  # children, and others, that come first
+        self._behind: dict[int, list[int]] = {}  # what waits for a vertex, besides its parent
         links = [*pairs, *((v, p) for v, p in enumerate(parent) if p >= 0)]
         for a, b in links:
             if a != b and not ({a, b} & self.held and parent[a] != b and parent[b] != a):
@@ -213,6 +266,10 @@ class _Graph:
         for p in parent:
             if p >= 0:
                 self._waiting[p] += 1
+        for v, others in waits.items():
+            self._waiting[v] += len(others)
+            for u in others:
+                self._behind.setdefault(u, []).append(v)
         self._done = [False] * count
 
     def eliminate(self, most: int | None) -> bool:
@@ -242,19 +299,17 @@ class _Graph:
                 around[w] -= {v, w}
                 if not waiting[w]:
                     heapq.heappush(heap, (len(around[w]), w))
-            p = self._released(v)
-            if p >= 0:
+            for p in self._released(v):
                 heapq.heappush(heap, (len(around[p]), p))
         return True
 
-    def _released(self, v: int) -> int:
-        """Parent of a vertex that is dealt with, if it was the last child; else -1."""
+    def _released(self, v: int) -> list[int]:
+        """What has waited for a vertex that is dealt with, and for no other any more."""
         p = self.parent[v]
-        if p >= 0:
-            self._waiting[p] -= 1
-            if not self._waiting[p]:
-                return p
-        return -1
+        waiting = [*self._behind.get(v, ()), *((p,) if p >= 0 else ())]
+        for w in waiting:
+            self._waiting[w] -= 1
+        return [w for w in waiting if not self._waiting[w]]
 
     def turn(self, grounded: Collection[int]) -> list[list[tuple[int, int] | None]]:
         """Put the others in order, those that hang on joints first, children before parents.
@@ -281,9 +336,7 @@ class _Graph:
             self.later.append(set(around[v]))
             near = sorted(around[v]) if p >= 0 else []
             updates.append([(a, b) if p in (a, b) else None for a in near for b in near])
-            released = self._released(v)
-            if released >= 0 and released in hung:
-                ready.append(released)
+            ready += [w for w in self._released(v) if w in hung]
         for v in left:
             if v not in hung:
                 self.order.append(v)

@@ -68,8 +68,9 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
     if p[n.CALLED_BACK]:
         call_back(p[n.CALLED_BACK], n.AT_FORCE)
     largest = call(p[n.BALANCE], s, m, w, numbers, 2 * sized)
-    if p[n.LOOP_FORCE]:
-        call(p[n.LOOP_FORCE], s, m, w, numbers, 0)
+    gap = 0.0
+    if p[n.ROW_FORCE]:
+        gap = call(p[n.ROW_FORCE], s, m, w, numbers, 0)
     if p[n.JOINT_MAPS]:
         if numbers[n.WEIGHT] != 0.0:
             call(p[n.JOINT_MAPS], s, m, w, numbers, 0)
@@ -77,7 +78,9 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
     if not sized:
         return 0.0
     size = call(p[n.SIZE], s, m, w, numbers, 0)
-    return size / largest if largest > 0.0 else size
+    if largest > 0.0:
+        size /= largest
+    return gap if not gap <= size else size  # NaN as well
 
 
 @inlined
@@ -118,20 +121,9 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
         call(p[n.JOINT_MAPS], s, m, w, numbers, 1)
     if p[n.JOINT_CURVATURE]:
         call(p[n.JOINT_CURVATURE], s, m, w, numbers, mixed)
-    if p[n.LOOP_CURVATURE]:
-        call(p[n.LOOP_CURVATURE], s, m, w, numbers, 0)
+    if p[n.ROW_MATRIX]:
+        call(p[n.ROW_MATRIX], s, m, w, numbers, 0)
     return call(p[n.FACTOR], s, m, w, numbers, 0) != 0.0
-
-
-@inlined
-def border(p: IndexArray, s: Any, m: Any, w: Any, numbers: Floats, kept: int) -> bool:
-    """Motions by the forces of closed loops, for the factors there are; False: singular."""
-    for k in range(len(w.gap)):
-        call(p[n.LOOP_ROW], s, m, w, numbers, k)
-        call(p[n.JOINT_REDUCE], s, m, w, numbers, 0)
-        call(p[n.SWEEP], s, m, w, numbers, kept)
-        call(p[n.LOOP_KEEP], s, m, w, numbers, k)
-    return call(p[n.LOOP_SCHUR], s, m, w, numbers, 0) != 0.0
 
 
 @inlined
@@ -142,12 +134,7 @@ def increment(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, ke
     stresses that it predicts: they are ready then.
     """
     call(p[n.SWEEP], s, m, w, numbers, kept)
-    if p[n.LOOP_CORRECT]:
-        call(p[n.LOOP_CORRECT], s, m, w, numbers, 0)
     size = call(p[n.CAP], s, m, w, numbers, 0)
-    if p[n.LOOP_CORRECT] and w.found[0] > numbers[n.ROTATION]:
-        for k in range(len(w.mu_change)):
-            w.mu_change[k] *= numbers[n.ROTATION] / w.found[0]
     if w.found[1] != 0.0 and p[n.BEAM_PREDICTED]:
         if p[n.PREDICT_CHANGES]:
             call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
@@ -185,11 +172,11 @@ def accepted(
     p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats
 ) -> bool:
     """Finish a step, and keep what the next one starts with; False: it ended on another branch."""
+    if p[n.ROW_BRANCH] and call(p[n.ROW_BRANCH], s, m, w, numbers, 0) != 0.0:
+        return False
     if p[n.BEAM_FINISH]:
         call_beams(p[n.BEAM_FINISH], g, w, numbers, 0)
     record[n.WORK] = call(p[n.FINISH], s, m, w, numbers, 0)
-    if np.isnan(record[n.WORK]):
-        return False
     keep = numbers[n.REUSE] > 0.0
     record[n.KEPT] = 1.0 if keep else 0.0
     better = call(p[n.BETTER], s, m, w, numbers, int(record[n.KNOWN]))
@@ -211,16 +198,11 @@ def solve_one(
     start(p, s, m, w, g, numbers, int(record[n.GUESS]))
     size = evaluate(p, s, m, w, g, numbers, int(not kept))
     last, mixed, swept = np.inf, 0, 0.0
-    bordered = p[n.LOOP_ROW] == 0
     for count in range(1, int(numbers[n.LIMIT]) + 1):
         fresh = not kept
         if fresh:
             record[n.FACTORED] += 1.0
             if not (np.isfinite(size) and matrix(p, s, m, w, g, numbers, mixed)):
-                return False
-        if fresh or not bordered:  # once a step with kept factors: rows of loops do not turn
-            bordered = p[n.LOOP_ROW] == 0 or border(p, s, m, w, numbers, int(kept))
-            if not bordered:
                 return False
         length = increment(p, s, m, w, g, numbers, int(kept))
         mixed = int(w.found[1])
@@ -289,7 +271,7 @@ def solve(
         By rows in space: y_0, y_1, p_0, and the momentum carried on.
     """
     y0, y1, p0, carried = ends
-    looped = p[n.LOOP_ROW] != 0
+    looped = record[n.CLEARANCE] < np.inf
     for k in range(n.DONE, n.CLEARANCE):
         record[k] = 0.0
     while True:

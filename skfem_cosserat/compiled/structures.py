@@ -17,8 +17,6 @@ from numba.extending import NativeValue, register_model, unbox
 __all__ = [
     "BEAMS",
     "BEAMS_BY_LAW",
-    "CONSTRAINTS",
-    "ELIMINATION",
     "PLAN",
     "PLANE_BEAMS",
     "PLANE_TREE",
@@ -297,8 +295,10 @@ TREE = (
     *("target_row", "target_offset", "target_vertex"),
     *("centre_row", "centre_offset", "centre_vertex"),
     *("mass_data", "mass_indices", "mass_indptr"),
-    *("loop_products", "loop_factors", "loop_linear", "loop_linear_factors", "loop_constant"),
-    *("loop_vertices", "triple", "frame_vertex", "frame_masses", "point_vertex", "point_masses"),
+    *("row_products", "row_factors", "row_linear", "row_linear_factors", "row_constant"),
+    *("row_size", "row_on", "row_vertices", "row_triple", "row_owner"),
+    *("cosines", "cosine_factors", "cosine_constant", "cosine"),
+    *("triple", "frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *FOLLOWING,
     *COUPLINGS,
     *CONSTRAINED,
@@ -309,42 +309,11 @@ PLAN = (
     *("order", "edge", "parent", "size", "diag", "ptr", "neighbour", "right", "down"),
     *("update_ptr", "update", "parent_at", "to_parent", "rest"),
 )
-#: constraints of joints as products and linear terms of rows of y, behind them those that only tell
-#: how things lie; multipliers (impulses) and what is kept of steps
-CONSTRAINTS = (
-    *("row", "framed", "director", "mass_data", "mass_indices", "mass_indptr"),
-    *("frame_vertex", "frame_masses", "point_vertex", "point_masses"),
-    *("products", "product_row", "left", "right", "factor", "drive_row", "drive_component"),
-    *("product_place", "product_column", "curved", "linear_row", "linear", "linear_factor"),
-    *("linear_place", "linear_column", "constant", "magnitude", "scaled", "step"),
-    *("multiplier", "added", "last_one", "one_before", "start", "last", "before"),
-    *("impulse", "g", "G_left", "G_right"),
-    *FOLLOWING,
-    *COUPLINGS,
-)
-#: as PLAN, with the multipliers of each vertex, and factors
-ELIMINATION = (
-    *("order", "diag", "ptr", "neighbour", "right", "down", "update_ptr", "update", "parent_at"),
-    *("coordinates", "multiplier_ptr", "multipliers", "internal", "triple", "scale"),
-    *("T", "X", "D", "inverse", "pivots", "panel", "x", "scratch"),
-)
 #: what changes during a step
 WORK = (
     *("y0", "p0", "external", "ground1", "y1", "mid", "R", "momentum", "internal"),
     *("R_mixed", "change", "F", "F_mixed", "b", "x", "total", "last", "extra", "twist", "A"),
-    *("mu", "mu_change", "gap", "gap_rate", "closing", "b_kept", "border", "border_twist"),
-    "border_row",
-    *(
-        "schur",
-        "schur_scratch",
-        "before",
-        "found",
-        "carried",
-        "frames",
-        "inverse",
-        "S_kept",
-        "X_kept",
-    ),
+    *("closing", "before", "found", "carried", "frames", "inverse", "S_kept", "X_kept"),
     *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
     *("dead", "moments", "followers", "coupled"),
 )
@@ -389,16 +358,6 @@ def tree(values: Sequence[Any]) -> Structure:
 def plan(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`PLAN`."""
     return Structure("plan", PLAN, values)
-
-
-def constraints(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`CONSTRAINTS`."""
-    return Structure("constraints", CONSTRAINTS, values)
-
-
-def elimination(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`ELIMINATION`."""
-    return Structure("elimination", ELIMINATION, values)
 
 
 def work(values: Sequence[Any]) -> Structure:

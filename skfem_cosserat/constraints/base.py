@@ -15,7 +15,9 @@ from scipy.sparse.linalg import splu
 from ..frozen import Frozen
 from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
+from ..model.closure import Selected
 from ..model.groups import Blocks
+from ..model.loops import tree_values
 from ..types import Array, Floats, IndexArray
 
 __all__ = [
@@ -152,6 +154,14 @@ class RowSpace:
 # system: ``R + h G(y_c)^T lambda = 0, g(y_1) = 0``, or ``P(y_c)^T R = 0`` with ``y_1 = F_d(u,
 # y_0)``.
 
+#: smallest pivot of closing rows, relative, above which a position is regular for all purposes
+REGULAR = 1e-3
+#: share of the smallest pivot of closing rows that motions (rad, or relative to the scene) may use
+#: up before rows are chosen again: they are products of two things that turn, so change by twice as
+#: much at most, and are more than half as far from singular then
+CLEAR = 0.2
+#: share of it that may be left before others may do better
+HALF = 0.5
 #: rotation in a step (rad) that counts as half a turn
 HALF_TURN = 3.12
 #: trace of that rotation
@@ -230,15 +240,21 @@ class BoundTreatment(ABC):
     def guess(self, extrapolate: bool) -> None:
         """Go to the start of the iteration: last step's increment again, or none."""
 
-    def clear(self, rows: Floats) -> bool:
-        """Whether the rows that close loops are still independent by far; `clearance` is as now.
+    def clear(self, y: Floats) -> bool:
+        """Whether the rows that close loops are independent by far at y; `clearance` is as now."""
+        least = self.system.closure.independence(self._taken, y, tree_values(self.system, y))
+        if not least > HALF * self._least:
+            return False
+        self.clearance = CLEAR * least
+        return True
 
-        Parameters
-        ----------
-        rows : (r, K) array
-            Those of :attr:`closing` by the coordinates of the tree, as they were lately.
-        """
-        return False
+    def _take(self, chosen: Sequence[Selected]) -> None:
+        """Take these rows to close the loops: how far they are from depending on each other."""
+        self._taken = chosen
+        least = self._least = min(float(s.pivots.min(initial=1.0)) for s in chosen)
+        self.regular = least > REGULAR
+        self.clearance = CLEAR * least if self.regular else 0.0
+        self.closing = np.concatenate([s.rows for s in chosen])
 
     def stay(self) -> None:
         """Go to where the step started, with the constraint forces found last."""

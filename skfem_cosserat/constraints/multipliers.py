@@ -216,7 +216,11 @@ class Multipliers(Treatment):
     scaled : bool
         Scale constraint rows and columns by the largest entry of the dynamic block (Bottasso,
         Dopico & Trainelli, Multibody Syst. Dyn. 19 (2008) 3): the condition number then no longer
-        grows as the step shrinks. Unscaled on request only.
+        grows as the step shrinks. Unscaled on request only, in full.
+    full : bool
+        Solve the system of all coordinates and multipliers, as the paper has it. Default: compiled
+        kernels solve for six unknowns a frame and the multipliers of joints; the solution is the
+        same.
 
     Examples
     --------
@@ -227,11 +231,14 @@ class Multipliers(Treatment):
     name = "multipliers"
     reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equation (22)"
 
-    def __init__(self, scaled: bool = True) -> None:
+    def __init__(self, scaled: bool = True, full: bool = False) -> None:
         self.scaled = switch("argument scaled", scaled)
+        self.full = switch("argument full", full) or not self.scaled
 
     def __repr__(self) -> str:
-        return "Multipliers()" if self.scaled else "Multipliers(scaled=False)"
+        if not self.scaled:
+            return "Multipliers(scaled=False)"
+        return "Multipliers(full=True)" if self.full else "Multipliers()"
 
     def bind(self, system: System, weight: float, large: bool = False) -> BoundMultipliers:
         """See the base class."""
@@ -293,6 +300,7 @@ class BoundMultipliers(BoundTreatment):
         if momentum is not None:
             self._passages = Passages(self.system)
         self.doubts = self._passages.look(y0, T, chosen)
+        self._take(chosen)
         self._keep[closure.rows] = 0
         self._away = None
         for s in chosen:

@@ -245,14 +245,6 @@ CLOSED = 4e-16
 QUADRATIC = 3e-8
 #: the same for the first guess of a step
 GUESSED = 1e-2
-#: smallest pivot of closing rows, relative, above which a position is regular for all purposes
-REGULAR = 1e-3
-#: share of the smallest pivot of closing rows that motions (rad, or relative to the scene) may use
-#: up before rows are chosen again: they are products of two things that turn, so change by twice as
-#: much at most, and are more than half as far from singular then
-CLEAR = 0.2
-#: share of it that may be left before others may do better
-HALF = 0.5
 #: entries of a matrix of elements without extension above which multipliers are far faster
 CROWDED = 90_000
 #: a correction this large means that the loop does not close near here
@@ -393,10 +385,7 @@ class BoundNullSpace(BoundTreatment):
         """Independent closure rows at the start of the step."""
         T = self._tree_at(y0)[1]
         chosen = self.closure.select(y0, T)
-        least = self._least = min(float(s.pivots.min(initial=1.0)) for s in chosen)
-        self.regular = least > REGULAR
-        self.clearance = CLEAR * least if self.regular else 0.0
-        self.closing = np.concatenate([s.rows for s in chosen])
+        self._take(chosen)
         if momentum is not None:
             self._passages, self._direction = Passages(self.system), None
         self.doubts = self._passages.look(y0, T, chosen)
@@ -406,14 +395,6 @@ class BoundNullSpace(BoundTreatment):
             for k, s in enumerate(chosen)
         ]
         self._direction = [s.Q2 for s in self._chosen]
-
-    def clear(self, rows: Floats) -> bool:
-        """See the base class."""
-        least = self.closure.independence(self._chosen, rows)
-        if not least > HALF * self._least:
-            return False
-        self.clearance = CLEAR * least
-        return True
 
     def _selected(self, y: Array, T: Array) -> list[Selected]:
         if y is self.y0:

@@ -18,7 +18,7 @@ from ..model import System
 from ..newton import NewtonSettings
 from ..warn import warn
 from .base import Integrator
-from .compiled_step import compiled_step
+from .compiled_step import compiled_step, stepped
 from .step_balance import StepBalance
 
 __all__ = [
@@ -34,10 +34,6 @@ __all__ = [
 
 # -- what scenes compiled kernels refuse, and why --------------------------------------------------
 
-#: rows around the elimination of the tree: each costs a sweep a step
-BORDER = 40
-
-
 def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str | None:
     """Why a scene cannot be stepped by compiled kernels; None: it can."""
     if not integrator.solves:
@@ -46,24 +42,18 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
     if scheme is None or type(integrator.single.balance(system, 1.0)) is not StepBalance:
         name = integrator.name
         return f"there are no compiled kernels for the {name} integrator, whose balance is its own"
-    looped, scene = len(system.closure.rows) > 0, solved_in(system, treatment)
-    confined = scene is not system
+    looped = len(system.closure.rows) > 0
+    confined = system.plane is not None and in_space(system, treatment)
     return _missing(
         treatment,
         (NullSpace, Multipliers),
         {
             "closed loops in a plane but with the null space, dead loads, ground at rest, no force"
             " elements and no stored energies": looped and confined,
-            "closed loops with multipliers": looped and isinstance(treatment, Multipliers),
+            "the full system of multipliers": isinstance(treatment, Multipliers) and treatment.full,
             "damped beams at the ends of steps": scheme.at_end and system.damped,
-            **_theories(scene, treatment),
         },
     )
-
-
-def solved_in(system: System, treatment: Treatment) -> System:
-    """The scene whose kernels step it: of one in a plane often that in space, see `in_space`."""
-    return system.spatial if in_space(system, treatment) else system
 
 
 def static_refusal(system: System, treatment: Treatment, spin: object) -> str | None:
@@ -114,17 +104,6 @@ def _oblique(system: System) -> bool:
     return False
 
 
-def _theories(system: System, treatment: Treatment) -> dict[str, bool]:
-    held = len(system.theory_rows) > 0
-    curved = any(len(s.vertices) > 2 and not s.rigid for s, _ in system.tree.elements)
-    return {
-        "beams that hold strains, with multipliers": held and isinstance(treatment, Multipliers),
-        "beams of higher order that hold strains": curved,
-        f"held strains beside more than {BORDER} rows that close loops or hold torsion": held
-        and system.closure.rank > BORDER,
-    }
-
-
 def _missing(
     treatment: Treatment, kinds: tuple[type[Treatment], ...], reasons: dict[str, bool]
 ) -> str | None:
@@ -154,7 +133,7 @@ FACTOR = 15
 #: for 20 elements, more for more
 ELIMINATED = 5
 LEAVES = (
-    "there are no compiled kernels for multipliers, or in a plane, where elimination fills in or"
+    "there are no compiled kernels in a plane where elimination fills in or"
     " leaves something to a solver that is asked for"
 )
 SWITCHED_OFF = "numba does not compile: NUMBA_DISABLE_JIT is set"
@@ -202,8 +181,8 @@ def choose_kernels(
         chosen = integrator.single, treatment, 1.0, NewtonSettings(), plan, solver
         compiled_step(system, *chosen, space=space, kept_only=True)
 
-    multipliers, scene = isinstance(treatment, Multipliers), solved_in(system, treatment)
-    return choose(kernels, scene, refused, seconds, solver, multipliers, trial)
+    scene = stepped(system, treatment, space)
+    return choose(kernels, scene, refused, seconds, solver, trial)
 
 
 def choose(
@@ -212,7 +191,6 @@ def choose(
     refused: str | None,
     seconds: float,
     solver: Solver | None = None,
-    multipliers: bool = False,
     trial: Callable[[Plan], None] | None = None,
 ) -> Choice:
     """What ``kernels="auto" | "numpy" | "numba"`` means for a scene.
@@ -227,8 +205,6 @@ def choose(
         Estimated time with the plain ones (s).
     solver : Solver, optional
         That is asked for: elimination in blocks leaves all it can to it.
-    multipliers : bool
-        They are among the unknowns: compiled kernels eliminate all in blocks then.
     trial : callable, optional
         Gets all kernels ready that the scene takes, without compiling: raises NotKept if one is
         not on disk. Default: nobody looks.
@@ -253,14 +229,14 @@ def choose(
         if hindrance:
             needs = "kernels='numba' needs numba: pip install 'skfem-cosserat[fast]'"
             raise ImportError(f"{needs} ({hindrance})")
-        plan = _plan(system, solver, multipliers)
+        plan = _plan(system, solver)
         if plan is None:
             raise InputError("argument kernels", f"'numba': {LEAVES}")
         return Choice("numba", "asked for", plan)
     if refused:
         return Choice("numpy", refused)
     if seconds < WORTHWHILE:
-        plan = None if trial is None else _kept(system, seconds, solver, multipliers, trial)
+        plan = None if trial is None else _kept(system, seconds, solver, trial)
         return _short(seconds, plan)
     hindrance = _hindrance()
     if hindrance:
@@ -271,7 +247,7 @@ def choose(
             PerformanceWarning,
         )
         return Choice("numpy", hindrance)
-    plan = _plan(system, solver, multipliers)
+    plan = _plan(system, solver)
     if plan is None:
         return Choice("numpy", LEAVES)
     return Choice("numba", f"about {seconds:.2g} s of work with numpy", plan)
@@ -332,13 +308,12 @@ def _kept(
     system: System,
     seconds: float,
     solver: Solver | None,
-    multipliers: bool,
     trial: Callable[[Plan], None],
 ) -> Plan | None:
     """Elimination, if reading kernels pays and none has to be compiled; else None."""
     if seconds < READING or not promising() or _hindrance():
         return None
-    plan = _plan(system, solver, multipliers)
+    plan = _plan(system, solver)
     if plan is None:
         return None
     try:
@@ -350,7 +325,7 @@ def _kept(
     return plan
 
 
-def _plan(system: System, solver: Solver | None, multipliers: bool) -> Plan | None:
+def _plan(system: System, solver: Solver | None) -> Plan | None:
     """Elimination; None if it leaves to a sparse solver what compiled kernels do not give it."""
-    plan = plan_of(system, solver is not None, multipliers)
-    return None if (multipliers or system.plane is not None) and len(plan.rest) else plan
+    plan = plan_of(system, solver is not None)
+    return None if system.plane is not None and len(plan.rest) else plan

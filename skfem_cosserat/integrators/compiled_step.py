@@ -67,12 +67,12 @@ from .step_balance import decay_work
 
 __all__ = [
     "BlockOfSteps",
-    "CompiledMultipliers",
     "CompiledPlane",
     "CompiledStep",
     "Coupled",
     "Viscous",
     "compiled_step",
+    "stepped",
     "without_kernels",
 ]
 
@@ -280,6 +280,8 @@ class CompiledStep(CompiledScene):
         super().__init__(*own, kept_only=kept_only)
         self.integrator, self.h = integrator, h
         self._normal = None if plane is None else plane.normal
+        #: whether the unknowns are others than the treatment's
+        self._others = plane is not None or system is not system.tied
         self._step = step
         self._record = np.zeros(len(RECORD))
         self._ends = self._a.y0, self._a.y1, self._a.p0, self._a.carried
@@ -289,13 +291,15 @@ class CompiledStep(CompiledScene):
         self._viscous: Viscous | None = None
         self._resist(h)
         self._rows = np.zeros(0, dtype=np.int64)
-        #: whether there are closed loops
-        self.looped = len(self._a.mu) > 0
+        #: whether there are closed loops, whose independent rows are chosen on the way
+        self.looped = len(system.closure.rows) > 0
+        self._choose(self._rows)
+        self._record[CLEARANCE] = 0.0 if self.looped else np.inf
         # how far coordinates went since rows of closed loops were chosen, and in the last step
-        self._travelled = self._travel = self._farthest = np.inf
+        self._travelled = self._travel = np.inf
         self.nearest: NearestVelocity | None = None
-        if scheme.moved and system.m and NearestVelocity.serves(system):
-            self.nearest = NearestVelocity(system, settings, kept_only)
+        if scheme.moved and system.m and NearestVelocity.serves(system.tied):
+            self.nearest = NearestVelocity(system.tied, settings, kept_only)
         #: whether nothing changes from step to step but the state, where loads do not
         self._alike = not (
             system.moving
@@ -377,7 +381,6 @@ class CompiledStep(CompiledScene):
         if not np.array_equal(rows, self._rows):
             self._rows = rows
             self._choose(rows)
-            self._a.mu[:] = 0.0
             self._record[KEPT] = 0.0
 
     def _choose(self, rows: IndexArray) -> None:
@@ -397,10 +400,9 @@ class CompiledStep(CompiledScene):
         if state.q.tobytes() != self._a.y1[: self.system.rows].tobytes():
             return True
         if self._travelled >= bound.clearance:
-            rows = self._a.border_row.reshape(len(self._rows), -1)[:, self._numbering]
-            if not bound.clear(rows):
+            if not bound.clear(self._a.y1):
                 return True
-            self._travelled = self._farthest  # they are from within the last step
+            self._travelled = 0.0
         self._record[CLEARANCE] = bound.clearance  # the look may have changed it
         return self._travelled >= bound.clearance
 
@@ -408,15 +410,15 @@ class CompiledStep(CompiledScene):
     def last(self) -> Any:
         """What the treatment keeps of the last step, see there; None before the first.
 
-        Of a scene in a plane nothing: its unknowns are others.
+        Nothing where the unknowns are others: with multipliers, or of a plane in space.
         """
-        if self._normal is not None:
+        if self._others:
             return None
         return self._a.last.ravel()[self._numbering] if self._record[KNOWN] else None
 
     def resume(self, last: Any) -> None:
         """See the treatment: the next step is guessed from what is known of another one."""
-        last = last if self._normal is None else None
+        last = None if self._others else last
         self._record[KNOWN] = self._record[GUESS] = float(last is not None)
         if last is not None:
             self._a.last.ravel()[self._numbering] = np.real(last)
@@ -435,7 +437,7 @@ class CompiledStep(CompiledScene):
         self._coupled.begin(state)
         moving = bool(system.moving)
         self._place(state.q, (system.ground(t), system.ground(t + self.h)) if moving else None)
-        self.rates0 = self.integrator.start(system, state, self.h) if scheme.table else None
+        self.rates0 = self.integrator.start(system.tied, state, self.h) if scheme.table else None
         if scheme.before:
             assert self.rates0 is not None
             self._a.p0[:] = system.inertia.dot(scheme.taken_off(self.rates0))
@@ -478,12 +480,12 @@ class CompiledStep(CompiledScene):
         if self._called_back is not None:
             self._called_back.complain()
         if self.looped:
-            self._farthest, self._travel = a.found.tolist()
+            self._travel = float(a.found[1])
             self._travelled = float(record[TRAVELLED])
         if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
             known = known or (self.looped and record[DONE] > 1)
             self.resume(a.before.ravel()[self._numbering] if known else None)
-            record[KEPT], a.mu[:] = 0.0, 0.0
+            record[KEPT] = 0.0
             record[DONE] -= 1
             record[ALL_ITERATIONS] -= record[ITERATIONS]
             record[ALL_WORK] -= record[WORK]
@@ -529,7 +531,7 @@ class CompiledStep(CompiledScene):
     @property
     def balance(self) -> Floats:
         """R (rows, 3) of the step."""
-        if len(self._a.mu):  # the iteration has the impulses of closed loops in it
+        if len(self.system.left_rows):  # the iteration has the impulses of constraint rows in it
             return self._a.R - self._a.closing
         return self._a.R
 
@@ -608,12 +610,20 @@ def compiled_step(
 
     `space`: a scene in a plane is stepped by the kernels of space.
     """
-    plane = system.plane if space else None
-    own = system.spatial if space else system, integrator, h, settings, plan
-    if isinstance(treatment, Multipliers):
-        return CompiledMultipliers(*own, treatment.scaled, kept_only, plane)
-    kind = CompiledStep if space or system.plane is None else CompiledPlane
-    return kind(*own, solver, kept_only, plane)
+    plane, scene = system.plane if space else None, stepped(system, treatment, space)
+    kind = CompiledStep if scene.plane is None else CompiledPlane
+    return kind(scene, integrator, h, settings, plan, solver, kept_only, plane)
+
+
+def stepped(system: System, treatment: Treatment, space: bool) -> System:
+    """The scene whose coordinates compiled steps have: in space if that is asked for.
+
+    With multipliers no joint is in its tree, nor where beams of higher order hold strains: they do
+    not give the line of their elements.
+    """
+    scene = system.spatial if space else system
+    curved = any(len(s.vertices) > 2 and not s.rigid for s, _ in scene.tree.elements)
+    return scene.untied if curved or isinstance(treatment, Multipliers) else scene
 
 
 class CompiledPlane(CompiledStep):
@@ -652,108 +662,3 @@ class CompiledPlane(CompiledStep):
     def balance(self) -> Floats:
         """See the base class: made where a step ends, without the impulses of closed loops."""
         return self._a.R
-
-
-class CompiledMultipliers(CompiledStep):
-    """The same with multipliers: n + m unknowns, eliminated vertex by vertex.
-
-    Parameters
-    ----------
-    system, integrator, h, settings, plan, kept_only, plane
-        See :class:`CompiledStep`.
-    scaled : bool
-        See :class:`skfem_cosserat.Multipliers`.
-    """
-
-    def __init__(
-        self,
-        system: System,
-        integrator: Integrator,
-        h: float,
-        settings: NewtonSettings,
-        plan: Plan | None = None,
-        scaled: bool = True,
-        kept_only: bool = False,
-        plane: Plane | None = None,
-    ) -> None:
-        self._scaled, self._h = scaled, h
-        if plan is None:
-            plan = plan_of(system, whole=True)
-        own = system, integrator, h, settings, plan
-        super().__init__(*own, kept_only=kept_only, plane=plane)
-
-    def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
-        """See the base class."""
-        from ..compiled import bind, bind_kkt
-
-        system = self.system
-        parts = bind_kkt.parts_of(system, ends or is_viscous(system))
-        with COMPILING, bind.compiling(system, parts, "multipliers", self._kept_only):
-            s, own = bind_kkt.bound_constraints(system, self.plan, self._scaled, self._h)
-            m, _ = bind_kkt.bound_elimination(system, self.plan)
-            w, self._arrays = bind_kkt.bound_steps(system, self.plan)
-            g, self._beams = bind.bound_groups(system, self.plan, is_viscous(system))
-            table = bind.addresses(parts, (s, m, w, g), "multipliers", self._kept_only)
-        self._own = SimpleNamespace(**own)
-        self._nodal = Reparametrisation(system.kinematics)
-        return table, s, m, w, g
-
-    @property
-    def _tables(self) -> dict[str, Any]:
-        """See the base class."""
-        return vars(self._own)
-
-    @property
-    def last(self) -> Any:
-        """See the base class."""
-        if not self._record[KNOWN] or self._normal is not None:
-            return None
-        return self._own.last.ravel().copy(), self._own.last_one.copy()
-
-    def resume(self, last: Any) -> None:
-        """See the base class."""
-        last = last if self._normal is None else None
-        self._record[KNOWN] = self._record[GUESS] = float(last is not None)
-        if last is not None:
-            self._own.last.ravel()[:], self._own.last_one[:] = last
-
-    def resized(self, h: float) -> CompiledStep:
-        """See the base class; unscaled matrices have the step size in them: bound anew."""
-        if self._scaled:
-            return super().resized(h)
-        own = self.system, self.integrator, h, self.settings, self.plan
-        other = CompiledMultipliers(*own, scaled=False)
-        other.factorisations += self.factorisations
-        other.resume(self._scaled_last(h / self.h))
-        return other
-
-    def _scaled_last(self, ratio: float) -> Any:
-        """See the base class."""
-        return None if self.last is None else tuple(ratio * part for part in self.last)
-
-    @property
-    def method(self) -> str:
-        """See the base class."""
-        return "blocks with multipliers"
-
-    @property
-    def worth(self) -> float:
-        """See the base class: not measured, so they are kept as long as they do."""
-        return np.inf
-
-    def _prescribe(self) -> None:
-        """See the base class; the first step starts where the tree follows the ground."""
-        if self.system.moving and not self._record[KNOWN]:
-            y0 = self._a.y0.copy()
-            self._nodal.begin(y0, self._a.ground1.copy())
-            self._own.start[:] = (self._nodal.configuration() - y0)[: self.system.rows]
-
-    @property
-    def impulse(self) -> Floats:
-        """See the base class: of the multipliers found."""
-        return self._own.impulse.copy()
-
-    @property
-    def increment(self) -> Floats:
-        """See the base class: coordinates, and the multipliers' impulses, not scaled."""
-        return np.concatenate([self._a.change.ravel(), self._own.added])

@@ -265,18 +265,11 @@ class Closure:
         rows = self.rows[c.rows[local]]
         return Selected(c, local, rows, R[: c.rank], Q[:, : c.rank], Q[:, c.rank :])
 
-    def independence(self, chosen: Sequence[Selected], rows: Floats) -> float:
-        """Smallest pivot of chosen rows, relative to the largest of their component.
-
-        From values of all of them (rank, K) by the tree's coordinates, sorted by their numbers.
-        """
-        place = np.argsort(np.argsort(np.concatenate([s.rows for s in chosen])))
-        least, first = 1.0, 0
-        for s in chosen:
-            c, own = s.component, place[first : first + len(s.rows)]
-            first += len(s.rows)
-            C = rows[own[:, None], c.columns] * c.scale / self.magnitude[c.rows[s.local]][:, None]
-            pivots = abs(_pivoted(C.T)[1])
+    def independence(self, chosen: Sequence[Selected], y: Array, T: Array) -> float:
+        """Smallest pivot of chosen rows at y, relative to the largest of their component."""
+        least = 1.0
+        for s, C in zip(chosen, self.matrices(y, T), strict=True):
+            pivots = abs(_pivoted(C[s.local].T)[1])
             least = min(least, float(pivots.min(initial=1.0) / pivots.max(initial=1e-300)))
         return least
 

@@ -144,6 +144,7 @@ class System:
         self.couplings = Couplings(couplings, self.row_of, start, self.rows, pushes)
         self.plane: Plane | None = None
         self._space: System | None = None
+        self._tied: System | None = None
         self._build_tree()
         check_inertia(self, self.spanned, closure_rows(self))
         self._lock()
@@ -170,6 +171,25 @@ class System:
     def spatial(self) -> System:
         """The same scene in space: itself, unless it is confined to a plane."""
         return self if self._space is None else self._space
+
+    @cached_property
+    def untied(self) -> System:
+        """The same scene with no joint in its tree: all vertices free, and all rows of joints left.
+
+        What the rows of joints and loops know of each other is that of the scene itself.
+        """
+        out = object.__new__(System)
+        out.__dict__.update(self.__dict__)
+        out.tree = build_tree(self.is_frame.tolist(), [], (), self.plane)
+        out.kinematics = Kinematics(out.tree, self.vertex_rows, self.is_frame, self.total)
+        out.left_rows, out._tied = np.arange(self.internal, self.m), self
+        lock_arrays(out)
+        return out
+
+    @property
+    def tied(self) -> System:
+        """The same scene with its joints in the tree: itself, unless it is :attr:`untied`."""
+        return self if self._tied is None else self._tied
 
     def _lock(self) -> None:
         """What is written to an array that others have, too, would reach a part of them only."""
@@ -311,6 +331,10 @@ class System:
         self.tree = build_tree(frames, ends, elements, self.plane)
         self.kinematics = Kinematics(self.tree, self.vertex_rows, self.is_frame, self.total)
         self.closure, self.redundant = close_loops(self)
+        #: constraint rows that the tree's coordinates do not fulfil by themselves
+        self.left_rows: IndexArray = self.closure.rows
+        #: the tree that goes along all joints, also of a scene whose joints are taken out of it
+        self.spanning = self.tree
         self.unknowns = self.kinematics.unknowns - self.closure.rank
         self.rank = self.coordinates - self.unknowns
         check_mobility(self, almost_redundant(self))

@@ -1,0 +1,242 @@
+"""Compiled parts of constraint rows with multipliers: of closed loops, or of all joints.
+
+Rows are quadratic forms of the rows of y, as lists of terms that never change: those of a joint or
+of a beam element stand together in a block, which the elimination takes like a vertex, see
+:func:`.plan.row_blocks`. Its unknowns are the impulses mu of the rows: they act on the vertices
+like loads, and Newton's method solves ``[A G_L^T; G_R 0] [dx; dmu] = -[b; g]``. Rows that depend on
+others where a step starts are switched off. Parts take ``(s, m, w, numbers, flag)`` as those of
+:mod:`.tree`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..types import Floats
+from .jit import inlined, part
+from .numbers import WEIGHT
+from .small import Vector, add_skew, cross, dot, put, row, times
+
+__all__ = ["row_branch", "row_force", "row_matrix"]
+__all__ += ["add_gaps", "complete_blocks"]
+
+#: columns of the table of products ``c y_left . y_right``: block and place of the constraint row;
+#: rows of y, their vertices (-1: ground) and places in them; slots of both pairs of vertices, and
+#: of the block with each of them; where in y a number is that c is multiplied by (-1: nowhere)
+BLOCK, PLACE, LEFT, RIGHT, LEFT_VERTEX, LEFT_PLACE, RIGHT_VERTEX, RIGHT_PLACE = range(8)
+SLOT, SLOT_BACK, LEFT_SLOT, LEFT_BACK, RIGHT_SLOT, RIGHT_BACK, DRIVE, COMPONENT = range(8, 16)
+#: columns of the table of linear terms ``c y_a``, one component of it: as above, row of y, its
+#: component, vertex and place there, slots
+TERM, TERM_COMPONENT, TERM_VERTEX, TERM_PLACE, TERM_SLOT, TERM_BACK = range(2, 8)
+#: a cosine, less 1, below which a joint is fulfilled only after half a turn
+TURNED_OVER = -1.0
+
+
+@inlined
+def pull(f: Floats, a: int, factor: float, v: Vector) -> None:
+    """``f_a += factor v`` for a row that is unknown."""
+    if a < f.shape[0]:
+        for c in range(3):
+            f[a, c] += factor * v[c]
+
+
+@inlined
+def factor_of(table: Any, factors: Floats, t: int, y: Floats) -> float:
+    """Factor of a product, which may be prescribed in time by a row of the ground."""
+    c = factors[t]
+    if table[t, DRIVE] >= 0:
+        c *= y[table[t, DRIVE], table[t, COMPONENT]]
+    return c
+
+
+@inlined
+def add_forces(s: Any, y: Floats, mu: Floats, f: Floats) -> None:
+    """``f += G(y)^T mu``, mu by blocks and places."""
+    table, factors, linear = s.row_products, s.row_factors, s.row_linear
+    for t in range(table.shape[0]):
+        a, b = table[t, LEFT], table[t, RIGHT]
+        c = mu[table[t, BLOCK], table[t, PLACE]]
+        if c != 0.0:
+            c *= factor_of(table, factors, t, y)
+            pull(f, a, c, row(y, b))
+            pull(f, b, c, row(y, a))
+    for t in range(linear.shape[0]):
+        if linear[t, TERM] < f.shape[0]:
+            c = s.row_linear_factors[t] * mu[linear[t, BLOCK], linear[t, PLACE]]
+            f[linear[t, TERM], linear[t, TERM_COMPONENT]] += c
+
+
+@inlined
+def twist_forces(s: Any, y: Floats, f: Floats, F: Floats, b: Floats) -> None:
+    """Add ``P_int(y)^T f`` of the vertices that rows hold to F, and to b."""
+    vertices, first, framed = s.row_vertices, s.row, s.framed
+    for k in range(len(vertices)):
+        v = vertices[k]
+        r = first[v]
+        for c in range(3):
+            F[v, c] += f[r, c]
+            b[v, c] += f[r, c]
+        if framed[v]:
+            for i in range(1, 4):
+                moment = cross(row(y, r + i), row(f, r + i))
+                for c in range(3):
+                    F[v, 3 + c] += moment[c]
+                    b[v, 3 + c] += moment[c]
+
+
+@inlined
+def add_gaps(s: Any, first: int, b: Floats) -> float:
+    """Switch off what is not chosen of ``b``, by blocks from `first` on; the largest, relative."""
+    on, size = s.row_on, s.row_size
+    largest = 0.0
+    for k in range(on.shape[0]):
+        for c in range(on.shape[1]):
+            b[first + k, c] *= on[k, c]
+            gap = abs(b[first + k, c]) / size[k, c]
+            if not gap <= largest:  # NaN as well
+                largest = gap
+    return largest
+
+
+@part
+def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Forces by mu on R and on vertices, and what the rows gape by: gives the largest, relative."""
+    mu, closing, b, y1, R = w.total, w.closing, w.b, w.y1, w.R
+    y = w.y0
+    if numbers[WEIGHT] != 0.0:
+        y = w.mid
+    first, framed, vertices = s.row, s.framed, s.row_vertices
+    for k in range(len(vertices)):
+        r = first[vertices[k]]
+        for i in range(4 if framed[vertices[k]] else 1):
+            put(closing, r + i, (0.0, 0.0, 0.0))
+    add_forces(s, y, mu, closing)
+    for k in range(len(vertices)):
+        v = vertices[k]
+        r = first[v]
+        for i in range(4 if framed[v] else 1):
+            for c in range(3):
+                R[r + i, c] += closing[r + i, c]
+    twist_forces(s, y, closing, w.F, w.b)
+    count, constant = len(first), s.row_constant
+    for k in range(constant.shape[0]):
+        for c in range(constant.shape[1]):
+            b[count + k, c] = -constant[k, c]
+    table, linear = s.row_products, s.row_linear
+    for t in range(table.shape[0]):
+        product = dot(row(y1, table[t, LEFT]), row(y1, table[t, RIGHT]))
+        c = factor_of(table, s.row_factors, t, y1)
+        b[table[t, BLOCK], table[t, PLACE]] += c * product
+    for t in range(linear.shape[0]):
+        value = y1[linear[t, TERM], linear[t, TERM_COMPONENT]]
+        b[linear[t, BLOCK], linear[t, PLACE]] += s.row_linear_factors[t] * value
+    return add_gaps(s, count, b)
+
+
+@inlined
+def add_rates(A: Floats, k: int, back: int, place: int, i: int, d: Vector, v: Vector, own: Any) -> None:
+    """Row ``v . dy`` of a vertex, y its i-th row and d that vector, by twists; or its column.
+
+    `own`: whether the row is meant, in slot k, or the column, in slot `back`.
+    """
+    c0 = 0
+    if i > 0:
+        c0 = 3
+        v = cross(d, v)
+    if own:
+        for c in range(3):
+            A[k, place, c0 + c] += v[c]
+    else:
+        for c in range(3):
+            A[back, c0 + c, place] += v[c]
+
+
+@inlined
+def add_curvature(A: Floats, k: int, i: int, j: int, c: float, a: Vector, b: Vector) -> None:
+    """``c dy_i . dy_j`` by twists of two vertices, whose rows are a and b there."""
+    if i == 0 and j == 0:
+        for r in range(3):
+            A[k, r, r] += c
+    elif i == 0:
+        add_skew(A, k, 0, 3, times(-c, b))
+    elif j == 0:
+        add_skew(A, k, 3, 0, times(c, a))
+    else:  # a^ (-b^) = (a . b) I - b a^T
+        ab = c * dot(a, b)
+        for r in range(3):
+            for q in range(3):
+                A[k, 3 + r, 3 + q] -= c * b[r] * a[q]
+            A[k, 3 + r, 3 + r] += ab
+
+
+@inlined
+def complete_blocks(s: Any, m: Any, A: Floats) -> None:
+    """Ones on the diagonal where there is no row, or one that is switched off."""
+    on, size = s.row_on, s.row_on.shape[1]
+    for k in range(on.shape[0]):
+        slot = m.diag[len(m.diag) - on.shape[0] + k]
+        for c in range(size):
+            put_one(A, slot, c, 1.0 - on[k, c])
+
+
+@inlined
+def put_one(A: Floats, k: int, c: int, value: float) -> None:
+    """Entry (c, c) of a block."""
+    A[k, c, c] = value
+
+
+@part
+def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Add ``G(y_c)^T``, ``G(y_1)`` and, of midpoints, ``weight mu C`` to the blocks."""
+    table, factors, linear, A = s.row_products, s.row_factors, s.row_linear, w.A
+    y1, mu, on, count = w.y1, w.total, s.row_on, len(s.row)
+    weight = numbers[WEIGHT]
+    yL = w.y0
+    if weight != 0.0:
+        yL = w.mid
+    for t in range(table.shape[0]):
+        k, place = table[t, BLOCK], table[t, PLACE]
+        if on[k - count, place] == 0.0:
+            continue
+        left, right = row(yL, table[t, LEFT]), row(yL, table[t, RIGHT])
+        left1, right1 = row(y1, table[t, LEFT]), row(y1, table[t, RIGHT])
+        c, c1 = factor_of(table, factors, t, yL), factor_of(table, factors, t, y1)
+        i, j = table[t, LEFT_PLACE], table[t, RIGHT_PLACE]
+        if table[t, LEFT_VERTEX] >= 0:
+            own, back = table[t, LEFT_SLOT], table[t, LEFT_BACK]
+            add_rates(A, own, back, place, i, left1, times(c1, right1), True)
+            add_rates(A, own, back, place, i, left, times(c, right), False)
+        if table[t, RIGHT_VERTEX] >= 0:
+            own, back = table[t, RIGHT_SLOT], table[t, RIGHT_BACK]
+            add_rates(A, own, back, place, j, right1, times(c1, left1), True)
+            add_rates(A, own, back, place, j, right, times(c, left), False)
+        if weight != 0.0 and table[t, SLOT] >= 0:
+            c *= weight * mu[k, place]
+            add_curvature(A, table[t, SLOT], i, j, c, left, right1)
+            add_curvature(A, table[t, SLOT_BACK], j, i, c, right, left1)
+    for t in range(linear.shape[0]):
+        k, place = linear[t, BLOCK], linear[t, PLACE]
+        if linear[t, TERM_VERTEX] < 0 or on[k - count, place] == 0.0:
+            continue
+        f, n = s.row_linear_factors[t], linear[t, TERM_COMPONENT]
+        axis = f if n == 0 else 0.0, f if n == 1 else 0.0, f if n == 2 else 0.0
+        a, i, own, back = linear[t, TERM], linear[t, TERM_PLACE], linear[t, TERM_SLOT], linear[t, TERM_BACK]
+        add_rates(A, own, back, place, i, row(y1, a), axis, True)
+        add_rates(A, own, back, place, i, row(yL, a), axis, False)
+    complete_blocks(s, m, A)
+    return 0.0
+
+
+@part
+def row_branch(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """1 if a joint is fulfilled only after half a turn, else 0."""
+    table, found, y = s.cosines, s.cosine, w.y1
+    for k in range(len(found)):
+        found[k] = -s.cosine_constant[k]
+    for t in range(table.shape[0]):
+        c = factor_of(table, s.cosine_factors, t, y)
+        found[table[t, BLOCK]] += c * dot(row(y, table[t, LEFT]), row(y, table[t, RIGHT]))
+    for k in range(len(found)):
+        if found[k] < TURNED_OVER:
+            return 1.0
+    return 0.0
