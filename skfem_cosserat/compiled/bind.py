@@ -49,7 +49,7 @@ from .couplings import (
 )
 from .jit import address
 from .numbers import BEAM_PARTS, COUPLED, NUMBERS, TREE_PARTS
-from .plan import Plan, following
+from .plan import Plan, RowBlock, following
 from .structures import Groups
 from .tree import AXIS, SLIDE, SPHERE, STRETCH
 from .tree import ROTATION as TURN
@@ -73,6 +73,8 @@ __all__ = [
     "fulcrum_of",
     "integers",
     "nested",
+    "numbered",
+    "of_blocks",
     "part_named",
     "parts_of",
     "signature",
@@ -299,9 +301,9 @@ def part_named(name: str, family: str = "tree") -> Any:
 
 def plane_parts() -> list[Any]:
     """What parts for scenes in a plane are in, beside those that take any."""
-    from .plane import elements, loops, nodes, tree
+    from .plane import elements, nodes, rows, tree
 
-    return [nodes, tree, loops, elements]
+    return [nodes, tree, rows, elements]
 
 
 def signature(name: str, kinds: Sequence[Any]) -> list[Any]:
@@ -567,11 +569,11 @@ def _coordinates(system: System) -> dict[str, Any]:
 
 def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
     """Constraint rows with multipliers, as lists of terms; see :mod:`.rows`."""
-    count, width, blocks = len(system.origin_rows), 6, plan.rows
+    count = len(system.origin_rows)
     where: dict[int, tuple[int, int]] = {}
     for v, (r, framed) in enumerate(zip(system.origin_rows, system.is_frame, strict=True)):
         where |= {int(r) + i: (v, i) for i in range(4 if framed else 1)}
-    block, place = places_of(system, blocks, count)
+    numbers, block, place = numbered(system, plan.rows, count, 6)
     terms, cosines = system.constraints.terms(), system.branch_cosines.terms()
     products, factors, linear, own = [], [], [], []
     for k, a, b, c, drive, component in zip(*terms[:6], strict=True):
@@ -592,11 +594,6 @@ def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
                 linear.append((e, place[k + n], a, n, v, i, *slots))
                 own.append(c)
     vertices = {v for row in products for v in (row[4], row[6])} | {row[4] for row in linear}
-    owners = [[v for v in (*b.waits, *b.vertices) if v in b.vertices] for b in blocks]
-    framed = [[v for v in own if v < count and system.is_frame[v]] for own in owners]
-    numbers = np.full((len(blocks), width), -1)
-    numbers[block[block >= 0] - count, place[block >= 0]] = np.flatnonzero(block >= 0)
-    magnitude = system.constraints.magnitudes(system.extend(system.q0, system.since))[numbers]
     turned = np.zeros((len(cosines.row), 16), dtype=np.int64)
     turned[:, [rows.BLOCK, rows.LEFT, rows.RIGHT]] = np.column_stack(cosines[:3])
     turned[:, [rows.DRIVE, rows.COMPONENT]] = np.column_stack(cosines[4:6])
@@ -605,13 +602,8 @@ def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
         "row_factors": np.array(factors, dtype=float),
         "row_linear": np.array(linear, dtype=np.int64).reshape(-1, 8),
         "row_linear_factors": np.array(own, dtype=float),
-        "row_constant": np.where(numbers < 0, 0.0, terms.constant[numbers]),
-        "row_size": np.where((numbers < 0) | (magnitude == 0), 1.0, magnitude),
-        "row_on": (numbers >= 0).astype(float),
+        **of_blocks(system, plan, numbers, terms.constant),
         "row_vertices": integers(sorted(vertices - {-1})),
-        "row_triple": np.full(len(blocks), -1),
-        "row_owner": integers([own[0] if own else -1 for own in framed]),
-        "row_numbers": numbers,
         "cosines": turned,
         "cosine_factors": np.array(cosines.factor, dtype=float),
         "cosine_constant": np.array(cosines.constant, dtype=float),
@@ -619,33 +611,55 @@ def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
     }
 
 
-def places_of(
-    system: System, blocks: Sequence[RowBlock], count: int
-) -> tuple[IndexArray, IndexArray]:
-    """Block, numbered from `count` on, and place in it of each constraint row; -1: in none."""
+def numbered(
+    system: System, blocks: Sequence[RowBlock], count: int, width: int
+) -> tuple[IndexArray, IndexArray, IndexArray]:
+    """Constraint rows of blocks (k, width), -1 for none; of each row block and place, or -1.
+
+    Blocks are numbered behind the `count` vertices.
+    """
+    numbers = np.full((len(blocks), width), -1)
+    for own, each in zip(numbers, blocks, strict=True):
+        own[: len(each.rows)] = each.rows
     block, place = np.full((2, system.m), -1)
-    for k, each in enumerate(blocks, count):
-        block[list(each.rows)], place[list(each.rows)] = k, np.arange(len(each.rows))
-    return block, place
+    k, n = np.nonzero(numbers >= 0)
+    block[numbers[k, n]], place[numbers[k, n]] = count + k, n
+    return numbers, block, place
+
+
+def of_blocks(system: System, plan: Plan, numbers: IndexArray, constant: Floats) -> dict[str, Any]:
+    """What each row is to be, and the size of its terms; whose frame a block turns with."""
+    magnitude = system.constraints.magnitudes(system.extend(system.q0, system.since))
+    none, size = numbers < 0, np.where(magnitude > 0, magnitude, 1.0)
+    first = [[v for v in (*b.waits, *b.vertices) if v in b.vertices] for b in plan.rows]
+    count = len(system.origin_rows)
+    framed = [[v for v in own if v < count and system.is_frame[v]] for own in first]
+    return {
+        "row_constant": np.where(none, 0.0, constant[numbers]) if numbers.size else 0.0 * numbers,
+        "row_size": np.where(none, 1.0, size[numbers]) if numbers.size else 0.0 * numbers,
+        "row_on": (~none).astype(float),
+        "row_triple": np.full(len(plan.rows), -1),
+        "row_owner": integers([own[0] if own else -1 for own in framed]),
+        "row_numbers": numbers,
+    }
 
 
 def choose_rows(system: System, fields: dict[str, Any], chosen: IndexArray) -> None:
-    """Take these rows (r,) of closed loops, none of the others, in the arrays of :func:`bound_tree`.
+    """Take these rows (r,) of closed loops, and none of the others.
 
-    Three rows that are a vector in space turn with the frame of a vertex while factors are kept:
-    then all three have to be there.
+    Those that are a vector in space turn with the frame of a vertex while factors are kept: then
+    all of them have to be there.
     """
     numbers, on = fields["row_numbers"], fields["row_on"]
-    there = np.ones(system.m, dtype=bool)
-    there[system.closure.rows] = False
+    there = np.ones(system.m + 1, dtype=bool)
+    there[system.closure.rows] = there[-1] = False
     there[chosen] = True
-    on[:] = (numbers >= 0) & there[numbers]
-    vectors = set(system.constraints.terms().linear_row.tolist())
-    owner = fields["row_owner"]
+    on[:] = there[numbers]
+    vectors = {int(k) + i for k in system.constraints.terms().linear_row for i in range(3)}
     for k, own in enumerate(numbers.tolist()):
-        first = [i for i, number in enumerate(own) if number in vectors]
-        whole = first and owner[k] >= 0 and on[k, first[0] : first[0] + 3].all()
-        fields["row_triple"][k] = first[0] if whole else -1
+        places = [i for i, number in enumerate(own) if number in vectors]
+        whole = len(places) > 1 and fields["row_owner"][k] >= 0 and on[k, places].all()
+        fields["row_triple"][k] = places[0] if whole else -1
 
 
 def _triples(system: System, each: list[list[Coordinate]]) -> IndexArray:

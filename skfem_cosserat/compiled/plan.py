@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix
 from ..joint import JointDrive
 from ..model import System
 from ..model.loading import Followers
+from ..model.plane_rows import acting_rows
 from ..types import Floats, IndexArray
 
 __all__ = ["Plan", "RowBlock", "following", "plan_of", "row_blocks"]
@@ -147,9 +148,10 @@ def row_blocks(system: System, width: int = 6) -> list[RowBlock]:
     """
     left = set(system.left_rows.tolist())
     if system.plane is not None:
-        left &= set(system.rows_in_plane.tolist())
+        left &= set(acting_rows(system).tolist())
     count = len(system.origin_rows)
-    parent = {e.child: e.parent for e in system.spanning.edges}
+    parent = {e.child: min(e.parent, count) for e in system.spanning.edges}
+    depth = system.spanning.depth
     found: dict[int, tuple[list[int], set[int]]] = {}
     for jr in system.joint_rows:
         joint = jr.joint.joint if isinstance(jr.joint, JointDrive) else jr.joint
@@ -165,22 +167,30 @@ def row_blocks(system: System, width: int = 6) -> list[RowBlock]:
         ]
     out = []
     for numbers, vertices in each:
-        ways = []
-        for v in vertices:
-            way = [min(v, count)]
-            while way[-1] in parent:
-                way.append(min(parent[way[-1]], count))
-            ways.append(set(way))
-        waits = set.union(*ways) - set.intersection(*ways) - {count}
         kept = [k for k in numbers if k in left]
         for first in range(0, len(kept), width):
-            ends = tuple(sorted(vertices)), tuple(sorted(waits))
+            ends = tuple(sorted(vertices)), _between(vertices, parent, depth, count)
             out.append(RowBlock(tuple(kept[first : first + width]), *ends))
     return out
 
 
+def _between(
+    vertices: Collection[int], parent: Mapping[int, int], depth: Mapping[int, int], count: int
+) -> tuple[int, ...]:
+    """Vertices on the way from one to the other, without the one at which all ways meet."""
+    ends: set[int] = {min(v, count) for v in vertices}
+    found: set[int] = set()
+    while len(ends) > 1:
+        deepest = max(ends, key=lambda v: depth.get(v, -1))
+        found.add(deepest)
+        ends.remove(deepest)
+        if deepest in parent:
+            ends.add(parent[deepest])
+    return tuple(sorted(found - {count}))
+
+
 def plan_of(system: System, thin: bool = False) -> Plan:
-    """Elimination of the vertices of a system, and of its rows with multipliers; see :class:`Plan`."""
+    """Elimination of a system, its rows with multipliers included; see :class:`Plan`."""
     count = len(system.origin_rows)
     rows = row_blocks(system, 6 if system.plane is None else 3)
     pairs = [

@@ -18,7 +18,7 @@ from .numbers import WEIGHT
 from .small import Vector, add_skew, cross, dot, put, row, times
 
 __all__ = ["row_branch", "row_force", "row_matrix"]
-__all__ += ["add_gaps", "complete_blocks"]
+__all__ += ["TURNED_OVER", "add_gaps"]
 
 #: columns of the table of products ``c y_left . y_right``: block and place of the constraint row;
 #: rows of y, their vertices (-1: ground) and places in them; slots of both pairs of vertices, and
@@ -107,16 +107,15 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         y = w.mid
     first, framed, vertices = s.row, s.framed, s.row_vertices
     for k in range(len(vertices)):
-        r = first[vertices[k]]
-        for i in range(4 if framed[vertices[k]] else 1):
-            put(closing, r + i, (0.0, 0.0, 0.0))
+        v = vertices[k]
+        for i in range(4 if framed[v] else 1):
+            put(closing, first[v] + i, (0.0, 0.0, 0.0))
     add_forces(s, y, mu, closing)
     for k in range(len(vertices)):
         v = vertices[k]
-        r = first[v]
         for i in range(4 if framed[v] else 1):
             for c in range(3):
-                R[r + i, c] += closing[r + i, c]
+                R[first[v] + i, c] += closing[first[v] + i, c]
     twist_forces(s, y, closing, w.F, w.b)
     count, constant = len(first), s.row_constant
     for k in range(constant.shape[0]):
@@ -125,8 +124,8 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     table, linear = s.row_products, s.row_linear
     for t in range(table.shape[0]):
         product = dot(row(y1, table[t, LEFT]), row(y1, table[t, RIGHT]))
-        c = factor_of(table, s.row_factors, t, y1)
-        b[table[t, BLOCK], table[t, PLACE]] += c * product
+        product *= factor_of(table, s.row_factors, t, y1)
+        b[table[t, BLOCK], table[t, PLACE]] += product
     for t in range(linear.shape[0]):
         value = y1[linear[t, TERM], linear[t, TERM_COMPONENT]]
         b[linear[t, BLOCK], linear[t, PLACE]] += s.row_linear_factors[t] * value
@@ -134,21 +133,25 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
-def add_rates(A: Floats, k: int, back: int, place: int, i: int, d: Vector, v: Vector, own: Any) -> None:
-    """Row ``v . dy`` of a vertex, y its i-th row and d that vector, by twists; or its column.
-
-    `own`: whether the row is meant, in slot k, or the column, in slot `back`.
-    """
+def add_row(A: Floats, k: int, place: int, i: int, d: Vector, v: Vector) -> None:
+    """Row ``v . dy`` of a vertex by its twist; y is its i-th row, of a director the vector d."""
     c0 = 0
     if i > 0:
         c0 = 3
         v = cross(d, v)
-    if own:
-        for c in range(3):
-            A[k, place, c0 + c] += v[c]
-    else:
-        for c in range(3):
-            A[back, c0 + c, place] += v[c]
+    for c in range(3):
+        A[k, place, c0 + c] += v[c]
+
+
+@inlined
+def add_column(A: Floats, k: int, place: int, i: int, d: Vector, v: Vector) -> None:
+    """The same as a column."""
+    c0 = 0
+    if i > 0:
+        c0 = 3
+        v = cross(d, v)
+    for c in range(3):
+        A[k, c0 + c, place] += v[c]
 
 
 @inlined
@@ -172,17 +175,10 @@ def add_curvature(A: Floats, k: int, i: int, j: int, c: float, a: Vector, b: Vec
 @inlined
 def complete_blocks(s: Any, m: Any, A: Floats) -> None:
     """Ones on the diagonal where there is no row, or one that is switched off."""
-    on, size = s.row_on, s.row_on.shape[1]
+    on, count = s.row_on, len(s.row)
     for k in range(on.shape[0]):
-        slot = m.diag[len(m.diag) - on.shape[0] + k]
-        for c in range(size):
-            put_one(A, slot, c, 1.0 - on[k, c])
-
-
-@inlined
-def put_one(A: Floats, k: int, c: int, value: float) -> None:
-    """Entry (c, c) of a block."""
-    A[k, c, c] = value
+        for c in range(on.shape[1]):
+            A[m.diag[count + k], c, c] = 1.0 - on[k, c]
 
 
 @part
@@ -203,13 +199,11 @@ def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         c, c1 = factor_of(table, factors, t, yL), factor_of(table, factors, t, y1)
         i, j = table[t, LEFT_PLACE], table[t, RIGHT_PLACE]
         if table[t, LEFT_VERTEX] >= 0:
-            own, back = table[t, LEFT_SLOT], table[t, LEFT_BACK]
-            add_rates(A, own, back, place, i, left1, times(c1, right1), True)
-            add_rates(A, own, back, place, i, left, times(c, right), False)
+            add_row(A, table[t, LEFT_SLOT], place, i, left1, times(c1, right1))
+            add_column(A, table[t, LEFT_BACK], place, i, left, times(c, right))
         if table[t, RIGHT_VERTEX] >= 0:
-            own, back = table[t, RIGHT_SLOT], table[t, RIGHT_BACK]
-            add_rates(A, own, back, place, j, right1, times(c1, left1), True)
-            add_rates(A, own, back, place, j, right, times(c, left), False)
+            add_row(A, table[t, RIGHT_SLOT], place, j, right1, times(c1, left1))
+            add_column(A, table[t, RIGHT_BACK], place, j, right, times(c, left))
         if weight != 0.0 and table[t, SLOT] >= 0:
             c *= weight * mu[k, place]
             add_curvature(A, table[t, SLOT], i, j, c, left, right1)
@@ -220,9 +214,9 @@ def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             continue
         f, n = s.row_linear_factors[t], linear[t, TERM_COMPONENT]
         axis = f if n == 0 else 0.0, f if n == 1 else 0.0, f if n == 2 else 0.0
-        a, i, own, back = linear[t, TERM], linear[t, TERM_PLACE], linear[t, TERM_SLOT], linear[t, TERM_BACK]
-        add_rates(A, own, back, place, i, row(y1, a), axis, True)
-        add_rates(A, own, back, place, i, row(yL, a), axis, False)
+        a, i = linear[t, TERM], linear[t, TERM_PLACE]
+        add_row(A, linear[t, TERM_SLOT], place, i, row(y1, a), axis)
+        add_column(A, linear[t, TERM_BACK], place, i, row(yL, a), axis)
     complete_blocks(s, m, A)
     return 0.0
 

@@ -27,8 +27,6 @@ __all__ = [
     "Structure",
     "beams",
     "beams_by_law",
-    "constraints",
-    "elimination",
     "is_groups",
     "plan",
     "plane_beams",
@@ -335,7 +333,9 @@ PLANE_TREE = (
     *("child", "parent", "edges", "arms", "coordinates", "along", "value", "driven"),
     *("mass_blocks", "mass_indices", "mass_indptr"),
     *("frame_vertex", "frame_masses", "point_vertex", "point_masses"),
-    *("products", "factors", "linear", "directions", "loop_constant", "loop_vertices"),
+    *("products", "factors", "linear", "directions", "row_constant", "row_size", "row_on"),
+    *("row_vertices", "row_triple", "row_owner", "row_handed"),
+    *("cosines", "cosine_factors", "cosine_constant", "cosine"),
     "element_slot",
 )
 

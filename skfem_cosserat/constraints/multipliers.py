@@ -6,19 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
-from ..errors import InputError
-from ..frames import TOLERANCE
-from ..joint import JointDrive
 from ..kernels import cross, exp_quaternion, rotation_matrix
 from ..linear import LinearSolver
 from ..model import System
 from ..model.closure import SINGULAR, Selected
 from ..model.groups import Blocks, Parts
 from ..model.loops import Passages, tree_values, way_off
+from ..model.plane_rows import coordinates_in_plane, rows_in_plane
 from ..model.reparametrisation import Reparametrisation
 from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray, switch
@@ -32,11 +29,6 @@ __all__ = ["Multipliers", "Restriction"]
 # The unknowns are the components along the plane of positions and directors, less those of
 # directors along its normal, and the multipliers of constraint rows that are independent of each
 # other there.
-
-#: numbers of a triad's rows 11, 22, 33, 12, 13, 23 in which a director does not occur
-_WITHOUT = np.array([[1, 2, 5], [0, 2, 4], [0, 1, 3]])
-#: of rows that count as independent in the plane, relative
-RANK = 1e-9
 
 
 class Restriction:
@@ -71,8 +63,8 @@ class Restriction:
         number[places] = 2 * np.arange(len(rows))[:, None, None] + np.arange(2)
         weight[places] = plane.axes.T
         #: coordinates (n, count) by those in the plane
-        self.along = _matrix(number[:n], weight[:n], self.count)
-        self.kept = self._independent_rows()
+        self.along = coordinates_in_plane(system)
+        self.kept = rows_in_plane(system)
         number[n + self.kept, 0] = self.count + np.arange(len(self.kept))
         weight[n + self.kept, 0] = 1.0
         size = self.count + len(self.kept)
@@ -113,83 +105,6 @@ class Restriction:
     def within(self, force: Array) -> Array:
         """Part in the plane of a force (n,)."""
         return np.asarray(self.along @ (self._to_plane @ force))
-
-    # -- rows --------------------------------------------------------------------------------------
-
-    def _independent_rows(self) -> IndexArray:
-        """Of triads and joints of the tree one by one, where the reference is; then those of loops.
-
-        They stay independent: all turns about the normal of the plane.
-        """
-        system = self.system
-        y = system.extend(system.q0, 0.0)
-        G = (system.constraints.jacobian(y) @ self.along).tocsr()
-        kept = self._of_triads(G, y)
-        held = (G @ self._rigid(y)).tocsr()
-        loops = {id(joint) for joint in system.tree.loops}
-        rows: dict[int, list[IndexArray]] = {}
-        for jr in system.joint_rows:
-            joint = jr.joint.joint if isinstance(jr.joint, JointDrive) else jr.joint
-            rows.setdefault(id(joint), []).append(np.arange(jr.rows.start, jr.rows.stop))
-        for joint_id, numbers in rows.items():
-            if joint_id not in loops:
-                kept.append(_pick(held, np.concatenate(numbers)))
-        for each in system.theory_rows:
-            open_rows = np.setdiff1d(each.numbers, system.closure.rows)
-            elements = (open_rows - each.rows.start) // (each.shape[1] * each.shape[2])
-            kept += [_pick(held, open_rows[elements == e]) for e in np.unique(elements)]
-        out = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *kept]))
-        if self.count - len(out) != system.kinematics.unknowns:
-            raise InputError(
-                "planar scene",
-                f"{self.count} coordinates less {len(out)} constraints in the plane are not the"
-                f" {system.kinematics.unknowns} unknowns of its joints: use NullSpace()",
-            )
-        return np.union1d(out, system.closure.rows)
-
-    def _of_triads(self, G: csr_matrix, y: Floats) -> list[IndexArray]:
-        """Rows of triads: those without the director along the normal, if one is."""
-        kin, plane = self.system.kinematics, self.system.plane
-        assert plane is not None
-        still = np.linalg.norm(kin.directors(y) @ plane.axes.T, axis=2) <= TOLERANCE
-        first = 6 * np.arange(len(still))
-        kept = [(first[still[:, k]][:, None] + others).ravel() for k, others in enumerate(_WITHOUT)]
-        oblique = first[~still.any(axis=1)]
-        return [*kept, *(_pick(G, np.arange(k, k + 6)) for k in oblique)]
-
-    def _rigid(self, y: Floats) -> csr_matrix:
-        """Rates (count, 3 a frame or 2 a point) of each vertex by itself, rotations by length."""
-        system = self.system
-        kin, plane = system.kinematics, system.plane
-        assert plane is not None
-        first = 3 * np.arange(len(system.origin_rows))
-        rows, cols, values = [], [], []
-
-        def add(row: IndexArray, column: IndexArray, rate: Floats) -> None:
-            rows.append((3 * row[:, None] + np.arange(3)).ravel())
-            cols.append(np.repeat(column, 3))
-            values.append(np.broadcast_to(rate, (len(row), 3)).ravel())
-
-        for k, axis in enumerate(plane.axes):
-            add(system.origin_rows, first + k, system.length * axis)
-        for i in range(3):
-            row = kin.director_rows[:, i]
-            add(row, first[kin.frames] + 2, cross(plane.normal, y[row]))
-        ij = np.concatenate(rows), np.concatenate(cols)
-        shape = (system.n, 3 * len(first))
-        return self.along.T @ coo_matrix((np.concatenate(values), ij), shape=shape).tocsr()
-
-
-def _pick(matrix: csr_matrix, rows: IndexArray) -> IndexArray:
-    """Some of the rows that are independent and span all of them."""
-    part = matrix[rows]
-    columns = np.unique(part.indices)
-    if not len(columns):
-        return rows[:0]
-    dense = part[:, columns].toarray()
-    _, R, order = qr(dense.T, mode="economic", pivoting=True)
-    d = abs(np.diagonal(R))
-    return np.sort(rows[order[: int((d > RANK * max(1.0, d.max())).sum())]])
 
 
 def _matrix(number: IndexArray, weight: Floats, columns: int) -> csr_matrix:

@@ -34,6 +34,7 @@ __all__ = [
 
 # -- what scenes compiled kernels refuse, and why --------------------------------------------------
 
+
 def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str | None:
     """Why a scene cannot be stepped by compiled kernels; None: it can."""
     if not integrator.solves:
@@ -42,14 +43,10 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
     if scheme is None or type(integrator.single.balance(system, 1.0)) is not StepBalance:
         name = integrator.name
         return f"there are no compiled kernels for the {name} integrator, whose balance is its own"
-    looped = len(system.closure.rows) > 0
-    confined = system.plane is not None and in_space(system, treatment)
     return _missing(
         treatment,
         (NullSpace, Multipliers),
         {
-            "closed loops in a plane but with the null space, dead loads, ground at rest, no force"
-            " elements and no stored energies": looped and confined,
             "the full system of multipliers": isinstance(treatment, Multipliers) and treatment.full,
             "damped beams at the ends of steps": scheme.at_end and system.damped,
         },
@@ -72,15 +69,14 @@ def static_refusal(system: System, treatment: Treatment, spin: object) -> str | 
     )
 
 
-def in_space(system: System, treatment: Treatment) -> bool:
+def in_space(system: System) -> bool:
     """Whether a scene in a plane takes the kernels of space: those of the plane do less.
 
-    They have the null space method for dead loads, ground at rest, no force elements and damping,
+    They have dead loads, ground at rest, no force elements and damping,
     and sections whose energy is quadratic.
     """
     return system.plane is not None and (
-        isinstance(treatment, Multipliers)
-        or not system.loading.dead_only
+        not system.loading.dead_only
         or len(system.couplings.items) > 0
         or system.damped
         or bool(system.moving)
@@ -175,7 +171,7 @@ def choose_kernels(
         seconds *= ELIMINATED
     refused = refusal(system, integrator, treatment)
 
-    space = in_space(system, treatment)
+    space = in_space(system)
 
     def trial(plan: Plan) -> None:
         chosen = integrator.single, treatment, 1.0, NewtonSettings(), plan, solver

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,7 +39,7 @@ from ..compiled.numbers import (
     TURNS,
     WORK,
 )
-from ..compiled.plan import Plan, plan_of
+from ..compiled.plan import Plan
 from ..constraints import Multipliers, Treatment
 from ..constraints.base import BoundTreatment, half_turn, largest
 from ..coupling import Coupling
@@ -49,7 +48,6 @@ from ..model import System
 from ..model.balance import amplitudes_at, external_force
 from ..model.force_elements import Couplings, warn_of_jump
 from ..model.plane import Plane
-from ..model.reparametrisation import Reparametrisation
 from ..newton import NewtonSettings
 from ..types import Floats, IndexArray
 from .base import Integrator
@@ -296,7 +294,7 @@ class CompiledStep(CompiledScene):
         self._choose(self._rows)
         self._record[CLEARANCE] = 0.0 if self.looped else np.inf
         # how far coordinates went since rows of closed loops were chosen, and in the last step
-        self._travelled = self._travel = np.inf
+        self._travelled = self._travel = self._farthest = np.inf
         self.nearest: NearestVelocity | None = None
         if scheme.moved and system.m and NearestVelocity.serves(system.tied):
             self.nearest = NearestVelocity(system.tied, settings, kept_only)
@@ -402,7 +400,7 @@ class CompiledStep(CompiledScene):
         if self._travelled >= bound.clearance:
             if not bound.clear(self._a.y1):
                 return True
-            self._travelled = 0.0
+            self._travelled = self._farthest  # a step may jump over a singular position
         self._record[CLEARANCE] = bound.clearance  # the look may have changed it
         return self._travelled >= bound.clearance
 
@@ -480,7 +478,7 @@ class CompiledStep(CompiledScene):
         if self._called_back is not None:
             self._called_back.complain()
         if self.looped:
-            self._travel = float(a.found[1])
+            self._farthest, self._travel = a.found.tolist()
             self._travelled = float(record[TRAVELLED])
         if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
             known = known or (self.looped and record[DONE] > 1)
@@ -498,7 +496,8 @@ class CompiledStep(CompiledScene):
 
     def _flatten(self, normal: Floats) -> None:
         """Take away what rounding has led out of the plane, which might grow there."""
-        y0, y1, p = self._a.y0, self._a.y1, self._a.carried
+        p, rows = self._a.carried, self.system.rows  # rows of the ground may be angles, prescribed
+        y0, y1 = self._a.y0[:rows], self._a.y1[:rows]
         along = int(np.argmax(abs(normal)))
         if abs(normal[along]) == 1.0:  # most of the time, and faster
             y1[:, along] = y0[:, along]
@@ -651,12 +650,6 @@ class CompiledPlane(CompiledStep):
         self._arrays = arrays | {name: outside[name] for name in own}
         self._number([c for cs in bind.coordinates_of(system) for c in cs])
         return table, s, m, w, g
-
-    def _choose(self, rows: IndexArray) -> None:
-        """See the base class."""
-        from ..compiled.plane import bind as plane
-
-        plane.choose_rows(self.system, self._tree, rows)
 
     @property
     def balance(self) -> Floats:

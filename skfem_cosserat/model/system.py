@@ -51,6 +51,7 @@ from .loops import (
 )
 from .parts import connected_parts
 from .plane import Plane, guard_of
+from .plane_rows import rows_in_plane
 from .quadratic import ConstraintBuilder, QuadraticConstraints
 from .theories import TheoryRows, add_theory_rows, constrained_elements
 from .tree import End, Spot, build_tree
@@ -182,7 +183,8 @@ class System:
         out.__dict__.update(self.__dict__)
         out.tree = build_tree(self.is_frame.tolist(), [], (), self.plane)
         out.kinematics = Kinematics(out.tree, self.vertex_rows, self.is_frame, self.total)
-        out.left_rows, out._tied = np.arange(self.internal, self.m), self
+        rows = np.arange(self.m) if self.plane is None else rows_in_plane(self)
+        out.left_rows, out._tied = rows[rows >= self.internal], self
         lock_arrays(out)
         return out
 

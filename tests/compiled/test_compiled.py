@@ -34,13 +34,13 @@ from helpers_scenes import (
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled import plan
+from skfem_cosserat.compiled.numbers import GUESS, KNOWN
 from skfem_cosserat.compiled.plan import Plan
-from skfem_cosserat.integrators.compiled_step import CompiledMultipliers, CompiledStep
+from skfem_cosserat.integrators.compiled_step import CompiledStep
 from skfem_cosserat.linear import SingularMatrixError
 
 pytest.importorskip("numba")
 SLOW = pytest.mark.slow
-STEPS = {"null space": CompiledStep, "multipliers": CompiledMultipliers}
 makes = pytest.mark.parametrize("make", [tree, corner])
 #: compiling takes most of the time: most orders are among the slow tests
 orders = pytest.mark.parametrize(
@@ -125,14 +125,8 @@ def test_deep_trees(integrator, treatment):
     run = both(system, integrator, treatment, 2e-3, 0.04)
     assert_same(*run)
     if treatment == "multipliers":
-        assert run[1].meta["solver"] == "blocks with multipliers"
+        assert run[1].meta["solver"] == "blocks"
         assert run[1].meta["unknowns"] == system.n + system.m
-
-
-@integrators
-def test_multipliers_without_scaling(integrator):
-    """The same solutions: rows and columns are scaled only for the choice of pivots."""
-    assert_same(*both(tree(1), integrator, sc.Multipliers(scaled=False), 2e-3, 0.03))
 
 
 def test_work_grows_with_the_length_of_a_chain():
@@ -248,15 +242,14 @@ def test_kept_factors_that_grow_old():
 @each
 def test_a_step_that_fails_is_tried_again_the_general_way(integrator, treatment, monkeypatch):
     """With the same attempts, and the compiled kernels go on after it."""
-    kind = STEPS[treatment]
-    solve = kind.solve
+    solve = CompiledStep.solve
     calls = []
 
     def sometimes(self, state):
         calls.append(state.index)
         return None if state.index in (4, 5) else solve(self, state)
 
-    monkeypatch.setattr(kind, "solve", sometimes)
+    monkeypatch.setattr(CompiledStep, "solve", sometimes)
     run = both(tree(1), integrator, treatment, 2e-3, 0.03)
     assert len(calls) == 32  # each step of both compiled runs, and the one after
     assert_same(*run)
@@ -270,13 +263,11 @@ def test_solutions_that_have_turned_over_are_none(integrator):
     model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1)))
     system = model.freeze()
     method = INTEGRATORS[integrator]
-    fast = CompiledMultipliers(system, method, 1e-2, sc.NewtonSettings(reuse=0))
+    fast = CompiledStep(system.untied, method, 1e-2, sc.NewtonSettings(reuse=0))
     state = sc.initial_state(system)
     assert fast.solve(state) is not None
-    half = np.diag([1.0, -1.0, -1.0])  # about x: the axis points the other way
-    over = (half @ system.q0.reshape(4, 3)[1:].T).T
-    fast._own.start[1:] = over - system.q0.reshape(4, 3)[1:]
-    fast.resume(None)  # begin there
+    fast._a.last[0] = 0, 0, 0, np.pi, 0, 0  # about x: the axis points the other way
+    fast._record[[KNOWN, GUESS]] = 1  # begin there
     assert fast.solve(state) is None
     assert system.wrong_branch(fast.y1) is not None
 

@@ -16,7 +16,7 @@ from helpers_kernels import (
 from helpers_scenes import full_section
 
 import skfem_cosserat as sc
-from skfem_cosserat.integrators.compiled_step import CompiledMultipliers, CompiledStep
+from skfem_cosserat.integrators.compiled_step import CompiledStep
 
 pytest.importorskip("numba")
 
@@ -108,11 +108,12 @@ def test_all_orders():
     assert_same(*both(joined((3, 1, 4, 2)), "energy-momentum", "null space", 2e-3, 0.04))
 
 
-@pytest.mark.parametrize("kind", [CompiledStep, CompiledMultipliers])
-def test_steps_are_compiled_once_for_whatever_groups(kind):
+@pytest.mark.parametrize("tied", [True, False])
+def test_steps_are_compiled_once_for_whatever_groups(tied):
     """Their loop knows no orders: the type of what it takes is the same."""
     from numba import typeof
 
     scenes = joined((1, 2)), joined((2, 1), damped=(0,)), joined((1, 2, 1))
-    made = [kind(s, sc.EnergyMomentum(), 1e-3, sc.NewtonSettings()) for s in scenes]
+    own = sc.EnergyMomentum(), 1e-3, sc.NewtonSettings()
+    made = [CompiledStep(s if tied else s.untied, *own) for s in scenes]
     assert len({typeof(fast._all[-2]) for fast in made}) == 1

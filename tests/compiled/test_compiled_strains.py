@@ -14,7 +14,7 @@ from helpers_kernels import called
 from helpers_scenes import FULL, full_section, rotation
 
 import skfem_cosserat as sc
-from skfem_cosserat.compiled import bind, bind_kkt, elements, kkt, tree
+from skfem_cosserat.compiled import bind, elements, tree
 from skfem_cosserat.compiled.numbers import END, ENDS, FORCE, NUMBERS, SHARE, START, WEIGHT
 from skfem_cosserat.compiled.plan import plan_of
 from skfem_cosserat.compiled.plane import bind as plane_bind
@@ -168,23 +168,6 @@ def test_in_space(order):
     called(elements.beam_tangent)(g, w, numbers(), 0)
     K = null_space(states[1]).T @ expected.tangent @ null_space(states[2])
     assert_blocks(work["A"], plan.slot, K, 6)
-
-
-@orders
-def test_with_multipliers(order):
-    """Coordinates are not eliminated: the tangent has all twelve of a node."""
-    system, beam = scene(order)
-    states = [random_state(beam, k, False) for k in (1, 2)]
-    states.insert(1, (states[0] + states[1]) / 2)
-    expected = by_table(beam, FULL, states)
-    plan = plan_of(system, whole=True)
-    w, work = bind_kkt.bound_steps(system, plan)
-    g, beams = bind.bound_beams(system, system.beam_groups[0], plan)
-    for name, y in zip(("y0", "mid", "y1"), states, strict=True):
-        work[name][: system.rows] = y
-    beams["S"][:] = expected.stress
-    called(kkt.beam_tangent)(g, w, numbers(), 0)
-    assert_blocks(work["A"], plan.slot, expected.tangent, 12)
 
 
 def flat_rows(frames: Any, y: np.ndarray) -> np.ndarray:

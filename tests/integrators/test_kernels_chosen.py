@@ -179,20 +179,13 @@ def test_what_is_not_compiled_is_refused_or_runs_plain():
 NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()
 
 
-def driven_loop():
-    model = four_bar()
-    model.add("drive", sc.JointDrive(model["pin 0"], lambda t: 0.1 * t**2))
-    return model
-
-
 @pytest.mark.parametrize(
     ("scene", "integrator", "treatment", "why"),
     [
         ("plain", sc.EnergyDecaying(), NULL, "the energy-decaying.* whose balance is its own"),
         ("plain", sc.Explicit(), MULTIPLIERS, "no compiled kernels for explicit steps"),
-        (four_bar, sc.GeneralizedAlpha(), MULTIPLIERS, "closed loops with multipliers"),
-        (driven_loop, sc.Variational(), MULTIPLIERS, "closed loops with multipliers"),
-        ("inextensible", sc.Variational(), MULTIPLIERS, "hold strains, with multipliers"),
+        (four_bar, sc.Variational(), sc.Multipliers(full=True), "the full system of multipliers"),
+        (four_bar, sc.Variational(), sc.Multipliers(scaled=False), "full system of multipliers"),
         ("viscous", sc.GeneralizedAlpha(), NULL, "damped beams at the ends of steps"),
     ],
     ids=lambda each: getattr(each, "name", getattr(each, "__name__", None)),

@@ -26,7 +26,6 @@ from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.diagnostics.stacked import null_space_matrix
-from skfem_cosserat.integrators.choice import BORDER
 from skfem_cosserat.model.plane import confined
 from skfem_cosserat.model.reparametrisation import Reparametrisation
 
@@ -787,15 +786,20 @@ def test_automatic_choice_knows_that_plain_kernels_are_slow():
     assert names == {None: "numpy", sc.TheoryInextensible(): "numba"}
 
 
-def test_what_has_no_compiled_kernels():
-    pytest.importorskip("numba")
-    long = swing().scene("stiff", elements=BORDER, theory=sc.TheoryInextensible(torsion=False))
-    for system, treatment, what in (
-        (crooked(sc.TheoryInextensible(), 2), sc.NullSpace(), "higher order"),
-        (crooked(COMPILED[0]), sc.Multipliers(), "beams that hold strains, with multipliers"),
-        (long.freeze(), sc.NullSpace(), f"more than {BORDER} rows"),
-    ):
-        with pytest.raises(sc.InputError, match=what):
-            sc.simulate(system, sc.EnergyMomentum(), treatment, 1e-3, 2e-3, kernels="numba")
-    run = crooked(sc.TheoryRigid(), 2), sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 2e-3
-    assert sc.simulate(*run, kernels="numba").meta["kernels"] == "numba"
+@pytest.mark.parametrize("treatment", ["null space", "multipliers"])
+@pytest.mark.parametrize("integrator", ["energy-momentum", "variational"])
+@pytest.mark.parametrize(
+    "make",
+    [
+        pytest.param(lambda: crooked(sc.TheoryInextensible(), 2), id="higher order"),
+        pytest.param(
+            lambda: swing().scene("stiff", elements=40, theory=UNTWISTED[1]).freeze(),
+            id="torsion held",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(lambda: crooked(sc.TheoryRigid(), 2), id="rigid"),
+    ],
+)
+def test_kernels_agree_where_strains_are_rows_with_multipliers(make, integrator, treatment):
+    """Of higher order, beside others that hold torsion, and with multipliers all."""
+    assert_same(*both(make(), integrator, treatment, 1e-3, 0.01), iterates=False)

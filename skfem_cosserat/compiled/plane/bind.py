@@ -9,19 +9,30 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
 
+from ...frames import TOLERANCE
 from ...model import System
 from ...model.groups import BeamGroup
 from ...model.tree import ConstrainedElement, Spot
 from ...strain import FORMS, strain_factors
 from ...types import Floats, IndexArray
 from .. import structures
-from ..bind import KINDS, bound_elements, coordinates_of, followed, fulcrum_of, integers, nested
+from ..bind import (
+    KINDS,
+    bound_elements,
+    coordinates_of,
+    followed,
+    fulcrum_of,
+    integers,
+    nested,
+    numbered,
+    of_blocks,
+)
 from ..numbers import BEAM_PARTS, COUPLED
 from ..plan import Plan
 from . import complex_numbers as places
 
 __all__ = ["Frames", "bound_beams", "bound_groups", "bound_rows", "bound_tree", "bound_work"]
-__all__ += ["choose_rows"]
+__all__ += ["bound_constraints"]
 
 ComplexArray = NDArray[np.complex128]
 
@@ -150,7 +161,7 @@ def bound_tree(system: System, plan: Plan, frames: Frames, rows: Any) -> tuple[A
         **_edges(system, plan, frames),
         **_coordinates(system, frames),
         **_nodal_masses(system, frames),
-        **_loops(system, plan, frames),
+        **bound_constraints(system, plan, frames),
     }
     return structures.plane_tree(tuple(fields[name] for name in structures.PLANE_TREE)), fields
 
@@ -249,52 +260,70 @@ def _reduced(scalar: Floats, left: ComplexArray, right: ComplexArray) -> Complex
     return np.stack([scalar[..., 0, 0] + 0j, xe, ex, ee], axis=-1)
 
 
-def _loops(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
-    """Rows of joints that close loops, as lists of terms; none is chosen yet."""
-    rows, count = set(system.closure.rows.tolist()), frames.count
-    terms = system.constraints.terms()
-    constant = np.array(terms.constant, dtype=float)
-    products, factors, number = [], [], []
-    for k, a, b, c in zip(*terms[:4], strict=True):
-        if k not in rows:
-            continue
-        constant[k] -= c * frames.height[a] * frames.height[b]
-        u, v = int(frames.vertex[a]), int(frames.vertex[b])
-        inside = u < count and v < count
-        slots = (plan.slot[u, v], plan.slot[v, u]) if inside else (-1, -1)
-        places = int(frames.place[a] > 0), int(frames.place[b] > 0)
-        products.append((-1, u, places[0], v, places[1], *slots))
-        factors.append(c * frames.factor(a).conjugate() * frames.factor(b))
-        number.append(k)
-    linear, directions, linear_number = [], [], []
+def bound_constraints(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
+    """Constraint rows with multipliers, as lists of terms; see :mod:`.rows`."""
+    count, blocks, width = frames.count, plan.rows, 3
+    numbers, block, place = numbered(system, blocks, count, width)
+    own, cosines = system.constraints.terms(), system.branch_cosines.terms()
+    constants = [np.array(each.constant, dtype=float) for each in (own, cosines)]
+    tables: list[list[tuple[int, ...]]] = [[], []]
+    factors: list[list[complex]] = [[], []]
+    for which, terms in enumerate((own, cosines)):
+        for k, a, b, c in zip(*terms[:4], strict=True):
+            u, v = int(frames.vertex[a]), int(frames.vertex[b])
+            constants[which][k] -= c * frames.height[a] * frames.height[b]
+            e, n = (int(block[k]), int(place[k])) if which == 0 else (k, 0)
+            if e < 0:
+                continue
+            ends = e, n, u, int(frames.place[a] > 0), v, int(frames.place[b] > 0)
+            slots = [-1] * 6
+            if which == 0:
+                of = [(u, v), (v, u), (e, u), (u, e), (e, v), (v, e)]
+                inside = [u < count and v < count] * 2 + [u < count] * 2 + [v < count] * 2
+                slots = [plan.slot[x] if y else -1 for x, y in zip(of, inside, strict=True)]
+            tables[which].append((*ends, *slots))
+            factors[which].append(c * frames.factor(a).conjugate() * frames.factor(b))
+    linear, directions = [], []
     axes = frames.flat(np.eye(3))
-    for k, a, c in zip(terms.linear_row, terms.linear, terms.linear_factor, strict=True):
+    for k, a, c in zip(own.linear_row, own.linear, own.linear_factor, strict=True):
+        v = int(frames.vertex[a])
         for component in range(3):
-            if k + component in rows:
-                constant[k + component] -= c * frames.height[a] * frames.plane.normal[component]
-                linear.append((-1, int(frames.vertex[a]), int(frames.place[a] > 0)))
-                directions.append(c * frames.factor(a).conjugate() * axes[component])
-                linear_number.append(k + component)
-    vertices = {v for row in products for v in (row[1], row[3])} | {row[1] for row in linear}
+            e = int(block[k + component])
+            if e < 0:
+                continue
+            constants[0][k + component] -= c * frames.height[a] * frames.plane.normal[component]
+            slots = [plan.slot[x] if v < count else -1 for x in ((e, v), (v, e))]
+            linear.append((e, int(place[k + component]), v, int(frames.place[a] > 0), *slots))
+            directions.append(c * frames.factor(a).conjugate() * axes[component])
+    vertices = {v for row in tables[0] for v in (row[2], row[4])} | {row[2] for row in linear}
     return {
-        "products": np.array(products, dtype=np.int64).reshape(-1, 7),
-        "factors": pairs(factors).reshape(-1, 2),
-        "linear": np.array(linear, dtype=np.int64).reshape(-1, 3),
+        "products": np.array(tables[0], dtype=np.int64).reshape(-1, 12),
+        "factors": pairs(factors[0]).reshape(-1, 2),
+        "linear": np.array(linear, dtype=np.int64).reshape(-1, 6),
         "directions": pairs(directions).reshape(-1, 2),
-        "loop_constant": np.zeros(system.closure.rank),
-        "loop_vertices": integers(sorted(v for v in vertices if v < count)),
-        "loop_numbers": (integers(number), integers(linear_number), constant),
+        **of_blocks(system, plan, numbers, constants[0]),
+        "row_vertices": integers(sorted(v for v in vertices if v < count)),
+        "cosines": np.array(tables[1], dtype=np.int64).reshape(-1, 12),
+        "cosine_factors": pairs(factors[1]).reshape(-1, 2),
+        "cosine_constant": constants[1],
+        "cosine": np.zeros(len(constants[1])),
+        "row_handed": _handed(system, numbers, axes),
     }
 
 
-def choose_rows(system: System, fields: dict[str, Any], rows: IndexArray) -> None:
-    """Take these constraint rows (rank,) as the border, in the arrays of :func:`bound_tree`."""
-    place = np.full(system.m, -1)
-    place[rows] = np.arange(len(rows))
-    products, linear, constant = fields["loop_numbers"]
-    fields["products"][:, 0] = place[products]
-    fields["linear"][:, 0] = place[linear]
-    fields["loop_constant"][:] = constant[rows]
+def _handed(system: System, numbers: IndexArray, axes: ComplexArray) -> Floats:
+    """Of each block: whether its vector in space has two components in the plane, and their sense.
+
+    1 or -1: to the left or to the right from the first to the second; 0: they are not alone.
+    """
+    out = np.zeros(len(numbers))
+    place = {int(k) + i: i for k in system.constraints.terms().linear_row for i in range(3)}
+    for k, own in enumerate(numbers.tolist()):
+        along = [axes[place[n]] for n in own if n in place]
+        if len(along) == 2 and own[0] in place and own[1] in place:
+            turn = along[0].conjugate() * along[1]
+            out[k] = np.sign(turn.imag) if abs(abs(turn.imag) - 1) < TOLERANCE else 0.0
+    return out
 
 
 def _elements(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
@@ -409,26 +438,22 @@ def inverse(D: Floats) -> Floats:
 
 def bound_work(system: System, plan: Plan, frames: Frames) -> tuple[Any, dict[str, Floats]]:
     """What changes during a step; the structure, and its arrays by name."""
-    size, count = len(frames.first), frames.count
-    edges, loops = len(system.tree.edges), system.closure.rank
+    size, count, edges = len(frames.first), frames.count, len(system.tree.edges)
+    each = len(plan.diag)
     shapes: dict[str, tuple[int, ...]] = {
         **dict.fromkeys(("y0", "y1", "mid"), (size, 4)),
         **dict.fromkeys(("p0", "external", "R", "momentum", "internal", "carried"), (count, 4)),
         **dict.fromkeys(("R_mixed", "change", "closing", "frames"), (count, 4)),
         "ground1": (size - count, 4),
-        **dict.fromkeys(("F", "F_mixed", "b", "x", "total", "last", "extra", "twist"), (count, 4)),
-        "before": (count, 4),
+        **dict.fromkeys(("F", "F_mixed"), (count, 4)),
+        **dict.fromkeys(("b", "x", "total", "last", "before", "extra", "twist"), (each, 4)),
         "found": (2,),
         "A": (len(plan.slot), 12),
-        "inverse": (count, 12),
+        "inverse": (each, 12),
         **dict.fromkeys(
             ("S_left", "X_left", "S_right", "X_right", "S_kept", "X_kept"), (edges, 12)
         ),
         **dict.fromkeys(("C_child", "C_parent"), (edges, 12)),
-        **dict.fromkeys(("mu", "mu_change", "gap", "gap_rate"), (loops,)),
-        "b_kept": (count if loops else 0, 4),
-        **dict.fromkeys(("border", "border_twist", "border_row"), (loops, count, 4)),
-        **dict.fromkeys(("schur", "schur_scratch"), (loops, loops)),
         "scratch": (1, 12),
         **dict.fromkeys(("dead", "moments"), (0, 3)),
         "followers": (0, 4, 4),

@@ -49,6 +49,18 @@ def turn(a: Floats, v: int, y: Floats, z: Floats) -> None:
     put_complex(a, v, 0, product(crossed(arrow(y, v), arrow(z, v)), point(a, v)))
 
 
+@inlined
+def turn_rows(s: Any, x: Floats, y: Floats, z: Floats) -> None:
+    """The same of vectors among constraint rows, with a frame that they hold."""
+    owner, handed, triple, count = s.row_owner, s.row_handed, s.row_triple, len(s.framed)
+    for k in range(len(owner)):
+        sense = handed[k]
+        if triple[k] == 0 and sense != 0.0:
+            a = x[count + k, 0], sense * x[count + k, 1]
+            a = product(crossed(arrow(y, owner[k]), arrow(z, owner[k])), a)
+            put_complex(x, count + k, 0, (a[0], sense * a[1]))
+
+
 @part
 def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Solve for minus the residual: own coordinates x, and as twists of the vertices.
@@ -63,8 +75,10 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     if flag == 1:
         for k in range(len(loose)):
             turn(x, loose[k], now, then)
+        turn_rows(s, x, now, then)
     solve_blocks(m, w)
     if flag == 1:
+        turn_rows(s, x, then, now)
         for k in range(len(loose)):
             v = loose[k]
             turn(x, v, then, now)
@@ -142,8 +156,8 @@ def move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add up the increments x; frames of y_1 of free vertices, and the ground's."""
     y0, y1, ground1, x, total, turn = w.y0, w.y1, w.ground1, w.x, w.total, s.turn
     free, framed, followed, loose = s.free, s.framed, s.followed, s.loose
-    nv, count = len(x), len(loose)
-    for v in range(nv):
+    nv, count = len(framed), len(loose)
+    for v in range(len(x)):
         store(total, v, load(total, v) + load(x, v))
     for g in range(len(ground1)):
         store(y1, nv + g, load(ground1, g))
@@ -224,7 +238,7 @@ def nodal_mass_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> flo
         ex = scaled(mass, (masses[k, 2, 0], masses[k, 2, 1]))
         ee = scaled(mass, (masses[k, 3, 0], masses[k, 3, 1]))
         add_scaled(mass * masses[k, 0, 0], xe, ex, ee, arrow(y, v), arrow(y1, v), A, diag[v])
-    for v in range(len(diag)):
+    for v in range(len(s.framed)):
         if not framed[v]:
             A[diag[v], 10] = 1.0
     for k in range(len(s.point_vertex)):
@@ -240,7 +254,7 @@ def node_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     A, y1, diag, R, weight = w.A, w.y1, m.diag, w.R, numbers[WEIGHT]
     if flag == 1:
         R = w.R_mixed
-    for v in range(len(diag)):
+    for v in range(len(s.framed)):
         A[diag[v], 10] -= weight * inner(arrow(y1, v), arrow(R, v))
     return 0.0
 

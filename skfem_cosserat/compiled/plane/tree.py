@@ -233,7 +233,7 @@ def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
                 moment = outer(product(complex_at(along, j, DIRECTION), arrow(y1, guide)), f)
                 if guide == v:
                     C_child[e, 4 * o + 2] += moment
-                elif guide < len(diag):
+                elif guide < len(s.framed):
                     C_parent[e, 4 * o + 2] += moment
                 continue
             # of the sign times lever x f
@@ -243,7 +243,7 @@ def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
                 if side == 1:
                     u, offset = coordinates[j, CENTRE], complex_at(along, j, CENTRE_SPOT)
                     g = scaled(-1.0, g)
-                if u >= len(diag):
+                if u >= len(s.framed):
                     continue
                 turning = inner(g, left(product(offset, arrow(y1, u)))) if framed[u] else 0.0
                 if u == v:

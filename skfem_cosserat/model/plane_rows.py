@@ -1,0 +1,139 @@
+"""Constraint rows of a scene in a plane: which act there, and which of them are independent."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import qr
+from scipy.sparse import coo_matrix, csr_matrix
+
+from ..errors import InputError
+from ..frames import TOLERANCE
+from ..joint import JointDrive
+from ..kernels import cross
+from ..types import Floats, IndexArray
+
+if TYPE_CHECKING:
+    from .system import System
+
+__all__ = ["acting_rows", "coordinates_in_plane", "rows_in_plane"]
+
+#: numbers of a triad's rows 11, 22, 33, 12, 13, 23 in which a director does not occur
+_WITHOUT = np.array([[1, 2, 5], [0, 2, 4], [0, 1, 3]])
+#: of rows that count as independent in the plane, relative
+RANK = 1e-9
+
+
+def coordinates_in_plane(system: System) -> csr_matrix:
+    """Matrix (n, count): all coordinates by those that change in the plane, two for a row of y."""
+    plane = system.plane
+    assert plane is not None
+    rows = plane.moving(system.q0.reshape(-1, 3), system.origin_rows)
+    count = 2 * len(rows)
+    places = 3 * rows[:, None] + np.arange(3)
+    i = np.repeat(places[:, :, None], 2, axis=2).ravel()
+    j = np.repeat(np.arange(count).reshape(-1, 1, 2), 3, axis=1).ravel()
+    values = np.broadcast_to(plane.axes.T, (len(rows), 3, 2)).ravel()
+    return csr_matrix((values, (i, j)), shape=(system.n, count))
+
+
+def rows_in_plane(system: System) -> IndexArray:
+    """Constraint rows that act in the plane, independent of each other; of closed loops all.
+
+    Of triads and joints of the tree one by one, where the reference is. They stay independent: all
+    turns about the normal of the plane.
+
+    Raises
+    ------
+    InputError
+        If they do not leave what the joints leave free.
+    """
+    along = coordinates_in_plane(system)
+    count = along.shape[1]
+    y = system.extend(system.q0, 0.0)
+    G = (system.constraints.jacobian(y) @ along).tocsr()
+    kept = _of_triads(system, G, y)
+    held = (system.constraints.jacobian(y) @ _rigid(system, y)).tocsr()
+    loops = {id(joint) for joint in system.tree.loops}
+    rows: dict[int, list[IndexArray]] = {}
+    for jr in system.joint_rows:
+        joint = jr.joint.joint if isinstance(jr.joint, JointDrive) else jr.joint
+        rows.setdefault(id(joint), []).append(np.arange(jr.rows.start, jr.rows.stop))
+    for joint_id, numbers in rows.items():
+        if joint_id not in loops:
+            kept.append(_pick(held, np.concatenate(numbers)))
+    for each in system.theory_rows:
+        open_rows = np.setdiff1d(each.numbers, system.closure.rows)
+        elements = (open_rows - each.rows.start) // (each.shape[1] * each.shape[2])
+        kept += [_pick(held, open_rows[elements == e]) for e in np.unique(elements)]
+    out = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *kept]))
+    if count - len(out) != system.kinematics.unknowns:
+        raise InputError(
+            "planar scene",
+            f"{count} coordinates less {len(out)} constraints in the plane are not the"
+            f" {system.kinematics.unknowns} unknowns of its joints: use NullSpace()",
+        )
+    return np.union1d(out, system.closure.rows)
+
+
+def acting_rows(system: System) -> IndexArray:
+    """Constraint rows that some motion in the plane may violate: asked at a random place in it."""
+    plane, kin = system.plane, system.kinematics
+    assert plane is not None
+    random = np.random.default_rng(1)
+    y = system.extend(system.q0, system.since)
+    first = kin.row[kin.frames]
+    y[system.origin_rows] += random.uniform(-1, 1, (len(system.origin_rows), 2)) @ plane.axes
+    angle = random.uniform(0, 2 * np.pi, (len(first), 1))
+    for i in range(1, 4):
+        d = y[first + i]
+        out = (d @ plane.normal)[:, None] * plane.normal
+        y[first + i] = out + np.cos(angle) * (d - out) + np.sin(angle) * cross(plane.normal, d)
+    rates = abs(system.constraints.jacobian(y) @ _rigid(system, y)).max(axis=1)
+    return np.flatnonzero(np.asarray(rates.todense()).ravel() > RANK * system.length)
+
+
+def _of_triads(system: System, G: csr_matrix, y: Floats) -> list[IndexArray]:
+    """Rows of triads: those without the director along the normal, if one is."""
+    kin, plane = system.kinematics, system.plane
+    assert plane is not None
+    still = np.linalg.norm(kin.directors(y) @ plane.axes.T, axis=2) <= TOLERANCE
+    first = 6 * np.arange(len(still))
+    kept = [(first[still[:, k]][:, None] + others).ravel() for k, others in enumerate(_WITHOUT)]
+    oblique = first[~still.any(axis=1)]
+    return [*kept, *(_pick(G, np.arange(k, k + 6)) for k in oblique)]
+
+
+def _rigid(system: System, y: Floats) -> csr_matrix:
+    """Rates (n, 3 a frame or 2 a point) of each vertex by itself, rotations by length."""
+    kin, plane = system.kinematics, system.plane
+    assert plane is not None
+    first = 3 * np.arange(len(system.origin_rows))
+    rows, cols, values = [], [], []
+
+    def add(row: IndexArray, column: IndexArray, rate: Floats) -> None:
+        rows.append((3 * row[:, None] + np.arange(3)).ravel())
+        cols.append(np.repeat(column, 3))
+        values.append(np.broadcast_to(rate, (len(row), 3)).ravel())
+
+    for k, axis in enumerate(plane.axes):
+        add(system.origin_rows, first + k, system.length * axis)
+    for i in range(3):
+        row = kin.director_rows[:, i]
+        add(row, first[kin.frames] + 2, cross(plane.normal, y[row]))
+    ij = np.concatenate(rows), np.concatenate(cols)
+    shape = (system.n, 3 * len(first))
+    return coo_matrix((np.concatenate(values), ij), shape=shape).tocsr()
+
+
+def _pick(matrix: csr_matrix, rows: IndexArray) -> IndexArray:
+    """Some of the rows that are independent and span all of them."""
+    part = matrix[rows]
+    columns = np.unique(part.indices)
+    if not len(columns):
+        return rows[:0]
+    dense = part[:, columns].toarray()
+    _, R, order = qr(dense.T, mode="economic", pivoting=True)
+    d = abs(np.diagonal(R))
+    return np.sort(rows[order[: int((d > RANK * max(1.0, d.max())).sum())]])
