@@ -10,7 +10,7 @@ from scipy.linalg import eig, eigh
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
-from ..diagnostics.stacked import balancing_multipliers, blocks_matrix, curvature_matrix
+from ..diagnostics.stacked import balancing_multipliers, blocks_matrix, congruent, curvature_matrix
 from ..errors import CosseratError, InputError
 from ..history import History
 from ..model import Model, System
@@ -229,7 +229,7 @@ def _geometric(at: Equilibrium, loads: Amplitudes, dq: Floats) -> csr_matrix:
         blocks.append(system.couplings.tangent(coupled, 1.0).imag / STEP)
     multipliers = balancing_multipliers(system, y, R.ravel())
     A = blocks_matrix(system, blocks) + curvature_matrix(system, y, multipliers)
-    return (P.T @ A @ P).tocsr()
+    return congruent(P, A)
 
 
 def _critical(

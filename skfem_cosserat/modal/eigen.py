@@ -19,7 +19,7 @@ from scipy.sparse.linalg import (
     splu,
 )
 
-from ..diagnostics.stacked import blocks_matrix, curvature_matrix
+from ..diagnostics.stacked import blocks_matrix, congruent, curvature_matrix
 from ..errors import CosseratError, IncompleteWarning, InputError
 from ..kernels import skew
 from ..model import System
@@ -373,21 +373,21 @@ def make_pencil(at: Equilibrium) -> Pencil:
     curved = curvature_matrix(system, balance.y, tangent.multipliers)
     rest = blocks_matrix(system, blocks) + curved
     rest_size = blocks_matrix(system, [abs(block) for block in blocks]) + abs(curved)
-    rest_size = (abs(P).T @ rest_size @ abs(P)).tocsr()
-    rest = (P.T @ rest @ P).tocsr()
+    rest_size = congruent(abs(P), rest_size)
+    rest = congruent(P, rest)
     K = tangent.K
     size = float(abs(rest).max()) if rest.nnz else 0.0
     conservative = bool(abs(rest - rest.T).max() <= SYMMETRIC * size) if size else True
     if conservative:
         K, rest = (0.5 * (A + A.T) for A in (K, rest))
     mass = kron(system.mass, identity(3))
-    M = P.T @ mass @ P
+    M = congruent(P, mass)
     M = (0.5 * (M + M.T)).tocsr()
     _check_inertia(system, M, tangent.metric)
     gyroscopic = None
     if at.amplitudes.spin is not None:
         turning = kron(system.mass, skew(at.amplitudes.spin.velocity))
-        G = P.T @ turning @ P
+        G = congruent(P, turning)
         gyroscopic = (G - G.T).tocsr()
         if not gyroscopic.count_nonzero():
             gyroscopic = None
@@ -416,7 +416,7 @@ def _damping(system: System, y: Floats, P: csr_matrix, Bs: list[Array]) -> csr_m
         blocks.append(system.couplings.damping(y))
     if not any(block.any() for block in blocks):
         return None
-    C = P.T @ blocks_matrix(system, blocks) @ P
+    C = congruent(P, blocks_matrix(system, blocks))
     return (0.5 * (C + C.T)).tocsr()
 
 

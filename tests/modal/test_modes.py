@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers_scenes import everything, random_state, random_tree
+from scipy.sparse import csr_matrix
 from test_closed_loops import SCENES, frozen, hinges
 from test_couplings import zoo
 
 import skfem_cosserat as sc
 from skfem_cosserat import Spin, write_paraview
-from skfem_cosserat.diagnostics.stacked import null_space_matrix, reduced_tangent
+from skfem_cosserat.diagnostics.stacked import congruent, null_space_matrix, reduced_tangent
 from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
 from skfem_cosserat.modal.eigen import lowest, make_pencil, spectrum
 from skfem_cosserat.modal.state import resting
@@ -132,6 +133,17 @@ def test_reduced_tangent_with_closed_loops(scene):
     assert abs(tangent.K.toarray() - wanted).max() < 1e-8 * abs(wanted).max()
     K = tangent.K
     assert abs(K - K.T).max() < 1e-12 * abs(K).max()
+
+
+@pytest.mark.parametrize("share", [0.05, 0.9])
+def test_product_by_full_and_by_sparse_matrices(share):
+    rng = np.random.default_rng(5)
+    P = csr_matrix(rng.standard_normal((60, 30)) * (rng.random((60, 30)) < share))
+    A = csr_matrix(rng.standard_normal((60, 60)) * (rng.random((60, 60)) < 0.1))
+    left, middle, right = P.toarray().T, A.toarray(), P.toarray()
+    wanted = left @ middle @ right
+    rounding = 120 * np.finfo(float).eps * (abs(left) @ abs(middle) @ abs(right))
+    assert (abs(congruent(P, A).toarray() - wanted) <= rounding).all()
 
 
 def test_metric_measures_motions():
