@@ -346,6 +346,7 @@ def arch(
     radius: float = 100.0,
     degrees: float = 215.0,
     section: sc.Section | None = None,
+    theory: sc.Theory = FULL,
 ) -> Scene:
     """S8: clamped-hinged arch, EI = 1e6, unit load down at the crown.
 
@@ -360,7 +361,7 @@ def arch(
     EA = 1e6 * (slenderness / R) ** 2
     model = sc.Model()
     section = section or plane_section(1e6, EA, EA)
-    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3))
+    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=E3, theory=theory))
     left, right, crown = rod.node("rod.start"), rod.node("rod.end"), rod.node((0, R, 0))
     model.add("clamp", sc.JointFixed(sc.ground(left.position), left))
     model.add("hinge", sc.JointRevolute(sc.ground(right.position), right, E3))

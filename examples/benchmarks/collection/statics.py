@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,8 +22,8 @@ import skfem_cosserat as sc
 from collection.common import Cost, compare, levels, overridden, refined, tabled, timed
 from collection.inputs import method
 
-__all__ = ["HELD", "Asked", "answer", "bifurcation", "chosen", "extrapolated", "held", "inputs"]
-__all__ += ["limit", "limit_points", "numbered", "parts", "regular", "table"]
+__all__ = ["HELD", "Asked", "answer", "bifurcation", "chosen", "extrapolated", "held", "highest"]
+__all__ += ["inputs", "limit", "limit_points", "numbered", "parts", "regular", "table"]
 
 #: inputs that may be negative, or zero
 SIGNED = {"P", "alpha", "lam", "M", "F", "theta", "phi", "axis", "w"}
@@ -30,6 +31,10 @@ SIGNED = {"P", "alpha", "lam", "M", "F", "theta", "phi", "axis", "w"}
 AROUND = 3e-3
 #: the same of displacements, for limit points
 NEAR = 2e-3
+#: displacements about a limit point, in units of that distance from it
+SHARES = np.array([-1.0, -0.6, -0.2, 0.2, 0.6, 1.0])
+#: how often points are taken about a displacement that turns out to be too far away
+PASSES = 8
 #: elements times their order of the coarsest mesh that is extrapolated from
 LEAST = 12
 #: elements by order of a beam whose theory holds strains: 288 unknowns
@@ -264,6 +269,9 @@ class LimitPoint:
     angle: float
 
 
+NOTHING = LimitPoint(math.nan, np.full(3, math.nan), math.nan)
+
+
 def limit_points(
     asked: Asked, scene: Scene, path: sc.History, count: int, direction: Sequence[float]
 ) -> list[LimitPoint]:
@@ -279,9 +287,8 @@ def limit_points(
     """
     found = [p["state"] for p in path.meta["critical"] if p["kind"] == "limit"][:count]
     asked.cost.converged = asked.cost.converged and len(found) == count
-    nothing = LimitPoint(math.nan, np.full(3, math.nan), math.nan)
     points = [_refined_limit(asked, scene, path, k, np.asarray(direction)) for k in found]
-    return points + [nothing] * (count - len(found))
+    return points + [NOTHING] * (count - len(found))
 
 
 def _refined_limit(
@@ -291,7 +298,7 @@ def _refined_limit(
     distance = NEAR * abs(float(direction @ scene.displacement(path, index)))
     at, values = [], []
     for sign in (-1.0, 1.0):
-        way = distance * np.array([0.2, 0.6, 1.0])
+        way = distance * SHARES[3:]
         control = sc.DisplacementControl(scene.point, sign * direction, at=way)
         near = asked.path(scene, control, start=start)
         for k, step in enumerate(way, 1):
@@ -303,6 +310,39 @@ def _refined_limit(
     zero = static_scenes.zero(rows[:, 0], at)
     load, x, y, z, angle = np.linalg.solve(np.vander(at), rows[:, 1:]).T @ np.vander([zero], 6)[0]
     return LimitPoint(float(load), np.array([x, y, z]), float(angle))
+
+
+def highest(asked: Asked, scene: Scene, direction: Sequence[float], guess: float) -> LimitPoint:
+    """The limit point near a displacement: the top of a polynomial through six loads around it.
+
+    As exact as by frequencies if no other motion is nearly unstable there, and without any search:
+    for meshes whose matrices are full.
+
+    Parameters
+    ----------
+    direction : (3,) sequence
+        The point's displacement along it is prescribed.
+    guess : float
+        Displacement at the limit point of a coarser mesh; NaN: none was found.
+    """
+    for _ in range(0 if math.isnan(guess) else PASSES):
+        at = guess * (1 + NEAR * SHARES)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", sc.PerformanceWarning)  # of full matrices
+            path = asked.path(scene, sc.DisplacementControl(scene.point, direction, at=at))
+        values = [
+            [path["load_factor"][k], *scene.displacement(path, k), scene.angle(path, k)]
+            for k in range(-len(SHARES), 0)
+        ]
+        series = np.linalg.solve(np.vander(SHARES), values)
+        slopes = np.polyval(np.polyder(series[:, 0]), SHARES)
+        top = static_scenes.zero(slopes, SHARES)
+        if abs(top) <= 1:
+            load, x, y, z, angle = series.T @ np.vander([top], len(SHARES))[0]
+            return LimitPoint(float(load), np.array([x, y, z]), float(angle))
+        guess *= 1 + NEAR * float(np.clip(top, -5, 5))
+    asked.cost.converged = False
+    return NOTHING
 
 
 def extrapolated(values: Sequence[Any], ratio: float) -> np.ndarray:
@@ -353,6 +393,7 @@ def held(
     data: Mapping[str, Any],
     scale: float,
     solve: Callable[[float, float, sc.Theory, int], Mapping[str, Any]],
+    counts: Sequence[int] = (),
 ) -> dict[str, Any]:
     """Numbers of a rod without shear, and without extension where EA is None, by its theory.
 
@@ -368,13 +409,15 @@ def held(
         A force: bending stiffness by the square of a length. Of its size are the stiffnesses
         against strains that the theory holds at zero; they have no effect.
     solve : callable
-        ``solve(EA, GA, theory, elements)`` gives the numbers.
+        ``solve(EA, GA, theory, elements)`` gives the numbers; called for the coarsest mesh first.
+    counts : sequence of int, optional
+        Elements of other meshes than these three, from many to few.
     """
     theory = sc.TheoryInextensible() if data["EA"] is None else sc.TheoryKirchhoff()
     stiff = 1e4 * scale
     EA = stiff if data["EA"] is None else data["EA"]
-    counts = levels(asked.elements, asked.order, LEAST)
-    found = [solve(EA, stiff, theory, count) for count in counts]
+    counts = counts or levels(asked.elements, asked.order, LEAST)
+    found = [solve(EA, stiff, theory, count) for count in reversed(counts)][::-1]
     return {
         name: listed(refined([f[name] for f in found], counts, asked.order)) for name in found[0]
     }
