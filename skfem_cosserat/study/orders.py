@@ -267,6 +267,8 @@ def _cosine(a: Array, b: Array) -> float:
 
 def _judged(trend: _Trend) -> tuple[float, float, str]:
     """Order, spread, and why there is no order (empty: there is one)."""
+    if trend.g.any() and trend.all_levels > 1 and not trend.sizes.any():
+        return np.nan, np.nan, "no order: all levels are identical, nothing depends on their size"
     pairs = trend.pairwise()
     if trend.all_levels < LEVELS:
         return np.nan, np.nan, _with_pairs("fewer than four levels", pairs)

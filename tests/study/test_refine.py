@@ -270,6 +270,13 @@ def test_verdicts_without_order(errors, words):
     assert math.isnan(found.order)
 
 
+@pytest.mark.parametrize("count", [2, 5])
+def test_what_no_level_changes(count):
+    found = judged([0.1] * count)
+    assert found.verdict == "no order: all levels are identical, nothing depends on their size"
+    assert math.isnan(found.order) and not found.asymptotic
+
+
 def test_rounding_is_seen_or_declared():
     """Noise of 1e-10 that stops the fall; declared noise takes levels away before it shows."""
     noise = 1e-10 * np.array([0.3, -0.8, 0.5, 0.9, -0.7, 1.0, -0.9, 0.95])
