@@ -10,13 +10,18 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from ..body import MassPoint
+from ..coupling import Cable, SpringDamper
 from ..errors import ModelWarning
 from ..frames import is_beam
 from ..types import IndexArray
 from ..warn import warn
 
 if TYPE_CHECKING:
+    from .groups import Structure
     from .system import System
+
+#: force elements that act along a line, and how many of them count as meant to hold a part
+LINES, FIRM = (SpringDamper, Cable), 3
 
 __all__ = ["Connected", "connected_parts", "warn_of_loose_parts"]
 
@@ -43,8 +48,8 @@ class Connected:
         return f"{count} separate parts, {tied or 'none'} of them tied to the ground"
 
 
-def connected_parts(system: System) -> Connected:
-    """Those of a system.
+def connected_parts(system: System, lines: bool = True) -> Connected:
+    """Those of a system; without `lines`, springs and cables along lines connect nothing.
 
     Examples
     --------
@@ -60,7 +65,8 @@ def connected_parts(system: System) -> Connected:
     links = [group.rows[:, [0, k]] for group in system.groups for k in range(group.rows.shape[1])]
     own = g.inside
     links.append(np.stack([g.cols[own] // 3, rows + g.rows[own]], axis=1))
-    ends = [[system.row_of(c.a), system.row_of(c.b)] for c in system.couplings.items]
+    joining = [c for c in system.couplings.items if lines or not isinstance(c, LINES)]
+    ends = [[system.row_of(c.a), system.row_of(c.b)] for c in joining]
     ends += [pair for each in system.couplings.functions for pair in each.pairs.tolist()]
     pairs = np.array(ends, dtype=np.int64).reshape(-1, 2)
     inside = (pairs < rows).all(axis=1)
@@ -75,31 +81,58 @@ def connected_parts(system: System) -> Connected:
 
 
 def warn_of_loose_parts(system: System) -> None:
-    """Say which beams and bodies hang on nothing while other parts of the scene are tied.
+    """Say which beams and bodies hang on nothing, or on a spring, while other parts are tied.
 
-    They may be meant to fly: what starts with a velocity, or has a load of its own, is left out, as
-    are scenes of which nothing is tied.
+    They may be meant to fly: what starts with a velocity is left out, of those on nothing also what
+    has a load of its own, and scenes of which nothing is tied.
     """
-    found = connected_parts(system)
-    if found.free.all() or not found.free.any():
-        return
-    moving = np.unique(found.part[np.any(system.v0.reshape(-1, 3) != 0, axis=1)])
+    found, firm = connected_parts(system), connected_parts(system, lines=False)
     loaded = {id(item) for load in system.loads for item in load.references()}
-    loose = []
+    resting = _resting(system, found)
+    loose = [item for items in resting.values() for item in items if id(item[0]) not in loaded]
+    if loose:
+        warn(
+            "model",
+            f"has {found}; {_listed(loose)} at rest, on no joint or spring that leads to the"
+            " ground, and under no load but gravity: is a joint missing?",
+            ModelWarning,
+        )
+    springs = [c for c in system.couplings.items if isinstance(c, LINES)]
+    rows = {id(c): [system.row_of(c.a), system.row_of(c.b)] for c in springs}
+    alone = {id(item) for items in resting.values() for item, _ in items}
+    for part, items in _resting(system, firm).items():
+        on = [
+            c for c in springs if any(firm.part[r] == part for r in rows[id(c)] if r < system.rows)
+        ]
+        if len(on) < FIRM and not any(id(item) in alone for item, _ in items):
+            warn(
+                "model",
+                f"{_listed(items)} held by {' and '.join(c.label for c in on)} alone, which leaves"
+                " all motions but along the line: right if it is meant, else a joint is missing",
+                ModelWarning,
+            )
+
+
+def _resting(system: System, found: Connected) -> dict[int, list[tuple[Structure, str]]]:
+    """Beams and bodies with their names, by free parts at rest; none where no part is tied."""
+    out: dict[int, list[tuple[Structure, str]]] = {}
+    if found.free.all() or not found.free.any():
+        return out
+    moving = np.unique(found.part[np.any(system.v0.reshape(-1, 3) != 0, axis=1)])
     for item in system.structures:
         if id(item) not in system.first or isinstance(item, MassPoint):
             continue
         row = system.first[id(item)][1]
         own = np.unique(found.part[row : row + 4 * (item.basis.n_nodes if is_beam(item) else 1)])
         alone = own[found.free[own] & ~np.isin(own, moving)]
-        if len(alone) and id(item) not in loaded:
-            loose.append(item.label if len(alone) == len(own) else f"a part of {item.label}")
-    if loose:
-        many = len(loose) > 1
-        names = ", ".join(loose[:4]) + (f" and {len(loose) - 4} more" if len(loose) > 4 else "")
-        warn(
-            "model",
-            f"has {found}; {names} {'are' if many else 'is'} at rest, on no joint or spring that"
-            " leads to the ground, and under no load but gravity: is a joint missing?",
-            ModelWarning,
-        )
+        if len(alone):
+            name = item.label if len(alone) == len(own) else f"a part of {item.label}"
+            out.setdefault(int(alone[0]), []).append((item, name))
+    return out
+
+
+def _listed(items: list[tuple[Structure, str]]) -> str:
+    """Some names, and the verb that goes with them."""
+    names = ", ".join(name for _, name in items[:4])
+    more = f" and {len(items) - 4} more" if len(items) > 4 else ""
+    return f"{names}{more} {'are' if len(items) > 1 else 'is'}"

@@ -514,6 +514,7 @@ def by_hand(x, v, t):
     return eye, np.zeros((2, 3, 2, 3))
 
 
+@pytest.mark.filterwarnings("ignore:model. .* is held by spring 'link':skfem_cosserat.ModelWarning")
 @schemes
 @treatments
 @pytest.mark.parametrize("slopes", [None, by_hand], ids=["complex step", "slopes"])
