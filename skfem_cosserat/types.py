@@ -41,6 +41,9 @@ VectorLike: TypeAlias = Sequence[float] | NDArray[np.float64]
 MOST = 10**12
 #: so many names a message lists, and so many that are like the one asked for
 LISTED, ALIKE = 12, 3
+#: other words for the places of a beam
+SYNONYMS = dict.fromkeys(("begin", "beginning", "first"), "start")
+SYNONYMS |= dict.fromkeys(("last", "stop", "finish"), "end")
 
 
 def numbers(item: str, name: str, value: Any) -> Floats:
@@ -146,12 +149,21 @@ def names_known(name: object, known: Iterable[object], what: str = "known", ask:
     "did you mean 'tip'? known: 'root', 'tip'"
     >>> names_known("angle", [f"joint/{k}/angle" for k in range(30)], ask="list(history)")
     "did you mean 'joint/0/angle', 'joint/1/angle' or 'joint/2/angle'? (all: list(history))"
+    >>> names_known("rod.begin", ["rod.start", "rod.end"])
+    "did you mean 'rod.start'? known: 'rod.start', 'rod.end'"
     """
     names = list(dict.fromkeys(map(str, known)))
-    wanted = str(name)
+    beam, dot, place = str(name).rpartition(".")
+    wanted = beam + dot + (SYNONYMS.get(place, place) if dot else place)
     near = [each for each in names if wanted and wanted in each][:ALIKE]
-    near = near or get_close_matches(wanted, names, ALIKE, cutoff=0.75)
-    near = near or get_close_matches(wanted, names, 1)
+    of_beam = [each for each in names if dot and each.startswith(beam + dot)]
+    if of_beam and not near:  # what all of them begin with makes none of them alike
+        start = len(beam + dot)
+        tails = get_close_matches(wanted[start:], [each[start:] for each in of_beam], 1)
+        near = [beam + dot + tail for tail in tails]
+    elif not near:
+        near = get_close_matches(wanted, names, ALIKE, cutoff=0.75)
+        near = near or get_close_matches(wanted, names, 1)
     quoted = [repr(each) for each in near]
     either = " or ".join([", ".join(quoted[:-1]), *quoted[-1:]][len(quoted) < 2 :])
     question = f"did you mean {either}?" if near else ""

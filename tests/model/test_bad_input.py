@@ -327,8 +327,17 @@ def test_a_forgotten_joint():
     assert model.freeze().warnings == []
     model = arm_and_hand()
     ends = [model[name].at(model[name].position) for name in ("arm", "hand")]
+    ends[1] = model["hand"].at((0, 0, -0.5))
     model.add("muscle", sc.SpringDamper(*ends, 10.0))
-    assert str(model.freeze()).endswith("1 connected part, tied to the ground; 1 joint")
+    with pytest.warns(sc.ModelWarning, match="'hand' is held by spring 'muscle' alone, .* is miss"):
+        assert str(model.freeze()).endswith("1 connected part, tied to the ground; 1 joint")
+    model.add("elbow", JointSpherical(*(model[name].at((0, 0, -0.5)) for name in ("arm", "hand"))))
+    assert model.freeze().warnings == []
+    crane = arm_and_hand()
+    for k in range(3):  # as many hold what hangs on them
+        shift = np.array((k, k % 2, 0.5))
+        crane.add(f"rope {k}", sc.Cable(sc.ground(shift), crane["hand"].at((0, 0, -1)), 9.0))
+    assert crane.freeze().warnings == []
     free = Model()
     for k in range(2):
         free.add(f"ball {k}", body(position=(k, 0, 0)))
@@ -339,8 +348,13 @@ def test_a_forgotten_joint():
 
 def test_names_that_do_not_exist():
     """A similar name is asked for, long lists are cut."""
-    words = ["node 'two.stop'", "in the mesh of beams 'one', 'two'", "did you mean 'two.start'"]
-    refused(lambda: TWO.node("two.stop"), words)
+    words = ["node 'two.strat'", "in the mesh of beams 'one', 'two'", "did you mean 'two.start'?"]
+    refused(lambda: TWO.node("two.strat"), words)
+    for word, end in {"begin": "start", "first": "start", "last": "end", "stop": "end"}.items():
+        refused(lambda word=word: TWO.node(f"two.{word}"), [f"did you mean 'two.{end}'?"])
+    refused(
+        lambda: TWO.node("two.tip"), ["'one', 'two'; known nodes: 'one.start'"]
+    )  # none is like it
     refused(lambda: TWO.node("xyz"), ["known nodes: 'one.start', 'one.end', 'two.start'"])
     model = Model()
     arm = model.add("arm", body())
