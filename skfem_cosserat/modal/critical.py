@@ -13,7 +13,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 from ..diagnostics.stacked import balancing_multipliers, blocks_matrix, congruent, curvature_matrix
 from ..errors import CosseratError, InputError
 from ..history import History
-from ..model import Model, System
+from ..model import System, takes_scene
 from ..model.balance import Amplitudes, amplitudes_at, balance
 from ..types import Floats
 from ..warn import Notices, counted
@@ -88,8 +88,9 @@ class Buckling:
         return animation(self._at, 0j, self.reduced[k], amplitude, frames, periods, k)
 
 
+@takes_scene
 def buckling(
-    model: Model | System,
+    model: System,
     count: int = 3,
     *,
     sign: Sign = "positive",

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..history import History
-from ..model import Model, System
+from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..model.loops import closed, tree_values
 from ..model.reparametrisation import Reparametrisation
@@ -246,8 +246,9 @@ class Modes:
         return animation(self._at, s, x, amplitude, frames, periods, k)
 
 
+@takes_scene
 def modes(
-    model: Model | System,
+    model: System,
     state: StateLike | None = None,
     count: int = 6,
     *,

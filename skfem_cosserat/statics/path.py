@@ -17,7 +17,7 @@ from ..history import History
 from ..integrators import State
 from ..integrators.choice import choose, estimated_seconds, static_refusal
 from ..linear import SingularMatrixError, Solver
-from ..model import Model, System, system_of
+from ..model import System, takes_scene
 from ..model.balance import Spin, balance
 from ..model.limits import over_rotated_beam
 from ..newton import NewtonReport, NewtonSettings
@@ -505,8 +505,9 @@ STATIC = NewtonSettings(iterations=25, rotation=1e3, mixed=1e-9, largest=100.0)
 ITERATIONS = 5
 
 
+@takes_scene
 def static(
-    model: Model | System,
+    model: System,
     treatment: Treatment | None = None,
     control: Control | None = None,
     *,
@@ -614,7 +615,7 @@ def static(
     >>> bool(abs(path.position(end)[-1]).max() < 1e-3), float(path["load_factor"][-1])
     (True, 1.0)
     """
-    system = system_of(model, "argument model")
+    system = model
     with Notices(system.warnings, CLOCK_OF_PATHS) as notices:
         treatment = NullSpace() if treatment is None else treatment
         control = LoadControl() if control is None else control

@@ -371,6 +371,13 @@ def test_what_is_free_out_of_the_plane_only_is_held(treatment: Any):
         sc.static(hanging.freeze(planar=sc.Planar()), treatment)
 
 
+@pytest.mark.parametrize("verb", [sc.static, sc.modes, sc.buckling, sc.simulate])
+def test_the_plane_is_asked_for_where_a_scene_is_frozen(verb):
+    model, _ = cantilever(IDENTITY, elements=1)
+    with pytest.raises(TypeError, match=rf"{verb.__name__}\(\) .* model.freeze\(planar=sc.Planar"):
+        verb(model, planar=sc.Planar())
+
+
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 def test_elastica_beyond_its_critical_load(treatment: Any):
     """The column's way out of the plane is stiffer: both see the same bifurcation and branch."""
