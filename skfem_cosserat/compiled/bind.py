@@ -24,6 +24,7 @@ from . import (
     loads,
     nodes,
     rows,
+    static,
     stored,
     structures,
     tree,
@@ -216,7 +217,7 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
     static : bool
         For a balance at rest: loads are evaluated in each iteration.
     """
-    unused = set()
+    unused = {"hold"}
     if not system.tree.edges:
         unused |= {name for name in TREE_PARTS if name.startswith("joint")}
     if not len(system.left_rows):
@@ -237,7 +238,7 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
         unused.add("beam_finish")
     if not static and system.loading.dead_only and system.drag is None:
         unused.add("load")
-    if static or not system.couplings.count:
+    if not system.couplings.items:
         unused.add("couple")
     return [name for name in (*TREE_PARTS, *BEAM_PARTS) if name not in unused]
 
@@ -291,7 +292,7 @@ def addresses(
 
 def part_named(name: str, family: str = "tree") -> Any:
     """The function of this name."""
-    modules = [nodes, tree, rows, blocks, elements, loads, couplings]
+    modules = [nodes, tree, rows, blocks, elements, loads, couplings, static]
     if family == "plane":
         modules = [*plane_parts(), *modules]
     if family == "by law":
@@ -483,6 +484,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         **bound_following(system, plan),
         **bound_couplings(system, plan),
         **bound_elements(system, plan),
+        "hold": np.zeros(4),
     }
     return structures.tree(tuple(fields[name] for name in structures.TREE)), fields
 
@@ -594,6 +596,10 @@ def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
                 linear.append((e, place[k + n], a, n, v, i, *slots))
                 own.append(c)
     vertices = {v for row in products for v in (row[4], row[6])} | {row[4] for row in linear}
+    pairs = []
+    for k, each in enumerate(plan.rows, count):
+        inner = [v for v in each.vertices if v < count]
+        pairs += [(plan.slot[u, k], plan.slot[k, v], plan.slot[u, v]) for u in inner for v in inner]
     turned = np.zeros((len(cosines.row), 16), dtype=np.int64)
     turned[:, [rows.BLOCK, rows.LEFT, rows.RIGHT]] = np.column_stack(cosines[:3])
     turned[:, [rows.DRIVE, rows.COMPONENT]] = np.column_stack(cosines[4:6])
@@ -604,6 +610,7 @@ def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
         "row_linear_factors": np.array(own, dtype=float),
         **of_blocks(system, plan, numbers, terms.constant),
         "row_vertices": integers(sorted(vertices - {-1})),
+        "row_pairs": np.array(pairs, dtype=np.int64).reshape(-1, 3),
         "cosines": turned,
         "cosine_factors": np.array(cosines.factor, dtype=float),
         "cosine_constant": np.array(cosines.constant, dtype=float),

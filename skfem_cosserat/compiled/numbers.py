@@ -43,17 +43,17 @@ TREE_PARTS = (
     *("finish", "better", "nodal_mass_matrix", "factor", "sweep"),
     *("joint_begin", "joint_add", "joint_move", "joint_maps", "joint_reduce", "joint_curvature"),
     *("row_force", "row_matrix", "row_branch"),
-    *("load", "couple", "element_curvature"),
+    *("load", "couple", "element_curvature", "hold"),
 )
 BEAM_PARTS = ("beam_start", "beam_force", "beam_tangent", "beam_predicted", "beam_finish")
 BEGIN, MOVE, BALANCE, SIZE, CLEAR, NODE_MATRIX, CAP, PREDICT_CHANGES = range(8)
 FINISH, BETTER, NODAL_MASS_MATRIX, FACTOR, SWEEP = range(8, 13)
 JOINT_BEGIN, JOINT_ADD, JOINT_MOVE, JOINT_MAPS, JOINT_REDUCE, JOINT_CURVATURE = range(13, 19)
 ROW_FORCE, ROW_MATRIX, ROW_BRANCH = 19, 20, 21
-LOAD, COUPLE, ELEMENT_CURVATURE = 22, 23, 24
-BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(25, 30)
+LOAD, COUPLE, ELEMENT_CURVATURE, HOLD = 22, 23, 24, 25
+BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(26, 31)
 #: place of the address of ``double f(int64 stage)``, by which Python code is called back; stages
-CALLED_BACK = 30
+CALLED_BACK = 31
 AT_BEGIN, AT_FORCE, AT_PREDICTED, AT_MATRIX = range(4)
 
 #: what beams of a stored energy ask for: stresses by strains, and their derivative

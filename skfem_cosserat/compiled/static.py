@@ -2,7 +2,7 @@
 
 Statics take the same parts as a step: without masses, at the end of the step, with the loads of
 each iteration. Here are the few calls that its Newton loop, with the load factor as an unknown,
-makes of them.
+makes of them; and the part that makes up for the masses, :func:`hold`.
 """
 
 from __future__ import annotations
@@ -14,11 +14,74 @@ import numpy as np
 from ..types import Floats, IndexArray
 from . import numbers as n
 from .blocks import invert_exchanging
-from .jit import call, call_beams, jit
+from .jit import call, call_beams, inlined, jit, part
 from .nodes import twist_force
 from .step import evaluate, matrix, start
 
-__all__ = ["begin", "move", "nearest", "pivots", "pull", "push", "solve"]
+__all__ = ["begin", "hold", "move", "nearest", "pivots", "pull", "push", "solve"]
+
+#: stiffness of what is held against the largest number in the matrix
+HELD = 10.0
+#: place in ``s.hold``, behind the normal of the plane in which a scene stays (zero: none)
+STIFFNESS = 3
+
+
+@inlined
+def largest_entry(A: Floats) -> float:
+    """Largest magnitude."""
+    out = 0.0
+    for k in range(A.shape[0]):
+        for r in range(6):
+            for c in range(6):
+                out = max(out, abs(A[k, r, c]))
+    return out
+
+
+@inlined
+def hold_plane(s: Any, m: Any, A: Floats, stiffness: float) -> None:
+    """Hold all vertices against motions out of the plane: they are not among its unknowns."""
+    normal, diag, framed = s.hold, m.diag, s.framed
+    confined = normal[0] != 0.0 or normal[1] != 0.0 or normal[2] != 0.0
+    for v in range(len(framed) if confined else 0):
+        for i in range(3):
+            for j in range(3):
+                along = stiffness * normal[i] * normal[j]
+                A[diag[v], i, j] += along
+                if framed[v]:
+                    A[diag[v], 3 + i, 3 + j] -= along
+            if framed[v]:
+                A[diag[v], 3 + i, 3 + i] += stiffness
+
+
+@inlined
+def hold_rows(s: Any, A: Floats, stiffness: float) -> None:
+    """Hold what constraint rows with multipliers hold: ``A += stiffness G^T G``."""
+    pairs = s.row_pairs
+    for k in range(len(pairs)):
+        left, right, own = pairs[k, 0], pairs[k, 1], pairs[k, 2]
+        for i in range(6):
+            for c in range(6):
+                f = stiffness * A[left, i, c]
+                for j in range(6):
+                    A[own, i, j] += f * A[right, c, j]
+
+
+@part
+def hold(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Stiffness against motions that are none of a scene's, so that all pivots are regular.
+
+    Without masses a tree is a mechanism where only constraint rows hold it, and what stays in a
+    plane may fall over. Neither changes the increments, but for the multipliers: :func:`solve` puts
+    that right. Nothing in a plane couples with motions out of it.
+    """
+    size = largest_entry(w.A)
+    if len(w.C_child):
+        size = max(size, largest_entry(w.C_child), largest_entry(w.C_parent))
+    stiffness = HELD * size if size > 0.0 else 1.0
+    s.hold[STIFFNESS] = stiffness
+    hold_plane(s, m, w.A, stiffness)
+    hold_rows(s, w.A, stiffness)
+    return 0.0
 
 
 @jit
@@ -66,11 +129,11 @@ def solve(
 ) -> bool:
     """Minus solutions for residuals (k, nv, 6); False: the matrix is singular.
 
-    increments (k, 2, nv, 6) are those of own coordinates, then as twists. With `mixed` the matrix
-    is that of the stresses predicted last.
+    increments (k, 2, nv, 6) are those of own coordinates, then as twists; rows behind the vertices
+    are those of multipliers. With `mixed` the matrix is that of the stresses predicted last.
     """
     regular = matrix(p, s, m, w, g, numbers, mixed)
-    b, x, twist = w.b, w.x, w.twist
+    b, x, twist, count = w.b, w.x, w.twist, len(s.framed)
     for k in range(residuals.shape[0]):
         for v in range(b.shape[0]):
             for c in range(6):
@@ -78,7 +141,9 @@ def solve(
         call(p[n.SWEEP], s, m, w, numbers, 0)
         for v in range(b.shape[0]):
             for c in range(6):
-                increments[k, 0, v, c] = x[v, c]
+                # the rows' own stiffness has taken its share
+                held = s.hold[STIFFNESS] * b[v, c] if v >= count else 0.0
+                increments[k, 0, v, c] = x[v, c] - held
                 increments[k, 1, v, c] = twist[v, c]
                 x[v, c] = 0.0
     return regular
@@ -110,16 +175,20 @@ def push(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, what: i
 
 @jit
 def pivots(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, out: Floats) -> bool:
-    """Of the stiffness at y_1: out (5,), as below; False: singular.
+    """Of the stiffness at y_1: out (7,), as below; False: singular.
 
     Pivots of an elimination without exchange of rows inside each block that is left after those
     before it, taken as symmetric: how many are negative, which is the number of negative
-    eigenvalues (Sylvester's law of inertia), the smallest and the largest. How far the blocks are
-    from symmetric, and the sign of the determinant.
+    eigenvalues (Sylvester's law of inertia), but for one by each constraint row with a multiplier;
+    the smallest and the largest of vertices. How far the blocks are from symmetric, and the sign of
+    the determinant. The smallest and the largest of constraint rows.
     """
     regular = matrix(p, s, m, w, g, numbers, 0)
     A, S, W, inverse = w.A, np.empty((6, 6)), w.scratch, w.inverse
-    out[0], out[1], out[2], out[3], out[4] = 0.0, np.inf, 0.0, 0.0, 1.0
+    for k in range(len(out)):
+        out[k] = 0.0
+    out[1], out[4], out[5] = np.inf, 1.0, np.inf
+    count = len(s.framed)
     for v in range(len(m.diag)):
         k = m.diag[v]
         out[4] *= invert_exchanging(A, k, W, inverse, v)
@@ -127,13 +196,19 @@ def pivots(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, out: 
             for c in range(6):
                 S[i, c] = A[k, i, c]
         for i in range(6):
-            for r in range(i):
+            for r in range(i if v < count else 0):
                 out[3] = max(out[3], abs(S[r, i] - S[i, r]))
         for i in range(m.size[v]):
             pivot = S[i, i]
-            out[0] += pivot < 0.0
-            out[1] = min(out[1], abs(pivot))
-            out[2] = max(out[2], abs(pivot))
+            if v < count:
+                out[0] += pivot < 0.0
+                out[1] = min(out[1], abs(pivot))
+                out[2] = max(out[2], abs(pivot))
+            elif s.row_on[v - count, i] != 0.0:
+                out[0] -= pivot > 0.0
+                out[4] = -out[4]
+                out[5] = min(out[5], abs(pivot))
+                out[6] = max(out[6], abs(pivot))
             for r in range(i + 1, 6):
                 factor = 0.5 * (S[r, i] + S[i, r]) / pivot
                 for c in range(i + 1, 6):

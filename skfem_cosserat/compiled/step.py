@@ -123,6 +123,8 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
         call(p[n.JOINT_CURVATURE], s, m, w, numbers, mixed)
     if p[n.ROW_MATRIX]:
         call(p[n.ROW_MATRIX], s, m, w, numbers, 0)
+    if p[n.HOLD]:
+        call(p[n.HOLD], s, m, w, numbers, 0)
     return call(p[n.FACTOR], s, m, w, numbers, 0) != 0.0
 
 

@@ -270,7 +270,8 @@ CONSTRAINED = (
     "element_turned",
     "element_slot",
 )
-#: vertices, edges (joints from parent to child) and their coordinates
+#: vertices, edges (joints from parent to child) and their coordinates; what holds an equilibrium,
+#: see :mod:`.static`
 TREE = (
     *(
         "row",
@@ -294,12 +295,13 @@ TREE = (
     *("centre_row", "centre_offset", "centre_vertex"),
     *("mass_data", "mass_indices", "mass_indptr"),
     *("row_products", "row_factors", "row_linear", "row_linear_factors", "row_constant"),
-    *("row_size", "row_on", "row_vertices", "row_triple", "row_owner"),
+    *("row_size", "row_on", "row_vertices", "row_pairs", "row_triple", "row_owner"),
     *("cosines", "cosine_factors", "cosine_constant", "cosine"),
     *("triple", "frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *FOLLOWING,
     *COUPLINGS,
     *CONSTRAINED,
+    "hold",
 )
 #: the order of elimination, neighbours still to come, slots of blocks; how many are eliminated in
 #: blocks, and what is called back to solve for the rest (0: none)

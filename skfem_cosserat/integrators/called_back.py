@@ -24,12 +24,13 @@ from ..compiled.numbers import (
 )
 from ..kernels import skew
 from ..model import System
+from ..model.balance import Amplitudes
 from ..model.force_elements import CoupledForce, CoupledStart, Couplings
 from ..model.groups import BeamGroup
 from ..types import Floats, IndexArray
 from .scheme import Scheme, State, StepWork
 
-__all__ = ["CalledBack", "CalledLaws", "coupled", "trapezoidal_work"]
+__all__ = ["CalledAtRest", "CalledBack", "CalledLaws", "coupled", "trapezoidal_work"]
 
 
 def coupled(
@@ -176,6 +177,110 @@ class CalledLaws(Called):
         self._arrays["S"][:] = np.nan
 
 
+class RowBlocks:
+    """3x3 blocks at pairs of rows of y, added to the matrix of compiled steps.
+
+    Parameters
+    ----------
+    system : System
+    pairs : (k, 2) int array
+        Rows (a, b) of y.
+    slot : dict
+        Number of the block of two vertices.
+    arrays : namespace
+        Arrays of the compiled steps: y1, A.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        pairs: IndexArray,
+        slot: dict[tuple[int, int], int],
+        arrays: SimpleNamespace,
+    ) -> None:
+        self._pairs, self._arrays = pairs, arrays
+        width = arrays.A.shape[1]  # 6x6 by velocities, or 12x12 by coordinates
+        self._reduced = width == 6
+        sizes = np.where(system.is_frame, 4, 1)
+        first = np.array(system.origin_rows)
+        vertex, local = np.zeros(system.rows, dtype=np.int64), np.zeros(system.rows, dtype=np.int64)
+        for v, (r, size) in enumerate(zip(first, sizes, strict=True)):
+            vertex[r : r + size], local[r : r + size] = v, np.arange(size)
+        a, b = pairs.T
+        slots = np.array([slot[u, v] for u, v in zip(vertex[a], vertex[b], strict=True)], dtype=int)
+        self._turned = np.flatnonzero(local[a] > 0), np.flatnonzero(local[b] > 0)
+        if self._reduced:
+            local = np.minimum(local, 1)
+        i = 3 * local[a][:, None, None] + np.arange(3)[:, None]
+        j = 3 * local[b][:, None, None] + np.arange(3)
+        self._entries: IndexArray = (width * (width * slots[:, None, None] + i) + j).ravel()
+
+    def add(self, blocks: Floats, left: Floats) -> None:
+        """Add derivatives (k, 3, 3) of the forces on rows a by rows b of y_1.
+
+        Velocities of the rows a are those at the configuration `left`.
+        """
+        arrays = self._arrays
+        if self._reduced:
+            (a, b), (turned, by) = self._pairs.T, self._turned
+            blocks[turned] = skew(left[a[turned]]) @ blocks[turned]
+            blocks[by] = blocks[by] @ -skew(arrays.y1[b[by]])
+        np.add.at(arrays.A.reshape(-1), self._entries, blocks.ravel())
+
+
+class CalledAtRest(Called):
+    """Loads that are functions, and centrifugal forces, in compiled iterations at rest.
+
+    Parameters
+    ----------
+    system : System
+    spin : bool
+        Whether everything is seen from a turning frame.
+    slot, arrays
+        See :class:`RowBlocks`; of the arrays also external.
+    """
+
+    def __init__(
+        self, system: System, spin: bool, slot: dict[tuple[int, int], int], arrays: SimpleNamespace
+    ) -> None:
+        stages: dict[int, Callable[[], None]] = {
+            AT_BEGIN: lambda: None,
+            AT_FORCE: self._add_force,
+            AT_PREDICTED: lambda: None,
+            AT_MATRIX: self._add_blocks,
+        }
+        super().__init__(stages)
+        self._system, self._arrays, self._spin = system, arrays, spin
+        self._functions = system.couplings_of([], system.couplings.functions)
+        self._mass = system.mass.tocoo()
+        mass = np.stack([self._mass.row, self._mass.col], -1)[: self._mass.nnz * spin]
+        self._blocks = RowBlocks(
+            system, np.concatenate([self._functions.pairs, mass]), slot, arrays
+        )
+
+    def take(self, amplitudes: Amplitudes) -> None:
+        """Evaluate with these from now on."""
+        self._amplitudes = amplitudes
+        own = amplitudes.actuators[-len(self._functions.times) - 1 :]
+        y0 = self._arrays.y0.copy()
+        self._start = self._functions.starting(y0, None, own, 1.0, amplitudes.time)
+
+    def _add_force(self) -> None:
+        a, spin = self._arrays, self._amplitudes.spin
+        self._found = self._functions.static(self._start, a.y1.copy())
+        a.external[:] -= self._found.force[: self._system.rows]
+        if spin is not None:
+            a.external[:] += spin.centrifugal(self._system, a.y1)
+
+    def _add_blocks(self) -> None:
+        blocks, spin = self._functions.tangent(self._found, 1.0), self._amplitudes.spin
+        if self._spin:
+            square = np.zeros((3, 3)) if spin is None else spin.square
+            own = self._mass.data[:, None, None] * square
+            blocks = np.concatenate([blocks, own])
+        self._blocks.add(blocks, self._arrays.y1)
+
+
 class CalledBack:
     """Force elements, and loads that are functions, of a scene in compiled steps.
 
@@ -204,7 +309,7 @@ class CalledBack:
     ) -> None:
         self.system, self.couplings, self._arrays = system, couplings, arrays
         self._scheme: Scheme | None = None
-        self._place(slot)
+        self._blocks = RowBlocks(system, couplings.pairs, slot, arrays)
         stages: dict[int, Callable[[], None]] = {
             AT_BEGIN: self._begin,
             AT_FORCE: self._add_force,
@@ -213,24 +318,6 @@ class CalledBack:
         }
         self._called = Called(stages)
         self.address = self._called.address
-
-    def _place(self, slot: dict[tuple[int, int], int]) -> None:
-        """Where blocks go in the matrix: 6x6 by velocities, or 12x12 by coordinates."""
-        system, width = self.system, self._arrays.A.shape[1]
-        self._reduced = width == 6
-        sizes = np.where(system.is_frame, 4, 1)
-        first = np.array(system.origin_rows)
-        vertex, local = np.zeros(system.rows, dtype=np.int64), np.zeros(system.rows, dtype=np.int64)
-        for v, (r, size) in enumerate(zip(first, sizes, strict=True)):
-            vertex[r : r + size], local[r : r + size] = v, np.arange(size)
-        a, b = self._pairs = self.couplings.pairs.T
-        slots = np.array([slot[u, v] for u, v in zip(vertex[a], vertex[b], strict=True)], dtype=int)
-        self._turned = np.flatnonzero(local[a] > 0), np.flatnonzero(local[b] > 0)
-        if self._reduced:
-            local = np.minimum(local, 1)
-        i = 3 * local[a][:, None, None] + np.arange(3)[:, None]
-        j = 3 * local[b][:, None, None] + np.arange(3)
-        self._entries: IndexArray = (width * (width * slots[:, None, None] + i) + j).ravel()
 
     def begin(self, state: State, h: float, scheme: Scheme, rates0: Floats | None) -> None:
         """What is fixed in a step of size h (s) after a state."""
@@ -270,14 +357,8 @@ class CalledBack:
 
     def _add_blocks(self) -> None:
         assert self._scheme is not None
-        arrays = self._arrays
-        out = self.couplings.tangent(self._found, self._scheme.force)
-        if self._reduced:
-            (a, b), (left, right) = self._pairs, self._turned
-            y = arrays.y0 if self._scheme.weight == 0 else arrays.mid
-            out[left] = skew(y[a[left]]) @ out[left]
-            out[right] = out[right] @ -skew(arrays.y1[b[right]])
-        np.add.at(arrays.A.reshape(-1), self._entries, out.ravel())
+        left = self._arrays.y0 if self._scheme.weight == 0 else self._arrays.mid
+        self._blocks.add(self.couplings.tangent(self._found, self._scheme.force), left)
 
     def complain(self) -> None:
         """Raise what could not be raised when compiled code called."""

@@ -47,26 +47,20 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
         treatment,
         (NullSpace, Multipliers),
         {
-            "the full system of multipliers": isinstance(treatment, Multipliers) and treatment.full,
+            **_whole(treatment),
             "damped beams at the ends of steps": scheme.at_end and system.damped,
         },
     )
 
 
-def static_refusal(system: System, treatment: Treatment, spin: object) -> str | None:
-    """Why equilibria of a scene cannot be found by compiled kernels; None: they can."""
-    return _missing(
-        treatment,
-        (NullSpace,),
-        {
-            "closed loops": len(system.closure.rows) > 0,
-            "springs, dampers and actuators": len(system.couplings.items) > 0,
-            "loads that are functions of the motion": len(system.loading.functions) > 0,
-            "scenes confined to a plane": system.plane is not None,
-            "beams that hold strains": len(system.theory_rows) > 0,
-            "a turning frame": spin is not None,
-        },
-    )
+def static_refusal(treatment: Treatment) -> str | None:
+    """Why equilibria cannot be found by compiled kernels; None: they can."""
+    return _missing(treatment, (NullSpace, Multipliers), _whole(treatment))
+
+
+def _whole(treatment: Treatment) -> dict[str, bool]:
+    whole = isinstance(treatment, Multipliers) and treatment.full
+    return {"the full system of multipliers": whole}
 
 
 def in_space(system: System) -> bool:

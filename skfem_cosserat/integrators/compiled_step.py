@@ -106,6 +106,8 @@ class Coupled:
         number = {id(item): k for k, item in enumerate(system.couplings.items)}
         self._angles = [number[id(item)] for item in couplings.angles]
         self._vectors = [(number[id(i)], i) for i in couplings.items if _turns_freely(i)]
+        #: channels of actuators
+        self.channels = len(couplings.times)
         # of each time of an actuator, in their order
         driven = [number[id(item)] for item in couplings.owners]
         self._driven = driven, [AMPLITUDE + driven[:k].count(c) for k, c in enumerate(driven)]
@@ -117,11 +119,18 @@ class Coupled:
     def begin(self, state: State) -> None:
         """Forces of actuators, and full turns at the start of a step."""
         if self._driven[0]:
-            averages = self._couplings.averages(state.time, state.time + self._h)
-            self._columns[self._driven] = averages[:-1]
+            self.drive(self._couplings.averages(state.time, state.time + self._h)[:-1])
+        self.turn(state.turns)
+
+    def drive(self, forces: Floats) -> None:
+        """Take these of the actuators' channels."""
+        self._columns[self._driven] = forces
+
+    def turn(self, turns: IndexArray | None) -> None:
+        """Take these full turns at the start of a step, as in a state."""
         if self._angles:
-            self._couplings.check_turns(state.turns)
-            self._columns[self._angles, TURNS] = 0 if state.turns is None else state.turns
+            self._couplings.check_turns(turns)
+            self._columns[self._angles, TURNS] = 0 if turns is None else turns
 
     def turns(self, time: float) -> IndexArray | None:
         """Full turns of all angles at the end of the step, at a time; None if there are none.

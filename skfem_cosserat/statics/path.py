@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..compiled.plan import Plan
 from ..constraints import NullSpace, Treatment
 from ..diagnostics.forces import overstretched_at
 from ..diagnostics.stacked import reduced_tangent
@@ -16,6 +17,7 @@ from ..errors import AccuracyWarning, Diverged, IncompleteWarning
 from ..history import History
 from ..integrators import State
 from ..integrators.choice import choose, estimated_seconds, static_refusal
+from ..integrators.compiled_step import stepped
 from ..linear import SingularMatrixError, Solver
 from ..model import System, takes_scene
 from ..model.balance import Spin, balance
@@ -627,13 +629,18 @@ def static(
         first, direction = first_point(system, schedule, start)
         if direction is None:
             first = held_start(system, schedule, first)
+
+        def trial(plan: Plan) -> None:
+            own = system, treatment, settings, plan, solver, True
+            CompiledBalance(*own, spin=spin is not None).prepare()
+
         choice = choose(
             kernels,
-            system,
-            static_refusal(system, treatment, spin),
+            stepped(system, treatment, space=True),
+            static_refusal(treatment),
             estimated_seconds(system, control.expected, ITERATIONS),
             solver,
-            trial=lambda plan: CompiledBalance(system, settings, plan, solver, True).prepare(),
+            trial=trial,
         )
         points = PathSolver(system, treatment, schedule, settings, choice, solver)
         continuation = Continuation(system, points, control, watch and system.unknowns > 0)

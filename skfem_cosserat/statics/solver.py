@@ -9,16 +9,27 @@ from typing import Any
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
+from ..compiled.numbers import CALLED_BACK
 from ..compiled.plan import Plan
 from ..constraints import Treatment
 from ..constraints.base import BoundTreatment
+from ..integrators.called_back import CalledAtRest
 from ..integrators.choice import Choice, built
 from ..integrators.compiled_scene import CompiledScene
+from ..integrators.compiled_step import Coupled, stepped
 from ..integrators.scheme import Scheme
 from ..linear import SingularMatrixError, Solver, checked_solver
 from ..model import System
-from ..model.balance import Balance, balance, balance_tangent, external_force, predicted
+from ..model.balance import (
+    Amplitudes,
+    Balance,
+    balance,
+    balance_tangent,
+    external_force,
+    predicted,
+)
 from ..model.limits import over_rotated
+from ..model.reparametrisation import Reparametrisation
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray
 from .critical_points import Pivots, Stability, counted, inspect
@@ -87,6 +98,10 @@ class Problem(ABC):
     @abstractmethod
     def R(self) -> Array:
         """Balance (rows, 3) there, without constraint forces."""
+
+    def solution(self) -> Floats:
+        """A copy of them, from which other steps may start."""
+        return np.array(self.y)
 
     @abstractmethod
     def _evaluate(self) -> float:
@@ -376,33 +391,82 @@ STATE = ("turn", "value", "swing")
 
 
 class CompiledBalance(CompiledScene):
-    """Compiled kernels for the balance of one system at rest, null space method.
+    """Compiled kernels for the balance of one system at rest.
 
-    Parameters and attributes are those of :class:`CompiledScene`.
+    A scene that stays in a plane takes those of space, which hold it there.
+
+    Parameters
+    ----------
+    system : System
+    treatment : Treatment
+    settings, plan, solver, kept_only
+        See :class:`CompiledScene`; the plan is that of :func:`.compiled_step.stepped` in space.
+    spin : bool
+        Whether everything is seen from a turning frame.
+
+    Attributes
+    ----------
+    exact : bool
+        Whether loads alone change with the load factor, all of them in proportion to theirs: their
+        derivative takes no difference quotient.
     """
 
     def __init__(
         self,
         system: System,
+        treatment: Treatment,
         settings: NewtonSettings,
         plan: Plan | None = None,
         solver: Solver | None = None,
         kept_only: bool = False,
+        spin: bool = False,
     ) -> None:
         from ..compiled import static
+        from ..compiled.couplings import DAMPING
 
-        own = system, REST, 1.0, settings, plan, solver
+        self._plane = system.plane
+        own = stepped(system, treatment, space=True), REST, 1.0, settings, plan, solver
         super().__init__(*own, static=True, kept_only=kept_only)
+        system = self.system
         self._static = static
-        count = len(system.origin_rows)
-        self._width = 12 * count
-        self._residuals = np.zeros((2, count, 6))
-        self._increments = np.zeros((2, 2, count, 6))
-        turning = np.zeros((2, count, 6), dtype=bool)
-        turning[0] = self._tree["turning"]
-        self._turning = np.flatnonzero(turning)
-        self._shifting = np.flatnonzero(~turning[0])
+        count, each = len(system.origin_rows), len(self._a.x)
+        self._width = 12 * each
+        self._residuals = np.zeros((2, each, 6))
+        self._increments = np.zeros((2, 2, each, 6))
+        turning = np.zeros((2, each, 6), dtype=bool)
+        turning[0, :count] = self._tree["turning"]
+        shifting = np.zeros_like(turning)
+        shifting[0, :count] = ~turning[0, :count]
+        self._turning, self._shifting = np.flatnonzero(turning), np.flatnonzero(shifting)
         self._prescribed = np.flatnonzero(self._tree["own"] < 0)
+        #: multipliers, and a point at which they are known, with them
+        self._mu = self._a.total[count:]
+        self._known = np.zeros(0), self._mu.copy()
+        if self._plane is not None:
+            self._tree["hold"][:3] = self._plane.normal
+        self._tree["coupling_law"][:, DAMPING] = 0.0
+        self._coupled = Coupled(
+            system, system.couplings_of(system.couplings.items), self._a.coupled, 1.0
+        )
+        self._called: CalledAtRest | None = None
+        if system.couplings.functions or spin:
+            self._called = CalledAtRest(system, spin, self.plan.slot, self._a)
+            self._all[0][CALLED_BACK] = self._called.address
+        self.exact = self._called is None and not system.couplings.times
+        tied = system.tied
+        self._closing = tied.closure, tied.kinematics, Reparametrisation(tied.kinematics)
+
+    def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
+        """See the base class."""
+        parts = super()._parts(weight, ends, static)
+        held = self._plane is not None or len(self.system.left_rows)
+        return [*parts, "hold"] if held else parts
+
+    def complain(self) -> None:
+        """See the base class."""
+        super().complain()
+        if self._called is not None:
+            self._called.complain()
 
     def prepare(self) -> None:
         """Have the kernels that every point takes compiled, or read from the disk."""
@@ -422,14 +486,48 @@ class CompiledBalance(CompiledScene):
     @property
     def R(self) -> Floats:
         """Balance (rows, 3) there, overwritten as well."""
-        return self._a.R
+        return self._a.R - self._a.closing if len(self._mu) else self._a.R
 
-    def begin(self, y: Floats, ground: Floats) -> None:
+    def solution(self) -> Floats:
+        """Configuration (total, 3) evaluated last, as one to start from."""
+        y = self._a.y1.copy()
+        if self._plane is not None:  # rounding has led out of it
+            normal = self._plane.normal
+            y -= ((y - self._a.y0) @ normal)[:, None] * normal
+        self._known = y, self._mu.copy()
+        return y
+
+    def begin(self, y: Floats, ground: Floats, amplitudes: Amplitudes, turns: Any) -> None:
         """Start from a configuration (all rows); the ground is at `ground`."""
         rows = self.system.rows
         self._place(y[:rows].ravel(), (y[rows:], ground))
+        self._coupled.turn(turns)
+        self.take(amplitudes)
         self._static.begin(*self._all)
+        if len(self._mu):
+            self._close(y)
         self.complain()
+
+    def _close(self, y: Floats) -> None:
+        """Take independent rows of the closed loops, and the multipliers, if they are known."""
+        from ..compiled import bind
+
+        closure, kin, nodal = self._closing
+        rows = closure.rows
+        if len(rows):
+            nodal.begin(self._a.y0.copy(), self._a.ground1.copy())
+            T = kin.T_values(kin.locate(y, nodal.fixed))
+            rows = np.concatenate([s.rows for s in closure.select(y, T)])
+        bind.choose_rows(self.system, self._tree, rows)
+        if np.array_equal(self._known[0], y):
+            self._a.x[-len(self._mu) :] = self._known[1] * self._tree["row_on"]
+
+    def take(self, amplitudes: Amplitudes) -> None:
+        """Take these factors of loads and actuators from now on."""
+        self.load(amplitudes.loads)
+        self._coupled.drive(amplitudes.actuators[: self._coupled.channels])
+        if self._called is not None:
+            self._called.take(amplitudes)
 
     def move_ground(self, ground: Floats) -> None:
         """The same increments, with the ground elsewhere."""
@@ -448,7 +546,10 @@ class CompiledBalance(CompiledScene):
 
     @property
     def residual(self) -> Floats:
-        """Of the evaluation (vertices, 6), in own coordinates; overwritten by the next one."""
+        """Of the evaluation (vertices, 6), in own coordinates; overwritten by the next one.
+
+        Behind the vertices is what constraint rows with multipliers gape by.
+        """
         return self._a.b
 
     def pulled(self, amplitudes: Floats) -> Floats:
@@ -488,11 +589,13 @@ class CompiledBalance(CompiledScene):
         """Of the stiffness there; None where it is singular, or elimination in blocks not all."""
         if self._rest is not None:
             return None
-        out = np.zeros(5)
+        out = np.zeros(7)
         regular = self._static.pivots(*self._all, out)
         self.complain()
         self.factorisations += 1
-        if not (regular and np.isfinite(out).all()):
+        if len(self._mu):  # what the rows hold may be lost as well
+            out[1] = min(out[1], out[2] * out[5] / out[6])
+        if not (regular and np.isfinite(out[:5]).all()):
             return None
         smallest, largest, skew = map(float, out[1:4])
         return Pivots(int(out[0]), smallest, largest, skew, bool(out[4] < 0))
@@ -553,7 +656,7 @@ class CompiledProblem(Problem):
         super().__init__(balance.system, schedule, settings, start, target)
         self.balance = balance
         self._mixed = False
-        balance.begin(start.y, schedule.ground(start.t))
+        balance.begin(start.y, schedule.ground(start.t), schedule.at(start.t), start.turns)
 
     @property
     def y(self) -> Array:
@@ -569,7 +672,7 @@ class CompiledProblem(Problem):
         return self._evaluate_at(self.t)
 
     def _evaluate_at(self, t: float) -> float:
-        self.balance.load(self.schedule.at(t).loads)
+        self.balance.take(self.schedule.at(t))
         return self.balance.evaluate()
 
     def _by_ground(self, ends: tuple[float, float]) -> tuple[list[Array], list[Array]]:
@@ -585,6 +688,9 @@ class CompiledProblem(Problem):
         return residuals, ys
 
     def _by_loads(self, ends: tuple[float, float]) -> Array:
+        if not self.balance.exact:
+            first, last = self._by_ground(ends)[0]
+            return last - first
         first, last = (self.schedule.at(end).loads for end in ends)
         return self.balance.pulled(first - last)
 
@@ -624,6 +730,10 @@ class CompiledProblem(Problem):
         r_t, by_t = self._factor_derivative()
         change = self.balance.push(self.balance.solve([r_t], False)[:, 0])
         return np.array(change if by_t is None else change + by_t)
+
+    def solution(self) -> Floats:
+        """See the base class."""
+        return self.balance.solution()
 
     def pivots(self) -> Pivots | None:
         """See :meth:`CompiledBalance.pivots`; at the configuration evaluated last."""
@@ -666,6 +776,7 @@ class PathSolver:
         solver: Solver | None = None,
     ) -> None:
         self.system, self.schedule, self.settings = system, schedule, settings
+        self._treatment = treatment
         self.bound = treatment.bind(system, 1.0, large=True)  # forces act where the balance is
         self._asked = checked_solver(solver)
         if self._asked is not None:
@@ -680,7 +791,8 @@ class PathSolver:
         self.choice, self._fast = built(self.choice, self._compile)
 
     def _compile(self) -> CompiledBalance:
-        made = CompiledBalance(self.system, self.settings, self.choice.plan, self._asked)
+        own = self.system, self._treatment, self.settings, self.choice.plan, self._asked
+        made = CompiledBalance(*own, spin=self.schedule.spin is not None)
         made.prepare()
         return made
 
@@ -746,7 +858,7 @@ class PathSolver:
                 report.reason += "" if bent is None else f"; {bent}"
             return None, report
         force = np.array(bound.constraint_impulse(problem.R)).reshape(-1)
-        y = np.array(problem.y)
+        y = problem.solution()
         point = Point(y, problem.t, self._turns(start, y))
         assert problem.predicted is not None  # there is always one iteration
         return Solution(point, force, report, problem.predicted), report
