@@ -63,7 +63,7 @@ class Planar(Frozen):
     plane cannot be found, however: no modes, no bifurcations there. Compiled kernels step it with
     the null space method, three unknowns a frame; with multipliers, loads that follow the motion,
     force elements, damping or prescribed motion those of space do, or plain ones where there are
-    closed loops beside these. There are no explicit schemes for it.
+    closed loops beside these. Equilibria take those of space. There are no explicit schemes for it.
 
     Scenes that are their own mirror image by pairs of items, on either side of a plane, are not
     meant here, where each item is its own image: they are halved by leaving one half out. What the

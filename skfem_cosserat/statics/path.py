@@ -566,8 +566,7 @@ def static(
         Plain numpy kernels, or those compiled by numba (extra ``fast``), an order of magnitude
         faster; "auto" takes these where the work ahead is worth their compilation, or they are on
         disk already (see :func:`skfem_cosserat.simulate`). The points are the same to rounding.
-        There are none for multipliers, closed loops, springs, loads that are functions of the
-        motion, held strains, a turning frame and scenes confined to a plane.
+        There are none for ``Multipliers(full=True)``.
         ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken, and why.
     watch : bool
         Look for limit and bifurcation points on the way; they are recorded as points.

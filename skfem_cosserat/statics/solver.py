@@ -103,6 +103,10 @@ class Problem(ABC):
         """A copy of them, from which other steps may start."""
         return np.array(self.y)
 
+    def constraint_force(self) -> Array:
+        """What balances R (rows, 3)."""
+        return -self.R
+
     @abstractmethod
     def _evaluate(self) -> float:
         """Residual at the present configuration; its size against its terms."""
@@ -257,6 +261,10 @@ class PlainProblem(Problem):
     def R(self) -> Array:
         """Less the relief."""
         return self.at.R
+
+    def constraint_force(self) -> Array:
+        """As the treatment has it."""
+        return self.bound.constraint_impulse(self.at.R)
 
     def _balance(self, y: Array, t: float) -> Balance:
         amplitudes = self.schedule.at(t)
@@ -857,7 +865,7 @@ class PathSolver:
                 bent = over_rotated(self.system, problem.y)
                 report.reason += "" if bent is None else f"; {bent}"
             return None, report
-        force = np.array(bound.constraint_impulse(problem.R)).reshape(-1)
+        force = np.array(problem.constraint_force()).reshape(-1)
         y = problem.solution()
         point = Point(y, problem.t, self._turns(start, y))
         assert problem.predicted is not None  # there is always one iteration
@@ -871,7 +879,9 @@ class PathSolver:
         if self._fast is not None and not (plain or special):
             return CompiledProblem(self._fast, self.schedule, self.settings, start, target)
         bound = self.bound
-        if self._accepted is not None:
+        if self._fast is not None:
+            self.begin(start, relief)
+        elif self._accepted is not None:
             bound.restore(self._accepted)
         bound.begin(start.y, self.schedule.ground(start.t), 1.0)
         bound.stay()
@@ -913,5 +923,5 @@ class PathSolver:
         """The point solved last is where the next one starts."""
         if isinstance(self._problem, PlainProblem):
             self.neutral = self._problem.neutral  # as they are there
-        self.bound.finish()
-        self._accepted = self.bound.save()
+            self.bound.finish()
+            self._accepted = self.bound.save()
