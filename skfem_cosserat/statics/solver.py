@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator, cg
+from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from ..compiled.numbers import CALLED_BACK
 from ..compiled.plan import Plan
@@ -517,7 +518,7 @@ class CompiledBalance(CompiledScene):
         self.complain()
 
     def _close(self, y: Floats) -> None:
-        """Take independent rows of the closed loops, and the multipliers, if they are known."""
+        """Take independent rows of the closed loops, and the multipliers that are found there."""
         from ..compiled import bind
 
         closure, kin, nodal = self._closing
@@ -527,8 +528,20 @@ class CompiledBalance(CompiledScene):
             T = kin.T_values(kin.locate(y, nodal.fixed))
             rows = np.concatenate([s.rows for s in closure.select(y, T)])
         bind.choose_rows(self.system, self._tree, rows)
-        if np.array_equal(self._known[0], y):
-            self._a.x[-len(self._mu) :] = self._known[1] * self._tree["row_on"]
+        known, mu = self._known
+        if not np.array_equal(known, y):
+            mu = self._balancing(y, np.setdiff1d(closure.rows, rows))
+        self._a.x[-len(mu) :] = mu * self._tree["row_on"]
+
+    def _balancing(self, y: Floats, left_out: IndexArray) -> Floats:
+        """Multipliers that balance best what acts at y, none of rows that are left out."""
+        self._static.move(*self._all)
+        multipliers = np.zeros(self.system.m + 1)  # the last one is of no row
+        kept = np.setdiff1d(np.arange(self.system.m), left_out)
+        G = self.system.constraints.jacobian(y).tocsr()[kept]
+        with suppress(RuntimeError):  # SuperLU: exactly singular
+            multipliers[kept] = -splu((G @ G.T).tocsc()).solve(G @ self._a.R.ravel())
+        return multipliers[self._tree["row_numbers"]]
 
     def take(self, amplitudes: Amplitudes) -> None:
         """Take these factors of loads and actuators from now on."""

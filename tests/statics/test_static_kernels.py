@@ -10,6 +10,7 @@ import itertools
 import numpy as np
 import pytest
 from helpers_scenes import SHAKE, lattice
+from test_static_inputs import hanging_without_weight
 from test_static_references import scenes
 from test_statics import SPIN, assembly, braced, linkage, ring
 
@@ -298,6 +299,15 @@ def test_kernels_agree_along_the_arc(make):
     # rounding does not lead out of the plane
     rows = (other["q"] - other["q"][0]).reshape(len(other), -1, 3)
     assert abs(rows @ system.plane.normal).max() < 1e-15
+
+
+@pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=lambda t: t.name)
+def test_forces_of_joints_are_known_at_the_start(treatment):
+    """Those of a rope hold what hangs on it: without them the first matrix is singular."""
+    pytest.importorskip("numba")
+    system, weight = hanging_without_weight(), {"weight": 1.0}
+    path = sc.static(system, treatment, factors=weight, kernels="numba")
+    assert path["q"][-1, 0] / -path["q"][-1, 2] == pytest.approx(1 / 9.81, rel=1e-12)
 
 
 # -- which kernels ---------------------------------------------------------------------------------
