@@ -59,6 +59,7 @@ from .warm import cold, helped
 __all__ = [
     "addresses",
     "bound_beams",
+    "bound_carried",
     "bound_couplings",
     "bound_elements",
     "bound_groups",
@@ -737,6 +738,46 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
     }
     arrays = {name: np.zeros(shapes[name]) for name in structures.WORK}
     return structures.work(tuple(arrays.values())), arrays
+
+
+def bound_carried(
+    system: System,
+    arrays: dict[str, Any],
+    rates: tuple[int, int, int] = (0, 0, 0),
+    nearest: Sequence[Any] | None = None,
+) -> tuple[Any, dict[str, Any]]:
+    """What steps carry on, by rows in space; the structure, and its arrays by name.
+
+    Parameters
+    ----------
+    arrays : dict
+        y0, y1, p0 and the momentum carried on.
+    rates : (int, int, int)
+        How many a scheme has, how many are taken off the balance, and how many are moved.
+    nearest : sequence, optional
+        Addresses of what moves velocities and of its structure; the configuration (total, 3) and
+        momentum (rows, 3) that it takes, the velocity (rows, 3) that it gives.
+    """
+    rows, mass = system.rows, system.mass.tocsr()
+    count, before, moved = rates
+    none = np.zeros((0, 3))
+    function, structure, *near = (0, 0, none, none, none) if nearest is None else nearest
+    fields = {
+        **{name: arrays[name] for name in ("y0", "y1", "p0", "carried")},
+        "mass_data": mass.data,
+        "mass_indices": mass.indices.astype(np.int64),
+        "mass_indptr": mass.indptr.astype(np.int64),
+        "rates": np.zeros((count * rows, 3)),
+        "after": np.zeros((count * rows, 3)),
+        "table": np.zeros((count, 1 + count)),
+        "before": np.zeros(before),
+        "moved": np.zeros(moved),
+        "scratch": np.zeros((rows, 3)),
+        "nearest": integers([function, structure]),
+        **dict(zip(("near_y", "near_p", "velocity"), near, strict=True)),
+        "change": np.zeros((rows, 3)),
+    }
+    return structures.carried(tuple(fields[name] for name in structures.CARRIED)), fields
 
 
 def integers(numbers: Sequence[Any] | IndexArray) -> IndexArray:

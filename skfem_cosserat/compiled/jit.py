@@ -23,7 +23,7 @@ from numba.extending import intrinsic
 from .structures import is_groups
 from .warm import NotKept, stamp
 
-__all__ = ["STAMP", "address", "call", "call_back", "call_beams", "inlined", "jit"]
+__all__ = ["STAMP", "address", "call", "call_back", "call_beams", "call_with", "inlined", "jit"]
 __all__ += ["part", "ready", "shared"]
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
@@ -146,6 +146,17 @@ def call(typing: Any, place: Any, *arguments: Any) -> Any:
         return _called(context, builder, values[0], kinds, own)
 
     return types.float64(types.int64, types.StarArgTuple(kinds)), generate
+
+
+@intrinsic
+def call_with(typing: Any, place: Any, structure: Any) -> Any:
+    """Call the part at an address with the one structure at another address."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        own = builder.inttoptr(values[1], context.get_value_type(types.voidptr))
+        return _called(context, builder, values[0], (types.voidptr,), [own])
+
+    return types.float64(types.int64, types.int64), generate
 
 
 def _called(context: Any, builder: Any, place: Any, kinds: Any, own: Any) -> Any:

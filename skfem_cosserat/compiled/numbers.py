@@ -22,15 +22,16 @@ SHARE, WORTH, ENDS = 19, 20, 21
 #: itself: iterations, residual, factorisations, work of the loads (J); steps with these factors
 #: and all their iterations. Of several steps in one go: how many are asked for and done, and what
 #: all took and gave; how far coordinates of closed loops may go before their rows are looked at,
-#: and how far they went since
+#: and how far they went since. Energy that moved velocities took in a step and in all (J), and
+#: whether velocities are still to be moved
 RECORD = (
     *("kept", "rate", "first", "start", "known", "iterations", "residual", "factored", "work"),
     *("steps", "spent", "asked", "done", "all_iterations", "all_factored", "all_work"),
-    *("clearance", "travelled"),
+    *("all_taken", "clearance", "travelled", "taken", "unmoved"),
 )
 KEPT, RATE, FIRST, GUESS, KNOWN, ITERATIONS, RESIDUAL, FACTORED, WORK = range(9)
 STEPS, SPENT, ASKED, DONE, ALL_ITERATIONS, ALL_FACTORED, ALL_WORK = range(9, 16)
-CLEARANCE, TRAVELLED = 16, 17
+ALL_TAKEN, CLEARANCE, TRAVELLED, TAKEN, UNMOVED = range(16, 21)
 
 #: iterations up to which no frame can have got to half a turn, where there are no closed loops
 SHORT = 8

@@ -149,19 +149,21 @@ def solve(
     return regular
 
 
-@jit
-def nearest(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats) -> bool:
+@part
+def nearest(o: Any) -> float:
     """``w.change``: the velocity on the constraints nearest to the momentum p_0, at y_0.
 
-    It is ``P nu`` with ``P^T M P nu = P^T p_0``; False: the matrix is singular.
+    It is ``P nu`` with ``P^T M P nu = P^T p_0``; 0: the matrix is singular. All that it takes is in
+    the structure o: compiled steps of any scene call it by its address.
     """
+    p, s, m, w, g, numbers = o.parts, o.tree, o.plan, o.work, o.beams, o.numbers
     start(p, s, m, w, g, numbers, 0)
     evaluate(p, s, m, w, g, numbers, 0)
     if not matrix(p, s, m, w, g, numbers, 0):
-        return False
+        return 0.0
     call(p[n.SWEEP], s, m, w, numbers, 0)
     call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
-    return True
+    return 1.0
 
 
 @jit

@@ -10,6 +10,7 @@ from .. import newton
 from ..types import Floats, IndexArray
 from . import numbers as n
 from .jit import call, call_back, call_beams, inlined, jit
+from .rates import begin_rates, finish_rates, go_on
 from .simd import WIDTH, load, store
 
 __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
@@ -255,13 +256,13 @@ def solve_one(
 
 @jit
 def solve(
-    p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats, ends: Any
+    p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats, o: Any
 ) -> bool:
     """Solve as many steps as are asked for, each from where the last one ended.
 
-    It ends early where the caller has to look: after a step that takes many iterations, or after
-    motions of closed loops. False: the last one tried was not found; it starts where y_0 and p_0
-    are then.
+    It ends early where the caller has to look: after a step that takes many iterations, after
+    motions of closed loops, or where velocities are left to be moved. False: the last one tried was
+    not found; it starts where y_0, p_0 and the rates are then.
 
     Parameters
     ----------
@@ -269,14 +270,14 @@ def solve(
         Addresses of the parts, 0 for those that a scene does not have.
     numbers, record : arrays
         See :mod:`.numbers`.
-    ends : (array, array, array, array)
-        By rows in space: y_0, y_1, p_0, and the momentum carried on.
+    o : Structure
+        What is carried on, by rows in space.
     """
-    y0, y1, p0, carried = ends
     looped = record[n.CLEARANCE] < np.inf
     for k in range(n.DONE, n.CLEARANCE):
         record[k] = 0.0
     while True:
+        begin_rates(o)
         solved = solve_one(p, s, m, w, g, numbers, record)
         record[n.ALL_FACTORED] += record[n.FACTORED]
         if looped:
@@ -286,11 +287,12 @@ def solve(
         record[n.DONE] += 1.0
         record[n.ALL_ITERATIONS] += record[n.ITERATIONS]
         record[n.ALL_WORK] += record[n.WORK]
+        finish_rates(o, numbers, record)
+        record[n.ALL_TAKEN] += record[n.TAKEN]
         if record[n.DONE] >= record[n.ASKED] or record[n.ITERATIONS] > n.SHORT:
+            return True
+        if record[n.UNMOVED] > 0.0:
             return True
         if looped and (w.found[1] >= n.SHORT_WAY or record[n.TRAVELLED] >= record[n.CLEARANCE]):
             return True
-        for r in range(p0.shape[0]):
-            for c in range(p0.shape[1]):
-                y0[r, c] = y1[r, c]
-                p0[r, c] = carried[r, c]
+        go_on(o)

@@ -17,9 +17,11 @@ from numba.extending import NativeValue, register_model, unbox
 __all__ = [
     "BEAMS",
     "BEAMS_BY_LAW",
+    "CARRIED",
     "PLAN",
     "PLANE_BEAMS",
     "PLANE_TREE",
+    "PROJECTION",
     "ROWS",
     "TREE",
     "WORK",
@@ -27,10 +29,12 @@ __all__ = [
     "Structure",
     "beams",
     "beams_by_law",
+    "carried",
     "is_groups",
     "plan",
     "plane_beams",
     "plane_tree",
+    "projection",
     "rows",
     "tree",
     "work",
@@ -317,6 +321,16 @@ WORK = (
     *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
     *("dead", "moments", "followers", "coupled"),
 )
+#: by rows in space, whatever the unknowns are: both ends of a step, the mass matrix; rates that are
+#: carried on, one block of rows after the other, and the numbers of the scheme for them; addresses
+#: of what moves velocities, with the rows it takes and gives, and the change of momentum
+CARRIED = (
+    *("y0", "y1", "p0", "carried", "mass_data", "mass_indices", "mass_indptr"),
+    *("rates", "after", "table", "before", "moved", "scratch"),
+    *("nearest", "near_y", "near_p", "velocity", "change"),
+)
+#: all that a projection of velocities takes
+PROJECTION = ("parts", "tree", "plan", "work", "beams", "numbers")
 #: of scenes in a plane: elements, and in the end what makes rows of y in space of their forces
 PLANE_BEAMS = (
     *("N", "dN", "weights", "base", "slot", "lengths", "section", "stiffness", "reference", "mass"),
@@ -365,6 +379,16 @@ def plan(values: Sequence[Any]) -> Structure:
 def work(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`WORK`."""
     return Structure("work", WORK, values)
+
+
+def carried(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`CARRIED`."""
+    return Structure("carried", CARRIED, values)
+
+
+def projection(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`PROJECTION`."""
+    return Structure("projection", PROJECTION, values)
 
 
 def plane_beams(values: Sequence[Any]) -> Structure:

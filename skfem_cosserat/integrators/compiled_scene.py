@@ -353,12 +353,21 @@ class NearestVelocity(CompiledScene):
 
     def __init__(self, system: System, settings: NewtonSettings, kept_only: bool = False) -> None:
         from ..compiled import bind, jit, static
+        from ..compiled.structures import projection
 
         scheme = Scheme(1.0, 1.0, 0.0, weight=1.0, rate=0.0, at=1.0)
         space = system if system.plane is None else system.spatial
         super().__init__(space, scheme, 1.0, settings, static=True, kept_only=kept_only)
-        kinds = tuple(bind.typeof(each) for each in self._all)
-        self._nearest = jit.ready(static.nearest, kinds, kept_only).entry_point
+        self._projection = projection(self._all)
+        function = jit.address(static.nearest, bind.typeof(self._projection), kept_only=kept_only)
+        #: for :func:`skfem_cosserat.compiled.bind.bound_carried`
+        self.bound = function, self._projection.address, self._a.y0, self._a.p0, self._a.change
+        #: whether it takes directions from where a step starts
+        self.follows = bool(space.kinematics.spheres)
+
+    def begin(self, q: Floats) -> None:
+        """Take directions of motion on spheres from the start q (n,) of a step: any will do."""
+        self._place(q, None)
 
     @staticmethod
     def serves(system: System) -> bool:
@@ -372,11 +381,3 @@ class NearestVelocity(CompiledScene):
     def _called_laws(self) -> list[CalledLaws]:
         """See the base class: there are no stresses."""
         return []
-
-    def __call__(self, y: Floats, p: Floats) -> Floats | None:
-        """Velocity (rows, 3) at y (total, 3) for the momentum p (rows, 3); None: singular."""
-        self._place(y[: self.system.rows], None)
-        self._a.p0[:] = p
-        if not self._nearest(*self._all):
-            return None
-        return np.array(self._a.change[: self.system.rows])

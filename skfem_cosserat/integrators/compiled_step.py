@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from ..compiled.numbers import (
     ALL_FACTORED,
     ALL_ITERATIONS,
+    ALL_TAKEN,
     ALL_WORK,
     AMPLITUDE,
     ASKED,
@@ -33,10 +35,12 @@ from ..compiled.numbers import (
     SHORT_WAY,
     START,
     STEP,
+    TAKEN,
     TRAVEL,
     TRAVELLED,
     TURNED,
     TURNS,
+    UNMOVED,
     WORK,
 )
 from ..compiled.plan import Plan
@@ -238,20 +242,20 @@ class BlockOfSteps(NamedTuple):
         Iterations of the last one.
     stuck : bool
         Whether the step after it was tried, and not solved.
-    work : float
-        Of the loads in all steps (J).
-    before, after : pair of arrays
-        q and p at the start and the end of the last one; at its end both, if the step after it was
-        tried.
+    work : StepWork
+        Of all steps.
+    before, after : (array, array, array or None)
+        q, p and memory at the start and the end of the last one; at its end both, if the step after
+        it was tried.
     """
 
     steps: int
     iterations: int
     last: int
     stuck: bool
-    work: float
-    before: tuple[Floats, Floats]
-    after: tuple[Floats, Floats]
+    work: StepWork
+    before: tuple[Floats, Floats, Floats | None]
+    after: tuple[Floats, Floats, Floats | None]
 
 
 class CompiledStep(CompiledScene):
@@ -291,7 +295,10 @@ class CompiledStep(CompiledScene):
         self._others = plane is not None or system is not system.tied
         self._step = step
         self._record = np.zeros(len(RECORD))
-        self._ends = self._a.y0, self._a.y1, self._a.p0, self._a.carried
+        self._nearest: NearestVelocity | None = None
+        if scheme.moved and system.m and NearestVelocity.serves(system.tied):
+            self._nearest = NearestVelocity(system.tied, settings, kept_only)
+        self._carry(scheme)
         self._called_back: CalledBack | None = None
         self._couple(scheme, h)
         self._elastic = self._all[-2]
@@ -304,9 +311,6 @@ class CompiledStep(CompiledScene):
         self._record[CLEARANCE] = 0.0 if self.looped else np.inf
         # how far coordinates went since rows of closed loops were chosen, and in the last step
         self._travelled = self._travel = self._farthest = np.inf
-        self.nearest: NearestVelocity | None = None
-        if scheme.moved and system.m and NearestVelocity.serves(system.tied):
-            self.nearest = NearestVelocity(system.tied, settings, kept_only)
         #: whether nothing changes from step to step but the state, where loads do not
         self._alike = not (
             system.moving
@@ -316,10 +320,30 @@ class CompiledStep(CompiledScene):
             or system.drag is not None
             or self._viscous is not None
             or self._rest is not None
-            or scheme.table
+            or (self._moves and self._nearest is None)
+            or (scheme.at_end and not system.loading.dead_only)
             or plane is not None
         )
         self._solve = self._entry()
+
+    def _carry(self, scheme: Scheme) -> None:
+        """What is carried on from step to step, with the numbers of the scheme for it."""
+        from ..compiled import bind
+
+        self._moves = bool(scheme.moved) and self.system.m > 0
+        counts = len(scheme.table), len(scheme.before), len(scheme.moved) * self._moves
+        nearest = None if self._nearest is None else self._nearest.bound
+        self._carried, arrays = bind.bound_carried(self.system, self._arrays, counts, nearest)
+        self._o = SimpleNamespace(**arrays)
+        self._set_rates(scheme)
+
+    def _set_rates(self, scheme: Scheme) -> None:
+        """Numbers of the scheme that its rates take."""
+        o = self._o
+        o.table[:] = np.reshape(scheme.table, o.table.shape)
+        o.before[:] = scheme.before
+        if len(o.moved):
+            o.moved[:] = scheme.moved
 
     def _couple(self, scheme: Scheme, h: float) -> None:
         """Force elements: of kernels, and those that are called back."""
@@ -359,7 +383,7 @@ class CompiledStep(CompiledScene):
         """The compiled loop for these structures: called as it is, it asks for no types again."""
         from ..compiled import bind, jit
 
-        kinds = tuple(bind.typeof(each) for each in (*self._all, self._record, self._ends))
+        kinds = tuple(bind.typeof(each) for each in (*self._all, self._record, self._carried))
         entry: Callable[..., bool] = jit.ready(self._step.solve, kinds, self._kept_only).entry_point
         return entry
 
@@ -372,6 +396,7 @@ class CompiledStep(CompiledScene):
         self.resume(self._scaled_last(h / self.h))
         self._record[KEPT] = 0.0
         self.h, self.scheme, self._factors = h, scheme, None
+        self._set_rates(scheme)
         for law in self._laws:
             law.scheme = scheme
         self._coupled.resize(h)
@@ -445,11 +470,11 @@ class CompiledStep(CompiledScene):
         moving = bool(system.moving)
         self._place(state.q, (system.ground(t), system.ground(t + self.h)) if moving else None)
         self.rates0 = self.integrator.start(system.tied, state, self.h) if scheme.table else None
-        if scheme.before:
-            assert self.rates0 is not None
-            self._a.p0[:] = system.inertia.dot(scheme.taken_off(self.rates0))
-        else:
-            self._a.p0[:] = state.p.reshape(-1, 3)
+        self._a.p0[:] = state.p.reshape(-1, 3)
+        if self.rates0 is not None:
+            self._o.rates[:] = self.rates0.reshape(-1, 3)
+        if self._nearest is not None and self._nearest.follows:
+            self._nearest.begin(state.q)
         if self._called_back is not None:
             self._called_back.begin(state, self.h, scheme, self.rates0)
 
@@ -469,11 +494,31 @@ class CompiledStep(CompiledScene):
         solved = self._solved(state, steps)
         record, a, rows = self._record, self._a, self.system.rows
         done, spent = int(record[DONE]), int(record[ALL_ITERATIONS])
-        before = a.y0[:rows].flatten(), a.p0.flatten()
+        p0 = a.p0
+        if self.scheme.before:  # what rates take off the balance is in its place
+            p0 = self.system.inertia.dot(self._o.rates[:rows])
+        before = a.y0[:rows].flatten(), p0.flatten(), self._memory(self._o.rates)
         # of a step that was not solved nothing is left of how the one before came about
-        after = (a.y1[:rows].flatten(), a.carried.flatten()) if solved else before
-        last, work = int(record[ITERATIONS]), float(record[ALL_WORK])
-        return BlockOfSteps(done, spent, last, not solved, work, before, after)
+        after = before
+        if solved:
+            after = a.y1[:rows].flatten(), a.carried.flatten(), self.memory
+        taken = float(record[ALL_TAKEN])
+        work = StepWork(float(record[ALL_WORK]), dissipated=taken, numerical=taken)
+        return BlockOfSteps(done, spent, int(record[ITERATIONS]), not solved, work, before, after)
+
+    def _memory(self, rates: Floats) -> Floats | None:
+        """Rates as a state has them (k, n); None if there are none."""
+        return rates.reshape(len(self._o.table), -1).copy() if len(rates) else None
+
+    @property
+    def memory(self) -> Floats | None:
+        """What a state carries on beside q and p."""
+        return self._memory(self._o.after)
+
+    @property
+    def unmoved(self) -> bool:
+        """Whether velocities are left to be moved onto the hidden constraints."""
+        return bool(self._record[UNMOVED])
 
     def _solved(self, state: State, steps: int) -> bool:
         """Solve up to so many steps; whether the last one tried was solved."""
@@ -481,7 +526,7 @@ class CompiledStep(CompiledScene):
         record, a = self._record, self._a
         record[ASKED], record[TRAVELLED] = steps, self._travelled
         known = self.looped and record[KNOWN] > 0.0
-        solved = self._solve(*self._all, record, self._ends)
+        solved = self._solve(*self._all, record, self._carried)
         self.factorisations += int(record[ALL_FACTORED])
         self.complain()
         if self._called_back is not None:
@@ -496,6 +541,7 @@ class CompiledStep(CompiledScene):
             record[DONE] -= 1
             record[ALL_ITERATIONS] -= record[ITERATIONS]
             record[ALL_WORK] -= record[WORK]
+            record[ALL_TAKEN] -= record[TAKEN]
             solved = False
         if not solved:
             self._travelled = np.inf
@@ -505,18 +551,18 @@ class CompiledStep(CompiledScene):
 
     def _flatten(self, normal: Floats) -> None:
         """Take away what rounding has led out of the plane, which might grow there."""
-        p, rows = self._a.carried, self.system.rows  # rows of the ground may be angles, prescribed
+        rows = self.system.rows  # rows of the ground may be angles, prescribed
         y0, y1 = self._a.y0[:rows], self._a.y1[:rows]
         along = int(np.argmax(abs(normal)))
         if abs(normal[along]) == 1.0:  # most of the time, and faster
             y1[:, along] = y0[:, along]
-            out = normal[along] * p[:, along]
         else:
             y1 -= ((y1 - y0) @ normal)[:, None] * normal
+        for p in (self._a.carried, self._o.after):
             out = p @ normal
-        if largest(out) > ROUNDING * largest(p):
-            return  # directors that lie askew have a share
-        p -= out[:, None] * normal
+            # directors that lie askew have a share
+            if len(p) and largest(out) <= ROUNDING * largest(p):
+                p -= out[:, None] * normal
 
     def _flipped(self) -> bool:
         """Whether a frame has turned by half a turn, where the midpoint tells nothing of it."""
@@ -545,8 +591,13 @@ class CompiledStep(CompiledScene):
 
     @property
     def impulse(self) -> Floats:
-        """``h G^T lambda`` (rows, 3) of the step: what balances it."""
-        return -self.balance
+        """``h G^T lambda`` (rows, 3) of the step: what balances it, and what moved velocities."""
+        impulse = -self.balance
+        if not self._moves or self.unmoved:
+            return impulse
+        if self.scheme.weight == 0:  # of this node, as the step before has left it
+            return impulse + self._o.rates
+        return impulse - self.scheme.moved_force * self._o.change
 
     @property
     def increment(self) -> Floats:
@@ -571,7 +622,10 @@ class CompiledStep(CompiledScene):
             power = float((v * (drag @ v)).sum())
             # a step back, as composed ones have, gives what was lost
             loads, lost = loads + self.h * power, lost + self.h * max(0.0, power)
+        taken = float(self._record[TAKEN])
         work = self._coupled.work(loads, lost)
+        if taken:
+            work = work._replace(dissipated=work.dissipated + taken, numerical=taken)
         if self.scheme.decay:
             own = self._decay_work()
             lost, numerical = work.dissipated + own, work.numerical + own

@@ -9,7 +9,7 @@ Newton's method solves (:mod:`..newton`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -31,10 +31,6 @@ if TYPE_CHECKING:
     from .base import Integrator
 
 __all__ = ["Evaluation", "Finished", "StepBalance", "StepData", "end_velocity", "mean"]
-
-
-#: of a configuration (total, 3) and a momentum (rows, 3): a velocity (rows, 3), if there is one
-Nearest = Callable[[Floats, Floats], Floats | None]
 
 
 @dataclass(eq=False)
@@ -390,7 +386,6 @@ class StepBalance:
         rates: Floats | None,
         work: StepWork,
         time: float,
-        nearest: Nearest | None = None,
     ) -> Finished:
         """What a step hands on, its velocities moved onto the hidden constraints if they are to be.
 
@@ -402,9 +397,6 @@ class StepBalance:
             Change of the coordinates, and the momentum carried on.
         rates0, rates : (k, rows, 3) array or None
             At both ends.
-        nearest : callable, optional
-            Of y (total, 3) and a momentum (rows, 3): the velocity (rows, 3) on the hidden
-            constraints nearest to it, or None if it cannot tell.
         """
         s, system = self.scheme, self.system
         if s.carries_velocity:
@@ -412,9 +404,7 @@ class StepBalance:
             p = system.inertia.dot(rates[0])
         if not self._moves:
             return Finished(p, rates, None, work)
-        v = None if nearest is None else nearest(y1, p)
-        if v is None:
-            v = nearest_velocity(system, y1, p.reshape(-1), time).reshape(-1, 3)
+        v = nearest_velocity(system, y1, p.reshape(-1), time).reshape(-1, 3)
         new = system.inertia.dot(v)
         change = new - p
         if s.weight == 0:  # of the constraint force of this node, which the next step finds

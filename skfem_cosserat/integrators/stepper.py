@@ -589,15 +589,16 @@ class Stepper:
             return self.advance(replace(state, plain=True), next_time)
         self._first, k, index = False, block.steps, state.index + block.steps
         fresh, where = state.fresh and k == 1, (state.time + (k - 1) * self.h, index - 1)
-        before = State(*where, *block.before, fresh, made_by=self.origin)
+        before = State(*where, *block.before[:2], fresh, None, block.before[2], self.origin)
         end = state.time + k * self.h if time is None else time(index)
-        new = State(end, index, *block.after, False, made_by=self.origin, plain=block.stuck)
+        q, p, memory = block.after
+        new = State(end, index, q, p, False, None, memory, self.origin, plain=block.stuck)
         y1, impulse = fast.y1, fast.impulse
         if block.stuck:
             y1, impulse = self.system.extend(new.q, new.time), np.full_like(impulse, np.nan)
         solved = Solved(self.system, self.integrator, self.h, before, y1, impulse)
-        own = new, block.last, 1, fast.residual, StepWork(block.work), solved
-        return BlockReport(*own, k, block.iterations)
+        given = new, block.last, 1, fast.residual, block.work, solved
+        return BlockReport(*given, k, block.iterations)
 
     def own(self, state: State) -> State:
         """The state, if this scheme and step made it; else a start from its q and p.
@@ -788,18 +789,15 @@ class Stepper:
         self, fast: CompiledStep, state: State, time: float, iterations: int, residual: float
     ) -> StepReport:
         y1, p, impulse, work = fast.y1, fast.carried(), fast.impulse, fast.work()
-        rows = y1[: self.system.rows]
-        memory = None
-        if self.balance.scheme.table:
-            dq, rates0 = rows - state.q.reshape(-1, 3), fast.rates0
-            rates = self.balance.scheme.rates_after(dq, rates0)
-            own = y1, dq, p, rates0, rates, work, time
-            finished = self.balance.handed_on(*own, nearest=fast.nearest)
-            p, work = finished.momentum, finished.work
-            if finished.impulse is not None:
-                impulse = impulse + finished.impulse
-            if finished.rates is not None:
-                memory = finished.rates.reshape(len(finished.rates), -1)
+        rows, memory = y1[: self.system.rows], fast.memory
+        if fast.unmoved:
+            assert memory is not None
+            dq, rates = rows - state.q.reshape(-1, 3), memory.reshape(len(memory), -1, 3)
+            own = y1, dq, p, fast.rates0, rates, work, time
+            p, moved, more, work = self.balance.handed_on(*own)
+            assert moved is not None
+            assert more is not None
+            impulse, memory = impulse + more, moved.reshape(len(moved), -1)
         q, p = rows.ravel(), p.ravel()
         new = State(time, state.index + 1, q, p, False, fast.turns(), memory, self.origin)
         self._first = False

@@ -1,0 +1,101 @@
+"""What a scheme carries on beside the configuration: momenta, rates, and moves of velocities.
+
+All is by rows in space, whatever the unknowns of a step are: these functions serve steps with the
+null space, in a plane and with multipliers. Numbers of a scheme are explained where it is defined,
+:mod:`skfem_cosserat.integrators.scheme`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..types import Floats
+from . import numbers as n
+from .jit import call_with, inlined
+
+__all__ = ["begin_rates", "finish_rates", "go_on"]
+
+
+@inlined
+def mass_rows(o: Any, a: Floats, out: Floats) -> None:
+    """``out = M a``, of the first rows of a."""
+    first, columns, entries = o.mass_indptr, o.mass_indices, o.mass_data
+    for r in range(out.shape[0]):
+        x, y, z = 0.0, 0.0, 0.0
+        for k in range(first[r], first[r + 1]):
+            j, f = columns[k], entries[k]
+            x, y, z = x + f * a[j, 0], y + f * a[j, 1], z + f * a[j, 2]
+        out[r, 0], out[r, 1], out[r, 2] = x, y, z
+
+
+@inlined
+def begin_rates(o: Any) -> None:
+    """What rates carried on take off the balance, in place of the momentum at the start."""
+    before, rates, sums = o.before, o.rates, o.scratch
+    if len(before) == 0:
+        return
+    rows = sums.shape[0]
+    for r in range(rows):
+        for c in range(3):
+            total = 0.0
+            for k in range(len(before)):
+                total += before[k] * rates[k * rows + r, c]
+            sums[r, c] = total
+    mass_rows(o, sums, o.p0)
+
+
+@inlined
+def finish_rates(o: Any, numbers: Floats, record: Floats) -> None:
+    """Rates at the end, and velocities moved onto the hidden constraints if they are to be."""
+    table, rates, after, y0, y1, carried = o.table, o.rates, o.after, o.y0, o.y1, o.carried
+    rows, count = carried.shape[0], table.shape[0]
+    record[n.TAKEN], record[n.UNMOVED] = 0.0, 0.0
+    for i in range(count):
+        for r in range(rows):
+            for c in range(3):
+                total = table[i, 0] * (y1[r, c] - y0[r, c])
+                for k in range(count):
+                    total += table[i, 1 + k] * rates[k * rows + r, c]
+                after[i * rows + r, c] = total
+    if len(o.before) > 0:
+        mass_rows(o, after, carried)
+    if len(o.moved) == 0:
+        return
+    if o.nearest[0] == 0:
+        record[n.UNMOVED] = 1.0
+        return
+    y, p, v, new, change = o.near_y, o.near_p, o.velocity, o.scratch, o.change
+    for r in range(rows):
+        for c in range(3):
+            y[r, c], p[r, c] = y1[r, c], carried[r, c]
+    if call_with(o.nearest[0], o.nearest[1]) == 0.0:
+        record[n.UNMOVED] = 1.0
+        return
+    mass_rows(o, v, new)
+    early, lost = numbers[n.WEIGHT] == 0.0, 0.0
+    for r in range(rows):
+        for c in range(3):
+            change[r, c] = new[r, c] - carried[r, c]
+            if early:  # of the constraint force of this node, which the next step finds
+                after[r, c] = -change[r, c]
+            else:
+                lost += after[r, c] * carried[r, c] - v[r, c] * new[r, c]
+                move = v[r, c] - after[r, c]
+                for i in range(count):
+                    after[i * rows + r, c] += o.moved[i] * move
+            carried[r, c] = new[r, c]
+    if not early and numbers[n.SHARE] < 1.0:
+        record[n.TAKEN] = 0.5 * lost
+
+
+@inlined
+def go_on(o: Any) -> None:
+    """The next step starts where the last one ended."""
+    y0, y1, p0, carried, rates, after = o.y0, o.y1, o.p0, o.carried, o.rates, o.after
+    for r in range(p0.shape[0]):
+        for c in range(3):
+            y0[r, c] = y1[r, c]
+            p0[r, c] = carried[r, c]
+    for r in range(rates.shape[0]):
+        for c in range(3):
+            rates[r, c] = after[r, c]
