@@ -80,6 +80,7 @@ __all__ = [
     "part_named",
     "parts_of",
     "signature",
+    "work_of",
 ]
 
 
@@ -710,8 +711,11 @@ def bound_following(system: System, plan: Plan) -> dict[str, Any]:
     }
 
 
-def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
-    """What changes during a step; the structure, and its arrays by name."""
+def bound_work(system: System, plan: Plan, late: bool = False) -> tuple[Any, dict[str, Floats]]:
+    """What changes during a step; the structure, and its arrays by name.
+
+    `late`: dampers act by the velocity at the end of a step.
+    """
     total, rows, edges = system.total, system.rows, len(system.tree.edges)
     count, each = len(system.origin_rows), len(plan.diag)
     shapes: dict[str, tuple[int, ...]] = {
@@ -736,7 +740,18 @@ def bound_work(system: System, plan: Plan) -> tuple[Any, dict[str, Floats]]:
         "followers": (len(following(system).vertices), 4, 4),
         "coupled": (system.couplings.count, COUPLED),
     }
+    return work_of(shapes, late)
+
+
+def work_of(
+    shapes: dict[str, tuple[int, ...]], late: bool = False
+) -> tuple[Any, dict[str, Floats]]:
+    """Structure of arrays of these shapes, and these by name; see :func:`bound_work`."""
+    of_dampers = ("earlier", "later", "rate0", "drift")
+    shapes |= dict.fromkeys(of_dampers, shapes["y0"] if late else (0, 3))
     arrays = {name: np.zeros(shapes[name]) for name in structures.WORK}
+    if not late:
+        arrays["earlier"], arrays["later"] = arrays["y0"], arrays["y1"]
     return structures.work(tuple(arrays.values())), arrays
 
 
@@ -764,6 +779,8 @@ def bound_carried(
     function, structure, *near = (0, 0, none, none, none) if nearest is None else nearest
     fields = {
         **{name: arrays[name] for name in ("y0", "y1", "p0", "carried")},
+        **{name: arrays.get(name, none) for name in ("rate0", "drift")},
+        "of_drift": np.zeros(count),
         "mass_data": mass.data,
         "mass_indices": mass.indices.astype(np.int64),
         "mass_indptr": mass.indptr.astype(np.int64),

@@ -14,17 +14,21 @@ import numpy as np
 
 from ..model.coordinates import NEAR_ONE, QUADRATURE, TURN_POWERS
 from ..types import Floats, IndexArray
-from .elements import scalar_block
+from .elements import pace, scalar_block
 from .jit import inlined, part, shared
 from .numbers import (
     AMPLITUDE,
+    AMPLITUDE0,
     END,
     ENDS,
     FORCE,
     GROUND,
+    GROUND0,
     LOST,
+    LOST0,
     NUMERICAL,
     PI0,
+    REACH,
     SHARE,
     START,
     STEP,
@@ -266,8 +270,8 @@ def discrete_slope(kind: int, d: int, P: Floats, xi0: float, xi1: float, X: Floa
 
 # -- laws ------------------------------------------------------------------------------------------
 
-#: numbers of :func:`law`: factors of K and C in the derivatives of its force by the stretch at the
-#: midpoint, by its rate, and by the stretch at the end
+#: factors of K and C in the derivatives of a law's force by the stretch at the midpoint, by its
+#: rate, and by the stretch at the end
 BY_E, BY_RATE, BY_END, DAMPED_END = range(4)
 #: rows of vectors (m,): coordinates at the end and at the midpoint, their change or rate, forces
 XI1, XI, CHANGE, SIGMA = range(4)
@@ -286,6 +290,19 @@ def slack_law(k: float, c: float, e: float, e0: float, e1: float, h: float, ends
         quotient = 0.5 * (up1 * up1 - up0 * up0) / (e1 - e0)
         return k * quotient, 0.0, (up1 - quotient) / (e1 - e0)
     return 0.0, 0.0, 0.0
+
+
+@shared
+def slack_at_end(laws: Floats, state: Floats, c: int, V: Floats, amplitude: int) -> Factors:
+    """Of a cable by the velocity at the end of a step: forces in V, and what is dissipated."""
+    K, C, h = laws[c, STIFFNESS, 0, 0], laws[c, DAMPING, 0, 0], state[c, STEP]
+    e, change = V[XI, 0] - laws[c, NEUTRAL, 0, 0], V[CHANGE, 0]
+    sigma, pulls = K * e + C * change / h, 1.0
+    if not (e > 0.0 and sigma > 0.0):
+        sigma, pulls = 0.0, 0.0
+    V[SIGMA, 0] = sigma - state[c, amplitude]
+    state[c, LOST], state[c, NUMERICAL] = (sigma - K * max(e, 0.0)) * change, 0.0
+    return pulls, pulls, 0.0, 0.0
 
 
 @shared
@@ -310,7 +327,7 @@ def slack(laws: Floats, state: Floats, c: int, V: Floats, ends: bool, decay: flo
 
 @shared
 def linear(
-    laws: Floats, state: Floats, c: int, m: int, V: Floats, ends: bool, decay: float
+    laws: Floats, state: Floats, c: int, m: int, V: Floats, ends: bool, decay: float, amplitude: int
 ) -> Factors:
     """Of springs and dampers: forces in V, and what is dissipated."""
     h = state[c, STEP]
@@ -325,7 +342,7 @@ def linear(
             more += 0.5 * decay * k * change
         lost += damping * V[CHANGE, i] / h
         numerical += more * V[CHANGE, i]
-        V[SIGMA, i] = force + damping / h + more - state[c, AMPLITUDE + i]
+        V[SIGMA, i] = force + damping / h + more - state[c, amplitude + i]
     if h > 0.0:  # a step back gives what was lost
         lost = max(lost, 0.0)
     state[c, LOST], state[c, NUMERICAL] = lost + numerical, numerical
@@ -336,9 +353,9 @@ def linear(
 
 @shared
 def respond(
-    s: Any, state: Floats, c: int, numbers: Floats, P: Floats, V: Floats, J: Floats
+    s: Any, state: Floats, c: int, numbers: Floats, P: Floats, V: Floats, J: Floats, amplitude: int
 ) -> Factors:
-    """Forces s and what they do, in ``state_c``; P: invariants.
+    """Forces s and what they do, in ``state_c``; P: invariants. Amplitudes from a column on.
 
     ``J_0`` is what makes s of sigma.
     """
@@ -364,23 +381,29 @@ def respond(
             for n in range(k):
                 V[CHANGE, i] += J[0, i, n] * (P[AT_END, n] - P[BEGIN, n])
     found = (0.0, 0.0, 0.0, 0.0)
-    if places[c, SLACK] != 0:
-        found = slack(laws, state, c, V, ends, decay)
+    late = numbers[REACH] != 0.0
+    if places[c, SLACK] == 0:
+        found = linear(laws, state, c, m, V, ends, decay, amplitude)
+    elif late:
+        found = slack_at_end(laws, state, c, V, amplitude)
     else:
-        found = linear(laws, state, c, m, V, ends, decay)
+        found = slack(laws, state, c, V, ends, decay)
+    end, x = AT_END, XI1
+    if late:
+        end, x = AT_MID, XI
     for n in range(k):
         state[c, S + n] = 0.0
         for i in range(m):
             state[c, S + n] += J[0, i, n] * V[SIGMA, i]
     for i in range(m):
-        state[c, TRAVEL + i] = V[CHANGE, i]
+        state[c, TRAVEL + i] = V[XI, i] - state[c, XI0 + i] if late else V[CHANGE, i]
     state[c, TURNED] = 0.0
     if kind == ANGLE:
-        whole = V[XI1, d] - np.arctan2(P[AT_END, d + 1], P[AT_END, d])
+        whole = V[x, d] - np.arctan2(P[end, d + 1], P[end, d])
         state[c, TURNED] = whole / (2.0 * np.pi)
     elif kind == ROTATION:
         for i in range(d, d + 3):
-            state[c, TURNED] = max(state[c, TURNED], abs(V[XI1, i] - state[c, XI0 + i]))
+            state[c, TURNED] = max(state[c, TURNED], abs(V[x, i] - state[c, XI0 + i]))
     return found
 
 
@@ -472,20 +495,46 @@ def gradients(s: Any, c: int, y: Floats, G: Floats, j: int, P: Floats, p: int) -
         P[p, k] = 0.5 * pi
 
 
+@inlined
+def force_on(state: Floats, c: int, count: int, G: Floats, a: int) -> Three:
+    """Force on row a, of the gradients of the invariants."""
+    f = (0.0, 0.0, 0.0)
+    for k in range(count):
+        x = state[c, S + k]
+        f = f[0] + x * G[k, a, 0], f[1] + x * G[k, a, 1], f[2] + x * G[k, a, 2]
+    return f
+
+
 @shared
-def couple_start(s: Any, w: Any, G: Floats, P: Floats, V: Floats) -> None:
-    """Invariants and coordinates at the start of the step."""
+def couple_start(
+    s: Any, w: Any, numbers: Floats, flag: int, G: Floats, P: Floats, V: Floats, J: Floats
+) -> None:
+    """Invariants and coordinates at the start of the step; flag 4: what forces do there."""
     places, state = s.coupling, w.coupled
     for c in range(len(places)):
         kind, d = places[c, KIND], places[c, LEADING]
         m, k = numbers_of_kind(kind)
         gradients(s, c, w.y0, G, 0, P, BEGIN)
         value(kind, d, P, BEGIN, V, XI)
-        for n in range(d + k):
-            state[c, PI0 + n] = P[BEGIN, n]
         for i in range(d + m):
             state[c, XI0 + i] = V[XI, i]
         state[c, XI0 + d] += 2.0 * np.pi * state[c, TURNS]
+        if numbers[REACH] != 0.0:
+            gradients(s, c, w.earlier, G, 0, P, BEGIN)
+        for n in range(d + k):
+            state[c, PI0 + n] = P[BEGIN, n]
+        if flag != 4:
+            continue
+        gradients(s, c, w.later, G, 0, P, AT_END)
+        gradients(s, c, w.mid, G, 0, P, AT_MID)
+        respond(s, state, c, numbers, P, V, J, AMPLITUDE0)
+        state[c, LOST0], state[c, GROUND0] = state[c, LOST], 0.0
+        behind = w.internal.shape[0]
+        for a in range(ROWS):
+            r = places[c, ROW + a]
+            if r >= behind:
+                way = minus(row(w.ground1, r - behind), row(w.y0, r))
+                state[c, GROUND0] += dot(force_on(state, c, d + k, G, a), way)
 
 
 @shared
@@ -494,10 +543,10 @@ def couple_force(
 ) -> None:
     """Flag 0: evaluate, and add to the internal force; 2: add to that of predicted stresses.
 
-    3: at the start of the step. G (7, 8, 3), P (3, 7), V (4, 6) and J (1, 6, 7) are scratch.
+    3, 4: at the start of the step. G (7, 8, 3), P (3, 7), V (4, 6) and J (1, 6, 7) are scratch.
     """
-    if flag == 3:
-        couple_start(s, w, G, P, V)
+    if flag >= 3:
+        couple_start(s, w, numbers, flag, G, P, V, J)
         return
     y0, y1, places, state = w.y0, w.y1, s.coupling, w.coupled
     out = w.internal
@@ -506,17 +555,14 @@ def couple_force(
     rows = out.shape[0]
     for c in range(len(places)):
         if flag == 0:
-            gradients(s, c, y1, G, 0, P, AT_END)
+            gradients(s, c, w.later, G, 0, P, AT_END)
         gradients(s, c, w.mid, G, 0, P, AT_MID)
         if flag == 0:
-            respond(s, state, c, numbers, P, V, J)
+            respond(s, state, c, numbers, P, V, J, AMPLITUDE)
             state[c, GROUND] = 0.0
         count = places[c, LEADING] + numbers_of_kind(places[c, KIND])[1]
         for a in range(ROWS):
-            f = (0.0, 0.0, 0.0)
-            for k in range(count):
-                x = state[c, S + k]
-                f = f[0] + x * G[k, a, 0], f[1] + x * G[k, a, 1], f[2] + x * G[k, a, 2]
+            f = force_on(state, c, count, G, a)
             r = places[c, ROW + a]
             if r < rows:
                 increase(out, r, f)
@@ -545,8 +591,8 @@ def derivatives(
     """
     places, entries, factors, state = s.coupling, s.coupling_entry, s.coupling_factor, w.coupled
     gradients(s, c, w.mid, G, 0, P, AT_MID)
-    gradients(s, c, w.y1, G, MOST_PI, P, AT_END)
-    found = respond(s, state, c, numbers, P, V, J)
+    gradients(s, c, w.later, G, MOST_PI, P, AT_END)
+    found = respond(s, state, c, numbers, P, V, J, AMPLITUDE)
     slopes(s, state, c, found, numbers[ENDS] != 0.0, P, V, J, X, H)
     for a in range(ROWS):
         for b in range(ROWS):
@@ -554,10 +600,10 @@ def derivatives(
     for e in range(places[c, FIRST], places[c, LAST]):
         C[entries[e, 1], entries[e, 2]] += state[c, S + entries[e, 0]] * factors[e]
     count = places[c, LEADING] + numbers_of_kind(places[c, KIND])[1]
-    share = numbers[SHARE]
     for k in range(count):
         for n in range(count):
-            H[0, k, n] *= share
+            H[0, k, n] *= numbers[SHARE]
+            H[1, k, n] *= pace(numbers)
     return count
 
 
@@ -584,7 +630,7 @@ def put_node(y: Floats, r: int, X: Floats, i: int) -> None:
 
 @part
 def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Force elements: 0, 2 and 3 see :func:`couple_force`; 1: ``force P(y_L)^T df/dy_1 P(y_1)``."""
+    """Force elements: 0, 2, 3, 4 see :func:`couple_force`; 1: ``force P(y_L)^T df/dy_1 P(y_1)``."""
     G, J = np.empty((2 * MOST_PI, ROWS, 3)), np.empty((3, MOST_XI, MOST_PI))
     P, V = np.empty((3, MOST_PI)), np.empty((4, MOST_XI))
     if flag != 1:

@@ -16,7 +16,19 @@ import numpy as np
 
 from ..types import Floats, IndexArray
 from .jit import call_back, inlined, part
-from .numbers import END, ENDS, FORCE, MASS, MODULI_BY_LAW, SHARE, START, WEIGHT
+from .numbers import (
+    END,
+    ENDS,
+    FORCE,
+    MASS,
+    MODULI_BY_LAW,
+    REACH,
+    SHARE,
+    START,
+    VISCOUS_END,
+    VISCOUS_START,
+    WEIGHT,
+)
 from .simd import WIDTH, add_rows, gather, load, pack, rows, scatter, store
 from .small import (
     Places,
@@ -296,7 +308,7 @@ def strained(reference: Floats, es: Places, ng: int, p: int, G: Point) -> tuple[
 def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """S0: stresses at the start of the step."""
     lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
-    y, S0 = w.y0, g.S0
+    y, S0 = w.earlier, g.S0
     base, turned, rotations = g.base, g.turned, g.rotations
     section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
@@ -317,14 +329,20 @@ def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 @part
 def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """S at y1 and ``internal += int B(q_mid)^T S ds``; flag 1: with the predicted S instead."""
+    """S at y1 and ``internal += int B(q_mid)^T S ds``; flag 1: with the predicted S instead.
+
+    Of beams that are all viscosity, what they take along the way; flag 2: that of the start.
+    """
     lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
     weights = g.weights
-    y1, mid, f, S0 = w.y1, w.mid, w.internal, g.S0
+    y1, mid, f, S0 = w.later, w.mid, w.internal, g.S0
     S = g.S
     if flag == 1:
         S, f = g.predicted, w.R_mixed
     start, end, ends = numbers[START], numbers[END], numbers[ENDS] != 0.0
+    if flag == 2 and not ends:
+        return 0.0
+    viscous, lost = flag != 1 and start + end == 0.0, pack((0.0, 0.0, 0.0, 0.0))
     base, turned, rotations = g.base, g.turned, g.rotations
     section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
@@ -338,13 +356,13 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         inverse = 1.0 / length
         once = counted(e, ne)
         take_elements(base, turned, rotations, es, mid, X)
-        if flag == 0 and ends:
+        if flag != 1 and ends:
             take_elements(base, turned, rotations, es, y1, Y)
         for k in range(size):
             F[k] = 0.0
         for p in range(ng):
             G = at_point(N[p], dN[p], inverse, X)
-            if flag == 0:
+            if flag != 1:
                 H = at_point(N[p], dN[p], inverse, Y) if ends else G
                 eps = strained(reference, es, ng, p, H)
                 for i in range(6):
@@ -355,7 +373,13 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             weight = weights[p] * once * length
             n, m = triple(S, es, 6 * ng, 6 * p), triple(S, es, 6 * ng, 6 * p + 3)
             point_force(N[p], dN[p], inverse, G, times(weight, n), times(0.5 * weight, m), F)
+        if viscous:
+            for k in range(size // WIDTH):
+                lost = lost + load(F, k) * (load(Y, k) - load(X, k))
         give(base, turned, rotations, es, F, f)
+    if viscous:
+        store(F, 0, 2.0 * lost)
+        numbers[VISCOUS_START if flag == 2 else VISCOUS_END] = F[0] + F[1] + F[2] + F[3]
     return 0.0
 
 
@@ -380,6 +404,12 @@ def point_force(N: Any, dN: Any, inverse: float, G: Point, n: Vector, m: Vector,
                 store(F, k, load(F, k) + N[a] * here + dN[a] * slope)
 
 
+@inlined
+def pace(numbers: Floats) -> float:
+    """Derivative of `later` by y_1, if dampers act by the way to it."""
+    return 1.0 if numbers[REACH] == 0.0 else 2.0
+
+
 @part
 def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """``S + share D B(y) change``, y being where the stresses come from."""
@@ -387,7 +417,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     y, change, S, out = w.mid, w.change, g.S, g.predicted
     share = numbers[SHARE]
     if numbers[ENDS] != 0.0:
-        y, share = w.y1, numbers[END]
+        y, share = w.later, numbers[END] * pace(numbers)
     base, turned, rotations = g.base, g.turned, g.rotations
     section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
@@ -655,7 +685,8 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         S = g.predicted
     mass, half = numbers[MASS], numbers[SHARE] * numbers[FORCE]
     early, ends = numbers[WEIGHT] == 0.0, numbers[ENDS] != 0.0
-    material = numbers[END] * numbers[FORCE] if ends else half
+    material = numbers[END] * numbers[FORCE] * pace(numbers) if ends else half
+    apart = ends and numbers[REACH] != 0.0
     lengths, shapes, slopes, weights = g.lengths, g.N, g.dN, g.weights
     masses, stiffness, slot, section = g.mass, g.stiffness, g.slot, g.section
     base, turned, rotations, diagonal = g.base, g.turned, g.rotations, g.diagonal
@@ -665,9 +696,11 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     table = np.empty((2, points, nodes))
     tabulated(shapes, slopes, table)
     XB, XR = np.empty(12 * nodes * WIDTH), np.empty(12 * nodes * WIDTH)
-    XL = XB
+    XL, XS = XB, XR
     if early:
         XL = np.empty(12 * nodes * WIDTH)
+    if apart:
+        XS = np.empty(12 * nodes * WIDTH)
     X = XL, XR
     a = np.empty(further(points, nodes)[5] * WIDTH)
     for e in range(0, ne, WIDTH):
@@ -679,10 +712,12 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         take_elements(base, turned, rotations, es, y1, XR)
         if early:
             take_elements(base, turned, rotations, es, y0, XL)
+        if apart:
+            take_elements(base, turned, rotations, es, w.later, XS)
         stiff(stiffness, chosen(section, es), diagonal, material * once * length, a)
         for p in range(points):
             GB = at_point(shapes[p], slopes[p], inverse, XB)
-            GS = at_point(shapes[p], slopes[p], inverse, XR) if ends else GB
+            GS = at_point(shapes[p], slopes[p], inverse, XS) if ends else GB
             n, m = triple(S, es, 6 * points, 6 * p), triple(S, es, 6 * points, 6 * p + 3)
             f = half * weights[p] * once
             keep(a, STRESSES + 6 * p, times(f, n))

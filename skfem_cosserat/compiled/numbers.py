@@ -9,12 +9,12 @@ NUMBERS = (
     *("mass", "momentum", "force", "start", "end", "weight", "length"),
     *("rotation", "mixed", "reuse", "iterations", "largest", "increment", "negligible"),
     *("stagnation", "settled", "carry_mass", "carry_momentum", "carry_force"),
-    *("share", "worth", "ends"),
+    *("share", "worth", "ends", "reach", "viscous_start", "viscous_end"),
 )
 MASS, MOMENTUM, FORCE, START, END, WEIGHT, LENGTH = range(7)
 ROTATION, MIXED, REUSE, LIMIT, LARGEST, INCREMENT, NEGLIGIBLE = range(7, 14)
 STAGNATION, SETTLED, CARRY_MASS, CARRY_MOMENTUM, CARRY_FORCE = range(14, 19)
-SHARE, WORTH, ENDS = 19, 20, 21
+SHARE, WORTH, ENDS, REACH, VISCOUS_START, VISCOUS_END = range(19, 25)
 
 #: what the loop over the iterations leaves behind for the next step: whether factors are kept, the
 #: contraction they gave last and the first increment of that step; how to start: from no
@@ -63,7 +63,10 @@ STRESSES_BY_LAW, MODULI_BY_LAW = range(2)
 #: what a force element has in a step, columns of ``w.coupled``: step size; full turns of an angle
 #: at the start and at the end, or how far a rotation vector went; what is dissipated, the part of
 #: the scheme in it, and what the ground does (J); forces of an actuator, invariants and coordinates
-#: at the start, forces by invariants, travel of the coordinates
+#: at the start, forces by invariants, travel of the coordinates. Where forces are those at the end
+#: of a step, also by the forces at its start: those of an actuator, what is dissipated, what the
+#: ground does
 STEP, TURNS, TURNED, LOST, NUMERICAL, GROUND = range(6)
 AMPLITUDE, PI0, XI0, S, TRAVEL = 6, 12, 19, 25, 32
-COUPLED = 38
+AMPLITUDE0, LOST0, GROUND0 = 38, 44, 45
+COUPLED = 46

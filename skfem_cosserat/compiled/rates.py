@@ -30,11 +30,21 @@ def mass_rows(o: Any, a: Floats, out: Floats) -> None:
 
 @inlined
 def begin_rates(o: Any) -> None:
-    """What rates carried on take off the balance, in place of the momentum at the start."""
-    before, rates, sums = o.before, o.rates, o.scratch
+    """What rates carried on take off the balance, in place of the momentum at the start.
+
+    And velocities that dampers need: at the start, and what is known of that at the end.
+    """
+    before, rates, sums, rate0, drift = o.before, o.rates, o.scratch, o.rate0, o.drift
+    rows = sums.shape[0]
+    if len(drift) > 0:
+        for r in range(rows):
+            for c in range(3):
+                total = 0.0
+                for k in range(len(o.of_drift)):
+                    total += o.of_drift[k] * rates[k * rows + r, c]
+                drift[r, c], rate0[r, c] = total, rates[r, c]
     if len(before) == 0:
         return
-    rows = sums.shape[0]
     for r in range(rows):
         for c in range(3):
             total = 0.0

@@ -27,6 +27,24 @@ left_over = inlined(newton.left_over)
 
 
 @inlined
+def at_start(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats) -> None:
+    """Forces of dampers at the start, and where their way to the end begins."""
+    y0, mid, earlier, later, reach = w.y0, w.mid, w.earlier, w.later, numbers[n.REACH]
+    for r in range(y0.shape[0]):
+        for c in range(3):
+            way = reach * w.rate0[r, c]
+            earlier[r, c], mid[r, c], later[r, c] = y0[r, c] - way, y0[r, c], y0[r, c] + way
+    if p[n.BEAM_START]:
+        call_beams(p[n.BEAM_START], g, w, numbers, 0)
+        call_beams(p[n.BEAM_FORCE], g, w, numbers, 2)
+    if p[n.COUPLE]:
+        call(p[n.COUPLE], s, m, w, numbers, 4)
+    for r in range(y0.shape[0]):
+        for c in range(3):
+            earlier[r, c] = y0[r, c] - reach * w.drift[r, c]
+
+
+@inlined
 def start(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, guess: int) -> None:
     """What is fixed during a step, and the increments that it starts with."""
     call(p[n.BEGIN], s, m, w, numbers, guess)
@@ -34,6 +52,8 @@ def start(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, guess:
         call(p[n.JOINT_BEGIN], s, m, w, numbers, 0)
         if numbers[n.WEIGHT] == 0.0:
             call(p[n.JOINT_MAPS], s, m, w, numbers, 0)
+    if numbers[n.REACH] != 0.0:
+        at_start(p, s, m, w, g, numbers)
     if p[n.BEAM_START]:
         call_beams(p[n.BEAM_START], g, w, numbers, 0)
     if p[n.COUPLE]:
@@ -57,6 +77,11 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
     for r in range(max(len(y1) - 1, 0), len(y1)):  # what may be left
         for c in range(3):
             mid[r, c] = (1.0 - share) * y0[r, c] + share * y1[r, c]
+    if numbers[n.REACH] != 0.0:
+        earlier, later = w.earlier, w.later
+        for r in range(later.shape[0]):
+            for c in range(3):
+                later[r, c] = 2.0 * mid[r, c] - earlier[r, c]
     for r in range(internal.shape[0]):
         for c in range(internal.shape[1]):
             internal[r, c] = 0.0

@@ -57,7 +57,12 @@ def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 @part
 def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """S at y1 and ``internal += int B(q_mid)^T S ds``; flag 1: with the predicted S instead."""
+    """S at y1 and ``internal += int B(q_mid)^T S ds``; flag 1: with the predicted S instead.
+
+    Flag 2 is for viscosity.
+    """
+    if flag == 2:
+        return 0.0
     mid, S, f, law = w.mid, g.S, w.internal, g.law
     lengths, N, dN, weights = g.lengths, g.N, g.dN, g.weights
     base, turned, rotations = g.base, g.turned, g.rotations

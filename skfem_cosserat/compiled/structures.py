@@ -313,9 +313,12 @@ PLAN = (
     *("order", "edge", "parent", "size", "diag", "ptr", "neighbour", "right", "down"),
     *("update_ptr", "update", "parent_at", "to_parent", "rest"),
 )
-#: what changes during a step
+#: what changes during a step. Dampers act by the way from `earlier` to `later`, whose middle is
+#: `mid`: from y0 to y1, or as far before and behind the end of a step as the velocity there goes;
+#: then `rate0` is the velocity at the start, and `drift` what of that at the end is known
 WORK = (
     *("y0", "p0", "external", "ground1", "y1", "mid", "R", "momentum", "internal"),
+    *("earlier", "later", "rate0", "drift"),
     *("R_mixed", "change", "F", "F_mixed", "b", "x", "total", "last", "extra", "twist", "A"),
     *("closing", "before", "found", "carried", "frames", "inverse", "S_kept", "X_kept"),
     *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
@@ -323,10 +326,11 @@ WORK = (
 )
 #: by rows in space, whatever the unknowns are: both ends of a step, the mass matrix; rates that are
 #: carried on, one block of rows after the other, and the numbers of the scheme for them; addresses
-#: of what moves velocities, with the rows it takes and gives, and the change of momentum
+#: of what moves velocities, with the rows it takes and gives, and the change of momentum; what
+#: dampers take of the rates, see `WORK`
 CARRIED = (
     *("y0", "y1", "p0", "carried", "mass_data", "mass_indices", "mass_indptr"),
-    *("rates", "after", "table", "before", "moved", "scratch"),
+    *("rates", "after", "table", "before", "moved", "scratch", "rate0", "drift", "of_drift"),
     *("nearest", "near_y", "near_p", "velocity", "change"),
 )
 #: all that a projection of velocities takes

@@ -48,7 +48,6 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
         (NullSpace, Multipliers),
         {
             **_whole(treatment),
-            "damped beams at the ends of steps": scheme.at_end and system.damped,
         },
     )
 

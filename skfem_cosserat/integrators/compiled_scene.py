@@ -217,8 +217,12 @@ class CompiledScene:
         self._solver = solver
         self._rest: Rest | None = None
         self._beams: list[dict[str, Any]] = []
+        damped = is_viscous(system) or len(system.couplings.items) > 0
+        #: whether dampers act by the velocity at the end of a step
+        self.late = scheme.at_end and damped and not static
         own = {"weight": weight, "length": system.length, "worth": self.worth}
-        numbers = vars(settings) | numbers_of(scheme) | own
+        own |= {"viscous_start": 0.0, "viscous_end": 0.0}
+        numbers = vars(settings) | self._numbers_of(scheme) | own
         self._all = (
             *self._bind(weight, scheme.ends, static),
             np.array([numbers[name] for name in NUMBERS], dtype=float),
@@ -228,6 +232,10 @@ class CompiledScene:
         self._evaluated = static or not system.loading.dead_only or system.drag is not None
         self._moments, self._followers = system.loading.moments, following(system)
         a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
+
+    def _numbers_of(self, scheme: Scheme) -> dict[str, float]:
+        """Those of a scheme, see :func:`numbers_of`."""
+        return numbers_of(scheme) | {"reach": 1 / scheme.rate if self.late else 0.0}
 
     def _called_laws(self) -> list[CalledLaws]:
         """What evaluates stored energies for the kernels."""
@@ -253,7 +261,7 @@ class CompiledScene:
         with COMPILING, bind.compiling(system, parts, kept_only=self._kept_only):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
-            w, self._arrays = bind.bound_work(system, self.plan)
+            w, self._arrays = bind.bound_work(system, self.plan, self.late)
             g, self._beams = bind.bound_groups(system, self.plan, viscous)
             table = bind.addresses(parts, (s, m, w, g), kept_only=self._kept_only)
         if len(self.plan.rest):

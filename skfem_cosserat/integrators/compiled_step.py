@@ -14,6 +14,7 @@ from ..compiled.numbers import (
     ALL_TAKEN,
     ALL_WORK,
     AMPLITUDE,
+    AMPLITUDE0,
     ASKED,
     CALLED_BACK,
     CLEARANCE,
@@ -21,11 +22,13 @@ from ..compiled.numbers import (
     END,
     ENDS,
     GROUND,
+    GROUND0,
     GUESS,
     ITERATIONS,
     KEPT,
     KNOWN,
     LOST,
+    LOST0,
     MASS,
     NUMBERS,
     NUMERICAL,
@@ -41,6 +44,8 @@ from ..compiled.numbers import (
     TURNED,
     TURNS,
     UNMOVED,
+    VISCOUS_END,
+    VISCOUS_START,
     WORK,
 )
 from ..compiled.plan import Plan
@@ -62,7 +67,6 @@ from .compiled_scene import (
     CompiledScene,
     NearestVelocity,
     is_viscous,
-    numbers_of,
 )
 from .scheme import Scheme, State, StepWork
 from .step_balance import decay_work
@@ -75,19 +79,10 @@ __all__ = [
     "Viscous",
     "compiled_step",
     "stepped",
-    "without_kernels",
 ]
 
 
 # -- force elements in compiled steps: what goes in and comes out, one row for each ----------------
-
-
-def without_kernels(system: System, scheme: Scheme) -> list[Coupling]:
-    """Force elements that compiled steps of a scheme leave to numpy.
-
-    Kernels have those of schemes whose forces act at the midpoint.
-    """
-    return system.couplings.items if scheme.at_end else []
 
 
 class Coupled:
@@ -100,13 +95,16 @@ class Coupled:
         Those of its force elements that have kernels.
     columns : (count, COUPLED) array
         What they have in a step, in place; see :mod:`skfem_cosserat.compiled.numbers`.
+    scheme : Scheme
     h : float
         Step size (s).
     """
 
-    def __init__(self, system: System, couplings: Couplings, columns: Floats, h: float) -> None:
+    def __init__(
+        self, system: System, couplings: Couplings, columns: Floats, scheme: Scheme, h: float
+    ) -> None:
         self._couplings, self._columns = couplings, columns
-        self.resize(h)
+        self.resize(scheme, h)
         number = {id(item): k for k, item in enumerate(system.couplings.items)}
         self._angles = [number[id(item)] for item in couplings.angles]
         self._vectors = [(number[id(i)], i) for i in couplings.items if _turns_freely(i)]
@@ -116,17 +114,26 @@ class Coupled:
         driven = [number[id(item)] for item in couplings.owners]
         self._driven = driven, [AMPLITUDE + driven[:k].count(c) for k, c in enumerate(driven)]
 
-    def resize(self, h: float) -> None:
+    def resize(self, scheme: Scheme, h: float) -> None:
         """Take steps of another size (s)."""
-        self._h = self._columns[:, STEP] = h
+        self._h, self._late = h, scheme.at_end
+        # at its end the velocity is that along a way of its own
+        self._columns[:, STEP] = 2 / scheme.rate if scheme.at_end else h
 
     def begin(self, state: State) -> None:
         """Forces of actuators, and full turns at the start of a step."""
         if self._driven[0]:
-            self.drive(self._couplings.averages(state.time, state.time + self._h)[:-1])
+            start, end = state.time, state.time + self._h
+            if self._late:
+                times, (rows, columns) = self._couplings.times, self._driven
+                self.drive([time.value(end) for time in times])
+                at_start = rows, [c + AMPLITUDE0 - AMPLITUDE for c in columns]
+                self._columns[at_start] = [time.value(start) for time in times]
+            else:
+                self.drive(self._couplings.averages(start, end)[:-1])
         self.turn(state.turns)
 
-    def drive(self, forces: Floats) -> None:
+    def drive(self, forces: Floats | list[float]) -> None:
         """Take these of the actuators' channels."""
         self._columns[self._driven] = forces
 
@@ -154,10 +161,16 @@ class Coupled:
             return StepWork(loads, dissipated=lost)
         # in one go, few elements or many
         sums = self._columns.sum(0)
-        lost, ground, numerical = lost + float(sums[LOST]), float(sums[GROUND]), sums[NUMERICAL]
-        actuators = 0.0
+        taken, ground, numerical = float(sums[LOST]), float(sums[GROUND]), sums[NUMERICAL]
+        if self._late:  # by the trapezoidal rule; what is lost is along a way of its own
+            taken = 0.5 * (taken + float(sums[LOST0])) * self._h / float(self._columns[0, STEP])
+            ground = 0.5 * (ground + float(sums[GROUND0]))
+        lost, actuators = lost + taken, 0.0
         if self._driven[0]:
             k, forces = self._driven[0], self._columns[self._driven]
+            if self._late:
+                columns = [c + AMPLITUDE0 - AMPLITUDE for c in self._driven[1]]
+                forces = 0.5 * (forces + self._columns[k, columns])
             travel = self._columns[k, [c + TRAVEL - AMPLITUDE for c in self._driven[1]]]
             actuators = float((forces * travel).sum())
         return StepWork(loads, actuators, lost, ground, float(numerical))
@@ -174,39 +187,32 @@ def _turns_freely(item: Coupling) -> bool:
 class Viscous:
     """Stresses ``eta (eps_1 - eps_0)/h`` as those of elements of the stiffness ``2 eta/h``.
 
-    These take the difference of both ends of a step, not a mean of them, and have no mass; whatever
-    the scheme, they act at the midpoint.
+    These take the difference of both ends of a way, not a mean of them, and have no mass; they act
+    in the middle of it. Where forces act at the end of a step, it is the middle of a way with the
+    velocity there.
 
     Parameters
     ----------
     system : System
         With viscous sections.
     plan : Plan
-    h : float
-        Step size (s).
+    way : float
+        How long it takes (s): the step size, or of a way of its own.
     bound : list of dict
         Arrays of these elements, if they are among the groups of the scene's; default: they are
         not, and the scene has one group only.
     """
 
-    def __init__(self, system: System, plan: Plan, h: float, bound: list[dict[str, Any]]) -> None:
+    def __init__(self, system: System, plan: Plan, way: float, bound: list[dict[str, Any]]) -> None:
         from ..compiled import bind
 
-        self._h, self._bound = h, bound
-        groups = [group for group in system.beam_groups if group.viscous]
-        fields = bound
+        self._way, self._bound = way, bound
+        self._numbers: list[Floats] = [fields["numbers"] for fields in bound]
         if not bound:
-            eta = groups[0].elements.viscosity
-            assert eta is not None
-            self._beams, own = bind.bound_beams(system, groups[0], plan, (2 / h) * eta)
-            fields = [own]
-        #: stresses, strain rates by them (of semidefinite eta, too), and weights
-        self._each: list[tuple[Floats, Any, Floats]] = []
-        for group, own in zip(groups, fields, strict=True):
+            group = next(group for group in system.beam_groups if group.viscous)
             eta = group.elements.viscosity
             assert eta is not None
-            inverse = np.linalg.pinv(eta, rcond=1e-12, hermitian=True)
-            self._each.append((own["S"], inverse, group.elements.measure))
+            self._beams, _ = bind.bound_beams(system, group, plan, (2 / way) * eta)
 
     def beside(self, beams: Any, numbers: Floats) -> Any:
         """What steps take as beams: the elastic ones, these, and their numbers."""
@@ -214,15 +220,18 @@ class Viscous:
         own[[MASS, START, END, ENDS]] = 0.0, -0.5, 0.5, 1.0
         for fields in self._bound:
             fields["numbers"][:] = own
-            fields["stiffness"][:] = (2 / self._h) * fields["viscosity"]
-        return beams if self._bound else (beams, self._beams, own)
+            fields["stiffness"][:] = (2 / self._way) * fields["viscosity"]
+        if self._bound:
+            return beams
+        self._numbers = [own]
+        return beams, self._beams, own
 
-    def dissipated(self) -> float:
-        """Lost in the step evaluated last (J)."""
-        lost = 0.0
-        for stress, inverse, measure in self._each:
-            lost += float((measure * (stress @ inverse) * stress).sum())
-        return self._h * max(0.0, lost)
+    def dissipated(self, h: float, late: bool) -> float:
+        """Lost in the step evaluated last (J), of size h (s); `late`: by the forces at its ends."""
+        end = sum(float(numbers[VISCOUS_END]) for numbers in self._numbers)
+        if late:
+            end = 0.5 * (end + sum(float(numbers[VISCOUS_START]) for numbers in self._numbers))
+        return h * max(0.0, end / self._way)
 
 
 # -- steps: the same iteration as that of the stepper, in a few compiled calls ---------------------
@@ -342,25 +351,19 @@ class CompiledStep(CompiledScene):
         o = self._o
         o.table[:] = np.reshape(scheme.table, o.table.shape)
         o.before[:] = scheme.before
+        if self.late:
+            o.of_drift[:] = scheme.rates if scheme.rates else 0.0
         if len(o.moved):
             o.moved[:] = scheme.moved
 
     def _couple(self, scheme: Scheme, h: float) -> None:
-        """Force elements: of kernels, and those that are called back."""
-        from ..compiled.couplings import DISPLACEMENT, FIRST, KIND, LAST, LEADING
-
-        system, outside = self.system, without_kernels(self.system, scheme)
-        numbers = {id(item): k for k, item in enumerate(system.couplings.items)}
-        left = {numbers[id(item)] for item in outside}
-        inside = [item for k, item in enumerate(system.couplings.items) if k not in left]
-        functions = system.couplings.functions
-        self._coupled = Coupled(system, system.couplings_of(inside), self._a.coupled, h)
-        if not (outside or functions):
+        """Force elements; loads that are functions are called back."""
+        system, functions = self.system, self.system.couplings.functions
+        inside = system.couplings_of(system.couplings.items)
+        self._coupled = Coupled(system, inside, self._a.coupled, scheme, h)
+        if not functions:
             return
-        self._tables["coupling_law"][sorted(left)] = 0.0
-        for k in left:
-            self._tables["coupling"][k, [KIND, LEADING, FIRST, LAST]] = DISPLACEMENT, 0, 0, 0
-        own = system.couplings_of(outside, functions)
+        own = system.couplings_of([], functions)
         self._called_back = CalledBack(system, own, self.plan.slot, self._a)
         self._all[0][CALLED_BACK] = self._called_back.address
 
@@ -371,11 +374,13 @@ class CompiledStep(CompiledScene):
 
     def _resist(self, h: float) -> None:
         """Drag and viscous sections in steps of this size."""
-        # a velocity is 2 (y_mid - y_0)/h: a force that follows, and a dead one
-        self._drag_factor, self._loaded = -2 / h, False
+        # a velocity is 2 (y_mid - y_0)/h, or as long at the end of a step as another way takes: a
+        # force that follows, and a dead one
+        way = 2 / self.scheme.rate if self.scheme.at_end else h
+        self._drag_factor, self._loaded = -2 / way, False
         if is_viscous(self.system):
             own = [fields for fields in self._beams if "viscosity" in fields]
-            self._viscous = Viscous(self.system, self.plan, h, own)
+            self._viscous = Viscous(self.system, self.plan, way, own)
             *others, _, numbers = self._all
             self._all = (*others, self._viscous.beside(self._elastic, numbers), numbers)
 
@@ -391,7 +396,7 @@ class CompiledStep(CompiledScene):
         """The same for steps of another size; factors of matrices are not kept."""
         scheme = self.integrator.scheme(h)
         assert isinstance(scheme, Scheme)
-        for name, number in numbers_of(scheme).items():
+        for name, number in self._numbers_of(scheme).items():
             self._all[-1][NUMBERS.index(name)] = number
         self.resume(self._scaled_last(h / self.h))
         self._record[KEPT] = 0.0
@@ -399,7 +404,7 @@ class CompiledStep(CompiledScene):
         self._set_rates(scheme)
         for law in self._laws:
             law.scheme = scheme
-        self._coupled.resize(h)
+        self._coupled.resize(scheme, h)
         self._resist(h)
         return self
 
@@ -463,13 +468,18 @@ class CompiledStep(CompiledScene):
             loading, end = system.loading, t + self.h
             self.load(loading.values(end) if scheme.at_end else loading.averages(t, end))
             self._loaded = True
-        if system.drag is not None:
-            q = state.q.reshape(-1, 3)
-            self._a.dead[:] = self._dead - self._drag_factor * (system.drag @ q)
         self._coupled.begin(state)
         moving = bool(system.moving)
         self._place(state.q, (system.ground(t), system.ground(t + self.h)) if moving else None)
         self.rates0 = self.integrator.start(system.tied, state, self.h) if scheme.table else None
+        if system.drag is not None:
+            q, v = state.q.reshape(-1, 3), self._drift()
+            more = self._drag_factor * q if v is None else self._drag_factor * q + v
+            self._a.dead[:] = self._dead - system.drag @ more
+        if self.late and moving:
+            rows, a = system.rows, self._a
+            a.rate0[rows:], there = system.ground_rate(t), system.ground_rate(t + self.h)
+            a.drift[rows:] = there - scheme.rate * (a.ground1 - a.y0[rows:])
         self._a.p0[:] = state.p.reshape(-1, 3)
         if self.rates0 is not None:
             self._o.rates[:] = self.rates0.reshape(-1, 3)
@@ -477,6 +487,13 @@ class CompiledStep(CompiledScene):
             self._nearest.begin(state.q)
         if self._called_back is not None:
             self._called_back.begin(state, self.h, scheme, self.rates0)
+
+    def _drift(self) -> Floats | None:
+        """What of the velocity at the end of a step is known at its start; None: it acts before."""
+        if not self.scheme.at_end or not self.scheme.rates:
+            return None
+        assert self.rates0 is not None
+        return np.tensordot(np.array(self.scheme.rates), self.rates0, 1)
 
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
@@ -610,18 +627,26 @@ class CompiledStep(CompiledScene):
 
     def work(self) -> StepWork:
         """Work of the loads along the step."""
-        lost = 0.0 if self._viscous is None else self._viscous.dissipated()
+        late = self.scheme.at_end
+        lost = 0.0 if self._viscous is None else self._viscous.dissipated(self.h, late)
         loads, drag = float(self._record[WORK]), self.system.drag
         loading = self.system.loading
-        if self.scheme.at_end and not (loading.constant and loading.dead_only):
+        if drag is not None:  # it is among the loads of the kernels
+            rows, drift = self.system.rows, self._drift()
+            dq = self._a.y1[:rows] - self._a.y0[:rows]
+            v = (-0.5 if not late else -1.0) * self._drag_factor * dq
+            if drift is not None:
+                v = v + drift
+            force = drag @ v
+            loads, power = loads + float((force * dq).sum()), float((force * v).sum())
+            if late:
+                assert self.rates0 is not None
+                power = 0.5 * (power + float((self.rates0[0] * (drag @ self.rates0[0])).sum()))
+            # a step back, as composed ones have, gives what was lost
+            lost += self.h * max(0.0, power)
+        if late and not (loading.constant and loading.dead_only):
             # by the trapezoidal rule
             loads = 0.5 * (loads + self._work_at_start())
-        if drag is not None:  # it is among the loads of the kernels
-            rows = self.system.rows
-            v = (self._a.y1[:rows] - self._a.y0[:rows]) / self.h
-            power = float((v * (drag @ v)).sum())
-            # a step back, as composed ones have, gives what was lost
-            loads, lost = loads + self.h * power, lost + self.h * max(0.0, power)
         taken = float(self._record[TAKEN])
         work = self._coupled.work(loads, lost)
         if taken:

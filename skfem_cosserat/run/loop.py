@@ -268,8 +268,8 @@ def simulate(
         faster after some 10 s of compilation, which is kept on disk. "auto" takes them if numba
         is installed, the estimated time with numpy is above 25 s, or above 1 s where all kernels
         of the scene are on disk or in this process already, and there are some: not for
-        explicit schemes, :class:`EnergyDecaying` with its term in the velocities,
-        ``Multipliers(full=True)``, nor :class:`GeneralizedAlpha` with damped beams or drag. ``history.meta["kernels"]`` and
+        explicit schemes, :class:`EnergyDecaying` with its term in the velocities, and
+        ``Multipliers(full=True)``. ``history.meta["kernels"]`` and
         ``["kernels_why"]`` say what was taken, and why. They keep factors of matrices over
         iterations and steps as long as these contract well, see :class:`NewtonSettings`.
     solver : Solver, optional

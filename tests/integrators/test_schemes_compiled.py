@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -155,14 +154,8 @@ def viscous() -> sc.System:
 
 TREES = [tree, plane, plane_with_follower, springs, cable, bushing, own_load, drag, viscous]
 NULL_SPACE_ONLY = [inextensible, unshearable, loop, driven_loop]
-DAMPED = [drag, viscous]
 PAIRS = [(scene, treatment) for scene in TREES for treatment in (NULL, MULTIPLIERS)]
 PAIRS += [(scene, NULL) for scene in NULL_SPACE_ONLY]
-
-
-def missing(scene: Callable[[], sc.System], scheme: sc.Integrator) -> bool:
-    """Dampers at the ends of steps that are not there as force elements."""
-    return scene in DAMPED and isinstance(scheme, sc.GeneralizedAlpha)
 
 
 # -- the same runs ---------------------------------------------------------------------------------
@@ -203,10 +196,6 @@ def runs(*run: Any, **options: Any) -> tuple[sc.History, sc.History, sc.History]
 @pytest.mark.parametrize("scheme", COMPILED, ids=repr)
 def test_kernels_agree(scheme, scene, treatment):
     system = scene()
-    if missing(scene, scheme):
-        with pytest.raises(sc.InputError, match="damped beams at the ends of steps"):
-            sc.simulate(system, scheme, treatment, 2e-3, 0.04, kernels="numba")
-        return
     h = 2e-3
     compiled, plain, beside = runs(system, scheme, treatment, h, STEPS * h)
     assert abs(plain["q"][-1] - plain["q"][0]).max() > 1e-3

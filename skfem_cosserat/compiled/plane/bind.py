@@ -26,6 +26,7 @@ from ..bind import (
     nested,
     numbered,
     of_blocks,
+    work_of,
 )
 from ..numbers import BEAM_PARTS, COUPLED
 from ..plan import Plan
@@ -459,5 +460,4 @@ def bound_work(system: System, plan: Plan, frames: Frames) -> tuple[Any, dict[st
         "followers": (0, 4, 4),
         "coupled": (0, COUPLED),
     }
-    arrays = {name: np.zeros(shapes[name]) for name in structures.WORK}
-    return structures.work(tuple(arrays.values())), arrays
+    return work_of(shapes)
