@@ -228,7 +228,7 @@ def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc
         guess = 0.1 * rng.standard_normal(system.unknowns)
         bound: Any = stepper.bound
         bound.begin(system.extend(state.q, state.time), system.ground(state.time + h), h)
-        bound.resume(guess)
+        bound.last = guess
         fast.resume(guess)
         bound.guess(True)
         problem: Any = stepper.problem(stepper.balance.begin(state))
@@ -285,7 +285,7 @@ def _same_with_multipliers(system: sc.System, integrator: str, seed: int, state:
     mu = np.zeros(system.m)
     guess, mu[rows] = 0.1 * rng.standard_normal(unknowns), size * rng.standard_normal(len(rows))
     bound.begin(system.extend(state.q, state.time), system.ground(state.time + h), h)
-    bound.resume(guess)
+    bound.last = guess
     fast.resume(guess)
     a.last[where] = mu[rows]
     a.last.ravel()[fast._numbering] = guess
@@ -293,7 +293,7 @@ def _same_with_multipliers(system: sc.System, integrator: str, seed: int, state:
     fast._begin(state)
     begin(*fast._all, 1)
     residual = evaluate(*fast._all, 1)
-    y1 = bound.configuration()
+    y1 = bound.configure()
     assert a.y1 == pytest.approx(y1, abs=1e-13)
     step = balance.begin(state)
     found = balance.evaluate(step, y1)
@@ -301,15 +301,15 @@ def _same_with_multipliers(system: sc.System, integrator: str, seed: int, state:
     yc = bound.constraint_point(y1)
     G, G1 = (g.jacobian(y).toarray()[rows] for y in (yc, y1))
     R = found.R + (G.T @ mu[rows]).reshape(-1, 3)
-    r = np.concatenate([bound.residual(R, y1), g.values(y1)[rows]])
+    r = np.concatenate([bound.reduce(R, y1), g.values(y1)[rows]])
     largest = max(
         abs(r[:unknowns]).max() / found.size, (abs(g.values(y1)) / g.magnitudes(y1))[rows].max()
     )
     assert residual == pytest.approx(largest, rel=0.5)  # sizes of terms are those at the start
-    P1 = np.array([bound.push(e, y1).ravel() for e in np.eye(unknowns)]).T
+    P1 = np.array([bound.displacement(e, y1).ravel() for e in np.eye(unknowns)]).T
     P = np.array([bound.pull(e.reshape(-1, 3)) for e in np.eye(system.n)])
     blocks = balance.tangent(step, found)
-    A = bound.solver.pattern.assembled(bound.data(blocks, R, y1)).toarray()
+    A = bound.solver.pattern.assembled(bound.matrix(blocks, R, y1)).toarray()
     H = np.zeros((system.n, system.n))
     np.add.at(H, (g.curvature_rows, g.curvature_cols), g.curvature_values(mu, yc))
     A += bound.weight * P.T @ H @ P1

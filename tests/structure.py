@@ -2,7 +2,7 @@
 
     python tests/structure.py [--simulate]
 
-``--simulate`` also counts in how many modules one call of ``simulate`` runs code.
+``--simulate`` also counts in how many modules a call of ``simulate`` and a step in numpy run code.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import io
 import sys
 import tokenize
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import combinations
 from pathlib import Path
 from types import FrameType
@@ -111,8 +111,37 @@ def reasons(texts: dict[Path, str]) -> int:
     return len(found - parts) - 1  # the sentence that lists the reasons
 
 
-def modules_of_a_run() -> int:
-    """Modules in which one call of simulate runs code, after a first one; with compiled kernels."""
+def methods(texts: dict[Path, str], name: str, abstract: bool) -> int:
+    """Public methods of a class; properties do not count, or with `abstract` all but those."""
+    found = 0
+    for text in texts.values():
+        for node in ast.walk(ast.parse(text)):
+            if not (isinstance(node, ast.ClassDef) and node.name == name):
+                continue
+            for each in node.body:
+                if isinstance(each, ast.FunctionDef) and not each.name.startswith("_"):
+                    marks = [ast.unparse(mark) for mark in each.decorator_list]
+                    found += "abstractmethod" in marks if abstract else not marks
+    return found
+
+
+def modules_of(action: Callable[[], object]) -> int:
+    """Modules of the package in which a call runs code."""
+    seen = set()
+
+    def note(frame: FrameType, event: str, argument: object) -> None:
+        seen.add(frame.f_code.co_filename)
+
+    sys.setprofile(note)
+    try:
+        action()
+    finally:
+        sys.setprofile(None)
+    return sum(name.startswith(str(PACKAGE)) for name in seen)
+
+
+def modules_of_runs() -> dict[str, int]:
+    """Modules of a call of simulate with compiled kernels, and of a step in numpy, after others."""
     import skfem_cosserat as sc
 
     model = sc.Model()
@@ -121,19 +150,15 @@ def modules_of_a_run() -> int:
     beam: Any = model.add("rod", sc.Beam(mesh, section, director=(0, 0, 1)))
     model.add("pin", sc.JointSpherical(sc.ground((0, 0, 0)), beam.node("rod.start")))
     model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
-    system, seen = model.freeze(), set()
+    system = model.freeze()
     run = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 5e-3
-
-    def note(frame: FrameType, event: str, argument: object) -> None:
-        seen.add(frame.f_code.co_filename)
-
     sc.simulate(*run)
-    sys.setprofile(note)
-    try:
-        sc.simulate(*run)
-    finally:
-        sys.setprofile(None)
-    return sum(name.startswith(str(PACKAGE)) for name in seen)
+    stepper = sc.Stepper(*run[:4], kernels="numpy")
+    state = stepper.advance(sc.initial_state(system)).state
+    return {
+        "modules of a call of simulate": modules_of(lambda: sc.simulate(*run)),
+        "modules of a step in numpy": modules_of(lambda: stepper.advance(state)),
+    }
 
 
 def counts(run: bool = False) -> dict[str, int]:
@@ -156,9 +181,11 @@ def counts(run: bool = False) -> dict[str, int]:
         ),
         "pairs of files that share six lines": passages(texts),
         "reasons to refuse kernels": reasons(texts),
+        "methods a treatment of one's own has to give": methods(texts, "BoundTreatment", True),
+        "methods an integrator of one's own may give": methods(texts, "Integrator", False),
     }
     if run:
-        table["modules of a call of simulate"] = modules_of_a_run()
+        table |= modules_of_runs()
     return table
 
 

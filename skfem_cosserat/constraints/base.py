@@ -200,10 +200,36 @@ class Treatment(Frozen):
 
 
 class BoundTreatment(ABC):
-    """A treatment at work on one system; holds the configuration sought in a step."""
+    """A treatment at work on one system; holds the configuration sought in a step.
+
+    The abstract methods, and these four attributes, are what an own treatment has to give.
+
+    Attributes
+    ----------
+    unknowns : int
+        How many independent ones there are.
+    solver : LinearSolver
+        Of its linear systems.
+    sought : object
+        The configuration sought, each treatment its own: replaced by what moves it, never changed
+        in place.
+    moved : array
+        Increments of the step so far, each treatment its own. A step twice as long is guessed to
+        have twice that.
+    """
 
     solver: LinearSolver
     unknowns: int
+    sought: Any
+    moved: Array
+    #: sizes of the terms of the last rows of the residual, which are no balance but constraints
+    gap_terms: Floats = np.zeros(0)
+    #: factor of these rows in the matrix
+    gap_scale: float = 1.0
+    #: which unknowns of the solver are in use in this step; None: all
+    active: NDArray[np.bool_] | None = None
+    #: whether each configuration is one that motions lead to
+    by_motion: bool = False
     #: why the last configuration could not be formed, such as a loop that does not close
     trouble: str | None = None
     #: what the start of the step is worth a warning for, such as a singular position: item, text
@@ -214,8 +240,11 @@ class BoundTreatment(ABC):
     clearance: float = 0.0
     #: constraint rows that close loops in this step, independent of each other
     closing: IndexArray = np.zeros(0, dtype=np.int64)
-    #: increments of the last step (each treatment its own), to start the next one with, or None
-    last: Any = None
+    #: increments of the last step, for one of the size of this one; None: there are none
+    last: Array | None = None
+    #: rows at the start of the step; the ground's rows at its end, which may change on the way
+    y0: Array
+    ground1: Array
 
     def __init__(self, system: System, weight: float) -> None:
         self.system = system
@@ -228,17 +257,101 @@ class BoundTreatment(ABC):
         `momentum` (n,): given if a run starts with this step, or goes on after a break.
         """
 
-    def resume(self, last: Any) -> None:
-        """Start the next step with the increments of one that was solved elsewhere."""
-        self.last = last
+    @abstractmethod
+    def guess(self, extrapolate: bool) -> None:
+        """Go to the start of the iteration: last step's increment again, or none.
+
+        Where increments may be large, and for none, constraint forces stay those found last.
+        """
+
+    @abstractmethod
+    def configure(self) -> Array:
+        """``y_1`` (all rows) sought, with the ground at its end where it is now."""
+
+    @abstractmethod
+    def reduce(self, R: Array, y1: Array) -> Array:
+        """Residual (unknowns,) for the balance R (rows, 3)."""
+
+    @abstractmethod
+    def pull(self, gradient: Array) -> Array:
+        """Derivative (unknowns,) by the unknowns of what has this `gradient` (rows, 3) by q_1.
+
+        At the configuration evaluated last, for constraint forces that act there (weight 1).
+        """
+
+    @abstractmethod
+    def matrix(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
+        """Entries of the iteration matrix in the solver's pattern; as solved, or unscaled."""
+
+    @abstractmethod
+    def displacement(self, increment: Array, y1: Array) -> Array:
+        """Change (rows, 3) of the coordinates that an increment makes at y_1, to first order."""
+
+    @abstractmethod
+    def move(self, increment: Array) -> None:
+        """Move the configuration by an increment (unknowns,)."""
+
+    @abstractmethod
+    def impulse(self, R: Array) -> Array:
+        """``h G(y_c)^T lambda`` (rows, 3) at the solution."""
+
+    # -- what follows from them; built-in ones know more of the last three ------------------------
 
     def solve_with(self, solver: Solver) -> None:
         """Take this solver for the linear systems, not the one chosen by their size."""
         self.solver = LinearSolver(self.solver.pattern, solver)
 
-    @abstractmethod
-    def guess(self, extrapolate: bool) -> None:
-        """Go to the start of the iteration: last step's increment again, or none."""
+    def relative(self, residual: Array, term: float) -> float:
+        """Size of a residual against the largest term of the balance; constraints by their own."""
+        if self.trouble is not None:
+            return float("inf")
+        n = len(residual) - len(self.gap_terms)
+        size = relative_size(largest(residual[:n]), term)
+        if not len(self.gap_terms):
+            return size
+        return float(np.max([size, largest(residual[n:] / self.gap_terms)]))  # NaN stays
+
+    def scale_rows(self, residual: Array) -> Array:
+        """The residual in the scaling of the matrix."""
+        if not len(self.gap_terms):
+            return residual
+        out = residual.copy()
+        out[len(residual) - len(self.gap_terms) :] *= self.gap_scale
+        return out
+
+    def constraint_point(self, y1: Array) -> Array:
+        """``y_c``, all rows."""
+        if self.weight == 0:
+            return self.y0
+        if self.weight == 0.5:
+            return 0.5 * (self.y0 + y1)
+        return (1 - self.weight) * self.y0 + self.weight * y1
+
+    def wrong_branch(self, y1: Array) -> str | None:
+        """What the step put on another branch of its constraints, which no motion leads to.
+
+        With constraint forces at the midpoint: a frame that has turned by half a turn, too.
+        """
+        if not self.by_motion and (wrong := self.system.wrong_branch(y1)) is not None:
+            return wrong
+        return half_turn(self.system, self.y0, y1) if 0.0 < self.weight < 1.0 else None
+
+    def sizes(self, increment: Floats, y1: Array) -> tuple[float, float]:
+        """Size of an increment at y_1 (relative to the scene, or rad), and of its largest rotation.
+
+        A change of directors stands for a rotation.
+        """
+        system, d = self.system, abs(self.displacement(increment, y1))
+        shift = d[system.origin_rows].max(initial=0.0) / system.length
+        turn = d[system.kinematics.director_rows].max(initial=0.0)
+        return float(max(shift, turn)), float(turn)
+
+    def adopt(self, R: Array) -> None:
+        """Take the constraint forces that balance R (rows, 3) best as those found last.
+
+        Of a step that has begun. (Only multipliers keep forces.)
+        """
+        return
 
     def clear(self, y: Floats) -> bool:
         """Whether the rows that close loops are independent by far at y; `clearance` is as now."""
@@ -255,101 +368,6 @@ class BoundTreatment(ABC):
         self.regular = least > REGULAR
         self.clearance = CLEAR * least if self.regular else 0.0
         self.closing = np.concatenate([s.rows for s in chosen])
-
-    def stay(self) -> None:
-        """Go to where the step started, with the constraint forces found last."""
-        self.guess(False)
-
-    def adopt(self, R: Array) -> None:
-        """Take the constraint forces that balance R (rows, 3) best as those found last.
-
-        Of a step that has begun. (Only multipliers keep forces.)
-        """
-        return
-
-    @abstractmethod
-    def rescale(self, ratio: float) -> None:
-        """The next step is `ratio` times as long as the last one: its guess follows suit."""
-
-    @abstractmethod
-    def move_ground(self, ground1: Array) -> None:
-        """Change the ground's rows at the end of the step; the increments so far are kept."""
-
-    @abstractmethod
-    def configuration(self) -> Array:
-        """``y_1`` (all rows) sought."""
-
-    @abstractmethod
-    def residual(self, R: Array, y1: Array) -> Array:
-        """Residual (unknowns,) for the balance R (rows, 3)."""
-
-    @abstractmethod
-    def push(self, increment: Array, y1: Array) -> Array:
-        """Change (rows, 3) of the coordinates that an increment makes at y_1, to first order."""
-
-    @abstractmethod
-    def pull(self, gradient: Array) -> Array:
-        """Derivative (unknowns,) by the unknowns of what has this `gradient` (rows, 3) by q_1.
-
-        At the configuration evaluated last, for constraint forces that act there (weight 1).
-        """
-
-    @abstractmethod
-    def relative(self, residual: Array, term: float) -> float:
-        """Size of a residual against the largest term of the balance."""
-
-    @abstractmethod
-    def data(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
-        """Entries of the iteration matrix in the solver's pattern; as solved, or unscaled."""
-
-    def active(self) -> NDArray[np.bool_] | None:
-        """Which unknowns of the solver are in use; None: all."""
-        return None
-
-    @abstractmethod
-    def scale_rows(self, residual: Array) -> Array:
-        """The residual in the scaling of the matrix."""
-
-    @abstractmethod
-    def apply(self, increment: Array) -> None:
-        """Move the configuration by an increment (unknowns,)."""
-
-    @abstractmethod
-    def sizes(self, increment: Floats) -> tuple[float, float]:
-        """Size of an increment, and of its largest rotation."""
-
-    @abstractmethod
-    def constraint_impulse(self, R: Array) -> Array:
-        """``h G(y_c)^T lambda`` (rows, 3) at the solution."""
-
-    @abstractmethod
-    def save(self) -> Any:
-        """Copy of the configuration sought."""
-
-    @abstractmethod
-    def restore(self, saved: Any) -> None:
-        """Back to a copy."""
-
-    @abstractmethod
-    def finish(self) -> None:
-        """The step is accepted: keep its increment for the next guess."""
-
-    def wrong_branch(self, y1: Array) -> str | None:
-        """What the step put on another branch of its constraints, which no motion leads to.
-
-        With constraint forces at the midpoint: a frame that has turned by half a turn.
-        """
-        return half_turn(self.system, self.y0, y1) if 0.0 < self.weight < 1.0 else None
-
-    def constraint_point(self, y1: Array) -> Array:
-        """``y_c``, all rows."""
-        if self.weight == 0:
-            return self.y0
-        if self.weight == 0.5:
-            return 0.5 * (self.y0 + y1)
-        return (1 - self.weight) * self.y0 + self.weight * y1
-
-    y0: Array
 
 
 def half_turn(system: System, y0: Array, y1: Array) -> str | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
@@ -19,7 +18,7 @@ from ..model.plane_rows import coordinates_in_plane, rows_in_plane
 from ..model.reparametrisation import Reparametrisation
 from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray, switch
-from .base import BoundTreatment, Treatment, group_pairs, pair_numbers, relative_size
+from .base import BoundTreatment, Treatment, group_pairs, pair_numbers
 
 __all__ = ["Multipliers", "Restriction"]
 
@@ -187,10 +186,9 @@ class BoundMultipliers(BoundTreatment):
         self.solver = LinearSolver(self.pattern)
         size = g.magnitudes(system.extend(system.q0, 0.0))
         size = size if self._inside is None else size[self._inside.kept]
-        self._magnitude = np.where(size > 0, size, 1.0)
-        self._q: Array = np.zeros(n)
-        self._multiplier: Array = np.zeros(m)
-        self.last: tuple[Array, Array] | None = None
+        self.gap_terms = np.where(size > 0, size, 1.0)
+        self._q0: Floats = np.zeros(n)
+        self.sought = self._q0, np.zeros(m)
         self._keep = np.ones(m)
         if self._inside is not None:
             self._keep[np.setdiff1d(np.arange(m), self._inside.kept)] = 0
@@ -200,12 +198,15 @@ class BoundMultipliers(BoundTreatment):
 
     def begin(self, y0: Array, ground1: Array, h: float, momentum: Floats | None = None) -> None:
         """See the base class."""
-        self.y0, self._ground1, self.h = y0, ground1, h
+        self.y0, self.ground1, self.h = y0, ground1, h
         if len(self.system.closure.rows):
             self._choose(y0, momentum)
+        if self._redundant:  # the multipliers of rows that depend on others are not in use
+            keep = self._keep if self._inside is None else self._keep[self._inside.kept]
+            self.active = np.concatenate([np.ones(self._coordinates, dtype=bool), keep > 0])
         self._q0 = y0[: self.system.rows].reshape(-1)
         self._jacobian = self.system.constraints.jacobian_values(self._regular(y0))
-        self._size: float | None = None
+        self._sized = False
 
     def _choose(self, y0: Array, momentum: Floats | None) -> None:
         """Independent rows of closed loops at the start of the step."""
@@ -228,8 +229,8 @@ class BoundMultipliers(BoundTreatment):
     def _way(self, y0: Array, s: Selected, momentum: Floats | None) -> Floats:
         """Increment (n,) that leads away from a singular position."""
         if momentum is None and self.last is not None:
-            return self.last[0]
-        return way_off(self.system, y0, self._ground1, s, momentum, self.h)
+            return self.last[: self.system.n]
+        return way_off(self.system, y0, self.ground1, s, momentum, self.h)
 
     def _regular(self, y0: Array) -> Array:
         """Where the rows are independent: the limit on leaving a singular position."""
@@ -239,33 +240,33 @@ class BoundMultipliers(BoundTreatment):
         out[: self.system.rows] += (LIMIT / abs(self._away).max() * self._away).reshape(-1, 3)
         return out
 
+    @property
+    def sought(self) -> tuple[Array, Array]:
+        """See the base class: coordinates and multipliers."""
+        return self._sought
+
+    @sought.setter
+    def sought(self, other: tuple[Array, Array]) -> None:
+        self._sought = other
+        self.moved = np.concatenate([other[0] - self._q0, other[1]])
+
     def guess(self, extrapolate: bool) -> None:
         """See the base class."""
-        use = extrapolate and self.last is not None
-        dq, multiplier = self.last if use and self.last else (0.0, np.zeros(self.system.m))
-        if not use:
-            dq = self._following() if self._away is None else self._away
-        self._q = self._q0 + dq
-        if use and self.last is not None:
-            self._turn_directors(self.last[0])
+        n = self.system.n
+        if extrapolate and self.last is not None:
+            q, multiplier = self._q0 + self.last[:n], self.last[n:]
+            self._turn_directors(q, self.last[:n])
+        else:
+            q = self._q0 + (self._following() if self._away is None else self._away)
+            multiplier = self.sought[1] if self._large else np.zeros(self.system.m)
         if self._inside is not None:
             # turned on, rounding out of the plane would grow: no iteration takes it away
-            self._q = self._q0 + self._inside.within(self._q - self._q0)
-        self._multiplier = multiplier * self._keep
-
-    def rescale(self, ratio: float) -> None:
-        """See the base class; multipliers are kept as impulses."""
-        self.last = None if self.last is None else (ratio * self.last[0], ratio * self.last[1])
-
-    def stay(self) -> None:
-        """See the base class."""
-        multiplier = self._multiplier
-        self.guess(False)
-        self._multiplier = multiplier * self._keep
+            q = self._q0 + self._inside.within(q - self._q0)
+        self.sought = q, multiplier * self._keep
 
     def adopt(self, R: Array) -> None:
         """See the base class."""
-        self._multiplier = self._balancing(R, self.y0)
+        self.sought = self.sought[0], self._balancing(R, self.y0)
 
     def _balancing(self, R: Array, y: Array) -> Array:
         """Multipliers that balance R at y best; zero for rows that depend on others."""
@@ -278,19 +279,15 @@ class BoundMultipliers(BoundTreatment):
             out[kept] = -splu((G @ G.T).tocsc()).solve(G @ force)
         return out
 
-    def move_ground(self, ground1: Array) -> None:
-        """See the base class."""
-        self._ground1 = ground1
-
     def _following(self) -> Array | float:
         """Increment with which the tree of joints follows the prescribed motion, else at rest."""
         if self._nodal is None:
             return 0.0
-        self._nodal.begin(self.y0, self._ground1)
+        self._nodal.begin(self.y0, self.ground1)
         return (self._nodal.configuration() - self.y0)[: self.system.rows].reshape(-1)
 
-    def _turn_directors(self, dq: Array) -> None:
-        """Directors of the guess turned on by the last rotation.
+    def _turn_directors(self, q: Array, dq: Array) -> None:
+        """Directors of the guess q, turned on in place by the last rotation.
 
         By the last increment they would get longer: an error that, near a singular position, has
         led to the wrong branch of the motion.
@@ -298,33 +295,27 @@ class BoundMultipliers(BoundTreatment):
         rows = self.system.kinematics.director_rows
         D = self.y0[rows]
         before = D - dq.reshape(-1, 3)[rows]
-        self._q.reshape(-1, 3)[rows] = D @ before.transpose(0, 2, 1) @ D
+        q.reshape(-1, 3)[rows] = D @ before.transpose(0, 2, 1) @ D
 
-    def active(self) -> NDArray[np.bool_] | None:
-        """See the base class: not the multipliers of rows that depend on others."""
-        if not self._redundant:
-            return None
-        keep = self._keep if self._inside is None else self._keep[self._inside.kept]
-        return np.concatenate([np.ones(self._coordinates, dtype=bool), keep > 0])
-
-    def configuration(self) -> Array:
+    def configure(self) -> Array:
         """See the base class."""
-        return np.concatenate([self._q.reshape(-1, 3), self._ground1.astype(self._q.dtype)])
+        q = self.sought[0]
+        return np.concatenate([q.reshape(-1, 3), self.ground1.astype(q.dtype)])
 
     def _transposed(self, y1: Array) -> Array:
         if self.weight == 0:
             return self._jacobian
         return self.system.constraints.jacobian_values(self.constraint_point(y1))
 
-    def residual(self, R: Array, y1: Array) -> Array:
+    def reduce(self, R: Array, y1: Array) -> Array:
         """See the base class; the constraint rows are not scaled here."""
         constraints = self.system.constraints
         self._left = self._transposed(y1)
         n = self.system.n
-        force = self._left * self._multiplier.take(constraints.G_rows)
+        force = self._left * self.sought[1].take(constraints.G_rows)
         summed = sum_at(constraints.G_cols, force, n)
         out = np.empty(n + self.system.m, dtype=np.result_type(R, force, y1))
-        self._impulse = summed
+        self._found = summed
         out[:n] = R.reshape(-1) + summed
         out[n:] = constraints.values(y1)
         if self._redundant:
@@ -339,30 +330,18 @@ class BoundMultipliers(BoundTreatment):
         """All (n + m,) from the solver's unknowns."""
         return increment if self._inside is None else self._inside.expand(increment)
 
-    def push(self, increment: Array, y1: Array) -> Array:
-        """See the base class."""
-        return self._expanded(increment)[: self.system.n].reshape(-1, 3)
-
     def pull(self, gradient: Array) -> Array:
         """See the base class; multipliers change nothing."""
         full = np.concatenate([gradient.reshape(-1), np.zeros(self.system.m)])
         return self._restricted(full)
 
-    def relative(self, residual: Array, term: float) -> float:
-        """See the base class; constraints are compared with their own terms."""
-        n = self._coordinates
-        balance = float(abs(residual[:n]).max(initial=0.0))
-        violation = float((abs(residual[n:]) / self._magnitude).max(initial=0.0))
-        return float(np.max([relative_size(balance, term), violation]))  # NaN stays
-
-    def data(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
+    def matrix(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class; with the columns' and rows' factors of this step."""
         full = [b.blocks() if isinstance(b, Parts) else b for b in blocks]
-        if self._size is None:
+        if self.scaled and not self._sized:
             # a scene without stiffness, on a path, has blocks of zeros
-            self._size = (max(float(abs(b).max()) for b in full) or 1.0) if self.scaled else 0.0
-        constraints = self.system.constraints
-        size = self._size
+            self.gap_scale, self._sized = max(float(abs(b).max()) for b in full) or 1.0, True
+        constraints, size = self.system.constraints, self.gap_scale
         column, row = (size, size) if self.scaled and scaled else (self.h, 1.0)
         values = [b.ravel() for b in full]
         left, right = self._left, constraints.jacobian_values(y1)
@@ -375,77 +354,48 @@ class BoundMultipliers(BoundTreatment):
         if self.weight:
             at = self.constraint_point(y1)
             # on a path those that balance the predicted stresses, at directors that have turned
-            lam = self._balancing(R, y1) if self._large else self._multiplier
+            lam = self._balancing(R, y1) if self._large else self.sought[1]
             values.append(self.weight * constraints.curvature_values(lam, at))
         data = self._full.data(np.concatenate(values))
         return data if self._inside is None else self._inside.data(data)
 
-    def scale_rows(self, residual: Array) -> Array:
-        """The residual in the scaling of the matrix."""
-        out = residual.copy()
-        if self.scaled:
-            out[self._coordinates :] *= self._size
-        return out
+    def displacement(self, increment: Array, y1: Array) -> Array:
+        """See the base class."""
+        return self._expanded(increment)[: self.system.n].reshape(-1, 3)
 
-    def apply(self, increment: Array) -> None:
+    def move(self, increment: Array) -> None:
         """See the base class."""
         n, increment = self.system.n, self._expanded(increment)
-        factor = self._size if self.scaled else self.h
-        if self._large:
-            self._turn(increment[:n].reshape(-1, 3))
-        else:
-            self._q = self._q + increment[:n]
-        self._multiplier = self._multiplier + factor * increment[n:]
+        factor = self.gap_scale if self.scaled else self.h
+        q, multiplier = self.sought
+        q = self._turned(increment[:n].reshape(-1, 3)) if self._large else q + increment[:n]
+        self.sought = q, multiplier + factor * increment[n:]
 
-    def _turn(self, change: Array) -> None:
-        """Add an increment (rows, 3) of an equilibrium, that of directors as a finite rotation.
+    def _turned(self, change: Array) -> Array:
+        """With an increment (rows, 3) of an equilibrium, that of directors as a finite rotation.
 
         Steps on a path may be large: added up, directors would get longer. The derivative is the
         same, a solution fulfils the constraints as before.
         """
         rows = self.system.kinematics.director_rows
-        q = self._q.reshape(-1, 3)
+        q = self.sought[0].reshape(-1, 3)
         D = q[rows]
         omega = 0.5 * cross(D, change[rows]).sum(1)
         if (plane := self.system.plane) is not None:
             omega = (omega @ plane.normal)[:, None] * plane.normal
         out = q + change
         out[rows] = D @ rotation_matrix(exp_quaternion(omega)).transpose(0, 2, 1)
-        self._q = out.reshape(-1)
+        return out.reshape(-1)
 
-    def sizes(self, increment: Floats) -> tuple[float, float]:
-        """See the base class; a change of directors stands for a rotation."""
-        system = self.system
-        d = abs(self._expanded(increment)[: system.n].reshape(-1, 3))
-        shift = d[system.origin_rows].max(initial=0.0) / system.length
-        turn = d[system.kinematics.director_rows].max(initial=0.0)
-        return float(max(shift, turn)), float(turn)
-
-    def constraint_impulse(self, R: Array) -> Array:
+    def impulse(self, R: Array) -> Array:
         """See the base class; out of a plane that all is confined to, what holds the balance."""
-        force = self._impulse
+        force = self._found
         if self._inside is not None:
             other = -R.reshape(-1)
             force = other + self._inside.within(force - other)
         return force.reshape(-1, 3)
 
-    def wrong_branch(self, y1: Array) -> str | None:
-        """See the base class."""
-        return self.system.wrong_branch(y1) or super().wrong_branch(y1)
-
-    def save(self) -> tuple[Array, Array]:
-        """See the base class."""
-        return self._q.copy(), self._multiplier.copy()
-
-    def restore(self, saved: tuple[Array, Array]) -> None:
-        """See the base class."""
-        self._q, self._multiplier = saved[0].copy(), saved[1].copy()
-
-    def finish(self) -> None:
-        """See the base class."""
-        self.last = (self._q - self._q0, self._multiplier)
-
     @property
     def multipliers(self) -> Array:
         """``lambda`` (m,) of the step just solved."""
-        return self._multiplier / self.h
+        return self.sought[1] / self.h

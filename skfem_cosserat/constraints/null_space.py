@@ -21,7 +21,7 @@ from ..model.reparametrisation import Reparametrisation
 from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray
 from ..warn import warn
-from .base import BoundTreatment, Treatment, group_pairs, largest, pair_numbers, relative_size
+from .base import BoundTreatment, Treatment, group_pairs, pair_numbers
 
 __all__ = ["Congruence", "NullSpace", "NullSpaceBlocks"]
 
@@ -284,6 +284,8 @@ class BoundNullSpace(BoundTreatment):
     coordinates of the tree; it is evaluated where P is, with the rows chosen at the step's start.
     """
 
+    by_motion = True
+
     def __init__(self, system: System, weight: float) -> None:
         super().__init__(system, weight)
         kin = self.kin = system.kinematics
@@ -312,8 +314,7 @@ class BoundNullSpace(BoundTreatment):
         shifts = [*np.flatnonzero(~turning), kin.unknowns]
         self._by_kind = np.array([*shifts, *np.flatnonzero(turning), kin.unknowns])
         self._kinds = [0, len(shifts)]
-        self._total: Array = np.zeros(kin.unknowns)
-        self.last: Array | None = None
+        self.moved: Array = np.zeros(kin.unknowns)
         self._enough = QUADRATIC
         self._direction: list[Floats] | None = None
         self._passages = Passages(system)
@@ -374,7 +375,8 @@ class BoundNullSpace(BoundTreatment):
 
     def begin(self, y0: Array, ground1: Array, h: float, momentum: Floats | None = None) -> None:
         """See the base class."""
-        self.y0, self.h, self._known = y0, h, None
+        self.y0, self.ground1, self._known = y0, ground1, None
+        self._ground: Array | None = ground1
         self.nodal.begin(y0, ground1)
         if self._loops:
             self._choose(y0, momentum)
@@ -418,28 +420,33 @@ class BoundNullSpace(BoundTreatment):
             self._selected_left = self._selected(y, self._T_left)
             self._Z_left = self.closure.null_values(self._selected_left, self._ones)
 
+    @property
+    def sought(self) -> tuple[Array, ...]:
+        """See the base class."""
+        return *self.nodal.save(), self.moved
+
+    @sought.setter
+    def sought(self, before: tuple[Array, ...]) -> None:
+        self.nodal.restore(before[:-1])
+        self.moved, self._ground = before[-1], None  # what is driven follows anew
+
     def guess(self, extrapolate: bool) -> None:
         """See the base class."""
         self.nodal.reset()
-        self._total = np.zeros(self.kin.unknowns)
+        self.moved = np.zeros(self.kin.unknowns)
         self._enough = GUESSED
         if extrapolate and self.last is not None:
             self._add(self.last)
 
-    def rescale(self, ratio: float) -> None:
-        """See the base class."""
-        self.last = None if self.last is None else ratio * self.last
-
-    def move_ground(self, ground1: Array) -> None:
-        """See the base class."""
-        self.nodal.move_ground(ground1)
-
     def _add(self, increment: Array) -> None:
         self.nodal.add(increment)
-        self._total = self._total + increment
+        self.moved = self.moved + increment
 
-    def configuration(self) -> Array:
+    def configure(self) -> Array:
         """See the base class; loops are closed first."""
+        if self._ground is not self.ground1:
+            self._ground = self.ground1
+            self.nodal.move_ground(self.ground1)
         y1 = self.nodal.configuration()
         return self._close(y1) if self._loops else y1
 
@@ -471,7 +478,7 @@ class BoundNullSpace(BoundTreatment):
         self.trouble = f"the loop through the {names} does not close"
         return y1
 
-    def residual(self, R: Array, y1: Array) -> Array:
+    def reduce(self, R: Array, y1: Array) -> Array:
         """``P(y_c)^T R``."""
         if self.weight:
             self._set_left(self.constraint_point(y1))
@@ -486,7 +493,7 @@ class BoundNullSpace(BoundTreatment):
         rows, cols = self._Z
         return sum_at(cols, self._Z_left * tree_force[rows], self.unknowns)
 
-    def push(self, increment: Array, y1: Array) -> Array:
+    def displacement(self, increment: Array, y1: Array) -> Array:
         """See the base class."""
         T1 = self._tree_at(y1)[1]
         return self.kin.rates(y1, self.kin.expand(T1, self._by_tree(increment)))
@@ -495,12 +502,6 @@ class BoundNullSpace(BoundTreatment):
         """See the base class."""
         force = self.kin.twist_force(self._left.y, gradient)
         return self._by_unknowns(self.kin.reduce(self._T_left, force))
-
-    def relative(self, residual: Array, term: float) -> float:
-        """See the base class."""
-        if self.trouble is not None:
-            return float("inf")
-        return relative_size(largest(residual), term)
 
     def _null_spaces(self, which: str, ys: Array) -> list[list[Array | None]]:
         """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), none of points; of all ys."""
@@ -576,7 +577,7 @@ class BoundNullSpace(BoundTreatment):
                 out[k] = add_scalar(block.copy(), more)
         return out, R - carried
 
-    def data(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
+    def matrix(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """See the base class."""
         kin = self.kin
         count = len(self.system.groups)
@@ -607,10 +608,6 @@ class BoundNullSpace(BoundTreatment):
         self._Z1 = self.closure.null_values(self._selected(y1, T1), self._ones)
         return self._reduction.data([out], np.zeros(0), self._Z_left, self._Z1)
 
-    def scale_rows(self, residual: Array) -> Array:
-        """No scaling."""
-        return residual
-
     def _by_tree(self, increment: Array) -> Array:
         """Increment of the unknowns -> of the tree's coordinates, at the last matrix."""
         if not self._loops:
@@ -618,7 +615,7 @@ class BoundNullSpace(BoundTreatment):
         rows, cols = self._Z
         return sum_at(rows, self._Z1 * increment[cols], self.kin.unknowns)
 
-    def apply(self, increment: Array) -> None:
+    def move(self, increment: Array) -> None:
         """See the base class."""
         self._add(self._by_tree(increment))
 
@@ -628,23 +625,10 @@ class BoundNullSpace(BoundTreatment):
         shift, turn = np.maximum.reduceat(d, self._kinds).tolist()
         return max(shift / self.system.length, turn), turn
 
-    def sizes(self, increment: Floats) -> tuple[float, float]:
-        """See the base class."""
+    def sizes(self, increment: Floats, y1: Array) -> tuple[float, float]:
+        """Of the coordinates of the tree."""
         return self._size(self._by_tree(increment))
 
-    def constraint_impulse(self, R: Array) -> Array:
+    def impulse(self, R: Array) -> Array:
         """All of the balance that the null space does not see."""
         return -R
-
-    def save(self) -> tuple[Array, ...]:
-        """See the base class."""
-        return *self.nodal.save(), self._total
-
-    def restore(self, saved: tuple[Array, ...]) -> None:
-        """See the base class."""
-        self.nodal.restore(saved[:-1])
-        self._total = saved[-1]
-
-    def finish(self) -> None:
-        """See the base class."""
-        self.last = self._total

@@ -232,10 +232,10 @@ class StepProblem:
 
     def residual(self) -> float:
         """Evaluate, see :class:`skfem_cosserat.newton.NewtonProblem`."""
-        y1 = self.treatment.configuration()
+        y1 = self.treatment.configure()
         self.evaluation = self.balance.evaluate(self.step, y1)
         self.y1 = y1
-        self._r = self.treatment.residual(self.evaluation.R, y1)
+        self._r = self.treatment.reduce(self.evaluation.R, y1)
         return self.treatment.relative(self._r, self.evaluation.size)
 
     def direction(self) -> Floats:
@@ -244,9 +244,9 @@ class StepProblem:
         e, _ = self._from = self.evaluation, self.y1
         if self._stresses is not None:
             e = self.balance.with_stresses(e, self._stresses)
-            self.treatment.residual(e.R, self.y1)
+            self.treatment.reduce(e.R, self.y1)
         blocks = self.balance.tangent(self.step, e)
-        data = self.treatment.data(blocks, e.R, self.y1)
+        data = self.treatment.matrix(blocks, e.R, self.y1)
         direction = -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
         more = self.balance.border(self.step, e)
         return direction if more is None else self._updated(direction, *more)
@@ -255,7 +255,7 @@ class StepProblem:
         """Direction of the matrix with ``sum_k U_k V_k^T`` added (Sherman, Morrison, Woodbury)."""
         treatment, y = self.treatment, self.y1
         columns = [treatment.solver.solve_again(treatment.scale_rows(treatment.pull(u))) for u in U]
-        moved = [treatment.push(x, y) for x in (*columns, direction)]
+        moved = [treatment.displacement(x, y) for x in (*columns, direction)]
         products = np.tensordot(V, np.array(moved), axes=([1, 2], [1, 2]))
         factors = np.linalg.solve(np.eye(len(U)) + products[:, :-1], products[:, -1])
         return np.asarray(direction - np.array(columns).T @ factors)
@@ -263,24 +263,24 @@ class StepProblem:
     def sizes(self, increment: Floats) -> tuple[float, float]:
         """Of an increment, see there."""
         if self._sized[0] is not increment:  # asked for again where it is applied
-            self._sized = increment, self.treatment.sizes(increment)
+            self._sized = increment, self.treatment.sizes(increment, self._from[1])
         return self._sized[1]
 
     def apply(self, increment: Floats) -> None:
         """Move, see there."""
         self._stresses = None
         if self.sizes(increment)[0] > self._mixed and self.system.beam_groups:
-            change = self.treatment.push(increment, self._from[1])
+            change = self.treatment.displacement(increment, self._from[1])
             self._stresses = self.balance.predicted(self.step, self._from[0], change)
-        self.treatment.apply(increment)
+        self.treatment.move(increment)
 
     def save(self) -> object:
         """What :meth:`restore` takes."""
-        return self.treatment.save()
+        return self.treatment.sought
 
     def restore(self, saved: object) -> None:
         """Back to a saved configuration."""
-        self.treatment.restore(saved)
+        self.treatment.sought = saved
 
 
 # -- one time step: integrator x treatment x Newton, with retries and a clear failure --------------
@@ -415,6 +415,8 @@ class Stepper:
         if solver is not None:
             self.bound.solve_with(solver)
         self._first, self._warned = True, False
+        #: of the last step of the general way: its size, and increments of the treatment
+        self._last: tuple[float, Array] | None = None
         self._end: tuple[Floats, Evaluation] | None = None  # of the last step: q, what was found
         self._fast: CompiledStep | None = None
         #: steppers by share of the step
@@ -481,11 +483,10 @@ class Stepper:
             raise IncompatibleError(f"{self.integrator!r} with another step", "its steps are fixed")
         sign = -1 if self.h < 0 else 1
         size = positive("argument step", "step", sign * h, " of seconds")
-        ratio, self.h = h / self.h, sign * size
+        self.h = sign * size
         self.origin = StepOrigin(self.integrator.name, self.h) if origin is None else origin
         for share, stage in self._stages.items():
             stage.resize(share * h, self.origin)
-        self.bound.rescale(ratio)
         self.balance = self.integrator.single.balance(self.system, self.h)
         if self._fast is not None:
             self._fast = self._fast.resized(h)
@@ -627,9 +628,10 @@ class Stepper:
                     if self._fast.looped and self.system.moving:
                         self._check_motion(state, self._fast.y1, solved[1])
                     return self._accept_compiled(self._fast, state, new_time, *solved)
-            self.bound.resume(self._fast.last)  # the general way tries again from there
-        if step is None:
-            step = self._begin(state)
+            # the general way tries again from there
+            self._last = None if self._fast.last is None else (self.h, self._fast.last)
+        step = self._begin(state) if step is None else step
+        self._recall()
         total = 0
         best: NewtonReport | None = None
         residuals = []
@@ -714,11 +716,20 @@ class Stepper:
         step = self.balance.begin(state, before)
         momentum = state.p if state.fresh or self._first else None
         self._first = False
+        self._recall()
         self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h, momentum)
         for item, text in self.bound.doubts:
             logger.info("t = %.6g s: the %s %s", state.time, item, text)  # each time
             warn(item, text, AccuracyWarning, state.time)
         return step
+
+    def _recall(self) -> None:
+        """Tell the treatment the increments of the last step, for one of this size."""
+        if self._last is None:
+            self.bound.last = None
+        else:
+            h, moved = self._last
+            self.bound.last = moved if h == self.h else (self.h / h) * moved
 
     def problem(self, step: StepData) -> StepProblem:
         """The step as the Newton loop sees it."""
@@ -762,10 +773,10 @@ class Stepper:
         step, evaluation, y1 = problem.step, problem.evaluation, problem.y1
         assert evaluation is not None
         finished = self.balance.finish(step, evaluation)
-        self.bound.finish()
+        self._last = self.h, self.bound.moved
         if self._fast is not None:
-            self._fast.resume(self.bound.last)
-        impulse: Array = self.bound.constraint_impulse(evaluation.R)
+            self._fast.resume(self.bound.moved)
+        impulse: Array = self.bound.impulse(evaluation.R)
         if finished.impulse is not None:
             impulse = impulse + finished.impulse
         rates = finished.rates
@@ -834,7 +845,7 @@ class Stepper:
         problem.residual()
         assert problem.evaluation is not None
         blocks = self.balance.tangent(step, problem.evaluation)
-        data = bound.data(blocks, problem.evaluation.R, problem.y1, scaled)
+        data = bound.matrix(blocks, problem.evaluation.R, problem.y1, scaled)
         matrix = bound.solver.pattern.assembled(data).toarray()
-        active = bound.active()
+        active = bound.active
         return matrix if active is None else matrix[np.ix_(active, active)], report

@@ -265,7 +265,7 @@ class PlainProblem(Problem):
 
     def constraint_force(self) -> Array:
         """As the treatment has it."""
-        return self.bound.constraint_impulse(self.at.R)
+        return self.bound.impulse(self.at.R)
 
     def _balance(self, y: Array, t: float) -> Balance:
         amplitudes = self.schedule.at(t)
@@ -275,35 +275,35 @@ class PlainProblem(Problem):
         return out
 
     def _evaluate(self) -> float:
-        y = self.bound.configuration()
+        y = self.bound.configure()
         self.at = self._balance(y, self.t)
-        self._r = self.bound.residual(self.at.R, y)
+        self._r = self.bound.reduce(self.at.R, y)
         return self.bound.relative(self._r, self.at.size)
 
     def _by_ground(self, ends: tuple[float, float]) -> tuple[list[Array], list[Array]]:
         bound = self.bound
-        saved = bound.save()
+        sought = bound.sought
         residuals, ys = [], []
         for end in ends:
-            bound.restore(saved)
+            bound.sought = sought
             self._move_ground(end)
-            ys.append(bound.configuration())
-            residuals.append(bound.residual(self._balance(ys[-1], end).R, ys[-1]).copy())
-        bound.restore(saved)
+            ys.append(bound.configure())
+            residuals.append(bound.reduce(self._balance(ys[-1], end).R, ys[-1]).copy())
+        bound.sought = sought
         self._move_ground(self.t)
-        bound.configuration()
+        bound.configure()
         return residuals, ys
 
     def _by_loads(self, ends: tuple[float, float]) -> Array:
         y, bound = self.at.y, self.bound
         if self.system.couplings.count:
-            first, last = (bound.residual(self._balance(y, end).R, y).copy() for end in ends)
+            first, last = (bound.reduce(self._balance(y, end).R, y).copy() for end in ends)
             return last - first
         first, last = (external_force(self.system, y, self.schedule.at(end)) for end in ends)
         return bound.pull(first - last)
 
     def _move_ground(self, t: float) -> None:
-        self.bound.move_ground(self.schedule.ground(t))
+        self.bound.ground1 = self.schedule.ground(t)
 
     def predict(self, change: Floats) -> None:
         """Move by a change of the coordinates, as near to it as the constraints allow."""
@@ -314,7 +314,7 @@ class PlainProblem(Problem):
         size = bound.solver.n
 
         def project(u: Floats) -> Floats:
-            return bound.pull(metric * bound.push(u, self.at.y))
+            return bound.pull(metric * bound.displacement(u, self.at.y))
 
         operator = LinearOperator((size, size), matvec=project, dtype=float)
         unknowns, _ = cg(operator, bound.pull(metric * change), rtol=1e-10, maxiter=10 * size)
@@ -326,7 +326,7 @@ class PlainProblem(Problem):
         self._stresses = None
         data = self._assemble()
         slope = -self.bound.solver.solve(data, self.bound.scale_rows(r_t))
-        change = self.bound.push(slope, self.at.y)
+        change = self.bound.displacement(slope, self.at.y)
         return np.asarray(change if by_t is None else change + by_t, dtype=float)
 
     def _assemble(self) -> Floats:
@@ -337,8 +337,8 @@ class PlainProblem(Problem):
         if self._stresses is not None:
             change = [a - b for a, b in zip(self._stresses, at.stresses, strict=True)]
             R = R + system.internal_force(at.Bs, change)
-        bound.residual(R, at.y)
-        return bound.data(blocks, R, at.y)
+        bound.reduce(R, at.y)
+        return bound.matrix(blocks, R, at.y)
 
     def _solutions(self, by_t: Array | None) -> Array:
         """Without motions that nothing holds.
@@ -356,7 +356,8 @@ class PlainProblem(Problem):
         if not neutral.motions:
             return X
         Z = X[:, count:]
-        moved = np.column_stack([(np.sqrt(W) * bound.push(z, self.at.y)).ravel() for z in Z.T])
+        weighted = [np.sqrt(W) * bound.displacement(z, self.at.y) for z in Z.T]
+        moved = np.column_stack([each.ravel() for each in weighted])
         Q, sizes, mix = np.linalg.svd(moved, full_matrices=False)
         still = 1 / sizes <= neutral.limit  # their eigenvalues
         if not still.any():
@@ -364,7 +365,7 @@ class PlainProblem(Problem):
         Q, U = Q[:, still], (Z @ mix.T / sizes)[:, still]
         neutral.motions = [(q.reshape(-1, 3) / np.sqrt(W)) for q in Q.T]
         for k in range(count):
-            change = (np.sqrt(W) * bound.push(X[:, k], self.at.y)).ravel()
+            change = (np.sqrt(W) * bound.displacement(X[:, k], self.at.y)).ravel()
             X[:, k] -= U @ (Q.T @ change)
         return X[:, :count]
 
@@ -373,21 +374,21 @@ class PlainProblem(Problem):
         return pulled @ increments, float(abs(pulled) @ abs(increments[:, -1]))
 
     def _sizes(self, increment: Floats) -> tuple[float, float]:
-        return self.bound.sizes(increment)
+        return self.bound.sizes(increment, self.at.y)
 
     def _apply(self, increment: Floats, dt: float, predict: bool) -> Array:
-        change = self.bound.push(increment, self.at.y)
+        change = self.bound.displacement(increment, self.at.y)
         if self._by_t is not None:
             change = change + dt * self._by_t
         self._stresses = predicted(self.system, self.at, change) if predict else None
-        self.bound.apply(increment)
+        self.bound.move(increment)
         return change
 
     def _save(self) -> Any:
-        return self.bound.save(), self._stresses
+        return self.bound.sought, self._stresses
 
     def _restore(self, saved: Any) -> None:
-        self.bound.restore(saved[0])
+        self.bound.sought = saved[0]
         self._stresses = saved[1]
 
 
@@ -834,13 +835,13 @@ class PathSolver:
         self.bound.guess(False)
         R = balance(self.system, point.y, self.schedule.at(point.t), turns=point.turns).R
         self.bound.adopt(R if relief is None else R - relief)
-        self._accepted = self.bound.save()
+        self._accepted = self.bound.sought
 
     def unbalanced(self, point: Point) -> float:
         """Residual, relative to its terms, at a point that was begun with."""
         at = balance(self.system, point.y, self.schedule.at(point.t), turns=point.turns)
-        y = self.bound.configuration()
-        return self.bound.relative(self.bound.residual(at.R, y), at.size)
+        y = self.bound.configure()
+        return self.bound.relative(self.bound.reduce(at.R, y), at.size)
 
     def solve(
         self,
@@ -895,9 +896,9 @@ class PathSolver:
         if self._fast is not None:
             self.begin(start, relief)
         elif self._accepted is not None:
-            bound.restore(self._accepted)
+            bound.sought = self._accepted
         bound.begin(start.y, self.schedule.ground(start.t), 1.0)
-        bound.stay()
+        bound.guess(False)
         problem = PlainProblem(
             bound, self.schedule, self.settings, start, target, replace(self.neutral), relief
         )
@@ -936,5 +937,5 @@ class PathSolver:
         """The point solved last is where the next one starts."""
         if isinstance(self._problem, PlainProblem):
             self.neutral = self._problem.neutral  # as they are there
-            self.bound.finish()
-            self._accepted = self.bound.save()
+            self.bound.last = self.bound.moved
+            self._accepted = self.bound.sought

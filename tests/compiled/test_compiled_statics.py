@@ -69,7 +69,7 @@ def test_residual_and_increments_at_a_random_state(make, spin):
     rest = CompiledBalance(system, sc.NullSpace(), STATIC, spin=spin is not None)
     compiled = CompiledProblem(rest, schedule, STATIC, start, target)
     guess = 0.1 * rng.standard_normal(system.unknowns)
-    bound.apply(guess)
+    bound.move(guess)
     rest._a.x.ravel()[rest._numbering] = guess
     for problem in (plain, compiled):
         problem.t = t

@@ -548,13 +548,13 @@ def test_tangent_at_the_solution(scene, integrator):
     bound, scheme = stepper.bound, stepper.integrator
     balance = scheme.balance(system, 0.02)
     step = balance.begin(state)
-    saved = bound.save()
+    sought = bound.sought
 
     def residual(increment):
-        bound.apply(increment)
-        y1 = bound.configuration()
-        r = bound.residual(balance.evaluate(step, y1).R, y1)
-        bound.restore(saved)
+        bound.move(increment)
+        y1 = bound.configure()
+        r = bound.reduce(balance.evaluate(step, y1).R, y1)
+        bound.sought = sought
         return r
 
     wanted, e = np.empty_like(matrix), 3e-5

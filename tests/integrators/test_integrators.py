@@ -564,7 +564,7 @@ def blocks_and_border(step):
         return matrix
     bound = step.bound
     U = np.array([bound.scale_rows(bound.pull(u)) for u in border[0]]).T
-    moved = [bound.push(unit, y1) for unit in np.eye(bound.unknowns)]
+    moved = [bound.displacement(unit, y1) for unit in np.eye(bound.unknowns)]
     V = np.array([[(v * dq).sum() for dq in moved] for v in border[1]])
     return matrix + U @ V
 

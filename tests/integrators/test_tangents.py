@@ -40,30 +40,30 @@ class Step:
         self.bound.begin(self.step.y0, system.ground(t + h), h)
         self.bound.guess(False)
         self.matrix()  # multipliers take their scale from the first matrix of a step
-        self.bound.apply(size * rng.standard_normal(self.bound.unknowns))
+        self.bound.move(size * rng.standard_normal(self.bound.unknowns))
         self.residual()
 
     def residual(self):
-        y1 = self.bound.configuration()
+        y1 = self.bound.configure()
         evaluation = self.balance.evaluate(self.step, y1)
-        return self.bound.residual(evaluation.R, y1), evaluation, y1
+        return self.bound.reduce(evaluation.R, y1), evaluation, y1
 
     def matrix(self, scaled=True):
         _, evaluation, y1 = self.residual()
         blocks = self.balance.tangent(self.step, evaluation)
-        data = self.bound.data(blocks, evaluation.R, y1, scaled)
+        data = self.bound.matrix(blocks, evaluation.R, y1, scaled)
         return self.bound.solver.pattern.assembled(data).toarray()
 
     def derivative(self):
         """The same by the complex step, column by column."""
         out = np.empty((self.bound.unknowns,) * 2)
-        saved = self.bound.save()
+        sought = self.bound.sought
         for k in range(self.bound.unknowns):
             increment = np.zeros(self.bound.unknowns, dtype=complex)
             increment[k] = 1j * EPS
-            self.bound.apply(increment)
+            self.bound.move(increment)
             out[:, k] = self.bound.scale_rows(self.residual()[0]).imag / EPS
-            self.bound.restore(saved)
+            self.bound.sought = sought
         return out
 
 
@@ -120,7 +120,7 @@ def test_unscaled_matrix_is_that_of_unscaled_multipliers(integrator):
     found = []
     for treatment in (Multipliers(), Multipliers(scaled=False)):
         step = Step(system, integrator, treatment)
-        step.bound._multiplier = np.ones(system.m)
+        step.bound.sought = step.bound.sought[0], np.ones(system.m)
         found.append(step.matrix(scaled=False))
     assert abs(found[0] - found[1]).max() < 1e-12 * abs(found[1]).max()
 

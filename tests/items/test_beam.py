@@ -104,11 +104,12 @@ def test_iteration_matrix_is_made_of_the_forms():
     step = balance.begin(State(0.0, 0, system.q0, np.zeros(system.n)))
     bound.begin(step.y0, system.ground(h), h)
     bound.guess(False)
-    bound._q = bound._q + 0.1 * rng.standard_normal(system.n)
-    y1 = bound.configuration()
+    q, multiplier = bound.sought
+    bound.sought = q + 0.1 * rng.standard_normal(system.n), multiplier
+    y1 = bound.configure()
     evaluation = balance.evaluate(step, y1)
-    bound.residual(evaluation.R, y1)
-    data = bound.data(balance.tangent(step, evaluation), evaluation.R, y1)
+    bound.reduce(evaluation.R, y1)
+    data = bound.matrix(balance.tangent(step, evaluation), evaluation.R, y1)
     matrix = bound.solver.pattern.assembled(data).toarray()[: system.n, : system.n]
     mid = 0.5 * (system.q0 + y1[: system.rows].ravel())
     K = beam.tangent_form().assemble(beam.basis, q=mid)

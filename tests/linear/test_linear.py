@@ -60,7 +60,7 @@ def real(request):
     problem = stepper.problem(step)
     problem.residual()
     blocks = stepper.balance.tangent(step, problem.evaluation)
-    data = bound.data(blocks, problem.evaluation.R, problem.y1)
+    data = bound.matrix(blocks, problem.evaluation.R, problem.y1)
     return bound.solver.pattern, data, bound.scale_rows(problem._r)
 
 

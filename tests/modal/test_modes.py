@@ -56,16 +56,16 @@ def along_chart(system, y, amplitudes, dead):
     bound = sc.NullSpace().bind(system, 1.0)
     bound.begin(y, y[system.rows :], 1.0)
     bound.guess(False)
-    saved = bound.save()
+    sought = bound.sought
     out = np.empty((system.unknowns,) * 2)
     for k in range(system.unknowns):
         increment = np.zeros(system.unknowns, dtype=complex)
         increment[k] = 1e-40j
-        bound.apply(increment)
-        y1 = bound.configuration()
+        bound.move(increment)
+        y1 = bound.configure()
         R = balance(system, y1, amplitudes, before=y).R - dead
-        out[:, k] = bound.residual(R, y1).imag / 1e-40
-        bound.restore(saved)
+        out[:, k] = bound.reduce(R, y1).imag / 1e-40
+        bound.sought = sought
     return out
 
 

@@ -528,7 +528,7 @@ def test_a_wrong_tangent_of_the_balance_is_found():
 
 @treatments
 @pytest.mark.parametrize("scene", SCENES)
-def test_push_is_a_derivative_and_pull_its_adjoint(scene, treatment):
+def test_displacement_is_a_derivative_and_pull_its_adjoint(scene, treatment):
     system = SCENES[scene]()
     t = 0.0 if len(system.closure.rows) else 0.35  # random positions do not close loops
     rng = np.random.default_rng(1)
@@ -539,28 +539,28 @@ def test_push_is_a_derivative_and_pull_its_adjoint(scene, treatment):
     amplitudes = amplitudes_at(system, t)
 
     def configuration():
-        y = bound.configuration()
+        y = bound.configure()
         found = balance(system, y, amplitudes)
-        bound.residual(found.R, y)
-        bound.data(balance_tangent(system, found, amplitudes), found.R, y)
+        bound.reduce(found.R, y)
+        bound.matrix(balance_tangent(system, found, amplitudes), found.R, y)
         return y
 
-    used = np.ones(bound.solver.n) if bound.active() is None else bound.active()
+    used = np.ones(bound.solver.n) if bound.active is None else bound.active
     configuration()
-    bound.apply(0.03 * used * rng.standard_normal(bound.solver.n))
+    bound.move(0.03 * used * rng.standard_normal(bound.solver.n))
     y = configuration()
     u, gradient = used * rng.standard_normal(bound.solver.n), rng.standard_normal((system.rows, 3))
     if treatment.name == "multipliers":  # only rotations of triads are taken
         omega = rng.standard_normal((len(system.kinematics.frames), 1, 3))
         rates = u[: system.n].reshape(-1, 3)
         rates[system.kinematics.director_rows] = np.cross(omega, system.kinematics.directors(y))
-    change = bound.push(u, y)
+    change = bound.displacement(u, y)
     power = float((change * gradient).sum())
     assert power == pytest.approx(float(bound.pull(gradient) @ u), rel=1e-11)
-    saved = bound.save()
-    bound.apply(1j * EPS * u)
-    derivative = bound.configuration().imag[: system.rows] / EPS
-    bound.restore(saved)
+    sought = bound.sought
+    bound.move(1j * EPS * u)
+    derivative = bound.configure().imag[: system.rows] / EPS
+    bound.sought = sought
     assert abs(change - derivative).max() < 1e-12 * abs(change).max()
 
 
@@ -577,16 +577,16 @@ def test_moving_the_ground_is_a_fresh_start(scene, treatment):
         bound.begin(y, system.ground(0.5 if way == "fresh" else 0.3), 1.0)
         bound.guess(False)
         if treatment.name == "null-space":
-            bound.apply(increment)
+            bound.move(increment)
         if way == "twice":
-            bound.move_ground(system.ground(0.41))
-            bound.configuration()
+            bound.ground1 = system.ground(0.41)
+            bound.configure()
         if way != "fresh":
-            bound.move_ground(system.ground(0.5))
+            bound.ground1 = system.ground(0.5)
         elif before is not None and treatment.name == "multipliers":
-            bound.restore(before)  # there the unknowns are all coordinates
-        before = bound.save()
-        found.append(bound.configuration())
+            bound.sought = before  # there the unknowns are all coordinates
+        before = bound.sought
+        found.append(bound.configure())
     assert abs(found[0] - found[2]).max() < 1e-14
     assert abs(found[1] - found[2]).max() < 1e-14
     assert abs(found[0] - y).max() > 0.01 or treatment.name == "multipliers"
@@ -613,10 +613,10 @@ def test_derivative_by_the_load_factor(scene, treatment):
     for k, c in ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60)):
         for sign in (1, -1):
             end = t + sign * k * 2e-3
-            bound.move_ground(system.ground(end))
-            z = bound.configuration()
+            bound.ground1 = system.ground(end)
+            z = bound.configure()
             R = problem._balance(z, end).R
-            total = total + sign * c * bound.residual(R, z) / 2e-3
+            total = total + sign * c * bound.reduce(R, z) / 2e-3
             moved = moved + sign * c * z[: system.rows] / 2e-3
     assert abs(found - total).max() < 1e-7 * abs(total).max()
     if system.moving and treatment.name == "null-space":
