@@ -116,9 +116,9 @@ class Coupled:
 
     def resize(self, scheme: Scheme, h: float) -> None:
         """Take steps of another size (s)."""
-        self._h, self._late = h, scheme.at_end
+        self._h, self._late = h, scheme.at_end and scheme.rate > 0  # not at rest
         # at its end the velocity is that along a way of its own
-        self._columns[:, STEP] = 2 / scheme.rate if scheme.at_end else h
+        self._columns[:, STEP] = 2 / scheme.rate if self._late else h
 
     def begin(self, state: State) -> None:
         """Forces of actuators, and full turns at the start of a step."""

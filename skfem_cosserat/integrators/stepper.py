@@ -804,7 +804,7 @@ class Stepper:
         if fast.unmoved:
             assert memory is not None
             dq, rates = rows - state.q.reshape(-1, 3), memory.reshape(len(memory), -1, 3)
-            own = y1, dq, p, fast.rates0, rates, work, time
+            own = y1, dq, p, fast.rates0, rates, work, state.time + self.h
             p, moved, more, work = self.balance.handed_on(*own)
             assert moved is not None
             assert more is not None

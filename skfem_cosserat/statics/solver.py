@@ -456,7 +456,7 @@ class CompiledBalance(CompiledScene):
             self._tree["hold"][:3] = self._plane.normal
         self._tree["coupling_law"][:, DAMPING] = 0.0
         self._coupled = Coupled(
-            system, system.couplings_of(system.couplings.items), self._a.coupled, 1.0
+            system, system.couplings_of(system.couplings.items), self._a.coupled, REST, 1.0
         )
         self._called: CalledAtRest | None = None
         if system.couplings.functions or spin:

@@ -202,6 +202,20 @@ def test_kernels_agree(scheme, scene, treatment):
     assert_same(compiled, plain, beside)
 
 
+def test_velocities_are_moved_at_the_instant_that_steps_end():
+    """Not at a rounded one: rates of the ground are differences, of another rounding there."""
+    model = sc.Model()
+    shake = sc.Motion(displacement=lambda t: (0.3 * np.sin(7 * t) ** 2, t * t, 0.0))
+    box = model.add("box", sc.RigidBody.box(4.0, (0.3, 0.2, 0.1), position=(0.3, -0.2, 0)))
+    model.add("hook", sc.JointSpherical(sc.ground((0, 0, 0), shake), box.at((0, 0, 0))))
+    model.add("weight", sc.LoadGravity((0.5, -9.81, 0)))
+    compiled, plain, beside = runs(model.freeze(), sc.GeneralizedAlpha(0.8), NULL, 0.01, 0.4)
+    force = [run["constraint_force"] for run in (compiled, plain, beside)]
+    moved = max(abs(force[1] - force[2]).max(), 1e-12 * abs(force[1]).max())
+    off = abs(force[0] - force[1]).max()
+    assert off < 10 * moved
+
+
 # -- what goes on around a step --------------------------------------------------------------------
 
 ALPHA = [sc.GeneralizedAlpha(0.8), sc.GeneralizedAlpha(0.8, stabilized=False)]
