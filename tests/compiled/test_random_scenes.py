@@ -1,0 +1,39 @@
+"""Compiled kernels against plain numpy in random scenes; random_scenes.py compares many more."""
+
+from __future__ import annotations
+
+import pytest
+from random_scenes import compared, main, random_scene
+
+pytest.importorskip("numba")
+
+
+def check(seed: int) -> None:
+    scene = random_scene(seed)
+    found = compared(scene)
+    assert found.same, f"{found}; {scene}"
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("seed", range(12))
+def test_kernels_agree_in_random_scenes(seed: int):
+    check(seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12, 72))
+def test_kernels_agree_in_more_random_scenes(seed: int):
+    check(seed)
+
+
+def test_scenes_are_those_of_their_numbers():
+    """Whoever runs them: a number names a scene in a report."""
+    assert str(random_scene(3)) == str(random_scene(3)) != str(random_scene(4))
+
+
+def test_what_is_printed_of_random_scenes(capsys: pytest.CaptureFixture[str]):
+    assert main(["--seeds", "1", "--first", "3", "--verbose"]) == 0
+    first, *table = capsys.readouterr().out.splitlines()
+    assert first.startswith("3: ") and str(random_scene(3)) in first
+    assert any("differ by more than they may: []" in line for line in table)
+    assert table[-1] == "0 scenes that plain numpy does not solve"
