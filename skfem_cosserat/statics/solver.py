@@ -449,7 +449,8 @@ class CompiledBalance(CompiledScene):
         shifting[0, :count] = ~turning[0, :count]
         self._turning, self._shifting = np.flatnonzero(turning), np.flatnonzero(shifting)
         self._prescribed = np.flatnonzero(self._tree["own"] < 0)
-        #: multipliers, and a point at which they are known, with them
+        #: chosen rows of closed loops; multipliers; a point where they are known, with them
+        self._rows = np.full(1, -1)
         self._mu = self._a.total[count:]
         self._known = np.zeros(0), self._mu.copy()
         if self._plane is not None:
@@ -502,8 +503,8 @@ class CompiledBalance(CompiledScene):
         """Configuration (total, 3) evaluated last, as one to start from."""
         y = self._a.y1.copy()
         if self._plane is not None:  # rounding has led out of it
-            normal = self._plane.normal
-            y -= ((y - self._a.y0) @ normal)[:, None] * normal
+            normal, rows = self._plane.normal, self.system.rows
+            y[:rows] -= ((y - self._a.y0)[:rows] @ normal)[:, None] * normal
         self._known = y, self._mu.copy()
         return y
 
@@ -528,7 +529,9 @@ class CompiledBalance(CompiledScene):
             nodal.begin(self._a.y0.copy(), self._a.ground1.copy())
             T = kin.T_values(kin.locate(y, nodal.fixed))
             rows = np.concatenate([s.rows for s in closure.select(y, T)])
-        bind.choose_rows(self.system, self._tree, rows)
+        if not np.array_equal(rows, self._rows):
+            bind.choose_rows(self.system, self._tree, rows)
+            self._rows = rows
         known, mu = self._known
         if not np.array_equal(known, y):
             mu = self._balancing(y, np.setdiff1d(closure.rows, rows))
@@ -615,7 +618,7 @@ class CompiledBalance(CompiledScene):
         regular = self._static.pivots(*self._all, out)
         self.complain()
         self.factorisations += 1
-        if len(self._mu):  # what the rows hold may be lost as well
+        if out[6] > 0:  # what the rows hold may be lost as well
             out[1] = min(out[1], out[2] * out[5] / out[6])
         if not (regular and np.isfinite(out[:5]).all()):
             return None
