@@ -27,5 +27,4 @@ def stabilized(scheme: sc.Integrator) -> bool:
 
 def compiled(scheme: sc.Integrator) -> bool:
     """Whether its own steps have compiled kernels; a composition's are those of its part."""
-    more_than_numbers = isinstance(scheme, sc.EnergyDecaying) and scheme.velocity
-    return scheme.part is None and not more_than_numbers
+    return scheme.part is None

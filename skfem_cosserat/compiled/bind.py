@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from . import (
     blocks,
     couplings,
     elements,
+    flow,
     loads,
     nodes,
     rows,
@@ -209,7 +211,9 @@ _PLANNED = (
 KINDS = {"rotation": TURN, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE, "stretch": STRETCH}
 
 
-def parts_of(system: System, weight: float, ends: bool, static: bool = False) -> list[str]:
+def parts_of(
+    system: System, weight: float, ends: bool, static: bool = False, relative: bool = False
+) -> list[str]:
     """Names of all parts that a step takes.
 
     Parameters
@@ -218,8 +222,12 @@ def parts_of(system: System, weight: float, ends: bool, static: bool = False) ->
         Of the integrator: where constraints act, and whether stresses are a mean of both ends.
     static : bool
         For a balance at rest: loads are evaluated in each iteration.
+    relative : bool
+        Relative velocities are damped.
     """
     unused = {"hold"}
+    if not relative:
+        unused |= {name for name in TREE_PARTS if name.startswith("flow")}
     if not system.tree.edges:
         unused |= {name for name in TREE_PARTS if name.startswith("joint")}
     if not len(system.left_rows):
@@ -294,7 +302,7 @@ def addresses(
 
 def part_named(name: str, family: str = "tree") -> Any:
     """The function of this name."""
-    modules = [nodes, tree, rows, blocks, elements, loads, couplings, static]
+    modules = [nodes, tree, rows, flow, blocks, elements, loads, couplings, static]
     if family == "plane":
         modules = [*plane_parts(), *modules]
     if family == "by law":
@@ -711,10 +719,20 @@ def bound_following(system: System, plan: Plan) -> dict[str, Any]:
     }
 
 
-def bound_work(system: System, plan: Plan, late: bool = False) -> tuple[Any, dict[str, Floats]]:
+def bound_work(
+    system: System,
+    plan: Plan,
+    late: bool = False,
+    separate: tuple[IndexArray, Floats] | None = None,
+) -> tuple[Any, dict[str, Any]]:
     """What changes during a step; the structure, and its arrays by name.
 
-    `late`: dampers act by the velocity at the end of a step.
+    Parameters
+    ----------
+    late : bool
+        Dampers act by the velocity at the end of a step.
+    separate : tuple, optional
+        Relative velocities are damped: connected parts, see :func:`bound_flow`.
     """
     total, rows, edges = system.total, system.rows, len(system.tree.edges)
     count, each = len(system.origin_rows), len(plan.diag)
@@ -740,19 +758,84 @@ def bound_work(system: System, plan: Plan, late: bool = False) -> tuple[Any, dic
         "followers": (len(following(system).vertices), 4, 4),
         "coupled": (system.couplings.count, COUPLED),
     }
-    return work_of(shapes, late)
+    return work_of(shapes, late, separate and bound_flow(system, plan, *separate))
+
+
+def bound_flow(
+    system: System | None, plan: Plan | None, owner: IndexArray, free: Floats
+) -> tuple[Any, dict[str, Any]]:
+    """Velocities with a damped relative part; the structure, and its arrays by name.
+
+    Parameters
+    ----------
+    owner, free
+        Connected part of each row of y, and whether nothing ties a part to the ground; none: there
+        are no such velocities.
+    """
+    rows, parts = len(owner), len(free)
+    ones, mu, each, count = np.zeros(rows), np.zeros(rows), 0, 0
+    holder, local, slot = integers([]), integers([]), integers([])
+    if system is not None and plan is not None:
+        mass, first = system.mass.tocsr(), np.asarray(system.origin_rows)
+        each, count = len(plan.diag), len(first)
+        ones[first] = 1.0
+        mu = mass @ ones
+        vertex = _vertices(system, np.arange(rows))
+        local = np.arange(rows) - np.asarray(system.vertex_rows)[vertex]
+        of_row = vertex[np.repeat(np.arange(rows), np.diff(mass.indptr))]
+        ends = zip(of_row.tolist(), vertex[mass.indices].tolist(), strict=True)
+        slot = integers([plan.slot[u, v] for u, v in ends])
+        holder = np.full(each, -1)
+        holder[:count] = owner[first]
+        for u, v in plan.slot:  # blocks of constraint rows go with what they hold
+            if u >= count > v:
+                holder[u] = holder[v]
+    total = np.maximum(np.bincount(owner, mu * ones, parts), 1e-300)
+    shapes: dict[str, tuple[int, ...]] = {
+        "scheme": (2,),
+        "sums": (parts, flow.SUMS),
+        "turn": (parts, flow.TURNED),
+        **dict.fromkeys(("rest", "mdq", "column"), (rows, 3)),
+        "kept": (each, 6),
+        "forms": (flow.BORDER, count, 6),
+        **dict.fromkeys(("motion", "twists"), (flow.BORDER, each, 6)),
+        "schur": (parts, flow.BORDER, flow.BORDER + 1),
+        "scratch": (flow.BORDER, flow.BORDER + 1),
+    }
+    fields: dict[str, Any] = {
+        "owner": owner,
+        "holder": holder,
+        "local": local,
+        "slot": slot,
+        "free": free,
+        "total": total,
+        "lift": mu / total[owner],
+        "mu": mu,
+        "ones": ones,
+        "begin": integers([0 if free.any() else flow.SHIFTS]),
+        **{name: np.zeros(shape) for name, shape in shapes.items()},
+    }
+    return structures.flow(tuple(fields[name] for name in structures.FLOW)), fields
 
 
 def work_of(
-    shapes: dict[str, tuple[int, ...]], late: bool = False
-) -> tuple[Any, dict[str, Floats]]:
+    shapes: dict[str, tuple[int, ...]],
+    late: bool = False,
+    damped: tuple[Any, dict[str, Any]] | None = None,
+) -> tuple[Any, dict[str, Any]]:
     """Structure of arrays of these shapes, and these by name; see :func:`bound_work`."""
+    if damped is None:
+        damped = bound_flow(None, None, integers([]), np.zeros(0))
     of_dampers = ("earlier", "later", "rate0", "drift")
     shapes |= dict.fromkeys(of_dampers, shapes["y0"] if late else (0, 3))
-    arrays = {name: np.zeros(shapes[name]) for name in structures.WORK}
+    arrays: dict[str, Any] = {
+        name: damped[0] if name == "flow" else np.zeros(shapes[name]) for name in structures.WORK
+    }
     if not late:
         arrays["earlier"], arrays["later"] = arrays["y0"], arrays["y1"]
-    return structures.work(tuple(arrays.values())), arrays
+    work = structures.work(tuple(arrays.values()))
+    arrays["flow"] = SimpleNamespace(structure=damped[0], **damped[1])
+    return work, arrays
 
 
 def bound_carried(
@@ -766,7 +849,7 @@ def bound_carried(
     Parameters
     ----------
     arrays : dict
-        y0, y1, p0 and the momentum carried on.
+        Of :func:`bound_work`, y0, y1, p0 and the momentum carried on by rows in space.
     rates : (int, int, int)
         How many a scheme has, how many are taken off the balance, and how many are moved.
     nearest : sequence, optional
@@ -793,6 +876,7 @@ def bound_carried(
         "nearest": integers([function, structure]),
         **dict(zip(("near_y", "near_p", "velocity"), near, strict=True)),
         "change": np.zeros((rows, 3)),
+        "flow": arrays["flow"].structure,
     }
     return structures.carried(tuple(fields[name] for name in structures.CARRIED)), fields
 

@@ -36,8 +36,8 @@ def main(orders: Sequence[int], names: Sequence[str], family: str = "tree") -> N
     kinds = [typeof(each) for each in given]
     numbers, places = typeof(np.zeros(0)), typeof(np.zeros(0, dtype=np.int64))
     compiled: Any = step.solve
-    ends = dict.fromkeys(("y0", "y1", "p0", "carried"), np.zeros((0, 3)))
-    carried = typeof(bind.bound_carried(system, ends)[0])
+    _, rows = bind.bound_work(system, plan)
+    carried = typeof(bind.bound_carried(system, rows)[0])
     compiled.compile((places, *kinds, numbers, numbers, carried))
     for name in reversed(names):
         bind.addresses([name], given, family)

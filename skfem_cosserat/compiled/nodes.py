@@ -179,7 +179,8 @@ def twist_force(s: Any, y: Floats, R: Floats, F: Floats, b: Floats) -> None:
 def step_balance(s: Any, w: Any, numbers: Floats, sized: bool) -> float:
     """R of the step without constraint forces; if asked, the largest of its terms."""
     own = s.mass_indptr, s.mass_indices, s.mass_data
-    mass_times(own[0], own[1], own[2], w.y1, w.y0, numbers[MASS], w.momentum)
+    if len(w.flow.owner) == 0:  # else it is there, with the extra velocity
+        mass_times(own[0], own[1], own[2], w.y1, w.y0, numbers[MASS], w.momentum)
     return sum_balance(w, numbers, sized)
 
 

@@ -44,6 +44,7 @@ TREE_PARTS = (
     *("finish", "better", "nodal_mass_matrix", "factor", "sweep"),
     *("joint_begin", "joint_add", "joint_move", "joint_maps", "joint_reduce", "joint_curvature"),
     *("row_force", "row_matrix", "row_branch"),
+    *("flow", "flow_matrix", "flow_column", "flow_keep", "flow_correct"),
     *("load", "couple", "element_curvature", "hold"),
 )
 BEAM_PARTS = ("beam_start", "beam_force", "beam_tangent", "beam_predicted", "beam_finish")
@@ -51,10 +52,11 @@ BEGIN, MOVE, BALANCE, SIZE, CLEAR, NODE_MATRIX, CAP, PREDICT_CHANGES = range(8)
 FINISH, BETTER, NODAL_MASS_MATRIX, FACTOR, SWEEP = range(8, 13)
 JOINT_BEGIN, JOINT_ADD, JOINT_MOVE, JOINT_MAPS, JOINT_REDUCE, JOINT_CURVATURE = range(13, 19)
 ROW_FORCE, ROW_MATRIX, ROW_BRANCH = 19, 20, 21
-LOAD, COUPLE, ELEMENT_CURVATURE, HOLD = 22, 23, 24, 25
-BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(26, 31)
+FLOW, FLOW_MATRIX, FLOW_COLUMN, FLOW_KEEP, FLOW_CORRECT = range(22, 27)
+LOAD, COUPLE, ELEMENT_CURVATURE, HOLD = 27, 28, 29, 30
+BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(31, 36)
 #: place of the address of ``double f(int64 stage)``, by which Python code is called back; stages
-CALLED_BACK = 31
+CALLED_BACK = 36
 AT_BEGIN, AT_FORCE, AT_PREDICTED, AT_MATRIX = range(4)
 
 #: what beams of a stored energy ask for: stresses by strains, and their derivative

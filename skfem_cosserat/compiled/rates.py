@@ -11,6 +11,7 @@ from typing import Any
 
 from ..types import Floats
 from . import numbers as n
+from .flow import flow_velocity
 from .jit import call_with, inlined
 
 __all__ = ["begin_rates", "finish_rates", "go_on"]
@@ -67,6 +68,8 @@ def finish_rates(o: Any, numbers: Floats, record: Floats) -> None:
                 for k in range(count):
                     total += table[i, 1 + k] * rates[k * rows + r, c]
                 after[i * rows + r, c] = total
+    if len(o.flow.owner) > 0:
+        record[n.TAKEN] = flow_velocity(o.flow, o)
     if len(o.before) > 0:
         mass_rows(o, after, carried)
     if len(o.moved) == 0:
@@ -95,7 +98,7 @@ def finish_rates(o: Any, numbers: Floats, record: Floats) -> None:
                     after[i * rows + r, c] += o.moved[i] * move
             carried[r, c] = new[r, c]
     if not early and numbers[n.SHARE] < 1.0:
-        record[n.TAKEN] = 0.5 * lost
+        record[n.TAKEN] += 0.5 * lost
 
 
 @inlined

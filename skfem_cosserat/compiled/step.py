@@ -9,6 +9,7 @@ import numpy as np
 from .. import newton
 from ..types import Floats, IndexArray
 from . import numbers as n
+from .flow import BORDER
 from .jit import call, call_back, call_beams, inlined, jit
 from .rates import begin_rates, finish_rates, go_on
 from .simd import WIDTH, load, store
@@ -93,6 +94,8 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
         call(p[n.LOAD], s, m, w, numbers, 0)
     if p[n.CALLED_BACK]:
         call_back(p[n.CALLED_BACK], n.AT_FORCE)
+    if p[n.FLOW]:
+        call(p[n.FLOW], s, m, w, numbers, 0)
     largest = call(p[n.BALANCE], s, m, w, numbers, 2 * sized)
     gap = 0.0
     if p[n.ROW_FORCE]:
@@ -137,6 +140,8 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
         call_back(p[n.CALLED_BACK], n.AT_MATRIX)
     if p[n.NODAL_MASS_MATRIX]:
         call(p[n.NODAL_MASS_MATRIX], s, m, w, numbers, 0)
+    if p[n.FLOW]:
+        call(p[n.FLOW_MATRIX], s, m, w, numbers, 0)
     other = mixed
     if p[n.ELEMENT_CURVATURE]:
         call(p[n.ELEMENT_CURVATURE], s, m, w, numbers, mixed)
@@ -155,6 +160,17 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
 
 
 @inlined
+def border(p: IndexArray, s: Any, m: Any, w: Any, numbers: Floats, kept: int) -> None:
+    """Motions by the columns of the border, for the factors there are."""
+    for k in range(w.flow.begin[0], BORDER):
+        call(p[n.FLOW_COLUMN], s, m, w, numbers, k)
+        if p[n.JOINT_REDUCE]:
+            call(p[n.JOINT_REDUCE], s, m, w, numbers, 0)
+        call(p[n.SWEEP], s, m, w, numbers, kept)
+        call(p[n.FLOW_KEEP], s, m, w, numbers, k)
+
+
+@inlined
 def increment(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, kept: int) -> float:
     """Increment x for the residual and the factors there are; its size before it was capped.
 
@@ -162,6 +178,8 @@ def increment(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, ke
     stresses that it predicts: they are ready then.
     """
     call(p[n.SWEEP], s, m, w, numbers, kept)
+    if p[n.FLOW]:
+        call(p[n.FLOW_CORRECT], s, m, w, numbers, 0)
     size = call(p[n.CAP], s, m, w, numbers, 0)
     if w.found[1] != 0.0 and p[n.BEAM_PREDICTED]:
         if p[n.PREDICT_CHANGES]:
@@ -226,12 +244,17 @@ def solve_one(
     start(p, s, m, w, g, numbers, int(record[n.GUESS]))
     size = evaluate(p, s, m, w, g, numbers, int(not kept))
     last, mixed, swept = np.inf, 0, 0.0
+    bordered = p[n.FLOW] == 0
     for count in range(1, int(numbers[n.LIMIT]) + 1):
         fresh = not kept
         if fresh:
             record[n.FACTORED] += 1.0
             if not (np.isfinite(size) and matrix(p, s, m, w, g, numbers, mixed)):
                 return False
+        if fresh or not bordered:  # once a step with kept factors: it hardly changes in one
+            bordered = True
+            if p[n.FLOW]:
+                border(p, s, m, w, numbers, int(kept))
         length = increment(p, s, m, w, g, numbers, int(kept))
         mixed = int(w.found[1])
         before, last = last, length

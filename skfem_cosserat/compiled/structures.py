@@ -18,6 +18,7 @@ __all__ = [
     "BEAMS",
     "BEAMS_BY_LAW",
     "CARRIED",
+    "FLOW",
     "PLAN",
     "PLANE_BEAMS",
     "PLANE_TREE",
@@ -30,6 +31,7 @@ __all__ = [
     "beams",
     "beams_by_law",
     "carried",
+    "flow",
     "is_groups",
     "plan",
     "plane_beams",
@@ -322,7 +324,14 @@ WORK = (
     *("R_mixed", "change", "F", "F_mixed", "b", "x", "total", "last", "extra", "twist", "A"),
     *("closing", "before", "found", "carried", "frames", "inverse", "S_kept", "X_kept"),
     *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
-    *("dead", "moments", "followers", "coupled"),
+    *("dead", "moments", "followers", "coupled", "flow"),
+)
+#: velocities with a damped relative part: of rows of y their connected part, their vertices' slots
+#: by entries of the mass matrix; what is summed up over parts, see :mod:`.flow`
+FLOW = (
+    *("owner", "holder", "local", "slot", "free", "total", "lift", "mu", "ones", "scheme", "begin"),
+    *("sums", "turn", "rest", "mdq", "column", "kept", "forms", "motion", "twists"),
+    *("schur", "scratch"),
 )
 #: by rows in space, whatever the unknowns are: both ends of a step, the mass matrix; rates that are
 #: carried on, one block of rows after the other, and the numbers of the scheme for them; addresses
@@ -331,7 +340,7 @@ WORK = (
 CARRIED = (
     *("y0", "y1", "p0", "carried", "mass_data", "mass_indices", "mass_indptr"),
     *("rates", "after", "table", "before", "moved", "scratch", "rate0", "drift", "of_drift"),
-    *("nearest", "near_y", "near_p", "velocity", "change"),
+    *("nearest", "near_y", "near_p", "velocity", "change", "flow"),
 )
 #: all that a projection of velocities takes
 PROJECTION = ("parts", "tree", "plan", "work", "beams", "numbers")
@@ -388,6 +397,11 @@ def work(values: Sequence[Any]) -> Structure:
 def carried(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`CARRIED`."""
     return Structure("carried", CARRIED, values)
+
+
+def flow(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`FLOW`."""
+    return Structure("flow", FLOW, values)
 
 
 def projection(values: Sequence[Any]) -> Structure:

@@ -19,6 +19,7 @@ from ..newton import NewtonSettings
 from ..warn import warn
 from .base import Integrator
 from .compiled_step import compiled_step, stepped
+from .energy_decaying import DecayingBalance
 from .step_balance import StepBalance
 
 __all__ = [
@@ -35,12 +36,16 @@ __all__ = [
 # -- what scenes compiled kernels refuse, and why --------------------------------------------------
 
 
+#: what kernels know of
+BALANCES = (StepBalance, DecayingBalance)
+
+
 def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str | None:
     """Why a scene cannot be stepped by compiled kernels; None: it can."""
     if not integrator.solves:
         return "there are no compiled kernels for explicit steps"
     scheme = integrator.single.scheme(1.0)
-    if scheme is None or type(integrator.single.balance(system, 1.0)) is not StepBalance:
+    if scheme is None or type(integrator.single.balance(system, 1.0)) not in BALANCES:
         name = integrator.name
         return f"there are no compiled kernels for the {name} integrator, whose balance is its own"
     return _missing(
@@ -62,14 +67,16 @@ def _whole(treatment: Treatment) -> dict[str, bool]:
     return {"the full system of multipliers": whole}
 
 
-def in_space(system: System) -> bool:
+def in_space(system: System, integrator: Integrator) -> bool:
     """Whether a scene in a plane takes the kernels of space: those of the plane do less.
 
-    They have dead loads, ground at rest, no force elements and damping,
-    and sections whose energy is quadratic.
+    They have dead loads, ground at rest, no force elements and damping, sections whose energy is
+    quadratic, and schemes without an extra velocity.
     """
+    scheme = integrator.single.scheme(1.0)
     return system.plane is not None and (
-        not system.loading.dead_only
+        (scheme is not None and scheme.relative)
+        or not system.loading.dead_only
         or len(system.couplings.items) > 0
         or system.damped
         or bool(system.moving)
@@ -164,7 +171,7 @@ def choose_kernels(
         seconds *= ELIMINATED
     refused = refusal(system, integrator, treatment)
 
-    space = in_space(system)
+    space = in_space(system, integrator)
 
     def trial(plan: Plan) -> None:
         chosen = integrator.single, treatment, 1.0, NewtonSettings(), plan, solver

@@ -16,6 +16,7 @@ from ..compiled.plan import Plan, following, plan_of
 from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
+from ..model.parts import connected_parts
 from ..model.reparametrisation import Reparametrisation
 from ..model.tree import Coordinate
 from ..newton import NewtonSettings
@@ -261,7 +262,11 @@ class CompiledScene:
         with COMPILING, bind.compiling(system, parts, kept_only=self._kept_only):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
-            w, self._arrays = bind.bound_work(system, self.plan, self.late)
+            separate = None
+            if self.scheme.relative:
+                found = connected_parts(system)
+                separate = found.part, found.free.astype(float)
+            w, self._arrays = bind.bound_work(system, self.plan, self.late, separate)
             g, self._beams = bind.bound_groups(system, self.plan, viscous)
             table = bind.addresses(parts, (s, m, w, g), kept_only=self._kept_only)
         if len(self.plan.rest):
@@ -275,7 +280,7 @@ class CompiledScene:
         """Names of the parts that are called."""
         from ..compiled import bind
 
-        return bind.parts_of(self.system, weight, ends, static)
+        return bind.parts_of(self.system, weight, ends, static, self.scheme.relative)
 
     def _number(self, coordinates: list[Coordinate]) -> None:
         """Where the tree's coordinates are among those of the vertices."""

@@ -351,6 +351,8 @@ class CompiledStep(CompiledScene):
         o = self._o
         o.table[:] = np.reshape(scheme.table, o.table.shape)
         o.before[:] = scheme.before
+        if scheme.relative:
+            self._a.flow.scheme[:] = scheme.decay, 2 / scheme.mass
         if self.late:
             o.of_drift[:] = scheme.rates if scheme.rates else 0.0
         if len(o.moved):

@@ -315,7 +315,7 @@ class EnergyDecaying(EnergyMomentum):
         gets smaller.
     velocity : bool
         False: without the term in the velocities. What is not resolved is damped in its
-        displacements only, its velocities keep alternating. Compiled kernels are for this alone.
+        displacements only, its velocities keep alternating.
     stabilized : bool
         Velocities on the hidden constraints, as with :class:`EnergyMomentum`; the energy that this
         takes is in ``history["dissipated"]``. Without it ``G v_n`` of prescribed or constrained
@@ -388,10 +388,12 @@ class EnergyDecaying(EnergyMomentum):
         return f"EnergyDecaying({self._text}{more})"
 
     def scheme(self, h: float) -> Scheme:
-        """See the base class; of the stresses alone."""
+        """See the base class; the extra velocity is no number."""
         chi = self.chi if self.rate is None else min(1.0, self.rate * h)
         own = replace(super().scheme(h), decay=chi)
-        return replace(own, table=((2 / h, -1.0),)) if self.velocity else own
+        if not self.velocity:
+            return own
+        return replace(own, table=((2 / h, -1.0),), relative=True)
 
     def start(self, system: System, state: State, h: float) -> Floats | None:
         """See the base class: the velocity."""

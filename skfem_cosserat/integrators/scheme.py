@@ -153,6 +153,9 @@ class Scheme:
         those of the configuration above.
     decay : float
         With `ends`: chi of the additional stresses ``chi/2 D (eps_1 - eps_0)``.
+    relative : bool
+        With `ends` and the velocity as the first of the rates: chi also of an extra velocity, which
+        no number describes; see :class:`EnergyDecaying`.
     before, rates : tuple of float
         One number for each of the rates that are carried on.
     table : tuple of tuple of float
@@ -189,6 +192,7 @@ class Scheme:
     at: float = 0.5
     ends: bool = False
     decay: float = 0.0
+    relative: bool = False
     before: tuple[float, ...] = ()
     rates: tuple[float, ...] = ()
     table: tuple[tuple[float, ...], ...] = ()

@@ -442,7 +442,7 @@ class Stepper:
                 announce(text)
             plan = self.choice.plan
             chosen = integrator, treatment, self.h, self.settings, plan, solver
-            space = in_space(system)
+            space = in_space(system, integrator)
             self.choice, self._fast = built(
                 self.choice, lambda: compiled_step(system, *chosen, space=space)
             )

@@ -821,21 +821,6 @@ def test_composition_with_compiled_kernels():
         assert runs[1][name] == pytest.approx(runs[0][name], abs=1e-10 * size)
 
 
-@pytest.mark.parametrize("name", [k for k in SCHEMES if "decaying" in k])
-def test_compiled_kernels_refuse_by_name(name):
-    system, start = double_pendulum()
-    why = f"the {SCHEMES[name].name} integrator, whose balance is its own"
-    with pytest.raises(sc.InputError, match=why):
-        sc.simulate(system, SCHEMES[name], NULL, 0.1, 0.2, start=start, kernels="numba")
-    run = sc.simulate(system, SCHEMES[name], NULL, 1e-6, 1.0, start=start, callbacks=[stopped])
-    assert run.meta["kernels"] == "numpy"  # a run that would be worth compiling
-    assert why in run.meta["kernels_why"]
-
-
-def stopped(report):
-    return True
-
-
 def dashpot(k):
     """A unit mass, critically damped with k = 1."""
     model = sc.Model()

@@ -152,7 +152,24 @@ def viscous() -> sc.System:
     return arm(section=SECTION.damped(time=1e-3))[0].freeze()
 
 
-TREES = [tree, plane, plane_with_follower, springs, cable, bushing, own_load, drag, viscous]
+def loose() -> sc.System:
+    """Two parts that nothing ties to the ground."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
+    beam = model.add("beam", sc.Beam(mesh, SECTION, director=Z))
+    box = model.add("box", sc.RigidBody.box(0.5, (0.2, 0.1, 0.1), position=(1.1, 0, 0)))
+    model.add("ball", sc.JointSpherical(beam.node("rod.end"), box.at((1, 0, 0))))
+    push = sc.LoadForce(beam.node("rod.start"), (10.0, 20.0, 5.0), sc.Harmonic(1.0, 3.0))
+    model.add("push", push)
+    moving = {"velocity": (1, 2, 0), "angular_velocity": (3, 5, 1)}
+    other = sc.RigidBody.box(0.5, (0.2, 0.1, 0.3), position=(3, 0, 0), **moving)
+    model.add("other", other)
+    bob = model.add("bob", sc.MassPoint(0.2, position=(3, -0.5, 0)))
+    model.add("spring", sc.SpringDamper(other.at((3, 0.1, 0)), bob.place(), 30.0, damping=0.2))
+    return model.freeze()
+
+
+TREES = [loose, tree, plane, plane_with_follower, springs, cable, bushing, own_load, drag, viscous]
 NULL_SPACE_ONLY = [inextensible, unshearable, loop, driven_loop]
 PAIRS = [(scene, treatment) for scene in TREES for treatment in (NULL, MULTIPLIERS)]
 PAIRS += [(scene, NULL) for scene in NULL_SPACE_ONLY]

@@ -1,0 +1,392 @@
+"""Velocities of a step whose relative part is damped, in kernels: a border around the tree.
+
+The theory is that of :mod:`skfem_cosserat.integrators.energy_decaying`. Of each connected part of a
+scene three numbers s turn all velocities alike, and what nothing ties to the ground is shifted as
+well: the matrix is one that stays within elements and up to six products of a column and a row for
+each part, ``A + sum_k U_k V_k^T``. Newton's method solves with the factors of A: parts do not
+couple, so one more sweep for each k serves all of them. Parts take ``(s, m, w, numbers, flag)`` as
+those of :mod:`.tree`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..types import Floats
+from .jit import inlined, part
+from .nodes import mass_times, twist_force
+from .numbers import WEIGHT
+from .small import Rotation, Vector, combine, cross, dot, minus, plus, put, row, times, turned
+
+__all__ = ["flow", "flow_column", "flow_correct", "flow_keep", "flow_matrix"]
+__all__ += ["BORDER", "SHIFTS", "SUMS", "TURNED", "flow_velocity"]
+
+#: columns and rows of a part: common shifts, and turns
+BORDER, SHIFTS = 6, 3
+#: columns of ``f.sums``, by parts: ``K = sum dq rest^T``, ``k = sum dq x rest``, its size, that of
+#: rounding in it; sums of ``mu . dq``, and over positions of b and of ``M dq/h``
+K_SUM, TURN, SIZE, NOISE_SIZE, SHIFT, MEAN, DRIFT, SUMS = 0, 9, 12, 13, 14, 17, 20, 23
+#: columns of ``f.turn``: s, rows of ``1 + s^ + s s^T``, those of A, and cofactors of the slope of
+#: the equations for s, divided by its determinant
+S, PLAIN, A, COFACTORS, TURNED = 0, 3, 12, 21, 30
+#: of ``f.scheme``
+CHI, STEP = 0, 1
+#: as in :mod:`skfem_cosserat.integrators.energy_decaying`
+REGULAR, NOISE, CLOSED, ITERATIONS, HALVINGS = 1e-10, 1e-20, 1e-14, 60, 14
+
+
+@inlined
+def three(a: Floats, p: int, c: int) -> Vector:
+    """Three entries of a row."""
+    return a[p, c], a[p, c + 1], a[p, c + 2]
+
+
+@inlined
+def rows3(a: Floats, p: int, c: int) -> Rotation:
+    """Nine of them as rows of a matrix."""
+    return three(a, p, c), three(a, p, c + 3), three(a, p, c + 6)
+
+
+@inlined
+def add3(a: Floats, p: int, c: int, v: Vector) -> None:
+    """``a_p,c... += v``."""
+    a[p, c] += v[0]
+    a[p, c + 1] += v[1]
+    a[p, c + 2] += v[2]
+
+
+@inlined
+def put3(a: Floats, p: int, c: int, v: Vector) -> None:
+    """``a_p,c... = v``."""
+    a[p, c] = v[0]
+    a[p, c + 1] = v[1]
+    a[p, c + 2] = v[2]
+
+
+@inlined
+def largest(v: Vector) -> float:
+    """Largest entry."""
+    return max(abs(v[0]), abs(v[1]), abs(v[2]))
+
+
+@inlined
+def gap_of(k: Vector, K: Rotation, trace: float, s: Vector) -> Vector:
+    """``k + (tr K - K^T) s + (K s) x s``."""
+    straight = minus(times(trace, s), combine(s, K))
+    return plus(plus(k, straight), cross(turned(K, s), s))
+
+
+@inlined
+def slope_of(K: Rotation, trace: float, s: Vector) -> Rotation:
+    """Its rows: ``tr K - K^T - s^ K + (K s)^``."""
+    u = turned(K, s)
+    return (
+        minus(
+            plus((trace, -u[2], u[1]), (s[2] * K[1][0], s[2] * K[1][1], s[2] * K[1][2])),
+            plus((K[0][0], K[1][0], K[2][0]), times(s[1], K[2])),
+        ),
+        minus(
+            plus((u[2], trace, -u[0]), times(s[0], K[2])),
+            plus((K[0][1], K[1][1], K[2][1]), times(s[2], K[0])),
+        ),
+        minus(
+            plus((-u[1], u[0], trace), times(s[1], K[0])),
+            plus((K[0][2], K[1][2], K[2][2]), times(s[0], K[1])),
+        ),
+    )
+
+
+@inlined
+def cofactors(J: Rotation) -> Rotation:
+    """Columns of the inverse of a matrix."""
+    C = cross(J[1], J[2])
+    f = 1.0 / dot(J[0], C)
+    return times(f, C), times(f, cross(J[2], J[0])), times(f, cross(J[0], J[1]))
+
+
+@inlined
+def turn_part(f: Any, p: int) -> None:
+    """Solve for s of a part; A, and the slope there."""
+    sums, out = f.sums, f.turn
+    K, k = rows3(sums, p, K_SUM), three(sums, p, TURN)
+    noise = NOISE * sums[p, NOISE_SIZE]
+    size = sums[p, SIZE] + noise
+    if not size > 0.0:
+        size = 1.0
+    trace = K[0][0] + K[1][1] + K[2][2]
+    regular = trace + REGULAR * size + noise
+    s = (0.0, 0.0, 0.0)
+    value = k
+    length = largest(value) / size
+    for _ in range(ITERATIONS):
+        if not length > CLOSED:
+            break
+        way = times(-1.0, combine(value, cofactors(slope_of(K, regular, s))))
+        after = gap_of(k, K, trace, plus(s, way))
+        for _ in range(HALVINGS):  # not too far
+            if largest(after) / size <= max(length, CLOSED):
+                break
+            way = times(0.5, way)
+            after = gap_of(k, K, trace, plus(s, way))
+        s, value = plus(s, way), after
+        length = largest(value) / size
+        if largest(way) < 1e-13 * (1.0 + largest(s)):
+            break
+    put3(out, p, S, s)
+    inverse = cofactors(slope_of(K, regular, s))
+    square = 1.0 / ((1.0 + f.scheme[CHI]) * (1.0 + dot(s, s)))
+    plain = (
+        plus((1.0, -s[2], s[1]), times(s[0], s)),
+        plus((s[2], 1.0, -s[0]), times(s[1], s)),
+        plus((-s[1], s[0], 1.0), times(s[2], s)),
+    )
+    for i in range(3):
+        put3(out, p, PLAIN + 3 * i, plain[i])
+        put3(out, p, A + 3 * i, times(square, plain[i]))
+        put3(out, p, COFACTORS + 3 * i, inverse[i])
+
+
+@part
+def flow(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Twice the momentum ``M v_m`` of the mean velocities, in ``w.momentum``."""
+    f = w.flow
+    sums, owner, lift, mu, ones, rest, mdq = f.sums, f.owner, f.lift, f.mu, f.ones, f.rest, f.mdq
+    y0, y1, p0, out = w.y0, w.y1, w.p0, w.momentum
+    chi, inverse = f.scheme[CHI], 1.0 / f.scheme[STEP]
+    mass_times(s.mass_indptr, s.mass_indices, s.mass_data, y1, y0, 1.0, mdq)
+    for p in range(sums.shape[0]):
+        for c in range(SUMS):
+            sums[p, c] = 0.0
+    for r in range(out.shape[0]):
+        p, moved = owner[r], row(mdq, r)
+        put(rest, r, plus(times(chi, row(p0, r)), times(inverse, moved)))
+        if f.free[p] != 0.0:
+            add3(sums, p, SHIFT, times(mu[r], minus(row(y1, r), row(y0, r))))
+            add3(sums, p, MEAN, times(ones[r], row(rest, r)))
+            add3(sums, p, DRIFT, times(ones[r] * inverse, moved))
+    for r in range(out.shape[0]):
+        p = owner[r]
+        b, dq = row(rest, r), minus(row(y1, r), row(y0, r))
+        sums[p, NOISE_SIZE] += np.sqrt(dot(dq, dq) * dot(b, b))
+        b = minus(b, times(lift[r], three(sums, p, MEAN)))
+        put(rest, r, b)
+        dq = minus(dq, times(ones[r] / f.total[p], three(sums, p, SHIFT)))
+        for i in range(3):
+            add3(sums, p, K_SUM + 3 * i, times(dq[i], b))
+        add3(sums, p, TURN, cross(dq, b))
+        sums[p, SIZE] += np.sqrt(dot(dq, dq) * dot(b, b))
+    for p in range(sums.shape[0]):
+        turn_part(f, p)
+    for r in range(out.shape[0]):
+        p = owner[r]
+        v = turned(rows3(f.turn, p, A), row(rest, r))
+        put(out, r, times(2.0, plus(v, times(lift[r], three(sums, p, DRIFT)))))
+    return 0.0
+
+
+@inlined
+def relative(f: Any, p: int, factor: float) -> Rotation:
+    """``factor (A - 1)`` of a part."""
+    M = rows3(f.turn, p, A)
+    return (
+        times(factor, (M[0][0] - 1.0, M[0][1], M[0][2])),
+        times(factor, (M[1][0], M[1][1] - 1.0, M[1][2])),
+        times(factor, (M[2][0], M[2][1], M[2][2] - 1.0)),
+    )
+
+
+@inlined
+def by_turn(d: Vector, c: int) -> Vector:
+    """``e_c x d``."""
+    if c == 0:
+        return 0.0, -d[2], d[1]
+    if c == 1:
+        return d[2], 0.0, -d[0]
+    return -d[1], d[0], 0.0
+
+
+@part
+def flow_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Add ``(2/h) P(y_L)^T M (A - 1) P(y_1)`` to the blocks."""
+    f, blocks, y1, first = w.flow, w.A, w.y1, s.mass_indptr
+    yL = w.y0
+    if numbers[WEIGHT] != 0.0:
+        yL = w.mid
+    for r in range(len(f.owner)):
+        d = row(yL, r)
+        for n in range(first[r], first[r + 1]):
+            j, k = s.mass_indices[n], f.slot[n]
+            B = relative(f, f.owner[r], 2.0 / f.scheme[STEP] * s.mass_data[n])
+            left, right = 0 if f.local[r] == 0 else 3, 0 if f.local[j] == 0 else 3
+            e = row(y1, j)
+            for c in range(3):
+                u = B[0][c], B[1][c], B[2][c]
+                if right != 0:
+                    u = turned(B, by_turn(e, c))
+                if left != 0:
+                    u = cross(d, u)
+                for i in range(3):
+                    blocks[k, left + i, right + c] += u[i]
+    return 0.0
+
+
+@inlined
+def shift_rows(f: Any, p: int, k: int, r: int) -> tuple[Vector, Vector]:
+    """Column U and row V of a common shift, k of a part that is free."""
+    none = (0.0, 0.0, 0.0)
+    if f.free[p] == 0.0:
+        return none, none
+    B = relative(f, p, -2.0 / f.scheme[STEP] * f.lift[r])
+    c, mu = k, f.mu[r]
+    unit = mu if c == 0 else 0.0, mu if c == 1 else 0.0, mu if c == 2 else 0.0
+    return (B[0][c], B[1][c], B[2][c]), unit
+
+
+@inlined
+def turn_rows(f: Any, p: int, i: int, r: int) -> tuple[Vector, Vector]:
+    """Those of a turn."""
+    s, plain, columns = three(f.turn, p, S), rows3(f.turn, p, PLAIN), rows3(f.turn, p, COFACTORS)
+    b, chi = row(f.rest, r), f.scheme[CHI]
+    t = turned(plain, b)
+    square = 1.0 + dot(s, s)
+    unit = 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
+    change = plus(plus(cross(unit, b), times(b[i], s)), times(dot(s, b), unit))
+    change = minus(change, times(2.0 * s[i] / square, t))
+    lever = row(f.mdq, r)
+    if f.free[p] != 0.0:
+        lever = minus(lever, times(f.lift[r], three(f.sums, p, SHIFT)))
+    g = -columns[0][i], -columns[1][i], -columns[2][i]
+    V = minus(cross(t, g), combine(cross(times(1.0 / f.scheme[STEP], lever), g), plain))
+    return times(2.0 / ((1.0 + chi) * square), change), V
+
+
+@inlined
+def put_rows_of(f: Any, k: int, column: Floats, form: Floats) -> None:
+    """Column k and its row, of all parts."""
+    for r in range(column.shape[0]):
+        if k < SHIFTS:
+            U, V = shift_rows(f, f.owner[r], k, r)
+        else:
+            U, V = turn_rows(f, f.owner[r], k - SHIFTS, r)
+        put(column, r, U)
+        put(form, r, V)
+
+
+@part
+def flow_column(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Column `flag` of all parts on the vertices, in place of the residual; that is kept."""
+    f, b, kept, line, other, x = w.flow, w.b, w.flow.kept, w.flow.column, w.change, w.x
+    if flag == f.begin[0]:
+        for v in range(b.shape[0]):
+            for c in range(6):
+                kept[v, c] = b[v, c]
+        for k in range(flag, BORDER):
+            put_rows_of(f, k, line, other)
+            twist_force(s, w.y1, other, w.F_mixed, x)
+            for v in range(len(s.framed)):
+                for c in range(6):
+                    f.forms[k, v, c] = x[v, c]
+    put_rows_of(f, flag, line, other)
+    y = w.y0
+    if numbers[WEIGHT] != 0.0:
+        y = w.mid
+    for v in range(b.shape[0]):
+        for c in range(6):
+            b[v, c] = 0.0
+    twist_force(s, y, line, w.F, b)
+    return 0.0
+
+
+@inlined
+def rates_of(f: Any, count: int, twist: Floats, k: int) -> None:
+    """``V . twist`` of all rows of all parts: column k of ``f.schur``."""
+    for p in range(f.schur.shape[0]):
+        for i in range(BORDER):
+            f.schur[p, i, k] = 0.0
+    for v in range(count):
+        p = f.holder[v]
+        for i in range(f.begin[0], BORDER):
+            rate = 0.0
+            for c in range(6):
+                rate += f.forms[i, v, c] * twist[v, c]
+            f.schur[p, i, k] += rate
+
+
+@part
+def flow_keep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Keep the motion by column `flag`, and what it does to all rows; the residual comes back."""
+    f, b, x, twist = w.flow, w.b, w.x, w.twist
+    for v in range(x.shape[0]):
+        for c in range(6):
+            x[v, c], twist[v, c] = -x[v, c], -twist[v, c]
+            f.motion[flag, v, c], f.twists[flag, v, c] = x[v, c], twist[v, c]
+            if flag == BORDER - 1:
+                b[v, c] = f.kept[v, c]
+    rates_of(f, len(s.framed), twist, flag)
+    return 0.0
+
+
+@inlined
+def solve_small(M: Floats, p: int, begin: int, S: Floats) -> bool:
+    """``(1 + M_p) x = r`` with r behind the last column of M, which x replaces; S is scratch."""
+    for i in range(begin, BORDER):
+        for j in range(begin, BORDER + 1):
+            S[i, j] = M[p, i, j] + (1.0 if i == j else 0.0)
+    for k in range(begin, BORDER):
+        q = k
+        for i in range(k + 1, BORDER):
+            if abs(S[i, k]) > abs(S[q, k]):
+                q = i
+        if not abs(S[q, k]) > 0.0:
+            return False
+        for j in range(begin, BORDER + 1):
+            S[k, j], S[q, j] = S[q, j], S[k, j]
+        for i in range(k + 1, BORDER):
+            c = S[i, k] / S[k, k]
+            for j in range(k, BORDER + 1):
+                S[i, j] -= c * S[k, j]
+    for k in range(BORDER - 1, begin - 1, -1):
+        for j in range(k + 1, BORDER):
+            S[k, BORDER] -= S[k, j] * S[j, BORDER]
+        S[k, BORDER] /= S[k, k]
+        M[p, k, BORDER] = S[k, BORDER]
+    return True
+
+
+@part
+def flow_correct(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """From the increment by the factors to that of the whole matrix."""
+    f, x, twist, begin = w.flow, w.x, w.twist, w.flow.begin[0]
+    rates_of(f, len(s.framed), twist, BORDER)
+    for p in range(f.schur.shape[0]):
+        if not solve_small(f.schur, p, begin, f.scratch):
+            x[0, 0] = np.nan  # no increment
+            return 0.0
+    for v in range(x.shape[0]):
+        p = f.holder[v]
+        for k in range(begin, BORDER):
+            c = f.schur[p, k, BORDER]
+            for i in range(6):
+                x[v, i] -= c * f.motion[k, v, i]
+                twist[v, i] -= c * f.twists[k, v, i]
+    return 0.0
+
+
+@inlined
+def flow_velocity(f: Any, o: Any) -> float:
+    """Velocities at the end of a step, in place of the first rates; gives what is taken (J)."""
+    y0, y1, p0, p1, rates, after = o.y0, o.y1, o.p0, o.carried, o.rates, o.after
+    chi, inverse, taken = f.scheme[CHI], 1.0 / f.scheme[STEP], 0.0
+    for r in range(len(f.owner)):
+        p, v0 = f.owner[r], row(rates, r)
+        M = rows3(f.turn, p, A)
+        mean = times(inverse, minus(row(y1, r), row(y0, r)))
+        shift = minus(three(f.sums, p, DRIFT), turned(M, three(f.sums, p, MEAN)))
+        v = turned(M, plus(times(chi, v0), mean))
+        v = plus(v, times(f.ones[r] / f.total[p], shift))
+        # twice M v_m is p_0 + p_1
+        taken += dot(minus(mean, v), minus(row(p1, r), row(p0, r)))
+        put(after, r, minus(times(2.0, v), v0))
+    return taken
