@@ -804,6 +804,7 @@ def bound_flow(
     }
     fields: dict[str, Any] = {
         "owner": owner,
+        "runs": integers([0, *(np.flatnonzero(np.diff(owner)) + 1).tolist(), rows]),
         "holder": holder,
         "local": local,
         "slot": slot,

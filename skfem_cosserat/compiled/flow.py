@@ -148,41 +148,67 @@ def turn_part(f: Any, p: int) -> None:
         put3(out, p, COFACTORS + 3 * i, inverse[i])
 
 
+@inlined
+def sum_common(f: Any, w: Any, p: int, first: int, last: int) -> None:
+    """Put b in ``f.rest``, sum up what rows of a part that is free have in common."""
+    y0, y1, p0, mdq, rest = w.y0, w.y1, w.p0, f.mdq, f.rest
+    chi, inverse = f.scheme[CHI], 1.0 / f.scheme[STEP]
+    shift = mean = drift = (0.0, 0.0, 0.0)
+    for r in range(first, last):
+        moved = times(inverse, row(mdq, r))
+        b = plus(times(chi, row(p0, r)), moved)
+        put(rest, r, b)
+        shift = plus(shift, times(f.mu[r], minus(row(y1, r), row(y0, r))))
+        mean, drift = plus(mean, times(f.ones[r], b)), plus(drift, times(f.ones[r], moved))
+    free = f.free[p]
+    add3(f.sums, p, SHIFT, times(free, shift))
+    add3(f.sums, p, MEAN, times(free, mean))
+    add3(f.sums, p, DRIFT, times(free, drift))
+
+
+@inlined
+def sum_relative(f: Any, w: Any, p: int, first: int, last: int) -> None:
+    """What the equations for s of a part take of rows from first to last; b without its mean."""
+    y0, y1, rest, sums, ones, lift = w.y0, w.y1, f.rest, f.sums, f.ones, f.lift
+    mean, shift = three(sums, p, MEAN), times(1.0 / f.total[p], three(sums, p, SHIFT))
+    x = y = z = k = (0.0, 0.0, 0.0)
+    size, noise = 0.0, 0.0
+    for r in range(first, last):
+        b, dq = row(rest, r), minus(row(y1, r), row(y0, r))
+        noise += np.sqrt(dot(dq, dq) * dot(b, b))
+        b, dq = minus(b, times(lift[r], mean)), minus(dq, times(ones[r], shift))
+        put(rest, r, b)
+        x, y, z = plus(x, times(dq[0], b)), plus(y, times(dq[1], b)), plus(z, times(dq[2], b))
+        k = plus(k, cross(dq, b))
+        size += np.sqrt(dot(dq, dq) * dot(b, b))
+    add3(sums, p, K_SUM, x)
+    add3(sums, p, K_SUM + 3, y)
+    add3(sums, p, K_SUM + 6, z)
+    add3(sums, p, TURN, k)
+    sums[p, SIZE] += size
+    sums[p, NOISE_SIZE] += noise
+
+
 @part
 def flow(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Twice the momentum ``M v_m`` of the mean velocities, in ``w.momentum``."""
-    f = w.flow
-    sums, owner, lift, mu, ones, rest, mdq = f.sums, f.owner, f.lift, f.mu, f.ones, f.rest, f.mdq
-    y0, y1, p0, out = w.y0, w.y1, w.p0, w.momentum
-    chi, inverse = f.scheme[CHI], 1.0 / f.scheme[STEP]
-    mass_times(s.mass_indptr, s.mass_indices, s.mass_data, y1, y0, 1.0, mdq)
+    f, sums, out, runs = w.flow, w.flow.sums, w.momentum, w.flow.runs
+    mass_times(s.mass_indptr, s.mass_indices, s.mass_data, w.y1, w.y0, 1.0, f.mdq)
     for p in range(sums.shape[0]):
         for c in range(SUMS):
             sums[p, c] = 0.0
-    for r in range(out.shape[0]):
-        p, moved = owner[r], row(mdq, r)
-        put(rest, r, plus(times(chi, row(p0, r)), times(inverse, moved)))
-        if f.free[p] != 0.0:
-            add3(sums, p, SHIFT, times(mu[r], minus(row(y1, r), row(y0, r))))
-            add3(sums, p, MEAN, times(ones[r], row(rest, r)))
-            add3(sums, p, DRIFT, times(ones[r] * inverse, moved))
-    for r in range(out.shape[0]):
-        p = owner[r]
-        b, dq = row(rest, r), minus(row(y1, r), row(y0, r))
-        sums[p, NOISE_SIZE] += np.sqrt(dot(dq, dq) * dot(b, b))
-        b = minus(b, times(lift[r], three(sums, p, MEAN)))
-        put(rest, r, b)
-        dq = minus(dq, times(ones[r] / f.total[p], three(sums, p, SHIFT)))
-        for i in range(3):
-            add3(sums, p, K_SUM + 3 * i, times(dq[i], b))
-        add3(sums, p, TURN, cross(dq, b))
-        sums[p, SIZE] += np.sqrt(dot(dq, dq) * dot(b, b))
+    for n in range(len(runs) - 1):
+        sum_common(f, w, f.owner[runs[n]], runs[n], runs[n + 1])
+    for n in range(len(runs) - 1):
+        sum_relative(f, w, f.owner[runs[n]], runs[n], runs[n + 1])
     for p in range(sums.shape[0]):
         turn_part(f, p)
-    for r in range(out.shape[0]):
-        p = owner[r]
-        v = turned(rows3(f.turn, p, A), row(rest, r))
-        put(out, r, times(2.0, plus(v, times(lift[r], three(sums, p, DRIFT)))))
+    for n in range(len(runs) - 1):
+        p = f.owner[runs[n]]
+        M, drift = rows3(f.turn, p, A), three(sums, p, DRIFT)
+        for r in range(runs[n], runs[n + 1]):
+            v = plus(turned(M, row(f.rest, r)), times(f.lift[r], drift))
+            put(out, r, times(2.0, v))
     return 0.0
 
 

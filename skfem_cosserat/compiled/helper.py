@@ -52,7 +52,7 @@ def structures_of(system: System, plan: Plan, family: str) -> list[Any]:
             plane.bound_tree(system, plan, frames, rows)[0],
             bind.bound_plan(system, plan)[0],
             plane.bound_work(system, plan, frames)[0],
-            plane.bound_groups(system, plan, frames, fields),
+            plane.bound_groups(system, plan, frames, fields)[0],
         ]
     return [
         bind.bound_tree(system, plan)[0],

@@ -160,13 +160,13 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
 
 
 @inlined
-def border(p: IndexArray, s: Any, m: Any, w: Any, numbers: Floats, kept: int) -> None:
-    """Motions by the columns of the border, for the factors there are."""
+def border(p: IndexArray, s: Any, m: Any, w: Any, numbers: Floats) -> None:
+    """Motions by the columns of the border, for new factors; they are kept with these."""
     for k in range(w.flow.begin[0], BORDER):
         call(p[n.FLOW_COLUMN], s, m, w, numbers, k)
         if p[n.JOINT_REDUCE]:
             call(p[n.JOINT_REDUCE], s, m, w, numbers, 0)
-        call(p[n.SWEEP], s, m, w, numbers, kept)
+        call(p[n.SWEEP], s, m, w, numbers, 0)
         call(p[n.FLOW_KEEP], s, m, w, numbers, k)
 
 
@@ -244,17 +244,14 @@ def solve_one(
     start(p, s, m, w, g, numbers, int(record[n.GUESS]))
     size = evaluate(p, s, m, w, g, numbers, int(not kept))
     last, mixed, swept = np.inf, 0, 0.0
-    bordered = p[n.FLOW] == 0
     for count in range(1, int(numbers[n.LIMIT]) + 1):
         fresh = not kept
         if fresh:
             record[n.FACTORED] += 1.0
             if not (np.isfinite(size) and matrix(p, s, m, w, g, numbers, mixed)):
                 return False
-        if fresh or not bordered:  # once a step with kept factors: it hardly changes in one
-            bordered = True
             if p[n.FLOW]:
-                border(p, s, m, w, numbers, int(kept))
+                border(p, s, m, w, numbers)
         length = increment(p, s, m, w, g, numbers, int(kept))
         mixed = int(w.found[1])
         before, last = last, length

@@ -326,10 +326,23 @@ WORK = (
     *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
     *("dead", "moments", "followers", "coupled", "flow"),
 )
-#: velocities with a damped relative part: of rows of y their connected part, their vertices' slots
-#: by entries of the mass matrix; what is summed up over parts, see :mod:`.flow`
+#: velocities with a damped relative part: of rows of y their connected part, ends of runs
+#: of one part, slots by entries of the mass matrix; what is summed up over parts, see :mod:`.flow`
 FLOW = (
-    *("owner", "holder", "local", "slot", "free", "total", "lift", "mu", "ones", "scheme", "begin"),
+    *(
+        "owner",
+        "runs",
+        "holder",
+        "local",
+        "slot",
+        "free",
+        "total",
+        "lift",
+        "mu",
+        "ones",
+        "scheme",
+        "begin",
+    ),
     *("sums", "turn", "rest", "mdq", "column", "kept", "forms", "motion", "twists"),
     *("schur", "scratch"),
 )

@@ -69,7 +69,6 @@ from .compiled_scene import (
     is_viscous,
 )
 from .scheme import Scheme, State, StepWork
-from .step_balance import decay_work
 
 __all__ = [
     "BlockOfSteps",
@@ -313,6 +312,7 @@ class CompiledStep(CompiledScene):
         self._elastic = self._all[-2]
         self._viscous: Viscous | None = None
         self._resist(h)
+        self._decaying = self._of_decay() if scheme.decay else []
         self._rows = np.zeros(0, dtype=np.int64)
         #: whether there are closed loops, whose independent rows are chosen on the way
         self.looped = len(system.closure.rows) > 0
@@ -331,6 +331,7 @@ class CompiledStep(CompiledScene):
             or self._rest is not None
             or (self._moves and self._nearest is None)
             or (scheme.at_end and not system.loading.dead_only)
+            or scheme.decay
             or plane is not None
         )
         self._solve = self._entry()
@@ -662,10 +663,29 @@ class CompiledStep(CompiledScene):
         return StepWork(*(a + b for a, b in zip(work, self._called_back.work(), strict=True)))
 
     def _decay_work(self) -> float:
-        """What the scheme takes by its stresses (J)."""
-        system, ends = self.system, (self._a.y0, self._a.y1)
-        strains = [[eps for eps, _ in system.strain(y.copy())] for y in ends]
-        return decay_work(system, self.scheme.decay, *strains)
+        """What the scheme takes by its stresses (J), chi/2 D times the change of strains."""
+        lost, chi = 0.0, self.scheme.decay
+        for fields, weights, flexible in self._decaying:
+            if flexible is None:  # strains at the start are there, no stresses
+                change = fields["strains"] - fields["S0"]
+                lost += float(((change[..., None, :] @ weights)[..., 0, :] * change).sum())
+                continue
+            # the stresses of a step are (1 + chi)/2 of the way from its start to its end
+            change = fields["S"] - fields["S0"]
+            lost += 4 / (1 + chi) ** 2 * float(np.vdot(change * weights, change @ flexible))
+        return 0.5 * chi * lost
+
+    def _of_decay(self) -> list[tuple[dict[str, Any], Floats, Floats | None]]:
+        """Of each group of beams its arrays, weights and flexibility, for :meth:`_decay_work`."""
+        out: list[tuple[dict[str, Any], Floats, Floats | None]] = []
+        for group, fields in zip(self.system.beam_groups, self._beams, strict=False):
+            elements = group.elements
+            if elements.stored:
+                out.append((fields, elements.weighted_stiffness, None))
+                continue
+            D = fields["stiffness"][fields["section"]]
+            out.append((fields, elements.measure, np.linalg.pinv(D, 1e-12, True)))
+        return out
 
     def _work_at_start(self) -> float:
         """Work (J) along the step of the loads at its start."""
@@ -734,7 +754,7 @@ class CompiledPlane(CompiledStep):
             s, self._tree = plane.bound_tree(system, self.plan, frames, rows)
             m, _ = bind.bound_plan(system, self.plan)
             w, arrays = plane.bound_work(system, self.plan, frames)
-            g = plane.bound_groups(system, self.plan, frames, outside)
+            g, self._beams = plane.bound_groups(system, self.plan, frames, outside)
             table = bind.addresses(parts, (s, m, w, g), "plane", self._kept_only)
         own = ("y0", "y1", "ground1", "p0", "external", "R", "carried")
         self._arrays = arrays | {name: outside[name] for name in own}

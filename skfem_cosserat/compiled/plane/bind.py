@@ -420,13 +420,16 @@ def bound_beams(
     return structures.plane_beams(tuple(fields[name] for name in structures.PLANE_BEAMS)), fields
 
 
-def bound_groups(system: System, plan: Plan, frames: Frames, rows: dict[str, Any]) -> Any:
-    """Structure of all groups of elements, or of none."""
+def bound_groups(
+    system: System, plan: Plan, frames: Frames, rows: dict[str, Any]
+) -> tuple[Any, list[dict[str, Any]]]:
+    """All groups of elements, or none; the structure, and arrays by name of each."""
     groups: Sequence[BeamGroup | None] = system.beam_groups or [None]
-    bound = [bound_beams(system, group, plan, frames, rows)[0] for group in groups]
+    bound = [bound_beams(system, group, plan, frames, rows) for group in groups]
+    members, fields = [g for g, _ in bound], [own for _, own in bound]
     if len(bound) == 1:
-        return bound[0]
-    return structures.Groups(bound, [None] * len(bound), BEAM_PARTS)
+        return members[0], fields
+    return structures.Groups(members, [None] * len(bound), BEAM_PARTS), fields
 
 
 def inverse(D: Floats) -> Floats:
