@@ -66,6 +66,8 @@ def assert_the_same(a, b):
 SCENES = [
     ("space", sc.EnergyMomentum(), sc.NullSpace(), sc.TheoryReissner()),
     ("plane", sc.Variational(), sc.NullSpace(), sc.TheoryReissner()),
+    ("space", sc.GeneralizedAlpha(0.8), sc.NullSpace(), sc.TheoryReissner()),
+    ("plane", sc.EnergyMomentum(stabilized=True), sc.NullSpace(), sc.TheoryReissner()),
     pytest.param("space", sc.Variational(), sc.Multipliers(), sc.TheoryReissner(), marks=SLOW),
     pytest.param("space", sc.EnergyMomentum(), sc.NullSpace(), sc.TheoryInextensible(), marks=SLOW),
     pytest.param("plane", sc.Variational(), sc.NullSpace(), sc.TheoryInextensible(), marks=SLOW),

@@ -233,6 +233,14 @@ def test_velocities_are_moved_at_the_instant_that_steps_end():
     assert off < 10 * moved
 
 
+@pytest.mark.parametrize("chi", [0.05, 1.0])
+def test_the_border_of_the_extra_velocity_is_its_whole_derivative(chi):
+    """Of two parts that nothing ties: Newton's method takes as many iterations as with numpy's."""
+    compiled, plain, _ = runs(loose(), sc.EnergyDecaying(chi), NULL, 5e-3, 0.05)
+    assert (compiled.meta["kernels"], plain.meta["kernels"]) == ("numba", "numpy")
+    assert compiled["newton_iterations"].tolist() == plain["newton_iterations"].tolist()
+
+
 # -- what goes on around a step --------------------------------------------------------------------
 
 ALPHA = [sc.GeneralizedAlpha(0.8), sc.GeneralizedAlpha(0.8, stabilized=False)]
