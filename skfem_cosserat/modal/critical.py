@@ -140,7 +140,7 @@ def buckling(
     Euler's column, free at its head, of EI = 2 N m^2 and 1 m: pi^2 EI / 4 = 4.9348 N (here with
     a little shear, ``P (1 + P/GA) = pi^2 EI/4``):
 
-    >>> from skfem_cosserat import Beam, JointFixed, LoadForce, MeshCurve, Section, ground
+    >>> from skfem_cosserat import Beam, JointFixed, LoadForce, MeshCurve, Model, Section, ground
     >>> mesh = MeshCurve.init_line((0, 0, 0), (0, 0, 1), 4, nodes={"foot": 0.0, "head": 1.0})
     >>> section = Section([1e6, 1e6, 1e6, 2.0, 3.0, 1.0], mass=1.0, inertia=(1e-3, 1e-3))
     >>> model = Model()
