@@ -167,11 +167,9 @@ def assert_same_in_steps_of_other_sizes(system: sc.System, integrator: str, trea
     for kernels in ("numpy", "numba"):
         own = system, INTEGRATORS[integrator], TREATMENTS[treatment], 1e-3, exact
         stepper = sc.Stepper(*own, kernels=kernels)
-        stepper.resize(1e-3)  # others follow
         state, lost = moving(system), []
         for k in range(12):
-            stepper.resize((1 + k % 3) * 1e-3)
-            report = stepper.advance(state)
+            report = stepper.advance(state, h=(1 + k % 3) * 1e-3)
             state = report.state
             lost.append(report.work.dissipated)
         found.append((state, lost))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..model import Model, System, system_of
 from ..model.limits import over_rotated, overstretched
 from ..model.loops import contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
-from ..types import Array, Floats, check_kind, positive, switch, whole
+from ..types import Array, Floats, check_kind, positive, whole
 from ..warn import Notices, listening, logger, warn
 from .base import Integrator, March
 from .choice import built, choose_kernels, in_space
@@ -24,7 +25,16 @@ from .compiled_step import CompiledStep, compiled_step
 from .scheme import State, StepOrigin, StepWork
 from .step_balance import Evaluation, StepBalance, StepData
 
-__all__ = ["BlockReport", "ComposedReport", "Solved", "StepProblem", "StepReport", "Stepper"]
+__all__ = [
+    "BlockReport",
+    "Code",
+    "ComposedReport",
+    "Outcome",
+    "Solved",
+    "StepProblem",
+    "StepReport",
+    "Stepper",
+]
 
 
 # -- what a solved step gives beside the next state ------------------------------------------------
@@ -292,6 +302,77 @@ SOLVED, FURTHER = 1e-5, 1e-6
 ATTEMPTS = ((True, False), (False, False), (False, True), (True, True))
 
 
+class Code(Enum):
+    """How a step has ended."""
+
+    SOLVED = "solved"
+    UNSOLVED = "no attempt was solved"
+    DEAD_POINT = "prescribed motion has reached a dead point of a closed loop"
+    CONTRADICTION = "prescribed motions contradict each other around a closed loop"
+
+
+@dataclass(eq=False, repr=False)
+class Outcome:
+    """What became of a step; an error is made of it only where nothing else is tried.
+
+    Attributes
+    ----------
+    code : Code
+    state : State
+        That the step started from.
+    residual : float
+        Of the solution, or the best one of all attempts.
+    report : StepReport or None
+        Of a step that is solved.
+    reason, advice, effort : str
+        Why it is not, what to try, and what was tried.
+    residuals : list of lists of float
+        Of each attempt that failed.
+    """
+
+    code: Code
+    state: State
+    residual: float
+    report: StepReport | None = None
+    reason: str = ""
+    advice: str = ""
+    effort: str = ""
+    residuals: list[list[float]] = field(default_factory=list)
+
+    def solved(self, settings: NewtonSettings) -> StepReport:
+        """The report; raises Diverged if there is none."""
+        if self.report is not None:
+            return self.report
+        where = self.state.time, self.state.index + 1, self.residual
+        raise Diverged(
+            *(*where, self.reason, self.advice, self.residuals),
+            settings=settings if self.residuals else None,
+            effort=self.effort,
+        )
+
+
+@dataclass(eq=False)
+class _Size:
+    """What belongs to the steps of one size.
+
+    Attributes
+    ----------
+    h : float
+        Step size (s).
+    balance : StepBalance
+    fast : CompiledStep or None
+        Compiled kernels.
+    last : (float, array) or None
+        Of the last step that the general way has solved, or begins with: its size, and what the
+        treatment was moved by.
+    """
+
+    h: float
+    balance: StepBalance
+    fast: CompiledStep | None
+    last: tuple[float, Array] | None = None
+
+
 def _check_methods(integrator: object, treatment: object) -> None:
     """Raise InputError if they are no integrator and treatment; says if they are swapped."""
     if isinstance(integrator, Treatment) and isinstance(treatment, Integrator):
@@ -304,7 +385,7 @@ def _check_methods(integrator: object, treatment: object) -> None:
 
 
 class Stepper:
-    """Solves step after step, of one size until :meth:`resize` changes it.
+    """Solves step after step, of one size unless another one is asked for.
 
     Parameters
     ----------
@@ -312,7 +393,7 @@ class Stepper:
     integrator : Integrator
     treatment : Treatment
     h : float
-        Step size (s), positive.
+        Step size (s), positive, where no other is asked for.
     settings : NewtonSettings, optional
     kernels : {"auto", "numpy", "numba"}
         See :func:`skfem_cosserat.simulate`.
@@ -322,13 +403,6 @@ class Stepper:
         See :func:`skfem_cosserat.simulate`.
     announce : callable, optional
         Called with a text before compiling.
-    backwards : bool
-        Of a negative step, as compositions have them.
-    varying : bool
-        Whether steps will be of several sizes.
-    origin : StepOrigin, optional
-        What its states are made by; default: the scheme and the step. Of a stepper of one of the
-        steps of a composition: the composed scheme and step.
 
     Raises
     ------
@@ -345,10 +419,6 @@ class Stepper:
         Kernels in use, and why.
     notices : Notices
         Warnings so far; each is given once by a stepper.
-    origin : StepOrigin
-        See above.
-    varying : bool
-        Whether states of the same scheme go on as they are after steps of other sizes.
 
     Examples
     --------
@@ -376,24 +446,15 @@ class Stepper:
         steps: int | None = None,
         solver: Solver | None = None,
         announce: Callable[[str], object] | None = None,
-        *,
-        backwards: bool = False,
-        varying: bool = False,
-        origin: StepOrigin | None = None,
     ) -> None:
         system = system_of(system)
         _check_methods(integrator, treatment)
         if steps is not None:
             steps = min(whole("argument steps", steps, 0), 10**15)
         self.system, self.integrator, self.treatment = system, integrator, treatment
-        backwards = switch("argument backwards", backwards)
-        self.h = (-1 if backwards else 1) * positive(
-            "argument step", "step", -h if backwards else h, " of seconds"
-        )
+        self.h = positive("argument step", "step", h, " of seconds")
         self.settings = NewtonSettings() if settings is None else settings
         check_kind("argument settings", self.settings, NewtonSettings)
-        self.origin = StepOrigin(integrator.name, self.h) if origin is None else origin
-        self.varying = varying
         if checked_solver(solver) is not None and not integrator.solves:
             reason = "its steps are not solved for, there are no linear systems"
             raise IncompatibleError(f"{integrator!r} with {solver!r}", reason)
@@ -411,55 +472,62 @@ class Stepper:
     ) -> None:
         system, integrator, treatment = self.system, self.integrator, self.treatment
         self._march = integrator.march(system, treatment, self.h)
-        self.bound: BoundTreatment = treatment.bind(system, integrator.constraint_weight)
+        self.bound: BoundTreatment = treatment.bind(system, integrator.single.constraint_weight)
         if solver is not None:
             self.bound.solve_with(solver)
         self._first, self._warned = True, False
-        #: of the last step of the general way: its size, and increments of the treatment
-        self._last: tuple[float, Array] | None = None
         self._end: tuple[Floats, Evaluation] | None = None  # of the last step: q, what was found
-        self._fast: CompiledStep | None = None
-        #: steppers by share of the step
-        self._stages: dict[float, Stepper] = {}
         self.choice = choose_kernels(kernels, system, integrator, treatment, steps, solver)
-        if self._march is not None:
-            return
-        one = integrator.single
-        #: of its steps, which may be those that a composed one is made of
-        self.balance: StepBalance = one.balance(system, self.h)
-        if one is not integrator:
-            common = self.settings, self.choice.name, steps, solver, announce
-            for share in integrator.shares:
-                size, back = share * self.h, share < 0
-                self._stages[share] = Stepper(
-                    system, one, treatment, size, *common, backwards=back, origin=self.origin
-                )
-            return
-        if self.choice.name == "numba":
-            text = "kernels are compiled, some 10 s at the first time, or read from the cache"
-            logger.info(text)
-            if announce is not None:
-                announce(text)
-            plan = self.choice.plan
-            chosen = integrator, treatment, self.h, self.settings, plan, solver
-            space = in_space(system, integrator)
-            self.choice, self._fast = built(
-                self.choice, lambda: compiled_step(system, *chosen, space=space)
-            )
+        #: by size, that of the last step at the end; as many as a composed step has
+        self._sizes: dict[float, _Size] = {}
+        if self._march is None:
+            if self.choice.name == "numba":
+                text = "kernels are compiled, some 10 s at the first time, or read from the cache"
+                logger.info(text)
+                if announce is not None:
+                    announce(text)
+            for share in integrator.shares or (1.0,):
+                self._make(share * self.h, solver)
+
+    def _make(self, h: float, solver: Solver | None) -> None:
+        """Balance and kernels for steps of a size (s)."""
+        system, one, plan = self.system, self.integrator.single, self.choice.plan
+        balance = one.balance(system, h)
+        chosen = one, self.treatment, h, self.settings, plan, solver
+        space = in_space(system, one)
+        self.choice, fast = built(self.choice, lambda: compiled_step(system, *chosen, space=space))
+        self._sizes[h] = _Size(h, balance, fast)
+
+    def _sized(self, h: float) -> _Size:
+        """What belongs to steps of a size (s); it takes the place of what was used longest ago."""
+        of = self._sizes.pop(h, None)
+        if of is None:
+            of = self._sizes.pop(next(iter(self._sizes)))
+            of.h, of.balance = h, self.integrator.single.balance(self.system, h)
+            if of.fast is not None:
+                of.fast = of.fast.resized(h)
+        self._sizes[h] = of
+        return of
+
+    @property
+    def balance(self) -> StepBalance:
+        """Of steps of the size that no other one takes the place of."""
+        return self.integrator.single.balance(self.system, self.h)
+
+    @property
+    def _fast(self) -> CompiledStep | None:
+        """The compiled kernels in use last."""
+        return next(reversed(self._sizes.values())).fast if self._sizes else None
 
     @property
     def factorisations(self) -> int:
         """So far."""
-        if self._stages:
-            return sum(stage.factorisations for stage in self._stages.values())
-        compiled = 0 if self._fast is None else self._fast.factorisations
-        return self.bound.solver.factorisations + compiled
+        compiled = [of.fast.factorisations for of in self._sizes.values() if of.fast is not None]
+        return self.bound.solver.factorisations + sum(compiled)
 
     @property
     def linear(self) -> LinearSolver | None:
         """The sparse, banded or dense solver at work; None: elimination in blocks is all."""
-        if self._stages:
-            return next(iter(self._stages.values())).linear
         return self.bound.solver if self._fast is None else self._fast.linear
 
     @property
@@ -467,31 +535,11 @@ class Stepper:
         """How linear systems are solved."""
         if self._march is not None:
             return self._march.method
-        if self._stages:
-            return next(iter(self._stages.values())).method
         return self.bound.solver.method if self._fast is None else self._fast.method
 
-    def resize(self, h: float, origin: StepOrigin | None = None) -> None:
-        """Take steps of another size (s), of the same sign, from now on; not if explicit.
-
-        `origin` is as for the class.
-        """
-        self.varying = True
-        if h == self.h and origin in (None, self.origin):
-            return
-        if self._march is not None:
-            raise IncompatibleError(f"{self.integrator!r} with another step", "its steps are fixed")
-        sign = -1 if self.h < 0 else 1
-        size = positive("argument step", "step", sign * h, " of seconds")
-        self.h = sign * size
-        self.origin = StepOrigin(self.integrator.name, self.h) if origin is None else origin
-        for share, stage in self._stages.items():
-            stage.resize(share * h, self.origin)
-        self.balance = self.integrator.single.balance(self.system, self.h)
-        if self._fast is not None:
-            self._fast = self._fast.resized(h)
-
-    def advance(self, state: State, time: float | None = None) -> StepReport:
+    def advance(
+        self, state: State, time: float | None = None, h: float | None = None
+    ) -> StepReport:
         """Solve the step that follows `state`.
 
         Parameters
@@ -501,32 +549,44 @@ class Stepper:
         time : float, optional
             Time of the new state; default ``state.time + h``. (``t_n = n h`` avoids that rounding
             adds up over many steps.)
+        h : float, optional
+            Another step size (s), also a negative one. A state of the same scheme goes on as it is
+            then, whatever step it was made by.
 
         Raises
         ------
+        InputError
+            If `h` is zero or not finite.
+        IncompatibleError
+            If the scheme has steps of one size only.
         Diverged
             If all attempts fail: from the extrapolated and from a zero increment, then both with
             a line search. If prescribed motion has reached a dead point of a closed loop, or
             contradicts another one around it, the reason says so.
         """
-        new_time, state = state.time + self.h if time is None else time, self.own(state)
+        if h is not None:
+            positive("argument h", "size", np.abs(h), " of seconds")
+        state, size = self.own(state, h is not None), self.h if h is None else float(h)
+        end = state.time + size if time is None else time
         try:
             if listening():  # to a run, which keeps what is said
-                report = self._step(state, new_time)
-            else:
-                with self.notices:
-                    report = self._step(state, new_time)
+                return self._step(state, end, size)
+            with self.notices:
+                return self._step(state, end, size)
         except Diverged as error:
             self.notices.tell(error)
             raise
-        return report
 
-    def _step(self, state: State, time: float) -> StepReport:
-        if self._stages:
-            return self._compose(state, time)
+    def _step(self, state: State, time: float, h: float) -> StepReport:
+        origin = StepOrigin(self.integrator.name, h)
         if self._march is not None:
-            return self._marched(self._march, state, time)
-        return self._solve(state, time)
+            if h != self.h:
+                raise IncompatibleError(
+                    f"{self.integrator!r} with another step", "its steps are fixed"
+                )
+            return self._marched(self._march, state, time, origin)
+        step = self._compose if self.integrator.shares else self.attempts
+        return step(state, time, h, origin).solved(self.settings)
 
     def takes_blocks(self, state: State) -> bool:
         """Whether :meth:`advance_block` may take more than one step from this state on.
@@ -534,7 +594,8 @@ class Stepper:
         With compiled kernels, where loads are constant from then on, nothing moves by prescription,
         and there are no springs, dampers, drag and viscous sections.
         """
-        return self._fast is not None and self._fast.takes_blocks(state.time)
+        fast = None if self.integrator.shares else self._fast
+        return fast is not None and fast.takes_blocks(state.time)
 
     def advance_block(
         self, state: State, steps: int, time: Callable[[int], float] | None = None
@@ -579,10 +640,12 @@ class Stepper:
         [0.5, 0.0, 0.0]
         """
         whole("argument steps", steps, 1)
-        fast, state = self._fast, self.own(state)
+        state = self.own(state)
         next_time = None if time is None else time(state.index + 1)
-        if steps < 2 or fast is None or not fast.takes_blocks(state.time) or state.plain:
+        if steps < 2 or not self.takes_blocks(state) or state.plain:
             return self.advance(state, next_time)
+        fast, origin = self._sized(self.h).fast, StepOrigin(self.integrator.name, self.h)
+        assert fast is not None
         if (fast.looped and fast.due(state, self.bound)) or not self.bound.regular:
             return self.advance(state, next_time)
         block = fast.advance_block(state, steps)
@@ -590,10 +653,10 @@ class Stepper:
             return self.advance(replace(state, plain=True), next_time)
         self._first, k, index = False, block.steps, state.index + block.steps
         fresh, where = state.fresh and k == 1, (state.time + (k - 1) * self.h, index - 1)
-        before = State(*where, *block.before[:2], fresh, None, block.before[2], self.origin)
+        before = State(*where, *block.before[:2], fresh, None, block.before[2], origin)
         end = state.time + k * self.h if time is None else time(index)
         q, p, memory = block.after
-        new = State(end, index, q, p, False, None, memory, self.origin, plain=block.stuck)
+        new = State(end, index, q, p, False, None, memory, origin, plain=block.stuck)
         y1, impulse = fast.y1, fast.impulse
         if block.stuck:
             y1, impulse = self.system.extend(new.q, new.time), np.full_like(impulse, np.nan)
@@ -601,43 +664,49 @@ class Stepper:
         given = new, block.last, 1, fast.residual, block.work, solved
         return BlockReport(*given, k, block.iterations)
 
-    def own(self, state: State) -> State:
+    def own(self, state: State, varying: bool = False) -> State:
         """The state, if this scheme and step made it; else a start from its q and p.
 
         Its momentum is then that on the hidden constraints: schemes carry on different momenta.
+        With `varying` any step of the scheme may have made it.
         """
-        if state.made_by is None:
-            return state
-        known = self.varying or state.made_by.same_step(self.origin)
-        if known and state.made_by.same_scheme(self.origin):
+        made, own = state.made_by, StepOrigin(self.integrator.name, self.h)
+        if made is None or (made.same_scheme(own) and (varying or made.same_step(own))):
             return state
         y = self.system.extend(state.q, state.time)
         v = nearest_velocity(self.system, y, state.p, state.time)
         p = np.asarray(self.system.mass @ v.reshape(-1, 3)).reshape(-1)
         return replace(state, p=p, fresh=True, memory=None, made_by=None, plain=False)
 
-    def _solve(self, state: State, new_time: float) -> StepReport:
-        step: StepData | None = None
-        if self._fast is not None:
-            if self._fast.looped and self._fast.due(state, self.bound):
-                step = self._begin(state)
-                self._fast.close(self.bound.closing)
+    def attempts(self, state: State, time: float, h: float, origin: StepOrigin) -> Outcome:
+        """Try a step of size h to a time (s), in several ways: all that is tried is here.
+
+        Compiled kernels come first. Where they do not converge, or a singular position is near, the
+        general way begins in four ways, until a solution is one that the motion leads to.
+        """
+        of, step = self._sized(h), None
+        fast = of.fast
+        if fast is not None:
+            if fast.looped and fast.due(state, self.bound):
+                step = self._begin(state, of)
+                fast.close(self.bound.closing)
             if self.bound.regular and not state.plain:
-                solved = self._fast.solve(state)
+                solved = fast.solve(state)
                 if solved is not None:
-                    if self._fast.looped and self.system.moving:
-                        self._check_motion(state, self._fast.y1, solved[1])
-                    return self._accept_compiled(self._fast, state, new_time, *solved)
+                    if fast.looped and (wrong := self._contradiction(state, h, fast.y1, solved[1])):
+                        return wrong
+                    done = self._accept_compiled(of, fast, state, time, origin, *solved)
+                    return Outcome(Code.SOLVED, state, done.residual, done)
             # the general way tries again from there
-            self._last = None if self._fast.last is None else (self.h, self._fast.last)
-        step = self._begin(state) if step is None else step
-        self._recall()
+            of.last = None if fast.last is None else (h, fast.last)
+        step = self._begin(state, of) if step is None else step
+        self._recall(of)
         total = 0
         best: NewtonReport | None = None
         residuals = []
         for attempt, (extrapolate, damped) in enumerate(ATTEMPTS, 1):
             self.bound.guess(extrapolate)
-            problem = self.problem(step)
+            problem = StepProblem(of.balance, self.bound, step, self.settings.mixed)
             report = newton(problem, self.settings, damped)
             total += report.iterations
             wrong_branch = self.bound.wrong_branch(problem.y1) if report.converged else None
@@ -646,9 +715,10 @@ class Stepper:
             elif wrong_branch is not None:
                 report.reason = f"it is on another branch: {wrong_branch}"
             elif report.converged:
-                if self.system.moving:
-                    self._check_motion(state, problem.y1, report.residual)
-                return self._accept(state, problem, new_time, total, attempt, report)
+                if wrong := self._contradiction(state, h, problem.y1, report.residual):
+                    return wrong
+                done = self._accept(of, problem, time, origin, total, attempt, report)
+                return Outcome(Code.SOLVED, state, report.residual, done)
             residuals.append(report.residuals)
             if best is None or report.residual < best.residual:
                 best = report
@@ -658,9 +728,8 @@ class Stepper:
             )
         assert best is not None
         effort = f"{len(ATTEMPTS)} attempts with {total} Newton iterations"
-        reason, advice = self._explained(step, best.reason, problem.y1)
-        where = state.time, state.index + 1, best.residual
-        raise Diverged(*where, reason, advice, residuals, settings=self.settings, effort=effort)
+        code, reason, advice = self._explained(step, best.reason, problem.y1, origin)
+        return Outcome(code, state, best.residual, None, reason, advice, effort, residuals)
 
     def _left(self, problem: StepProblem, residual: float) -> bool:
         """Whether a residual asks for more, although increments have vanished."""
@@ -671,17 +740,19 @@ class Stepper:
         except SingularMatrixError:
             return True  # no increment of its matrix can tell
 
-    def _compose(self, state: State, time: float) -> StepReport:
+    def _compose(self, state: State, time: float, h: float, origin: StepOrigin) -> Outcome:
         """One step after the other, and what they give together."""
         reports: list[StepReport] = []
         now, done, shares = state, 0.0, self.integrator.shares
         for k, share in enumerate(shares, 1):
             done += share
-            stage = self._stages[share]
-            stage.start_anew()  # what it knows of the motion is of another place
-            end = time if k == len(shares) else state.time + done * self.h
-            reports.append(stage.advance(now, end))
-            now = replace(reports[-1].state, index=state.index)
+            self._first = True  # what is known of the motion is of another place
+            end = time if k == len(shares) else state.time + done * h
+            outcome = self.attempts(now, end, share * h, origin)
+            if outcome.report is None:
+                return outcome
+            reports.append(outcome.report)
+            now = replace(outcome.report.state, index=state.index)
         works = [report.work for report in reports]
         lost = [work.dissipated for work in works]
         if sum(lost) < -1e-6 * sum(map(abs, lost)) and not self._warned:
@@ -693,56 +764,62 @@ class Stepper:
                 AccuracyWarning,
                 state.time,
             )
-        return ComposedReport.of(reports, replace(now, index=state.index + 1))
+        whole = ComposedReport.of(reports, replace(now, index=state.index + 1))
+        return Outcome(Code.SOLVED, state, whole.residual, whole)
 
-    def _marched(self, march: March, state: State, time: float) -> StepReport:
+    def _marched(self, march: March, state: State, time: float, origin: StepOrigin) -> StepReport:
         new, iterations, residual, work = march.advance(state, time)
-        new = replace(new, made_by=self.origin)
+        new = replace(new, made_by=origin)
         y1, none = self.system.extend(new.q, new.time), np.zeros((self.system.rows, 3))
         solved = Solved(self.system, self.integrator, self.h, state, y1, none)
         return ComposedReport(new, iterations, 1, residual, work, solved, [])
 
-    def start_force(self, state: State) -> Floats | None:
-        """Constraint force (n,) at a state a run starts from; None: that of the step after it."""
-        return None if self._march is not None else self.balance.start_force(state)
+    def start_force(self, state: State, h: float | None = None) -> Floats | None:
+        """Constraint force (n,) at a state a run starts from; None: that of the step after it.
 
-    def start_anew(self) -> None:
-        """The next step does not go on from the last one: treat it as the first of a run."""
-        self._first = True
+        `h`: of that step, if it is of another size.
+        """
+        if self._march is not None:
+            return None
+        balance = self.integrator.single.balance(self.system, self.h if h is None else h)
+        return balance.start_force(state)
 
-    def _begin(self, state: State) -> StepData:
+    def _begin(self, state: State, of: _Size) -> StepData:
         """Data of a step for the general way, and its treatment at its start."""
         before = None if self._end is None or (self._end[0] != state.q).any() else self._end[1]
-        step = self.balance.begin(state, before)
+        step = of.balance.begin(state, before)
         momentum = state.p if state.fresh or self._first else None
         self._first = False
-        self._recall()
-        self.bound.begin(step.y0, self.system.ground(state.time + self.h), self.h, momentum)
+        self._recall(of)
+        self.bound.begin(step.y0, self.system.ground(state.time + of.h), of.h, momentum)
         for item, text in self.bound.doubts:
             logger.info("t = %.6g s: the %s %s", state.time, item, text)  # each time
             warn(item, text, AccuracyWarning, state.time)
         return step
 
-    def _recall(self) -> None:
+    def _recall(self, of: _Size) -> None:
         """Tell the treatment the increments of the last step, for one of this size."""
-        if self._last is None:
+        if of.last is None:
             self.bound.last = None
         else:
-            h, moved = self._last
-            self.bound.last = moved if h == self.h else (self.h / h) * moved
+            h, moved = of.last
+            self.bound.last = moved if h == of.h else (of.h / h) * moved
 
     def problem(self, step: StepData) -> StepProblem:
         """The step as the Newton loop sees it."""
         return StepProblem(self.balance, self.bound, step, self.settings.mixed)
 
-    def _explained(self, step: StepData, reason: str, y1: Array) -> tuple[str, str]:
+    def _explained(
+        self, step: StepData, reason: str, y1: Array, origin: StepOrigin
+    ) -> tuple[Code, str, str]:
         """Why a step failed and what to try: a dead point, a loop that does not close, Newton.
 
         `y1` is where the last iteration ended.
         """
-        stop = dead_point(self.system, step.y0, step.state.time, self.h)
+        stop = dead_point(self.system, step.y0, step.state.time, step.h)
         if stop is not None:
-            return stop.reason, "stop or turn the drive before it, or drive another joint"
+            advice = "stop or turn the drive before it, or drive another joint"
+            return Code.DEAD_POINT, stop.reason, advice
         if self.bound.trouble is not None:
             reason = f"{reason}: {self.bound.trouble}"
         bent = over_rotated(self.system, step.y0)
@@ -751,31 +828,34 @@ class Stepper:
         drawn = overstretched(self.system, step.y0)  # forces at y1 mean nothing
         causes = [text for text in (bent, drawn) if text is not None]
         first, *more = [*causes, f"Newton's method: {reason}" if causes else reason]
-        advice = f"try a smaller step than {self.origin.step:g} s, then {self.integrator.advice}"
-        return ". ".join([first, *(f"{text[0].upper()}{text[1:]}" for text in more)]), advice
+        advice = f"try a smaller step than {origin.step:g} s, then {self.integrator.advice}"
+        reason = ". ".join([first, *(f"{text[0].upper()}{text[1:]}" for text in more)])
+        return Code.UNSOLVED, reason, advice
 
-    def _check_motion(self, state: State, y1: Array, residual: float) -> None:
-        """Raise Diverged if prescribed motions no longer agree around a closed loop."""
-        reason = contradiction(self.system, y1, state.time + self.h)
-        if reason is not None:
-            advice = "leave out one of the drives, or let it follow the motion of the other"
-            raise Diverged(state.time, state.index + 1, residual, reason, advice)
+    def _contradiction(self, state: State, h: float, y1: Array, residual: float) -> Outcome | None:
+        """What becomes of a step whose prescribed motions no longer agree around a closed loop."""
+        reason = contradiction(self.system, y1, state.time + h) if self.system.moving else None
+        if reason is None:
+            return None
+        advice = "leave out one of the drives, or let it follow the motion of the other"
+        return Outcome(Code.CONTRADICTION, state, residual, None, reason, advice)
 
     def _accept(
         self,
-        state: State,
+        of: _Size,
         problem: StepProblem,
         time: float,
+        origin: StepOrigin,
         iterations: int,
         attempts: int,
         report: NewtonReport,
     ) -> StepReport:
         step, evaluation, y1 = problem.step, problem.evaluation, problem.y1
         assert evaluation is not None
-        finished = self.balance.finish(step, evaluation)
-        self._last = self.h, self.bound.moved
-        if self._fast is not None:
-            self._fast.resume(self.bound.moved)
+        finished, state = of.balance.finish(step, evaluation), step.state
+        of.last = of.h, self.bound.moved
+        if of.fast is not None:
+            of.fast.resume(self.bound.moved)
         impulse: Array = self.bound.impulse(evaluation.R)
         if finished.impulse is not None:
             impulse = impulse + finished.impulse
@@ -790,29 +870,36 @@ class Stepper:
             if step.couplings is None
             else self.system.couplings.turns(step.couplings, y1, time),
             memory=None if rates is None else rates.reshape(len(rates), -1),
-            made_by=self.origin,
+            made_by=origin,
         )
         self._end = y1[: self.system.rows].reshape(-1), evaluation
-        solved = Solved(self.system, self.integrator, self.h, state, y1, impulse)
+        solved = Solved(self.system, self.integrator.single, of.h, state, y1, impulse)
         return StepReport(new, iterations, attempts, report.residual, finished.work, solved)
 
     def _accept_compiled(
-        self, fast: CompiledStep, state: State, time: float, iterations: int, residual: float
+        self,
+        of: _Size,
+        fast: CompiledStep,
+        state: State,
+        time: float,
+        origin: StepOrigin,
+        iterations: int,
+        residual: float,
     ) -> StepReport:
         y1, p, impulse, work = fast.y1, fast.carried(), fast.impulse, fast.work()
         rows, memory = y1[: self.system.rows], fast.memory
         if fast.unmoved:
             assert memory is not None
             dq, rates = rows - state.q.reshape(-1, 3), memory.reshape(len(memory), -1, 3)
-            own = y1, dq, p, fast.rates0, rates, work, state.time + self.h
-            p, moved, more, work = self.balance.handed_on(*own)
+            own = y1, dq, p, fast.rates0, rates, work, state.time + of.h
+            p, moved, more, work = of.balance.handed_on(*own)
             assert moved is not None
             assert more is not None
             impulse, memory = impulse + more, moved.reshape(len(moved), -1)
         q, p = rows.ravel(), p.ravel()
-        new = State(time, state.index + 1, q, p, False, fast.turns(), memory, self.origin)
+        new = State(time, state.index + 1, q, p, False, fast.turns(), memory, origin)
         self._first = False
-        solved = Solved(self.system, self.integrator, self.h, state, y1, impulse)
+        solved = Solved(self.system, self.integrator.single, of.h, state, y1, impulse)
         return StepReport(new, iterations, 1, residual, work, solved)
 
     def iteration_matrix(self, state: State, scaled: bool = True) -> tuple[Floats, StepReport]:
@@ -830,21 +917,22 @@ class Stepper:
         """
         if self._march is not None:
             raise IncompatibleError(f"{self.integrator!r}", "it has no iteration matrix")
-        if self._stages:
+        if self.integrator.shares:
             raise IncompatibleError(
                 f"{self.integrator!r}",
                 f"each of its steps has one of its own: see {self.integrator.part!r}",
             )
-        fast, self._fast = self._fast, None  # the treatment has to be at the solution
+        of = self._sized(self.h)
+        fast, of.fast = of.fast, None  # the treatment has to be at the solution
         try:
             report = self.advance(state)
         finally:
-            self._fast = fast
-        step, bound = self.balance.begin(state), self.bound
+            of.fast = fast
+        step, bound = of.balance.begin(state), self.bound
         problem = self.problem(step)
         problem.residual()
         assert problem.evaluation is not None
-        blocks = self.balance.tangent(step, problem.evaluation)
+        blocks = of.balance.tangent(step, problem.evaluation)
         data = bound.matrix(blocks, problem.evaluation.R, problem.y1, scaled)
         matrix = bound.solver.pattern.assembled(data).toarray()
         active = bound.active

@@ -512,8 +512,7 @@ class EventMonitor:
         """A step of any size (s) from a state; `like`: the size of those of the run."""
         if self._stepper is None:
             self._stepper = self.factory.changed(self.system, like)
-        self._stepper.resize(size)
-        return self._stepper.advance(state, state.time + size)
+        return self._stepper.advance(state, state.time + size, size)
 
     def _often(self, event: Event, state: State, step: float) -> None:
         """Raise Diverged if an event repeats without end."""

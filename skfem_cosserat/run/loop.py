@@ -77,7 +77,7 @@ class RunLoop:
                         break
             if status != "interrupted":
                 end = self.state
-                self.recorder.look_ahead(end, end.time + self.plan.stepper.h)
+                self.recorder.look_ahead(end, self.plan.h)
         except KeyboardInterrupt:  # raised by a callback, or a second Ctrl-C
             return "interrupted", None
         except Diverged as error:
@@ -113,8 +113,8 @@ class RunLoop:
         stepper = self.plan.stepper
         if self.state is not start:
             if system is not before:
-                stepper = self.factory.changed(system, stepper.h)
-            self.recorder.switch(start, system, stepper, self.state, losses)
+                stepper = self.factory.changed(system, self.plan.h)
+            self.recorder.switch(start, system, stepper, self.state, self.plan.h, losses)
         else:
             self.recorder.note()
         if not stop:
@@ -331,13 +331,13 @@ def simulate(
         intended = _intended(first, until, start)
         eventful = events is not None
         varying = eventful or isinstance(step, StepControl)
-        chosen = integrator, treatment, settings, kernels, intended, solver, show.say, varying
+        chosen = integrator, treatment, settings, kernels, intended, solver, show.say
         factory = StepperFactory(*chosen)
         stepper = factory(system, first)
         factory = replace(factory, kernels=stepper.choice.name)  # others take the same
         h = None if isinstance(step, StepControl) else stepper.h
         state, count = _extent(system, start, h, until, every, eventful)
-        state = stepper.own(state)
+        state = stepper.own(state, varying)
         _check_run(callbacks, path, state)
         found = checked_events(events, integrator, system, state)
         looked = bool(callbacks or sensors or callable(progress))
@@ -345,7 +345,7 @@ def simulate(
         plan, wanted = _planned(step, factory, stepper, *extent)
         recorder = Recorder(system, stepper, state, wanted, path, sensors, varying, notices)
         highest = _highest_needed(stepper)
-        _log_if_unresolved(stepper, highest)
+        _log_if_unresolved(integrator, stepper.h, highest)
         with recorder, Interrupt() as interrupt:
             watch = EventMonitor(found, factory, system, state) if found else None
             run = RunLoop(
@@ -359,9 +359,11 @@ def simulate(
                     _warn_of_rest(state, run.state, None if eventful else h, until)
                 _warn_of_motion(system, recorder.complete(), h, integrator.solves)
             else:
-                failure.hint = _unresolved(recorder.stepper, highest)
+                failure.hint = _unresolved(integrator, plan.h, highest)
                 notices.tell(failure)  # from here on no warning takes its place
-            history = recorder.close(status, failure, _unresolved(recorder.stepper, highest))
+            hint = _unresolved(integrator, plan.h, highest)
+            recorder.h = plan.h
+            history = recorder.close(status, failure, hint)
             if failure is not None:
                 notices.tell(failure)  # now with the balance of energy
                 failure.history = history
@@ -528,22 +530,22 @@ def _highest_needed(stepper: Stepper) -> float | None:
         return None
 
 
-def _unresolved(stepper: Stepper, highest: float | None) -> str:
+def _unresolved(integrator: Integrator, h: float, highest: float | None) -> str:
     """That the step leaves frequencies unresolved which the integrator needs, or nothing."""
-    limit = stepper.integrator.frequency_limit
-    if limit is None or highest is None or stepper.h * highest <= limit:
+    limit = integrator.frequency_limit
+    if limit is None or highest is None or h * highest <= limit:
         return ""
     return (
-        f"the step of {stepper.h:.3g} s times the highest frequency of the beams,"
-        f" {highest:.3g} rad/s, is {stepper.h * highest:.3g}, above {limit:.3g}: steps below"
+        f"the step of {h:.3g} s times the highest frequency of the beams,"
+        f" {highest:.3g} rad/s, is {h * highest:.3g}, above {limit:.3g}: steps below"
         f" {limit / highest:.2g} s resolve it (sc.advise_step)"
     )
 
 
-def _log_if_unresolved(stepper: Stepper, highest: float | None) -> None:
+def _log_if_unresolved(integrator: Integrator, h: float, highest: float | None) -> None:
     """Log it: as a warning it would be a false alarm on many right runs."""
-    if hint := _unresolved(stepper, highest):
-        logger.info("the %s integrator is likely to fail: %s", stepper.integrator.name, hint)
+    if hint := _unresolved(integrator, h, highest):
+        logger.info("the %s integrator is likely to fail: %s", integrator.name, hint)
 
 
 def _derive(recorder: Recorder, history: History, path: str | os.PathLike[str] | None) -> None:

@@ -374,6 +374,8 @@ class Recorder:
     ) -> None:
         self.system, self.stepper, self.notices = system, stepper, notices
         self.wanted, self.open = wanted, False
+        #: size of the steps now (s)
+        self.h = stepper.h
         #: steps may differ in size: it is recorded
         self.varying = varying
         self.segments, self.events = [Segment(0, system)], list[EventRecord]()
@@ -512,25 +514,25 @@ class Recorder:
         return self._rows - 1
 
     def switch(
-        self, end: State, system: System, stepper: Stepper, state: State, loss: float
+        self, end: State, system: System, stepper: Stepper, state: State, h: float, loss: float
     ) -> None:
-        """Go on with another state, and perhaps another system, at the same instant."""
-        self.look_ahead(end, end.time + self.stepper.h)
+        """Go on with another state, and perhaps another system, by steps of a size (s)."""
+        self.look_ahead(end, h)
         if system is not self.system:
             self.segments.append(Segment(self._rows, system))
         self.note()
         self.system, self.stepper = system, stepper
-        self.works.go_on(stepper.integrator, system, state, stepper.h, loss)
+        self.works.go_on(stepper.integrator, system, state, h, loss)
         self.bank.go_on(system)
         self._before = state
-        first = stepper.start_force(state)
+        first = stepper.start_force(state, h)
         self._append(self._row(state, 0, 1, 0.0, first))
 
     def note(self) -> None:
         """Write events and warnings so far into the file at once."""
         self.writer.note(**self._happened(), warnings=self.notices.kept())
 
-    def look_ahead(self, state: State, time: float) -> None:
+    def look_ahead(self, state: State, h: float) -> None:
         """Momentum and constraint force of the last state belong to the step after it."""
         if self.last is not None:
             self._append(self.last)
@@ -539,7 +541,7 @@ class Recorder:
             self.open = False
             return
         try:
-            self._amend(self.stepper.advance(state, time))
+            self._amend(self.stepper.advance(state, state.time + h, h))
         except Diverged as error:
             logger.info("no step after t = %.6g s, momentum projected: %s", state.time, error)
         except _NO_STEP as error:  # loads and motions that are not known beyond the run
@@ -634,7 +636,7 @@ class Recorder:
         try:
             if balance is not None:
                 extra["energy_balance"] = balance._asdict()
-                run = self.stepper.integrator, self.stepper.h, self._before.time
+                run = self.stepper.integrator, self.h, self._before.time
                 balance.check(*run, self._between_ends(history), hint)
         finally:  # a warning is an error, if the user wants it so
             self.writer.close(status, **extra, warnings=self.notices.kept())

@@ -51,13 +51,11 @@ class StepperFactory:
     steps: int | None = None
     solver: Solver | None = None
     announce: Callable[[str], object] | None = None
-    #: steps differ in size
-    varying: bool = False
 
     def __call__(self, system: System, h: float) -> Stepper:
         """A stepper."""
         more = self.settings, self.kernels, self.steps, self.solver, self.announce
-        return Stepper(system, self.integrator, self.treatment, h, *more, varying=self.varying)
+        return Stepper(system, self.integrator, self.treatment, h, *more)
 
     def changed(self, system: System, h: float) -> Stepper:
         """A stepper for a system that has changed: plain kernels if there are no compiled ones."""
@@ -75,9 +73,12 @@ class SteppingPlan(ABC):
     ----------
     stepper : Stepper
         Of the steps that go on.
+    h : float
+        Their size (s), of the last one or the next.
     """
 
     stepper: Stepper
+    h: float
 
     @abstractmethod
     def advance(self, state: State) -> list[StepReport]:
@@ -116,7 +117,8 @@ class FixedSteps(SteppingPlan):
         until: float | None = None,
         ahead: Callable[[State], int] | None = None,
     ) -> None:
-        self.stepper, self._size, self._ahead = stepper, stepper.h, ahead
+        self.stepper, self._ahead = stepper, ahead
+        self.h = self._size = stepper.h
         self._most = max(1, min(STRIDE, MOVED // max(1, stepper.system.n)))
         self._origin, self._first, self._count = state.time, state.index, count
         self._end = until
@@ -129,13 +131,13 @@ class FixedSteps(SteppingPlan):
         if k > self._count:
             return []
         if self._ahead is None or not self.stepper.takes_blocks(state):
-            return [self.stepper.advance(state, self._time(state.index + 1))]
+            return [self.stepper.advance(state, self._time(state.index + 1), self.h)]
         ahead = min(self._ahead(state), self._most)
         return [self.stepper.advance_block(state, ahead, self._time)]
 
     def _time(self, index: int) -> float:
         """Of the state with this index: t_n = t_0 + n h, no rounding adds up over many steps."""
-        return self._origin + (index - self._first) * self.stepper.h
+        return self._origin + (index - self._first) * self.h
 
     def begin(self, stepper: Stepper, state: State) -> None:
         """See the base class: equal steps to the same end, of the size asked for or less."""
@@ -144,7 +146,7 @@ class FixedSteps(SteppingPlan):
         self.stepper, self._origin, self._first = stepper, state.time, state.index
         self._count = int(np.ceil(left / self._size - 1e-9)) if left > 1e-9 * self._size else 0
         if self._count:
-            stepper.resize(left / self._count)
+            self.h = left / self._count
 
 
 # -- what a pair of steps is wrong by, in positions and in velocities ------------------------------
@@ -366,7 +368,8 @@ class ControlledSteps(SteppingPlan):
         duration = until - state.time
         self.control, self.factory = control, factory
         self.span = duration if control.span is None else control.span
-        self.h, self.smallest, self.largest = control.sizes(duration)
+        self._wanted, self.smallest, self.largest = control.sizes(duration)
+        self.h = stepper.h
         self._targets = sorted({*(float(t) for t in at if t > state.time), float(until)})
         self._order = stepper.integrator.order
         self._estimate = Estimate(self._order)
@@ -378,7 +381,7 @@ class ControlledSteps(SteppingPlan):
     def begin(self, stepper: Stepper, state: State) -> None:
         """See the base class."""
         self.stepper = stepper
-        self._coarse = self.factory(stepper.system, 2 * stepper.h)
+        self._coarse = self.factory(stepper.system, 2 * self.h)
         self._held = False
         self._estimate.begin()
 
@@ -397,7 +400,7 @@ class ControlledSteps(SteppingPlan):
                 if pair <= 2 * self.smallest:
                     raise
                 logger.info("%s: a smaller one is tried", failure)
-                self.h, self._held = max(pair / 8, self.smallest), True
+                self._wanted, self._held = max(pair / 8, self.smallest), True
                 continue
             allowed = self.control.tolerance * pair / self.span
             ratio = error / allowed
@@ -409,18 +412,17 @@ class ControlledSteps(SteppingPlan):
     def _pair(self, time: float) -> tuple[float, float]:
         """Size of a pair of steps, and its end: no step is left that is much smaller."""
         left = self._targets[0] - time
-        if 2 * self.h >= left * (1 - 1e-9):
+        if 2 * self._wanted >= left * (1 - 1e-9):
             return left, self._targets[0]
-        pair = min(2 * self.h, left / 2)
+        pair = min(2 * self._wanted, left / 2)
         return pair, time + pair
 
     def _try(self, state: State, pair: float, end: float) -> tuple[list[StepReport], float]:
         """Two steps and one of twice the size; what the two are wrong by."""
-        self._coarse.resize(pair)
-        whole = self._coarse.advance(state, end)
-        self.stepper.resize(pair / 2)
-        first = self.stepper.advance(state, state.time + pair / 2)
-        second = self.stepper.advance(first.state, end)
+        whole = self._coarse.advance(state, end, pair)
+        self.h = pair / 2
+        first = self.stepper.advance(state, state.time + self.h, self.h)
+        second = self.stepper.advance(first.state, end, self.h)
         self._counts["iterations"] += whole.iterations + first.iterations + second.iterations
         halves = state.q, first.state.q, second.state.q
         chosen = self.stepper.system, state.time, pair, whole.state.q, halves
@@ -431,7 +433,7 @@ class ControlledSteps(SteppingPlan):
         self._counts["accepted"] += 2
         self._estimate.accept()
         self._used.append(pair / 2)
-        cut = pair < 2 * self.h * (1 - 1e-9)  # to end at a time asked for
+        cut = pair < 2 * self._wanted * (1 - 1e-9)  # to end at a time asked for
         last, self._before = self._before, max(ratio, 1e-4)
         change = (SAFETY / self._before) ** (PRESENT / self._order)
         change *= (last / SAFETY) ** (BEFORE / self._order)
@@ -440,7 +442,7 @@ class ControlledSteps(SteppingPlan):
         if cut and change >= 1:
             return
         if not 1 / WORTHWHILE < change < WORTHWHILE:
-            self.h = min(max(change * pair / 2, self.smallest), self.largest)
+            self._wanted = min(max(change * pair / 2, self.smallest), self.largest)
 
     def _reject(self, state: State, pair: float, ratio: float) -> None:
         self._counts["rejected"] += 1
@@ -454,11 +456,11 @@ class ControlledSteps(SteppingPlan):
                 f"allow a smaller one than {self.smallest:g} s, or take a larger tolerance",
             )
         change = max(LEAST, SAFETY * (1 / ratio) ** (1 / self._order))
-        self.h, self._held = max(change * pair / 2, self.smallest), True
+        self._wanted, self._held = max(change * pair / 2, self.smallest), True
 
     def summary(self) -> dict[str, Any]:
         """See the base class."""
-        used = self._used or [self.h]
+        used = self._used or [self._wanted]
         sizes = {"smallest": min(used), "largest": max(used)}
         counts = {"tolerance": self.control.tolerance, **self._counts, **sizes}
         counts["factorisations_check"] = self._coarse.factorisations

@@ -88,8 +88,7 @@ def test_located_in_the_discrete_solution(scheme, treatment):
     stepper = sc.Stepper(*run[:4])
 
     def x(size):
-        stepper.resize(size)
-        return stepper.advance(state).state.q[0]
+        return stepper.advance(state, h=size).state.q[0]
 
     exact = brentq(x, 1e-4 * h, h, xtol=1e-13)
     assert event.time - state.time == pytest.approx(exact, abs=1e-10)
