@@ -1,8 +1,8 @@
 """What has no kernels of its own in compiled steps: evaluated by numpy, called back.
 
-Compiled code calls a Python function at the stages of an iteration. Force elements add their forces
-to the rows of y, and their 3x3 blocks to those of the matrix. Sections of a stored energy fill in
-stresses, and the derivative of these by the strains.
+Compiled code calls a Python function at the stages of an iteration. Loads that are functions add
+their forces to the rows of y, and their 3x3 blocks to those of the matrix. Sections of a stored
+energy fill in stresses, and the derivative of these by the strains.
 """
 
 from __future__ import annotations
@@ -282,13 +282,13 @@ class CalledAtRest(Called):
 
 
 class CalledBack:
-    """Force elements, and loads that are functions, of a scene in compiled steps.
+    """Loads that are functions, of a scene in compiled steps.
 
     Parameters
     ----------
     system : System
     couplings : Couplings
-        Those that compiled code has no kernels for.
+        Of these alone.
     slot : dict
         Number of the block of two vertices.
     arrays : namespace
@@ -338,10 +338,9 @@ class CalledBack:
     def _begin(self) -> None:
         scheme, a, h = self._scheme, self._arrays, self._h
         assert scheme is not None
-        turns = self._state.turns if self.couplings.angles else None
         y0, t = a.y0.copy(), self._state.time
         span, when = (1.0, t + h) if scheme.at_end else (h, t + 0.5 * h)
-        self._start = self.couplings.starting(y0, turns, self._factors, span, when)
+        self._start = self.couplings.starting(y0, None, self._factors, span, when)
 
     def _add_force(self) -> None:
         assert self._scheme is not None
@@ -364,11 +363,6 @@ class CalledBack:
         """Raise what could not be raised when compiled code called."""
         self._called.complain()
 
-    def turns(self) -> IndexArray | None:
-        """Full turns of angles at the end of the step, as in a state."""
-        end = self._arrays.y1.copy()
-        return self.couplings.turns(self._start, end, self._state.time + self._h)
-
     def work(self) -> StepWork:
         """Work of the solved step."""
         assert self._scheme is not None
@@ -380,10 +374,9 @@ class CalledBack:
             )
         # the trapezoidal rule
         assert self._rates0 is not None
-        system, state, rows, t0 = self.system, self._state, self.system.rows, self._state.time
+        system, rows, t0 = self.system, self.system.rows, self._state.time
         factors = np.array([*(time.value(t0) for time in self.couplings.times), 0.0])
-        turns = state.turns if self.couplings.angles else None
-        began = self.couplings.starting(y0.copy(), turns, factors, 1.0, t0)
+        began = self.couplings.starting(y0.copy(), None, factors, 1.0, t0)
         ydot = np.concatenate([self._rates0[0], system.ground_rate(t0)])
         both = self.couplings.static(began, y0.copy(), ydot), self._found
         work = trapezoidal_work(self.couplings, (began, self._start), both, y1, rows)

@@ -151,7 +151,7 @@ Bound = tuple[IndexArray, Any, Any, Any, Any]
 def numbers_of(scheme: Scheme) -> dict[str, float]:
     """The numbers of a scheme that the kernels take, see :mod:`skfem_cosserat.compiled.numbers`.
 
-    What a scheme with rates takes off the balance is made in Python, in place of the momentum.
+    What a scheme with rates takes off the balance stands in place of the momentum.
     """
     low, high = (0.5 * (1 - scheme.decay), 0.5 * (1 + scheme.decay)) if scheme.ends else (0.0, 1.0)
     return {

@@ -695,9 +695,7 @@ class CompiledStep(CompiledScene):
 
     def turns(self) -> IndexArray | None:
         """Full turns of angles at the end of the step, as in a state."""
-        outside = None if self._called_back is None else self._called_back.turns()
-        inside = self._coupled.turns(self._time + self.h)
-        return inside if outside is None else outside
+        return self._coupled.turns(self._time + self.h)
 
 
 # -- which compiled steps a scene takes: those in a plane, and those with multipliers --------------
