@@ -354,6 +354,7 @@ class CompiledStep(CompiledScene):
         o.before[:] = scheme.before
         if scheme.relative:
             self._a.flow.scheme[:] = scheme.decay, 2 / scheme.mass
+        self._of_drift = np.array(scheme.rates)
         if self.late:
             o.of_drift[:] = scheme.rates if scheme.rates else 0.0
         if len(o.moved):
@@ -476,9 +477,10 @@ class CompiledStep(CompiledScene):
         self._place(state.q, (system.ground(t), system.ground(t + self.h)) if moving else None)
         self.rates0 = self.integrator.start(system.tied, state, self.h) if scheme.table else None
         if system.drag is not None:
-            q, v = state.q.reshape(-1, 3), self._drift()
-            more = self._drag_factor * q if v is None else self._drag_factor * q + v
-            self._a.dead[:] = self._dead - system.drag @ more
+            known = self._drag_factor * state.q
+            if scheme.at_end and self.rates0 is not None and scheme.rates:
+                known += self._of_drift @ self.rates0.reshape(len(self._of_drift), -1)
+            self._a.dead[:] = self._dead - system.drag @ known.reshape(-1, 3)
         if self.late and moving:
             rows, a = system.rows, self._a
             a.rate0[rows:], there = system.ground_rate(t), system.ground_rate(t + self.h)
@@ -490,13 +492,6 @@ class CompiledStep(CompiledScene):
             self._nearest.begin(state.q)
         if self._called_back is not None:
             self._called_back.begin(state, self.h, scheme, self.rates0)
-
-    def _drift(self) -> Floats | None:
-        """What of the velocity at the end of a step is known at its start; None: it acts before."""
-        if not self.scheme.at_end or not self.scheme.rates:
-            return None
-        assert self.rates0 is not None
-        return np.tensordot(np.array(self.scheme.rates), self.rates0, 1)
 
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
@@ -635,11 +630,9 @@ class CompiledStep(CompiledScene):
         loads, drag = float(self._record[WORK]), self.system.drag
         loading = self.system.loading
         if drag is not None:  # it is among the loads of the kernels
-            rows, drift = self.system.rows, self._drift()
+            rows, after = self.system.rows, self.scheme.found_with * self.system.rows
             dq = self._a.y1[:rows] - self._a.y0[:rows]
-            v = (-0.5 if not late else -1.0) * self._drag_factor * dq
-            if drift is not None:
-                v = v + drift
+            v = self._o.after[after : after + rows] if late else dq / self.h
             force = drag @ v
             loads, power = loads + float((force * dq).sum()), float((force * v).sum())
             if late:
