@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,7 @@ __all__ = [
     "BlockReport",
     "Code",
     "ComposedReport",
-    "Outcome",
+    "Failure",
     "Solved",
     "StepProblem",
     "StepReport",
@@ -38,6 +39,50 @@ __all__ = [
 
 
 # -- what a solved step gives beside the next state ------------------------------------------------
+
+
+class Code(Enum):
+    """How a step has ended."""
+
+    SOLVED = "solved"
+    UNSOLVED = "no attempt was solved"
+    DEAD_POINT = "prescribed motion has reached a dead point of a closed loop"
+    CONTRADICTION = "prescribed motions contradict each other around a closed loop"
+
+
+@dataclass(eq=False, repr=False)
+class Failure:
+    """A step that is not solved; an error is made of it only where nothing else is tried.
+
+    Attributes
+    ----------
+    code : Code
+    state : State
+        That the step started from.
+    residual : float
+        The best one of all attempts.
+    reason, advice, effort : str
+        Why it is not solved, what to try, and what was tried.
+    residuals : sequence of lists of float
+        Of each attempt.
+    """
+
+    code: Code
+    state: State
+    residual: float
+    reason: str
+    advice: str
+    effort: str = ""
+    residuals: Sequence[list[float]] = ()
+
+    def error(self, settings: NewtonSettings) -> Diverged:
+        """What tells of it."""
+        return Diverged(
+            *(self.state.time, self.state.index + 1, self.residual, self.reason, self.advice),
+            residuals=list(self.residuals),
+            settings=settings if self.residuals else None,
+            effort=self.effort,
+        )
 
 
 @dataclass(eq=False, repr=False)
@@ -56,8 +101,11 @@ class StepReport:
         Of loads, actuators and dampers in the step.
     stages : list of StepReport
         The steps that a composed one is made of, itself otherwise.
+    code : Code
+        ``Code.SOLVED``; see :class:`Failure` for others.
     """
 
+    code = Code.SOLVED
     state: State
     iterations: int
     attempts: int
@@ -302,55 +350,6 @@ SOLVED, FURTHER = 1e-5, 1e-6
 ATTEMPTS = ((True, False), (False, False), (False, True), (True, True))
 
 
-class Code(Enum):
-    """How a step has ended."""
-
-    SOLVED = "solved"
-    UNSOLVED = "no attempt was solved"
-    DEAD_POINT = "prescribed motion has reached a dead point of a closed loop"
-    CONTRADICTION = "prescribed motions contradict each other around a closed loop"
-
-
-@dataclass(eq=False, repr=False)
-class Outcome:
-    """What became of a step; an error is made of it only where nothing else is tried.
-
-    Attributes
-    ----------
-    code : Code
-    state : State
-        That the step started from.
-    residual : float
-        Of the solution, or the best one of all attempts.
-    report : StepReport or None
-        Of a step that is solved.
-    reason, advice, effort : str
-        Why it is not, what to try, and what was tried.
-    residuals : list of lists of float
-        Of each attempt that failed.
-    """
-
-    code: Code
-    state: State
-    residual: float
-    report: StepReport | None = None
-    reason: str = ""
-    advice: str = ""
-    effort: str = ""
-    residuals: list[list[float]] = field(default_factory=list)
-
-    def solved(self, settings: NewtonSettings) -> StepReport:
-        """The report; raises Diverged if there is none."""
-        if self.report is not None:
-            return self.report
-        where = self.state.time, self.state.index + 1, self.residual
-        raise Diverged(
-            *(*where, self.reason, self.advice, self.residuals),
-            settings=settings if self.residuals else None,
-            effort=self.effort,
-        )
-
-
 @dataclass(eq=False)
 class _Size:
     """What belongs to the steps of one size.
@@ -453,6 +452,7 @@ class Stepper:
             steps = min(whole("argument steps", steps, 0), 10**15)
         self.system, self.integrator, self.treatment = system, integrator, treatment
         self.h = positive("argument step", "step", h, " of seconds")
+        self._origin = StepOrigin(integrator.name, self.h)
         self.settings = NewtonSettings() if settings is None else settings
         check_kind("argument settings", self.settings, NewtonSettings)
         if checked_solver(solver) is not None and not integrator.solves:
@@ -478,7 +478,7 @@ class Stepper:
         self._first, self._warned = True, False
         self._end: tuple[Floats, Evaluation] | None = None  # of the last step: q, what was found
         self.choice = choose_kernels(kernels, system, integrator, treatment, steps, solver)
-        #: by size, that of the last step at the end; as many as a composed step has
+        #: by size, the oldest first; as many as a composed step has
         self._sizes: dict[float, _Size] = {}
         if self._march is None:
             if self.choice.name == "numba":
@@ -499,25 +499,24 @@ class Stepper:
         self._sizes[h] = _Size(h, balance, fast)
 
     def _sized(self, h: float) -> _Size:
-        """What belongs to steps of a size (s); it takes the place of what was used longest ago."""
-        of = self._sizes.pop(h, None)
+        """What belongs to steps of a size (s); of a new one, in the place of the oldest."""
+        of = self._sizes.get(h)
         if of is None:
-            of = self._sizes.pop(next(iter(self._sizes)))
+            of = self._sizes[h] = self._sizes.pop(next(iter(self._sizes)))
             of.h, of.balance = h, self.integrator.single.balance(self.system, h)
             if of.fast is not None:
                 of.fast = of.fast.resized(h)
-        self._sizes[h] = of
         return of
 
     @property
     def balance(self) -> StepBalance:
-        """Of steps of the size that no other one takes the place of."""
+        """Of single steps of the size that is taken where no other is asked for."""
         return self.integrator.single.balance(self.system, self.h)
 
     @property
     def _fast(self) -> CompiledStep | None:
-        """The compiled kernels in use last."""
-        return next(reversed(self._sizes.values())).fast if self._sizes else None
+        """Compiled kernels, of any size."""
+        return next(iter(self._sizes.values())).fast if self._sizes else None
 
     @property
     def factorisations(self) -> int:
@@ -564,9 +563,9 @@ class Stepper:
             a line search. If prescribed motion has reached a dead point of a closed loop, or
             contradicts another one around it, the reason says so.
         """
-        if h is not None:
-            positive("argument h", "size", np.abs(h), " of seconds")
         state, size = self.own(state, h is not None), self.h if h is None else float(h)
+        if not (size and isfinite(size)):
+            raise InputError("argument h", f"{h!r}, expected a size of seconds, but for zero")
         end = state.time + size if time is None else time
         try:
             if listening():  # to a run, which keeps what is said
@@ -578,15 +577,19 @@ class Stepper:
             raise
 
     def _step(self, state: State, time: float, h: float) -> StepReport:
-        origin = StepOrigin(self.integrator.name, h)
+        same = h == self.h
+        origin = self._origin if same else StepOrigin(self.integrator.name, h)
         if self._march is not None:
-            if h != self.h:
+            if not same:
                 raise IncompatibleError(
                     f"{self.integrator!r} with another step", "its steps are fixed"
                 )
             return self._marched(self._march, state, time, origin)
         step = self._compose if self.integrator.shares else self.attempts
-        return step(state, time, h, origin).solved(self.settings)
+        outcome = step(state, time, h, origin)
+        if isinstance(outcome, Failure):
+            raise outcome.error(self.settings)
+        return outcome
 
     def takes_blocks(self, state: State) -> bool:
         """Whether :meth:`advance_block` may take more than one step from this state on.
@@ -644,7 +647,7 @@ class Stepper:
         next_time = None if time is None else time(state.index + 1)
         if steps < 2 or not self.takes_blocks(state) or state.plain:
             return self.advance(state, next_time)
-        fast, origin = self._sized(self.h).fast, StepOrigin(self.integrator.name, self.h)
+        fast, origin = self._sized(self.h).fast, self._origin
         assert fast is not None
         if (fast.looped and fast.due(state, self.bound)) or not self.bound.regular:
             return self.advance(state, next_time)
@@ -670,7 +673,7 @@ class Stepper:
         Its momentum is then that on the hidden constraints: schemes carry on different momenta.
         With `varying` any step of the scheme may have made it.
         """
-        made, own = state.made_by, StepOrigin(self.integrator.name, self.h)
+        made, own = state.made_by, self._origin
         if made is None or (made.same_scheme(own) and (varying or made.same_step(own))):
             return state
         y = self.system.extend(state.q, state.time)
@@ -678,7 +681,9 @@ class Stepper:
         p = np.asarray(self.system.mass @ v.reshape(-1, 3)).reshape(-1)
         return replace(state, p=p, fresh=True, memory=None, made_by=None, plain=False)
 
-    def attempts(self, state: State, time: float, h: float, origin: StepOrigin) -> Outcome:
+    def attempts(
+        self, state: State, time: float, h: float, origin: StepOrigin
+    ) -> StepReport | Failure:
         """Try a step of size h to a time (s), in several ways: all that is tried is here.
 
         Compiled kernels come first. Where they do not converge, or a singular position is near, the
@@ -695,8 +700,7 @@ class Stepper:
                 if solved is not None:
                     if fast.looped and (wrong := self._contradiction(state, h, fast.y1, solved[1])):
                         return wrong
-                    done = self._accept_compiled(of, fast, state, time, origin, *solved)
-                    return Outcome(Code.SOLVED, state, done.residual, done)
+                    return self._accept_compiled(of, fast, state, time, origin, *solved)
             # the general way tries again from there
             of.last = None if fast.last is None else (h, fast.last)
         step = self._begin(state, of) if step is None else step
@@ -717,8 +721,7 @@ class Stepper:
             elif report.converged:
                 if wrong := self._contradiction(state, h, problem.y1, report.residual):
                     return wrong
-                done = self._accept(of, problem, time, origin, total, attempt, report)
-                return Outcome(Code.SOLVED, state, report.residual, done)
+                return self._accept(of, problem, time, origin, total, attempt, report)
             residuals.append(report.residuals)
             if best is None or report.residual < best.residual:
                 best = report
@@ -729,7 +732,7 @@ class Stepper:
         assert best is not None
         effort = f"{len(ATTEMPTS)} attempts with {total} Newton iterations"
         code, reason, advice = self._explained(step, best.reason, problem.y1, origin)
-        return Outcome(code, state, best.residual, None, reason, advice, effort, residuals)
+        return Failure(code, state, best.residual, reason, advice, effort, residuals)
 
     def _left(self, problem: StepProblem, residual: float) -> bool:
         """Whether a residual asks for more, although increments have vanished."""
@@ -740,7 +743,9 @@ class Stepper:
         except SingularMatrixError:
             return True  # no increment of its matrix can tell
 
-    def _compose(self, state: State, time: float, h: float, origin: StepOrigin) -> Outcome:
+    def _compose(
+        self, state: State, time: float, h: float, origin: StepOrigin
+    ) -> StepReport | Failure:
         """One step after the other, and what they give together."""
         reports: list[StepReport] = []
         now, done, shares = state, 0.0, self.integrator.shares
@@ -749,10 +754,10 @@ class Stepper:
             self._first = True  # what is known of the motion is of another place
             end = time if k == len(shares) else state.time + done * h
             outcome = self.attempts(now, end, share * h, origin)
-            if outcome.report is None:
+            if isinstance(outcome, Failure):
                 return outcome
-            reports.append(outcome.report)
-            now = replace(outcome.report.state, index=state.index)
+            reports.append(outcome)
+            now = replace(outcome.state, index=state.index)
         works = [report.work for report in reports]
         lost = [work.dissipated for work in works]
         if sum(lost) < -1e-6 * sum(map(abs, lost)) and not self._warned:
@@ -764,8 +769,7 @@ class Stepper:
                 AccuracyWarning,
                 state.time,
             )
-        whole = ComposedReport.of(reports, replace(now, index=state.index + 1))
-        return Outcome(Code.SOLVED, state, whole.residual, whole)
+        return ComposedReport.of(reports, replace(now, index=state.index + 1))
 
     def _marched(self, march: March, state: State, time: float, origin: StepOrigin) -> StepReport:
         new, iterations, residual, work = march.advance(state, time)
@@ -832,13 +836,13 @@ class Stepper:
         reason = ". ".join([first, *(f"{text[0].upper()}{text[1:]}" for text in more)])
         return Code.UNSOLVED, reason, advice
 
-    def _contradiction(self, state: State, h: float, y1: Array, residual: float) -> Outcome | None:
+    def _contradiction(self, state: State, h: float, y1: Array, residual: float) -> Failure | None:
         """What becomes of a step whose prescribed motions no longer agree around a closed loop."""
         reason = contradiction(self.system, y1, state.time + h) if self.system.moving else None
         if reason is None:
             return None
         advice = "leave out one of the drives, or let it follow the motion of the other"
-        return Outcome(Code.CONTRADICTION, state, residual, None, reason, advice)
+        return Failure(Code.CONTRADICTION, state, residual, reason, advice)
 
     def _accept(
         self,
