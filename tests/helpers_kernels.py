@@ -263,7 +263,7 @@ def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc
 
 def _same_with_multipliers(system: sc.System, integrator: str, seed: int, state: sc.State) -> None:
     """Against ``[[A, P^T G^T], [G P, 0]]`` of dense matrices, A of the scene without its joints."""
-    from skfem_cosserat.compiled.numbers import ROTATION
+    from skfem_cosserat.compiled.numbers import MASS, ROTATION
     from skfem_cosserat.constraints.null_space import BoundNullSpace
     from skfem_cosserat.integrators.compiled_step import CompiledStep
 
@@ -298,11 +298,12 @@ def _same_with_multipliers(system: sc.System, integrator: str, seed: int, state:
     assert fast.balance == pytest.approx(found.R, abs=1e-12 * abs(found.R).max())
     yc = bound.constraint_point(y1)
     G, G1 = (g.jacobian(y).toarray()[rows] for y in (yc, y1))
+    # rows with weights act with what they gape by, too
+    gaps, weights = g.values(y1)[rows], fast._all[-1][MASS] * fast._tree["row_weight"][numbers >= 0]
+    mu[rows] += weights * gaps
     R = found.R + (G.T @ mu[rows]).reshape(-1, 3)
-    r = np.concatenate([bound.reduce(R, y1), g.values(y1)[rows]])
-    largest = max(
-        abs(r[:unknowns]).max() / found.size, (abs(g.values(y1)) / g.magnitudes(y1))[rows].max()
-    )
+    r = np.concatenate([bound.reduce(R, y1), gaps])
+    largest = max(abs(r[:unknowns]).max() / found.size, (abs(gaps) / g.magnitudes(y1)[rows]).max())
     assert residual == pytest.approx(largest, rel=0.5)  # sizes of terms are those at the start
     P1 = np.array([bound.displacement(e, y1).ravel() for e in np.eye(unknowns)]).T
     P = np.array([bound.pull(e.reshape(-1, 3)) for e in np.eye(system.n)])
@@ -310,7 +311,7 @@ def _same_with_multipliers(system: sc.System, integrator: str, seed: int, state:
     A = bound.solver.pattern.assembled(bound.matrix(blocks, R, y1)).toarray()
     H = np.zeros((system.n, system.n))
     np.add.at(H, (g.curvature_rows, g.curvature_cols), g.curvature_values(mu, yc))
-    A += bound.weight * P.T @ H @ P1
+    A += bound.weight * P.T @ H @ P1 + P.T @ G.T @ (weights[:, None] * (G1 @ P1))
     none = np.zeros((len(rows), len(rows)))
     expected = -np.linalg.solve(np.block([[A, P.T @ G.T], [G1 @ P1, none]]), r)
     assert matrix(*fast._all, 0)

@@ -651,14 +651,58 @@ def of_blocks(system: System, plan: Plan, numbers: IndexArray, constant: Floats)
     first = [[v for v in (*b.waits, *b.vertices) if v in b.vertices] for b in plan.rows]
     count = len(system.origin_rows)
     framed = [[v for v in own if v < count and system.is_frame[v]] for own in first]
+    weight, weighted = _weights(system, numbers, plan.rows), []
+    for k in np.flatnonzero(weight.any(1)).tolist():
+        own = [v for v in plan.rows[k].vertices if v < count]
+        both = [(plan.slot[u, count + k], plan.slot[count + k, v], plan.slot[u, v])
+                for u in own for v in own]  # fmt: skip
+        weighted += [(k, *slots) for slots in both]
     return {
         "row_constant": np.where(none, 0.0, constant[numbers]) if numbers.size else 0.0 * numbers,
         "row_size": np.where(none, 1.0, size[numbers]) if numbers.size else 0.0 * numbers,
         "row_on": (~none).astype(float),
+        "row_weight": weight,
+        "row_weighted": np.array(weighted, dtype=np.int64).reshape(-1, 4),
         "row_triple": np.full(len(plan.rows), -1),
         "row_owner": integers([own[0] if own else -1 for own in framed]),
         "row_numbers": numbers,
     }
+
+
+#: rotary inertia of a frame, by its largest, below which rows have to hold it for its block to be
+#: regular
+THIN = 1e-6
+
+
+def _weights(system: System, numbers: IndexArray, blocks: Sequence[RowBlock]) -> Floats:
+    """Weights of rows (k, width) of blocks that hold a frame which lacks rotary inertia, else zero.
+
+    Any positive ones do. Of vectors the frame's mass (kg), of others its inertia (kg m^2).
+    """
+    weight = np.zeros(numbers.shape)
+    if (group := system.frame_group) is None:
+        return weight
+    scalar = group.mass.reshape(-1, 4, 3, 4, 3)[:, :, 0, :, 0]
+    first, mass = scalar[:, 1:, 0], scalar[:, 0, 0]
+    euler = scalar[:, 1:, 1:] - first[:, :, None] * first[:, None] / mass[:, None, None]
+    values = np.linalg.eigvalsh(euler)
+    least, inertia = values[:, 0] + values[:, 1], values.sum(1)
+    if system.plane is not None:  # about its normal only
+        rows = system.origin_rows[group.vertices] + np.arange(1, 4)
+        n = system.q0.reshape(-1, 3)[rows] @ system.plane.normal
+        least = inertia - np.einsum("vi,vij,vj->v", n, euler, n)
+    thin = {int(group.vertices[k, 0]): k for k in np.flatnonzero(least < THIN * inertia)}
+    vectors = _of_vectors(system)
+    for own, row, block in zip(weight, numbers.tolist(), blocks, strict=True):
+        for k in (thin[v] for v in block.vertices if v in thin):
+            sizes = [0.0 if n < 0 else mass[k] if n in vectors else inertia[k] for n in row]
+            own[:] = np.maximum(own, sizes)
+    return weight
+
+
+def _of_vectors(system: System) -> set[int]:
+    """Constraint rows that are components of vectors in space."""
+    return {int(k) + i for k in system.constraints.terms().linear_row for i in range(3)}
 
 
 def choose_rows(system: System, fields: dict[str, Any], chosen: IndexArray) -> None:
@@ -672,7 +716,7 @@ def choose_rows(system: System, fields: dict[str, Any], chosen: IndexArray) -> N
     there[system.closure.rows] = there[-1] = False
     there[chosen] = True
     on[:] = there[numbers]
-    vectors = {int(k) + i for k in system.constraints.terms().linear_row for i in range(3)}
+    vectors = _of_vectors(system)
     for k, own in enumerate(numbers.tolist()):
         places = [i for i, number in enumerate(own) if number in vectors]
         whole = len(places) > 1 and fields["row_owner"][k] >= 0 and on[k, places].all()

@@ -3,9 +3,11 @@
 Rows are quadratic forms of the rows of y, as lists of terms that never change: those of a joint or
 of a beam element stand together in a block, which the elimination takes like a vertex, see
 :func:`.plan.row_blocks`. Its unknowns are the impulses mu of the rows: they act on the vertices
-like loads, and Newton's method solves ``[A G_L^T; G_R 0] [dx; dmu] = -[b; g]``. Rows that depend on
-others where a step starts are switched off. Parts take ``(s, m, w, numbers, flag)`` as those of
-:mod:`.tree`.
+like loads, and Newton's method solves ``[A G_L^T; G_R 0] [dx; dmu] = -[b; g]``. Where only rows
+hold what has no inertia (a thin rod about its axis), A alone is singular: there ``mu + W g`` acts,
+g being what the rows gape by, which changes no solution and adds ``G_L^T W G_R`` to A. Rows that
+depend on others where a step starts are switched off. Parts take ``(s, m, w, numbers, flag)`` as
+those of :mod:`.tree`.
 """
 
 from __future__ import annotations
@@ -13,12 +15,13 @@ from __future__ import annotations
 from typing import Any
 
 from ..types import Floats
+from .block_algebra import add_times, entry, put_entry
 from .jit import inlined, part
-from .numbers import WEIGHT
+from .numbers import MASS, WEIGHT
 from .small import Vector, add_skew, cross, dot, put, row, times
 
 __all__ = ["row_branch", "row_force", "row_matrix"]
-__all__ += ["TURNED_OVER", "add_gaps"]
+__all__ += ["TURNED_OVER", "add_weighted", "complete_blocks", "push"]
 
 #: columns of the table of products ``c y_left . y_right``: block and place of the constraint row;
 #: rows of y, their vertices (-1: ground) and places in them; slots of both pairs of vertices, and
@@ -85,13 +88,17 @@ def twist_forces(s: Any, y: Floats, f: Floats, F: Floats, b: Floats) -> None:
 
 
 @inlined
-def add_gaps(s: Any, first: int, b: Floats) -> float:
-    """Switch off what is not chosen of ``b``, by blocks from `first` on; the largest, relative."""
-    on, size = s.row_on, s.row_size
-    largest = 0.0
+def push(s: Any, w: Any, numbers: Floats, first: int) -> float:
+    """Of blocks from `first` on: the impulses that act, ``mu + W g``; the largest gap, relative.
+
+    Of the gaps in ``w.b`` those of rows that are not chosen are switched off.
+    """
+    on, size, weight, b, mu, acting = s.row_on, s.row_size, s.row_weight, w.b, w.total, w.extra
+    mass, largest = numbers[MASS], 0.0
     for k in range(on.shape[0]):
         for c in range(on.shape[1]):
             b[first + k, c] *= on[k, c]
+            acting[first + k, c] = mu[first + k, c] + mass * weight[k, c] * b[first + k, c]
             gap = abs(b[first + k, c]) / size[k, c]
             if not gap <= largest:  # NaN as well
                 largest = gap
@@ -101,22 +108,11 @@ def add_gaps(s: Any, first: int, b: Floats) -> float:
 @part
 def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Forces by mu on R and on vertices, and what the rows gape by: gives the largest, relative."""
-    mu, closing, b, y1, R = w.total, w.closing, w.b, w.y1, w.R
+    closing, b, y1, R = w.closing, w.b, w.y1, w.R
     y = w.y0
     if numbers[WEIGHT] != 0.0:
         y = w.mid
     first, framed, vertices = s.row, s.framed, s.row_vertices
-    for k in range(len(vertices)):
-        v = vertices[k]
-        for i in range(4 if framed[v] else 1):
-            put(closing, first[v] + i, (0.0, 0.0, 0.0))
-    add_forces(s, y, mu, closing)
-    for k in range(len(vertices)):
-        v = vertices[k]
-        for i in range(4 if framed[v] else 1):
-            for c in range(3):
-                R[first[v] + i, c] += closing[first[v] + i, c]
-    twist_forces(s, y, closing, w.F, w.b)
     count, constant = len(first), s.row_constant
     for k in range(constant.shape[0]):
         for c in range(constant.shape[1]):
@@ -129,7 +125,19 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     for t in range(linear.shape[0]):
         value = y1[linear[t, TERM], linear[t, TERM_COMPONENT]]
         b[linear[t, BLOCK], linear[t, PLACE]] += s.row_linear_factors[t] * value
-    return add_gaps(s, count, b)
+    gap = push(s, w, numbers, count)
+    for k in range(len(vertices)):
+        v = vertices[k]
+        for i in range(4 if framed[v] else 1):
+            put(closing, first[v] + i, (0.0, 0.0, 0.0))
+    add_forces(s, y, w.extra, closing)
+    for k in range(len(vertices)):
+        v = vertices[k]
+        for i in range(4 if framed[v] else 1):
+            for c in range(3):
+                R[first[v] + i, c] += closing[first[v] + i, c]
+    twist_forces(s, y, closing, w.F, b)
+    return gap
 
 
 @inlined
@@ -173,19 +181,32 @@ def add_curvature(A: Floats, k: int, i: int, j: int, c: float, a: Vector, b: Vec
 
 
 @inlined
-def complete_blocks(s: Any, m: Any, A: Floats) -> None:
-    """Ones on the diagonal where there is no row, or one that is switched off."""
-    on, count = s.row_on, len(s.row)
+def complete_blocks(s: Any, m: Any, A: Floats, count: int) -> None:
+    """Ones on the diagonal of blocks from `count` on where no row is, or is switched off."""
+    on = s.row_on
     for k in range(on.shape[0]):
         for c in range(on.shape[1]):
-            A[m.diag[count + k], c, c] = 1.0 - on[k, c]
+            put_entry(A, m.diag[count + k], c, c, 1.0 - on[k, c])
+
+
+@inlined
+def add_weighted(s: Any, w: Any, numbers: Floats) -> None:
+    """Add ``G_L^T W G_R`` to the blocks of vertices, from what stands in those with the rows."""
+    table, weight, A, scratch, mass = s.row_weighted, s.row_weight, w.A, w.scratch, numbers[MASS]
+    for t in range(table.shape[0]):
+        k, left, right, to = table[t, 0], table[t, 1], table[t, 2], table[t, 3]
+        for r in range(weight.shape[1]):
+            f = mass * weight[k, r]
+            for c in range(weight.shape[1]):
+                put_entry(scratch, 0, r, c, f * entry(A, right, r, c))
+        add_times(A, left, scratch, 0, A, to)
 
 
 @part
 def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add ``G(y_c)^T``, ``G(y_1)`` and, of midpoints, ``weight mu C`` to the blocks."""
     table, factors, linear, A = s.row_products, s.row_factors, s.row_linear, w.A
-    y1, mu, on, count = w.y1, w.total, s.row_on, len(s.row)
+    y1, acting, on, count = w.y1, w.extra, s.row_on, len(s.row)
     weight = numbers[WEIGHT]
     yL = w.y0
     if weight != 0.0:
@@ -205,7 +226,7 @@ def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             add_row(A, table[t, RIGHT_SLOT], place, j, right1, times(c1, left1))
             add_column(A, table[t, RIGHT_BACK], place, j, right, times(c, left))
         if weight != 0.0 and table[t, SLOT] >= 0:
-            c *= weight * mu[k, place]
+            c *= weight * acting[k, place]
             add_curvature(A, table[t, SLOT], i, j, c, left, right1)
             add_curvature(A, table[t, SLOT_BACK], j, i, c, right, left1)
     for t in range(linear.shape[0]):
@@ -217,7 +238,8 @@ def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         a, i = linear[t, TERM], linear[t, TERM_PLACE]
         add_row(A, linear[t, TERM_SLOT], place, i, row(y1, a), axis)
         add_column(A, linear[t, TERM_BACK], place, i, row(yL, a), axis)
-    complete_blocks(s, m, A)
+    complete_blocks(s, m, A, count)
+    add_weighted(s, w, numbers)
     return 0.0
 
 

@@ -301,7 +301,8 @@ TREE = (
     *("centre_row", "centre_offset", "centre_vertex"),
     *("mass_data", "mass_indices", "mass_indptr"),
     *("row_products", "row_factors", "row_linear", "row_linear_factors", "row_constant"),
-    *("row_size", "row_on", "row_vertices", "row_pairs", "row_triple", "row_owner"),
+    *("row_size", "row_on", "row_weight", "row_weighted", "row_vertices", "row_pairs"),
+    *("row_triple", "row_owner"),
     *("cosines", "cosine_factors", "cosine_constant", "cosine"),
     *("triple", "frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *FOLLOWING,
@@ -376,7 +377,7 @@ PLANE_TREE = (
     *("mass_blocks", "mass_indices", "mass_indptr"),
     *("frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *("products", "factors", "linear", "directions", "row_constant", "row_size", "row_on"),
-    *("row_vertices", "row_triple", "row_owner", "row_handed"),
+    *("row_weight", "row_weighted", "row_vertices", "row_triple", "row_owner", "row_handed"),
     *("cosines", "cosine_factors", "cosine_constant", "cosine"),
     "element_slot",
 )

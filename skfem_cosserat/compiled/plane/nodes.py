@@ -71,6 +71,7 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     loose, edges, none = s.loose, s.edges, pack((0.0, 0.0, 0.0, 0.0))
     for v in range(len(x)):
         store(x, v, -1.0 * load(b, v))
+    for v in range(len(s.framed)):  # behind them stand impulses of rows
         store(extra, v, none)
     if flag == 1:
         for k in range(len(loose)):

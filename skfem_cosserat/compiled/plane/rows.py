@@ -11,7 +11,7 @@ from typing import Any
 from ...types import Floats
 from ..jit import inlined, part
 from ..numbers import WEIGHT
-from ..rows import TURNED_OVER, add_gaps
+from ..rows import TURNED_OVER, add_weighted, complete_blocks, push
 from .complex_numbers import (
     Complex,
     add_scaled,
@@ -53,28 +53,33 @@ def pull(f: Floats, v: int, place: int, factor: float, z: Complex) -> None:
 @part
 def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Forces by mu on R and on vertices, and what the rows gape by: gives the largest, relative."""
-    mu, closing, b, F, y1, R, y = w.total, w.closing, w.b, w.F, w.y1, w.R, w.y0
+    closing, b, F, y1, R, acting, y = w.closing, w.b, w.F, w.y1, w.R, w.extra, w.y0
     if numbers[WEIGHT] != 0.0:
         y = w.mid
     table, factors, linear, directions = s.products, s.factors, s.linear, s.directions
     vertices, constant, count = s.row_vertices, s.row_constant, len(s.framed)
-    for k in range(len(vertices)):
-        for c in range(4):
-            closing[vertices[k], c] = 0.0
     for k in range(constant.shape[0]):
         for c in range(constant.shape[1]):
             b[count + k, c] = -constant[k, c]
     for t in range(len(table)):
         u, i, v, j = table[t, LEFT], table[t, LEFT_PLACE], table[t, RIGHT], table[t, RIGHT_PLACE]
-        f, c = complex_at(factors, t, 0), mu[table[t, BLOCK], table[t, PLACE]]
-        pull(closing, u, i, c, product(f, half(y, v, j)))
-        pull(closing, v, j, c, crossed(f, half(y, u, i)))
-        value = inner(half(y1, u, i), product(f, half(y1, v, j)))
+        value = inner(half(y1, u, i), product(complex_at(factors, t, 0), half(y1, v, j)))
         b[table[t, BLOCK], table[t, PLACE]] += value
     for t in range(len(linear)):
         v, i, z = linear[t, TERM], linear[t, TERM_PLACE], complex_at(directions, t, 0)
-        pull(closing, v, i, mu[linear[t, BLOCK], linear[t, PLACE]], z)
         b[linear[t, BLOCK], linear[t, PLACE]] += inner(z, half(y1, v, i))
+    gap = push(s, w, numbers, count)
+    for k in range(len(vertices)):
+        for c in range(4):
+            closing[vertices[k], c] = 0.0
+    for t in range(len(table)):
+        u, i, v, j = table[t, LEFT], table[t, LEFT_PLACE], table[t, RIGHT], table[t, RIGHT_PLACE]
+        f, c = complex_at(factors, t, 0), acting[table[t, BLOCK], table[t, PLACE]]
+        pull(closing, u, i, c, product(f, half(y, v, j)))
+        pull(closing, v, j, c, crossed(f, half(y, u, i)))
+    for t in range(len(linear)):
+        v, i, z = linear[t, TERM], linear[t, TERM_PLACE], complex_at(directions, t, 0)
+        pull(closing, v, i, acting[linear[t, BLOCK], linear[t, PLACE]], z)
     for k in range(len(vertices)):
         v = vertices[k]
         moment = outer(arrow(y, v), arrow(closing, v))
@@ -85,7 +90,7 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             b[v, c] += closing[v, c]
         F[v, 2] += moment
         b[v, 2] += moment
-    return add_gaps(s, count, b)
+    return gap
 
 
 @inlined
@@ -123,7 +128,8 @@ def add_curvature(A: Floats, k: int, i: int, j: int, c: Complex, L: Complex, R: 
 def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add ``G(y_c)^T``, ``G(y_1)`` and, of midpoints, ``weight mu C`` to the blocks."""
     table, factors, linear, A = s.products, s.factors, s.linear, w.A
-    y1, mu, on, count, weight, yL = w.y1, w.total, s.row_on, len(s.framed), numbers[WEIGHT], w.y0
+    y1, acting, on, count, weight = w.y1, w.extra, s.row_on, len(s.framed), numbers[WEIGHT]
+    yL = w.y0
     if weight != 0.0:
         yL = w.mid
     for t in range(len(table)):
@@ -143,7 +149,7 @@ def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             z = crossed(f, half(yL, u, i))
             add_column(A, table[t, RIGHT_BACK], place, j, arrow(yL, v), z)
         if weight != 0.0 and table[t, SLOT] >= 0:
-            c = scaled(weight * mu[b, place], f)
+            c = scaled(weight * acting[b, place], f)
             add_curvature(A, table[t, SLOT], i, j, c, arrow(yL, u), arrow(y1, v))
             c = c[0], -c[1]
             add_curvature(A, table[t, SLOT_BACK], j, i, c, arrow(yL, v), arrow(y1, u))
@@ -153,10 +159,8 @@ def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             z = complex_at(s.directions, t, 0)
             add_row(A, linear[t, TERM_SLOT], place, i, arrow(y1, v), z)
             add_column(A, linear[t, TERM_BACK], place, i, arrow(yL, v), z)
-    for e in range(on.shape[0]):
-        slot = m.diag[count + e]
-        for place in range(3):
-            A[slot, 5 * place] = 1.0 - on[e, place]
+    complete_blocks(s, m, A, count)
+    add_weighted(s, w, numbers)
     return 0.0
 
 
