@@ -684,7 +684,8 @@ def _weights(system: System, numbers: IndexArray, blocks: Sequence[RowBlock]) ->
         return weight
     scalar = group.mass.reshape(-1, 4, 3, 4, 3)[:, :, 0, :, 0]
     first, mass = scalar[:, 1:, 0], scalar[:, 0, 0]
-    euler = scalar[:, 1:, 1:] - first[:, :, None] * first[:, None] / mass[:, None, None]
+    some = np.where(mass > 0, mass, 1.0)  # forces act on nodes of beams without masses, too
+    euler = scalar[:, 1:, 1:] - first[:, :, None] * first[:, None] / some[:, None, None]
     values = np.linalg.eigvalsh(euler)
     least, inertia = values[:, 0] + values[:, 1], values.sum(1)
     if system.plane is not None:  # about its normal only

@@ -61,9 +61,8 @@ class Planar(Frozen):
     one rotation for each frame, and only the constraints that act in the plane. All results are
     those of the scene in space, to rounding; histories hold all coordinates. What is out of the
     plane cannot be found, however: no modes, no bifurcations there. Compiled kernels step it with
-    the null space method, three unknowns a frame; with multipliers, loads that follow the motion,
-    force elements, damping or prescribed motion those of space do, or plain ones where there are
-    closed loops beside these. Equilibria take those of space. There are no explicit schemes for it.
+    three unknowns a frame; those of space do where there are loads that follow the motion, force
+    elements, damping or prescribed motion, and in equilibria. There are no explicit schemes for it.
 
     Scenes that are their own mirror image by pairs of items, on either side of a plane, are not
     meant here, where each item is its own image: they are halved by leaving one half out. What the
