@@ -18,7 +18,7 @@ from ..model import Model, System, system_of
 from ..model.limits import over_rotated, overstretched
 from ..model.loops import contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
-from ..types import Array, Floats, check_kind, positive, whole
+from ..types import Array, Floats, IndexArray, check_kind, positive, whole
 from ..warn import Notices, listening, logger, warn
 from .base import Integrator, March
 from .choice import built, choose_kernels, in_space
@@ -681,6 +681,13 @@ class Stepper:
         p = np.asarray(self.system.mass @ v.reshape(-1, 3)).reshape(-1)
         return replace(state, p=p, fresh=True, memory=None, made_by=None, plain=False)
 
+    def _closing(self, fast: CompiledStep, y0: Floats) -> IndexArray:
+        """Rows that close the loops: in space those of space, for those of a plane may lead out."""
+        if fast.system.plane is self.system.plane:
+            return self.bound.closing
+        rows = self.system.closure.rows
+        return rows[self.system.independent_rows(y0)[rows]]
+
     def attempts(
         self, state: State, time: float, h: float, origin: StepOrigin
     ) -> StepReport | Failure:
@@ -694,7 +701,7 @@ class Stepper:
         if fast is not None:
             if fast.looped and fast.due(state, self.bound):
                 step = self._begin(state, of)
-                fast.close(self.bound.closing)
+                fast.close(self._closing(fast, step.y0))
             if self.bound.regular and not state.plain:
                 solved = fast.solve(state)
                 if solved is not None:

@@ -577,6 +577,36 @@ ADDED: dict[str, tuple[Callable[[sc.Model, sc.Beam, sc.RigidBody], Any], str]] =
 }
 
 
+@pytest.mark.parametrize("law", [{"stiffness": 5.0}, {"damping": 0.3}], ids=repr)
+def test_springs_along_slides_that_are_oblique_to_the_plane(law: dict[str, float]):
+    """They were taken for springs on what does not move."""
+    for x, leaves in (((0, 0.6, 0.8), True), ((0, 1.0, 0), False), ((0, 0, 1.0), False)):
+        model = sc.Model()
+        body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.2, 0.3)))
+        table = sc.JointPlanar(sc.ground((0, 0, 0)), body.at((0, 0, 0)), (1.0, 0, 0), x=x)
+        model.add("spring", sc.JointSpringDamper(model.add("table", table), **law, coordinate="x"))
+        if leaves:
+            with pytest.raises(
+                sc.InputError, match="joint spring 'spring': pushes out of the plane"
+            ):
+                model.freeze(planar=sc.Planar((0, 0, 1.0)))
+        else:
+            assert model.freeze(planar=sc.Planar((0, 0, 1.0))).unknowns == 1
+
+
+@needs_numba
+@pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
+def test_kernels_agree_where_rows_that_close_loops_are_oblique_to_the_plane(treatment: Any):
+    """Two of the rows are enough in the plane, but their forces lead out of it."""
+    kinds = (sc.JointRevolute,) * 3 + (sc.JointSpherical,)
+    system = four_bar(TURNED, kinds).freeze(planar=sc.Planar())
+    own = system, sc.EnergyMomentum(), treatment, 1e-2, 0.1
+    a, b = (sc.simulate(*own, kernels=kernels) for kernels in ("numpy", "numba"))
+    assert abs(a["q"][-1] - a["q"][0]).max() > 1e-2
+    assert difference(a, b) < 1e-12
+    assert b["constraint_violation"].max() < 1e-13
+
+
 def with_more() -> tuple[sc.Model, sc.Beam, sc.RigidBody]:
     """With a ball and a body on a Cardan joint, for what acts on joints."""
     model, rod, body = arm()
