@@ -31,6 +31,7 @@ __all__ = [
     "CompiledScene",
     "NearestVelocity",
     "Rest",
+    "curves_held",
     "is_viscous",
     "numbers_of",
 ]
@@ -353,10 +354,16 @@ NO_FORCES = {
 }
 
 
+def curves_held(system: System) -> bool:
+    """Whether beams of higher order hold strains: their line is not what a tree gives."""
+    return any(len(s.vertices) > 2 and not s.rigid for s, _ in system.tree.elements)
+
+
 class NearestVelocity(CompiledScene):
     """Velocities on the hidden constraints nearest to a momentum, in the kinetic energy.
 
-    For scenes without closed loops and prescribed motion, also those in a plane.
+    For scenes without closed loops, prescribed motion and curved elements that hold strains, also
+    those in a plane.
 
     Parameters
     ----------
@@ -384,8 +391,8 @@ class NearestVelocity(CompiledScene):
 
     @staticmethod
     def serves(system: System) -> bool:
-        """Whether a scene has neither closed loops nor prescribed motion."""
-        return not (system.closure.rank or system.moving)
+        """Whether the coordinates of a scene's tree are all there is to know of its velocities."""
+        return not (system.closure.rank or system.moving or curves_held(system))
 
     def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
         """See the base class."""

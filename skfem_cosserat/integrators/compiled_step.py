@@ -66,6 +66,7 @@ from .compiled_scene import (
     Bound,
     CompiledScene,
     NearestVelocity,
+    curves_held,
     is_viscous,
 )
 from .scheme import Scheme, State, StepWork
@@ -722,8 +723,7 @@ def stepped(system: System, treatment: Treatment, space: bool) -> System:
     not give the line of their elements.
     """
     scene = system.spatial if space else system
-    curved = any(len(s.vertices) > 2 and not s.rigid for s, _ in scene.tree.elements)
-    return scene.untied if curved or isinstance(treatment, Multipliers) else scene
+    return scene.untied if curves_held(scene) or isinstance(treatment, Multipliers) else scene
 
 
 class CompiledPlane(CompiledStep):

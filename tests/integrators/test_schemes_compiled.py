@@ -241,6 +241,17 @@ def test_the_border_of_the_extra_velocity_is_its_whole_derivative(chi):
     assert compiled["newton_iterations"].tolist() == plain["newton_iterations"].tolist()
 
 
+@pytest.mark.parametrize("theory", [sc.TheoryInextensible(), sc.TheoryKirchhoff()], ids=repr)
+def test_velocities_are_moved_where_curved_elements_hold_strains(theory):
+    """Their tree does not give the line of such elements, nor its velocities."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="rod")
+    beam = model.add("beam", sc.Beam(mesh, SECTION, director=Z, order=2, theory=theory))
+    model.add("hook", sc.JointSpherical(GROUND, beam.node("rod.start")))
+    model.add("weight", sc.LoadGravity((0.5, -9.81, 0.3)))
+    assert_same(*runs(model.freeze(), sc.EnergyMomentum(stabilized=True), NULL, 2e-3, 0.04))
+
+
 # -- what goes on around a step --------------------------------------------------------------------
 
 ALPHA = [sc.GeneralizedAlpha(0.8), sc.GeneralizedAlpha(0.8, stabilized=False)]
