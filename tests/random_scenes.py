@@ -599,10 +599,14 @@ def _off(
     energies = max(abs(plain[name]).max() for name in ENERGIES if name in plain)
     # what momenta and forces are differences of, and the part of it that is left over: rounding,
     # or increments that count as settled with kept factors
-    inertia = abs(scene.system.mass) @ abs(plain["q"]).max(axis=0).reshape(-1, 3)
+    q = plain["q"]
+    inertia = (abs(scene.system.mass) @ abs(q).max(axis=0).reshape(-1, 3)).max()
     left = EPS if scene.settings.reuse == 0 else 10 * scene.settings.settled
-    force = 10 * left * inertia.max() / scene.step**2
-    terms = {"p": force * scene.step, "constraint_force": force, "multipliers": force}
+    h = scene.step * min(map(abs, scene.integrator.shares), default=1.0)
+    force, momentum = 10 * left * inertia / h**2, 10 * left * inertia / h
+    way, speed = abs(q - q[0]).max(), abs(plain["v"]).max()
+    terms = {"constraint_force": force, "multipliers": force, "p": momentum, "carried": momentum}
+    terms |= {"kinetic": momentum * speed, "energy": momentum * speed, "work_drives": force * way}
     out = {}
     for name in (*MOTION, *ENERGIES):
         if name not in plain or plain[name].size == 0:
