@@ -611,7 +611,7 @@ def _off(
     for name in (*MOTION, *ENERGIES):
         if name not in plain or plain[name].size == 0:
             continue
-        a, b, *others = (felt(scene.system, name, run[name]) for run in (plain, compiled, *beside))
+        a, b, *others = (run[name] for run in (plain, compiled, *beside))
         known = np.isfinite(a)
         if not np.array_equal(known, np.isfinite(b)):
             return {name: (np.inf, 1.0)}
@@ -621,14 +621,6 @@ def _off(
         allowed = max(1e-11 * size, 10 * nudge, terms.get(name, 0.0))
         out[name] = abs(a - b)[known].max(initial=0.0) / size, allowed / size
     return out
-
-
-def felt(system: sc.System, name: str, series: np.ndarray) -> np.ndarray:
-    """What steps feel of a series: of momenta in a plane nothing that leads out of it."""
-    if name != "carried" or system.plane is None:
-        return series
-    rows, normal = series.reshape(len(series), -1, 3), system.plane.normal
-    return rows - (rows @ normal)[..., None] * normal
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -236,8 +236,8 @@ class Viscous:
 
 # -- steps: the same iteration as that of the stepper, in a few compiled calls ---------------------
 
-#: momenta out of a plane, by the largest ones, up to which they are nothing but rounding
-ROUNDING = 1e-9
+#: momenta out of a plane, by the size of ``M q/h``, up to which they are nothing but rounding
+ROUNDING = 4 * float(np.finfo(float).eps)
 
 
 class BlockOfSteps(NamedTuple):
@@ -300,6 +300,7 @@ class CompiledStep(CompiledScene):
         super().__init__(*own, kept_only=kept_only)
         self.integrator, self.h = integrator, h
         self._normal = None if plane is None else plane.normal
+        self._inertia = largest(abs(system.inertia) @ abs(system.q0.reshape(-1, 3)))
         #: whether the unknowns are others than the treatment's
         self._others = plane is not None or system is not system.tied
         self._step = step
@@ -576,9 +577,10 @@ class CompiledStep(CompiledScene):
             y1 -= ((y1 - y0) @ normal)[:, None] * normal
         for p in (self._a.carried, self._o.after):
             out = p @ normal
-            # directors that lie askew have a share
-            if len(p) and largest(out) <= ROUNDING * largest(p):
-                p -= out[:, None] * normal
+            # forces along directors have a share
+            size = largest(p) if p is self._o.after else self._inertia / abs(self.h)
+            if len(p) and largest(out) <= ROUNDING * size:
+                p -= out[..., None] * normal
 
     def _flipped(self) -> bool:
         """Whether a frame has turned by half a turn, where the midpoint tells nothing of it."""

@@ -577,6 +577,18 @@ ADDED: dict[str, tuple[Callable[[sc.Model, sc.Beam, sc.RigidBody], Any], str]] =
 }
 
 
+@needs_numba
+@pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
+def test_kernels_keep_forces_along_directors_out_of_the_plane(treatment: Any):
+    """What they give to a momentum was taken for rounding, if it was below 1e-9 of the momentum."""
+    system, h = held_body("bushing", TURNED).freeze(planar=sc.Planar(TURNED[:, 2])), 1e-4
+    own = system, sc.Variational(stabilized=True), treatment, h, 12 * h
+    start = sc.initial_state(system, nu=0.3 * np.ones(system.unknowns))
+    a, b = (sc.simulate(*own, start=start, kernels=kernels) for kernels in ("numpy", "numba"))
+    rounding = np.finfo(float).eps / h**2  # of M q/h^2
+    assert difference(a, b, "constraint_force") < 10 * rounding
+
+
 @pytest.mark.parametrize("law", [{"stiffness": 5.0}, {"damping": 0.3}], ids=repr)
 def test_springs_along_slides_that_are_oblique_to_the_plane(law: dict[str, float]):
     """They were taken for springs on what does not move."""
