@@ -578,6 +578,27 @@ ADDED: dict[str, tuple[Callable[[sc.Model, sc.Beam, sc.RigidBody], Any], str]] =
 
 
 @needs_numba
+def test_energy_does_not_drift_in_a_plane_whose_axes_are_rounded():
+    """Each step moved all points by what is missing to axes of length one, always the same way."""
+    Q = random_rotation(np.random.default_rng(0), 2.0)
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line(Q @ (2, 1, 0), Q @ (3, 1, 0), 2, name="rod")
+    rod = model.add("rod", sc.Beam(mesh, section(), director=Q[:, 2]))
+    model.add("pin", sc.JointRevolute(sc.ground(Q @ (2, 1, 0)), rod.node("rod.start"), Q[:, 2]))
+    system = model.freeze(planar=sc.Planar(Q[:, 2]))
+    start = sc.initial_state(system, nu=0.5 * np.ones(system.unknowns))
+    plain, compiled = (
+        sc.simulate(
+            *(system, sc.EnergyMomentum(), sc.NullSpace(), 7e-5, 7e-5 * 100),
+            start=start, kernels=kernels, settings=sc.NewtonSettings(reuse=0),
+        )
+        for kernels in ("numpy", "numba")
+    )  # fmt: skip
+    drift = [abs(run["energy_balance"]).max() for run in (plain, compiled)]
+    assert drift[1] < 10 * drift[0]
+
+
+@needs_numba
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 def test_kernels_keep_forces_along_directors_out_of_the_plane(treatment: Any):
     """What they give to a momentum was taken for rounding, if it was below 1e-9 of the momentum."""

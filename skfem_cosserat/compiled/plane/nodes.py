@@ -115,13 +115,33 @@ def gathered(axes: Floats, director: Floats, a: Floats, r: int, v: int) -> Compl
 
 
 @inlined
-def take_frame(
-    axes: Floats, director: Floats, framed: Any, a: Floats, r: int, v: int, y: Floats, k: int
-) -> None:
+def regained(axes: Floats, rest: Floats, a: Floats, r: int, at: int) -> Complex:
+    """Row r in the plane as `put_row` has put it into space; its own row is number `at`.
+
+    Axes have length one and are normal to each other to rounding only. That is taken out, for it
+    would move all that steps hand on to the next ones, and always the same way.
+    """
+    z = along(axes, a, r)
+    u, v = axes[0], axes[1]
+    x0 = a[r, 0] - rest[at, 0] - z[0] * u[0] - z[1] * v[0]
+    x1 = a[r, 1] - rest[at, 1] - z[0] * u[1] - z[1] * v[1]
+    x2 = a[r, 2] - rest[at, 2] - z[0] * u[2] - z[1] * v[2]
+    return (
+        z[0] + (u[0] * x0 + u[1] * x1 + u[2] * x2),
+        z[1] + (v[0] * x0 + v[1] * x1 + v[2] * x2),
+    )
+
+
+@inlined
+def take_frame(o: Any, a: Floats, r: int, v: int, y: Floats, k: int) -> None:
     """Frame k of y from rows in space; e of length one to rounding, whatever it was."""
-    put_complex(y, k, 0, along(axes, a, r))
-    if framed[v]:
-        e = gathered(axes, director, a, r, v)
+    axes, rest, director, at = o.axes, o.rest, o.director, o.first[v]
+    put_complex(y, k, 0, regained(axes, rest, a, r, at))
+    if o.framed[v]:
+        e = (0.0, 0.0)
+        for i in range(3):
+            d = regained(axes, rest, a, r + 1 + i, at + 1 + i)
+            e = plus(e, crossed((director[v, i, 0], director[v, i, 1]), d))
         # |k_1|^2 + |k_2|^2 + |k_3|^2 = 2; then one step to the inverse of a square root
         put_complex(y, k, 2, scaled(0.5 * (1.5 - 0.125 * inner(e, e)), e))
 
@@ -139,7 +159,7 @@ def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             internal[r, c] = 0.0
     for v in range(len(p)):
         r = first[v]
-        take_frame(axes, director, framed, y0, r, v, y, v)
+        take_frame(o, y0, r, v, y, v)
         put_complex(p, v, 0, along(axes, p0, r))
         put_complex(f, v, 0, along(axes, external, r))
         if framed[v]:
@@ -147,8 +167,8 @@ def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             put_complex(f, v, 2, gathered(axes, director, external, r, v))
     count = len(p)
     for v in range(count, len(y)):
-        take_frame(axes, director, framed, y0, first[v], v, y, v)
-        take_frame(axes, director, framed, ground1, first[v] - len(p0), v, moved, v - count)
+        take_frame(o, y0, first[v], v, y, v)
+        take_frame(o, ground1, first[v] - len(p0), v, moved, v - count)
     return 0.0
 
 
