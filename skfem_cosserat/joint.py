@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -709,6 +710,9 @@ class JointLocked(JointFixed):
 # Drives: joint coordinates prescribed in time.
 
 
+_AT_REST = np.eye(4, 3, -1)
+
+
 @dataclass(frozen=True, eq=False)
 class _Prescribed(Motion):
     """A number in time as the position ``(cos, sin, number)`` of a ground frame."""
@@ -718,7 +722,9 @@ class _Prescribed(Motion):
     def frame(self, place: Place, t: float) -> Floats:
         """See the base class."""
         value = self.number(t)
-        return np.vstack([[np.cos(value), np.sin(value), value], np.eye(3)])
+        out = _AT_REST.copy()
+        out[0] = math.cos(value), math.sin(value), value
+        return out
 
 
 class JointDrive(Item):

@@ -72,6 +72,7 @@ __all__ = [
     "choose_rows",
     "compiling",
     "coordinates_of",
+    "drives_of",
     "flags",
     "followed",
     "fulcrum_of",
@@ -559,7 +560,7 @@ def _coordinates(system: System) -> dict[str, Any]:
             turning[c.vertex, k] = c.kind not in ("slide", "stretch")
     return {
         "value": np.zeros(len(own)),
-        "driven": np.zeros(len(own)),
+        "drives": drives_of(system, own),
         "turning": turning,
         "triple": _triples(system, each),
         "first": np.concatenate([[0], np.cumsum([len(cs) for cs in each])]).astype(np.int64),
@@ -577,6 +578,16 @@ def _coordinates(system: System) -> dict[str, Any]:
         "centre_offset": _vectors([s.offset for s in centres]),
         "centre_vertex": integers([s.vertex if s.vertex < count else -1 for s in centres]),
     }
+
+
+def drives_of(system: System, coordinates: Sequence[Coordinate]) -> IndexArray:
+    """Driven ones among all coordinates of edges, see :func:`.tree.prescribe`."""
+    found = []
+    for k, c in enumerate(coordinates):
+        if c.drive is not None:
+            row = int(system.kinematics.row[c.drive])
+            found.append((k, c.kind == "slide", row, row - system.rows))
+    return np.array(found, dtype=np.int64).reshape(-1, 4)
 
 
 def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
@@ -788,7 +799,7 @@ def bound_work(
         "ground1": (total - rows, 3),
         **dict.fromkeys(("F", "F_mixed"), (count, 6)),
         **dict.fromkeys(("b", "x", "total", "last", "before", "extra", "twist"), (each, 6)),
-        "found": (2,),
+        "found": (3,),
         "frames": (rows, 3),
         "A": (len(plan.slot), 6, 6),
         "inverse": (each, 6, 6),

@@ -91,12 +91,16 @@ def twist_forces(s: Any, y: Floats, f: Floats, F: Floats, b: Floats) -> None:
 def push(s: Any, w: Any, numbers: Floats, first: int) -> float:
     """Of blocks from `first` on: the impulses that act, ``mu + W g``; the largest gap, relative.
 
-    Of the gaps in ``w.b`` those of rows that are not chosen are switched off.
+    Of the gaps in ``w.b`` those of rows that are not chosen are switched off; ``w.found`` has the
+    largest of these, which depend on others.
     """
     on, size, weight, b, mu, acting = s.row_on, s.row_size, s.row_weight, w.b, w.total, w.extra
-    mass, largest = numbers[MASS], 0.0
+    mass, largest, found = numbers[MASS], 0.0, w.found
+    found[2] = 0.0
     for k in range(on.shape[0]):
         for c in range(on.shape[1]):
+            if on[k, c] == 0.0:
+                found[2] = max(found[2], abs(b[first + k, c]) / size[k, c])
             b[first + k, c] *= on[k, c]
             acting[first + k, c] = mu[first + k, c] + mass * weight[k, c] * b[first + k, c]
             gap = abs(b[first + k, c]) / size[k, c]

@@ -276,8 +276,8 @@ CONSTRAINED = (
     "element_turned",
     "element_slot",
 )
-#: vertices, edges (joints from parent to child) and their coordinates; what holds an equilibrium,
-#: see :mod:`.static`
+#: vertices, edges (joints from parent to child) and their coordinates, driven ones as in
+#: :func:`.tree.prescribe`; what holds an equilibrium, see :mod:`.static`
 TREE = (
     *(
         "row",
@@ -290,7 +290,7 @@ TREE = (
         "swing",
         "followed",
         "value",
-        "driven",
+        "drives",
         "turning",
     ),
     *("child", "parent", "child_row", "parent_row", "parent_frame", "guide_frame", "relative"),
@@ -373,7 +373,7 @@ ROWS = (
 #: vertices, edges and their coordinates in a plane; vertices of the ground come last
 PLANE_TREE = (
     *("rows", "framed", "free", "loose", "followed", "turn", "turning"),
-    *("child", "parent", "edges", "arms", "coordinates", "along", "value", "driven"),
+    *("child", "parent", "edges", "arms", "coordinates", "along", "value", "drives"),
     *("mass_blocks", "mass_indices", "mass_indptr"),
     *("frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *("products", "factors", "linear", "directions", "row_constant", "row_size", "row_on"),

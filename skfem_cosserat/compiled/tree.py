@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
-from ..types import Floats
+from ..types import Floats, IndexArray
 from .elements import scalar_block
 from .jit import inlined, part
 from .numbers import WEIGHT
@@ -48,6 +49,7 @@ __all__ = [
     "joint_maps",
     "joint_move",
     "joint_reduce",
+    "prescribe",
     "slide",
     "spot",
 ]
@@ -90,12 +92,44 @@ def slide(s: Any, j: int, y: Floats) -> tuple[Vector, Vector]:
     return combine(row(s.axis, j), d), combine(row(s.right, j), d)
 
 
+@inlined
+def prescribe(drives: IndexArray, y0: Floats, ground1: Floats, value: Floats) -> None:
+    """Values of driven coordinates, with the ground at the end of the step.
+
+    Of each `drives` has its number, whether it is a displacement, and the rows of y_0 and of the
+    ground at the end that carry its number in time as ``(cos, sin, number)``.
+    """
+    for k in range(len(drives)):
+        a, b = row(y0, drives[k, 2]), row(ground1, drives[k, 3])
+        if drives[k, 1]:
+            value[drives[k, 0]] = b[2] - a[2]
+        else:
+            sine, cosine = a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]
+            value[drives[k, 0]] = math.atan2(sine, cosine)
+
+
+@inlined
+def across(axis: Floats, j: int, a: Vector) -> None:
+    """Two axes normal to a and to each other, as :func:`skfem_cosserat.relative.normals` does."""
+    a = times(1.0 / math.sqrt(dot(a, a)), a)
+    x, y, z = abs(a[0]), abs(a[1]), abs(a[2])
+    if x <= y and x <= z:
+        first = 0.0, a[2], -a[1]
+    elif y <= z:
+        first = -a[2], 0.0, a[0]
+    else:
+        first = a[1], -a[0], 0.0
+    first = times(1.0 / math.sqrt(dot(first, first)), first)
+    put(axis, j, first)
+    put(axis, j + 1, cross(a, first))
+
+
 @part
 def joint_begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Start of a step: axes, arms and slides; zero increments, driven ones at their end."""
-    y0, axis0, arm0, swing, value, driven = w.y0, s.axis0, s.arm0, s.swing, s.value, s.driven
+    """Start of a step: axes, arms and slides; zero increments."""
+    y0, axis0, arm0, swing, value = w.y0, s.axis0, s.arm0, s.swing, s.value
     for j in range(len(value)):
-        value[j] = driven[j]
+        value[j] = 0.0
         if s.kind[j] == AXIS:
             put(axis0, j, axis(s, j, y0))
         elif s.kind[j] == SLIDE:
@@ -107,9 +141,13 @@ def joint_begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             swing[e, 1 + c] = 0.0
         a = spot(y0, s.parent_row[e], row(s.parent_offset, e))
         put(arm0, e, minus(spot(y0, s.child_row[e], row(s.child_offset, e)), a))
+        apart = True
         for j in range(s.first[e], s.first[e + 1]):
             if s.kind[j] == STRETCH:
                 value[j] = element_stretch(s, e, y0)
+            elif s.kind[j] == SPHERE and apart:  # the first one of two
+                across(s.axis, j, row(arm0, e))
+                apart = False
     return 0.0
 
 
@@ -159,6 +197,7 @@ def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     child, framed, first, kinds, value = s.child, s.framed, s.first, s.kind, s.value
     nv = len(s.row)
     rows = w.p0.shape[0]
+    prescribe(s.drives, y0, w.ground1, value)
     for g in range((y1.shape[0] - rows) // 4):
         r = rows + 4 * g
         for a in range(3):

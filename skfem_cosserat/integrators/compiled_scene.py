@@ -17,8 +17,6 @@ from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
 from ..model.parts import connected_parts
-from ..model.reparametrisation import Reparametrisation
-from ..model.tree import Coordinate
 from ..newton import NewtonSettings
 from ..pattern import FrozenPattern
 from ..types import Floats, IndexArray
@@ -274,7 +272,7 @@ class CompiledScene:
             A, x = self._arrays["A"], self._arrays["x"]
             self._rest = Rest(self.plan, planned["size"], A, x, self._solver)
             planned["rest"][1] = self._rest.address
-        self._number([c for cs in bind.coordinates_of(system) for c in cs])
+        self._number()
         return table, s, m, w, g
 
     def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
@@ -283,12 +281,9 @@ class CompiledScene:
 
         return bind.parts_of(self.system, weight, ends, static, self.scheme.relative)
 
-    def _number(self, coordinates: list[Coordinate]) -> None:
+    def _number(self) -> None:
         """Where the tree's coordinates are among those of the vertices."""
         system, width = self.system, self._arrays["x"].shape[1]
-        self._coordinates = coordinates
-        self._drives = any(c.drive is not None for c in coordinates)
-        self._nodal = Reparametrisation(system.kinematics)
         self._numbering = np.full(system.kinematics.unknowns, -1)
         for v, places in system.tree.own.items():
             self._numbering[places] = width * v + np.arange(len(places))
@@ -317,7 +312,6 @@ class CompiledScene:
         a.y0[: system.rows] = q.reshape(-1, 3)
         if ground is not None:
             a.y0[system.rows :], a.ground1[:] = ground
-        self._prescribe()
 
     def load(self, amplitudes: Floats) -> None:
         """Take these factors of the loads' channels."""
@@ -334,17 +328,6 @@ class CompiledScene:
         amplitudes = np.append(amplitudes, self._drag_factor)
         a.moments[:] = amplitudes[moments.channels, None] * moments.values
         a.followers[:] = amplitudes[followers.channels, None, None] * followers.values
-
-    def _prescribe(self) -> None:
-        """Prescribed motion during a step, and what is fixed in it."""
-        a = self._a
-        if self.system.kinematics.spheres or self._drives:
-            self._nodal.begin(a.y0.copy(), a.ground1.copy())
-            if self.system.plane is None:  # else all axes are normal to it
-                sphere = [k for k, c in enumerate(self._coordinates) if c.kind == "sphere"]
-                numbers = [self._coordinates[k].number for k in sphere]
-                self._tree["axis"][sphere] = self._nodal.fixed[numbers]
-            self._tree["driven"][:] = self._nodal.driven(self._coordinates)
 
 
 #: parts of a balance that a projection of velocities does without: forces, and what turns with them

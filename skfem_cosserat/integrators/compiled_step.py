@@ -18,6 +18,7 @@ from ..compiled.numbers import (
     ASKED,
     CALLED_BACK,
     CLEARANCE,
+    COUPLED,
     DONE,
     END,
     ENDS,
@@ -106,7 +107,9 @@ class Coupled:
         self._couplings, self._columns = couplings, columns
         self.resize(scheme, h)
         number = {id(item): k for k, item in enumerate(system.couplings.items)}
-        self._angles = [number[id(item)] for item in couplings.angles]
+        turning = COUPLED * np.array([number[id(i)] for i in couplings.angles], dtype=np.int64)
+        #: where full turns are: at the start of a step and at its end
+        self._turns, self._turned = TURNS + turning, TURNED + turning
         self._vectors = [(number[id(i)], i) for i in couplings.items if _turns_freely(i)]
         #: channels of actuators
         self.channels = len(couplings.times)
@@ -139,9 +142,9 @@ class Coupled:
 
     def turn(self, turns: IndexArray | None) -> None:
         """Take these full turns at the start of a step, as in a state."""
-        if self._angles:
+        if len(self._turns):
             self._couplings.check_turns(turns)
-            self._columns[self._angles, TURNS] = 0 if turns is None else turns
+            self._columns.put(self._turns, 0 if turns is None else turns)
 
     def turns(self, time: float) -> IndexArray | None:
         """Full turns of all angles at the end of the step, at a time; None if there are none.
@@ -151,9 +154,9 @@ class Coupled:
         for k, item in self._vectors:
             if self._columns[k, TURNED] > np.pi:
                 warn_of_jump(item, time)
-        if not self._angles:
+        if not len(self._turned):
             return None
-        return np.rint(self._columns[self._angles, TURNED]).astype(np.int64)
+        return np.rint(self._columns.take(self._turned)).astype(np.int64)
 
     def work(self, loads: float, lost: float) -> StepWork:
         """Work of the step, with that of the loads and what is lost elsewhere (J)."""
@@ -325,8 +328,6 @@ class CompiledStep(CompiledScene):
         #: whether nothing changes from step to step but the state, where loads do not
         self._alike = not (
             system.moving
-            or system.drives
-            or system.kinematics.spheres
             or system.couplings.count
             or system.drag is not None
             or self._viscous is not None
@@ -549,7 +550,7 @@ class CompiledStep(CompiledScene):
         if self._called_back is not None:
             self._called_back.complain()
         if self.looped:
-            self._farthest, self._travel = a.found.tolist()
+            self._farthest, self._travel, _ = a.found.tolist()
             self._travelled = float(record[TRAVELLED])
         if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
             known = known or (self.looped and record[DONE] > 1)
@@ -594,6 +595,11 @@ class CompiledStep(CompiledScene):
     def residual(self) -> float:
         """Scaled residual of the last step."""
         return float(self._record[RESIDUAL])
+
+    @property
+    def missed(self) -> float:
+        """What rows of closed loops that depend on others gape by, against their terms."""
+        return float(self._a.found[2])
 
     @property
     def y1(self) -> Floats:
@@ -751,7 +757,7 @@ class CompiledPlane(CompiledStep):
             table = bind.addresses(parts, (s, m, w, g), "plane", self._kept_only)
         own = ("y0", "y1", "ground1", "p0", "external", "R", "carried")
         self._arrays = arrays | {name: outside[name] for name in own}
-        self._number([c for cs in bind.coordinates_of(system) for c in cs])
+        self._number()
         return table, s, m, w, g
 
     @property

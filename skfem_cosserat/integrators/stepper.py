@@ -16,7 +16,7 @@ from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError
 from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
 from ..model import Model, System, system_of
 from ..model.limits import over_rotated, overstretched
-from ..model.loops import contradiction, dead_point
+from ..model.loops import BROKEN, contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray, check_kind, positive, whole
 from ..warn import Notices, listening, logger, warn
@@ -346,6 +346,9 @@ class StepProblem:
 #: scaled residual above which a converged step is looked at again, and the increment it may ask for
 #: then: more than that is no rounding, but a balance with jumps
 SOLVED, FURTHER = 1e-5, 1e-6
+#: what rows that depend on others gape by, against their terms, above which prescribed motions are
+#: looked at: far below :data:`BROKEN`, which is by the size of the joints
+LOOK = 1e-4 * BROKEN
 #: attempts at a step: (extrapolate the last increment, damped)
 ATTEMPTS = ((True, False), (False, False), (False, True), (True, True))
 
@@ -705,7 +708,8 @@ class Stepper:
             if self.bound.regular and not state.plain:
                 solved = fast.solve(state)
                 if solved is not None:
-                    if fast.looped and (wrong := self._contradiction(state, h, fast.y1, solved[1])):
+                    missed = self.system.moving and fast.missed > LOOK
+                    if missed and (wrong := self._contradiction(state, h, fast.y1, solved[1])):
                         return wrong
                     return self._accept_compiled(of, fast, state, time, origin, *solved)
             # the general way tries again from there

@@ -16,7 +16,8 @@ __all__ = ["Ground", "Placed"]
 
 #: instants of which the rate is kept
 KEPT = 4096
-_REST = np.vstack([np.zeros(3), np.eye(3)])
+_REST = np.eye(4, 3, -1)
+_REST.setflags(write=False)
 
 
 class Ground:
@@ -42,6 +43,8 @@ class Ground:
                 self.moving.append(place)
         self.rows = 4 * (1 + len(self.moving))
         self._rates: dict[float, tuple[Floats, float]] = {}
+        #: the last instant, with its rows: a step begins where the one before ended
+        self._last: tuple[float, Floats] = np.nan, _REST
         self._plane: Plane | None = None
         self._watched: list[Place] = []
 
@@ -84,11 +87,17 @@ class Ground:
         """
         if not self.moving:
             return _REST
+        last, rows = self._last
+        if t == last:
+            return rows
         for place in self._watched:
             assert self._plane is not None
             self._plane.check_ground(place, t)
         frames = [p.motion.frame(p, t) for p in self.moving if p.motion is not None]
-        return np.concatenate([_REST, *frames])
+        rows = np.concatenate([_REST, *frames])
+        rows.setflags(write=False)
+        self._last = t, rows
+        return rows
 
     def rate_and_error(self, t: float) -> tuple[Floats, float]:
         """Time derivative of :meth:`at` by differences of the callables, and its error.

@@ -326,16 +326,6 @@ class Reparametrisation:
             assert self.kin.elements is not None
             self._stretches = self._stretches + increment[self.kin.elements.numbers]
 
-    def driven(self, coordinates: Sequence[Coordinate]) -> Floats:
-        """Values of `coordinates` at the end of the step as far as drives prescribe them."""
-        values: dict[int, float] = {}
-        for drives, cs, ends in (
-            (self._hinges, self.kin.guided, self._driven_hinge),
-            (self._tracks, self.kin.sliding, self._driven_track),
-        ):
-            values |= {id(cs[i]): end for i, end in zip(drives.where, np.real(ends), strict=True)}
-        return np.array([values.get(id(c), 0.0) for c in coordinates])
-
     def save(self) -> tuple[Array, ...]:
         """The increments of the step so far."""
         return self._shift, self._turns, self._track, self._stretches

@@ -448,7 +448,6 @@ class CompiledBalance(CompiledScene):
         shifting = np.zeros_like(turning)
         shifting[0, :count] = ~turning[0, :count]
         self._turning, self._shifting = np.flatnonzero(turning), np.flatnonzero(shifting)
-        self._prescribed = np.flatnonzero(self._tree["own"] < 0)
         #: chosen rows of closed loops; multipliers; a point where they are known, with them
         self._rows = np.full(1, -1)
         self._mu = self._a.total[count:]
@@ -557,11 +556,6 @@ class CompiledBalance(CompiledScene):
     def move_ground(self, ground: Floats) -> None:
         """The same increments, with the ground elsewhere."""
         self._a.ground1[:] = ground
-        if self._drives:
-            self._nodal.move_ground(ground)
-            driven = self._nodal.driven(self._coordinates)
-            self._tree["driven"][:] = driven
-            self._tree["value"][self._prescribed] = driven[self._prescribed]
 
     def evaluate(self) -> float:
         """Evaluate; size of the residual against its terms."""

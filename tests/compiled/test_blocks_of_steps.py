@@ -217,6 +217,12 @@ MORE = {
         lambda model, rod, pin, end: model.add("f", sc.LoadForce(end, (0, 0.1, 0), follower=True)),
         True,
     ),
+    "a rope to a ball": (
+        lambda model, rod, pin, end: model.add(
+            "rope", sc.JointDistance(end, model.add("b", sc.MassPoint(0.01, (1.2, 0, 0))).place())
+        ),
+        True,
+    ),
     "a load that changes": (
         lambda model, rod, pin, end: model.add("f", sc.LoadForce(end, (0, 0.1, 0), np.sin)),
         False,

@@ -25,17 +25,21 @@ from helpers_kernels import (
 )
 from helpers_scenes import (
     JOINTS,
+    four_bar,
     full_section,
     lattice,
     lattice_mesh,
     random_tree,
     swing,
 )
+from rounding import EPS, ROOM, nudged
 
 import skfem_cosserat as sc
+from skfem_cosserat import Stepper
 from skfem_cosserat.compiled import plan
 from skfem_cosserat.compiled.numbers import GUESS, KNOWN
 from skfem_cosserat.compiled.plan import Plan
+from skfem_cosserat.integrators import stepper
 from skfem_cosserat.integrators.compiled_step import CompiledStep
 from skfem_cosserat.linear import SingularMatrixError
 
@@ -105,6 +109,29 @@ def test_runs(order, integrator, treatment, make):
 def test_every_joint(kind, integrator, treatment):
     """Between bodies, ground at rest and in motion, beam nodes and mass points."""
     assert_same(*both(test_joints.scene(kind)[0], integrator, treatment, 0.01, 0.1))
+
+
+@pytest.mark.parametrize("which", range(4))
+@integrators
+def test_each_joint_of_a_four_bar_driven(which, integrator, monkeypatch):
+    """Also the one that closes the loop, whose row has the drive in it: kernels solve each step."""
+    model = four_bar()
+    model.add("motor", sc.JointDrive(model[f"pin {which}"], lambda t: 0.25 * np.sin(2 * t) ** 2))
+    model.add("gravity", sc.LoadGravity((0, -9.81, 0)))
+    system = model.freeze()
+    start = sc.initial_state(system)
+    given = system, INTEGRATORS[integrator], sc.NullSpace(), 0.02
+    plain = Stepper(*given, kernels="numpy")
+    expected, state, beside = [start], start, nudged(start)
+    for _ in range(20):
+        expected.append(plain.advance(expected[-1]).state)
+    monkeypatch.setattr(stepper, "newton", None)  # nothing else solves them
+    found, other = (Stepper(*given, kernels="numba") for _ in range(2))
+    for n in range(1, 21):
+        state, beside = found.advance(state).state, other.advance(beside).state
+        for name in ("q", "p"):
+            a, b, c = (getattr(each, name) for each in (state, expected[n], beside))
+            assert abs(a - b).max() <= ROOM * n * max(abs(a - c).max(), EPS * abs(b).max()), name
 
 
 @pytest.mark.parametrize("kind", test_drives.COORDINATES, ids=lambda kind: kind.type)

@@ -20,6 +20,7 @@ from ..bind import (
     KINDS,
     bound_elements,
     coordinates_of,
+    drives_of,
     followed,
     fulcrum_of,
     integers,
@@ -232,9 +233,9 @@ def _coordinates(system: System, frames: Frames) -> dict[str, Any]:
             put(along, j, places.SLIDE, complex(direction * e0.conj()))
         put(along, j, places.TARGET_SPOT, frames.offset(target))
         put(along, j, places.CENTRE_SPOT, frames.offset(centre))
-    zero = np.zeros(len(both))
     tables = {"turning": turning, "coordinates": coordinates, "along": along}
-    return tables | {"value": zero, "driven": zero.copy()}
+    drives = drives_of(system, [c for _, c in both])
+    return tables | {"value": np.zeros(len(both)), "drives": drives}
 
 
 def _nodal_masses(system: System, frames: Frames) -> dict[str, Any]:
@@ -451,7 +452,7 @@ def bound_work(system: System, plan: Plan, frames: Frames) -> tuple[Any, dict[st
         "ground1": (size - count, 4),
         **dict.fromkeys(("F", "F_mixed"), (count, 4)),
         **dict.fromkeys(("b", "x", "total", "last", "before", "extra", "twist"), (each, 4)),
-        "found": (2,),
+        "found": (3,),
         "A": (len(plan.slot), 12),
         "inverse": (each, 12),
         **dict.fromkeys(

@@ -10,7 +10,7 @@ from typing import Any
 from ...types import Floats, IndexArray
 from ..jit import inlined, part
 from ..numbers import WEIGHT
-from ..tree import AXIS, ROTATION, SLIDE, SPHERE, STRETCH
+from ..tree import AXIS, ROTATION, SLIDE, SPHERE, STRETCH, prescribe
 from .complex_numbers import (
     ARM,
     CARRIED,
@@ -76,11 +76,11 @@ __all__ = [
 
 @part
 def joint_begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Start of a step: arms and slides; zero increments, driven ones at their end."""
+    """Start of a step: arms and slides; zero increments."""
     y0, edges, arms, coordinates, along = w.y0, s.edges, s.arms, s.coordinates, s.along
-    value, driven = s.value, s.driven
+    value = s.value
     for j in range(len(value)):
-        value[j] = driven[j]
+        value[j] = 0.0
         if coordinates[j, KIND] == SLIDE:
             u = product(complex_at(along, j, DIRECTION), arrow(y0, coordinates[j, GUIDE]))
             put_complex(along, j, SLIDE0, u)
@@ -109,7 +109,8 @@ def joint_add(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Frames of y_1 of all children, behind those of free vertices and the ground."""
     y0, y1, turn, value, edges, arms = w.y0, w.y1, s.turn, s.value, s.edges, s.arms
-    coordinates, along = s.coordinates, s.along
+    coordinates, along, space = s.coordinates, s.along, s.rows
+    prescribe(s.drives, space.y0, space.ground1, value)
     for e in range(len(edges)):
         v = edges[e, CHILD]
         if edges[e, FRAMED]:
