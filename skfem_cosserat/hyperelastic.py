@@ -10,6 +10,7 @@ import numpy as np
 from .errors import InputError
 from .law import DIFFERENCE, EPS, ITEM, Law, LawStored, StrainFunction, difference
 from .section import Section, check_stiffness
+from .strain_function import of_points
 from .types import ArrayLike, Floats, numbers
 
 __all__ = ["SectionHyperelastic"]
@@ -127,6 +128,9 @@ def stored_law(
     for name, function in given.items():
         if not (callable(function) or (function is None and name != "energy")):
             raise InputError(ITEM, f"{name} = {function!r}, expected a function of strains")
+    energy = of_points(energy, ())
+    gradient = None if gradient is None else of_points(gradient, (6,))
+    hessian = None if hessian is None else of_points(hessian, (6, 6))
     law = LawStored(energy, gradient, hessian, np.eye(6))
     zero = np.zeros((1, 6))
     rest = float(_finite("energy", law.energy, zero)[0])

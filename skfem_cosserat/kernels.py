@@ -94,7 +94,7 @@ class BeamElements:
     weighted_viscosity: Floats | None = field(init=False, repr=False, default=None)
     viscosity_root: Floats | None = field(init=False, repr=False, default=None)
     #: elements of each of the laws
-    stored: list[tuple[IndexArray, Law]] = field(init=False, repr=False)
+    stored: list[tuple[IndexArray | slice, Law]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         ng, _, k, _ = self.table.shape
@@ -110,7 +110,7 @@ class BeamElements:
         self.stored = (
             []
             if self.law_of is None
-            else [(np.flatnonzero(self.law_of == k), law) for k, law in enumerate(self.laws)]
+            else [(_where(self.law_of, k), law) for k, law in enumerate(self.laws)]
         )
         if self.viscosity is not None:
             self.weighted_viscosity = self.measure[..., None] * self.viscosity[:, None]
@@ -165,6 +165,12 @@ class BeamElements:
         reference, _ = beam_strain(bare, q)
         arrays = lengths, points, weights, table, stiffness, reference, rotations, viscosity
         return cls(*arrays, laws, law_of)
+
+
+def _where(law_of: IndexArray, number: int) -> IndexArray | slice:
+    """Elements of a law; all of them without an array of their numbers, which takes time."""
+    own = law_of == number
+    return slice(None) if own.all() else np.flatnonzero(own)
 
 
 def beam_strain(elements: BeamElements, q: Array) -> tuple[Array, Array]:

@@ -29,9 +29,13 @@ STEP = 1e-30
 #: the same of differences
 DIFFERENCE = 1e-4
 #: Gauss points of an interval [-1/2, 1/2] beside its middle, and the weight of each
-_GAUSS = np.sqrt(0.15), 5 / 18
+GAUSS = float(np.sqrt(0.15)), 5 / 18
+#: pairs of strains, each once
+_PAIRS = np.triu_indices(6)
+_ONES = np.ones(6)
+_PLACES = np.array([0.0, -GAUSS[0], GAUSS[0]])
 #: increments below this share of the strains leave only the leading term of a discrete tangent
-_SMALL = 1e-7
+SMALL = 1e-7
 
 
 class Law(Frozen):
@@ -78,48 +82,47 @@ class Law(Frozen):
     def discrete_tangent(self, eps0: Array, eps1: Array) -> Array:
         """Derivative (..., 6, 6) of the discrete derivative by eps1; not symmetric."""
         half = 0.5 * self.tangent(0.5 * (eps0 + eps1))
-        middle, metric, square, gap, size, (last,) = self._correction(eps0, eps1, eps1)
+        middle, metric, square, gap, size = self._correction(eps0, eps1)
         factor = _ratio(gap, square)
-        slope = last - middle - (half @ (eps1 - eps0)[..., None])[..., 0]
+        slope = self.stress(eps1) - middle - (half @ (eps1 - eps0)[..., None])[..., 0]
         slope = _ratio(slope - 2 * factor[..., None] * metric, square[..., None])
         more = factor[..., None, None] * self.stiffness + metric[..., None] * slope[..., None, :]
         # of the order of the increment, and rounding where that is very small
-        return half + np.where((square > _SMALL**2 * size)[..., None, None], more, 0.0)
+        return half + np.where((square > SMALL**2 * size)[..., None, None], more, 0.0)
 
     def mean_stress(self, eps0: Array, eps1: Array) -> Array:
         """Mean of the stresses on the way by three Gauss points, to the sixth order of it."""
-        middle, more, _ = self._stresses_between(eps0, eps1)
-        return middle + more
-
-    def _stresses_between(
-        self, eps0: Array, eps1: Array, *others: Array
-    ) -> tuple[Array, Array, Array]:
-        """Stress of the mean strain, what the mean stress is more than it, and that of `others`.
-
-        In one call: calls of functions take longer than what they do.
-        """
-        place, weight = _GAUSS
+        place, weight = GAUSS
         mean, step = 0.5 * (eps0 + eps1), place * (eps1 - eps0)
-        found = self.stress(np.array([mean, mean - step, mean + step, *others]))
-        middle = found[0]
-        return middle, weight * (found[1] + found[2] - 2 * middle), found[3:]
+        found = self.stress(np.array([mean, mean - step, mean + step]))
+        return found[0] + weight * (found[1] + found[2] - 2 * found[0])
 
-    def _correction(self, eps0: Array, eps1: Array, *others: Array) -> _Correction:
+    def beside(self, mean: Array, d: Array) -> tuple[Array, Array]:
+        """Stress of the mean strain, and sum (...) of the derivatives of W along d beside it.
+
+        At the two outer ones of three Gauss points of an increment d.
+        """
+        # in one call: calls of functions take longer than what they do
+        found = self.stress(mean + _PLACES.reshape(3, *(1,) * d.ndim) * d)
+        return found[0], ((found[1] + found[2]) * d).dot(_ONES)
+
+    def _correction(self, eps0: Array, eps1: Array) -> _Correction:
         """Terms of the discrete derivative.
 
         The difference of energies cancels to the third order of the increment. Where that is below
         the rounding of the energies, the Gauss rule for the mean stress has the same value without
         the loss.
         """
-        middle, more, stresses = self._stresses_between(eps0, eps1, *others)
         d = eps1 - eps0
-        metric, work = d @ self.stiffness, middle * d
+        middle, beside = self.beside(0.5 * (eps0 + eps1), d)
         before, after = self.energy(np.array([eps0, eps1]))
-        gap, smooth = (after - before) - work.sum(-1), (more * d).sum(-1)
+        metric, terms = d.dot(self.stiffness), middle * d
+        work = terms.dot(_ONES)  # faster than the sum over the last axis
+        gap, smooth = (after - before) - work, GAUSS[1] * (beside - work - work)
         size = abs(before.real) + abs(after.real)
-        rounding = 4 * EPS * (size + abs(work.real).sum(-1)) + 2 * self.noise
-        gap = np.where(abs((gap - smooth).real) <= rounding, smooth, gap)
-        return _Correction(middle, metric, (metric * d).sum(-1), gap, size, stresses)
+        rounding = (4 * EPS) * (size + abs(terms.real).dot(_ONES)) + 2 * self.noise
+        np.copyto(gap, smooth, where=abs((gap - smooth).real) <= rounding)
+        return _Correction(middle, metric, (metric * d).dot(_ONES), gap, size)
 
 
 class _Correction(NamedTuple):
@@ -133,8 +136,6 @@ class _Correction(NamedTuple):
         ``D d``.
     square, gap, size : (...) array
         ``d . D d``, ``W_1 - W_0 - S . d``, and the size of the energies.
-    others : (k, ..., 6) array
-        Stresses of other strains.
     """
 
     middle: Array
@@ -142,13 +143,12 @@ class _Correction(NamedTuple):
     square: Array
     gap: Array
     size: Array
-    others: Array
 
 
 def _ratio(a: Array, b: Array) -> Array:
     """a/b, zero where b is."""
-    safe = np.where(b == 0, 1.0, b)
-    return np.where(b == 0, 0.0, a / safe)
+    none = b == 0
+    return a * ~none / (b + none)
 
 
 class LawQuadratic(Law):
@@ -213,41 +213,71 @@ class LawStored(Law):
         noise: float = 0.0,
     ) -> None:
         super().__init__(stiffness)
-        self._energy, self._gradient, self._hessian = energy, gradient, hessian
+        self.functions = energy, gradient, hessian
         self.complex_step, self.noise = complex_step, noise
+        self._steps = STEP * self.scale
+        self._moves = 1j * np.diag(self._steps)
 
     def energy(self, eps: Array) -> Array:
         """See the base class."""
         if np.iscomplexobj(eps):
             return self.energy(eps.real) + 1j * (self.stress(eps.real) * eps.imag).sum(-1)
-        return self._value("energy", self._energy, eps, eps.shape[:-1])
+        return self._value("energy", self.functions[0], eps, eps.shape[:-1])
 
     def stress(self, eps: Array) -> Array:
         """See the base class."""
         if np.iscomplexobj(eps):
             change = (self.tangent(eps.real) @ eps.imag[..., None])[..., 0]
             return self.stress(eps.real) + 1j * change
-        if self._gradient is not None:
-            return self._value("gradient", self._gradient, eps, eps.shape)
-        return self._complex("energy", self._energy, eps, eps.shape)
+        energy, gradient, _ = self.functions
+        if gradient is not None:
+            return self._value("gradient", gradient, eps, eps.shape)
+        return self._complex("energy", energy, eps, eps.shape)
+
+    def beside(self, mean: Array, d: Array) -> tuple[Array, Array]:
+        """See the base class; the complex step takes derivatives of W along d at once."""
+        energy, gradient, _ = self.functions
+        if gradient is not None or np.iscomplexobj(mean):
+            return super().beside(mean, d)
+        moved = np.empty((*d.shape[:-1], 8, 6), dtype=complex)
+        moved[..., :6, :] = mean[..., None, :] + self._moves
+        along, step = STEP * 1j * d, GAUSS[0] * d
+        moved[..., 6, :], moved[..., 7, :] = mean - step + along, mean + step + along
+        found = self._value("energy", energy, moved, moved.shape[:-1]).imag
+        return found[..., :6] / self._steps, (found[..., 6] + found[..., 7]) / STEP
 
     def tangent(self, eps: Array) -> Array:
         """See the base class; symmetric if it is made from the gradient."""
         shape = (*eps.shape, 6)
-        if self._hessian is not None:
-            return self._value("hessian", self._hessian, eps, shape)
-        if self._gradient is not None and self.complex_step:
-            out = self._complex("gradient", self._gradient, eps, shape)
+        energy, gradient, hessian = self.functions
+        if hessian is not None:
+            return self._value("hessian", hessian, eps, shape)
+        if gradient is None:
+            return self._from_energy(energy, eps)
+        if self.complex_step:
+            out = self._complex("gradient", gradient, eps, shape)
         else:
             out = difference(self.stress, eps, DIFFERENCE * self.scale)
         return 0.5 * (out + np.swapaxes(out, -1, -2))
+
+    def _from_energy(self, energy: StrainFunction, eps: Array) -> Array:
+        """Second derivative: complex steps of differences, each pair once."""
+        steps, moves = self._steps, DIFFERENCE * self.scale
+        a, b = _PAIRS
+        by = moves[a, None] * np.eye(6)[a]
+        shifts = np.array([by, -by, 2 * by, -2 * by]) + self._moves[b]
+        moved = eps[..., None, None, :] + shifts
+        found = self._value("energy", energy, moved, moved.shape[:-1]).imag / steps[b]
+        near, far = found[..., 0, :] - found[..., 1, :], found[..., 2, :] - found[..., 3, :]
+        out = np.empty((*eps.shape, 6))
+        out[..., a, b] = out[..., b, a] = (8 * near - far) / (12 * moves[a])
+        return out
 
     def _complex(
         self, name: str, function: StrainFunction, eps: Array, shape: tuple[int, ...]
     ) -> Array:
         """Derivative by the complex step; its index comes last but for those of the value."""
-        steps = STEP * self.scale
-        moved = eps[..., None, :] + 1j * np.diag(steps)
+        steps, moved = self._steps, eps[..., None, :] + self._moves
         found = self._value(name, function, moved, (*eps.shape, *shape[eps.ndim :]))
         axis = eps.ndim - 1
         return found.imag / steps.reshape(6, *(1,) * (found.ndim - 1 - axis))

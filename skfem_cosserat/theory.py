@@ -172,6 +172,11 @@ class LawHeld(Law):
         """See the base class; zero for the strains that are held."""
         return self.law.stress(eps * self._free) * self._free
 
+    def beside(self, mean: Array, d: Array) -> tuple[Array, Array]:
+        """See the base class."""
+        stress, along = self.law.beside(mean * self._free, d * self._free)
+        return stress * self._free, along
+
     def tangent(self, eps: Array) -> Array:
         """See the base class."""
         return released(np.asarray(self.law.tangent(eps * self._free)), self.held)

@@ -12,17 +12,21 @@ from numba import typeof, types
 from numpy.typing import NDArray
 
 from ..coupling import Coupling
+from ..law import DIFFERENCE, STEP, Law, LawStored
 from ..model import System
 from ..model.force_elements import Invariants
 from ..model.groups import BeamGroup, Group
 from ..model.tree import ConstrainedElement, Coordinate, Edge, Spot
 from ..strain import strain_factors
+from ..strain_function import CompiledFunction
+from ..theory import LawHeld
 from ..types import Floats, IndexArray
 from . import (
     blocks,
     couplings,
     elements,
     flow,
+    laws,
     loads,
     nodes,
     rows,
@@ -51,7 +55,17 @@ from .couplings import (
     STIFFNESS,
 )
 from .jit import address
-from .numbers import BEAM_PARTS, COUPLED, NUMBERS, TREE_PARTS
+from .numbers import (
+    BEAM_PARTS,
+    COMPLEX_ENERGY,
+    COMPLEX_GRADIENT,
+    COUPLED,
+    ENERGY,
+    GRADIENT,
+    HESSIAN,
+    NUMBERS,
+    TREE_PARTS,
+)
 from .plan import Plan, RowBlock, following
 from .structures import Groups
 from .tree import AXIS, SLIDE, SPHERE, STRETCH
@@ -406,7 +420,7 @@ def bound_beams(
 
 
 def bound_groups(
-    system: System, plan: Plan, viscous: bool = False
+    system: System, plan: Plan, viscous: bool = False, kept_only: bool = False
 ) -> tuple[Any, list[dict[str, Any]]]:
     """All groups of elements; the structure, and arrays by name of each.
 
@@ -419,7 +433,9 @@ def bound_groups(
         g, fields = bound_beams(system, groups[0] if groups else None, plan)
         return g, [fields]
     bound = [
-        (bound_by_law if group.elements.stored else bound_beams)(system, group, plan)
+        bound_by_law(system, group, plan, kept_only)
+        if group.elements.stored
+        else bound_beams(system, group, plan)
         for group in groups
     ]
     numbers: list[Any] = [None] * len(bound)
@@ -434,14 +450,66 @@ def bound_groups(
     return Groups([g for g, _ in bound], numbers, BEAM_PARTS), [fields for _, fields in bound]
 
 
-def bound_by_law(system: System, group: BeamGroup, plan: Plan) -> tuple[Any, dict[str, Any]]:
+def bound_by_law(
+    system: System, group: BeamGroup, plan: Plan, kept_only: bool = False
+) -> tuple[Any, dict[str, Any]]:
     """One group of elements of which some have a stored energy; as :func:`bound_beams`."""
     _, fields = bound_beams(system, group, plan)
     ne, ng, _ = fields["S"].shape
     moduli = np.repeat(group.elements.stiffness[:, None], ng, axis=1)
     fields |= {"stiffness": moduli, "diagonal": False, "strains": np.zeros((ne, ng, 6))}
-    fields["law"] = np.zeros(1, dtype=np.int64)
+    fields["law_points"] = own = _law_points(group, fields)
+    fields["points"] = structures.law_points(tuple(own[n] for n in structures.LAW_POINTS))
+    kinds = typeof(fields["points"]), typeof(np.zeros(0)), types.int64
+    fields["law"] = integers([address(laws.law_points, *kinds, kept_only=kept_only)])
     return structures.beams_by_law(tuple(fields[n] for n in structures.BEAMS_BY_LAW)), fields
+
+
+def _functions(law: Law) -> list[int]:
+    """Addresses of the functions of a law, in their places; zeros: they are not compiled."""
+    own, out = law.law if isinstance(law, LawHeld) else law, [0] * 5
+    if not isinstance(own, LawStored):
+        return out
+    energy, gradient, hessian = own.functions
+    if not isinstance(energy, CompiledFunction):
+        return out
+    out[ENERGY] = energy.address(float)
+    if gradient is None:
+        out[COMPLEX_ENERGY] = energy.address(complex)
+    elif isinstance(gradient, CompiledFunction):
+        out[GRADIENT] = gradient.address(float)
+        if hessian is None and own.complex_step:
+            out[COMPLEX_GRADIENT] = gradient.address(complex)
+    else:
+        return [0] * 5
+    if isinstance(hessian, CompiledFunction):
+        out[HESSIAN] = hessian.address(float)
+    return out if hessian is None or out[HESSIAN] else [0] * 5
+
+
+def _law_points(group: BeamGroup, fields: dict[str, Any]) -> dict[str, Any]:
+    """Gauss points of elements of which some have a stored energy, and their laws."""
+    ne, ng, _ = fields["S"].shape
+    count, each = ne * ng, group.elements.laws
+    assert group.elements.law_of is not None
+    stiffness = np.repeat(group.elements.stiffness, ng, axis=0)
+    scales = [law.law.scale if isinstance(law, LawHeld) else law.scale for law in each]
+    return {
+        "law": np.repeat(group.elements.law_of, ng).astype(np.int64),
+        "start": fields["S0"].reshape(count, 6),
+        "strains": fields["strains"].reshape(count, 6),
+        "stresses": fields["S"].reshape(count, 6),
+        "moduli": fields["stiffness"].reshape(count, 36),
+        "stiffness": stiffness,
+        **{name: np.zeros(count) for name in ("before", "after", "along")},
+        **{name: np.zeros((count, 6)) for name in ("middle", "last")},
+        **{name: np.zeros(1, dtype=np.int64) for name in ("known", "called")},
+        "functions": np.array([_functions(law) for law in each], dtype=np.int64),
+        "free": np.array([~np.isin(np.arange(6), law.held) for law in each], dtype=float),
+        "metric": np.array([law.stiffness for law in each]),
+        "steps": np.array([(STEP * scale, DIFFERENCE * scale) for scale in scales]),
+        "noise": np.array([law.noise for law in each]),
+    }
 
 
 def structure_of_law(kind: Any) -> bool:

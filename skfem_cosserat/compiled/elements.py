@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..types import Floats, IndexArray
-from .jit import call_back, inlined, part
+from .jit import call, inlined, part
 from .numbers import (
     END,
     ENDS,
@@ -50,6 +50,7 @@ __all__ = [
     "Point",
     "add_geometric",
     "ask_for_moduli",
+    "ask_law",
     "at_point",
     "beam_force",
     "beam_predicted",
@@ -528,12 +529,16 @@ def stiff_by_law(D: Floats, es: Places, points: int, p: int, factor: float, a: F
 
 
 @inlined
-def ask_for_moduli(D: Floats, g: Any) -> None:
+def ask_law(g: Any, numbers: Floats, what: int) -> None:
+    """Have stresses, or what else laws give, made of the strains evaluated last."""
+    call(g.law[0], g.points, numbers, what)
+
+
+@inlined
+def ask_for_moduli(D: Floats, g: Any, numbers: Floats) -> None:
     """Have the stiffness of a law made for the strains evaluated last."""
     if D.ndim == 4:
-        law = g.law
-        if law[0] != 0:
-            call_back(law[0], MODULI_BY_LAW)
+        ask_law(g, numbers, MODULI_BY_LAW)
 
 
 @inlined
@@ -692,7 +697,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     base, turned, rotations, diagonal = g.base, g.turned, g.rotations, g.diagonal
     ne, nodes = base.shape
     points = len(shapes)
-    ask_for_moduli(stiffness, g)
+    ask_for_moduli(stiffness, g, numbers)
     table = np.empty((2, points, nodes))
     tabulated(shapes, slopes, table)
     XB, XR = np.empty(12 * nodes * WIDTH), np.empty(12 * nodes * WIDTH)

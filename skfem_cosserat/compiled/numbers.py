@@ -59,8 +59,10 @@ BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(31, 36
 CALLED_BACK = 36
 AT_BEGIN, AT_FORCE, AT_PREDICTED, AT_MATRIX = range(4)
 
-#: what beams of a stored energy ask for: stresses by strains, and their derivative
-STRESSES_BY_LAW, MODULI_BY_LAW = range(2)
+#: what beams of a stored energy ask for: stresses by strains, their derivative, and the energy at
+#: the start of a step; functions of a law that users had compiled
+STRESSES_BY_LAW, MODULI_BY_LAW, ENERGY_BY_LAW = range(3)
+ENERGY, COMPLEX_ENERGY, GRADIENT, COMPLEX_GRADIENT, HESSIAN = range(5)
 
 #: what a force element has in a step, columns of ``w.coupled``: step size; full turns of an angle
 #: at the start and at the end, or how far a rotation vector went; what is dissipated, the part of

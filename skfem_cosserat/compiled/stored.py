@@ -1,7 +1,8 @@
-"""Beams of which some have a stored energy: stresses and their derivative come from Python.
+"""Beams of which some have a stored energy: stresses and their derivative come from elsewhere.
 
 Strains and forces are those of :mod:`.elements`, :data:`WIDTH` elements at a time; between them all
-strains are handed to Python at once (:class:`skfem_cosserat.integrators.called_back.CalledLaws`).
+strains are handed at once to :mod:`.laws`, or to Python
+(:class:`skfem_cosserat.integrators.called_back.CalledLaws`).
 Parts take ``(g, w, numbers, flag)``; ``g.S0`` are the strains at the start of a step.
 """
 
@@ -14,6 +15,7 @@ import numpy as np
 from ..types import Floats
 from .elements import (
     ask_for_moduli,
+    ask_law,
     at_point,
     give,
     point_force,
@@ -22,8 +24,8 @@ from .elements import (
     take_elements,
     triple,
 )
-from .jit import call_back, inlined, part
-from .numbers import END, ENDS, SHARE, STRESSES_BY_LAW
+from .jit import inlined, part
+from .numbers import END, ENDS, ENERGY_BY_LAW, SHARE, STRESSES_BY_LAW
 from .simd import WIDTH, gather, scatter
 from .small import block, counted, dot, times
 
@@ -49,9 +51,10 @@ def measure(g: Any, y: Floats, out: Floats, X: Floats) -> None:
 
 @part
 def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Strains at the start of the step."""
+    """Strains at the start of the step, and stored energies."""
     base = g.base
     measure(g, w.y0, g.S0, np.empty(12 * base.shape[1] * WIDTH))
+    ask_law(g, numbers, ENERGY_BY_LAW)
     return 0.0
 
 
@@ -63,7 +66,7 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """
     if flag == 2:
         return 0.0
-    mid, S, f, law = w.mid, g.S, w.internal, g.law
+    mid, S, f = w.mid, g.S, w.internal
     lengths, N, dN, weights = g.lengths, g.N, g.dN, g.weights
     base, turned, rotations = g.base, g.turned, g.rotations
     ne, nn = base.shape
@@ -77,8 +80,7 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         if numbers[ENDS] != 0.0:
             y = w.y1
         measure(g, y, g.strains, X)
-        if law[0] != 0:
-            call_back(law[0], STRESSES_BY_LAW)
+        ask_law(g, numbers, STRESSES_BY_LAW)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         length = gather(lengths, es, 1, 0)
@@ -106,7 +108,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     base, turned, rotations = g.base, g.turned, g.rotations
     ne, nn = base.shape
     ng = len(N)
-    ask_for_moduli(moduli, g)
+    ask_for_moduli(moduli, g, numbers)
     X, V = np.empty(12 * nn * WIDTH), np.empty(12 * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)

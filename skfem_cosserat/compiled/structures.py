@@ -19,6 +19,7 @@ __all__ = [
     "BEAMS_BY_LAW",
     "CARRIED",
     "FLOW",
+    "LAW_POINTS",
     "PLAN",
     "PLANE_BEAMS",
     "PLANE_TREE",
@@ -33,6 +34,7 @@ __all__ = [
     "carried",
     "flow",
     "is_groups",
+    "law_points",
     "plan",
     "plane_beams",
     "plane_tree",
@@ -257,8 +259,20 @@ BEAMS = (
     *("diagonal", "rotations", "turned", "S0", "S", "predicted"),
 )
 #: elements of which some have a stored energy: stiffness by Gauss points, S0 the strains at the
-#: start; beside these the strains, and the address of what makes stresses and stiffness of them
-BEAMS_BY_LAW = (*BEAMS, "strains", "law")
+#: start; beside these the strains, the address of :func:`.laws.law_points`, which makes stresses
+#: and stiffness of them, and what it takes
+BEAMS_BY_LAW = (*BEAMS, "strains", "law", "points")
+#: Gauss points of such elements, one after the other: numbers of their laws (-1: quadratic),
+#: strains at the start of a step and now, stresses, their derivative (n, 36) and that at zero
+#: strain. What laws give: energies at both ends, stresses in the middle and at the end, derivatives
+#: along the increment. Whether the derivative is that of these strains; what is called back. Of
+#: each law: addresses of functions (0: called back), zero for strains that are held, the metric of
+#: increments, steps of derivatives, its noise
+LAW_POINTS = (
+    *("law", "start", "strains", "stresses", "moduli", "stiffness"),
+    *("before", "after", "middle", "last", "along", "known", "called"),
+    *("functions", "free", "metric", "steps", "noise"),
+)
 #: vertices of moments and whether these follow; of each pair of vertices that a force fixed in a
 #: body, or drag, couples: first rows of y of where it acts and of what it depends on, and the slot
 #: of their block
@@ -391,6 +405,11 @@ def beams(values: Sequence[Any]) -> Structure:
 def beams_by_law(values: Sequence[Any]) -> Structure:
     """Structure of the fields :data:`BEAMS_BY_LAW`."""
     return Structure("beams_by_law", BEAMS_BY_LAW, values)
+
+
+def law_points(values: Sequence[Any]) -> Structure:
+    """Structure of the fields :data:`LAW_POINTS`."""
+    return Structure("law_points", LAW_POINTS, values)
 
 
 def tree(values: Sequence[Any]) -> Structure:

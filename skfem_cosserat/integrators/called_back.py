@@ -8,7 +8,7 @@ energy fill in stresses, and the derivative of these by the strains.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,14 +19,14 @@ from ..compiled.numbers import (
     AT_FORCE,
     AT_MATRIX,
     AT_PREDICTED,
+    ENERGY_BY_LAW,
     MODULI_BY_LAW,
     STRESSES_BY_LAW,
 )
-from ..kernels import skew
+from ..kernels import BeamElements, skew
 from ..model import System
 from ..model.balance import Amplitudes
 from ..model.force_elements import CoupledForce, CoupledStart, Couplings
-from ..model.groups import BeamGroup
 from ..types import Floats, IndexArray
 from .scheme import Scheme, State, StepWork
 
@@ -120,61 +120,79 @@ class Called:
 
 
 class CalledLaws(Called):
-    """Stresses of beam elements of which some have a stored energy, in compiled steps.
+    """Functions of stored energies that are not compiled, in compiled steps.
+
+    Kernels make stresses of what they give, and the derivative of these; see
+    :mod:`skfem_cosserat.compiled.laws`.
 
     Parameters
     ----------
-    group : BeamGroup
-    arrays : dict
-        Those of its structure, in place: "S0" the strains at the start of a step, "strains" those
-        of an iteration, "S" stresses, "stiffness" their derivative (ne, ng, 6, 6), "law".
-    scheme : Scheme
+    elements : BeamElements
+    points : dict
+        Arrays of its Gauss points, see :data:`skfem_cosserat.compiled.structures.LAW_POINTS`.
+    laws : sequence of int
+        Numbers of the laws.
+    ends : bool
+        Whether stresses are discrete derivatives.
     """
 
-    def __init__(self, group: BeamGroup, arrays: dict[str, Any], scheme: Scheme) -> None:
-        super().__init__({STRESSES_BY_LAW: self._stresses, MODULI_BY_LAW: self._moduli}, self._fail)
-        self.scheme = scheme
-        self._group, self._arrays = group, arrays
-        self._known = False
-        arrays["law"][0] = self.address
-
-    def _stresses(self) -> None:
-        self._known = False
-        group, s, eps, S = self._group, self.scheme, self._arrays["strains"], self._arrays["S"]
-        with np.errstate(all="ignore"):
-            if not s.ends:
-                S[:] = group.stress(eps)
-                return
-            eps0, D = self._arrays["S0"], group.elements.stiffness
-            S[:] = group.discrete_stress(eps0, eps0 @ D, eps)
-            if s.decay:
-                S += (0.5 * s.decay) * ((eps - eps0) @ D)
-
-    def _moduli(self) -> None:
-        """Kernels multiply them with the share that the end has in the stresses."""
-        if self._known:
-            return
-        self._known = True
-        group, s, eps, elements = (
-            self._group,
-            self.scheme,
-            self._arrays["strains"],
-            self._group.elements,
+    def __init__(
+        self, elements: BeamElements, points: dict[str, Any], laws: Sequence[int], ends: bool
+    ) -> None:
+        stages: dict[int, Callable[[], None]] = {
+            ENERGY_BY_LAW: self._energy,
+            STRESSES_BY_LAW: self._stresses,
+            MODULI_BY_LAW: self._moduli,
+        }
+        super().__init__(stages, self._fail)
+        self.ends = ends
+        self._stored = [elements.stored[k] for k in laws]
+        ne, ng = len(elements.lengths), len(elements.points)
+        #: by elements and points
+        self._arrays = SimpleNamespace(
+            **{
+                name: points[name].reshape(ne, ng, *shape)
+                for name, shape in (
+                    *dict.fromkeys(("start", "strains", "middle", "last"), (6,)).items(),
+                    *dict.fromkeys(("before", "after", "along"), ()).items(),
+                    ("moduli", (6, 6)),
+                )
+            }
         )
-        D = self._arrays["stiffness"]
-        with np.errstate(all="ignore"):
-            if s.ends:
-                D[:] = group.discrete_moduli(self._arrays["S0"], eps)
-                if s.decay:
-                    D += s.decay * elements.weighted_stiffness
-                    D /= 1 + s.decay
+        points["called"][0] = self.address
+
+    def _energy(self) -> None:
+        a = self._arrays
+        for ids, law in self._stored:
+            a.before[ids] = law.energy(a.start[ids])
+
+    @np.errstate(all="ignore")  # what is not finite is given up by the solver
+    def _stresses(self) -> None:
+        a = self._arrays
+        for ids, law in self._stored:
+            eps = a.strains[ids]
+            if not self.ends:
+                a.middle[ids] = law.stress(eps)
+                continue
+            eps0 = a.start[ids]
+            a.middle[ids], a.along[ids] = law.beside(0.5 * (eps0 + eps), eps - eps0)
+            a.after[ids] = law.energy(eps)
+
+    @np.errstate(all="ignore")
+    def _moduli(self) -> None:
+        a = self._arrays
+        for ids, law in self._stored:
+            eps = a.strains[ids]
+            if self.ends:
+                a.moduli[ids] = law.tangent(0.5 * (a.start[ids] + eps))
+                a.last[ids] = law.stress(eps)
             else:
-                D[:] = group.moduli(eps)
-            D /= elements.measure[..., None]
+                a.moduli[ids] = law.tangent(eps)
 
     def _fail(self) -> None:
         """Nothing is found with these."""
-        self._arrays["S"][:] = np.nan
+        for ids, _ in self._stored:
+            self._arrays.middle[ids] = np.nan
 
 
 class RowBlocks:

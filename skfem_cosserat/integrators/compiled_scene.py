@@ -9,9 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.numbers import (
-    NUMBERS,
-)
+from ..compiled.numbers import ENERGY, NUMBERS
 from ..compiled.plan import Plan, following, plan_of
 from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
@@ -238,12 +236,16 @@ class CompiledScene:
         return numbers_of(scheme) | {"reach": 1 / scheme.rate if self.late else 0.0}
 
     def _called_laws(self) -> list[CalledLaws]:
-        """What evaluates stored energies for the kernels."""
-        return [
-            CalledLaws(group, fields, self.scheme)
-            for group, fields in zip(self.system.beam_groups, self._beams, strict=False)
-            if group.elements.stored
-        ]
+        """What evaluates stored energies that are not compiled for the kernels."""
+        found = []
+        for group, fields in zip(self.system.beam_groups, self._beams, strict=False):
+            points = fields.get("law_points")
+            if points is None:
+                continue
+            laws = np.flatnonzero(points["functions"][:, ENERGY] == 0).tolist()
+            if laws:
+                found.append(CalledLaws(group.elements, points, laws, self.scheme.ends))
+        return found
 
     def complain(self) -> None:
         """Raise what could not be raised when compiled code called Python."""
@@ -266,7 +268,7 @@ class CompiledScene:
                 found = connected_parts(system)
                 separate = found.part, found.free.astype(float)
             w, self._arrays = bind.bound_work(system, self.plan, self.late, separate)
-            g, self._beams = bind.bound_groups(system, self.plan, viscous)
+            g, self._beams = bind.bound_groups(system, self.plan, viscous, self._kept_only)
             table = bind.addresses(parts, (s, m, w, g), kept_only=self._kept_only)
         if len(self.plan.rest):
             A, x = self._arrays["A"], self._arrays["x"]

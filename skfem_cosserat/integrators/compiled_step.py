@@ -409,8 +409,6 @@ class CompiledStep(CompiledScene):
         self._record[KEPT] = 0.0
         self.h, self.scheme, self._factors = h, scheme, None
         self._set_rates(scheme)
-        for law in self._laws:
-            law.scheme = scheme
         self._coupled.resize(scheme, h)
         self._resist(h)
         return self
