@@ -32,13 +32,15 @@ class SectionHyperelastic(Section):
     :class:`EnergyMomentum` energy is kept exactly by a discrete derivative of W. What is linear
     about the reference (Rayleigh damping, ``damped(time=...)``, linear buckling) takes the second
     derivative at zero strain, which is its `stiffness`. Compiled kernels call the functions in each
-    iteration, for all Gauss points at once, which takes most of the time of a step.
+    iteration, for all Gauss points at once, which takes most of the time of a step; less, if all
+    of the functions are compiled by numba (``numba.njit``) for the strains (6,) of one point.
 
     Parameters
     ----------
     energy : callable
         Strains (..., 6), in the order ``(Gamma_1, Gamma_2, Gamma_3, K_1, K_2, K_3)``, to
-        W (...) in J/m, vectorised: for any number of strains at once, each by itself. Zero at zero
+        W (...) in J/m, vectorised: for any number of strains at once, each by itself; compiled by
+        numba, of one point: (6,) to a number, and so with its derivatives. Zero at zero
         strain, without stress there, and with a positive definite second derivative.
     mass, inertia, outline, viscosity, centre
         As for :class:`Section`.
@@ -139,6 +141,7 @@ def stored_law(
     law = LawStored(energy, gradient, hessian, np.diag(scale**-2))
     points = _points(scale, strains)
     _check_calls(law, given, points)
+    _compare(law, "gradient", points, made=gradient is None)
     axial = float(np.diag(difference(law.stress, zero, DIFFERENCE * scale)[0])[2])
     sizes = axial / scale
     if abs(rest) > AT_REST * axial:
@@ -150,7 +153,6 @@ def stored_law(
             f"{STRESSES[i]} = {stress[i]:g} at zero strain: strains count from the reference, which"
             " has to be free of stress (an equilibrium under load is found by static(...))",
         )
-    _compare(law, "gradient", points, made=gradient is None)
     complex_step = hessian is None and gradient is not None and _analytic(law, points)
     law = LawStored(energy, gradient, hessian, np.diag(scale**-2), complex_step)
     _compare(law, "hessian", points)
@@ -291,7 +293,7 @@ def _compare(law: LawStored, name: str, points: Floats, made: bool = False) -> N
     if made:
         hint = (
             "energy is not analytic, as the complex step needs it to be (abs, comparisons,"
-            " conversions to real numbers?): give its gradient; worst"
+            " conversions to real numbers, with numba powers above 2?): give its gradient; worst"
         )
     else:
         hint = f"{name} is not the derivative of the {of}; worst"

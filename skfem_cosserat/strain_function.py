@@ -51,10 +51,10 @@ class CompiledFunction:
                 text = f"compiled by numba, it gives {found} for the strains (6,) of one point"
                 raise ValueError(f"{text}, expected {self.shape}")
             self._each(rows, out, len(rows))
-        except NumbaError as error:
-            why = next((line for line in str(error).splitlines()[1:] if line.strip()), "")
+        except (NumbaError, NotImplementedError) as error:
             text = f"numba cannot compile it for {given.dtype} strains (6,) of one point"
-            raise TypeError(f"{text}: {why.strip()}") from error
+            why = [line.strip() for line in str(error).splitlines() if line.strip()]
+            raise TypeError(f"{text}: {' '.join(why[:2])}") from error
         return out.reshape((*given.shape[:-1], *self.shape))
 
     def address(self, kind: type) -> int:

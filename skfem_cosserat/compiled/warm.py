@@ -34,7 +34,7 @@ def stamp() -> str:
     """Of all sources that are compiled."""
     digest = hashlib.sha256()
     folder = Path(__file__).parent
-    others = [folder.parent / name for name in ("newton.py", "model/coordinates.py")]
+    others = [folder.parent / name for name in ("newton.py", "law.py", "model/coordinates.py")]
     for path in [*sorted(folder.rglob("*.py")), *others]:
         digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -14,6 +14,7 @@ from helpers_kernels import (
     needs_numba,
 )
 from helpers_scenes import FULL, TENSOR
+from rounding import EPS, ROOM, nudged
 from scipy.integrate import solve_ivp
 from test_tangents import Step, worst
 
@@ -674,6 +675,121 @@ def test_kernels_find_the_same_equilibria():
     assert (plain.meta["kernels"], compiled.meta["kernels"]) == ("numpy", "numba")
     assert plain["newton_iterations"].tolist() == compiled["newton_iterations"].tolist()
     assert abs(plain["q"] - compiled["q"]).max() < 1e-11
+
+
+def quartic_of_points():
+    """The quartic energy compiled by numba for one point, its gradient and second derivative."""
+    from numba import njit
+
+    D, bend, axial, twist = FULL, QUARTIC.bend, QUARTIC.axial, QUARTIC.twist
+
+    @njit
+    def energy(eps):
+        squares = eps * eps  # numba's higher powers of complex numbers lose small imaginary parts
+        kappa = squares[3] + squares[4]
+        W = bend * kappa**2 + axial * squares[2] ** 2 + twist * squares[5] ** 2
+        for i in range(6):
+            for j in range(6):
+                W += 0.5 * eps[i] * D[i, j] * eps[j]
+        return W
+
+    @njit
+    def gradient(eps):
+        out = 0.0 * eps
+        for i in range(6):
+            for j in range(6):
+                out[i] += D[i, j] * eps[j]
+        out[2] += 4 * axial * eps[2] ** 3
+        out[3] += 4 * bend * (eps[3] ** 2 + eps[4] ** 2) * eps[3]
+        out[4] += 4 * bend * (eps[3] ** 2 + eps[4] ** 2) * eps[4]
+        out[5] += 4 * twist * eps[5] ** 3
+        return out
+
+    @njit
+    def real_gradient(eps):
+        return gradient(eps.real.copy())
+
+    @njit
+    def hessian(eps):
+        out = D.copy()
+        for i in range(3, 5):
+            out[i, i] += 4 * bend * (eps[3] ** 2 + eps[4] ** 2)
+            for j in range(3, 5):
+                out[i, j] += 8 * bend * eps[i] * eps[j]
+        out[2, 2] += 12 * axial * eps[2] ** 2
+        out[5, 5] += 12 * twist * eps[5] ** 2
+        return out
+
+    return {
+        "energy": (energy, {}),
+        "gradient": (energy, {"gradient": gradient}),
+        "real gradient": (energy, {"gradient": real_gradient}),
+        "hessian alone": (energy, {"hessian": hessian}),
+        "both": (energy, {"gradient": gradient, "hessian": hessian}),
+    }
+
+
+WAYS = ("energy", "gradient", "real gradient", "hessian alone", "both")
+SCHEMES = [*INTEGRATORS.values(), sc.EnergyDecaying(0.2, velocity=False)]
+
+
+@needs_numba
+@pytest.mark.parametrize("way", WAYS)
+def test_functions_of_points_are_those_of_stacks(way):
+    energy, derivatives = quartic_of_points()[way]
+    law, eps = section(energy, **derivatives).law, 0.3 * np.random.default_rng(0).random((3, 4, 6))
+    S, C = QUARTIC.gradient(eps), QUARTIC.hessian(eps)
+    assert abs(law.energy(eps) - QUARTIC(eps)).max() < 1e-14 * QUARTIC(eps).max()
+    assert abs(law.stress(eps) - S).max() < 1e-14 * abs(S).max()
+    assert abs(law.tangent(eps) - C).max() < 1e-9 * abs(C).max()
+    assert law.stress(eps[0, 0]).shape == (6,) and law.energy(eps[:0]).shape == (0, 4)
+    again = pickle.loads(pickle.dumps(section(energy, **derivatives)))
+    assert (again.law.stress(eps) == law.stress(eps)).all()
+
+
+@needs_numba
+@pytest.mark.parametrize("way", WAYS)
+def test_kernels_call_compiled_functions_without_python(way):
+    energy, derivatives = quartic_of_points()[way]
+    system, start = with_joints(section(energy, **derivatives))
+    for scheme in SCHEMES:
+        run = system, scheme, sc.NullSpace(), 2e-3
+        steppers = [sc.Stepper(*run, kernels=kernels) for kernels in ("numba", "numpy", "numpy")]
+        assert steppers[0]._fast._laws == []
+        states = [start, start, nudged(start)]
+        for _ in range(10):
+            states = [s.advance(x).state for s, x in zip(steppers, states, strict=True)]
+        for name in ("q", "p"):
+            a, b, c = (getattr(state, name) for state in states)
+            room = ROOM * 10 * max(abs(b - c).max(), EPS * abs(b).max())
+            assert abs(a - b).max() <= room, (str(scheme), name)
+
+
+@needs_numba
+def test_compiled_functions_beside_those_of_python_and_held_strains():
+    energy, derivatives = quartic_of_points()["both"]
+    model = sc.Model()
+    last = sc.ground((0, 0, 0))
+    for k, made in enumerate((section(energy, **derivatives), section(QUARTIC))):
+        mesh = sc.MeshCurve.init_line((k, 0, 0), (k + 1, 0, 0), 2, name="l")
+        theory = sc.TheoryKirchhoff() if k == 0 else sc.TheoryReissner()
+        own = sc.Beam(mesh, made, order=1, director=(0, 0, 1), theory=theory)
+        beam = model.add(f"beam {k}", own)
+        model.add(f"weld {k}", sc.JointFixed(last, beam.node("l.start")))
+        last = beam.node("l.end")
+    model.add("push", sc.LoadForce(last, (20.0, 30.0, 5.0), np.sin))
+    assert_same(*both(model.freeze(), "energy-momentum", "null space", 2e-3, 0.02))
+
+
+@needs_numba
+def test_compiled_functions_that_do_not_do_are_named():
+    from numba import njit
+
+    refused("numba cannot compile it for float64 strains", njit(lambda eps: eps.nothing))
+    refused(r"gives \(6,\) for the strains \(6,\) of one point", njit(lambda eps: eps))
+    refused("numba cannot compile it for complex128", njit(lambda eps: max(eps[2], eps[3])))
+    powers = njit(lambda eps: 1e3 * (eps * eps).sum() + 1e6 * (eps**4).sum())
+    refused("with numba powers above 2.*give its gradient", powers)
 
 
 class Failing(Quartic):
