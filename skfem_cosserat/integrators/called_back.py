@@ -1,8 +1,8 @@
 """What has no kernels of its own in compiled steps: evaluated by numpy, called back.
 
 Compiled code calls a Python function at the stages of an iteration. Loads that are functions add
-their forces to the rows of y, and their 3x3 blocks to those of the matrix. Sections of a stored
-energy fill in stresses, and the derivative of these by the strains.
+their forces to the rows of y, and their 3x3 blocks to those of the matrix. Sections give what the
+functions of their stored energies do, unless these are compiled.
 """
 
 from __future__ import annotations
