@@ -17,6 +17,8 @@ from test_tangents import TOLERANCE, Step, worst
 
 import skfem_cosserat as sc
 from skfem_cosserat import Stepper, diagnostics
+from skfem_cosserat.integrators import StepOrigin
+from skfem_cosserat.integrators.stepper import Code, Failure
 
 SCHEMES = {
     "alpha": sc.GeneralizedAlpha(0.7, stabilized=False),
@@ -802,6 +804,10 @@ def test_composed_steps_say_where_they_fail():
             system, sc.Composition(sc.Variational()), NULL, 0.5, 1.0, start=start, settings=settings
         )
     assert (caught.value.step, caught.value.time) == (1, 0.0)
+    stepper = Stepper(system, sc.Variational(), NULL, 0.5, settings)
+    failure = stepper.attempts(start, 0.5, 0.5, StepOrigin("variational", 0.5))
+    assert isinstance(failure, Failure) and failure.code is Code.UNSOLVED
+    assert failure.state is start and len(failure.residuals) == 4
     stepper = Stepper(system, sc.Composition(sc.EnergyMomentum()), NULL, 0.1)
     with pytest.raises(sc.IncompatibleError, match=r"Composition\(Energy.*see EnergyMomentum\(\)"):
         stepper.iteration_matrix(start)
