@@ -888,7 +888,7 @@ class Stepper:
             made_by=origin,
         )
         self._end = y1[: self.system.rows].reshape(-1), evaluation
-        solved = Solved(self.system, self.integrator.single, of.h, state, y1, impulse)
+        solved = Solved(self.system, of.balance.integrator, of.h, state, y1, impulse)
         return StepReport(new, iterations, attempts, report.residual, finished.work, solved)
 
     def _accept_compiled(
@@ -914,7 +914,7 @@ class Stepper:
         q, p = rows.ravel(), p.ravel()
         new = State(time, state.index + 1, q, p, False, fast.turns(), memory, origin)
         self._first = False
-        solved = Solved(self.system, self.integrator.single, of.h, state, y1, impulse)
+        solved = Solved(self.system, of.balance.integrator, of.h, state, y1, impulse)
         return StepReport(new, iterations, 1, residual, work, solved)
 
     def iteration_matrix(self, state: State, scaled: bool = True) -> tuple[Floats, StepReport]:
