@@ -63,12 +63,13 @@ class RandomScene(NamedTuple):
     step: float
     settings: sc.NewtonSettings
     start: sc.State
+    every: int
 
     def run(self, kernels: str, start: sc.State | None = None) -> sc.History:
         """Some steps."""
-        own = {"settings": self.settings, "start": start or self.start, "kernels": kernels}
         until = self.start.time + STEPS * self.step
-        return sc.simulate(*self[1:4], self.step, until, **own)
+        own = {"start": start or self.start, "every": self.every, "settings": self.settings}
+        return sc.simulate(*self[1:4], self.step, until, kernels=kernels, **own)
 
     def __str__(self) -> str:
         items = Counter(type(self.model[name]).__name__ for name in self.model)
@@ -98,9 +99,9 @@ def _drawn(rng: np.random.Generator) -> RandomScene:
     speed = 1.0 if rng.random() < 0.9 else 0.0
     start = sc.initial_state(system, nu=speed * rng.standard_normal(system.unknowns))
     settings = sc.NewtonSettings() if rng.random() < 0.5 else sc.NewtonSettings(reuse=0)
-    return RandomScene(
-        model, system, integrator, treatment, _step(rng, integrator, system), settings, start
-    )
+    step = _step(rng, integrator, system)
+    every = int(rng.choice((1, 1, 5)))  # what is not recorded may be done in one call
+    return RandomScene(model, system, integrator, treatment, step, settings, start, every)
 
 
 def _step(rng: np.random.Generator, integrator: sc.Integrator, system: sc.System) -> float:
