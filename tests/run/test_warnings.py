@@ -275,7 +275,7 @@ def test_the_guide_tells_how_to_make_warnings_errors():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 1 and "ModelWarning: a: b" in done.stderr
-    page = Path(__file__).parents[2] / "examples" / "guide" / "05_trust.md"
+    page = Path(__file__).parents[2] / "examples" / "guide" / "01_first_steps.md"
     text = page.read_text(encoding="utf-8")
     assert 'warnings.simplefilter("error", sc.CosseratWarning)' in text
     assert "-W error" not in text
