@@ -222,6 +222,8 @@ class BoundTreatment(ABC):
     unknowns: int
     sought: Any
     moved: Array
+    #: solver that is asked for; None: by size
+    asked: Solver | None = None
     #: sizes of the terms of the last rows of the residual, which are no balance but constraints
     gap_terms: Floats = np.zeros(0)
     #: factor of these rows in the matrix
@@ -299,7 +301,15 @@ class BoundTreatment(ABC):
 
     def solve_with(self, solver: Solver) -> None:
         """Take this solver for the linear systems, not the one chosen by their size."""
-        self.solver = LinearSolver(self.solver.pattern, solver)
+        self.asked = solver
+        if "solver" in vars(self):
+            self.solver = LinearSolver(self.solver.pattern, solver)
+
+    @property
+    def factorisations(self) -> int:
+        """So far."""
+        made = vars(self).get("solver")  # compiled steps leave it unmade
+        return 0 if made is None else made.factorisations
 
     def relative(self, residual: Array, term: float) -> float:
         """Size of a residual against the largest term of the balance; constraints by their own."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -300,14 +301,12 @@ class BoundNullSpace(BoundTreatment):
             which: [None if r is None else NullSpaceBlocks(r, kin.total, count) for r in rows]
             for which, count in ((("both", 2),) if weight else (("left", 1), ("right", 1)))
         }
-        self._make_pattern()
-        if kin.elements is not None and self.pattern.nnz > CROWDED:
-            warn(
-                " and ".join(sorted({element.label for element, _ in system.tree.elements})),
-                "all of its rotations move what hangs on them, which makes a full matrix of"
-                f" {self.unknowns} unknowns; Multipliers() has a sparse one",
-                PerformanceWarning,
-            )
+        self._loops = len(self.closure.rows) > 0
+        self._curved, loop_pairs = system.constraints.curvature_of(self.closure.rows)
+        curved = self._loops and weight > 0
+        #: pairs of rows of y with 3x3 blocks: couplings, then curvature of loop rows
+        self._row_pairs = np.vstack([system.coupled_rows, loop_pairs[: len(loop_pairs) * curved]])
+        *self._Z, self._ones = self.closure.null_pattern()
         turning = np.zeros(kin.unknowns, dtype=bool)
         turning[self.nodal.rotating] = True
         #: numbers of shifts, then of rotations, and where they begin
@@ -328,7 +327,24 @@ class BoundNullSpace(BoundTreatment):
             if id(each.elements[0].item) in g.slices
         ]
 
-    def _make_pattern(self) -> None:
+    @cached_property
+    def solver(self) -> LinearSolver:  # type: ignore[override]
+        """Made when it is first asked for: compiled steps take none, and it is full for chains."""
+        pattern, kin = self._congruence.pattern, self.kin
+        if self._loops:
+            pattern = self._reduction.pattern
+        if kin.elements is not None and pattern.nnz > CROWDED:
+            warn(
+                " and ".join(sorted({element.label for element, _ in self.system.tree.elements})),
+                "all of its rotations move what hangs on them, which makes a full matrix of"
+                f" {self.unknowns} unknowns; Multipliers() has a sparse one",
+                PerformanceWarning,
+            )
+        return LinearSolver(pattern, self.asked)
+
+    @cached_property
+    def _congruence(self) -> Congruence:
+        """From blocks by twists to the tree's coordinates."""
         system, kin = self.system, self.kin
         dofs = [
             (kin.twist_of[g.vertices][:, :, None] + np.arange(6 if g.framed else 3)).reshape(
@@ -336,11 +352,6 @@ class BoundNullSpace(BoundTreatment):
             )
             for g in system.groups
         ]
-        self._loops = len(self.closure.rows) > 0
-        self._curved, loop_pairs = system.constraints.curvature_of(self.closure.rows)
-        curved = self._loops and self.weight > 0
-        #: pairs of rows of y with 3x3 blocks: couplings, then curvature of loop rows
-        self._row_pairs = np.vstack([system.coupled_rows, loop_pairs[: len(loop_pairs) * curved]])
         i, j = group_pairs(system, dofs)
         ci, cj = pair_numbers(self._row_pairs, kin.row_twist)
         i, j = np.concatenate([i, ci]), np.concatenate([j, cj])
@@ -351,25 +362,18 @@ class BoundNullSpace(BoundTreatment):
             j = np.concatenate([j, np.tile(omega, (1, 3)).ravel()])
             if len(kin.tree.pairs):
                 extra = kin.curvature_pattern()
-        self._congruence = Congruence(
-            (i, j), extra, (kin.T_rows, kin.T_cols, kin.ones), (kin.n_twist, kin.unknowns)
-        )
-        self.pattern = self._congruence.pattern
-        if self._loops:
-            tree = self.pattern
-            cols = np.repeat(np.arange(tree.shape[1]), np.diff(tree.indptr))
-            Z = self.closure.null_pattern()
-            none = np.zeros(0, dtype=np.int64)
-            self._ones = Z[2]
-            self._reduction = Congruence(
-                (tree.indices, cols),
-                (none, none),
-                (Z[0], Z[1], np.arange(Z[2])),
-                (kin.unknowns, self.unknowns),
-            )
-            self.pattern = self._reduction.pattern
-            self._Z = (Z[0], Z[1])
-        self.solver = LinearSolver(self.pattern)
+        T = kin.T_rows, kin.T_cols, kin.ones
+        return Congruence((i, j), extra, T, (kin.n_twist, kin.unknowns))
+
+    @cached_property
+    def _reduction(self) -> Congruence:
+        """From the tree's coordinates to those that closed loops leave free."""
+        tree = self._congruence.pattern
+        cols = np.repeat(np.arange(tree.shape[1]), np.diff(tree.indptr))
+        none = np.zeros(0, dtype=np.int64)
+        Z = self._Z[0], self._Z[1], np.arange(self._ones)
+        pairs = (tree.indices, cols), (none, none)
+        return Congruence(*pairs, Z, (self.kin.unknowns, self.unknowns))
 
     # -- a step ----------------------------------------------------------------------------------
 

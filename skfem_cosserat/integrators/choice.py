@@ -48,30 +48,23 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
     if scheme is None or type(integrator.single.balance(system, 1.0)) not in BALANCES:
         name = integrator.name
         return f"there are no compiled kernels for the {name} integrator, whose balance is its own"
-    return _missing(
-        treatment,
-        (NullSpace, Multipliers),
-        {
-            **_whole(treatment),
-        },
-    )
+    return static_refusal(treatment)
 
 
 def static_refusal(treatment: Treatment) -> str | None:
     """Why equilibria cannot be found by compiled kernels; None: they can."""
-    return _missing(treatment, (NullSpace, Multipliers), _whole(treatment))
-
-
-def _whole(treatment: Treatment) -> dict[str, bool]:
+    if not isinstance(treatment, (NullSpace, Multipliers)):
+        return f"there are no compiled kernels for {treatment.name}"
     whole = isinstance(treatment, Multipliers) and treatment.full
-    return {"the full system of multipliers": whole}
+    return "there are no compiled kernels for the full system of multipliers" if whole else None
 
 
 def in_space(system: System, integrator: Integrator) -> bool:
     """Whether a scene in a plane takes the kernels of space: those of the plane do less.
 
     They have dead loads, ground at rest, no force elements and damping, sections whose energy is
-    quadratic, and schemes without an extra velocity.
+    quadratic, and schemes without an extra velocity. Nor do they leave anything to a sparse solver,
+    see :func:`choose_kernels`.
     """
     scheme = integrator.single.scheme(1.0)
     return system.plane is not None and (
@@ -100,16 +93,6 @@ def _oblique(system: System) -> bool:
     return False
 
 
-def _missing(
-    treatment: Treatment, kinds: tuple[type[Treatment], ...], reasons: dict[str, bool]
-) -> str | None:
-    """What there are no compiled kernels for, of treatments and of what a scene may have."""
-    if not isinstance(treatment, kinds):
-        return f"there are no compiled kernels for {treatment.name}"
-    found = [what for what, there in reasons.items() if there]
-    return f"there are no compiled kernels for {', '.join(found)}" if found else None
-
-
 # -- which kernels step a scene: plain numpy, or compiled ones -------------------------------------
 
 MadeT = TypeVar("MadeT")
@@ -128,10 +111,6 @@ FACTOR = 15
 #: how much slower plain kernels are where lines of beams are eliminated: 4 to 7 times as measured
 #: for 20 elements, more for more
 ELIMINATED = 5
-LEAVES = (
-    "there are no compiled kernels in a plane where elimination fills in or"
-    " leaves something to a solver that is asked for"
-)
 SWITCHED_OFF = "numba does not compile: NUMBA_DISABLE_JIT is set"
 #: oldest version of numba that compiles the kernels
 NUMBA = (0, 63)
@@ -140,11 +119,12 @@ STEPS = 1000
 
 
 class Choice(NamedTuple):
-    """Kernels, and why; for compiled ones, how they eliminate."""
+    """Kernels, and why; how compiled ones eliminate, and whether a plane takes those of space."""
 
     name: str
     why: str
     plan: Plan | None = None
+    space: bool = False
 
 
 def estimated_seconds(system: System, steps: int, iterations: int = ITERATIONS) -> float:
@@ -170,15 +150,16 @@ def choose_kernels(
     if system.kinematics.elements is not None and not isinstance(treatment, Multipliers):
         seconds *= ELIMINATED
     refused = refusal(system, integrator, treatment)
-
     space = in_space(system, integrator)
+    if not (space or system.plane is None or refused) and (kernels == "numba" or seconds > READING):
+        space = len(plan_of(stepped(system, treatment, False), solver is not None).rest) > 0
 
     def trial(plan: Plan) -> None:
         chosen = integrator.single, treatment, 1.0, NewtonSettings(), plan, solver
         compiled_step(system, *chosen, space=space, kept_only=True)
 
     scene = stepped(system, treatment, space)
-    return choose(kernels, scene, refused, seconds, solver, trial)
+    return choose(kernels, scene, refused, seconds, solver, trial)._replace(space=space)
 
 
 def choose(
@@ -225,10 +206,7 @@ def choose(
         if hindrance:
             needs = "kernels='numba' needs numba: pip install 'skfem-cosserat[fast]'"
             raise ImportError(f"{needs} ({hindrance})")
-        plan = _plan(system, solver)
-        if plan is None:
-            raise InputError("argument kernels", f"'numba': {LEAVES}")
-        return Choice("numba", "asked for", plan)
+        return Choice("numba", "asked for", plan_of(system, solver is not None))
     if refused:
         return Choice("numpy", refused)
     if seconds < WORTHWHILE:
@@ -243,9 +221,7 @@ def choose(
             PerformanceWarning,
         )
         return Choice("numpy", hindrance)
-    plan = _plan(system, solver)
-    if plan is None:
-        return Choice("numpy", LEAVES)
+    plan = plan_of(system, solver is not None)
     return Choice("numba", f"about {seconds:.2g} s of work with numpy", plan)
 
 
@@ -309,9 +285,7 @@ def _kept(
     """Elimination, if reading kernels pays and none has to be compiled; else None."""
     if seconds < READING or not promising() or _hindrance():
         return None
-    plan = _plan(system, solver)
-    if plan is None:
-        return None
+    plan = plan_of(system, solver is not None)
     try:
         trial(plan)
     except NotKept:
@@ -319,9 +293,3 @@ def _kept(
     except compile_errors():  # warned of where it is worth while
         return None
     return plan
-
-
-def _plan(system: System, solver: Solver | None) -> Plan | None:
-    """Elimination; None if it leaves to a sparse solver what compiled kernels do not give it."""
-    plan = plan_of(system, solver is not None)
-    return None if system.plane is not None and len(plan.rest) else plan

@@ -21,7 +21,7 @@ from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray, check_kind, positive, whole
 from ..warn import Notices, listening, logger, warn
 from .base import Integrator, March
-from .choice import built, choose_kernels, in_space
+from .choice import built, choose_kernels
 from .compiled_step import CompiledStep, compiled_step
 from .scheme import State, StepOrigin, StepWork
 from .step_balance import Evaluation, StepBalance, StepData
@@ -491,13 +491,15 @@ class Stepper:
                     announce(text)
             for share in integrator.shares or (1.0,):
                 self._make(share * self.h, solver)
+        # a solver that the steps take is made, and may warn, before they begin
+        logger.info("%s kernels, linear systems: %s", self.choice.name, self.method)
 
     def _make(self, h: float, solver: Solver | None) -> None:
         """Balance and kernels for steps of a size (s)."""
         system, one, plan = self.system, self.integrator.single, self.choice.plan
         balance = one.balance(system, h)
         chosen = one, self.treatment, h, self.settings, plan, solver
-        space = in_space(system, one)
+        space = self.choice.space
         self.choice, fast = built(self.choice, lambda: compiled_step(system, *chosen, space=space))
         self._sizes[h] = _Size(h, balance, fast)
 
@@ -525,7 +527,7 @@ class Stepper:
     def factorisations(self) -> int:
         """So far."""
         compiled = [of.fast.factorisations for of in self._sizes.values() if of.fast is not None]
-        return self.bound.solver.factorisations + sum(compiled)
+        return self.bound.factorisations + sum(compiled)
 
     @property
     def linear(self) -> LinearSolver | None:

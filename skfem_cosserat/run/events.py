@@ -511,7 +511,7 @@ class EventMonitor:
     def step(self, state: State, size: float, like: float) -> StepReport:
         """A step of any size (s) from a state; `like`: the size of those of the run."""
         if self._stepper is None:
-            self._stepper = self.factory.changed(self.system, like)
+            self._stepper = self.factory(self.system, like)
         return self._stepper.advance(state, state.time + size, size)
 
     def _often(self, event: Event, state: State, step: float) -> None:

@@ -113,7 +113,7 @@ class RunLoop:
         stepper = self.plan.stepper
         if self.state is not start:
             if system is not before:
-                stepper = self.factory.changed(system, self.plan.h)
+                stepper = self.factory(system, self.plan.h)
             self.recorder.switch(start, system, stepper, self.state, self.plan.h, losses)
         else:
             self.recorder.note()

@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 
 from ..constraints import Treatment
-from ..errors import Diverged, IncompatibleError, InputError, PerformanceWarning
+from ..errors import Diverged, IncompatibleError, InputError
 from ..frozen import Frozen
 from ..integrators import Integrator, State, Stepper, StepReport
-from ..integrators.choice import refusal
 from ..linear import Solver
 from ..model import System
 from ..newton import NewtonSettings
 from ..types import Floats, positive
-from ..warn import logger, warn
+from ..warn import logger
 
 __all__ = [
     "ControlledSteps",
@@ -56,14 +55,6 @@ class StepperFactory:
         """A stepper."""
         more = self.settings, self.kernels, self.steps, self.solver, self.announce
         return Stepper(system, self.integrator, self.treatment, h, *more)
-
-    def changed(self, system: System, h: float) -> Stepper:
-        """A stepper for a system that has changed: plain kernels if there are no compiled ones."""
-        if self.kernels == "numba" and (why := refusal(system, self.integrator, self.treatment)):
-            text = f"{why}; after an event that changed the scene numpy goes on, far more slowly"
-            warn("compiled kernels", text, PerformanceWarning)
-            self.kernels = "numpy"
-        return self(system, h)
 
 
 class SteppingPlan(ABC):

@@ -819,7 +819,7 @@ class PathSolver:
     def factorisations(self) -> int:
         """So far."""
         compiled = 0 if self._fast is None else self._fast.factorisations
-        return self.bound.solver.factorisations + compiled
+        return self.bound.factorisations + compiled
 
     @property
     def method(self) -> str:

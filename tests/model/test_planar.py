@@ -95,7 +95,7 @@ def test_unknowns_of_the_swing():
     bounds = [sc.Multipliers().bind(s, 0.5) for s in (system, plane)]
     # 23 frames: 2 and 2 directors of 2 components, less 3 constraints each; joints take 2 each
     assert [b.unknowns for b in bounds] == [430, 23 * 6 + 23 * 3 + 8]
-    assert [b.pattern.shape[0] for b in bounds] == [430, 215]
+    assert [b.solver.pattern.shape[0] for b in bounds] == [430, 215]
     assert "215 with multipliers, 61 with the null space" in repr(plane)
     assert system.spatial is system
     assert plane.spatial is system
