@@ -1007,6 +1007,32 @@ def test_closed_loops_beside_what_the_kernels_of_a_plane_do_not_have(treatment):
     assert_same(plain, fast, iterates=False)
 
 
+@pytest.mark.parametrize("treatment", ["null space", "multipliers"])
+def test_grids_of_which_a_solver_takes_a_part_are_stepped_in_space(treatment):
+    """The kernels of a plane leave nothing to a sparse solver; those of space do."""
+    pytest.importorskip("numba")
+    number = np.arange(16).reshape(4, 4)
+    ends = [np.stack(each).reshape(2, -1) for each in ((number[:-1], number[1:]),
+            (number[:, :-1], number[:, 1:]))]  # fmt: skip
+    points = np.vstack([0.1 * np.argwhere(number >= 0).T, np.zeros(16)])
+    mesh = sc.MeshCurve(points, np.hstack(ends), _subdomains={"grid": np.arange(24)})
+    model = sc.Model()
+    rubber = sc.SectionCircle(5e-3, sc.Material(5e6, 0.5, 1100))
+    beam = model.add("grid", sc.Beam(mesh, rubber, director=(0, 0, 1)))
+    for k in range(4):
+        model.add(f"clamp {k}", sc.JointFixed(sc.ground(points[:, k]), beam.node(k)))
+    model.add("weight", sc.LoadGravity((0.5, -9.81, 0)))
+    system = model.freeze(planar=sc.Planar())
+    run = system, sc.EnergyMomentum(), TREATMENTS[treatment], 2e-3, 0.04
+    found = [
+        sc.simulate(*run, kernels=kernels, solver=solver, derive=False)
+        for kernels, solver in (("numpy", None), ("numba", None), ("numba", sc.SolverSuperLU()))
+    ]
+    assert "superlu" in found[2].meta["solver"]
+    for fast in found[1:]:
+        assert abs(fast["q"] - found[0]["q"]).max() < 1e-12
+
+
 def test_a_run_says_which_kernels_and_why():
     pytest.importorskip("numba")
     system = loop().freeze(planar=sc.Planar())
