@@ -968,6 +968,7 @@ def bound_carried(
     arrays: dict[str, Any],
     rates: tuple[int, int, int] = (0, 0, 0),
     nearest: Sequence[Any] | None = None,
+    normal: Floats | None = None,
 ) -> tuple[Any, dict[str, Any]]:
     """What steps carry on, by rows in space; the structure, and its arrays by name.
 
@@ -980,6 +981,8 @@ def bound_carried(
     nearest : sequence, optional
         Addresses of what moves velocities and of its structure; the configuration (total, 3) and
         momentum (rows, 3) that it takes, the velocity (rows, 3) that it gives.
+    normal : (3,) array, optional
+        Of the plane in which all stays.
     """
     rows, mass = system.rows, system.mass.tocsr()
     count, before, moved = rates
@@ -1002,6 +1005,8 @@ def bound_carried(
         **dict(zip(("near_y", "near_p", "velocity"), near, strict=True)),
         "change": np.zeros((rows, 3)),
         "flow": arrays["flow"].structure,
+        "normal": np.zeros(0) if normal is None else np.array(normal),
+        "limit": np.zeros(1),
     }
     return structures.carried(tuple(fields[name] for name in structures.CARRIED)), fields
 

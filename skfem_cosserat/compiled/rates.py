@@ -14,7 +14,10 @@ from . import numbers as n
 from .flow import flow_velocity
 from .jit import call_with, inlined
 
-__all__ = ["begin_rates", "finish_rates", "go_on"]
+__all__ = ["begin_rates", "finish_rates", "go_on", "stay_in_plane"]
+
+#: what leads out of a plane, against the size of its terms, up to which it is nothing but rounding
+ROUNDING = 9e-16
 
 
 @inlined
@@ -99,6 +102,40 @@ def finish_rates(o: Any, numbers: Floats, record: Floats) -> None:
             carried[r, c] = new[r, c]
     if not early and numbers[n.SHARE] < 1.0:
         record[n.TAKEN] += 0.5 * lost
+
+
+@inlined
+def flatten(normal: Floats, a: Floats, limit: float) -> None:
+    """Take away what leads out of a plane, but where more than a limit does."""
+    for r in range(a.shape[0]):
+        out = abs(normal[0] * a[r, 0] + normal[1] * a[r, 1] + normal[2] * a[r, 2])
+        if not out <= limit:
+            return
+    for r in range(a.shape[0]):
+        out = normal[0] * a[r, 0] + normal[1] * a[r, 1] + normal[2] * a[r, 2]
+        for c in range(3):
+            a[r, c] -= out * normal[c]
+
+
+@inlined
+def stay_in_plane(o: Any) -> None:
+    """Take away what rounding has led out of the plane of a scene, which might grow there."""
+    normal, y0, y1, carried, after, largest = o.normal, o.y0, o.y1, o.carried, o.after, 0.0
+    if len(normal) == 0:
+        return
+    for r in range(carried.shape[0]):  # rows of the ground may be angles, prescribed
+        out = 0.0
+        for c in range(3):
+            out += normal[c] * (y1[r, c] - y0[r, c])
+        for c in range(3):
+            y1[r, c] -= out * normal[c]
+            if abs(normal[c]) == 1.0:  # without a last digit
+                y1[r, c] = y0[r, c]
+    flatten(normal, carried, ROUNDING * o.limit[0])  # forces along directors have a share, too
+    for r in range(after.shape[0]):
+        for c in range(3):
+            largest = max(largest, abs(after[r, c]))
+    flatten(normal, after, ROUNDING * largest)
 
 
 @inlined

@@ -11,7 +11,7 @@ from ..types import Floats, IndexArray
 from . import numbers as n
 from .flow import BORDER
 from .jit import call, call_back, call_beams, inlined, jit
-from .rates import begin_rates, finish_rates, go_on
+from .rates import begin_rates, finish_rates, go_on, stay_in_plane
 from .simd import WIDTH, load, store
 
 __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
@@ -334,6 +334,7 @@ def solve(
         record[n.ALL_WORK] += record[n.WORK]
         finish_rates(o, numbers, record)
         record[n.ALL_TAKEN] += record[n.TAKEN]
+        stay_in_plane(o)
         if record[n.DONE] >= record[n.ASKED] or record[n.ITERATIONS] > n.SHORT:
             return True
         if record[n.UNMOVED] > 0.0:

@@ -368,7 +368,7 @@ FLOW = (
 CARRIED = (
     *("y0", "y1", "p0", "carried", "mass_data", "mass_indices", "mass_indptr"),
     *("rates", "after", "table", "before", "moved", "scratch", "rate0", "drift", "of_drift"),
-    *("nearest", "near_y", "near_p", "velocity", "change", "flow"),
+    *("nearest", "near_y", "near_p", "velocity", "change", "flow", "normal", "limit"),
 )
 #: all that a projection of velocities takes
 PROJECTION = ("parts", "tree", "plan", "work", "beams", "numbers")

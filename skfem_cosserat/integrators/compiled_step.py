@@ -239,9 +239,6 @@ class Viscous:
 
 # -- steps: the same iteration as that of the stepper, in a few compiled calls ---------------------
 
-#: momenta out of a plane, by the size of ``M q/h``, up to which they are nothing but rounding
-ROUNDING = 4 * float(np.finfo(float).eps)
-
 
 class BlockOfSteps(NamedTuple):
     """Steps that were solved in one go.
@@ -303,7 +300,6 @@ class CompiledStep(CompiledScene):
         super().__init__(*own, kept_only=kept_only)
         self.integrator, self.h = integrator, h
         self._normal = None if plane is None else plane.normal
-        self._inertia = largest(abs(system.inertia) @ abs(system.q0.reshape(-1, 3)))
         #: whether the unknowns are others than the treatment's
         self._others = plane is not None or system is not system.tied
         self._step = step
@@ -335,7 +331,6 @@ class CompiledStep(CompiledScene):
             or (self._moves and self._nearest is None)
             or (scheme.at_end and not system.loading.dead_only)
             or scheme.decay
-            or plane is not None
         )
         self._solve = self._entry()
 
@@ -346,13 +341,17 @@ class CompiledStep(CompiledScene):
         self._moves = bool(scheme.moved) and self.system.m > 0
         counts = len(scheme.table), len(scheme.before), len(scheme.moved) * self._moves
         nearest = None if self._nearest is None else self._nearest.bound
-        self._carried, arrays = bind.bound_carried(self.system, self._arrays, counts, nearest)
+        own = counts, nearest, self._normal
+        self._carried, arrays = bind.bound_carried(self.system, self._arrays, *own)
         self._o = SimpleNamespace(**arrays)
         self._set_rates(scheme)
 
     def _set_rates(self, scheme: Scheme) -> None:
-        """Numbers of the scheme that its rates take."""
+        """Numbers of the scheme that its rates take, and the size of terms of momenta."""
         o = self._o
+        if self._normal is not None:
+            system, h = self.system, abs(self.h)
+            o.limit[:] = largest(abs(system.inertia) @ abs(system.q0.reshape(-1, 3))) / h
         o.table[:] = np.reshape(scheme.table, o.table.shape)
         o.before[:] = scheme.before
         if scheme.relative:
@@ -561,25 +560,7 @@ class CompiledStep(CompiledScene):
             solved = False
         if not solved:
             self._travelled = np.inf
-        elif self._normal is not None:
-            self._flatten(self._normal)
         return solved
-
-    def _flatten(self, normal: Floats) -> None:
-        """Take away what rounding has led out of the plane, which might grow there."""
-        rows = self.system.rows  # rows of the ground may be angles, prescribed
-        y0, y1 = self._a.y0[:rows], self._a.y1[:rows]
-        along = int(np.argmax(abs(normal)))
-        if abs(normal[along]) == 1.0:  # most of the time, and faster
-            y1[:, along] = y0[:, along]
-        else:
-            y1 -= ((y1 - y0) @ normal)[:, None] * normal
-        for p in (self._a.carried, self._o.after):
-            out = p @ normal
-            # forces along directors have a share
-            size = largest(p) if p is self._o.after else self._inertia / abs(self.h)
-            if len(p) and largest(out) <= ROUNDING * size:
-                p -= out[..., None] * normal
 
     def _flipped(self) -> bool:
         """Whether a frame has turned by half a turn, where the midpoint tells nothing of it."""

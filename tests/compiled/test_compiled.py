@@ -131,7 +131,9 @@ def test_each_joint_of_a_four_bar_driven(which, integrator, monkeypatch):
         state, beside = found.advance(state).state, other.advance(beside).state
         for name in ("q", "p"):
             a, b, c = (getattr(each, name) for each in (state, expected[n], beside))
-            assert abs(a - b).max() <= ROOM * n * max(abs(a - c).max(), EPS * abs(b).max()), name
+            # each of a few iterations a step rounds in another order
+            moved = max(abs(a - c).max(), 10 * EPS * abs(b).max())
+            assert abs(a - b).max() <= ROOM * n * moved, name
 
 
 @pytest.mark.parametrize("kind", test_drives.COORDINATES, ids=lambda kind: kind.type)

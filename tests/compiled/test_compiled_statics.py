@@ -78,7 +78,7 @@ def test_residual_and_increments_at_a_random_state(make, spin):
     exact = 1e-7 if system.moving or not rest.exact else 1e-9
     for tolerance in (1e-13, exact):
         sizes = [problem.residual() for problem in (plain, compiled)]
-        assert sizes[1] == pytest.approx(sizes[0], rel=1e4 * tolerance)
+        assert sizes[1] == pytest.approx(sizes[0], rel=1e5 * tolerance)
         assert compiled.y == pytest.approx(plain.y, abs=tolerance)
         assert pytest.approx(plain.R, abs=100 * tolerance * abs(plain.R).max()) == compiled.R
         r, y_t = plain._factor_derivative()
@@ -89,8 +89,8 @@ def test_residual_and_increments_at_a_random_state(make, spin):
             assert by_t == pytest.approx(y_t, abs=10 * exact)
         one, other = plain.direction(), compiled.direction()
         size = abs(one).max()
-        assert other[-1] == pytest.approx(one[-1], abs=10 * exact * size)
-        assert other[:-1][rest._numbering] == pytest.approx(one[:-1], abs=10 * exact * size)
+        assert other[-1] == pytest.approx(one[-1], abs=50 * exact * size)
+        assert other[:-1][rest._numbering] == pytest.approx(one[:-1], abs=50 * exact * size)
         assert compiled.sizes(other) == pytest.approx(plain.sizes(one), rel=10 * exact)
         saved = compiled.save()
         compiled.apply(other)
