@@ -2,7 +2,7 @@
 
 Prints the CPU time of a step (ms) in space and in the plane, and the first over the second. The
 start of a run is not counted: times are those of a long run less those of a short one, each the
-least of some repeats. With multipliers or a spring a plane scene takes the kernels of space.
+least of some repeats. With a spring a plane scene takes the kernels of space.
 """
 
 from __future__ import annotations

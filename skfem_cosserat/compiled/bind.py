@@ -379,7 +379,7 @@ def bound_beams(
         fields |= {"slot": np.zeros((0, 2, 2), dtype=np.int64), "lengths": np.zeros(0)}
         fields |= {"rotations": np.zeros((0, 2, 3, 3)), "turned": False, "diagonal": True}
         fields |= {"S0": S, "S": S.copy(), "predicted": S.copy()}
-        return structures.beams(tuple(fields[name] for name in structures.BEAMS)), fields
+        return structures.structure("beams", fields), fields
     elements = group.elements
     ne, nn = group.vertices.shape
     ng = len(elements.points)
@@ -416,7 +416,7 @@ def bound_beams(
         "S": S.copy(),
         "predicted": S.copy(),
     }
-    return structures.beams(tuple(fields[name] for name in structures.BEAMS)), fields
+    return structures.structure("beams", fields), fields
 
 
 def bound_groups(
@@ -459,10 +459,10 @@ def bound_by_law(
     moduli = np.repeat(group.elements.stiffness[:, None], ng, axis=1)
     fields |= {"stiffness": moduli, "diagonal": False, "strains": np.zeros((ne, ng, 6))}
     fields["law_points"] = own = _law_points(group, fields)
-    fields["points"] = structures.law_points(tuple(own[n] for n in structures.LAW_POINTS))
+    fields["points"] = structures.structure("law_points", own)
     kinds = typeof(fields["points"]), typeof(np.zeros(0)), types.int64
     fields["law"] = integers([address(laws.law_points, *kinds, kept_only=kept_only)])
-    return structures.beams_by_law(tuple(fields[n] for n in structures.BEAMS_BY_LAW)), fields
+    return structures.structure("beams_by_law", fields), fields
 
 
 def _functions(law: Law) -> list[int]:
@@ -537,7 +537,7 @@ def bound_plan(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         "to_parent": integers(to_parent),
         "rest": integers([plan.blocks, 0]),
     }
-    return structures.plan(tuple(fields[name] for name in structures.PLAN)), fields
+    return structures.structure("plan", fields), fields
 
 
 def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
@@ -565,7 +565,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         **bound_elements(system, plan),
         "hold": np.zeros(4),
     }
-    return structures.tree(tuple(fields[name] for name in structures.TREE)), fields
+    return structures.structure("tree", fields), fields
 
 
 def _edges(system: System) -> dict[str, Any]:
@@ -940,7 +940,7 @@ def bound_flow(
         "begin": integers([0 if free.any() else flow.SHIFTS]),
         **{name: np.zeros(shape) for name, shape in shapes.items()},
     }
-    return structures.flow(tuple(fields[name] for name in structures.FLOW)), fields
+    return structures.structure("flow", fields), fields
 
 
 def work_of(
@@ -958,7 +958,7 @@ def work_of(
     }
     if not late:
         arrays["earlier"], arrays["later"] = arrays["y0"], arrays["y1"]
-    work = structures.work(tuple(arrays.values()))
+    work = structures.structure("work", arrays)
     arrays["flow"] = SimpleNamespace(structure=damped[0], **damped[1])
     return work, arrays
 
@@ -1008,7 +1008,7 @@ def bound_carried(
         "normal": np.zeros(0) if normal is None else np.array(normal),
         "limit": np.zeros(1),
     }
-    return structures.carried(tuple(fields[name] for name in structures.CARRIED)), fields
+    return structures.structure("carried", fields), fields
 
 
 def integers(numbers: Sequence[Any] | IndexArray) -> IndexArray:

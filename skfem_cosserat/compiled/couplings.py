@@ -279,7 +279,7 @@ Factors = tuple[float, float, float, float]
 
 
 @inlined
-def slack_law(k: float, c: float, e: float, e0: float, e1: float, h: float, ends: bool) -> Three:
+def slack_law(k: float, e: float, e0: float, e1: float, ends: bool) -> Three:
     """Force of the spring, with its derivatives by e and by the end."""
     if not ends:
         return k * max(e, 0.0), 1.0 if e > 0.0 else 0.0, 0.0
@@ -311,7 +311,7 @@ def slack(laws: Floats, state: Floats, c: int, V: Floats, ends: bool, decay: flo
     K, C, h = laws[c, STIFFNESS, 0, 0], laws[c, DAMPING, 0, 0], state[c, STEP]
     neutral = laws[c, NEUTRAL, 0, 0]
     e0, e1 = state[c, XI0] - neutral, V[XI1, 0] - neutral
-    spring, by_e, by_end = slack_law(K, C, V[XI, 0] - neutral, e0, e1, h, ends)
+    spring, by_e, by_end = slack_law(K, V[XI, 0] - neutral, e0, e1, ends)
     own = 0.5 * h * decay * K
     sigma = spring + (C + own) * (max(e1, 0.0) - max(e0, 0.0)) / h
     pulls, taut = sigma > 0.0, 1.0 if e1 > 0.0 else 0.0

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from ..types import Floats
 from . import numbers as n
 from .flow import flow_velocity
@@ -17,7 +19,7 @@ from .jit import call_with, inlined
 __all__ = ["begin_rates", "finish_rates", "go_on", "stay_in_plane"]
 
 #: what leads out of a plane, against the size of its terms, up to which it is nothing but rounding
-ROUNDING = 9e-16
+LEAST = 4 * np.finfo(np.float64).eps
 
 
 @inlined
@@ -131,11 +133,11 @@ def stay_in_plane(o: Any) -> None:
             y1[r, c] -= out * normal[c]
             if abs(normal[c]) == 1.0:  # without a last digit
                 y1[r, c] = y0[r, c]
-    flatten(normal, carried, ROUNDING * o.limit[0])  # forces along directors have a share, too
+    flatten(normal, carried, LEAST * o.limit[0])  # forces along directors have a share, too
     for r in range(after.shape[0]):
         for c in range(3):
             largest = max(largest, abs(after[r, c]))
-    flatten(normal, after, ROUNDING * largest)
+    flatten(normal, after, LEAST * largest)
 
 
 @inlined

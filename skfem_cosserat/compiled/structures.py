@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ __all__ = [
     "BEAMS",
     "BEAMS_BY_LAW",
     "CARRIED",
+    "FAMILIES",
     "FLOW",
     "LAW_POINTS",
     "PLAN",
@@ -29,19 +30,8 @@ __all__ = [
     "WORK",
     "Groups",
     "Structure",
-    "beams",
-    "beams_by_law",
-    "carried",
-    "flow",
     "is_groups",
-    "law_points",
-    "plan",
-    "plane_beams",
-    "plane_tree",
-    "projection",
-    "rows",
-    "tree",
-    "work",
+    "structure",
 ]
 
 
@@ -397,61 +387,24 @@ PLANE_TREE = (
 )
 
 
-def beams(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`BEAMS`."""
-    return Structure("beams", BEAMS, values)
+#: fields of each kind of structure
+FAMILIES = {
+    "beams": BEAMS,
+    "beams_by_law": BEAMS_BY_LAW,
+    "law_points": LAW_POINTS,
+    "tree": TREE,
+    "plan": PLAN,
+    "work": WORK,
+    "carried": CARRIED,
+    "flow": FLOW,
+    "projection": PROJECTION,
+    "plane_beams": PLANE_BEAMS,
+    "rows": ROWS,
+    "plane_tree": PLANE_TREE,
+}
 
 
-def beams_by_law(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`BEAMS_BY_LAW`."""
-    return Structure("beams_by_law", BEAMS_BY_LAW, values)
-
-
-def law_points(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`LAW_POINTS`."""
-    return Structure("law_points", LAW_POINTS, values)
-
-
-def tree(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`TREE`."""
-    return Structure("tree", TREE, values)
-
-
-def plan(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`PLAN`."""
-    return Structure("plan", PLAN, values)
-
-
-def work(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`WORK`."""
-    return Structure("work", WORK, values)
-
-
-def carried(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`CARRIED`."""
-    return Structure("carried", CARRIED, values)
-
-
-def flow(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`FLOW`."""
-    return Structure("flow", FLOW, values)
-
-
-def projection(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`PROJECTION`."""
-    return Structure("projection", PROJECTION, values)
-
-
-def plane_beams(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`PLANE_BEAMS`."""
-    return Structure("plane_beams", PLANE_BEAMS, values)
-
-
-def rows(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`ROWS`."""
-    return Structure("rows", ROWS, values)
-
-
-def plane_tree(values: Sequence[Any]) -> Structure:
-    """Structure of the fields :data:`PLANE_TREE`."""
-    return Structure("plane_tree", PLANE_TREE, values)
+def structure(family: str, fields: Mapping[str, Any]) -> Structure:
+    """Of a kind, from what is in it by name; there may be more than it takes."""
+    names = FAMILIES[family]
+    return Structure(family, names, [fields[name] for name in names])

@@ -217,8 +217,6 @@ class RowBlocks:
         arrays: SimpleNamespace,
     ) -> None:
         self._pairs, self._arrays = pairs, arrays
-        width = arrays.A.shape[1]  # 6x6 by velocities, or 12x12 by coordinates
-        self._reduced = width == 6
         sizes = np.where(system.is_frame, 4, 1)
         first = np.array(system.origin_rows)
         vertex, local = np.zeros(system.rows, dtype=np.int64), np.zeros(system.rows, dtype=np.int64)
@@ -227,11 +225,10 @@ class RowBlocks:
         a, b = pairs.T
         slots = np.array([slot[u, v] for u, v in zip(vertex[a], vertex[b], strict=True)], dtype=int)
         self._turned = np.flatnonzero(local[a] > 0), np.flatnonzero(local[b] > 0)
-        if self._reduced:
-            local = np.minimum(local, 1)
+        local = np.minimum(local, 1)
         i = 3 * local[a][:, None, None] + np.arange(3)[:, None]
         j = 3 * local[b][:, None, None] + np.arange(3)
-        self._entries: IndexArray = (width * (width * slots[:, None, None] + i) + j).ravel()
+        self._entries: IndexArray = (6 * (6 * slots[:, None, None] + i) + j).ravel()
 
     def add(self, blocks: Floats, left: Floats) -> None:
         """Add derivatives (k, 3, 3) of the forces on rows a by rows b of y_1.
@@ -239,10 +236,9 @@ class RowBlocks:
         Velocities of the rows a are those at the configuration `left`.
         """
         arrays = self._arrays
-        if self._reduced:
-            (a, b), (turned, by) = self._pairs.T, self._turned
-            blocks[turned] = skew(left[a[turned]]) @ blocks[turned]
-            blocks[by] = blocks[by] @ -skew(arrays.y1[b[by]])
+        (a, b), (turned, by) = self._pairs.T, self._turned
+        blocks[turned] = skew(left[a[turned]]) @ blocks[turned]
+        blocks[by] = blocks[by] @ -skew(arrays.y1[b[by]])
         np.add.at(arrays.A.reshape(-1), self._entries, blocks.ravel())
 
 

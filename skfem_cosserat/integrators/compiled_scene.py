@@ -164,7 +164,7 @@ def numbers_of(scheme: Scheme) -> dict[str, float]:
 
 
 class CompiledScene:
-    """Arrays and parts of one system for compiled kernels, with the null space method.
+    """Arrays and parts of one system for compiled kernels.
 
     Needs numba; :func:`.choice.refusal` says for what there is none.
 
@@ -334,7 +334,7 @@ class CompiledScene:
 
 #: parts of a balance that a projection of velocities does without: forces, and what turns with them
 NO_FORCES = {
-    *("node_matrix", "joint_curvature", "loop_curvature", "element_curvature"),
+    *("node_matrix", "joint_curvature", "element_curvature"),
     *("beam_force", "beam_predicted", "load", "couple"),
 }
 
@@ -358,12 +358,13 @@ class NearestVelocity(CompiledScene):
 
     def __init__(self, system: System, settings: NewtonSettings, kept_only: bool = False) -> None:
         from ..compiled import bind, jit, static
-        from ..compiled.structures import projection
+        from ..compiled.structures import PROJECTION, structure
 
         scheme = Scheme(1.0, 1.0, 0.0, weight=1.0, rate=0.0, at=1.0)
         space = system if system.plane is None else system.spatial
         super().__init__(space, scheme, 1.0, settings, static=True, kept_only=kept_only)
-        self._projection = projection(self._all)
+        own = dict(zip(PROJECTION, self._all, strict=True))
+        self._projection = structure("projection", own)
         function = jit.address(static.nearest, bind.typeof(self._projection), kept_only=kept_only)
         #: for :func:`skfem_cosserat.compiled.bind.bound_carried`
         self.bound = function, self._projection.address, self._a.y0, self._a.p0, self._a.change

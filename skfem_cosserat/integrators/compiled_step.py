@@ -268,7 +268,7 @@ class BlockOfSteps(NamedTuple):
 
 
 class CompiledStep(CompiledScene):
-    """Steps of one system, integrator and step size with the null space method, compiled.
+    """Steps of one system, integrator and step size, compiled.
 
     Parameters
     ----------
@@ -372,11 +372,6 @@ class CompiledStep(CompiledScene):
         own = system.couplings_of([], functions)
         self._called_back = CalledBack(system, own, self.plan.slot, self._a)
         self._all[0][CALLED_BACK] = self._called_back.address
-
-    @property
-    def _tables(self) -> dict[str, Any]:
-        """Arrays of what is constant, by name."""
-        return self._tree
 
     def _resist(self, h: float) -> None:
         """Drag and viscous sections in steps of this size."""
@@ -602,11 +597,6 @@ class CompiledStep(CompiledScene):
             return impulse + self._o.rates
         return impulse - self.scheme.moved_force * self._o.change
 
-    @property
-    def increment(self) -> Floats:
-        """The unknowns' last increment: coordinates of the tree."""
-        return self._a.x.ravel()[self._numbering]
-
     def carried(self) -> Floats:
         """Momentum (rows, 3) carried on."""
         return self._a.carried.copy()
@@ -714,7 +704,7 @@ def stepped(system: System, treatment: Treatment, space: bool) -> System:
 
 
 class CompiledPlane(CompiledStep):
-    """Steps of a scene in a plane, with the null space method: three unknowns a frame.
+    """Steps of a scene in a plane: three unknowns a frame.
 
     See :class:`CompiledStep`.
     """

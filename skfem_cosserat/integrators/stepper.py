@@ -600,7 +600,8 @@ class Stepper:
         """Whether :meth:`advance_block` may take more than one step from this state on.
 
         With compiled kernels, where loads are constant from then on, nothing moves by prescription,
-        and there are no springs, dampers, drag and viscous sections.
+        there are no springs, dampers, drag and viscous sections, and the scheme takes no energy by
+        its stresses.
         """
         fast = None if self.integrator.shares else self._fast
         return fast is not None and fast.takes_blocks(state.time)

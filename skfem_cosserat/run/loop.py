@@ -268,10 +268,10 @@ def simulate(
         faster after some 10 s of compilation, which is kept on disk. "auto" takes them if numba
         is installed, the estimated time with numpy is above 25 s, or above 1 s where all kernels
         of the scene are on disk or in this process already, and there are some: not for
-        explicit schemes, integrators with a balance of their own, and the full system of
-        multipliers. ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken, and
-        why. They keep factors of matrices over iterations and steps as long as these contract
-        well, see :class:`NewtonSettings`.
+        explicit schemes, integrators with a balance of their own, treatments of one's own and the
+        full system of multipliers. ``history.meta["kernels"]`` and ``["kernels_why"]`` say what
+        was taken, and why. They keep factors of matrices over iterations and steps as long as
+        these contract well, see :class:`NewtonSettings`.
     solver : Solver, optional
         Of linear systems: ``SolverDense()``, ``SolverBanded()``, ``SolverSuperLU()``,
         ``SolverMetis()`` or ``SolverPardiso()``. By default small and narrow ones are solved by

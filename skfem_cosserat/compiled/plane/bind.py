@@ -144,7 +144,7 @@ def bound_rows(system: System, frames: Frames) -> tuple[Any, dict[str, Any]]:
         "mass_indices": mass.indices.astype(np.int64),
         "mass_indptr": mass.indptr.astype(np.int64),
     }
-    return structures.rows(tuple(fields[name] for name in structures.ROWS)), fields
+    return structures.structure("rows", fields), fields
 
 
 def bound_tree(system: System, plan: Plan, frames: Frames, rows: Any) -> tuple[Any, dict[str, Any]]:
@@ -165,7 +165,7 @@ def bound_tree(system: System, plan: Plan, frames: Frames, rows: Any) -> tuple[A
         **_nodal_masses(system, frames),
         **bound_constraints(system, plan, frames),
     }
-    return structures.plane_tree(tuple(fields[name] for name in structures.PLANE_TREE)), fields
+    return structures.structure("plane_tree", fields), fields
 
 
 def _edges(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
@@ -364,9 +364,7 @@ def bound_beams(
         fields |= dict.fromkeys(("base", "frames"), np.zeros((0, 2), dtype=np.int64))
         fields |= {"slot": np.zeros((0, 2, 2), dtype=np.int64), "lengths": np.zeros(0)}
         fields |= {"section": np.zeros(0, dtype=np.int64), "turned": False}
-        return structures.plane_beams(
-            tuple(fields[name] for name in structures.PLANE_BEAMS)
-        ), fields
+        return structures.structure("plane_beams", fields), fields
     elements = group.elements
     ne, nn = group.vertices.shape
     ng = len(elements.points)
@@ -418,7 +416,7 @@ def bound_beams(
         **{name: np.zeros((ne, ng, 3)) for name in ("S0", "S", "predicted")},
         **common,
     }
-    return structures.plane_beams(tuple(fields[name] for name in structures.PLANE_BEAMS)), fields
+    return structures.structure("plane_beams", fields), fields
 
 
 def bound_groups(
