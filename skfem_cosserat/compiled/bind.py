@@ -425,11 +425,11 @@ def bound_groups(
     """All groups of elements; the structure, and arrays by name of each.
 
     One group, or none, of elastic sections is as :func:`bound_beams` has it. Else, with `viscous`,
-    elements of viscous sections follow behind all others, with numbers of their own; their
-    stiffness is the viscosity.
+    which says that there are some, elements of viscous sections follow behind all others, with
+    numbers of their own; their stiffness is the viscosity.
     """
     groups = system.beam_groups
-    if len(groups) < 2 and not any(group.elements.stored for group in groups):
+    if len(groups) < 2 and not viscous and not any(group.elements.stored for group in groups):
         g, fields = bound_beams(system, groups[0] if groups else None, plan)
         return g, [fields]
     bound = [

@@ -172,25 +172,18 @@ def _called(context: Any, builder: Any, place: Any, kinds: Any, own: Any) -> Any
 
 @intrinsic
 def call_beams(typing: Any, place: Any, g: Any, w: Any, numbers: Any, flag: Any) -> Any:
-    """Call the part of beams at an address; twice where g is ``(beams, beams, numbers)``.
+    """Call the part of beams at an address.
 
-    Then the second ones have the numbers that come with them: they are the viscosity of beams. Only
-    steps of scenes with some are compiled for such a tuple. Where g is :class:`.structures.Groups`
-    the address is that of a row of addresses: each of its groups has a part of its own.
+    Where g is :class:`.structures.Groups` it is that of a row of addresses: each of its groups has
+    a part of its own.
     """
+    kinds = (g, w, numbers, flag)
     if is_groups(g):
-        return types.float64(types.int64, g, w, numbers, flag), _each_group
-    twice = isinstance(g, types.BaseTuple)
-    kinds = (g.types[0] if twice else g, w, numbers, flag)
+        return types.float64(types.int64, *kinds), _each_group
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        place, beams, *own = values
-        if not twice:
-            return _called(context, builder, place, kinds, [beams, *own])
-        elastic, viscous, others = cgutils.unpack_tuple(builder, beams, 3)
-        result = _called(context, builder, place, kinds, [elastic, *own])
-        _called(context, builder, place, kinds, [viscous, own[0], others, own[2]])
-        return result
+        place, *own = values
+        return _called(context, builder, place, kinds, own)
 
     return types.float64(types.int64, g, w, numbers, flag), generate
 

@@ -196,44 +196,27 @@ class Viscous:
 
     Parameters
     ----------
-    system : System
-        With viscous sections.
-    plan : Plan
-    way : float
-        How long it takes (s): the step size, or of a way of its own.
     bound : list of dict
-        Arrays of these elements, if they are among the groups of the scene's; default: they are
-        not, and the scene has one group only.
+        Arrays of these elements, which are groups of their own among those of the scene.
     """
 
-    def __init__(self, system: System, plan: Plan, way: float, bound: list[dict[str, Any]]) -> None:
-        from ..compiled import bind
+    def __init__(self, bound: list[dict[str, Any]]) -> None:
+        self._bound, self._way = bound, 1.0
 
-        self._way, self._bound = way, bound
-        self._numbers: list[Floats] = [fields["numbers"] for fields in bound]
-        if not bound:
-            group = next(group for group in system.beam_groups if group.viscous)
-            eta = group.elements.viscosity
-            assert eta is not None
-            self._beams, _ = bind.bound_beams(system, group, plan, (2 / way) * eta)
-
-    def beside(self, beams: Any, numbers: Floats) -> Any:
-        """What steps take as beams: the elastic ones, these, and their numbers."""
-        own = numbers.copy()
-        own[[MASS, START, END, ENDS]] = 0.0, -0.5, 0.5, 1.0
+    def resize(self, way: float, numbers: Floats) -> None:
+        """Take ways of this length (s): the step size, or of a way of its own."""
+        self._way = way
         for fields in self._bound:
-            fields["numbers"][:] = own
-            fields["stiffness"][:] = (2 / self._way) * fields["viscosity"]
-        if self._bound:
-            return beams
-        self._numbers = [own]
-        return beams, self._beams, own
+            fields["numbers"][:] = numbers
+            fields["numbers"][[MASS, START, END, ENDS]] = 0.0, -0.5, 0.5, 1.0
+            fields["stiffness"][:] = (2 / way) * fields["viscosity"]
 
     def dissipated(self, h: float, late: bool) -> float:
         """Lost in the step evaluated last (J), of size h (s); `late`: by the forces at its ends."""
-        end = sum(float(numbers[VISCOUS_END]) for numbers in self._numbers)
+        end = sum(float(fields["numbers"][VISCOUS_END]) for fields in self._bound)
         if late:
-            end = 0.5 * (end + sum(float(numbers[VISCOUS_START]) for numbers in self._numbers))
+            start = sum(float(fields["numbers"][VISCOUS_START]) for fields in self._bound)
+            end = 0.5 * (start + end)
         return h * max(0.0, end / self._way)
 
 
@@ -310,8 +293,8 @@ class CompiledStep(CompiledScene):
         self._carry(scheme)
         self._called_back: CalledBack | None = None
         self._couple(scheme, h)
-        self._elastic = self._all[-2]
-        self._viscous: Viscous | None = None
+        viscous = [fields for fields in self._beams if "viscosity" in fields]
+        self._viscous = Viscous(viscous) if viscous else None
         self._resist(h)
         self._decaying = self._of_decay() if scheme.decay else []
         self._rows = np.zeros(0, dtype=np.int64)
@@ -379,11 +362,8 @@ class CompiledStep(CompiledScene):
         # force that follows, and a dead one
         way = 2 / self.scheme.rate if self.scheme.at_end else h
         self._drag_factor, self._loaded = -2 / way, False
-        if is_viscous(self.system):
-            own = [fields for fields in self._beams if "viscosity" in fields]
-            self._viscous = Viscous(self.system, self.plan, way, own)
-            *others, _, numbers = self._all
-            self._all = (*others, self._viscous.beside(self._elastic, numbers), numbers)
+        if self._viscous is not None:
+            self._viscous.resize(way, self._all[-1])
 
     def _entry(self) -> Callable[..., bool]:
         """The compiled loop for these structures: called as it is, it asks for no types again."""

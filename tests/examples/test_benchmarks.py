@@ -92,6 +92,21 @@ def test_step_cost(step_cost, tmp_path):
     assert "ms/step" in step_cost.report(result)
 
 
+def test_part_cost(tmp_path):
+    """A row for each part, with what it is compared with; what is above its figure is told."""
+    pytest.importorskip("numba")
+    part_cost = load("part_cost")
+    assert set(part_cost.MOST) == set(part_cost.PARTS)
+    names = ("multipliers", "four-bar, motor and spring")
+    result = part_cost.main(True, names, 4, tmp_path)
+    assert [row["part"] for row in result["rows"]] == list(names)
+    assert all(row["us"] > 0 and row["ratio"] > 0 for row in result["rows"])
+    assert "four-bar, motor and spring" in part_cost.report(result)
+    dear = {"rows": [{**result["rows"][0], "ratio": 9.0}]}
+    assert part_cost.missed(dear) == ["multipliers: 9.00 of null space, aimed at 1.6"]
+    assert (tmp_path / "part_cost.csv").read_text().startswith("# ")
+
+
 def test_a_missed_figure_is_told(step_cost):
     rows = [
         dict.fromkeys(step_cost.COLUMNS, 0)
