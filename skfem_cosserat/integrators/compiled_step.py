@@ -398,6 +398,9 @@ class CompiledStep(CompiledScene):
             self._rows = rows
             self._choose(rows)
             self._record[KEPT] = 0.0
+            off, count = self._tree["row_on"] == 0, len(self.system.origin_rows)
+            for known in (self._a.last, self._a.before):  # no step begins with their impulses
+                known[count:, : off.shape[1]][off] = 0.0
 
     def _choose(self, rows: IndexArray) -> None:
         from ..compiled import bind

@@ -305,7 +305,8 @@ def modes(
     --------
     The steel cantilever of 1 m x 10 mm x 10 mm bends first at 8.35 Hz, in both directions:
 
-    >>> from skfem_cosserat import Beam, JointFixed, Material, MeshCurve, SectionRectangle, ground
+    >>> from skfem_cosserat import Beam, JointFixed, Material, MeshCurve, Model, SectionRectangle
+    >>> from skfem_cosserat import ground
     >>> steel = Material(210e9, 0.3, 7850.0)
     >>> mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, nodes={"root": 0.0})
     >>> model = Model()
