@@ -79,7 +79,7 @@ def test_residual_and_increments_at_a_random_state(make, spin):
     for tolerance in (1e-13, exact):
         sizes = [problem.residual() for problem in (plain, compiled)]
         assert sizes[1] == pytest.approx(sizes[0], rel=1e5 * tolerance)
-        assert compiled.y == pytest.approx(plain.y, abs=tolerance)
+        assert compiled.y == pytest.approx(plain.y, abs=10 * tolerance)
         assert pytest.approx(plain.R, abs=100 * tolerance * abs(plain.R).max()) == compiled.R
         r, y_t = plain._factor_derivative()
         found, by_t = compiled._factor_derivative()
@@ -91,7 +91,7 @@ def test_residual_and_increments_at_a_random_state(make, spin):
         size = abs(one).max()
         assert other[-1] == pytest.approx(one[-1], abs=50 * exact * size)
         assert other[:-1][rest._numbering] == pytest.approx(one[:-1], abs=50 * exact * size)
-        assert compiled.sizes(other) == pytest.approx(plain.sizes(one), rel=10 * exact)
+        assert compiled.sizes(other) == pytest.approx(plain.sizes(one), rel=50 * exact)
         saved = compiled.save()
         compiled.apply(other)
         compiled.residual()
