@@ -84,7 +84,7 @@ SCENES: dict[str, Callable[[int, int], sc.System]] = {
 STEPS = {"swing": (1e-2, 1000), "lattice": (STEP, 40)}  # soft: some struts fold after 0.08 s
 #: what a step of the swing may take with the null space at 60 GF/s (ms), and how many times that
 #: with multipliers
-SWING_MS, SWING_RATIO, SWING_GFLOPS = 0.25, 3.0, 60.0
+SWING_MS, SWING_RATIO, SWING_GFLOPS = 0.25, 1.6, 60.0
 #: elements of a lattice above which a step takes minutes
 LARGEST_LATTICE = 2000
 
