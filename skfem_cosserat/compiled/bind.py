@@ -739,7 +739,7 @@ def of_blocks(system: System, plan: Plan, numbers: IndexArray, constant: Floats)
     return {
         "row_constant": np.where(none, 0.0, constant[numbers]) if numbers.size else 0.0 * numbers,
         "row_size": np.where(none, 1.0, size[numbers]) if numbers.size else 0.0 * numbers,
-        "row_on": (~none).astype(float),
+        "row_on": (~none & ~np.isin(numbers, system.closure.rows)).astype(float),  # till chosen
         "row_weight": weight,
         "row_weighted": np.array(weighted, dtype=np.int64).reshape(-1, 4),
         "row_triple": np.full(len(plan.rows), -1),

@@ -241,6 +241,18 @@ def test_the_border_of_the_extra_velocity_is_its_whole_derivative(chi):
     assert compiled["newton_iterations"].tolist() == plain["newton_iterations"].tolist()
 
 
+def test_velocities_are_moved_beside_rows_that_are_all_redundant():
+    """A strut beside a fixed joint closes a loop whose row depends on the others."""
+    model = sc.Model()
+    a = model.add("a", sc.RigidBody.box(1.0, (0.1, 0.2, 0.3)))
+    b = model.add("b", sc.RigidBody.box(2.0, (0.3, 0.2, 0.1), position=(1, 0, 0)))
+    model.add("hook", sc.JointSpherical(GROUND, a.at((0, 0, 0))))
+    model.add("weld", sc.JointFixed(a.at((0.5, 0, 0)), b.at((0.5, 0, 0))))
+    model.add("strut", sc.JointDistance(a.at((0, 0.1, 0)), b.at((1, 0.1, 0))))
+    model.add("weight", sc.LoadGravity((0.5, -9.81, 0.3)))
+    assert_same(*runs(model.freeze(), sc.EnergyMomentum(stabilized=True), NULL, 2e-3, 0.04))
+
+
 @pytest.mark.parametrize("theory", [sc.TheoryInextensible(), sc.TheoryKirchhoff()], ids=repr)
 def test_velocities_are_moved_where_curved_elements_hold_strains(theory):
     """Their tree does not give the line of such elements, nor its velocities."""
