@@ -16,6 +16,7 @@ from ..law import DIFFERENCE, STEP, Law, LawStored
 from ..model import System
 from ..model.force_elements import Invariants
 from ..model.groups import BeamGroup, Group
+from ..model.parts import SeparateParts
 from ..model.tree import ConstrainedElement, Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..strain_function import CompiledFunction
@@ -847,7 +848,7 @@ def bound_work(
     system: System,
     plan: Plan,
     late: bool = False,
-    separate: tuple[IndexArray, Floats] | None = None,
+    separate: SeparateParts | None = None,
 ) -> tuple[Any, dict[str, Any]]:
     """What changes during a step; the structure, and its arrays by name.
 
@@ -855,8 +856,8 @@ def bound_work(
     ----------
     late : bool
         Dampers act by the velocity at the end of a step.
-    separate : tuple, optional
-        Relative velocities are damped: connected parts, see :func:`bound_flow`.
+    separate : SeparateParts, optional
+        Relative velocities of these are damped, see :func:`bound_flow`.
     """
     total, rows, edges = system.total, system.rows, len(system.tree.edges)
     count, each = len(system.origin_rows), len(plan.diag)
@@ -882,31 +883,27 @@ def bound_work(
         "followers": (len(following(system).vertices), 4, 4),
         "coupled": (system.couplings.count, COUPLED),
     }
-    return work_of(shapes, late, separate and bound_flow(system, plan, *separate))
+    return work_of(shapes, late, bound_flow(plan, separate))
 
 
 def bound_flow(
-    system: System | None, plan: Plan | None, owner: IndexArray, free: Floats
+    plan: Plan | None = None, separate: SeparateParts | None = None
 ) -> tuple[Any, dict[str, Any]]:
     """Velocities with a damped relative part; the structure, and its arrays by name.
 
-    Parameters
-    ----------
-    owner, free
-        Connected part of each row of y, and whether nothing ties a part to the ground; none: there
-        are no such velocities.
+    None: there are no such velocities.
     """
-    rows, parts = len(owner), len(free)
-    ones, mu, each, count = np.zeros(rows), np.zeros(rows), 0, 0
-    holder, local, slot = integers([]), integers([]), integers([])
-    if system is not None and plan is not None:
+    none, each, count = np.zeros(0), 0, 0
+    owner = holder = local = slot = integers([])
+    free = total = lift = mu = ones = none
+    if plan is not None and separate is not None:
+        system, owner, free = separate.system, separate.part, separate.free
+        total, lift, mu, ones = separate.total, separate.lift, separate.mu, separate.ones
         mass, first = system.mass.tocsr(), np.asarray(system.origin_rows)
         each, count = len(plan.diag), len(first)
-        ones[first] = 1.0
-        mu = mass @ ones
-        vertex = _vertices(system, np.arange(rows))
-        local = np.arange(rows) - np.asarray(system.vertex_rows)[vertex]
-        of_row = vertex[np.repeat(np.arange(rows), np.diff(mass.indptr))]
+        vertex = _vertices(system, np.arange(len(owner)))
+        local = np.arange(len(owner)) - np.asarray(system.vertex_rows)[vertex]
+        of_row = vertex[np.repeat(np.arange(len(owner)), np.diff(mass.indptr))]
         ends = zip(of_row.tolist(), vertex[mass.indices].tolist(), strict=True)
         slot = integers([plan.slot[u, v] for u, v in ends])
         holder = np.full(each, -1)
@@ -914,7 +911,7 @@ def bound_flow(
         for u, v in plan.slot:  # blocks of constraint rows go with what they hold
             if u >= count > v:
                 holder[u] = holder[v]
-    total = np.maximum(np.bincount(owner, mu * ones, parts), 1e-300)
+    rows, parts = len(owner), len(free)
     shapes: dict[str, tuple[int, ...]] = {
         "scheme": (2,),
         "sums": (parts, flow.SUMS),
@@ -934,7 +931,7 @@ def bound_flow(
         "slot": slot,
         "free": free,
         "total": total,
-        "lift": mu / total[owner],
+        "lift": lift,
         "mu": mu,
         "ones": ones,
         "begin": integers([0 if free.any() else flow.SHIFTS]),
@@ -950,7 +947,7 @@ def work_of(
 ) -> tuple[Any, dict[str, Any]]:
     """Structure of arrays of these shapes, and these by name; see :func:`bound_work`."""
     if damped is None:
-        damped = bound_flow(None, None, integers([]), np.zeros(0))
+        damped = bound_flow()
     of_dampers = ("earlier", "later", "rate0", "drift")
     shapes |= dict.fromkeys(of_dampers, shapes["y0"] if late else (0, 3))
     arrays: dict[str, Any] = {

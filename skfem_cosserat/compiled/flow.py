@@ -17,7 +17,14 @@ import numpy as np
 from ..types import Floats
 from .jit import inlined, part
 from .nodes import mass_times, twist_force
-from .numbers import WEIGHT
+from .numbers import (
+    FLOW_CLOSED,
+    FLOW_HALVINGS,
+    FLOW_ITERATIONS,
+    FLOW_NOISE,
+    FLOW_REGULAR,
+    WEIGHT,
+)
 from .small import Rotation, Vector, combine, cross, dot, minus, plus, put, row, times, turned
 
 __all__ = ["flow", "flow_column", "flow_correct", "flow_keep", "flow_matrix"]
@@ -33,8 +40,6 @@ K_SUM, TURN, SIZE, NOISE_SIZE, SHIFT, MEAN, DRIFT, SUMS = 0, 9, 12, 13, 14, 17, 
 S, PLAIN, A, COFACTORS, TURNED = 0, 3, 12, 21, 30
 #: of ``f.scheme``
 CHI, STEP = 0, 1
-#: as in :mod:`skfem_cosserat.integrators.energy_decaying`
-REGULAR, NOISE, CLOSED, ITERATIONS, HALVINGS = 1e-10, 1e-20, 1e-14, 60, 14
 
 
 @inlined
@@ -111,22 +116,22 @@ def turn_part(f: Any, p: int) -> None:
     """Solve for s of a part; A, and the slope there."""
     sums, out = f.sums, f.turn
     K, k = rows3(sums, p, K_SUM), three(sums, p, TURN)
-    noise = NOISE * sums[p, NOISE_SIZE]
+    noise = FLOW_NOISE * sums[p, NOISE_SIZE]
     size = sums[p, SIZE] + noise
     if not size > 0.0:
         size = 1.0
     trace = K[0][0] + K[1][1] + K[2][2]
-    regular = trace + REGULAR * size + noise
+    regular = trace + FLOW_REGULAR * size + noise
     s = (0.0, 0.0, 0.0)
     value = k
     length = largest(value) / size
-    for _ in range(ITERATIONS):
-        if not length > CLOSED:
+    for _ in range(FLOW_ITERATIONS):
+        if not length > FLOW_CLOSED:
             break
         way = times(-1.0, combine(value, cofactors(slope_of(K, regular, s))))
         after = gap_of(k, K, trace, plus(s, way))
-        for _ in range(HALVINGS):  # not too far
-            if largest(after) / size <= max(length, CLOSED):
+        for _ in range(FLOW_HALVINGS):  # not too far
+            if largest(after) / size <= max(length, FLOW_CLOSED):
                 break
             way = times(0.5, way)
             after = gap_of(k, K, trace, plus(s, way))

@@ -74,3 +74,9 @@ STEP, TURNS, TURNED, LOST, NUMERICAL, GROUND = range(6)
 AMPLITUDE, PI0, XI0, S, TRAVEL = 6, 12, 19, 25, 32
 AMPLITUDE0, LOST0, GROUND0 = 38, 44, 45
 COUPLED = 46
+
+#: of the extra velocity of energy-decaying steps, numpy's and compiled ones: what is added to the
+#: diagonal of a singular matrix, of its size (where all velocities are parallel); products with the
+#: whole motion, smaller than which those of a relative motion are rounding; gap, by the size of its
+#: terms, that is rounding; most iterations, and halvings of an increment
+FLOW_REGULAR, FLOW_NOISE, FLOW_CLOSED, FLOW_ITERATIONS, FLOW_HALVINGS = 1e-10, 1e-20, 1e-14, 60, 14

@@ -14,7 +14,7 @@ from ..compiled.plan import Plan, following, plan_of
 from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
-from ..model.parts import connected_parts
+from ..model.parts import separate_parts
 from ..newton import NewtonSettings
 from ..pattern import FrozenPattern
 from ..types import Floats, IndexArray
@@ -263,10 +263,7 @@ class CompiledScene:
         with COMPILING, bind.compiling(system, parts, kept_only=self._kept_only):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
-            separate = None
-            if self.scheme.relative:
-                found = connected_parts(system)
-                separate = found.part, found.free.astype(float)
+            separate = separate_parts(system) if self.scheme.relative else None
             w, self._arrays = bind.bound_work(system, self.plan, self.late, separate)
             g, self._beams = bind.bound_groups(system, self.plan, viscous, self._kept_only)
             table = bind.addresses(parts, (s, m, w, g), kept_only=self._kept_only)

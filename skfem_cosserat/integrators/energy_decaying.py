@@ -4,22 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
+from ..compiled.numbers import (
+    FLOW_CLOSED,
+    FLOW_HALVINGS,
+    FLOW_ITERATIONS,
+    FLOW_NOISE,
+    FLOW_REGULAR,
+)
 from ..errors import InputError
 from ..kernels import cross, skew
 from ..model import System
 from ..model.groups import Blocks, Parts
-from ..model.parts import connected_parts
-from ..types import Array, Floats, IndexArray, positive, real, switch
+from ..model.parts import SeparateParts, separate_parts
+from ..types import Array, Floats, positive, real, switch
 from .energy_momentum import EnergyMomentum
 from .scheme import Scheme, State, StepWork
 from .step_balance import Evaluation, StepBalance, StepData, end_velocity
 
-__all__ = ["EnergyDecaying", "Flow", "Separate", "separate_parts"]
+__all__ = ["EnergyDecaying", "Flow"]
 
 
 # -- mean velocities of a step whose relative part is damped, and the common one is not ------------
@@ -31,57 +36,6 @@ __all__ = ["EnergyDecaying", "Flow", "Separate", "separate_parts"]
 # projection, ``f . M (v_1 - v_0) = (chi/2) |v_1 - v_0 - c|^2_M`` is not negative. Steady rigid
 # motion is not damped, whatever frame it is seen from. Parts of a scene that nothing connects have
 # fields of their own; w is left out where something ties a part to the ground.
-
-#: of the size of a singular matrix, added to its diagonal: where all velocities are parallel
-REGULAR = 1e-10
-#: of products with the whole motion: those of a relative motion that is rounding are smaller
-NOISE = 1e-20
-#: gap, by the size of its terms, that is rounding
-CLOSED = 1e-14
-ITERATIONS, HALVINGS = 60, 14
-
-
-@dataclass(eq=False)
-class Separate:
-    """Parts of a scene that nothing connects.
-
-    Attributes
-    ----------
-    system : System
-    part : (rows,) int array
-        Number of the part that a row of y belongs to.
-    free : (parts,) bool array
-        Whether nothing ties it to the ground.
-    ones : (rows,) array
-        1 for rows of positions, 0 for directors.
-    mu : (rows,) array
-        Momentum by a common velocity of all positions: ``M 1``.
-    """
-
-    system: System
-    part: IndexArray
-    free: Floats
-    ones: Floats
-    mu: Floats
-
-    def __post_init__(self) -> None:
-        rows = len(self.part)
-        self._gather = csr_matrix((np.ones(rows), (self.part, np.arange(rows))))
-
-    def sum(self, values: Array) -> Array:
-        """Sums (parts, ...) over the rows of each part."""
-        flat = self._gather @ values.reshape(len(values), -1)
-        return np.asarray(flat).reshape(-1, *values.shape[1:])
-
-
-@lru_cache(maxsize=4)
-def separate_parts(system: System) -> Separate:
-    """Those of a system, kept as long as no others are asked for."""
-    found = connected_parts(system)
-    ones = np.zeros(system.rows)
-    ones[system.origin_rows] = 1.0
-    free = found.free.astype(float)
-    return Separate(system, found.part, free, ones, system.mass @ ones)
 
 
 def _lengths(rows: Array, of: Callable[..., Floats] = np.linalg.norm) -> Floats:
@@ -98,7 +52,7 @@ class Flow:
 
     Parameters
     ----------
-    parts : Separate
+    parts : SeparateParts
     dq, p0 : (rows, 3) array
     h, chi : float
 
@@ -108,12 +62,11 @@ class Flow:
         ``M v_m``.
     """
 
-    def __init__(self, parts: Separate, dq: Array, p0: Array, h: float, chi: float) -> None:
+    def __init__(self, parts: SeparateParts, dq: Array, p0: Array, h: float, chi: float) -> None:
         self.parts, self.dq, self.h, self.chi = parts, dq, h, chi
         self.mdq = parts.system.mass @ dq
         b = chi * p0 + self.mdq / h
-        self._total = np.maximum(parts.sum(parts.mu * parts.ones), 1e-300)
-        self._lift = (parts.mu / self._total[parts.part])[:, None]
+        self._total, self._lift = parts.total, parts.lift[:, None]
         self._free = parts.free[:, None]
         self._drift = self._free * self._origins(self.mdq) / h
         self._mean = self._free * self._origins(b)
@@ -143,10 +96,10 @@ class Flow:
         K = parts.sum(dq[:, :, None] * rest[:, None, :])
         k = parts.sum(cross(dq, rest))
         size = parts.sum(_lengths(dq) * _lengths(rest))
-        noise = NOISE * parts.sum(_lengths(self.dq) * _lengths(rest + self._common()))
+        noise = FLOW_NOISE * parts.sum(_lengths(self.dq) * _lengths(rest + self._common()))
         size = np.where(size + noise > 0, size + noise, 1.0)
         straight = np.trace(K, axis1=1, axis2=2)[:, None, None] * np.eye(3) - K.swapaxes(1, 2)
-        N = straight + (REGULAR * size + noise)[:, None, None] * np.eye(3)
+        N = straight + (FLOW_REGULAR * size + noise)[:, None, None] * np.eye(3)
 
         def gap(s: Array) -> Array:
             turned = (K @ s[:, :, None])[:, :, 0]
@@ -159,16 +112,16 @@ class Flow:
             return -np.linalg.solve(slope(s), value[:, :, None])[:, :, 0]
 
         s = np.zeros_like(k)
-        for _ in range(ITERATIONS):
+        for _ in range(FLOW_ITERATIONS):
             value = gap(s)
             length = _lengths(value, np.max) / size
-            active = length > CLOSED
+            active = length > FLOW_CLOSED
             if not active.any():
                 break
             way = np.where(active[:, None], change(s, value), 0.0)
-            for _ in range(HALVINGS):  # not too far
+            for _ in range(FLOW_HALVINGS):  # not too far
                 after = _lengths(gap(s + way), np.max) / size
-                worse = active & ~(after <= np.maximum(length, CLOSED))
+                worse = active & ~(after <= np.maximum(length, FLOW_CLOSED))
                 if not worse.any():
                     break
                 way = np.where(worse[:, None], 0.5 * way, way)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +14,7 @@ from ..body import MassPoint
 from ..coupling import Cable, SpringDamper
 from ..errors import ModelWarning
 from ..frames import is_beam
-from ..types import IndexArray
+from ..types import Array, Floats, IndexArray
 from ..warn import warn
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 #: force elements that act along a line, and how many of them count as meant to hold a part
 LINES, FIRM = (SpringDamper, Cable), 3
 
-__all__ = ["Connected", "connected_parts", "warn_of_loose_parts"]
+__all__ = ["Connected", "SeparateParts", "connected_parts", "separate_parts"]
+__all__ += ["warn_of_loose_parts"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,54 @@ class Connected:
         if count == 1:
             return f"1 connected part, {'tied' if tied else 'not tied'} to the ground"
         return f"{count} separate parts, {tied or 'none'} of them tied to the ground"
+
+
+@dataclass(eq=False)
+class SeparateParts:
+    """Parts of a scene that nothing connects, with their masses.
+
+    Attributes
+    ----------
+    system : System
+    part : (rows,) int array
+        Number of the part that a row of y belongs to.
+    free : (parts,) array
+        1 where nothing ties it to the ground, else 0.
+    ones : (rows,) array
+        1 for rows of positions, 0 for directors.
+    mu : (rows,) array
+        Momentum by a common velocity of all positions: ``M 1`` (kg, kg m).
+    total : (parts,) array
+        Masses (kg).
+    lift : (rows,) array
+        ``mu`` by the mass of the part.
+    """
+
+    system: System
+    part: IndexArray
+    free: Floats
+    ones: Floats
+    mu: Floats
+
+    def __post_init__(self) -> None:
+        rows = len(self.part)
+        self._gather = csr_matrix((np.ones(rows), (self.part, np.arange(rows))))
+        self.total = np.maximum(self.sum(self.mu * self.ones), 1e-300)
+        self.lift = self.mu / self.total[self.part]
+
+    def sum(self, values: Array) -> Array:
+        """Sums (parts, ...) over the rows of each part."""
+        flat = self._gather @ values.reshape(len(values), -1)
+        return np.asarray(flat).reshape(-1, *values.shape[1:])
+
+
+@lru_cache(maxsize=4)
+def separate_parts(system: System) -> SeparateParts:
+    """Those of a system, kept as long as no others are asked for."""
+    found = connected_parts(system)
+    ones = np.zeros(system.rows)
+    ones[system.origin_rows] = 1.0
+    return SeparateParts(system, found.part, found.free.astype(float), ones, system.mass @ ones)
 
 
 def connected_parts(system: System, lines: bool = True) -> Connected:
