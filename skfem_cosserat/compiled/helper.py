@@ -47,7 +47,7 @@ def structures_of(system: System, plan: Plan, family: str) -> list[Any]:
     """Structures of a system that the parts are given."""
     if family == "plane":
         frames = plane.Frames(system)
-        rows, fields = plane.bound_rows(system, frames)
+        rows, fields = plane.bound_space(system, frames)
         return [
             plane.bound_tree(system, plan, frames, rows)[0],
             bind.bound_plan(system, plan)[0],

@@ -13,6 +13,9 @@ from numba.core.datamodel import models
 from numba.core.imputils import lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import NativeValue, register_model, unbox
+from numpy.typing import NDArray
+
+from ..types import IndexArray
 
 __all__ = [
     "BEAMS",
@@ -30,6 +33,8 @@ __all__ = [
     "WORK",
     "Groups",
     "Structure",
+    "flags",
+    "integers",
     "is_groups",
     "structure",
 ]
@@ -408,3 +413,13 @@ def structure(family: str, fields: Mapping[str, Any]) -> Structure:
     """Of a kind, from what is in it by name; there may be more than it takes."""
     names = FAMILIES[family]
     return Structure(family, names, [fields[name] for name in names])
+
+
+def integers(numbers: Sequence[Any] | IndexArray) -> IndexArray:
+    """As the kernels take them."""
+    return np.array(numbers, dtype=np.int64).reshape(len(numbers))
+
+
+def flags(values: Sequence[bool] | NDArray[np.bool_]) -> Any:
+    """As the kernels take them."""
+    return np.array(values, dtype=bool).reshape(len(values))

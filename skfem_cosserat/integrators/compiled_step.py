@@ -403,9 +403,9 @@ class CompiledStep(CompiledScene):
                 known[count:, : off.shape[1]][off] = 0.0
 
     def _choose(self, rows: IndexArray) -> None:
-        from ..compiled import bind
+        from ..compiled.bind_rows import choose_rows
 
-        bind.choose_rows(self.system, self._tree, rows)
+        choose_rows(self.system, self._tree, rows)
 
     def due(self, state: State, bound: BoundTreatment) -> bool:
         """Whether the treatment has to choose rows that close the loops: it knows what is singular.
@@ -701,7 +701,7 @@ class CompiledPlane(CompiledStep):
         parts = bind.parts_of(system, weight, ends or is_viscous(system))
         frames = plane.Frames(system)
         with COMPILING, bind.compiling(system, parts, "plane", self._kept_only):
-            rows, outside = plane.bound_rows(system, frames)
+            rows, outside = plane.bound_space(system, frames)
             s, self._tree = plane.bound_tree(system, self.plan, frames, rows)
             m, _ = bind.bound_plan(system, self.plan)
             w, arrays = plane.bound_work(system, self.plan, frames)

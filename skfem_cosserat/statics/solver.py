@@ -520,7 +520,7 @@ class CompiledBalance(CompiledScene):
 
     def _close(self, y: Floats) -> None:
         """Take independent rows of the closed loops, and the multipliers that are found there."""
-        from ..compiled import bind
+        from ..compiled.bind_rows import choose_rows
 
         closure, kin, nodal = self._closing
         rows = closure.rows
@@ -529,7 +529,7 @@ class CompiledBalance(CompiledScene):
             T = kin.T_values(kin.locate(y, nodal.fixed))
             rows = np.concatenate([s.rows for s in closure.select(y, T)])
         if not np.array_equal(rows, self._rows):
-            bind.choose_rows(self.system, self._tree, rows)
+            choose_rows(self.system, self._tree, rows)
             self._rows = rows
         known, mu = self._known
         if not np.array_equal(known, y):

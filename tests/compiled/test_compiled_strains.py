@@ -186,7 +186,7 @@ def test_in_a_plane(order):
     states.insert(1, (states[0] + states[1]) / 2)
     expected = by_table(beam, FLAT, states)
     plan, frames = plan_of(system), plane_bind.Frames(system)
-    _, rows = plane_bind.bound_rows(system, frames)
+    _, rows = plane_bind.bound_space(system, frames)
     w, work = plane_bind.bound_work(system, plan, frames)
     g, beams = plane_bind.bound_beams(system, system.beam_groups[0], plan, frames, rows)
     assert beams["turned"]
@@ -231,7 +231,7 @@ def test_eliminated_elements(planar):
 
     if planar:
         frames = plane_bind.Frames(system)
-        rows, _ = plane_bind.bound_rows(system, frames)
+        rows, _ = plane_bind.bound_space(system, frames)
         _, edge_tables = plane_bind.bound_tree(system, plan, frames, rows)
         flat = flat_rows(frames, y)
     else:

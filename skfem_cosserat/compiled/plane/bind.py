@@ -23,18 +23,17 @@ from ..bind import (
     drives_of,
     followed,
     fulcrum_of,
-    integers,
     nested,
-    numbered,
-    of_blocks,
     work_of,
 )
+from ..bind_rows import numbered, of_blocks
 from ..numbers import BEAM_PARTS, COUPLED
 from ..plan import Plan
+from ..structures import integers
 from . import complex_numbers as places
 
-__all__ = ["Frames", "bound_beams", "bound_groups", "bound_rows", "bound_tree", "bound_work"]
-__all__ += ["bound_constraints"]
+__all__ = ["Frames", "bound_beams", "bound_groups", "bound_space", "bound_tree", "bound_work"]
+__all__ += ["bound_rows"]
 
 ComplexArray = NDArray[np.complex128]
 
@@ -124,7 +123,7 @@ def _masses(matrix: csr_matrix) -> dict[str, Any]:
     }
 
 
-def bound_rows(system: System, frames: Frames) -> tuple[Any, dict[str, Any]]:
+def bound_space(system: System, frames: Frames) -> tuple[Any, dict[str, Any]]:
     """What there is by rows of y in space; the structure, and its arrays by name."""
     total, rows, normal = system.total, system.rows, frames.plane.normal
     mass = system.mass.tocsr()
@@ -163,7 +162,7 @@ def bound_tree(system: System, plan: Plan, frames: Frames, rows: Any) -> tuple[A
         **_edges(system, plan, frames),
         **_coordinates(system, frames),
         **_nodal_masses(system, frames),
-        **bound_constraints(system, plan, frames),
+        **bound_rows(system, plan, frames),
     }
     return structures.structure("plane_tree", fields), fields
 
@@ -262,7 +261,7 @@ def _reduced(scalar: Floats, left: ComplexArray, right: ComplexArray) -> Complex
     return np.stack([scalar[..., 0, 0] + 0j, xe, ex, ee], axis=-1)
 
 
-def bound_constraints(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
+def bound_rows(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
     """Constraint rows with multipliers, as lists of terms; see :mod:`.rows`."""
     count, blocks, width = frames.count, plan.rows, 3
     numbers, block, place = numbered(system, blocks, count, width)

@@ -1,0 +1,161 @@
+"""From constraint rows with multipliers to the arrays of the compiled kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..model import System
+from ..types import Floats, IndexArray
+from . import rows
+from .plan import Plan, RowBlock
+from .structures import integers
+
+__all__ = ["bound_rows", "choose_rows", "numbered", "of_blocks"]
+
+
+def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
+    """Constraint rows with multipliers, as lists of terms; see :mod:`.rows`."""
+    count = len(system.origin_rows)
+    where: dict[int, tuple[int, int]] = {}
+    for v, (r, framed) in enumerate(zip(system.origin_rows, system.is_frame, strict=True)):
+        where |= {int(r) + i: (v, i) for i in range(4 if framed else 1)}
+    numbers, block, place = numbered(system, plan.rows, count, 6)
+    terms, cosines = system.constraints.terms(), system.branch_cosines.terms()
+    products, factors, linear, own = [], [], [], []
+    for k, a, b, c, drive, component in zip(*terms[:6], strict=True):
+        if block[k] >= 0:
+            (u, i), (v, j) = where.get(a, (-1, 0)), where.get(b, (-1, 0))
+            slots = [plan.slot[x, y] if x >= 0 and y >= 0 else -1 for x, y in ((u, v), (v, u))]
+            for x in (u, v):
+                slots += [plan.slot[e] if x >= 0 else -1 for e in ((block[k], x), (x, block[k]))]
+            ends = block[k], place[k], a, b, u, i, v, j
+            products.append((*ends, *slots, drive, component))
+            factors.append(c)
+    for k, a, c in zip(terms.linear_row, terms.linear, terms.linear_factor, strict=True):
+        v, i = where.get(a, (-1, 0))
+        for n in range(3):
+            e = block[k + n]
+            if e >= 0:
+                slots = [plan.slot[x] if v >= 0 else -1 for x in ((e, v), (v, e))]
+                linear.append((e, place[k + n], a, n, v, i, *slots))
+                own.append(c)
+    vertices = {v for row in products for v in (row[4], row[6])} | {row[4] for row in linear}
+    pairs = []
+    for k, each in enumerate(plan.rows, count):
+        inner = [v for v in each.vertices if v < count]
+        pairs += [(plan.slot[u, k], plan.slot[k, v], plan.slot[u, v]) for u in inner for v in inner]
+    turned = np.zeros((len(cosines.row), 16), dtype=np.int64)
+    turned[:, [rows.BLOCK, rows.LEFT, rows.RIGHT]] = np.column_stack(cosines[:3])
+    turned[:, [rows.DRIVE, rows.COMPONENT]] = np.column_stack(cosines[4:6])
+    return {
+        "row_products": np.array(products, dtype=np.int64).reshape(-1, 16),
+        "row_factors": np.array(factors, dtype=float),
+        "row_linear": np.array(linear, dtype=np.int64).reshape(-1, 8),
+        "row_linear_factors": np.array(own, dtype=float),
+        **of_blocks(system, plan, numbers, terms.constant),
+        "row_vertices": integers(sorted(vertices - {-1})),
+        "row_pairs": np.array(pairs, dtype=np.int64).reshape(-1, 3),
+        "cosines": turned,
+        "cosine_factors": np.array(cosines.factor, dtype=float),
+        "cosine_constant": np.array(cosines.constant, dtype=float),
+        "cosine": np.zeros(len(cosines.constant)),
+    }
+
+
+def numbered(
+    system: System, blocks: Sequence[RowBlock], count: int, width: int
+) -> tuple[IndexArray, IndexArray, IndexArray]:
+    """Constraint rows of blocks (k, width), -1 for none; of each row block and place, or -1.
+
+    Blocks are numbered behind the `count` vertices.
+    """
+    numbers = np.full((len(blocks), width), -1)
+    for own, each in zip(numbers, blocks, strict=True):
+        own[: len(each.rows)] = each.rows
+    block, place = np.full((2, system.m), -1)
+    k, n = np.nonzero(numbers >= 0)
+    block[numbers[k, n]], place[numbers[k, n]] = count + k, n
+    return numbers, block, place
+
+
+def of_blocks(system: System, plan: Plan, numbers: IndexArray, constant: Floats) -> dict[str, Any]:
+    """What each row is to be, and the size of its terms; whose frame a block turns with."""
+    magnitude = system.constraints.magnitudes(system.extend(system.q0, system.since))
+    none, size = numbers < 0, np.where(magnitude > 0, magnitude, 1.0)
+    first = [[v for v in (*b.waits, *b.vertices) if v in b.vertices] for b in plan.rows]
+    count = len(system.origin_rows)
+    framed = [[v for v in own if v < count and system.is_frame[v]] for own in first]
+    weight, weighted = _weights(system, numbers, plan.rows), []
+    for k in np.flatnonzero(weight.any(1)).tolist():
+        own = [v for v in plan.rows[k].vertices if v < count]
+        both = [(plan.slot[u, count + k], plan.slot[count + k, v], plan.slot[u, v])
+                for u in own for v in own]  # fmt: skip
+        weighted += [(k, *slots) for slots in both]
+    return {
+        "row_constant": np.where(none, 0.0, constant[numbers]) if numbers.size else 0.0 * numbers,
+        "row_size": np.where(none, 1.0, size[numbers]) if numbers.size else 0.0 * numbers,
+        "row_on": (~none & ~np.isin(numbers, system.closure.rows)).astype(float),  # till chosen
+        "row_weight": weight,
+        "row_weighted": np.array(weighted, dtype=np.int64).reshape(-1, 4),
+        "row_triple": np.full(len(plan.rows), -1),
+        "row_owner": integers([own[0] if own else -1 for own in framed]),
+        "row_numbers": numbers,
+    }
+
+
+#: rotary inertia of a frame, by its largest, below which rows have to hold it for its block to be
+#: regular
+THIN = 1e-6
+
+
+def _weights(system: System, numbers: IndexArray, blocks: Sequence[RowBlock]) -> Floats:
+    """Weights of rows (k, width) of blocks that hold a frame which lacks rotary inertia, else zero.
+
+    Any positive ones do. Of vectors the frame's mass (kg), of others its inertia (kg m^2).
+    """
+    weight = np.zeros(numbers.shape)
+    if (group := system.frame_group) is None:
+        return weight
+    scalar = group.mass.reshape(-1, 4, 3, 4, 3)[:, :, 0, :, 0]
+    first, mass = scalar[:, 1:, 0], scalar[:, 0, 0]
+    some = np.where(mass > 0, mass, 1.0)  # forces act on nodes of beams without masses, too
+    euler = scalar[:, 1:, 1:] - first[:, :, None] * first[:, None] / some[:, None, None]
+    values = np.linalg.eigvalsh(euler)
+    least, inertia = values[:, 0] + values[:, 1], values.sum(1)
+    if system.plane is not None:  # about its normal only
+        rows = system.origin_rows[group.vertices] + np.arange(1, 4)
+        n = system.q0.reshape(-1, 3)[rows] @ system.plane.normal
+        least = inertia - np.einsum("vi,vij,vj->v", n, euler, n)
+    thin = {int(group.vertices[k, 0]): k for k in np.flatnonzero(least < THIN * inertia)}
+    vectors = _of_vectors(system)
+    for own, row, block in zip(weight, numbers.tolist(), blocks, strict=True):
+        for k in (thin[v] for v in block.vertices if v in thin):
+            sizes = [0.0 if n < 0 else mass[k] if n in vectors else inertia[k] for n in row]
+            own[:] = np.maximum(own, sizes)
+    return weight
+
+
+def _of_vectors(system: System) -> set[int]:
+    """Constraint rows that are components of vectors in space."""
+    return {int(k) + i for k in system.constraints.terms().linear_row for i in range(3)}
+
+
+def choose_rows(system: System, fields: dict[str, Any], chosen: IndexArray) -> None:
+    """Take these rows (r,) of closed loops, and none of the others.
+
+    Those that are a vector in space turn with the frame of a vertex while factors are kept: then
+    all of them have to be there.
+    """
+    numbers, on = fields["row_numbers"], fields["row_on"]
+    there = np.ones(system.m + 1, dtype=bool)
+    there[system.closure.rows] = there[-1] = False
+    there[chosen] = True
+    on[:] = there[numbers]
+    vectors = _of_vectors(system)
+    for k, own in enumerate(numbers.tolist()):
+        places = [i for i, number in enumerate(own) if number in vectors]
+        whole = len(places) > 1 and fields["row_owner"][k] >= 0 and on[k, places].all()
+        fields["row_triple"][k] = places[0] if whole else -1
