@@ -18,7 +18,7 @@ from ..model import Model, System, system_of
 from ..model.limits import over_rotated, overstretched
 from ..model.loops import BROKEN, contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
-from ..types import Array, Floats, IndexArray, check_kind, positive, whole
+from ..types import Array, Floats, IndexArray, check_kind, positive, real, whole
 from ..warn import Notices, listening, logger, warn
 from .base import Integrator, March
 from .choice import built, choose_kernels
@@ -568,9 +568,11 @@ class Stepper:
             a line search. If prescribed motion has reached a dead point of a closed loop, or
             contradicts another one around it, the reason says so.
         """
-        state, size = self.own(state, h is not None), self.h if h is None else float(h)
-        if not (size and isfinite(size)):
-            raise InputError("argument h", f"{h!r}, expected a size of seconds, but for zero")
+        state, size, allowed = self.own(state, h is not None), self.h, "a time (s) other than zero"
+        if h is not None:
+            size = real("argument h", "h", h, allowed)
+            if not (size and isfinite(size)):
+                raise InputError("argument h", f"h = {h}, expected {allowed}")
         end = state.time + size if time is None else time
         try:
             if listening():  # to a run, which keeps what is said

@@ -839,7 +839,7 @@ def test_a_step_back_and_other_sizes_need_no_other_stepper():
         assert back.q == pytest.approx(start.q, abs=1e-13)
         fresh = Stepper(system, scheme, NULL, 0.02, kernels="numpy").advance(start).state
         assert there.q == pytest.approx(fresh.q, abs=1e-13)
-        for bad in (0.0, np.nan, np.inf):
+        for bad in (0.0, np.nan, np.inf, "x", True, (0.1, 0.2)):
             with pytest.raises(sc.InputError, match="argument h"):
                 stepper.advance(start, h=bad)
 
