@@ -161,6 +161,10 @@ def nearest(o: Any) -> float:
     evaluate(p, s, m, w, g, numbers, 0)
     if not matrix(p, s, m, w, g, numbers, 0):
         return 0.0
+    b = w.b
+    for k in range(len(s.framed), b.shape[0]):  # what rows gape by there is no velocity's fault
+        for c in range(6):
+            b[k, c] = 0.0
     call(p[n.SWEEP], s, m, w, numbers, 0)
     call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
     return 1.0

@@ -27,7 +27,6 @@ __all__ = [
     "CompiledScene",
     "NearestVelocity",
     "Rest",
-    "curves_held",
     "is_viscous",
     "numbers_of",
 ]
@@ -336,16 +335,10 @@ NO_FORCES = {
 }
 
 
-def curves_held(system: System) -> bool:
-    """Whether beams of higher order hold strains: their line is not what a tree gives."""
-    return any(len(s.vertices) > 2 and not s.rigid for s, _ in system.tree.elements)
-
-
 class NearestVelocity(CompiledScene):
     """Velocities on the hidden constraints nearest to a momentum, in the kinetic energy.
 
-    For scenes without closed loops, prescribed motion and curved elements that hold strains, also
-    those in a plane.
+    For scenes without closed loops and prescribed motion, also those in a plane.
 
     Parameters
     ----------
@@ -358,7 +351,7 @@ class NearestVelocity(CompiledScene):
         from ..compiled.structures import PROJECTION, structure
 
         scheme = Scheme(1.0, 1.0, 0.0, weight=1.0, rate=0.0, at=1.0)
-        space = system if system.plane is None else system.spatial
+        space = system.spatial.jointed
         super().__init__(space, scheme, 1.0, settings, static=True, kept_only=kept_only)
         own = dict(zip(PROJECTION, self._all, strict=True))
         self._projection = structure("projection", own)
@@ -375,7 +368,7 @@ class NearestVelocity(CompiledScene):
     @staticmethod
     def serves(system: System) -> bool:
         """Whether the coordinates of a scene's tree are all there is to know of its velocities."""
-        return not (system.closure.rank or system.moving or curves_held(system))
+        return not (system.closure.rank or system.moving)
 
     def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
         """See the base class."""

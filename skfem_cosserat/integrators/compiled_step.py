@@ -67,7 +67,6 @@ from .compiled_scene import (
     Bound,
     CompiledScene,
     NearestVelocity,
-    curves_held,
     is_viscous,
 )
 from .scheme import Scheme, State, StepWork
@@ -679,11 +678,10 @@ def compiled_step(
 def stepped(system: System, treatment: Treatment, space: bool) -> System:
     """The scene whose coordinates compiled steps have: in space if that is asked for.
 
-    With multipliers no joint is in its tree, nor where beams of higher order hold strains: they do
-    not give the line of their elements.
+    With multipliers no joint is in its tree, else all joints are, but no beam that holds strains.
     """
     scene = system.spatial if space else system
-    return scene.untied if curves_held(scene) or isinstance(treatment, Multipliers) else scene
+    return scene.untied if isinstance(treatment, Multipliers) else scene.jointed
 
 
 class CompiledPlane(CompiledStep):

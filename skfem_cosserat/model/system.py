@@ -54,7 +54,7 @@ from .plane import Plane, guard_of
 from .plane_rows import rows_in_plane
 from .quadratic import ConstraintBuilder, QuadraticConstraints
 from .theories import TheoryRows, add_theory_rows, constrained_elements
-from .tree import End, Spot, build_tree
+from .tree import ConstrainedElement, End, Spot, Tree, build_tree
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -160,6 +160,8 @@ class System:
         """The same scene, confined to a plane that nothing leaves; see :class:`Planar`."""
         out = object.__new__(System)
         out.__dict__.update(self.spatial.__dict__)
+        for name in ("untied", "jointed"):  # those of space, if they are there already
+            out.__dict__.pop(name, None)
         out.warnings = list(self.warnings)
         out.plane, out._space, out.loading = plane, self.spatial, copy(self.loading)
         out.loading.guard = guard_of(self.loading, plane)
@@ -179,18 +181,46 @@ class System:
 
         What the rows of joints and loops know of each other is that of the scene itself.
         """
+        rows = np.arange(self.m) if self.plane is None else rows_in_plane(self)
+        own = build_tree(self.is_frame.tolist(), [], (), self.plane)
+        return self._along(own, rows[rows >= self.internal])
+
+    @cached_property
+    def jointed(self) -> System:
+        """The same scene with its joints in the tree, but no beam that holds strains by its rows.
+
+        These rows are left. Itself, if there is no such beam in its tree.
+        """
+        tree = self.tree
+        elements = [element for element, _ in tree.elements]
+        held = {(id(each.item), each.number) for each in elements if not each.rigid}
+        if not held:
+            return self
+        rows = [
+            own.ravel()
+            for each in self.theory_rows
+            for e, own in enumerate(each.numbers)
+            if (id(each.beam), e) in held
+        ]
+        joints = [e.end for e in tree.edges if not isinstance(e.joint, ConstrainedElement)]
+        rigid = [each for each in elements if each.rigid]
+        # each part is entered where the whole tree enters it: children stay children
+        roots = sorted(range(len(self.is_frame)), key=tree.depth.__getitem__)
+        own = build_tree(self.is_frame.tolist(), joints, rigid, self.plane, roots)
+        return self._along(own, np.unique(np.concatenate([self.left_rows, *rows])))
+
+    def _along(self, tree: Tree, left: IndexArray) -> System:
+        """The same scene by the coordinates of another tree, which leaves these rows."""
         out = object.__new__(System)
         out.__dict__.update(self.__dict__)
-        out.tree = build_tree(self.is_frame.tolist(), [], (), self.plane)
-        out.kinematics = Kinematics(out.tree, self.vertex_rows, self.is_frame, self.total)
-        rows = np.arange(self.m) if self.plane is None else rows_in_plane(self)
-        out.left_rows, out._tied = rows[rows >= self.internal], self
+        out.tree, out.left_rows, out._tied = tree, left, self
+        out.kinematics = Kinematics(tree, self.vertex_rows, self.is_frame, self.total)
         lock_arrays(out)
         return out
 
     @property
     def tied(self) -> System:
-        """The same scene with its joints in the tree: itself, unless it is :attr:`untied`."""
+        """The same scene by its own tree: itself, unless it is :attr:`untied`, :attr:`jointed`."""
         return self if self._tied is None else self._tied
 
     def _lock(self) -> None:

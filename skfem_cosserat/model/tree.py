@@ -190,6 +190,7 @@ def build_tree(
     ends: list[End],
     elements: Sequence[ConstrainedElement] = (),
     plane: Plane | None = None,
+    roots: Sequence[int] = (),
 ) -> Tree:
     """Breadth-first spanning tree and its coordinates.
 
@@ -202,10 +203,12 @@ def build_tree(
         Those that close loops are left out.
     plane : Plane, optional
         To which all motion is confined.
+    roots : sequence of int, optional
+        All vertices, the first of each part of the tree before its others; default: by number.
     """
     nv = len(is_frame)
     tree = Tree(plane=plane)
-    edges = _connect(nv, ends, tree, elements)
+    edges = _connect(nv, ends, tree, elements, roots or range(nv))
     by_child = {edge.child: edge for edge in edges}
     children = {edge.parent for edge in edges}
     for v in range(nv):  # numbering in vertex order keeps neighbours close
@@ -227,7 +230,11 @@ def build_tree(
 
 
 def _connect(
-    nv: int, ends: list[End], tree: Tree, elements: Sequence[ConstrainedElement]
+    nv: int,
+    ends: list[End],
+    tree: Tree,
+    elements: Sequence[ConstrainedElement],
+    roots: Sequence[int],
 ) -> list[Edge]:
     open_elements = _OpenElements(elements)
     around: dict[int, list[int]] = {}
@@ -237,7 +244,7 @@ def _connect(
     seen = {nv}
     used: set[int] = set()
     edges: list[Edge] = []
-    for root in [nv, *range(nv)]:
+    for root in [nv, *roots]:
         if root != nv:
             if root in seen:
                 continue
