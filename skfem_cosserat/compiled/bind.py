@@ -16,7 +16,7 @@ from ..model import System
 from ..model.force_elements import Invariants
 from ..model.groups import BeamGroup, Group
 from ..model.parts import SeparateParts
-from ..model.tree import ConstrainedElement, Coordinate, Edge, Spot
+from ..model.tree import Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..strain_function import CompiledFunction
 from ..theory import LawHeld
@@ -69,7 +69,7 @@ from .numbers import (
 )
 from .plan import Plan, following
 from .structures import Groups, flags, integers
-from .tree import AXIS, SLIDE, SPHERE, STRETCH
+from .tree import AXIS, SLIDE, SPHERE
 from .tree import ROTATION as TURN
 from .warm import cold, helped
 
@@ -78,7 +78,6 @@ __all__ = [
     "bound_beams",
     "bound_carried",
     "bound_couplings",
-    "bound_elements",
     "bound_groups",
     "bound_nodal_masses",
     "bound_plan",
@@ -175,37 +174,6 @@ def _forms(system: System, invariants: Invariants, vertices: list[int]) -> Float
     return out
 
 
-# -- from the elements of the tree whose lines follow from directors to arrays ---------------------
-
-
-def bound_elements(system: System, plan: Plan) -> dict[str, Any]:
-    """Elements whose lines follow from their directors."""
-    number = np.full(len(system.tree.edges), -1)
-    length: list[float] = []
-    strain, turned, slots = [], [], []
-    for k, edge in enumerate(system.tree.edges):
-        element = edge.joint
-        if not edge.in_element or not isinstance(element, ConstrainedElement):
-            continue
-        number[k] = len(length)
-        places = [element.vertices.index(v) for v in (edge.parent, edge.child)]
-        reference = element.item.elements
-        length.append((places[1] - places[0]) * reference.lengths[element.number])
-        strain.append(reference.reference[element.number, 0, :3])
-        turned.append(element.item.rotations[element.number][places])
-        both = edge.parent, edge.child
-        slots.append([[plan.slot[a, b] for b in both] for a in both])
-    rotations = np.array(turned, dtype=float).reshape(-1, 2, 3, 3)
-    return {
-        "element": number,
-        "element_length": np.array(length, dtype=float),
-        "element_strain": np.array(strain, dtype=float).reshape(-1, 3),
-        "element_rotation": rotations,
-        "element_turned": (rotations != np.eye(3)).any((1, 2, 3)),
-        "element_slot": np.array(slots, dtype=np.int64).reshape(-1, 2, 2),
-    }
-
-
 # -- from a frozen system to the arrays of the compiled kernels ------------------------------------
 
 _PLANNED = (
@@ -219,7 +187,7 @@ _PLANNED = (
     "update",
     "parent_at",
 )
-KINDS = {"rotation": TURN, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE, "stretch": STRETCH}
+KINDS = {"rotation": TURN, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE}
 
 
 def parts_of(
@@ -245,8 +213,6 @@ def parts_of(
         unused |= {name for name in TREE_PARTS if name.startswith("row")}
     if system.tree is system.spanning:
         unused.add("row_branch")
-    if not weight or system.kinematics.elements is None:
-        unused.add("element_curvature")
     if not weight:
         unused |= {"joint_curvature", "node_matrix"}
     if system.frame_group is None and system.point_group is None:
@@ -558,7 +524,6 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         **bound_nodal_masses(system.frame_group, system.point_group),
         **bound_following(system, plan),
         **bound_couplings(system, plan),
-        **bound_elements(system, plan),
         "hold": np.zeros(4),
     }
     return structures.structure("tree", fields), fields
@@ -621,7 +586,7 @@ def _coordinates(system: System) -> dict[str, Any]:
     turning[[v for v in tree.free if system.is_frame[v]], 3:] = True
     for c, k in zip(own, numbers, strict=True):
         if k >= 0:
-            turning[c.vertex, k] = c.kind not in ("slide", "stretch")
+            turning[c.vertex, k] = c.kind != "slide"
     return {
         "value": np.zeros(len(own)),
         "drives": drives_of(system, own),

@@ -142,12 +142,8 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
         call(p[n.NODAL_MASS_MATRIX], s, m, w, numbers, 0)
     if p[n.FLOW]:
         call(p[n.FLOW_MATRIX], s, m, w, numbers, 0)
-    other = mixed
-    if p[n.ELEMENT_CURVATURE]:
-        call(p[n.ELEMENT_CURVATURE], s, m, w, numbers, mixed)
-        other = 1
     if p[n.NODE_MATRIX]:
-        call(p[n.NODE_MATRIX], s, m, w, numbers, other)
+        call(p[n.NODE_MATRIX], s, m, w, numbers, mixed)
     if p[n.JOINT_MAPS]:
         call(p[n.JOINT_MAPS], s, m, w, numbers, 1)
     if p[n.JOINT_CURVATURE]:

@@ -274,17 +274,6 @@ LAW_POINTS = (
 FOLLOWING = ("moment_vertex", "moment_follows", "follower")
 #: force elements: integers, matrices of laws, entries of the matrices of invariants
 COUPLINGS = ("coupling", "coupling_law", "coupling_entry", "coupling_factor")
-#: constrained beam elements in the tree, whose lines follow from their directors: of each edge
-#: which of them, or -1; length from parent to child, negative against the element; Gamma of the
-#: reference, rotations of the section at both, blocks of both
-CONSTRAINED = (
-    "element",
-    "element_length",
-    "element_strain",
-    "element_rotation",
-    "element_turned",
-    "element_slot",
-)
 #: vertices, edges (joints from parent to child) and their coordinates, driven ones as in
 #: :func:`.tree.prescribe`; what holds an equilibrium, see :mod:`.static`
 TREE = (
@@ -316,7 +305,6 @@ TREE = (
     *("triple", "frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *FOLLOWING,
     *COUPLINGS,
-    *CONSTRAINED,
     "hold",
 )
 #: the order of elimination, neighbours still to come, slots of blocks; how many are eliminated in
@@ -388,7 +376,6 @@ PLANE_TREE = (
     *("products", "factors", "linear", "directions", "row_constant", "row_size", "row_on"),
     *("row_weight", "row_weighted", "row_vertices", "row_triple", "row_owner", "row_handed"),
     *("cosines", "cosine_factors", "cosine_constant", "cosine"),
-    "element_slot",
 )
 
 

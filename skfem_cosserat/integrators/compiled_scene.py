@@ -330,7 +330,7 @@ class CompiledScene:
 
 #: parts of a balance that a projection of velocities does without: forces, and what turns with them
 NO_FORCES = {
-    *("node_matrix", "joint_curvature", "element_curvature"),
+    *("node_matrix", "joint_curvature"),
     *("beam_force", "beam_predicted", "load", "couple"),
 }
 

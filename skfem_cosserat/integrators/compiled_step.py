@@ -378,17 +378,14 @@ class CompiledStep(CompiledScene):
         assert isinstance(scheme, Scheme)
         for name, number in self._numbers_of(scheme).items():
             self._all[-1][NUMBERS.index(name)] = number
-        self.resume(self._scaled_last(h / self.h))
-        self._record[KEPT] = 0.0
+        self._a.last *= h / self.h  # to begin with: impulses of rows, too
+        known = min(self._record[KNOWN], 1.0)
+        self._record[[KNOWN, GUESS, KEPT]] = known, known, 0.0
         self.h, self.scheme, self._factors = h, scheme, None
         self._set_rates(scheme)
         self._coupled.resize(scheme, h)
         self._resist(h)
         return self
-
-    def _scaled_last(self, ratio: float) -> Any:
-        """What is known of the last step, for one whose size is `ratio` times its own."""
-        return None if self.last is None else ratio * self.last
 
     def close(self, rows: IndexArray) -> None:
         """Take these constraint rows, independent at the start of the step, to close the loops."""

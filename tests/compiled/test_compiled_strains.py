@@ -14,12 +14,11 @@ from helpers_kernels import called
 from helpers_scenes import FULL, full_section, rotation
 
 import skfem_cosserat as sc
-from skfem_cosserat.compiled import bind, elements, tree
+from skfem_cosserat.compiled import bind, elements
 from skfem_cosserat.compiled.numbers import END, ENDS, FORCE, NUMBERS, SHARE, START, WEIGHT
 from skfem_cosserat.compiled.plan import plan_of
 from skfem_cosserat.compiled.plane import bind as plane_bind
 from skfem_cosserat.compiled.plane import elements as plane_elements
-from skfem_cosserat.compiled.plane import tree as plane_tree
 from skfem_cosserat.kernels import null_space_blocks
 from skfem_cosserat.strain import strain_table
 
@@ -213,40 +212,3 @@ def test_in_a_plane(order):
     Z = np.kron(np.eye(frames.count), Z)
     K = Z.T @ null_space(states[1]).T @ expected.tangent @ null_space(states[2]) @ Z
     assert_blocks(work["A"].reshape(-1, 3, 4), plan.slot, K, 3)
-
-
-@pytest.mark.parametrize("planar", [False, True])
-def test_eliminated_elements(planar):
-    """Elements whose shear is held: their strains, solved for the line, give the arm."""
-    system, beam = scene(1, planar, sc.TheoryKirchhoff())
-    y, plan = random_state(beam, 3, planar), plan_of(system)
-    forms = strain_forms(beam)[:, 0, :3]
-    rest = beam.reference.reshape(-1, 12)
-    edges = [(k, e) for k, e in enumerate(system.tree.edges) if e.in_element]
-    assert len(edges) == 5
-
-    def strain(y, element, nodes):
-        x, x0 = y.reshape(-1, 12)[nodes].ravel(), rest[nodes].ravel()
-        return 0.5 * (forms[element] @ x @ x - forms[element] @ x0 @ x0)
-
-    if planar:
-        frames = plane_bind.Frames(system)
-        rows, _ = plane_bind.bound_space(system, frames)
-        _, edge_tables = plane_bind.bound_tree(system, plan, frames, rows)
-        flat = flat_rows(frames, y)
-    else:
-        s, _ = bind.bound_tree(system, plan)
-    for k, e in edges:
-        element = e.joint.number
-        nodes = beam.basis.connectivity[element]
-        moved = y.copy()
-        if planar:
-            arguments = edge_tables["edges"], edge_tables["arms"], k, flat
-            found = called(plane_tree.element_stretch)(*arguments)
-            arm = np.array(called(plane_tree.element_arm)(*arguments, 0.3)) @ system.plane.axes
-        else:
-            found = called(tree.element_stretch)(s, k, y)
-            arm = np.array(called(tree.element_arm)(s, k, y, 0.3))
-        assert found == pytest.approx(strain(y, element, nodes)[2], abs=1e-13)
-        moved[4 * e.child] = moved[4 * e.parent] + arm
-        assert strain(moved, element, nodes) == pytest.approx([0, 0, 0.3], abs=1e-13)

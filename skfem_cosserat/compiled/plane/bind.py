@@ -12,13 +12,12 @@ from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
 from ...frames import TOLERANCE
 from ...model import System
 from ...model.groups import BeamGroup
-from ...model.tree import ConstrainedElement, Spot
+from ...model.tree import Spot
 from ...strain import FORMS, strain_factors
 from ...types import Floats, IndexArray
 from .. import structures
 from ..bind import (
     KINDS,
-    bound_elements,
     coordinates_of,
     drives_of,
     followed,
@@ -159,7 +158,7 @@ def bound_tree(system: System, plan: Plan, frames: Frames, rows: Any) -> tuple[A
         "followed": followed(system),
         "turn": np.zeros((len(frames.first), 2)),
         **_masses(mass),
-        **_edges(system, plan, frames),
+        **_edges(system, frames),
         **_coordinates(system, frames),
         **_nodal_masses(system, frames),
         **bound_rows(system, plan, frames),
@@ -167,10 +166,9 @@ def bound_tree(system: System, plan: Plan, frames: Frames, rows: Any) -> tuple[A
     return structures.structure("plane_tree", fields), fields
 
 
-def _edges(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
-    """Tables of joints and constrained elements, see :mod:`.complex_numbers`."""
+def _edges(system: System, frames: Frames) -> dict[str, Any]:
+    """Tables of joints, see :mod:`.complex_numbers`."""
     tree, count = system.tree, frames.count
-    elements = _elements(system, plan, frames)
     edges = np.zeros((len(tree.edges), len(places.EDGES)), dtype=np.int64)
     arms = np.zeros((len(tree.edges), len(places.ARMS)))
     last = 0
@@ -180,7 +178,7 @@ def _edges(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
         first, last = last, last + len(own)
         edges[k] = (
             *(e.child, e.parent if inside else -1, e.parent, e.guide, fulcrum.vertex),
-            *(elements["element"][k], first, last, system.is_frame[e.child], relative),
+            *(first, last, system.is_frame[e.child], relative),
             *(bool(tree.slides.get(e.child)), inside and system.is_frame[e.parent]),
         )
         for column, spot in (
@@ -189,14 +187,8 @@ def _edges(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
             (places.FULCRUM_SPOT, fulcrum),
         ):
             put(arms, k, column, frames.offset(spot))
-        if (number := elements["element"][k]) >= 0:
-            arms[k, places.ELEMENT_LENGTH] = elements["element_length"][number]
-            put(arms, k, places.STRAIN, elements["strain"][number])
-            put(arms, k, places.SECTION_A, elements["turned"][number, 0])
-            put(arms, k, places.SECTION_B, elements["turned"][number, 1])
     both = [np.ascontiguousarray(edges[:, k]) for k in (places.CHILD, places.PARENT)]
-    tables = {"edges": edges, "arms": arms, "child": both[0], "parent": both[1]}
-    return tables | {"element_slot": elements["element_slot"]}
+    return {"edges": edges, "arms": arms, "child": both[0], "parent": both[1]}
 
 
 def put(table: Floats, k: int, column: int, z: complex) -> None:
@@ -219,7 +211,7 @@ def _coordinates(system: System, frames: Frames) -> dict[str, Any]:
         centre = Spot(c.vertex) if c.centre is None else c.centre
         own = -1 if c.drive is not None else tree.own[c.vertex].index(c.number)
         if own >= 0:
-            turning[c.vertex, own] = c.kind not in ("slide", "stretch")
+            turning[c.vertex, own] = c.kind != "slide"
         guide = max(c.guide, 0)
         coordinates[j] = KINDS[c.kind], own, guide, target.vertex, centre.vertex
         axis, d = c.axis, y[frames.first[guide] + 1 : frames.first[guide] + 4]
@@ -325,17 +317,6 @@ def _handed(system: System, numbers: IndexArray, axes: ComplexArray) -> Floats:
             turn = along[0].conjugate() * along[1]
             out[k] = np.sign(turn.imag) if abs(abs(turn.imag) - 1) < TOLERANCE else 0.0
     return out
-
-
-def _elements(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
-    """Elements whose lines follow from their directors."""
-    space = bound_elements(system, plan)
-    edges = [
-        e for e in system.tree.edges if e.in_element and isinstance(e.joint, ConstrainedElement)
-    ]
-    ends = np.array([(e.parent, e.child) for e in edges], dtype=np.int64).reshape(-1, 2)
-    turned, section = sections_of(space["element_rotation"], frames.director[ends])
-    return space | {"strain": (section * space["element_strain"]).sum(-1), "turned": turned}
 
 
 def sections_of(rotations: Floats, director: ComplexArray) -> tuple[ComplexArray, ComplexArray]:

@@ -22,7 +22,6 @@ __all__ = [
     "left",
     "minus",
     "outer",
-    "over",
     "plus",
     "point",
     "product",
@@ -38,24 +37,19 @@ __all__ = [
 # Tables, and not an array for each: kernels take what they need at once, see :mod:`..elements`.
 
 #: of an edge: child, parent (-1: ground) and the same with numbers of the ground, frame of slides,
-#: point of the child that moves as if fixed to the parent, number of the constrained element (-1:
-#: none), its first coordinate and the one behind its last; whether the child is a frame, whether it
+#: point of the child that moves as if fixed to the parent, its first coordinate and the one behind
+#: its last; whether the child is a frame, whether it
 #: turns with its parent, whether it slides, whether the parent is a frame that moves it
 EDGES = (
-    *("child", "parent", "parent_at", "guide", "fulcrum", "element", "first", "last"),
+    *("child", "parent", "parent_at", "guide", "fulcrum", "first", "last"),
     *("framed", "relative", "open", "carried"),
 )
-CHILD, PARENT, PARENT_AT, GUIDE_AT, FULCRUM, ELEMENT, FIRST, LAST = range(8)
-FRAMED, RELATIVE, OPEN, CARRIED = range(8, 12)
+CHILD, PARENT, PARENT_AT, GUIDE_AT, FULCRUM, FIRST, LAST = range(7)
+FRAMED, RELATIVE, OPEN, CARRIED = range(7, 11)
 #: multiples of unit vectors, two numbers each: of the child's and the parent's point, of the
-#: fulcrum, from the parent's to the child's point where a step starts (a vector); of an element its
-#: length (one number; negative against the element), its strain, the sections at parent and child
-ARMS = (
-    *("child", "child", "parent", "parent", "fulcrum", "fulcrum", "arm", "arm"),
-    *("length", "strain", "strain", "section_a", "section_a", "section_b", "section_b"),
-)
-CHILD_SPOT, PARENT_SPOT, FULCRUM_SPOT, ARM, ELEMENT_LENGTH, STRAIN, SECTION_A = 0, 2, 4, 6, 8, 9, 11
-SECTION_B = 13
+#: fulcrum, from the parent's to the child's point where a step starts (a vector)
+ARMS = ("child", "child", "parent", "parent", "fulcrum", "fulcrum", "arm", "arm")
+CHILD_SPOT, PARENT_SPOT, FULCRUM_SPOT, ARM = 0, 2, 4, 6
 #: of a coordinate: kind, place among its vertex' own (-1: driven), vertices of its frame, of the
 #: point that it moves and of the one that it turns about
 COORDINATES = ("kind", "own", "guide", "target", "centre")
@@ -142,13 +136,6 @@ def inner(a: Complex, b: Complex) -> float:
 def outer(a: Complex, b: Complex) -> float:
     """``Im(conj(a) b)``: along the normal of the vector product."""
     return a[0] * b[1] - a[1] * b[0]
-
-
-@inlined
-def over(a: Complex, b: Complex) -> Complex:
-    """``a / b``."""
-    f = 1.0 / (b[0] * b[0] + b[1] * b[1])
-    return scaled(f, crossed(b, a))
 
 
 @inlined

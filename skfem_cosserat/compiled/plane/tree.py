@@ -10,7 +10,7 @@ from typing import Any
 from ...types import Floats, IndexArray
 from ..jit import inlined, part
 from ..numbers import WEIGHT
-from ..tree import AXIS, ROTATION, SLIDE, SPHERE, STRETCH, prescribe
+from ..tree import AXIS, ROTATION, SLIDE, SPHERE, prescribe
 from .complex_numbers import (
     ARM,
     CARRIED,
@@ -18,8 +18,6 @@ from .complex_numbers import (
     CENTRE_SPOT,
     CHILD,
     CHILD_SPOT,
-    ELEMENT,
-    ELEMENT_LENGTH,
     FIRST,
     FRAMED,
     FULCRUM,
@@ -34,23 +32,17 @@ from .complex_numbers import (
     PARENT_AT,
     PARENT_SPOT,
     RELATIVE,
-    SECTION_A,
-    SECTION_B,
     SIGN,
     SLIDE0,
-    STRAIN,
     TARGET,
     TARGET_SPOT,
     Complex,
-    add_scaled,
     arrow,
     complex_at,
-    crossed,
     inner,
     left,
     minus,
     outer,
-    over,
     plus,
     point,
     product,
@@ -62,10 +54,6 @@ from .complex_numbers import (
 from .complex_numbers import SLIDE as DIRECTION
 
 __all__ = [
-    "element_arm",
-    "element_curvature",
-    "element_maps",
-    "element_stretch",
     "joint_add",
     "joint_begin",
     "joint_curvature",
@@ -88,9 +76,6 @@ def joint_begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         a = spot(y0, edges[e, PARENT_AT], complex_at(arms, e, PARENT_SPOT))
         b = spot(y0, edges[e, CHILD], complex_at(arms, e, CHILD_SPOT))
         put_complex(arms, e, ARM, minus(b, a))
-        for j in range(edges[e, FIRST], edges[e, LAST]):
-            if coordinates[j, KIND] == STRETCH:
-                value[j] = element_stretch(edges, arms, e, y0)
     return 0.0
 
 
@@ -123,23 +108,16 @@ def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                 by = product(by, complex_at(turn, edges[e, PARENT_AT], 0))
             put_complex(turn, v, 0, by)
             put_complex(y1, v, 2, product(by, arrow(y0, v)))
-        if edges[e, ELEMENT] >= 0:
-            stretched = 0.0
-            for j in range(edges[e, FIRST], edges[e, LAST]):
-                if coordinates[j, KIND] == STRETCH:
-                    stretched += value[j]
-            x = plus(point(y1, edges[e, PARENT_AT]), element_arm(edges, arms, e, y1, stretched))
-        else:
-            x = spot(y1, edges[e, PARENT_AT], complex_at(arms, e, PARENT_SPOT))
-            x = minus(x, product(complex_at(arms, e, CHILD_SPOT), arrow(y1, v)))
-            slid = complex_at(arms, e, ARM)
-            for j in range(edges[e, FIRST], edges[e, LAST]):
-                if coordinates[j, KIND] == SLIDE:
-                    slid = plus(slid, scaled(value[j], complex_at(along, j, SLIDE0)))
-                elif coordinates[j, KIND] == SPHERE:
-                    x = plus(x, product(turn_by(value[j]), complex_at(arms, e, ARM)))
-            if edges[e, OPEN]:
-                x = plus(x, product(slid, complex_at(turn, edges[e, GUIDE_AT], 0)))
+        x = spot(y1, edges[e, PARENT_AT], complex_at(arms, e, PARENT_SPOT))
+        x = minus(x, product(complex_at(arms, e, CHILD_SPOT), arrow(y1, v)))
+        slid = complex_at(arms, e, ARM)
+        for j in range(edges[e, FIRST], edges[e, LAST]):
+            if coordinates[j, KIND] == SLIDE:
+                slid = plus(slid, scaled(value[j], complex_at(along, j, SLIDE0)))
+            elif coordinates[j, KIND] == SPHERE:
+                x = plus(x, product(turn_by(value[j]), complex_at(arms, e, ARM)))
+        if edges[e, OPEN]:
+            x = plus(x, product(slid, complex_at(turn, edges[e, GUIDE_AT], 0)))
         put_complex(y1, v, 0, x)
     return 0.0
 
@@ -166,9 +144,6 @@ def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
             X[e, k] = 0.0
         X[e, 0] = 1.0
         X[e, 5] = 1.0
-        if edges[e, ELEMENT] >= 0:
-            element_maps(edges, arms, coordinates, e, y, S, X)
-            continue
         for j in range(edges[e, FIRST], edges[e, LAST]):
             o, kind = coordinates[j, OWN], coordinates[j, KIND]
             if o < 0:
@@ -218,8 +193,6 @@ def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
         for k in range(12):
             C_child[e, k] = 0.0
             C_parent[e, k] = 0.0
-        if edges[e, ELEMENT] >= 0:  # nothing acts beyond, see element_curvature
-            continue
         f = scaled(weight, point(F, v))
         if edges[e, CARRIED]:
             own = diag[edges[e, PARENT]]
@@ -283,121 +256,3 @@ def parent_curvature(
         return
     add_row(A, other, 2, g, inner(g, left(arm)) if framed[u] else 0.0)
     add_row(A, own, 2, scaled(-1.0, g), 0.0)
-
-
-# --------------------------------------------------------------------------------------------------
-# Compiled elements in a plane whose lines follow from their unit vectors: edges of the tree.
-#
-# Of a linear element that holds its shear strains ``phi' = gamma / conj(e)``, e in its middle; see
-# :mod:`skfem_cosserat.compiled.tree`.
-
-
-@inlined
-def sections(edges: IndexArray, arms: Floats, e: int, y: Floats) -> tuple[Complex, Complex]:
-    """Unit vectors of the section at the parent and at the child."""
-    a, b = arrow(y, edges[e, PARENT_AT]), arrow(y, edges[e, CHILD])
-    return product(complex_at(arms, e, SECTION_A), a), product(complex_at(arms, e, SECTION_B), b)
-
-
-@inlined
-def between(edges: IndexArray, e: int, y: Floats) -> Complex:
-    """From parent to child."""
-    return minus(point(y, edges[e, CHILD]), point(y, edges[e, PARENT_AT]))
-
-
-@inlined
-def conjugate(a: Complex) -> Complex:
-    """``conj(a)``."""
-    return a[0], -a[1]
-
-
-@inlined
-def element_stretch(edges: IndexArray, arms: Floats, e: int, y: Floats) -> float:
-    """Axial strain."""
-    a, b = sections(edges, arms, e, y)
-    line = scaled(0.5 / arms[e, ELEMENT_LENGTH], between(edges, e, y))
-    return inner(plus(a, b), line) - arms[e, STRAIN]
-
-
-@inlined
-def element_arm(edges: IndexArray, arms: Floats, e: int, y: Floats, stretched: float) -> Complex:
-    """From parent to child, whose unit vectors are in place, with this axial strain."""
-    a, b = sections(edges, arms, e, y)
-    strain = arms[e, STRAIN] + stretched, arms[e, STRAIN + 1]
-    return over(scaled(2.0 * arms[e, ELEMENT_LENGTH], strain), conjugate(plus(a, b)))
-
-
-@inlined
-def element_maps(
-    edges: IndexArray,
-    arms: Floats,
-    coordinates: IndexArray,
-    e: int,
-    y: Floats,
-    S: Floats,
-    X: Floats,
-) -> None:
-    """S and X of a child, in place of zeros but for the identity of X's velocities."""
-    a, b = sections(edges, arms, e, y)
-    # by the angular velocity of a node with the unit vector a: i arm conj(a) / conj(a + b)
-    inverse = over((1.0, 0.0), conjugate(plus(a, b)))
-    turned = product(left(between(edges, e, y)), inverse)
-    u = crossed(a, turned)
-    X[e, 2] = u[0]
-    X[e, 6] = u[1]
-    for j in range(edges[e, FIRST], edges[e, LAST]):
-        o = coordinates[j, OWN]
-        if coordinates[j, KIND] == STRETCH:
-            u, turning = scaled(2.0 * arms[e, ELEMENT_LENGTH], inverse), 0.0
-        else:
-            u, turning = crossed(b, turned), 1.0
-        S[e, o] = u[0]
-        S[e, 4 + o] = u[1]
-        S[e, 8 + o] = turning
-
-
-@part
-def element_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Derivative of the maps at the midpoint for fixed forces: as geometric stiffness.
-
-    See :func:`skfem_cosserat.compiled.tree.element_curvature`. Takes ``w.F`` (flag 1: with the
-    predicted stresses), leaves the balance without these forces in ``w.R_mixed``.
-    """
-    F, R, R0, weight = w.F, w.R_mixed, w.R, numbers[WEIGHT]
-    if flag == 1:
-        F = w.F_mixed
-    else:
-        for v in range(len(R)):
-            for i in range(4):
-                R[v, i] = R0[v, i]
-    mid, y1, A, slot, edges, arms = w.mid, w.y1, w.A, s.element_slot, s.edges, s.arms
-    none = (0.0, 0.0)
-    for e in range(len(edges)):
-        k = edges[e, ELEMENT]
-        if k < 0:
-            continue
-        v, p = edges[e, CHILD], edges[e, PARENT_AT]
-        a, b = sections(edges, arms, e, mid)
-        c, d = sections(edges, arms, e, y1)
-        length, f = arms[e, ELEMENT_LENGTH], point(F, v)
-        mu = over(scaled(2.0 * length, f), plus(a, b))
-        on_both = scaled(0.5 / length, product(between(edges, e, mid), conjugate(mu)))
-        take_off(R, p, scaled(-1.0, f), crossed(complex_at(arms, e, SECTION_A), on_both))
-        take_off(R, v, f, crossed(complex_at(arms, e, SECTION_B), on_both))
-        n = scaled(-0.5 * weight / length, mu)
-        other, back = scaled(-1.0, n), conjugate(n)
-        back_other = scaled(-1.0, back)
-        add_scaled(0.0, other, back_other, none, a, c, A, slot[k, 0, 0])
-        add_scaled(0.0, other, back, none, a, d, A, slot[k, 0, 1])
-        add_scaled(0.0, n, back_other, none, b, c, A, slot[k, 1, 0])
-        add_scaled(0.0, n, back, none, b, d, A, slot[k, 1, 1])
-    return 0.0
-
-
-@inlined
-def take_off(R: Floats, v: int, f: Complex, on_arrow: Complex) -> None:
-    """Forces on the origin and the unit vector of a frame off R."""
-    R[v, 0] -= f[0]
-    R[v, 1] -= f[1]
-    R[v, 2] -= on_arrow[0]
-    R[v, 3] -= on_arrow[1]
