@@ -26,6 +26,7 @@ from . import (
     couplings,
     elements,
     flow,
+    held,
     laws,
     loads,
     nodes,
@@ -35,7 +36,7 @@ from . import (
     structures,
     tree,
 )
-from .bind_rows import bound_rows
+from .bind_rows import bound_held, bound_rows, first_held
 from .couplings import (
     ANGLE,
     DAMPING,
@@ -68,7 +69,7 @@ from .numbers import (
     TREE_PARTS,
 )
 from .plan import Plan, following
-from .structures import Groups, flags, integers
+from .structures import Groups, flags, integers, roomy
 from .tree import AXIS, SLIDE, SPHERE
 from .tree import ROTATION as TURN
 from .warm import cold, helped
@@ -211,6 +212,8 @@ def parts_of(
         unused |= {name for name in TREE_PARTS if name.startswith("joint")}
     if not len(system.left_rows):
         unused |= {name for name in TREE_PARTS if name.startswith("row")}
+    if not (system.left_rows >= first_held(system)).any():
+        unused |= {"beam_hold", "beam_hold_matrix"}
     if system.tree is system.spanning:
         unused.add("row_branch")
     if not weight:
@@ -279,19 +282,19 @@ def addresses(
 
 def part_named(name: str, family: str = "tree") -> Any:
     """The function of this name."""
-    modules = [nodes, tree, rows, flow, blocks, elements, loads, couplings, static]
+    modules = [nodes, tree, rows, flow, blocks, elements, held, loads, couplings, static]
     if family == "plane":
         modules = [*plane_parts(), *modules]
     if family == "by law":
-        modules = [stored, elements]
+        modules = [stored, elements, held]
     return next(vars(m)[name] for m in modules if name in m.__all__)
 
 
 def plane_parts() -> list[Any]:
     """What parts for scenes in a plane are in, beside those that take any."""
-    from .plane import elements, nodes, rows, tree
+    from .plane import elements, held, nodes, rows, tree
 
-    return [nodes, tree, rows, elements]
+    return [nodes, tree, rows, elements, held]
 
 
 def signature(name: str, kinds: Sequence[Any]) -> list[Any]:
@@ -324,12 +327,22 @@ def coordinates_of(system: System) -> list[list[Coordinate]]:
 
 
 def bound_beams(
-    system: System, group: BeamGroup | None, plan: Plan, stiffness: Floats | None = None
+    system: System,
+    group: BeamGroup | None,
+    plan: Plan,
+    rows: dict[str, Any] | None = None,
+    stiffness: Floats | None = None,
 ) -> tuple[Any, dict[str, Any]]:
     """One group of elements, or none; the structure, and its arrays by name.
 
-    `stiffness` (ne, 6, 6): another one than that of the sections.
+    Parameters
+    ----------
+    rows : dict, optional
+        Arrays of :func:`bound_tree`; default: strains that are held are left out.
+    stiffness : (ne, 6, 6) array, optional
+        Another one than that of the sections.
     """
+    hold = bound_held(system, group, plan, rows)
     if group is None:
         none = np.zeros((0, 2), dtype=np.int64)
         ends = ((0.5, 0.5),)
@@ -340,7 +353,7 @@ def bound_beams(
         fields |= {"section": np.zeros(0, dtype=np.int64)}
         fields |= {"slot": np.zeros((0, 2, 2), dtype=np.int64), "lengths": np.zeros(0)}
         fields |= {"rotations": np.zeros((0, 2, 3, 3)), "turned": False, "diagonal": True}
-        fields |= {"S0": S, "S": S.copy(), "predicted": S.copy()}
+        fields |= {"S0": S, "S": S.copy(), "predicted": S.copy(), "held_stress": S} | hold
         return structures.structure("beams", fields), fields
     elements = group.elements
     ne, nn = group.vertices.shape
@@ -377,14 +390,22 @@ def bound_beams(
         "S0": S,
         "S": S.copy(),
         "predicted": S.copy(),
+        "held_stress": S[: len(hold["held"])].copy(),
+        **hold,
     }
     return structures.structure("beams", fields), fields
 
 
 def bound_groups(
-    system: System, plan: Plan, viscous: bool = False, kept_only: bool = False
+    system: System,
+    plan: Plan,
+    rows: dict[str, Any],
+    viscous: bool = False,
+    kept_only: bool = False,
 ) -> tuple[Any, list[dict[str, Any]]]:
     """All groups of elements; the structure, and arrays by name of each.
+
+    `rows` are arrays of :func:`bound_tree`.
 
     One group, or none, of elastic sections is as :func:`bound_beams` has it. Else, with `viscous`,
     which says that there are some, elements of viscous sections follow behind all others, with
@@ -392,19 +413,19 @@ def bound_groups(
     """
     groups = system.beam_groups
     if len(groups) < 2 and not viscous and not any(group.elements.stored for group in groups):
-        g, fields = bound_beams(system, groups[0] if groups else None, plan)
+        g, fields = bound_beams(system, groups[0] if groups else None, plan, rows)
         return g, [fields]
     bound = [
-        bound_by_law(system, group, plan, kept_only)
+        bound_by_law(system, group, plan, rows, kept_only)
         if group.elements.stored
-        else bound_beams(system, group, plan)
+        else bound_beams(system, group, plan, rows)
         for group in groups
     ]
     numbers: list[Any] = [None] * len(bound)
     for group in groups:
         eta = group.elements.viscosity
         if viscous and eta is not None:
-            g, fields = bound_beams(system, group, plan, eta)
+            g, fields = bound_beams(system, group, plan, stiffness=eta)
             numbers.append(np.zeros(len(NUMBERS)))
             bound.append(
                 (g, fields | {"numbers": numbers[-1], "viscosity": fields["stiffness"].copy()})
@@ -413,10 +434,10 @@ def bound_groups(
 
 
 def bound_by_law(
-    system: System, group: BeamGroup, plan: Plan, kept_only: bool = False
+    system: System, group: BeamGroup, plan: Plan, rows: dict[str, Any], kept_only: bool = False
 ) -> tuple[Any, dict[str, Any]]:
     """One group of elements of which some have a stored energy; as :func:`bound_beams`."""
-    _, fields = bound_beams(system, group, plan)
+    _, fields = bound_beams(system, group, plan, rows)
     ne, ng, _ = fields["S"].shape
     moduli = np.repeat(group.elements.stiffness[:, None], ng, axis=1)
     fields |= {"stiffness": moduli, "diagonal": False, "strains": np.zeros((ne, ng, 6))}
@@ -766,7 +787,8 @@ def work_of(
     of_dampers = ("earlier", "later", "rate0", "drift")
     shapes |= dict.fromkeys(of_dampers, shapes["y0"] if late else (0, 3))
     arrays: dict[str, Any] = {
-        name: damped[0] if name == "flow" else np.zeros(shapes[name]) for name in structures.WORK
+        name: damped[0] if name == "flow" else roomy(np.zeros(shapes[name]))
+        for name in structures.WORK
     }
     if not late:
         arrays["earlier"], arrays["later"] = arrays["y0"], arrays["y1"]

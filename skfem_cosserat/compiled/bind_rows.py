@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from ..model import System
+from ..model.groups import BeamGroup
 from ..types import Floats, IndexArray
 from . import rows
 from .plan import Plan, RowBlock
-from .structures import integers
+from .structures import integers, roomy
 
-__all__ = ["bound_rows", "choose_rows", "numbered", "of_blocks"]
+__all__ = ["bound_held", "bound_rows", "choose_rows", "first_held", "numbered", "of_blocks"]
 
 
 def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
@@ -25,8 +26,9 @@ def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
     numbers, block, place = numbered(system, plan.rows, count, 6)
     terms, cosines = system.constraints.terms(), system.branch_cosines.terms()
     products, factors, linear, own = [], [], [], []
+    joints = first_held(system)
     for k, a, b, c, drive, component in zip(*terms[:6], strict=True):
-        if block[k] >= 0:
+        if block[k] >= 0 and k < joints:
             (u, i), (v, j) = where.get(a, (-1, 0)), where.get(b, (-1, 0))
             slots = [plan.slot[x, y] if x >= 0 and y >= 0 else -1 for x, y in ((u, v), (v, u))]
             for x in (u, v):
@@ -42,7 +44,6 @@ def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
                 slots = [plan.slot[x] if v >= 0 else -1 for x in ((e, v), (v, e))]
                 linear.append((e, place[k + n], a, n, v, i, *slots))
                 own.append(c)
-    vertices = {v for row in products for v in (row[4], row[6])} | {row[4] for row in linear}
     pairs = []
     for k, each in enumerate(plan.rows, count):
         inner = [v for v in each.vertices if v < count]
@@ -56,12 +57,64 @@ def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
         "row_linear": np.array(linear, dtype=np.int64).reshape(-1, 8),
         "row_linear_factors": np.array(own, dtype=float),
         **of_blocks(system, plan, numbers, terms.constant),
-        "row_vertices": integers(sorted(vertices - {-1})),
         "row_pairs": np.array(pairs, dtype=np.int64).reshape(-1, 3),
         "cosines": turned,
         "cosine_factors": np.array(cosines.factor, dtype=float),
         "cosine_constant": np.array(cosines.constant, dtype=float),
         "cosine": np.zeros(len(cosines.constant)),
+    }
+
+
+def first_held(system: System) -> int:
+    """The first constraint row that is a strain: these come last, and beams evaluate them."""
+    return min((each.rows.start for each in system.theory_rows), default=system.m)
+
+
+def bound_held(
+    system: System, group: BeamGroup | None, plan: Plan, rows: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Strains that elements of a group hold by rows with multipliers, see :mod:`.held`.
+
+    `rows`: arrays of the rows, of :func:`bound_rows` or those in a plane; None: it holds none.
+    """
+    own = [] if group is None or rows is None else system.theory_rows
+    theories = [each for each in own if group is not None and id(each.beam) in group.slices]
+    none = np.zeros((0, 6))
+    blocks, count = plan.rows, len(system.origin_rows)
+    width = 3 if system.plane is not None else 6
+    if rows is not None:
+        _, block, place = numbered(system, blocks, count, width)
+        theories = [each for each in theories if (block[each.numbers] >= 0).any()]
+    shape = (0, 1, 0)
+    holds = sorted({i for each in theories for i in each.held})
+    if group is not None and theories:
+        shape = *group.elements.reference.shape[:2], len(holds)
+    nodes = 2 if group is None else group.vertices.shape[1]
+    # the stride of b and of a row of a block in A; the one behind each array is for what is not
+    stride = 6 if width == 6 else 4
+    held, on = np.full(shape, stride * len(plan.diag)), np.full(shape, width * len(blocks))
+    last = stride * width * len(plan.slot)
+    down, up = np.full((*shape, nodes), last), np.full((*shape, nodes), last)
+    for each in theories:
+        assert group is not None
+        first = group.slices[id(each.beam)].start
+        for (e, p, s), number in np.ndenumerate(each.numbers):
+            k, c = int(block[number]), int(place[number])
+            if k < 0:
+                continue
+            to = first + e, p, holds.index(each.held[s])
+            held[to], on[to] = stride * k + c, width * (k - count) + c
+            for u, v in enumerate(group.vertices[first + e].tolist()):
+                down[(*to, u)] = stride * (width * plan.slot[k, v] + c)
+                up[(*to, u)] = stride * width * plan.slot[v, k] + c
+    return {
+        "holds": integers(holds),
+        "held": held,
+        "held_on": on,
+        "held_down": down,
+        "held_up": up,
+        "row_on": none if rows is None else rows["row_on"],
+        "row_weight": none if rows is None else rows["row_weight"],
     }
 
 
@@ -97,8 +150,9 @@ def of_blocks(system: System, plan: Plan, numbers: IndexArray, constant: Floats)
     return {
         "row_constant": np.where(none, 0.0, constant[numbers]) if numbers.size else 0.0 * numbers,
         "row_size": np.where(none, 1.0, size[numbers]) if numbers.size else 0.0 * numbers,
-        "row_on": (~none & ~np.isin(numbers, system.closure.rows)).astype(float),  # till chosen
-        "row_weight": weight,
+        "row_on": roomy((~none & ~np.isin(numbers, system.closure.rows)).astype(float)),
+        "row_weight": roomy(weight),
+        "row_kept": roomy(numbers >= first_held(system)),
         "row_weighted": np.array(weighted, dtype=np.int64).reshape(-1, 4),
         "row_triple": np.full(len(plan.rows), -1),
         "row_owner": integers([own[0] if own else -1 for own in framed]),

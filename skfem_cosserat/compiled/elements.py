@@ -695,6 +695,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     lengths, shapes, slopes, weights = g.lengths, g.N, g.dN, g.weights
     masses, stiffness, slot, section = g.mass, g.stiffness, g.slot, g.section
     base, turned, rotations, diagonal = g.base, g.turned, g.rotations, g.diagonal
+    held = g.held_stress
     ne, nodes = base.shape
     points = len(shapes)
     ask_for_moduli(stiffness, g, numbers)
@@ -725,8 +726,12 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             GS = at_point(shapes[p], slopes[p], inverse, XS) if ends else GB
             n, m = triple(S, es, 6 * points, 6 * p), triple(S, es, 6 * points, 6 * p + 3)
             f = half * weights[p] * once
-            keep(a, STRESSES + 6 * p, times(f, n))
-            keep(a, STRESSES + 6 * p + 3, times(0.5 * f, m))
+            n, m = times(f, n), times(0.5 * f, m)
+            if len(held):
+                n = plus(n, times(once, triple(held, es, 6 * points, 6 * p)))
+                m = plus(m, times(0.5 * once, triple(held, es, 6 * points, 6 * p + 3)))
+            keep(a, STRESSES + 6 * p, n)
+            keep(a, STRESSES + 6 * p + 3, m)
             stiff_by_law(stiffness, es, points, p, material * once * length, a)
             point_terms(p, (GB, GS), X, table, weights[p], inverse, diagonal, a)
         for u in range(nodes):

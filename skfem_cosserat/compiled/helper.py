@@ -48,15 +48,10 @@ def structures_of(system: System, plan: Plan, family: str) -> list[Any]:
     if family == "plane":
         frames = plane.Frames(system)
         rows, fields = plane.bound_space(system, frames)
-        return [
-            plane.bound_tree(system, plan, frames, rows)[0],
-            bind.bound_plan(system, plan)[0],
-            plane.bound_work(system, plan, frames)[0],
-            plane.bound_groups(system, plan, frames, fields)[0],
-        ]
-    return [
-        bind.bound_tree(system, plan)[0],
-        bind.bound_plan(system, plan)[0],
-        bind.bound_work(system, plan)[0],
-        bind.bound_groups(system, plan)[0],
-    ]
+        s, own = plane.bound_tree(system, plan, frames, rows)
+        w = plane.bound_work(system, plan, frames)[0]
+        g = plane.bound_groups(system, plan, frames, fields, own)[0]
+    else:
+        s, own = bind.bound_tree(system, plan)
+        w, g = bind.bound_work(system, plan)[0], bind.bound_groups(system, plan, own)[0]
+    return [s, bind.bound_plan(system, plan)[0], w, g]

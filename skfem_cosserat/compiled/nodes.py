@@ -238,6 +238,11 @@ def balance(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         twist_force(s, left, predicted, w.F_mixed, w.x)
         return 0.0
     largest = step_balance(s, w, numbers, flag == 2)
+    if len(s.row_on):
+        closing = w.closing
+        for r in range(R.shape[0]):
+            for c in range(3):
+                R[r, c] += closing[r, c]
     twist_force(s, left, R, w.F, w.b)
     return largest
 

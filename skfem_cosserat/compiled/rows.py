@@ -18,10 +18,10 @@ from ..types import Floats
 from .block_algebra import add_times, entry, put_entry
 from .jit import inlined, part
 from .numbers import MASS, WEIGHT
-from .small import Vector, add_skew, cross, dot, put, row, times
+from .small import Vector, add_skew, cross, dot, row, times
 
 __all__ = ["row_branch", "row_force", "row_matrix"]
-__all__ += ["TURNED_OVER", "add_weighted", "complete_blocks", "push"]
+__all__ += ["TURNED_OVER", "add_weighted", "complete_blocks", "push", "start_gaps"]
 
 #: columns of the table of products ``c y_left . y_right``: block and place of the constraint row;
 #: rows of y, their vertices (-1: ground) and places in them; slots of both pairs of vertices, and
@@ -70,21 +70,13 @@ def add_forces(s: Any, y: Floats, mu: Floats, f: Floats) -> None:
 
 
 @inlined
-def twist_forces(s: Any, y: Floats, f: Floats, F: Floats, b: Floats) -> None:
-    """Add ``P_int(y)^T f`` of the vertices that rows hold to F, and to b."""
-    vertices, first, framed = s.row_vertices, s.row, s.framed
-    for k in range(len(vertices)):
-        v = vertices[k]
-        r = first[v]
-        for c in range(3):
-            F[v, c] += f[r, c]
-            b[v, c] += f[r, c]
-        if framed[v]:
-            for i in range(1, 4):
-                moment = cross(row(y, r + i), row(f, r + i))
-                for c in range(3):
-                    F[v, 3 + c] += moment[c]
-                    b[v, 3 + c] += moment[c]
+def start_gaps(s: Any, b: Floats, first: int) -> None:
+    """Minus what rows are to be, in blocks from `first` on; not those that beams have there."""
+    constant, kept = s.row_constant, s.row_kept
+    for k in range(constant.shape[0]):
+        for c in range(constant.shape[1]):
+            if not kept[k, c]:
+                b[first + k, c] = -constant[k, c]
 
 
 @inlined
@@ -111,16 +103,15 @@ def push(s: Any, w: Any, numbers: Floats, first: int) -> float:
 
 @part
 def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Forces by mu on R and on vertices, and what the rows gape by: gives the largest, relative."""
-    closing, b, y1, R = w.closing, w.b, w.y1, w.R
+    """Forces by mu, added to ``w.closing``, and what rows gape by: gives the largest, relative.
+
+    Strains that beams hold have been evaluated by these, see :mod:`.held`.
+    """
+    b, y1 = w.b, w.y1
     y = w.y0
     if numbers[WEIGHT] != 0.0:
         y = w.mid
-    first, framed, vertices = s.row, s.framed, s.row_vertices
-    count, constant = len(first), s.row_constant
-    for k in range(constant.shape[0]):
-        for c in range(constant.shape[1]):
-            b[count + k, c] = -constant[k, c]
+    start_gaps(s, b, len(s.row))
     table, linear = s.row_products, s.row_linear
     for t in range(table.shape[0]):
         product = dot(row(y1, table[t, LEFT]), row(y1, table[t, RIGHT]))
@@ -129,18 +120,8 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     for t in range(linear.shape[0]):
         value = y1[linear[t, TERM], linear[t, TERM_COMPONENT]]
         b[linear[t, BLOCK], linear[t, PLACE]] += s.row_linear_factors[t] * value
-    gap = push(s, w, numbers, count)
-    for k in range(len(vertices)):
-        v = vertices[k]
-        for i in range(4 if framed[v] else 1):
-            put(closing, first[v] + i, (0.0, 0.0, 0.0))
-    add_forces(s, y, w.extra, closing)
-    for k in range(len(vertices)):
-        v = vertices[k]
-        for i in range(4 if framed[v] else 1):
-            for c in range(3):
-                R[first[v] + i, c] += closing[first[v] + i, c]
-    twist_forces(s, y, closing, w.F, b)
+    gap = push(s, w, numbers, len(s.row))
+    add_forces(s, y, w.extra, w.closing)
     return gap
 
 

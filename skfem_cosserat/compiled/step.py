@@ -96,10 +96,16 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
         call_back(p[n.CALLED_BACK], n.AT_FORCE)
     if p[n.FLOW]:
         call(p[n.FLOW], s, m, w, numbers, 0)
-    largest = call(p[n.BALANCE], s, m, w, numbers, 2 * sized)
     gap = 0.0
     if p[n.ROW_FORCE]:
+        closing = w.closing
+        for r in range(closing.shape[0]):
+            for c in range(closing.shape[1]):
+                closing[r, c] = 0.0
+        if p[n.BEAM_HOLD]:
+            call_beams(p[n.BEAM_HOLD], g, w, numbers, 0)
         gap = call(p[n.ROW_FORCE], s, m, w, numbers, 0)
+    largest = call(p[n.BALANCE], s, m, w, numbers, 2 * sized)
     if p[n.JOINT_MAPS]:
         if numbers[n.WEIGHT] != 0.0:
             call(p[n.JOINT_MAPS], s, m, w, numbers, 0)
@@ -148,6 +154,8 @@ def matrix(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, mixed
         call(p[n.JOINT_MAPS], s, m, w, numbers, 1)
     if p[n.JOINT_CURVATURE]:
         call(p[n.JOINT_CURVATURE], s, m, w, numbers, mixed)
+    if p[n.BEAM_HOLD_MATRIX]:
+        call_beams(p[n.BEAM_HOLD_MATRIX], g, w, numbers, 0)
     if p[n.ROW_MATRIX]:
         call(p[n.ROW_MATRIX], s, m, w, numbers, 0)
     if p[n.HOLD]:

@@ -36,6 +36,7 @@ __all__ = [
     "flags",
     "integers",
     "is_groups",
+    "roomy",
     "structure",
 ]
 
@@ -247,11 +248,15 @@ def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
 
 # -- arrays of a frozen system as the compiled kernels take them: one argument for many arrays -----
 
+#: strains that elements hold by rows: which ones; of each element, Gauss point and such strain its
+#: place in vectors and among rows, and in the matrix where the blocks with each node begin; what
+#: multipliers add to the stresses of geometric terms; which rows are chosen, and their weights
+HELD = ("holds", "held", "held_on", "held_down", "held_up", "held_stress", "row_on", "row_weight")
 #: elements of one interpolation: shape functions and slopes at Gauss points as tuples, so that
 #: their numbers are known when compiling; first rows of y of the nodes; slots of the blocks
 BEAMS = (
     *("N", "dN", "weights", "base", "slot", "lengths", "section", "stiffness", "reference", "mass"),
-    *("diagonal", "rotations", "turned", "S0", "S", "predicted"),
+    *("diagonal", "rotations", "turned", "S0", "S", "predicted", *HELD),
 )
 #: elements of which some have a stored energy: stiffness by Gauss points, S0 the strains at the
 #: start; beside these the strains, the address of :func:`.laws.law_points`, which makes stresses
@@ -299,7 +304,7 @@ TREE = (
     *("centre_row", "centre_offset", "centre_vertex"),
     *("mass_data", "mass_indices", "mass_indptr"),
     *("row_products", "row_factors", "row_linear", "row_linear_factors", "row_constant"),
-    *("row_size", "row_on", "row_weight", "row_weighted", "row_vertices", "row_pairs"),
+    *("row_size", "row_on", "row_kept", "row_weight", "row_weighted", "row_pairs"),
     *("row_triple", "row_owner"),
     *("cosines", "cosine_factors", "cosine_constant", "cosine"),
     *("triple", "frame_vertex", "frame_masses", "point_vertex", "point_masses"),
@@ -358,7 +363,7 @@ PROJECTION = ("parts", "tree", "plan", "work", "beams", "numbers")
 #: of scenes in a plane: elements, and in the end what makes rows of y in space of their forces
 PLANE_BEAMS = (
     *("N", "dN", "weights", "base", "slot", "lengths", "section", "stiffness", "reference", "mass"),
-    *("rotations", "turned", "S0", "S", "predicted"),
+    *("rotations", "turned", "S0", "S", "predicted", *HELD, "held_form"),
     *("axes", "director", "resultants", "frames", "triads", "out"),
 )
 #: what there is by rows of y in space: first rows of the vertices, their directors by unit vectors,
@@ -374,7 +379,7 @@ PLANE_TREE = (
     *("mass_blocks", "mass_indices", "mass_indptr"),
     *("frame_vertex", "frame_masses", "point_vertex", "point_masses"),
     *("products", "factors", "linear", "directions", "row_constant", "row_size", "row_on"),
-    *("row_weight", "row_weighted", "row_vertices", "row_triple", "row_owner", "row_handed"),
+    *("row_kept", "row_weight", "row_weighted", "row_triple", "row_owner", "row_handed"),
     *("cosines", "cosine_factors", "cosine_constant", "cosine"),
 )
 
@@ -405,6 +410,13 @@ def structure(family: str, fields: Mapping[str, Any]) -> Structure:
 def integers(numbers: Sequence[Any] | IndexArray) -> IndexArray:
     """As the kernels take them."""
     return np.array(numbers, dtype=np.int64).reshape(len(numbers))
+
+
+def roomy(values: NDArray[Any]) -> Any:
+    """The same, with zeros in memory for one row more: kernels put there what is nowhere else."""
+    out = np.zeros((len(values) + 1, *values.shape[1:]), dtype=values.dtype)[:-1]
+    out[:] = values
+    return out
 
 
 def flags(values: Sequence[bool] | NDArray[np.bool_]) -> Any:

@@ -264,7 +264,9 @@ class CompiledScene:
             m, planned = bind.bound_plan(system, self.plan)
             separate = separate_parts(system) if self.scheme.relative else None
             w, self._arrays = bind.bound_work(system, self.plan, self.late, separate)
-            g, self._beams = bind.bound_groups(system, self.plan, viscous, self._kept_only)
+            g, self._beams = bind.bound_groups(
+                system, self.plan, self._tree, viscous, self._kept_only
+            )
             table = bind.addresses(parts, (s, m, w, g), kept_only=self._kept_only)
         if len(self.plan.rest):
             A, x = self._arrays["A"], self._arrays["x"]

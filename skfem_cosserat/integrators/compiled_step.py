@@ -700,7 +700,7 @@ class CompiledPlane(CompiledStep):
             s, self._tree = plane.bound_tree(system, self.plan, frames, rows)
             m, _ = bind.bound_plan(system, self.plan)
             w, arrays = plane.bound_work(system, self.plan, frames)
-            g, self._beams = plane.bound_groups(system, self.plan, frames, outside)
+            g, self._beams = plane.bound_groups(system, self.plan, frames, outside, self._tree)
             table = bind.addresses(parts, (s, m, w, g), "plane", self._kept_only)
         own = ("y0", "y1", "ground1", "p0", "external", "R", "carried")
         self._arrays = arrays | {name: outside[name] for name in own}

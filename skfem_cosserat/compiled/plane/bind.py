@@ -25,7 +25,7 @@ from ..bind import (
     nested,
     work_of,
 )
-from ..bind_rows import numbered, of_blocks
+from ..bind_rows import bound_held, first_held, numbered, of_blocks
 from ..numbers import BEAM_PARTS, COUPLED
 from ..plan import Plan
 from ..structures import integers
@@ -258,6 +258,7 @@ def bound_rows(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
     count, blocks, width = frames.count, plan.rows, 3
     numbers, block, place = numbered(system, blocks, count, width)
     own, cosines = system.constraints.terms(), system.branch_cosines.terms()
+    joints = first_held(system)
     constants = [np.array(each.constant, dtype=float) for each in (own, cosines)]
     tables: list[list[tuple[int, ...]]] = [[], []]
     factors: list[list[complex]] = [[], []]
@@ -266,7 +267,7 @@ def bound_rows(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
             u, v = int(frames.vertex[a]), int(frames.vertex[b])
             constants[which][k] -= c * frames.height[a] * frames.height[b]
             e, n = (int(block[k]), int(place[k])) if which == 0 else (k, 0)
-            if e < 0:
+            if e < 0 or (which == 0 and k >= joints):
                 continue
             ends = e, n, u, int(frames.place[a] > 0), v, int(frames.place[b] > 0)
             slots = [-1] * 6
@@ -288,14 +289,12 @@ def bound_rows(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
             slots = [plan.slot[x] if v < count else -1 for x in ((e, v), (v, e))]
             linear.append((e, int(place[k + component]), v, int(frames.place[a] > 0), *slots))
             directions.append(c * frames.factor(a).conjugate() * axes[component])
-    vertices = {v for row in tables[0] for v in (row[2], row[4])} | {row[2] for row in linear}
     return {
         "products": np.array(tables[0], dtype=np.int64).reshape(-1, 12),
         "factors": pairs(factors[0]).reshape(-1, 2),
         "linear": np.array(linear, dtype=np.int64).reshape(-1, 6),
         "directions": pairs(directions).reshape(-1, 2),
         **of_blocks(system, plan, numbers, constants[0]),
-        "row_vertices": integers(sorted(v for v in vertices if v < count)),
         "cosines": np.array(tables[1], dtype=np.int64).reshape(-1, 12),
         "cosine_factors": pairs(factors[1]).reshape(-1, 2),
         "cosine_constant": constants[1],
@@ -331,10 +330,22 @@ def sections_of(rotations: Floats, director: ComplexArray) -> tuple[ComplexArray
 
 
 def bound_beams(
-    system: System, group: BeamGroup | None, plan: Plan, frames: Frames, rows: dict[str, Any]
+    system: System,
+    group: BeamGroup | None,
+    plan: Plan,
+    frames: Frames,
+    outside: dict[str, Any],
+    rows: dict[str, Any] | None = None,
 ) -> tuple[Any, dict[str, Any]]:
-    """One group of elements, or none; the structure, and its arrays by name."""
-    common = {"axes": rows["axes"], "out": rows["internal"]}
+    """One group of elements, or none; the structure, and its arrays by name.
+
+    Parameters
+    ----------
+    outside, rows : dict
+        Arrays of :func:`bound_space`, and of :func:`bound_tree`, if strains are held.
+    """
+    hold = bound_held(system, group, plan, rows)
+    common = {"axes": outside["axes"], "out": outside["internal"], **hold}
     if group is None:
         sizes = {"stiffness": (3, 3), "reference": (1, 3), "mass": (2, 2, 4, 2)}
         sizes |= {"rotations": (2, 2), "director": (3, 2), "resultants": (6, 3)}
@@ -344,6 +355,7 @@ def bound_beams(
         fields |= dict.fromkeys(("base", "frames"), np.zeros((0, 2), dtype=np.int64))
         fields |= {"slot": np.zeros((0, 2, 2), dtype=np.int64), "lengths": np.zeros(0)}
         fields |= {"section": np.zeros(0, dtype=np.int64), "turned": False}
+        fields |= {"held_stress": np.zeros((0, 1, 3)), "held_form": np.zeros((0, 0, 3))}
         return structures.structure("plane_beams", fields), fields
     elements = group.elements
     ne, nn = group.vertices.shape
@@ -394,17 +406,19 @@ def bound_beams(
         "frames": np.ascontiguousarray(system.origin_rows[group.vertices]),
         "triads": np.ascontiguousarray(triads),
         **{name: np.zeros((ne, ng, 3)) for name in ("S0", "S", "predicted")},
+        "held_stress": np.zeros((len(hold["held"]), ng, 3)),
+        "held_form": np.ascontiguousarray(strain[: len(hold["held"]), hold["holds"]]),
         **common,
     }
     return structures.structure("plane_beams", fields), fields
 
 
 def bound_groups(
-    system: System, plan: Plan, frames: Frames, rows: dict[str, Any]
+    system: System, plan: Plan, frames: Frames, outside: dict[str, Any], rows: dict[str, Any]
 ) -> tuple[Any, list[dict[str, Any]]]:
-    """All groups of elements, or none; the structure, and arrays by name of each."""
+    """All groups of elements, or none; as :func:`bound_beams`."""
     groups: Sequence[BeamGroup | None] = system.beam_groups or [None]
-    bound = [bound_beams(system, group, plan, frames, rows) for group in groups]
+    bound = [bound_beams(system, group, plan, frames, outside, rows) for group in groups]
     members, fields = [g for g, _ in bound], [own for _, own in bound]
     if len(bound) == 1:
         return members[0], fields

@@ -12,6 +12,7 @@ from ..jit import inlined, part
 from ..numbers import END, ENDS, FORCE, MASS, SHARE, START, WEIGHT
 from ..simd import WIDTH, add_rows, gather, load, rows, scatter, store
 from ..small import Places, Rotation, Vector, block, chosen, counted, dot, minus, times
+from ..small import plus as plus3
 from .complex_numbers import Complex, crossed, inner, left, outer, plus, product, scaled
 
 __all__ = [
@@ -367,7 +368,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     material = numbers[END] * numbers[FORCE] if ends else half
     lengths, N, dN, weights, masses = g.lengths, g.N, g.dN, g.weights, g.mass
     stiffness, slot, section = g.stiffness, g.slot, g.section
-    base, turned, rotations = g.base, g.turned, g.rotations
+    base, turned, rotations, held = g.base, g.turned, g.rotations, g.held_stress
     ne, nn = base.shape
     ng = len(N)
     XB, XR = np.empty(4 * nn * WIDTH), np.empty(4 * nn * WIDTH)
@@ -390,6 +391,8 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             f, k = half * weights[p] * once, material * weights[p] * once * length
             E = times(k, D[0]), times(k, D[1]), times(k, D[2])
             s = times(f, triple(S, es, 3 * ng, 3 * p))
+            if len(held):
+                s = plus3(s, times(once, triple(held, es, 3 * ng, 3 * p)))
             add_points(N[p], dN[p], inverse, G, H, E, s, XL, XR, a)
         for u in range(nn):
             for v in range(nn):

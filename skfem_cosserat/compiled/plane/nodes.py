@@ -242,6 +242,10 @@ def balance(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         return 0.0
     inertia(s, w.y1, w.y0, numbers[MASS], w.momentum)
     most = sum_balance(w, numbers, flag == 2)
+    if len(s.row_on):
+        closing = w.closing
+        for v in range(len(R)):
+            store(R, v, load(R, v) + load(closing, v))
     twist_force(y, R, w.F, w.b)
     return most
 

@@ -11,7 +11,7 @@ from typing import Any
 from ...types import Floats
 from ..jit import inlined, part
 from ..numbers import WEIGHT
-from ..rows import TURNED_OVER, add_weighted, complete_blocks, push
+from ..rows import TURNED_OVER, add_weighted, complete_blocks, push, start_gaps
 from .complex_numbers import (
     Complex,
     add_scaled,
@@ -20,7 +20,6 @@ from .complex_numbers import (
     crossed,
     inner,
     left,
-    outer,
     product,
     scaled,
 )
@@ -52,15 +51,12 @@ def pull(f: Floats, v: int, place: int, factor: float, z: Complex) -> None:
 
 @part
 def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Forces by mu on R and on vertices, and what the rows gape by: gives the largest, relative."""
-    closing, b, F, y1, R, acting, y = w.closing, w.b, w.F, w.y1, w.R, w.extra, w.y0
+    """Forces by mu, added to ``w.closing``, and what rows gape by: gives the largest, relative."""
+    closing, b, y1, acting, y = w.closing, w.b, w.y1, w.extra, w.y0
     if numbers[WEIGHT] != 0.0:
         y = w.mid
     table, factors, linear, directions = s.products, s.factors, s.linear, s.directions
-    vertices, constant, count = s.row_vertices, s.row_constant, len(s.framed)
-    for k in range(constant.shape[0]):
-        for c in range(constant.shape[1]):
-            b[count + k, c] = -constant[k, c]
+    start_gaps(s, b, len(s.framed))
     for t in range(len(table)):
         u, i, v, j = table[t, LEFT], table[t, LEFT_PLACE], table[t, RIGHT], table[t, RIGHT_PLACE]
         value = inner(half(y1, u, i), product(complex_at(factors, t, 0), half(y1, v, j)))
@@ -68,10 +64,7 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     for t in range(len(linear)):
         v, i, z = linear[t, TERM], linear[t, TERM_PLACE], complex_at(directions, t, 0)
         b[linear[t, BLOCK], linear[t, PLACE]] += inner(z, half(y1, v, i))
-    gap = push(s, w, numbers, count)
-    for k in range(len(vertices)):
-        for c in range(4):
-            closing[vertices[k], c] = 0.0
+    gap = push(s, w, numbers, len(s.framed))
     for t in range(len(table)):
         u, i, v, j = table[t, LEFT], table[t, LEFT_PLACE], table[t, RIGHT], table[t, RIGHT_PLACE]
         f, c = complex_at(factors, t, 0), acting[table[t, BLOCK], table[t, PLACE]]
@@ -80,16 +73,6 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     for t in range(len(linear)):
         v, i, z = linear[t, TERM], linear[t, TERM_PLACE], complex_at(directions, t, 0)
         pull(closing, v, i, acting[linear[t, BLOCK], linear[t, PLACE]], z)
-    for k in range(len(vertices)):
-        v = vertices[k]
-        moment = outer(arrow(y, v), arrow(closing, v))
-        for c in range(4):
-            R[v, c] += closing[v, c]
-        for c in range(2):
-            F[v, c] += closing[v, c]
-            b[v, c] += closing[v, c]
-        F[v, 2] += moment
-        b[v, 2] += moment
     return gap
 
 
