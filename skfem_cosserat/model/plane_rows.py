@@ -17,7 +17,7 @@ from ..types import Floats, IndexArray
 if TYPE_CHECKING:
     from .system import System
 
-__all__ = ["acting_rows", "coordinates_in_plane", "rows_in_plane"]
+__all__ = ["acting_rows", "coordinates_in_plane", "rows_in_plane", "strains_in_plane"]
 
 #: numbers of a triad's rows 11, 22, 33, 12, 13, 23 in which a director does not occur
 _WITHOUT = np.array([[1, 2, 5], [0, 2, 4], [0, 1, 3]])
@@ -63,10 +63,7 @@ def rows_in_plane(system: System) -> IndexArray:
     for joint_id, numbers in rows.items():
         if joint_id not in loops:
             kept.append(_pick(held, np.concatenate(numbers)))
-    for each in system.theory_rows:
-        open_rows = np.setdiff1d(each.numbers, system.closure.rows)
-        elements = (open_rows - each.rows.start) // (each.shape[1] * each.shape[2])
-        kept += [_pick(held, open_rows[elements == e]) for e in np.unique(elements)]
+    kept.append(strains_in_plane(system, held))
     out = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *kept]))
     if count - len(out) != system.kinematics.unknowns:
         raise InputError(
@@ -75,6 +72,22 @@ def rows_in_plane(system: System) -> IndexArray:
             f" {system.kinematics.unknowns} unknowns of its joints: use NullSpace()",
         )
     return np.union1d(out, system.closure.rows)
+
+
+def strains_in_plane(system: System, rates: csr_matrix | None = None) -> IndexArray:
+    """Rows of strains that beams hold, independent of each other; none of closed loops.
+
+    `rates`: of all constraint rows by the motions of each vertex, if they are there.
+    """
+    if rates is None:
+        y = system.extend(system.q0, 0.0)
+        rates = (system.constraints.jacobian(y) @ _rigid(system, y)).tocsr()
+    kept = [np.zeros(0, dtype=np.int64)]
+    for each in system.theory_rows:
+        open_rows = np.setdiff1d(each.numbers, system.closure.rows)
+        elements = (open_rows - each.rows.start) // (each.shape[1] * each.shape[2])
+        kept += [_pick(rates, open_rows[elements == e]) for e in np.unique(elements)]
+    return np.concatenate(kept)
 
 
 def acting_rows(system: System) -> IndexArray:

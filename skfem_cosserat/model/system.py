@@ -51,7 +51,7 @@ from .loops import (
 )
 from .parts import connected_parts
 from .plane import Plane, guard_of
-from .plane_rows import rows_in_plane
+from .plane_rows import rows_in_plane, strains_in_plane
 from .quadratic import ConstraintBuilder, QuadraticConstraints
 from .theories import TheoryRows, add_theory_rows, constrained_elements
 from .tree import ConstrainedElement, End, Spot, Tree, build_tree
@@ -196,18 +196,20 @@ class System:
         held = {(id(each.item), each.number) for each in elements if not each.rigid}
         if not held:
             return self
-        rows = [
-            own.ravel()
+        rows = np.array([
+            number
             for each in self.theory_rows
             for e, own in enumerate(each.numbers)
-            if (id(each.beam), e) in held
-        ]
+            for number in (own.ravel() if (id(each.beam), e) in held else ())
+        ])  # fmt: skip
+        if self.plane is not None:
+            rows = np.intersect1d(rows, strains_in_plane(self))
         joints = [e.end for e in tree.edges if not isinstance(e.joint, ConstrainedElement)]
         rigid = [each for each in elements if each.rigid]
         # each part is entered where the whole tree enters it: children stay children
         roots = sorted(range(len(self.is_frame)), key=tree.depth.__getitem__)
         own = build_tree(self.is_frame.tolist(), joints, rigid, self.plane, roots)
-        return self._along(own, np.unique(np.concatenate([self.left_rows, *rows])))
+        return self._along(own, np.union1d(self.left_rows, rows))
 
     def _along(self, tree: Tree, left: IndexArray) -> System:
         """The same scene by the coordinates of another tree, which leaves these rows."""
