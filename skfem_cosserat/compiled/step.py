@@ -18,8 +18,8 @@ __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
 
 #: residual, relative, with which no step is solved whatever its increments are
 WRONG = 1e-3
-#: increments below so many times what counts as settled are nothing but rounding
-ROUNDING = 10.0
+#: increments that do not shrink any more with kept factors are nothing but rounding below this
+ROUNDING = 1e-14
 #: contraction assumed for factors of an earlier step before any is measured
 UNKNOWN = 0.1
 
@@ -268,7 +268,7 @@ def solve_one(
             if count == 2:
                 record[n.RATE], record[n.FIRST] = rate, before
             if not (rate < 0.5 and length <= numbers[n.LARGEST]):  # NaN as well
-                done = ROUNDING * settled > length  # nothing but rounding
+                done = length < ROUNDING
                 if not done:
                     kept, mixed, last = False, 0, before
                     continue
