@@ -1,10 +1,10 @@
-"""One Newton loop for all problems."""
+"""One Newton loop for all problems: plain, and compiled into the steps of kernels."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from .linear import SingularMatrixError
 from .types import Floats, positive, whole
 from .warn import logger
 
-__all__ = ["NewtonProblem", "NewtonReport", "NewtonSettings", "converged", "newton"]
+__all__ = ["Limits", "NewtonProblem", "NewtonReport", "NewtonSettings", "newton", "newton_loop"]
 
 
 class NewtonProblem(Protocol):
@@ -117,71 +117,162 @@ class NewtonReport:
     residuals: list[float]
 
 
-def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = False) -> NewtonReport:
-    """Solve; never raises for a failing iteration, the report says why it stopped.
+# -- the loop, written once: see newton_loop -------------------------------------------------------
+
+#: how a loop ended: it found a solution; a residual is not finite; a matrix is singular; an
+#: increment is too long; all iterations are spent
+SETTLED, NOT_FINITE, SINGULAR, TOO_LONG, SPENT_ALL = range(5)
+#: what a loop leaves behind for the next one that may keep its factors: whether there are any, the
+#: contraction they gave last and the first increment then; of the loop itself iterations, residual
+#: and factorisations; loops with these factors, and all their iterations
+RECORD = ("kept", "rate", "first", "iterations", "residual", "factored", "steps", "spent")
+KEPT, RATE, FIRST, ITERATIONS, RESIDUAL, FACTORED, STEPS, SPENT = range(8)
+#: residual, relative, with which no step is solved whatever its increments are
+WRONG = 1e-3
+#: increments that do not shrink any more with kept factors are nothing but rounding below this
+ROUNDING = 3e-15
+#: contraction assumed for factors of an earlier loop before any is measured
+UNKNOWN = 0.1
+
+
+class Limits(NamedTuple):
+    """Numbers of :class:`NewtonSettings` that the loop takes.
+
+    Attributes
+    ----------
+    worth : float
+        How many iterations new factors cost; infinite: they are kept while they do.
+    wrong : float
+        A residual above this is none of a solution; infinite: whoever asks looks at it.
+    """
+
+    iterations: float
+    rotation: float
+    mixed: float
+    reuse: float
+    largest: float
+    increment: float
+    negligible: float
+    stagnation: float
+    settled: float
+    worth: float
+    wrong: float
+
+
+def worn(worth: float, record: Floats) -> bool:
+    """Whether new factors pay: the last loop took more than the mean of all with these factors.
+
+    Their making counts as `worth` iterations: this mean is smallest where loops come to cost more.
+    """
+    steps = record[STEPS]
+    return bool(steps > 0.0 and record[ITERATIONS] * steps > worth + record[SPENT])
+
+
+def newton_loop(  # noqa: PLR0915
+    evaluate: Callable[..., float],
+    factorise: Callable[..., bool],
+    direct: Callable[..., tuple[float, float, int]],
+    advance: Callable[..., float],
+    build: Callable[[Any], Any] = lambda function: function,
+) -> Callable[[Any, Limits, Floats], int]:
+    """The loop over the stages of an iteration; all take the same first argument.
 
     Parameters
     ----------
-    damped : bool
-        With a backtracking line search on the residual and more iterations.
+    evaluate : callable
+        ``size = evaluate(c, sized)`` at the start; if asked, its residual against its terms.
+    factorise : callable
+        ``regular = factorise(c, mixed)``: the matrix where it was evaluated last.
+    direct : callable
+        ``length, turn, mixed = direct(c, kept)``: the increment, its largest rotation, and whether
+        the next matrix is to be taken with the stresses that it predicts.
+    advance : callable
+        ``size = advance(c, sized, before)``: move by the increment, and evaluate.
+    build : callable, optional
+        Compiles functions for kernels: numba takes the same source.
+
+    Returns
+    -------
+    callable
+        ``code = loop(c, limits, record)``: how it ended, such as :data:`SETTLED`; the record is
+        that of :data:`RECORD`.
     """
-    report = NewtonReport(False, 0, np.inf, "", [], [])
-    limit = settings.damped_iterations if damped else settings.iterations
-    with np.errstate(all="ignore"):
-        size = problem.residual()
-        report.residuals.append(size)
-        while report.iterations < limit:
-            if not isfinite(size):
-                report.reason = "the residual is not finite"
-                break
-            try:
-                increment = problem.direction()
-            except SingularMatrixError as error:
-                report.reason = str(error)
-                break
-            report.iterations += 1
-            length, turn = problem.sizes(increment)
-            if length > settings.largest:
-                report.reason = f"an increment of {length:.3g} leads nowhere"
-                break
-            capped = turn > settings.rotation
-            if capped:
-                increment = increment * (settings.rotation / turn)
-            size = _advance(problem, increment, size, damped)
-            report.residuals.append(size)
-            report.increments.append(length)
-            logger.debug("Newton %d: increment %.3e residual %.3e", report.iterations, length, size)
-            if not capped and isfinite(size) and converged(report.increments, size, settings):
-                report.converged = True
-                break
-        else:
-            report.reason = f"no convergence in {limit} iterations"
-    report.residual = float(np.min(report.residuals)) if not report.converged else size
-    return report
+    is_worn, is_enough, steps_left = build(worn), build(enough), build(left_over)
 
+    def keeps(limits: Limits, record: Floats) -> bool:  # whether it begins with the factors there
+        if not (limits.reuse > 0.0 and record[KEPT] != 0.0):
+            return False
+        # where factors of the loop before did not do they are tried again some loops later only
+        if steps_left(record[FIRST], record[RATE], limits.settled) > limits.reuse:
+            record[RATE] *= 0.8
+            return False
+        return not is_worn(limits.worth, record)
 
-def _advance(problem: NewtonProblem, increment: Floats, before: float, damped: bool) -> float:
-    if not damped:
-        problem.apply(increment)
-        return problem.residual()
-    saved = problem.save()
-    factor = 1.0
-    for _ in range(8):
-        problem.apply(factor * increment)
-        size = problem.residual()
-        if np.isfinite(size) and size <= (1 - 1e-4 * factor) * before + 1e-14:
-            return size
-        problem.restore(saved)
-        factor /= 2
-    problem.apply(increment)
-    return problem.residual()
+    is_kept = build(keeps)
 
+    def loop(c: Any, limits: Limits, record: Floats) -> int:  # noqa: PLR0912
+        reuse, settled, rate = limits.reuse, limits.settled, record[RATE]
+        kept = is_kept(limits, record)
+        record[KEPT] = 0.0
+        record[FACTORED] = 0.0
+        size = evaluate(c, not kept)
+        last, mixed, swept = np.inf, 0, 0.0
+        for count in range(1, int(limits.iterations) + 1):
+            fresh = not kept
+            if fresh:
+                if not np.isfinite(size):
+                    return NOT_FINITE
+                record[FACTORED] += 1.0
+                if not factorise(c, mixed):
+                    return SINGULAR
+            record[ITERATIONS] = count
+            length, turn, mixed = direct(c, kept)
+            before, last = last, length
+            done = False
+            if not fresh:
+                if count > 1:
+                    rate = length / before
+                elif rate == 0.0:
+                    rate = UNKNOWN
+                if count == 2:
+                    record[RATE], record[FIRST] = rate, before
+                if not (rate < 0.5 and length <= limits.largest):  # NaN as well
+                    done = length < ROUNDING
+                    if not done:
+                        kept, mixed, last = False, 0, before
+                        continue
+                further = steps_left(length, rate, settled)
+                # a rate of steps before says nothing of factors that have grown old since, and that
+                # after an iteration with factors of its own is quadratic, once
+                done = done or (further <= 0.0 and (swept > 0.0 or length <= settled))
+                swept += 1.0
+                kept = further <= reuse or rate == UNKNOWN  # the next iteration will tell
+                kept = kept and swept < reuse + 2.0
+            elif not length <= limits.largest:
+                return TOO_LONG
+            size = advance(c, fresh or done or not kept, size)
+            if fresh:
+                done = turn <= limits.rotation and is_enough(
+                    length,
+                    before,
+                    size,
+                    limits.increment,
+                    limits.negligible,
+                    limits.stagnation,
+                    limits.mixed,
+                )
+                kept = reuse > 0.0 and mixed == 0
+                rate, swept = 0.0, 0.0
+            if done and size <= limits.wrong and np.isfinite(size):
+                record[RESIDUAL] = size
+                if record[FACTORED] > 0.0:
+                    record[STEPS], record[SPENT] = 0.0, 0.0
+                record[STEPS] += 1.0
+                record[SPENT] += count
+                return SETTLED
+        return SPENT_ALL
 
-def converged(increments: list[float], size: float, settings: NewtonSettings) -> bool:
-    """Whether increments of these sizes, and a residual of this one, are enough."""
-    before = increments[-2] if len(increments) > 1 else np.inf
-    s = settings
-    return enough(increments[-1], before, size, s.increment, s.negligible, s.stagnation, s.mixed)
+    return build(loop)
 
 
 def enough(
@@ -193,10 +284,7 @@ def enough(
     stagnation: float,
     mixed: float,
 ) -> bool:
-    """The same for the last two increments (the one before infinite if there is none).
-
-    Plain numbers, for compiled kernels as well.
-    """
+    """Whether the last two increments (before: infinite if none) and a residual are enough."""
     if last <= negligible:
         return True
     if before == np.inf:
@@ -222,3 +310,89 @@ def left_over(length: float, rate: float, settled: float) -> float:
     if rate >= 1:
         return np.inf
     return float(np.log(settled * (1 - rate) / (length * rate)) / np.log(rate))
+
+
+# -- problems in Python ----------------------------------------------------------------------------
+
+
+class _Stages:
+    """Stages of the loop for a problem in Python, whose factors are not kept; what happened."""
+
+    def __init__(self, problem: NewtonProblem, rotation: float, damped: bool) -> None:
+        self.problem, self.rotation, self.damped = problem, rotation, damped
+        self.report = NewtonReport(False, 0, np.inf, "", [], [])
+        self.increment = np.zeros(0)
+        self.length = self.turn = 0.0
+
+    def evaluate(self, sized: bool) -> float:
+        """See :func:`newton_loop`; so the others."""
+        self.report.residuals.append(self.problem.residual())
+        return self.report.residuals[-1]
+
+    def factorise(self, mixed: int) -> bool:
+        try:
+            self.increment = self.problem.direction()
+        except SingularMatrixError as error:
+            self.report.reason = str(error)
+            return False
+        return True
+
+    def direct(self, kept: bool) -> tuple[float, float, int]:
+        self.length, self.turn = self.problem.sizes(self.increment)
+        return self.length, self.turn, 0
+
+    def advance(self, sized: bool, before: float) -> float:
+        increment, report = self.increment, self.report
+        if self.turn > self.rotation:
+            increment = increment * (self.rotation / self.turn)
+        size = _advance(self.problem, increment, before, self.damped)
+        report.residuals.append(size)
+        report.increments.append(self.length)
+        count = len(report.increments)
+        logger.debug("Newton %d: increment %.3e residual %.3e", count, self.length, size)
+        return size
+
+
+_plain = newton_loop(_Stages.evaluate, _Stages.factorise, _Stages.direct, _Stages.advance)
+
+
+def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = False) -> NewtonReport:
+    """Solve; never raises for a failing iteration, the report says why it stopped.
+
+    Parameters
+    ----------
+    damped : bool
+        With a backtracking line search on the residual and more iterations.
+    """
+    stages, record = _Stages(problem, settings.rotation, damped), np.zeros(len(RECORD))
+    own = {name: getattr(settings, name) for name in Limits._fields[:-2]}
+    own |= {"reuse": 0, "iterations": settings.damped_iterations} if damped else {"reuse": 0}
+    limits, report = Limits(**own, worth=np.inf, wrong=np.inf), stages.report
+    with np.errstate(all="ignore"):
+        code = _plain(stages, limits, record)
+    report.converged, report.iterations = code == SETTLED, int(record[ITERATIONS])
+    report.reason = report.reason or {
+        SETTLED: "",
+        NOT_FINITE: "the residual is not finite",
+        TOO_LONG: f"an increment of {stages.length:.3g} leads nowhere",
+        SPENT_ALL: f"no convergence in {int(limits.iterations)} iterations",
+    }.get(code, "the matrix is singular")
+    report.residual = report.residuals[-1] if report.converged else float(np.min(report.residuals))
+    return report
+
+
+def _advance(problem: NewtonProblem, increment: Floats, before: float, damped: bool) -> float:
+    if not damped:
+        problem.apply(increment)
+        return problem.residual()
+    saved = problem.save()
+    factor = 1.0
+    for _ in range(8):
+        problem.apply(factor * increment)
+        size = problem.residual()
+        if np.isfinite(size) and size <= (1 - 1e-4 * factor) * before + 1e-14:
+            return size
+        problem.restore(saved)
+        factor /= 2
+    problem.apply(increment)
+    return problem.residual()

@@ -524,7 +524,7 @@ class Trials:
         fastest = np.linalg.norm(v.reshape(-1, 3)[system.origin_rows], axis=1).max(initial=0.0)
         v *= size * system.length / self.until / max(fastest, 1e-300)
         p = state.p + momentum(system, v)
-        return State(state.time, state.index, state.q, p, state.fresh, state.turns, state.memory)
+        return State(state.time, state.index, state.q, p, state.fresh, state.turns, state.carried)
 
     def proposal(
         self,

@@ -250,14 +250,13 @@ def balance(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 @part
 def size(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Largest entry of the residual of vertices; NaN if there is one."""
-    b = w.b
-    out = 0.0
+    b, out, sum_of_all = w.b, 0.0, 0.0
     for v in range(len(s.framed)):
         for c in range(b.shape[1]):
             a = abs(b[v, c])
-            if not a <= out:
-                out = a
-    return out
+            sum_of_all += a
+            out = max(out, a)
+    return out if sum_of_all < np.inf else sum_of_all
 
 
 @part
@@ -341,17 +340,18 @@ def capped(shift: float, turn: float, numbers: Floats, found: Floats) -> tuple[f
 def cap(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Size of the increment; one with large rotations is scaled down. See :func:`capped`."""
     x, twist, turning, found = w.x, w.twist, s.turning, w.found
-    shift = 0.0
-    turn = 0.0
+    shift, turn, sum_of_all = 0.0, 0.0, 0.0
     for v in range(len(s.framed)):
         for c in range(x.shape[1]):
             a = abs(x[v, c])
+            sum_of_all += a
             if turning[v, c]:
-                if not a <= turn:
-                    turn = a
-            elif not a <= shift:
-                shift = a
+                turn = max(turn, a)
+            else:
+                shift = max(shift, a)
     out, factor = capped(shift, turn, numbers, found)
+    if not sum_of_all < np.inf:  # NaN as well, whatever follows it
+        out = sum_of_all
     for v in range(x.shape[0]):
         for c in range(x.shape[1]):
             x[v, c] *= factor

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from ..newton import FACTORED, FIRST, ITERATIONS, KEPT, RATE, RESIDUAL
+from ..newton import RECORD as LOOP
+
 __all__ = ["BEAM_PARTS", "COUPLED", "NUMBERS", "RECORD", "TREE_PARTS"]
+__all__ += ["FACTORED", "FIRST", "ITERATIONS", "KEPT", "RATE", "RESIDUAL"]
 
 #: see :class:`skfem_cosserat.integrators.scheme.Scheme` and :class:`skfem_cosserat.NewtonSettings`
 NUMBERS = (
@@ -16,21 +20,18 @@ ROTATION, MIXED, REUSE, LIMIT, LARGEST, INCREMENT, NEGLIGIBLE = range(7, 14)
 STAGNATION, SETTLED, CARRY_MASS, CARRY_MOMENTUM, CARRY_FORCE = range(14, 19)
 SHARE, WORTH, ENDS, REACH, VISCOUS_START, VISCOUS_END = range(19, 25)
 
-#: what the loop over the iterations leaves behind for the next step: whether factors are kept, the
-#: contraction they gave last and the first increment of that step; how to start: from no
-#: increment, the last one or both extrapolated (0, 1, 2), and how many are known; of the step
-#: itself: iterations, residual, factorisations, work of the loads (J); steps with these factors
-#: and all their iterations. Of several steps in one go: how many are asked for and done, and what
-#: all took and gave; how far coordinates of closed loops may go before their rows are looked at,
-#: and how far they went since. Energy that moved velocities took in a step and in all (J), and
-#: whether velocities are still to be moved
+#: what the loop over the iterations leaves behind for the next step, see
+#: :data:`skfem_cosserat.newton.RECORD`; how to start: from no increment, the last one or both
+#: extrapolated (0, 1, 2), and how many are known; work of the loads (J). Of several steps in one
+#: go: how many are asked for and done, and what all took and gave; how far coordinates of closed
+#: loops may go before their rows are looked at, and how far they went since. Energy that moved
+#: velocities took in a step and in all (J), and whether velocities are still to be moved
 RECORD = (
-    *("kept", "rate", "first", "start", "known", "iterations", "residual", "factored", "work"),
-    *("steps", "spent", "asked", "done", "all_iterations", "all_factored", "all_work"),
+    *LOOP,
+    *("start", "known", "work", "asked", "done", "all_iterations", "all_factored", "all_work"),
     *("all_taken", "clearance", "travelled", "taken", "unmoved"),
 )
-KEPT, RATE, FIRST, GUESS, KNOWN, ITERATIONS, RESIDUAL, FACTORED, WORK = range(9)
-STEPS, SPENT, ASKED, DONE, ALL_ITERATIONS, ALL_FACTORED, ALL_WORK = range(9, 16)
+GUESS, KNOWN, WORK, ASKED, DONE, ALL_ITERATIONS, ALL_FACTORED, ALL_WORK = range(8, 16)
 ALL_TAKEN, CLEARANCE, TRAVELLED, TAKEN, UNMOVED = range(16, 21)
 
 #: iterations up to which no frame can have got to half a turn, where there are no closed loops

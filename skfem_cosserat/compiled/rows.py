@@ -14,6 +14,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from ..types import Floats
 from .block_algebra import add_times, entry, put_entry
 from .jit import inlined, part
@@ -87,7 +89,7 @@ def push(s: Any, w: Any, numbers: Floats, first: int) -> float:
     largest of these, which depend on others.
     """
     on, size, weight, b, mu, acting = s.row_on, s.row_size, s.row_weight, w.b, w.total, w.extra
-    mass, largest, found = numbers[MASS], 0.0, w.found
+    mass, largest, found, sum_of_all = numbers[MASS], 0.0, w.found, 0.0
     found[2] = 0.0
     for k in range(on.shape[0]):
         for c in range(on.shape[1]):
@@ -96,9 +98,9 @@ def push(s: Any, w: Any, numbers: Floats, first: int) -> float:
             b[first + k, c] *= on[k, c]
             acting[first + k, c] = mu[first + k, c] + mass * weight[k, c] * b[first + k, c]
             gap = abs(b[first + k, c]) / size[k, c]
-            if not gap <= largest:  # NaN as well
-                largest = gap
-    return largest
+            sum_of_all += gap
+            largest = max(largest, gap)
+    return largest if sum_of_all < np.inf else sum_of_all  # NaN as well
 
 
 @part

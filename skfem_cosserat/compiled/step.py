@@ -16,16 +16,6 @@ from .simd import WIDTH, load, store
 
 __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
 
-#: residual, relative, with which no step is solved whatever its increments are
-WRONG = 1e-3
-#: increments that do not shrink any more with kept factors are nothing but rounding below this
-ROUNDING = 1e-14
-#: contraction assumed for factors of an earlier step before any is measured
-UNKNOWN = 0.1
-
-enough = inlined(newton.enough)
-left_over = inlined(newton.left_over)
-
 
 @inlined
 def at_start(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats) -> None:
@@ -115,7 +105,8 @@ def evaluate(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, siz
     size = call(p[n.SIZE], s, m, w, numbers, 0)
     if largest > 0.0:
         size /= largest
-    return gap if not gap <= size else size  # NaN as well
+    # NaN is one of both if it is in their sum
+    return max(gap, size) if gap + size < np.inf else gap + size
 
 
 @inlined
@@ -195,29 +186,6 @@ def increment(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, ke
 
 
 @inlined
-def worn(numbers: Floats, record: Floats) -> bool:
-    """Whether new factors pay: the last step took more than the mean of all with these factors.
-
-    Their making counts as `worth` iterations: this mean is smallest where steps come to cost more.
-    """
-    steps = record[n.STEPS]
-    return steps > 0.0 and record[n.ITERATIONS] * steps > numbers[n.WORTH] + record[n.SPENT]
-
-
-@inlined
-def keeps(numbers: Floats, record: Floats) -> bool:
-    """Whether a step begins with the factors that there are."""
-    if not (numbers[n.REUSE] > 0.0 and record[n.KEPT] != 0.0):
-        return False
-    rate = record[n.RATE]
-    # where factors of the step before did not do they are tried again some steps later only
-    if left_over(record[n.FIRST], rate, numbers[n.SETTLED]) > numbers[n.REUSE]:
-        record[n.RATE] = 0.8 * rate
-        return False
-    return not worn(numbers, record)
-
-
-@inlined
 def accepted(
     p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats
 ) -> bool:
@@ -235,72 +203,67 @@ def accepted(
     return True
 
 
+# -- the loop over the iterations, whose stages are above ------------------------------------------
+
+
+@inlined
+def first_evaluation(c: Any, sized: bool) -> float:
+    """Stages of :func:`skfem_cosserat.newton.newton_loop`; c is what the parts take."""
+    p, s, m, w, g, numbers = c
+    return evaluate(p, s, m, w, g, numbers, int(sized))
+
+
+@inlined
+def factorise(c: Any, mixed: int) -> bool:
+    """See there."""
+    p, s, m, w, g, numbers = c
+    if not matrix(p, s, m, w, g, numbers, mixed):
+        return False
+    if p[n.FLOW]:
+        border(p, s, m, w, numbers)
+    return True
+
+
+@inlined
+def direct(c: Any, kept: bool) -> tuple[float, float, int]:
+    """See there."""
+    p, s, m, w, g, numbers = c
+    length = increment(p, s, m, w, g, numbers, int(kept))
+    return length, w.found[0], int(w.found[1])
+
+
+@inlined
+def advance(c: Any, sized: bool, before: float) -> float:
+    """See there: parts of the evaluation move by the increment."""
+    p, s, m, w, g, numbers = c
+    return evaluate(p, s, m, w, g, numbers, int(sized))
+
+
+loop = newton.newton_loop(first_evaluation, factorise, direct, advance, inlined)
+
+
 @inlined
 def solve_one(
     p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats
 ) -> bool:
     """Solve a step, with the factors of earlier matrices as long as they do; False: not found."""
-    reuse, settled = numbers[n.REUSE], numbers[n.SETTLED]
-    rate = record[n.RATE]
-    kept = keeps(numbers, record)
-    record[n.KEPT] = 0.0
-    record[n.FACTORED] = 0.0
     start(p, s, m, w, g, numbers, int(record[n.GUESS]))
-    size = evaluate(p, s, m, w, g, numbers, int(not kept))
-    last, mixed, swept = np.inf, 0, 0.0
-    for count in range(1, int(numbers[n.LIMIT]) + 1):
-        fresh = not kept
-        if fresh:
-            record[n.FACTORED] += 1.0
-            if not (np.isfinite(size) and matrix(p, s, m, w, g, numbers, mixed)):
-                return False
-            if p[n.FLOW]:
-                border(p, s, m, w, numbers)
-        length = increment(p, s, m, w, g, numbers, int(kept))
-        mixed = int(w.found[1])
-        before, last = last, length
-        done = False
-        if not fresh:
-            if count > 1:
-                rate = length / before
-            elif rate == 0.0:
-                rate = UNKNOWN
-            if count == 2:
-                record[n.RATE], record[n.FIRST] = rate, before
-            if not (rate < 0.5 and length <= numbers[n.LARGEST]):  # NaN as well
-                done = length < ROUNDING
-                if not done:
-                    kept, mixed, last = False, 0, before
-                    continue
-            further = left_over(length, rate, settled)
-            # a rate of steps before says nothing of factors that have grown old since, and that
-            # after an iteration with factors of its own is quadratic, once
-            done = done or (further <= 0.0 and (swept > 0.0 or length <= settled))
-            swept += 1.0
-            kept = further <= reuse or rate == UNKNOWN  # the next iteration will tell
-            kept = kept and swept < reuse + 2.0
-        elif not length <= numbers[n.LARGEST]:
-            return False
-        size = evaluate(p, s, m, w, g, numbers, int(fresh or done or not kept))
-        if fresh:
-            done = w.found[0] <= numbers[n.ROTATION] and enough(
-                length,
-                before,
-                size,
-                numbers[n.INCREMENT],
-                numbers[n.NEGLIGIBLE],
-                numbers[n.STAGNATION],
-                numbers[n.MIXED],
-            )
-            kept = reuse > 0.0 and mixed == 0
-            rate, swept = 0.0, 0.0
-        if done and size <= WRONG:
-            record[n.ITERATIONS], record[n.RESIDUAL] = count, size
-            if record[n.FACTORED] > 0.0:
-                record[n.STEPS], record[n.SPENT] = 0.0, 0.0
-            record[n.STEPS], record[n.SPENT] = record[n.STEPS] + 1.0, record[n.SPENT] + count
-            return accepted(p, s, m, w, g, numbers, record)
-    return False
+    limits = newton.Limits(
+        numbers[n.LIMIT],
+        numbers[n.ROTATION],
+        numbers[n.MIXED],
+        numbers[n.REUSE],
+        numbers[n.LARGEST],
+        numbers[n.INCREMENT],
+        numbers[n.NEGLIGIBLE],
+        numbers[n.STAGNATION],
+        numbers[n.SETTLED],
+        numbers[n.WORTH],
+        newton.WRONG,
+    )
+    if loop((p, s, m, w, g, numbers), limits, record) != newton.SETTLED:
+        return False
+    return accepted(p, s, m, w, g, numbers, record)
 
 
 @jit

@@ -116,7 +116,7 @@ class Integrator(Frozen):
     def start(self, system: System, state: State, h: float) -> Floats | None:
         """Rates (k, rows, 3) that a step from a state starts with; None: the scheme has none.
 
-        Those that the state carries on, if it has any: ``state.memory``, one row of n for each.
+        Those that the state carries on, if it has any: ``state.rates``, one row of n for each.
         They may have been made by a step of another size, ``state.made_by.step``.
         """
         return None
@@ -166,5 +166,5 @@ class Integrator(Frozen):
 
     @property
     def remembered(self) -> int:
-        """Rows of n numbers that a state carries on in its ``memory``."""
+        """Rows of n numbers that a state carries on as its ``rates``."""
         return len(self.numbers.table)

@@ -69,7 +69,7 @@ from .compiled_scene import (
     NearestVelocity,
     is_viscous,
 )
-from .scheme import Scheme, State, StepWork
+from .scheme import Scheme, State, StepWork, carried_rates
 
 __all__ = [
     "BlockOfSteps",
@@ -236,7 +236,8 @@ class BlockOfSteps(NamedTuple):
     work : StepWork
         Of all steps.
     before, after : (array, array, array or None)
-        q, p and memory at the start and the end of the last one; at its end both, if the step after
+        q, p and what else is carried at the start and the end of the last one; at its end both, if
+        the step after
         it was tried.
     """
 
@@ -245,8 +246,8 @@ class BlockOfSteps(NamedTuple):
     last: int
     stuck: bool
     work: StepWork
-    before: tuple[Floats, Floats, Floats | None]
-    after: tuple[Floats, Floats, Floats | None]
+    before: tuple[Floats, Floats, dict[str, Floats]]
+    after: tuple[Floats, Floats, dict[str, Floats]]
 
 
 class CompiledStep(CompiledScene):
@@ -486,23 +487,23 @@ class CompiledStep(CompiledScene):
         p0 = a.p0
         if self.scheme.before:  # what rates take off the balance is in its place
             p0 = self.system.inertia.dot(self._o.rates[:rows])
-        before = a.y0[:rows].flatten(), p0.flatten(), self._memory(self._o.rates)
+        before = (
+            a.y0[:rows].flatten(),
+            p0.flatten(),
+            carried_rates(self._o.rates, len(self._o.table)),
+        )
         # of a step that was not solved nothing is left of how the one before came about
         after = before
         if solved:
-            after = a.y1[:rows].flatten(), a.carried.flatten(), self.memory
+            after = a.y1[:rows].flatten(), a.carried.flatten(), self.handed_on
         taken = float(record[ALL_TAKEN])
         work = StepWork(float(record[ALL_WORK]), dissipated=taken, numerical=taken)
         return BlockOfSteps(done, spent, int(record[ITERATIONS]), not solved, work, before, after)
 
-    def _memory(self, rates: Floats) -> Floats | None:
-        """Rates as a state has them (k, n); None if there are none."""
-        return rates.reshape(len(self._o.table), -1).copy() if len(rates) else None
-
     @property
-    def memory(self) -> Floats | None:
+    def handed_on(self) -> dict[str, Floats]:
         """What a state carries on beside q and p."""
-        return self._memory(self._o.after)
+        return carried_rates(self._o.after, len(self._o.table))
 
     @property
     def unmoved(self) -> bool:

@@ -126,12 +126,12 @@ class GeneralizedAlpha(Integrator):
 
     def start(self, system: System, state: State, h: float) -> Floats:
         """See the base class: known, or consistent accelerations."""
-        if state.memory is None:
+        if state.rates is None:
             rates = self._rates(system, state, h)
             if self.stabilized:
                 rates = np.concatenate([rates, rates[:1]])
             return rates.reshape(len(rates), -1, 3)
-        rates = state.memory.reshape(len(state.memory), -1, 3)
+        rates = state.rates.reshape(len(state.rates), -1, 3)
         if state.made_by is not None and state.made_by.step != h:
             # alpha is an acceleration a share of the step earlier or later
             rates = rates.copy()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -11,15 +11,15 @@ import numpy as np
 from ..errors import InputError
 from ..types import Floats, IndexArray
 
-__all__ = ["Scheme", "State", "StepOrigin", "StepWork"]
+__all__ = ["Scheme", "State", "StepOrigin", "StepWork", "carried_rates"]
 
 
 @dataclass(frozen=True)
 class StepOrigin:
     """Scheme and step size of the step that led to a state.
 
-    The momentum and the memory of a state mean something to that scheme only, the memory perhaps
-    to that step size only; see :meth:`Stepper.own`.
+    The momentum of a state and what it carries mean something to that scheme only, the rates
+    perhaps to that step size only; see :meth:`Stepper.own`.
 
     Attributes
     ----------
@@ -62,11 +62,11 @@ class State:
     turns : (k,) int array or None
         Full turns of the angles that springs, dampers and actuators act on, in the order of
         ``system.couplings.angles``; None: none.
-    memory : (k, n) array or None
-        What the integrator carries on beside (q, p), such as accelerations; None: nothing, or a
-        start from (q, p).
+    carried : dict
+        What the integrator carries on beside (q, p), arrays by name: ``"rates"`` (k, n), such as
+        accelerations. Empty: nothing, or a start from (q, p).
     made_by : StepOrigin or None
-        Scheme and step that p and memory are of; others start anew from them, as
+        Scheme and step that p and what is carried on are of; others start anew from them, as
         :func:`skfem_cosserat.restart` does. None: any may go on from here.
     load_factor : float or None
         Where on a path it is an equilibrium, for :func:`skfem_cosserat.static`; None: its time is
@@ -94,10 +94,15 @@ class State:
     p: Floats
     fresh: bool = True
     turns: IndexArray | None = None
-    memory: Floats | None = None
+    carried: dict[str, Floats] = field(default_factory=dict)
     made_by: StepOrigin | None = None
     load_factor: float | None = None
     plain: bool = False
+
+    @property
+    def rates(self) -> Floats | None:
+        """Rates (k, n) that it carries; None: it has none."""
+        return self.carried.get("rates")
 
     def __repr__(self) -> str:
         """Without the arrays."""
@@ -250,3 +255,10 @@ class Scheme:
     @cached_property
     def _before(self) -> Floats:
         return np.array(self.before)
+
+
+def carried_rates(rates: Floats | None, count: int | None = None) -> dict[str, Floats]:
+    """Rates (count, ...), or one after the other, as a state carries them; empty: none."""
+    if rates is None or not len(rates):
+        return {}
+    return {"rates": rates.reshape(len(rates) if count is None else count, -1).copy()}

@@ -485,7 +485,7 @@ class StepBalance:
         assert rates is not None
         y, t = system.extend(state.q, state.time), state.time
         # the velocity with which forces were found, before it was moved
-        if state.memory is None:
+        if state.rates is None:
             v = nearest_velocity(system, y, state.p, t).reshape(-1, 3)
         else:
             v = rates[self.scheme.found_with]
@@ -519,7 +519,7 @@ def mean(a: Array, b: Array) -> Array:
 
 def end_velocity(system: System, state: State) -> Floats:
     """Velocity (1, rows, 3) that a state carries on; at a start the nearest one to its momentum."""
-    if state.memory is not None:
-        return state.memory.reshape(1, -1, 3)
+    if state.rates is not None:
+        return state.rates.reshape(1, -1, 3)
     y = system.extend(state.q, state.time)
     return nearest_velocity(system, y, state.p, state.time).reshape(1, -1, 3)

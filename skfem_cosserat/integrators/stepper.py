@@ -23,7 +23,7 @@ from ..warn import Notices, listening, logger, warn
 from .base import Integrator, March
 from .choice import built, choose_kernels
 from .compiled_step import CompiledStep, compiled_step
-from .scheme import State, StepOrigin, StepWork
+from .scheme import State, StepOrigin, StepWork, carried_rates
 from .step_balance import Evaluation, StepBalance, StepData
 
 __all__ = [
@@ -212,6 +212,11 @@ class ComposedReport(StepReport):
     def stages(self) -> list[StepReport]:
         """See the base class; itself if there are none."""
         return self._stages or [self]
+
+    @property
+    def step(self) -> float:
+        """See the base class: of all its parts, which may go back in time."""
+        return sum(stage._solved.h for stage in self.stages)
 
     @property
     def momentum(self) -> Floats:
@@ -666,8 +671,8 @@ class Stepper:
         fresh, where = state.fresh and k == 1, (state.time + (k - 1) * self.h, index - 1)
         before = State(*where, *block.before[:2], fresh, None, block.before[2], origin)
         end = state.time + k * self.h if time is None else time(index)
-        q, p, memory = block.after
-        new = State(end, index, q, p, False, None, memory, origin, plain=block.stuck)
+        q, p, carried = block.after
+        new = State(end, index, q, p, False, None, carried, origin, plain=block.stuck)
         y1, impulse = fast.y1, fast.impulse
         if block.stuck:
             y1, impulse = self.system.extend(new.q, new.time), np.full_like(impulse, np.nan)
@@ -687,7 +692,7 @@ class Stepper:
         y = self.system.extend(state.q, state.time)
         v = nearest_velocity(self.system, y, state.p, state.time)
         p = np.asarray(self.system.mass @ v.reshape(-1, 3)).reshape(-1)
-        return replace(state, p=p, fresh=True, memory=None, made_by=None, plain=False)
+        return replace(state, p=p, fresh=True, carried={}, made_by=None, plain=False)
 
     def _closing(self, fast: CompiledStep, y0: Floats) -> IndexArray:
         """Rows that close the loops: in space those of space, for those of a plane may lead out."""
@@ -889,7 +894,7 @@ class Stepper:
             turns=None
             if step.couplings is None
             else self.system.couplings.turns(step.couplings, y1, time),
-            memory=None if rates is None else rates.reshape(len(rates), -1),
+            carried=carried_rates(rates),
             made_by=origin,
         )
         self._end = y1[: self.system.rows].reshape(-1), evaluation
@@ -907,17 +912,17 @@ class Stepper:
         residual: float,
     ) -> StepReport:
         y1, p, impulse, work = fast.y1, fast.carried(), fast.impulse, fast.work()
-        rows, memory = y1[: self.system.rows], fast.memory
+        rows, carried = y1[: self.system.rows], fast.handed_on
         if fast.unmoved:
-            assert memory is not None
-            dq, rates = rows - state.q.reshape(-1, 3), memory.reshape(len(memory), -1, 3)
+            dq, rates = rows - state.q.reshape(-1, 3), carried["rates"]
+            rates = rates.reshape(len(rates), -1, 3)
             own = y1, dq, p, fast.rates0, rates, work, state.time + of.h
             p, moved, more, work = of.balance.handed_on(*own)
             assert moved is not None
             assert more is not None
-            impulse, memory = impulse + more, moved.reshape(len(moved), -1)
+            impulse, carried = impulse + more, carried_rates(moved)
         q, p = rows.ravel(), p.ravel()
-        new = State(time, state.index + 1, q, p, False, fast.turns(), memory, origin)
+        new = State(time, state.index + 1, q, p, False, fast.turns(), carried, origin)
         self._first = False
         solved = Solved(self.system, of.balance.integrator, of.h, state, y1, impulse)
         return StepReport(new, iterations, 1, residual, work, solved)

@@ -82,5 +82,5 @@ class Variational(Integrator):
         """See the base class: the impulse by which the momentum was moved, if stabilized."""
         if not self.stabilized:
             return None
-        moved = np.zeros(system.n) if state.memory is None else state.memory
+        moved = np.zeros(system.n) if state.rates is None else state.rates
         return np.asarray(moved.reshape(1, -1, 3))

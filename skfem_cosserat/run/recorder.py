@@ -462,7 +462,7 @@ class Recorder:
             row["step_size"] = np.nan if state.made_by is None else state.made_by.step
         if count := self.stepper.integrator.remembered:
             none = np.full((count, self.system.n), np.nan)
-            row["memory"] = none if state.memory is None else state.memory
+            row["rates"] = none if state.rates is None else state.rates
         if self._between:
             row["constraint_point"] = np.full(3 * self.system.total, np.nan)
         return row

@@ -617,12 +617,12 @@ def restart(
         same = same and np.isclose(history.meta["step"], step, rtol=1e-12, atol=0)
     turns = recorded_turns(system, history)
     if same:
-        memory = np.array(row["memory"]) if "memory" in row else None
-        if memory is not None and np.isnan(memory).any():
-            memory = None
+        carried = {"rates": np.array(row["rates"])} if "rates" in row else {}
+        if any(np.isnan(each).any() for each in carried.values()):
+            carried = {}
         origin = None if np.isnan(size) else StepOrigin(integrator.name, size)
         p, fresh = np.array(row["carried"]), bool(row["fresh"])
-        return State(t, index, q, p, fresh, turns, memory, origin)
+        return State(t, index, q, p, fresh, turns, carried, origin)
     p = np.array(row["p"])
     if not np.isfinite(p).all():
         p = np.array(row["carried"])

@@ -189,7 +189,7 @@ def test_multipliers_of_generalized_alpha_in_the_first_steps(monkeypatch):
 
         def changed(self, system, state, h):
             out = np.array(rates(self, system, state, h))
-            if state.memory is None:
+            if state.rates is None:
                 exact = self._at_start(system, state)
                 out[number] = exact[number // 2]
             return out
@@ -257,11 +257,11 @@ def amplification(scheme, h=1e-2, k=1e14, make=oscillator, treatment=NULL):
         q, rates = system.q0.copy(), np.zeros((4, 3))
         q[0] += u
         rates[:, 0] = v, -k * (q[0] - 1), alpha, v
-        memory = rates[: scheme.remembered] if scheme.remembered else None
-        new = stepper.advance(sc.State(0.0, 0, q, rates[0], False, None, memory)).state
+        carried = {"rates": rates[: scheme.remembered]} if scheme.remembered else {}
+        new = stepper.advance(sc.State(0.0, 0, q, rates[0], False, None, carried)).state
         entries = [new.q[0] - 1, h * new.p[0]]
         if at_nodes(scheme):
-            entries.append(h**2 * new.memory[2, 0])
+            entries.append(h**2 * new.rates[2, 0])
         columns.append(np.array(entries) / size)
     return np.array(columns).T
 
@@ -665,7 +665,7 @@ def test_restart_goes_on_as_if_nothing_had_been(scheme, tmp_path):
         assert again[name][:-1] == pytest.approx(whole[name][5:-1], abs=1e-9 * size), name
     # with another step it starts anew from (q, p)
     other = sc.restart(system, first, scheme, 0.01)
-    assert other.memory is None
+    assert other.rates is None
     assert sc.simulate(system, scheme, NULL, 0.01, 0.12, start=other).times[-1] > 0.11
 
 

@@ -140,11 +140,11 @@ def test_histories_are_continued_by_name():
         history = sc.simulate(system, scheme, NULL, 1e-3, 0.004)
         assert history.meta["integrator"] == name
         start = sc.restart(system, history, eval(repr(scheme), vars(sc)), 1e-3)
-        assert start.memory is not None
+        assert start.rates is not None
         history = sc.simulate(system, scheme, NULL, 1e-3, 0.008, start=start)
         assert history["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-12)
         other = sc.GeneralizedAlpha(0.8, stabilized=not scheme.stabilized)
-        assert sc.restart(system, history, other, 1e-3).memory is None
+        assert sc.restart(system, history, other, 1e-3).rates is None
 
 
 def spring(stiffness):
