@@ -336,42 +336,61 @@ class CalledBack:
     def begin(self, state: State, h: float, scheme: Scheme, rates0: Floats | None) -> None:
         """What is fixed in a step of size h (s) after a state."""
         self._state, self._h, self._scheme, self._called.error = state, h, scheme, None
+        if not scheme.at_end:
+            self._factors = self.couplings.averages(state.time, state.time + h)
+            return
         system, t1 = self.system, state.time + h
-        if scheme.at_end:
-            self._factors = np.array([*(time.value(t1) for time in self.couplings.times), 0.0])
-            rate = system.ground_rate(t1)
-        else:
-            self._factors = self.couplings.averages(state.time, t1)
-            rate = np.zeros_like(system.ground(t1))
+        self._factors = self._factors_at(t1)
         drift = np.zeros((system.rows, 3))
         if scheme.rates:
             assert rates0 is not None
             drift = np.tensordot(np.array(scheme.rates), rates0, 1)
-        self._drift, self._rates0 = np.concatenate([drift, rate]), rates0
+        self._drift, self._rates0 = np.concatenate([drift, system.ground_rate(t1)]), rates0
+
+    def _factors_at(self, t: float) -> Floats:
+        return np.array([*(time.value(t) for time in self.couplings.times), 0.0])
 
     def _begin(self) -> None:
-        scheme, a, h = self._scheme, self._arrays, self._h
-        assert scheme is not None
-        y0, t = a.y0.copy(), self._state.time
-        span, when = (1.0, t + h) if scheme.at_end else (h, t + 0.5 * h)
-        self._start = self.couplings.starting(y0, None, self._factors, span, when)
+        functions = self.couplings.functions
+        self._starts = [function.points(self._arrays.y0) for function in functions]
+        self._each = list(zip(functions, self._factors.tolist(), strict=False))  # and a zero
+
+    def _velocity(self) -> Floats:
+        """Of all rows (total, 3) at the end of a step, where forces act there."""
+        assert self._scheme is not None
+        a, rows, v = self._arrays, self.system.rows, self._drift.copy()
+        v[:rows] += self._scheme.rate * (a.y1[:rows] - a.y0[:rows])
+        return v
 
     def _add_force(self) -> None:
-        assert self._scheme is not None
-        a, rows, v = self._arrays, self.system.rows, self._drift
-        if self._scheme.at_end:
-            v = v.copy()
-            v[:rows] += self._scheme.rate * (a.y1[:rows] - a.y0[:rows])
-        self._found = coupled(self.couplings, self._scheme, self._start, a.mid, a.y1, v)
-        a.internal[:] += self._found.force[:rows]
+        scheme, a, h = self._scheme, self._arrays, self._h
+        assert scheme is not None
+        self._pushes = []
+        if scheme.at_end:
+            v, t = self._velocity(), self._state.time + h
+            for f, factor in self._each:
+                self._pushes.append(f.push(a.y1, v, t, factor, 1.0, scheme.rate))
+        else:
+            t, by_rate = self._state.time + 0.5 * h, 1 / h
+            for (f, factor), x0 in zip(self._each, self._starts, strict=True):
+                x1 = f.points(a.y1)
+                x, v = 0.5 * (x0 + x1), by_rate * (x1 - x0)
+                self._pushes.append(f.pushed(x, v, t, factor, 0.5, by_rate))
+        self._add(a.internal)
+
+    def _add(self, internal: Floats) -> None:
+        for push in self._pushes:
+            rows, inner = push.function.rows, push.function.inner
+            internal[rows[inner]] -= push.nodal()[inner]
 
     def _add_predicted(self) -> None:
-        self._arrays.R_mixed[:] += self._found.force[: self.system.rows]
+        self._add(self._arrays.R_mixed)
 
     def _add_blocks(self) -> None:
         assert self._scheme is not None
         left = self._arrays.y0 if self._scheme.weight == 0 else self._arrays.mid
-        self._blocks.add(self.couplings.tangent(self._found, self._scheme.force), left)
+        blocks = np.concatenate([push.tangent() for push in self._pushes])
+        self._blocks.add(-self._scheme.force * blocks, left)
 
     def complain(self) -> None:
         """Raise what could not be raised when compiled code called."""
@@ -379,20 +398,24 @@ class CalledBack:
 
     def work(self) -> StepWork:
         """Work of the solved step."""
-        assert self._scheme is not None
-        y0, y1 = self._arrays.y0, self._arrays.y1.copy()
-        if not self._scheme.at_end:
-            done = self.couplings.work(self._start, self._found, y1)
-            return StepWork(
-                done.loads, done.actuators, done.dissipated, done.ground, done.numerical
-            )
+        scheme, a = self._scheme, self._arrays
+        assert scheme is not None
+        if not scheme.at_end:
+            loads = ground = 0.0
+            for push, x0 in zip(self._pushes, self._starts, strict=True):
+                f = push.function
+                loads += float((push.force * (f.points(a.y1) - x0)).sum())
+                if f.inner.stop < len(f.rows):
+                    moving = f.rows[f.inner.stop :]
+                    force = push.nodal()[f.inner.stop :]
+                    ground -= float((force * (a.y1[moving] - a.y0[moving])).sum())
+            return StepWork(loads, ground=ground)
         # the trapezoidal rule
         assert self._rates0 is not None
-        system, rows, t0 = self.system, self.system.rows, self._state.time
-        factors = np.array([*(time.value(t0) for time in self.couplings.times), 0.0])
-        began = self.couplings.starting(y0.copy(), None, factors, 1.0, t0)
+        system, couplings, t0 = self.system, self.couplings, self._state.time
+        y0, y1 = a.y0.copy(), a.y1.copy()
         ydot = np.concatenate([self._rates0[0], system.ground_rate(t0)])
-        both = self.couplings.static(began, y0.copy(), ydot), self._found
-        work = trapezoidal_work(self.couplings, (began, self._start), both, y1, rows)
-        lost = sum(float(r.dissipated.sum()) for force in both for r in force.responses)
-        return work._replace(dissipated=0.5 * self._h * lost)
+        began = couplings.starting(y0, None, self._factors_at(t0), 1.0, t0)
+        ended = couplings.starting(y0, None, self._factors, 1.0, t0 + self._h)
+        both = couplings.static(began, y0, ydot), couplings.static(ended, y1, self._velocity())
+        return trapezoidal_work(couplings, (began, ended), both, y1, system.rows)

@@ -623,7 +623,8 @@ class CompiledStep(CompiledScene):
                 continue
             # the stresses of a step are (1 + chi)/2 of the way from its start to its end
             change = fields["S"] - fields["S0"]
-            lost += 4 / (1 + chi) ** 2 * float(np.vdot(change * weights, change @ flexible))
+            softened = change * flexible if flexible.ndim == 2 else change @ flexible
+            lost += 4 / (1 + chi) ** 2 * float(np.vdot(change * weights, softened))
         return 0.5 * chi * lost
 
     def _of_decay(self) -> list[tuple[dict[str, Any], Floats, Floats | None]]:
@@ -634,8 +635,12 @@ class CompiledStep(CompiledScene):
             if elements.stored:
                 out.append((fields, elements.weighted_stiffness, None))
                 continue
-            D = fields["stiffness"][fields["section"]]
-            out.append((fields, elements.measure, np.linalg.pinv(D, 1e-12, True)))
+            flexible = np.linalg.pinv(fields["stiffness"], 1e-12, True)
+            if fields["diagonal"] and len(flexible) == 1:  # of all elements
+                flexible = flexible.diagonal(axis1=1, axis2=2)
+            else:
+                flexible = flexible[fields["section"]]
+            out.append((fields, elements.measure, flexible))
         return out
 
     def _work_at_start(self) -> float:

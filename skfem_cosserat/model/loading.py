@@ -417,6 +417,8 @@ class FunctionLoad:
     rows : (R,) int array
         Rows of y on which the points depend.
     matrix : (k, R) array
+    inner : slice
+        Those of them that are unknowns: the ground has the last rows.
     pairs : (p, 2) int array
         Pairs of them that are unknowns both.
     kept : (R, R) bool array
@@ -437,6 +439,7 @@ class FunctionLoad:
         for (k, row), factor in cells.items():
             self.matrix[k, np.searchsorted(self.rows, row)] = factor
         inside = self.rows < free
+        self.inner = slice(int(inside.sum()))
         self.kept = inside[:, None] & inside
         self.pairs = np.stack([self.rows[i] for i in np.nonzero(self.kept)], axis=-1)
 
@@ -448,7 +451,12 @@ class FunctionLoad:
         self, y: Array, rates: Array, t: float, factor: Any, by_y: float, by_rate: float
     ) -> Push:
         """The force at rows y (total, 3) and their rates."""
-        x, v = self.points(y), self.points(rates)
+        return self.pushed(self.points(y), self.points(rates), t, factor, by_y, by_rate)
+
+    def pushed(
+        self, x: Array, v: Array, t: float, factor: Any, by_y: float, by_rate: float
+    ) -> Push:
+        """The same at points and velocities (k, 3)."""
         return Push(self, factor, t, x, v, factor * self.force(x, v, t), by_y, by_rate)
 
     def force(self, x: Array, v: Array, t: float) -> Array:
