@@ -57,13 +57,18 @@ __all__ = [
     "beam_start",
     "beam_tangent",
     "give",
+    "keep",
+    "line_force",
     "point_force",
     "scalar_block",
     "strain_changes",
     "strained",
     "take",
     "take_elements",
+    "three",
     "triple",
+    "turned_line",
+    "turned_strain",
 ]
 
 #: slope of the centre line, directors and their slopes
@@ -385,6 +390,21 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
+def line_force(N: Any, dN: Any, inverse: float, G: Point, n: Vector, F: Floats) -> None:
+    """Forces on the nodes of n, times the weight, that acts at a Gauss point."""
+    phi, d, _ = G
+    on_slope = times(inverse, combine(n, d))
+    for a in range(len(N)):
+        for c in range(3):
+            k = 12 * a + c
+            store(F, k, load(F, k) + dN[a] * on_slope[c])
+        for i in range(3):
+            for c in range(3):
+                k = 12 * a + 3 + 3 * i + c
+                store(F, k, load(F, k) + (N[a] * n[i]) * phi[c])
+
+
+@inlined
 def point_force(N: Any, dN: Any, inverse: float, G: Point, n: Vector, m: Vector, F: Floats) -> None:
     """Forces on the nodes of n and twice m, times the weight, that act at a Gauss point."""
     phi, d, e_ = G
@@ -489,17 +509,24 @@ def triad(X: Floats, u: int) -> Rotation:
 
 
 @inlined
-def turned_strain(N: float, dN: float, X: Floats, u: int, G: Point, a: Floats, k: int) -> None:
-    """Strains by the angular velocity of node u: (6, 3), from k on. X: where P_int is taken.
-
-    By its velocity they are ``dN d_i`` for Gamma_i and zero for K.
-    """
-    phi, d, e = G
+def turned_line(N: float, X: Floats, u: int, phi: Vector, a: Floats, k: int) -> None:
+    """Gamma by the angular velocity of node u: (3, 3), from k on. X: where P_int is taken."""
     x, y, z = triad(X, u)
     slope = times(N, phi)
     keep(a, k, cross(x, slope))
     keep(a, k + 3, cross(y, slope))
     keep(a, k + 6, cross(z, slope))
+
+
+@inlined
+def turned_strain(N: float, dN: float, X: Floats, u: int, G: Point, a: Floats, k: int) -> None:
+    """All strains by it: (6, 3), from k on.
+
+    By the node's velocity they are ``dN d_i`` for Gamma_i and zero for K.
+    """
+    phi, d, e = G
+    turned_line(N, X, u, phi, a, k)
+    x, y, z = triad(X, u)
     hN, hd = 0.5 * N, 0.5 * dN
     # what directors are crossed with
     f = minus(times(hd, d[0]), times(hN, e[0]))

@@ -17,10 +17,12 @@ from .elements import (
     Point,
     at_point,
     give,
+    line_force,
     point_force,
     strained,
     take_elements,
     three,
+    turned_line,
     turned_strain,
 )
 from .jit import inlined, part
@@ -71,7 +73,7 @@ def beam_hold(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         y = w.mid
     ne, nn = base.shape
     ng = len(N)
-    size = 12 * nn * WIDTH
+    size, line = 12 * nn * WIDTH, holds[len(holds) - 1] < 3
     X, Y, F, a = np.empty(size), np.empty(size), np.empty(size), np.zeros(6 * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
@@ -81,15 +83,21 @@ def beam_hold(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         for k in range(size):
             F[k] = 0.0
         for p in range(ng):
-            eps = strained(reference, es, ng, p, at_point(N[p], dN[p], inverse, Y))
+            G = at_point(N[p], dN[p], inverse, X)
+            Gamma, K = strained(reference, es, ng, p, at_point(N[p], dN[p], inverse, Y))
+            if line:  # nothing of how directors change along it is needed
+                for h in range(len(holds)):
+                    mu = acting(g, w, mass, es, p, h, Gamma[holds[h]])
+                    scatter(stress, es, 6 * ng, 6 * p + holds[h], weight * inverse * mu)
+                    store(a, holds[h], once * mu)
+                line_force(N[p], dN[p], inverse, G, three(a, 0), F)
+                continue
             for h in range(len(holds)):
                 i = holds[h]
-                gap = eps[0][i] if i < 3 else eps[1][i - 3]
-                mu = acting(g, w, mass, es, p, h, gap)
+                mu = acting(g, w, mass, es, p, h, Gamma[i] if i < 3 else K[i - 3])
                 scatter(stress, es, 6 * ng, 6 * p + i, weight * inverse * mu)
                 store(a, i, once * mu)
-            n, m = three(a, 0), times(0.5, three(a, 3))
-            point_force(N[p], dN[p], inverse, at_point(N[p], dN[p], inverse, X), n, m, F)
+            point_force(N[p], dN[p], inverse, G, three(a, 0), times(0.5, three(a, 3)), F)
         give(base, turned, rotations, es, F, closing)
     return 0.0
 
@@ -119,7 +127,7 @@ def beam_hold_matrix(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     if numbers[WEIGHT] != 0.0:
         y = w.mid
     ne, nn = base.shape
-    ng, count = len(N), len(holds)
+    ng, count, line = len(N), len(holds), holds[len(holds) - 1] < 3
     X, Y = np.empty(12 * nn * WIDTH), np.empty(12 * nn * WIDTH)
     L, R = np.empty(18 * WIDTH), np.empty(18 * WIDTH)
     for e in range(0, ne, WIDTH):
@@ -130,8 +138,12 @@ def beam_hold_matrix(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         for p in range(ng):
             G, H = at_point(N[p], dN[p], inverse, X), at_point(N[p], dN[p], inverse, Y)
             for u in range(nn):
-                turned_strain(N[p][u], dN[p][u] * inverse, X, u, G, L, 0)
-                turned_strain(N[p][u], dN[p][u] * inverse, Y, u, H, R, 0)
+                if line:
+                    turned_line(N[p][u], X, u, G[0], L, 0)
+                    turned_line(N[p][u], Y, u, H[0], R, 0)
+                else:
+                    turned_strain(N[p][u], dN[p][u] * inverse, X, u, G, L, 0)
+                    turned_strain(N[p][u], dN[p][u] * inverse, Y, u, H, R, 0)
                 for h in range(count):
                     i = holds[h]
                     f = gather(g.row_on, of_elements(g.held_on, es, p, h), 1, 0)
