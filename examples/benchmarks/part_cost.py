@@ -58,6 +58,7 @@ def rod(
     section: Any = None,
     ball: bool = False,
     weight: Any = GRAVITY,
+    theory: Any = None,
 ) -> Any:
     """Model of a rod on a hinge or a ball joint, of beams of these orders in a line."""
     model, at, count = sc.Model(), 0.0, elements // len(orders)
@@ -65,7 +66,8 @@ def rod(
     for k, order in enumerate(orders):
         more, name = LENGTH / len(orders), f"rod{k}"
         mesh = sc.MeshCurve.init_line((at, 0, 0), (at + more, 0, 0), count, name=name)
-        beam = sc.Beam(mesh, section or rubber(), order=order, director=(0, 1, 0))
+        own = {} if theory is None else {"theory": theory}
+        beam = sc.Beam(mesh, section or rubber(), order=order, director=(0, 1, 0), **own)
         beam = model.add(name, beam)
         start = beam.node(f"{name}.start")
         if k:
@@ -187,6 +189,17 @@ def four_bar(motor: bool = False, spring: bool = False) -> sc.System:
     return model.freeze()
 
 
+def held(elements: int, theory: Any, order: int = 1) -> sc.System:
+    """With strains that it holds."""
+    return rod(elements, (order,), theory=theory).freeze()
+
+
+def flat_held(elements: int) -> sc.System:
+    """Without extension, in its plane."""
+    model = rod(elements, weight=(0, -9.81, 0), theory=sc.TheoryInextensible())
+    return model.freeze(planar=sc.Planar())
+
+
 PLAIN = Case(plain)
 MULTIPLIERS = sc.Multipliers()
 #: part -> scene with it, what it is compared with, and that scene
@@ -206,6 +219,20 @@ PARTS: dict[str, tuple[Case, str, Case]] = {
     "orders 1 and 2": (
         *(Case(lambda n: rod(n, (1, 2)).freeze()), "order 2"),
         Case(lambda n: rod(n, (2, 2)).freeze()),
+    ),
+    "no shear": (Case(lambda n: held(n, sc.TheoryKirchhoff())), "full", PLAIN),
+    "no extension": (Case(lambda n: held(n, sc.TheoryInextensible())), "full", PLAIN),
+    "no extension, multipliers": (
+        *(Case(lambda n: held(n, sc.TheoryInextensible()), treatment=MULTIPLIERS), "null space"),
+        *(PLAIN,),
+    ),
+    "no extension, in a plane": (
+        *(Case(flat_held), "full"),
+        Case(lambda n: flat(n, sc.Planar())),
+    ),
+    "no shear, order 2": (
+        *(Case(lambda n: held(n, sc.TheoryKirchhoff(), 2)), "full"),
+        Case(lambda n: rod(n, (2,)).freeze()),
     ),
     "in a plane": (Case(lambda n: flat(n, sc.Planar())), "in space", Case(flat)),
     "in a plane, multipliers": (
@@ -253,6 +280,11 @@ MOST = {
     "in a plane": 1.0,
     "in a plane, multipliers": 1.0,
     "in a plane, spring": 1.0,
+    "no shear": 1.25,
+    "no extension": 1.25,
+    "no extension, in a plane": 1.25,
+    "no extension, multipliers": 4.0,
+    "no shear, order 2": 1.4,
     "four-bar, motor and spring": 2.0,
     "four-bar, motor and spring, multipliers": 2.0,
     "generalized-alpha": 1.5,
