@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from random_scenes import compared, main, random_scene
+from random_scenes import compared, held_apart, main, random_scene
 
 pytest.importorskip("numba")
 
@@ -15,7 +15,7 @@ def check(seed: int) -> None:
 
 
 @pytest.mark.quick
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", [*range(12), 75])  # 75: EnergyDecaying in a plane
 def test_kernels_agree_in_random_scenes(seed: int):
     check(seed)
 
@@ -26,9 +26,29 @@ def test_kernels_agree_in_more_random_scenes(seed: int):
     check(seed)
 
 
+@pytest.mark.quick
+@pytest.mark.parametrize("seed", range(6))
+def test_held_strains_by_both_treatments(seed: int):
+    off, scene = held_apart(seed)
+    assert off <= 1e-9, scene
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6, 40))
+def test_held_strains_by_both_treatments_in_more_scenes(seed: int):
+    off, scene = held_apart(seed)
+    assert off <= 1e-9, scene
+
+
 def test_scenes_are_those_of_their_numbers():
     """Whoever runs them: a number names a scene in a report."""
     assert str(random_scene(3)) == str(random_scene(3)) != str(random_scene(4))
+
+
+def test_what_is_printed_of_held_strains(capsys: pytest.CaptureFixture[str]):
+    assert main(["--seeds", "1", "--held", "--verbose"]) == 0
+    first, *rest = capsys.readouterr().out.splitlines()
+    assert first.startswith("0: ") and "1 scenes with held strains" in rest[0]
 
 
 def test_what_is_printed_of_random_scenes(capsys: pytest.CaptureFixture[str]):
