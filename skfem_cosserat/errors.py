@@ -60,6 +60,18 @@ class InputError(CosseratError, ValueError):
         super().__init__(f"{item}: {message}")
 
 
+def failed(item: str, what: str, error: Exception, t: float | None = None) -> InputError:
+    """What is raised from an error of a function that a user gave: names item, function and time.
+
+    Errors of this package keep their text.
+    """
+    text = str(error)
+    if not isinstance(error, CosseratError):
+        at = "" if t is None else f" at t = {t:.9g} s"
+        text = f"{what} failed{at}: {type(error).__name__}: {error}"
+    return InputError(item, text)
+
+
 class MeshError(InputError):
     """A mesh that cannot carry beams (no lines, zero-length elements, unknown names).
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Self, TypeGuard
 
 import numpy as np
 
-from .errors import InputError
+from .errors import InputError, failed
 from .frozen import Attached, Frozen, Replacements
 from .kernels import exp_quaternion, rotation_matrix
 from .types import ArrayLike, Floats, numbers, switch
@@ -154,12 +154,20 @@ class Motion(Frozen):
         out = np.empty((4, 3))
         out[0] = place.position
         if self.displacement is not None:
-            out[0] += vector(item, f"displacement({t!r})", self.displacement(t))
+            out[0] += self._value(item, "displacement", self.displacement, t)
         out[1:] = np.eye(3)
         if self.rotation is not None:
-            theta = vector(item, f"rotation({t!r})", self.rotation(t))
+            theta = self._value(item, "rotation", self.rotation, t)
             out[1:] = rotation_matrix(exp_quaternion(theta)).T
         return out
+
+    @staticmethod
+    def _value(item: str, name: str, function: Callable[[float], ArrayLike], t: float) -> Floats:
+        try:
+            out = function(t)
+        except Exception as error:
+            raise failed(item, f"{name}(t)", error, t) from error
+        return vector(item, f"{name}({t!r})", out)
 
 
 @dataclass(eq=False)

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from .errors import InputError
+from .errors import InputError, failed
 from .frozen import Frozen
 from .types import Array, Floats
 
@@ -289,7 +289,11 @@ class LawStored(Law):
         given = np.array(eps)
         given.flags.writeable = False
         with np.errstate(all="ignore"):  # what is not finite is named, or given up by the solver
-            out = np.array(function(given))
+            try:
+                out = np.array(function(given))
+            except Exception as error:
+                what = f"{name} of {eps.dtype} strains {eps.shape} (which it must not change)"
+                raise failed(ITEM, what, error) from error
         kind, hint = "f", "real numbers"
         if np.iscomplexobj(eps):
             kind, hint = "c", "complex numbers; give its derivative if it takes real ones only"

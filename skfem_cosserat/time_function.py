@@ -13,8 +13,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from .errors import InputError
-from .frames import vector
+from .errors import InputError, failed
+from .frames import Item, vector
 from .frozen import Frozen, brief
 from .types import ArrayLike, numbers
 
@@ -29,6 +29,7 @@ __all__ = [
     "Table",
     "TimeFunction",
     "constant_after",
+    "numbers_of",
     "time_function",
 ]
 
@@ -47,6 +48,22 @@ class TimeFunction(Protocol):
 def constant_after(time: TimeFunction) -> float:
     """Time (s) from which a function is known not to change; infinite if that is not known."""
     return float(getattr(time, "constant_after", np.inf))
+
+
+def numbers_of(
+    times: Sequence[TimeFunction],
+    owners: Sequence[Item],
+    number: Callable[[TimeFunction], float],
+    t: float,
+) -> list[float]:
+    """A number of each function at time `t` (s); an error of one names its owner."""
+    out = []
+    for time, owner in zip(times, owners, strict=True):
+        try:
+            out.append(number(time))
+        except Exception as error:
+            raise failed(owner.label, "its function of time", error, t) from error
+    return out
 
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
@@ -339,7 +356,10 @@ class FunctionOfTime(Frozen):
 
     def value(self, t: float) -> float:
         """The function's value, which must be a finite number."""
-        out = self.function(t)
+        try:
+            out = self.function(t)
+        except Exception as error:
+            raise failed("function of time", "it", error, t) from error
         if type(out) is float and math.isfinite(out):
             return out  # by far the most common
         number = numbers("function of time", f"value at t = {t!r}", out)
@@ -356,7 +376,7 @@ class FunctionOfTime(Frozen):
     def _gauss(self, a: float, b: float) -> _Quadrature:
         """Integral, that of the magnitude, and what a kink outside of the points can hide."""
         mid, half = (a + b) / 2, (b - a) / 2
-        f = np.array([self.value(mid + half * x) for x in _GAUSS_X])
+        f = np.array([self.value(mid + half * x) for x in _GAUSS_X.tolist()])
         ends = np.array([self.value(a), self.value(b)])
         hidden = half * (1 - _GAUSS_X[-1]) * abs(_AT_ENDS @ f - ends).max()
         return float(half * (f @ _GAUSS_W)), float(half * (abs(f) @ _GAUSS_W)), float(hidden)

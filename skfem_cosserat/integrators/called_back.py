@@ -340,15 +340,12 @@ class CalledBack:
             self._factors = self.couplings.averages(state.time, state.time + h)
             return
         system, t1 = self.system, state.time + h
-        self._factors = self._factors_at(t1)
+        self._factors = self.couplings.values(t1)
         drift = np.zeros((system.rows, 3))
         if scheme.rates:
             assert rates0 is not None
             drift = np.tensordot(np.array(scheme.rates), rates0, 1)
         self._drift, self._rates0 = np.concatenate([drift, system.ground_rate(t1)]), rates0
-
-    def _factors_at(self, t: float) -> Floats:
-        return np.array([*(time.value(t) for time in self.couplings.times), 0.0])
 
     def _begin(self) -> None:
         functions = self.couplings.functions
@@ -415,7 +412,7 @@ class CalledBack:
         system, couplings, t0 = self.system, self.couplings, self._state.time
         y0, y1 = a.y0.copy(), a.y1.copy()
         ydot = np.concatenate([self._rates0[0], system.ground_rate(t0)])
-        began = couplings.starting(y0, None, self._factors_at(t0), 1.0, t0)
+        began = couplings.starting(y0, None, couplings.values(t0), 1.0, t0)
         ended = couplings.starting(y0, None, self._factors, 1.0, t0 + self._h)
         both = couplings.static(began, y0, ydot), couplings.static(ended, y1, self._velocity())
         return trapezoidal_work(couplings, (began, ended), both, y1, system.rows)

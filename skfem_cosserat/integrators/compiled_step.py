@@ -127,15 +127,15 @@ class Coupled:
         if self._driven[0]:
             start, end = state.time, state.time + self._h
             if self._late:
-                times, (rows, columns) = self._couplings.times, self._driven
-                self.drive([time.value(end) for time in times])
+                rows, columns = self._driven
+                self.drive(self._couplings.values(end)[:-1])
                 at_start = rows, [c + AMPLITUDE0 - AMPLITUDE for c in columns]
-                self._columns[at_start] = [time.value(start) for time in times]
+                self._columns[at_start] = self._couplings.values(start)[:-1]
             else:
                 self.drive(self._couplings.averages(start, end)[:-1])
         self.turn(state.turns)
 
-    def drive(self, forces: Floats | list[float]) -> None:
+    def drive(self, forces: Floats) -> None:
         """Take these of the actuators' channels."""
         self._columns[self._driven] = forces
 

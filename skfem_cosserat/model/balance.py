@@ -137,8 +137,7 @@ class Balance:
 
 def amplitudes_at(system: System, t: float) -> Amplitudes:
     """Factors of all loads and actuators as they are at time t (s)."""
-    actuators = [time.value(t) for time in system.couplings.times]
-    return Amplitudes(system.loading.values(t), np.array([*actuators, 0.0]), time=t)
+    return Amplitudes(system.loading.values(t), system.couplings.values(t), time=t)
 
 
 def balance(

@@ -17,6 +17,7 @@ from ..relative import Form, RelativeCoordinate
 from ..time_function import (
     Constant,
     TimeFunction,
+    numbers_of,
 )
 from ..types import Array, Floats, IndexArray
 from ..warn import warn
@@ -778,12 +779,14 @@ class Couplings:
         """Means of all channels over a step, and a zero for who has none."""
         if self._amplitudes is not None:
             return self._amplitudes
-        out = np.zeros(len(self.times) + 1)
-        for k, time in enumerate(self.times):
-            try:
-                out[k] = time.average(t0, t1)
-            except InputError as error:
-                raise InputError(self.owners[k].label, str(error)) from error
+        out = self._each(lambda time: time.average(t0, t1), t1)
         if self._constant:
             self._amplitudes = out
         return out
+
+    def values(self, t: float) -> Floats:
+        """The same at time `t` (s)."""
+        return self._each(lambda time: time.value(t), t)
+
+    def _each(self, number: Callable[[TimeFunction], float], t: float) -> Floats:
+        return np.array([*numbers_of(self.times, self.owners, number, t), 0.0])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from ..errors import CosseratError, InputError
+from ..errors import InputError, failed
 from ..frames import Place
 from ..kernels import cross, skew
 from ..load import (
@@ -27,8 +27,9 @@ from ..time_function import (
     Constant,
     TimeFunction,
     constant_after,
+    numbers_of,
 )
-from ..types import Array, Floats, IndexArray
+from ..types import Array, Floats, IndexArray, numbers
 from .groups import BeamGroup, Group
 
 __all__ = ["Followers", "FunctionLoad", "Loading", "Moments", "Push"]
@@ -252,11 +253,11 @@ class Loading:
             return self._numbers
         if min(t0, t1) >= self.constant_after:  # a pulse that is over: the same array each time
             return self._last
-        return self.checked(self._each(lambda time: time.average(t0, t1)), t1)
+        return self._checked_each(lambda time: time.average(t0, t1), t1)
 
     def values(self, t: float) -> Floats:
         """All channels at time `t`."""
-        return self.checked(self._each(lambda time: time.value(t)), t)
+        return self._checked_each(lambda time: time.value(t), t)
 
     def checked(self, factors: Floats, t: float) -> Floats:
         """The factors of all channels at a time `t` (s), if nothing is wrong with them."""
@@ -264,15 +265,8 @@ class Loading:
             self.guard(factors, t)
         return factors
 
-    def _each(self, number: Callable[[TimeFunction], float]) -> Floats:
-        """A number of each channel; an error of a function names its load."""
-        out = np.empty(len(self.times))
-        for k, time in enumerate(self.times):
-            try:
-                out[k] = number(time)
-            except InputError as error:
-                raise InputError(self.owners[k].label, str(error)) from error
-        return out
+    def _checked_each(self, number: Callable[[TimeFunction], float], t: float) -> Floats:
+        return self.checked(np.array(numbers_of(self.times, self.owners, number, t)), t)
 
     def dead_force(self, amplitudes: Floats) -> Floats:
         """Generalised force (rows, 3) of the loads that do not depend on y."""
@@ -281,15 +275,14 @@ class Loading:
     @cached_property
     def _numbers(self) -> Floats:
         """All channels where none depends on time."""
-        out = self.checked(self._each(lambda time: time.value(0.0)), 0.0)
+        out = self.values(0.0)
         out.setflags(write=False)
         return out
 
     @cached_property
     def _last(self) -> Floats:
         """All channels from where they are constant_after on."""
-        t = self.constant_after
-        return self.checked(self._each(lambda time: time.value(t)), t)
+        return self.values(self.constant_after)
 
     @cached_property
     def _constant_force(self) -> Floats:
@@ -465,10 +458,10 @@ class FunctionLoad:
         try:
             out = np.array(self.term.force(x.copy(), v.copy(), t))  # it may give one array again
         except Exception as error:
-            where = "" if real else " at complex numbers, with which its slopes are found"
-            raise self._failed("force", where, t, error) from error
+            where = "" if real else " at complex numbers, with which its slopes are found,"
+            raise failed(self.load.label, f"its force{where}", error, t) from error
         if out.shape != x.shape or out.dtype.kind not in ("iuf" if real else "iufc"):
-            kind = f"an array {out.shape} of {out.dtype}"
+            kind = f"an array {out.shape} of {out.dtype} at t = {t:.9g} s"
             text = f"force gives {kind}, expected {x.shape} {'real ' * real}numbers"
             raise InputError(self.load.label, text)
         # the sum first: it takes a third of the time
@@ -476,12 +469,6 @@ class FunctionLoad:
             text = f"force is {out.tolist()} at t = {float(t)!r} s, not finite: x = {x.tolist()}"
             raise InputError(self.load.label, f"{text}, v = {v.tolist()}")
         return out
-
-    def _failed(self, name: str, where: str, t: float, error: Exception) -> CosseratError:
-        if isinstance(error, CosseratError):
-            return error
-        text = f"its {name} failed{where} at t = {t:.9g} s: {type(error).__name__}: {error}"
-        return InputError(self.load.label, text)
 
     def slopes(self, x: Array, v: Array, t: float) -> tuple[Array, Array]:
         """Derivatives (k, 3, k, 3) of the force by x and v.
@@ -509,12 +496,12 @@ class FunctionLoad:
         if self.term.slopes is not None:
             try:
                 found = self.term.slopes(x.copy(), v.copy(), t)
-                given = [np.array(each, dtype=float) for each in found]
+                given = [numbers(f"slopes at t = {t:.9g} s", "array", each) for each in found]
             except Exception as error:
-                raise self._failed("slopes function", "", t, error) from error
+                raise failed(self.load.label, "its slopes function", error, t) from error
             if [each.shape for each in given] != [shape, shape]:
                 shapes = [each.shape for each in given]
-                text = f"slopes gives arrays {shapes}, expected two of {shape}"
+                text = f"slopes gives arrays {shapes} at t = {t:.9g} s, expected two of {shape}"
                 raise InputError(self.load.label, text)
             if not all(np.isfinite(each).all() for each in given):
                 raise InputError(self.load.label, f"slopes are not finite at t = {float(t)!r} s")

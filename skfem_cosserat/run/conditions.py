@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, failed
 from ..frozen import Frozen, brief
 from ..integrators import State
 from ..joint import Joint
@@ -109,9 +109,14 @@ class ConditionFunction(Condition):
 
     def value(self, view: View) -> float:
         """See the base class."""
-        out = numbers("condition", f"value at t = {view.time!r}", self.function(view.time, view))
+        try:
+            found = self.function(view.time, view)
+        except Exception as error:
+            raise failed("condition", "it", error, view.time) from error
+        out = numbers("condition", f"value at t = {view.time!r}", found)
         if out.shape != ():
-            raise InputError("condition", f"has shape {out.shape}, expected a number")
+            text = f"has shape {out.shape} at t = {view.time:.9g} s, expected a number"
+            raise InputError("condition", text)
         return float(out)
 
 
@@ -452,7 +457,10 @@ class ActionFunction(Action):
 
     def outcome(self, view: View) -> ActionOutcome:
         """See the base class."""
-        answer = self.function(view.time, view)
+        try:
+            answer = self.function(view.time, view)
+        except Exception as error:
+            raise failed("action", "it", error, view.time) from error
         given = answer if isinstance(answer, tuple) else (answer,)
         system, state = None, None
         for each in given:

@@ -101,7 +101,10 @@ class RunLoop:
         start, system, stop = self.state, self.watch.system, False
         before, losses = system, 0.0
         for event, value in found.events:
-            outcome = event.action.outcome(View(system, self.state))
+            try:
+                outcome = event.action.outcome(View(system, self.state))
+            except InputError as error:
+                raise InputError(event.label, f"at t = {start.time:.9g} s: {error}") from error
             system, state, loss = self._outcome(system, outcome)
             row = self.recorder.row_of_event()
             record = EventRecord(

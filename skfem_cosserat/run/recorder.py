@@ -430,7 +430,16 @@ class Recorder:
     def _so_far(self) -> History:
         if self.closed is not None:
             return self.closed
-        return self.writer.history() if self.writer.closed else self.close("failed", None)
+        if not self.writer.closed:
+            try:
+                return self.close("failed", None)
+            except StorageError:
+                raise
+            except Exception as other:  # noqa: BLE001, of a user's own class: what is there is kept
+                logger.info("the last state is not completed: %s", other)
+                if not self.writer.closed:
+                    self.writer.close("failed")
+        return self.writer.history()
 
     def _row(
         self,

@@ -14,7 +14,7 @@ from ..constraints.saddle import accelerations, hidden_rate, saddle_point
 from ..diagnostics import SectionValues, evaluate, multipliers, reactions
 from ..diagnostics.joint_motion import rates
 from ..diagnostics.stacked import all_rows
-from ..errors import InputError
+from ..errors import InputError, failed
 from ..frames import Item, Place, is_beam, with_frame
 from ..frozen import Attached, Replacements
 from ..history import HistoryWriter
@@ -677,11 +677,29 @@ class SensorBank:
             each for each in sensor.items() if isinstance(each, Joint) and each.name not in here
         ]
         if not gone:
-            values = self._shapes[name] = sensor.values(self.system, window)
+            values = seen(name, sensor, self.system, window)
+            before = self._shapes.setdefault(name, values)
+            if values.shape[1:] != before.shape[1:]:
+                text = f"gives values {values.shape[1:]}, and {before.shape[1:]} before"
+                raise InputError(f"sensor {name!r}", f"{text}, up to t = {window.t[-1]:.9g} s")
             return values
         count = len(window.step_t if sensor.forces else window.t)
         known = self._shapes.get(name)
         return np.full((count, *((6,) if known is None else known.shape[1:])), np.nan)
+
+
+def seen(name: str, sensor: Sensor, system: System, window: Window) -> Floats:
+    """What a sensor sees in a window: real numbers, for each of its instants."""
+    item, times = f"sensor {name!r}", window.step_t if sensor.forces else window.t
+    try:
+        values = numbers(item, "values", sensor.values(system, window))
+    except InputError:
+        raise
+    except Exception as error:
+        raise failed(item, f"for times up to t = {window.t[-1]:.9g} s it", error) from error
+    if values.shape[:1] != times.shape:
+        raise InputError(item, f"gives an array {values.shape} for {len(times)} instants")
+    return values
 
 
 def window_of(
@@ -716,7 +734,7 @@ def checked_sensors(
             if id(each) not in known:
                 raise InputError(item, f"the {each.label} of {name!r} is not in this system")
     window = window_of(system, [start], [])
-    for sensor in sensors.values():
+    for name, sensor in sensors.items():
         if not sensor.forces:
-            sensor.values(system, window)
+            seen(name, sensor, system, window)
     return dict(sensors)
