@@ -461,9 +461,9 @@ class FunctionLoad:
             where = "" if real else " at complex numbers, with which its slopes are found,"
             raise failed(self.load.label, f"its force{where}", error, t) from error
         if out.shape != x.shape or out.dtype.kind not in ("iuf" if real else "iufc"):
-            kind = f"an array {out.shape} of {out.dtype} at t = {t:.9g} s"
+            kind = f"an array {out.shape} of {out.dtype}"
             text = f"force gives {kind}, expected {x.shape} {'real ' * real}numbers"
-            raise InputError(self.load.label, text)
+            raise InputError(self.load.label, f"{text}, at t = {t:.9g} s")
         # the sum first: it takes a third of the time
         if not (cmath.isfinite(np.add.reduce(out, None)) or np.isfinite(out).all()):
             text = f"force is {out.tolist()} at t = {float(t)!r} s, not finite: x = {x.tolist()}"
@@ -501,7 +501,7 @@ class FunctionLoad:
                 raise failed(self.load.label, "its slopes function", error, t) from error
             if [each.shape for each in given] != [shape, shape]:
                 shapes = [each.shape for each in given]
-                text = f"slopes gives arrays {shapes} at t = {t:.9g} s, expected two of {shape}"
+                text = f"slopes gives arrays {shapes}, expected two of {shape}, at t = {t:.9g} s"
                 raise InputError(self.load.label, text)
             if not all(np.isfinite(each).all() for each in given):
                 raise InputError(self.load.label, f"slopes are not finite at t = {float(t)!r} s")
