@@ -104,7 +104,8 @@ class RunLoop:
             try:
                 outcome = event.action.outcome(View(system, self.state))
             except InputError as error:
-                raise InputError(event.label, f"at t = {start.time:.9g} s: {error}") from error
+                text = f"at t = {start.time:.9g} s: {error}"
+                raise type(error)(event.label, text) from error
             system, state, loss = self._outcome(system, outcome)
             row = self.recorder.row_of_event()
             record = EventRecord(
