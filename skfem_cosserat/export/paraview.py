@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import IncompleteWarning, InputError
 from ..history import History
+from ..history.file import write_at
 from ..types import Array, ArrayLike, Floats, check_kind, switch
 from ..warn import logger, warn
 from .geometry import BeamShape, beam_shapes, body_shapes, quaternions
@@ -303,8 +304,12 @@ class _Index:
         """Append a frame; ``name`` is relative to the index."""
         line = f'    <DataSet timestep="{float(time)!r}" part="0" file="{name}"/>\n'.encode()
         with self.path.open("r+b", buffering=0) as handle:
-            handle.seek(self._end)
-            handle.write(line + _TAIL)
+            try:
+                write_at(handle, self._end, line + _TAIL)
+            except OSError:  # a full disk: there was room for this
+                write_at(handle, self._end, _TAIL)
+                handle.truncate()
+                raise
         self._end += len(line)
 
 

@@ -299,6 +299,14 @@ def _block_line(size: int, payload: int, crc: int, payload_crc: int) -> bytes:
     return b"BLOCK %010d %020d %08x %08x\n" % (size, payload, crc, payload_crc)
 
 
+def write_at(handle: BinaryIO, offset: int, data: bytes) -> None:
+    """Write all of it at an offset: a full disk takes a part and says no more than how much."""
+    handle.seek(offset)
+    view = memoryview(data)
+    while view:
+        view = view[handle.write(view) :]
+
+
 class FileWriter:
     """Append blocks to a history file.
 
@@ -334,10 +342,7 @@ class FileWriter:
             ) from error
 
     def _write(self, offset: int, data: bytes) -> None:
-        self._handle.seek(offset)
-        view = memoryview(data)
-        while view:
-            view = view[self._handle.write(view) :]
+        write_at(self._handle, offset, data)
 
     def append(self, header: dict[str, Any], arrays: Mapping[str, Array]) -> None:
         """Write one block and commit it.

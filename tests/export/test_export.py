@@ -19,6 +19,7 @@ from conftest import BOX, LEG, NODES, OUTLINE, turn
 from skfem_cosserat import IncompleteWarning, InputError, write_csv, write_paraview
 from skfem_cosserat.export import ParaViewWriter
 from skfem_cosserat.export.geometry import BeamShape, piece_weights, quaternions
+from skfem_cosserat.export.paraview import _Index
 
 HERE = Path(__file__).resolve().parents[1]
 LINE, QUADRATIC, VERTEX, TRIANGLE, QUAD = 3, 21, 1, 5, 9
@@ -457,3 +458,23 @@ def test_csv_refuses(make_scene, tmp_path):
     with pytest.raises(InputError, match="cannot be written"):
         write_csv(history, tmp_path / "no" / "a.csv")
     assert not os.listdir(tmp_path)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX")
+def test_an_index_that_finds_no_room_stays_complete(tmp_path):
+    """A full disk takes a part of a line, and of what closes the file."""
+    import resource
+
+    path = tmp_path / "beams.pvd"
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for room in range(400, 480, 3):
+        index, count = _Index(path), 0
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
+        try:
+            with pytest.raises(OSError, match="too large"):
+                while True:
+                    index.add(0.1 * count, f"beams/{count:06d}.vtu")
+                    count += 1
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        assert len(ET.parse(path).findall(".//DataSet")) == count >= 3
