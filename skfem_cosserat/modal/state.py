@@ -113,7 +113,7 @@ def resting(
             raise InputError("argument spin", f"{type(spin).__name__}, expected a Spin")
         amplitudes = replace(amplitudes, spin=spin)
     if system.plane is not None:
-        system.plane.check("argument state", "it", q, system.q0)
+        system.plane.check("argument state", "it", q, system.origin_rows, system.q0)
         if amplitudes.spin is not None:
             system.plane.check_spin(amplitudes.spin.velocity)
     if amplitudes.spin is not None and system.drag is not None:

@@ -404,6 +404,8 @@ class FunctionLoad:
         First row of y of a place's vertex.
     free : int
         Rows of y that are unknowns; the rest is ground.
+    length : float
+        Extent of the scene (m), which differences are relative to.
 
     Attributes
     ----------
@@ -419,9 +421,14 @@ class FunctionLoad:
     """
 
     def __init__(
-        self, load: Load, term: TermFunction, row_of: Callable[[Place], int], free: int
+        self,
+        load: Load,
+        term: TermFunction,
+        row_of: Callable[[Place], int],
+        free: int,
+        length: float,
     ) -> None:
-        self.load, self.term = load, term
+        self.load, self.term, self.length = load, term, length
         cells: dict[tuple[int, int], float] = {}
         for k, expression in enumerate(term.expressions):
             for place, i, factor in expression.terms:
@@ -479,17 +486,19 @@ class FunctionLoad:
         size = max(float(abs(each.imag).max(initial=0.0)) for each in (x, v))
         if not size:
             return self._real_slopes(x.real, v.real, t)
-        dx, dv = SMALL * self._size(x) / size * np.array([x.imag, v.imag])
+        step = self._steps(x, v)[0]
+        dx, dv = step / size * np.array([x.imag, v.imag])
         near, far = (
             self._real_slopes(x.real + sign * dx, v.real + sign * dv, t) for sign in (-1, 1)
         )
-        factor = 1j * size / (2 * SMALL * self._size(x))
+        factor = 1j * size / (2 * step)
         by_x, by_v = (0.5 * (a + b) + factor * (b - a) for a, b in zip(near, far, strict=True))
         return by_x, by_v
 
-    @staticmethod
-    def _size(x: Array) -> float:
-        return max(1.0, float(abs(x).max()))
+    def _steps(self, x: Array, v: Array) -> tuple[float, float]:
+        """Of differences by x and v; far from the origin longer ones, for their rounding."""
+        sizes = max(self.length, 1e-3 * float(abs(x).max())), max(1.0, float(abs(v).max()))
+        return SMALL * sizes[0], SMALL * sizes[1]
 
     def _real_slopes(self, x: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
         shape = *x.shape, *x.shape
@@ -513,7 +522,7 @@ class FunctionLoad:
         by_x, by_v = out.reshape(2, *x.shape, *x.shape).transpose(0, 3, 4, 1, 2) / TINY
         return by_x, by_v
 
-    def check(self, y: Floats, length: float) -> None:
+    def check(self, y: Floats) -> None:
         """Compare its slopes with differences near a configuration y (total, 3), in motion.
 
         A kink may be at one configuration, but hardly at both that are looked at.
@@ -525,7 +534,7 @@ class FunctionLoad:
         """
         rng = np.random.default_rng(0)
         for _ in range(2):
-            x = self.points(y) + 1e-2 * length * rng.standard_normal(self.points(y).shape)
+            x = self.points(y) + 1e-2 * self.length * rng.standard_normal(self.points(y).shape)
             v = rng.standard_normal(x.shape)
             off = self._error(x, v)
             if off <= WRONG:
@@ -540,18 +549,19 @@ class FunctionLoad:
         raise InputError(self.load.label, text)
 
     def _error(self, x: Floats, v: Floats) -> float:
-        """Largest difference of slopes, relative to the largest slope, above rounding."""
+        """Largest difference of slopes, relative to the largest of the kind, above rounding."""
         force = self.force(x, v, 0.0)  # what is wrong with it is said before complex numbers come
         slopes = np.array(self.slopes(x, v, 0.0))
-        both, step = np.array([x, v]), SMALL * self._size(np.array([x, v]))
+        both, steps = np.array([x, v]), np.array(self._steps(x, v))
         other = np.empty_like(slopes)
         for i in np.ndindex(both.shape):
             ends = []
             for sign in (1, -1):
                 moved = both.copy()
-                moved[i] += sign * step
+                moved[i] += sign * steps[i[0]]
                 ends.append(self.force(moved[0], moved[1], 0.0))
-            other[(i[0], ..., *i[1:])] = (ends[0] - ends[1]) / (2 * step)
-        rounding = 1e-14 * float(abs(force).max()) / step
-        gap = max(0.0, float(abs(slopes - other).max()) - rounding)
-        return gap / max(float(abs(other).max()), rounding, 1e-300)
+            other[(i[0], ..., *i[1:])] = (ends[0] - ends[1]) / (2 * steps[i[0]])
+        rounding = 1e-14 * float(abs(force).max()) / steps
+        gap = (abs(slopes - other).max((1, 2, 3, 4)) - rounding).clip(0.0)
+        # those by points and those by velocities have units of their own
+        return float((gap / (abs(other).max((1, 2, 3, 4)) + rounding + 1e-300)).max())

@@ -178,7 +178,15 @@ class Plane:
                 f" scene is confined to, by {off:.6g} (of the extent, or rad) at t = {t:g} s",
             )
 
-    def check(self, item: str, what: str, numbers: Floats, start: Floats | None = None) -> None:
+    def check(
+        self,
+        item: str,
+        what: str,
+        numbers: Floats,
+        origins: IndexArray,
+        start: Floats | None = None,
+        power: int = -1,
+    ) -> None:
         """A configuration (n,) is off the plane where the reference `start` is, rates are nowhere.
 
         Parameters
@@ -187,8 +195,13 @@ class Plane:
             Named by the error.
         numbers : (n,) array
             Configuration, velocity or momentum.
+        origins : int array
+            Rows that are of positions: times a power of the extent of the scene they are compared
+            with those of directors.
         start : (n,) array, optional
             Reference configuration; default: `numbers` are no configuration.
+        power : {-1, 1}
+            1: a momentum.
 
         Raises
         ------
@@ -197,9 +210,11 @@ class Plane:
         """
         rows = numbers.reshape(-1, 3)
         rise = (rows if start is None else rows - start.reshape(-1, 3)) @ self.normal
-        worst = int(np.argmax(abs(rise)))
-        size = float(abs(rows).max()) if start is None else max(1.0, self.length)
-        if abs(rise[worst]) > OFF_PLANE * size:
+        scale = np.ones(len(rows))
+        scale[origins] = self.length**power
+        worst = int(np.argmax(scale * abs(rise)))
+        size = float((scale[:, None] * abs(rows)).max()) if start is None else 1.0
+        if scale[worst] * abs(rise[worst]) > OFF_PLANE * size:
             raise InputError(
                 item,
                 f"{what} leaves the plane normal to {self.normal.tolist()} that the scene is"
@@ -207,7 +222,9 @@ class Plane:
                 f" {3 * worst + 2}: {rows[worst].tolist()}",
             )
 
-    def check_momentum(self, item: str, p: Floats, start: Floats, triads: IndexArray) -> None:
+    def check_momentum(
+        self, item: str, p: Floats, start: Floats, origins: IndexArray, triads: IndexArray
+    ) -> None:
         """Raise InputError if a momentum (n,) that steps carry on leaves the plane.
 
         Momenta that would stretch the directors along the normal do not: the mirror image of such a
@@ -218,6 +235,8 @@ class Plane:
         ----------
         start : (n,) array
             Reference configuration.
+        origins : int array
+            See :meth:`check`.
         triads : (k, 3) int array
             Rows of y that are directors of one frame each.
         """
@@ -225,7 +244,7 @@ class Plane:
         nu = start.reshape(-1, 3)[triads] @ self.normal
         stretch = (nu * (rows[triads] @ self.normal)).sum(axis=1)
         rows[triads] -= (stretch[:, None] * nu)[..., None] * self.normal
-        self.check(item, "its momentum", rows)
+        self.check(item, "its momentum", rows, origins, power=1)
 
     def check_spin(self, velocity: Floats) -> None:
         """Raise InputError if the axis of a turning frame is not the normal."""

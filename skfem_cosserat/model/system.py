@@ -139,9 +139,9 @@ class System:
         check_drives(self.drives)
         self._constrain()
         start, functions = self.extend(self._y0, 0.0), self.loading.functions
-        pushes = [FunctionLoad(*each, self.row_of, self.rows) for each in functions]
+        pushes = [FunctionLoad(*each, self.row_of, self.rows, self.length) for each in functions]
         for push in pushes:
-            push.check(start, self.length)
+            push.check(start)
         self.couplings = Couplings(couplings, self.row_of, start, self.rows, pushes)
         self.plane: Plane | None = None
         self._space: System | None = None

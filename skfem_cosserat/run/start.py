@@ -397,14 +397,14 @@ def initial_state(
     if wrong:
         raise InputError("initial state", f"q at t = {time:g} s {wrong}")
     if system.plane is not None:
-        system.plane.check("initial state", "q", q, system.q0)
+        system.plane.check("initial state", "q", q, system.origin_rows, system.q0)
     if p is not None:
         p = _checked(system, "p", p)
         wrong = broken_momentum(system, q, p, time, tolerance)
         if wrong:
             raise InputError("initial state", f"p {wrong}")
         if system.plane is not None:
-            system.plane.check("initial state", "p", p)
+            system.plane.check("initial state", "p", p, system.origin_rows, power=1)
         return State(time, 0, q, p)
     if nu is not None:
         v = _velocity(system, q, nu, time)
@@ -413,7 +413,7 @@ def initial_state(
     v = system.v0.copy() if v is None else _checked(system, "v", v)
     _check_velocity(system, y, v, time, tolerance)
     if system.plane is not None:
-        system.plane.check("initial state", "the velocity", v)
+        system.plane.check("initial state", "the velocity", v, system.origin_rows)
     return State(time, 0, q, diagnostics.momentum(system, v))
 
 
@@ -487,9 +487,10 @@ def checked_start(system: System, start: State, item: str = "argument start") ->
     for name, array in (("q", start.q), ("p", start.p)):
         _checked(system, name, array, item)
     if system.plane is not None:
-        system.plane.check(item, "its configuration", start.q, system.q0)
-        triads = system.origin_rows[system.is_frame][:, None] + np.arange(1, 4)
-        system.plane.check_momentum(item, start.p, system.q0, triads)
+        origins = system.origin_rows
+        system.plane.check(item, "its configuration", start.q, origins, system.q0)
+        triads = origins[system.is_frame][:, None] + np.arange(1, 4)
+        system.plane.check_momentum(item, start.p, system.q0, origins, triads)
     return start
 
 

@@ -1113,3 +1113,35 @@ def test_an_own_solver_and_an_own_treatment_give_the_same_motion():
     )
     assert own.meta["solver"] == "inverse"
     assert own["q"] == pytest.approx(known["q"], abs=1e-9)
+
+
+@pytest.mark.parametrize("metre", [1e-9, 1e-6, 1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("wrong", [False, True])
+def test_slopes_are_compared_by_the_size_of_the_scene(metre, wrong):
+    """A force that changes over the extent of the scene; drag beside it is checked by itself."""
+
+    class LoadWavy(sc.Load):
+        def __init__(self, place):
+            super().__init__()
+            self.place = place
+
+        def terms(self):
+            return [sc.TermFunction([self.place], self.force, slopes=self.slopes)]
+
+        def force(self, x, v, t):
+            return np.sin(3 * x / metre) - 0.1 * v
+
+        def slopes(self, x, v, t):
+            by_x = np.diag(3 / metre * np.cos(3 * x / metre)[0])
+            by_v = (-0.2 if wrong else -0.1) * np.eye(3)
+            return by_x.reshape(1, 3, 1, 3), by_v.reshape(1, 3, 1, 3)
+
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, position=(metre, 0, 0)))
+    model.add("other", sc.MassPoint(1.0))
+    model.add("waves", LoadWavy(ball.place()))
+    if not wrong:
+        assert len(model.freeze().couplings.functions) == 1
+        return
+    with pytest.raises(sc.InputError, match="load 'waves': slopes of its force differ"):
+        model.freeze()

@@ -1042,3 +1042,32 @@ def test_a_run_says_which_kernels_and_why():
     assert "the full system of multipliers" in run.meta["kernels_why"]
     with pytest.raises(sc.InputError, match="the full system of multipliers"):
         sc.simulate(system, *pair, 5e-3, 0.01, kernels="numba")
+
+
+@pytest.mark.parametrize("metre", [1e-6, 1e-3, 1.0, 1e3])
+def test_states_are_judged_by_the_size_of_the_scene(metre):
+    """The same share of the extent off the plane, whatever the unit of length is."""
+    section = sc.SectionCircle(radius=0.01 * metre, material=sc.Material(E=5e6, nu=0.5, rho=1e3))
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (metre, 0, 0), 2, name="rod")
+    model = sc.Model()
+    model.add("rod", sc.Beam(mesh, section, director=(0, 1, 0)))
+    system = model.freeze(planar=sc.Planar((0, 0, 1)))
+    turning, tip = 2.0 * np.cross((0, 0, 1), system.q0.reshape(-1, 3)), system.origin_rows[-1]
+
+    def started(rise=0.0, speed=0.0):
+        q, v = system.q0.reshape(-1, 3).copy(), turning.copy()
+        q[tip, 2] += rise * metre
+        v[tip, 2] += speed * metre
+        sc.initial_state(system, v=v.ravel())
+        p = (system.mass @ v).ravel()
+        return next(
+            sc.steps(
+                system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, sc.State(0.0, 0, q.ravel(), p)
+            )
+        )
+
+    started(1e-9, 1e-9)
+    with pytest.raises(sc.InputError, match="its configuration leaves the plane"):
+        started(rise=1e-6)
+    with pytest.raises(sc.InputError, match="the velocity leaves the plane"):
+        started(speed=1e-6)

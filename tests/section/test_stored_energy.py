@@ -810,7 +810,7 @@ def test_what_an_energy_raises_in_kernels_is_raised_behind_them():
     stepper = sc.Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, kernels="numba")
     state = stepper.advance(sc.initial_state(system)).state
     energy.told = True
-    with pytest.raises(sc.InputError, match="energy of .* ZeroDivisionError: told so"):
+    with pytest.raises(sc.InputError, match=r"energy of .* ZeroDivisionError: told so"):
         stepper.advance(state)
     energy.told = False
     assert stepper.advance(state).attempts == 1
