@@ -150,6 +150,8 @@ def choose_kernels(
     if system.kinematics.elements is not None and not isinstance(treatment, Multipliers):
         seconds *= ELIMINATED
     refused = refusal(system, integrator, treatment)
+    if not integrator.solves:  # there is nothing to be compiled for the sake of
+        seconds = 0.0
     space = in_space(system, integrator)
     if not (space or system.plane is None or refused) and (kernels == "numba" or seconds > READING):
         space = len(plan_of(stepped(system, treatment, False), solver is not None).rest) > 0
@@ -208,6 +210,11 @@ def choose(
             raise ImportError(f"{needs} ({hindrance})")
         return Choice("numba", "asked for", plan_of(system, solver is not None))
     if refused:
+        if seconds >= WORTHWHILE:
+            text = (
+                f"{refused}; about {seconds:.0f} s of work with numpy, some {FACTOR} times slower"
+            )
+            warn("argument kernels", text, PerformanceWarning)
         return Choice("numpy", refused)
     if seconds < WORTHWHILE:
         plan = None if trial is None else _kept(system, seconds, solver, trial)

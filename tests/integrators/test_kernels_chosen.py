@@ -185,6 +185,19 @@ def test_what_is_not_compiled_is_refused_or_runs_plain():
         sc.simulate(tree(1), *pair, 0.1, 1.0, kernels="fortran")
 
 
+def test_long_runs_are_told_that_they_are_not_compiled():
+    """At their start; short ones have it in their meta data. No kernels would do explicit steps."""
+    system, treatments = tree(1), (sc.NullSpace(), sc.Multipliers(full=True))
+    for pair in zip((OwnBalance(), sc.Variational()), treatments, strict=True):
+        with pytest.warns(sc.PerformanceWarning, match=r"; about \d+ s of work with numpy"):
+            sc.Stepper(system, *pair, 1e-3, steps=10**6)
+        sc.Stepper(system, *pair, 1e-3, steps=10)
+        sc.Stepper(system, *pair, 1e-3, kernels="numpy", steps=10**6)
+    ball = sc.Model()
+    ball.add("ball", sc.MassPoint(1.0))
+    sc.Stepper(ball, sc.Explicit(), sc.Multipliers(), 1e-6, steps=10**9)
+
+
 NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()
 
 
