@@ -127,9 +127,10 @@ SETTLED, NOT_FINITE, SINGULAR, TOO_LONG, SPENT_ALL = range(5)
 #: and factorisations; loops with these factors, and all their iterations
 RECORD = ("kept", "rate", "first", "iterations", "residual", "factored", "steps", "spent")
 KEPT, RATE, FIRST, ITERATIONS, RESIDUAL, FACTORED, STEPS, SPENT = range(8)
-#: residual, relative, with which no step is solved whatever its increments are
+#: residual, relative, with which no step is solved before one more increment has vanished
 WRONG = 1e-3
-#: increments that do not shrink any more with kept factors are nothing but rounding below this
+#: increments below this are nothing but rounding where they do not shrink any more with kept
+#: factors, or where one more leaves as large a residual
 ROUNDING = 3e-15
 #: contraction assumed for factors of an earlier loop before any is measured
 UNKNOWN = 0.1
@@ -143,7 +144,7 @@ class Limits(NamedTuple):
     worth : float
         How many iterations new factors cost; infinite: they are kept while they do.
     wrong : float
-        A residual above this is none of a solution; infinite: whoever asks looks at it.
+        A residual above this asks for one more increment; infinite: whoever asks looks at it.
     """
 
     iterations: float
@@ -216,7 +217,7 @@ def newton_loop(  # noqa: PLR0915
         record[KEPT] = 0.0
         record[FACTORED] = 0.0
         size = evaluate(c, not kept)
-        last, mixed, swept = np.inf, 0, 0.0
+        last, mixed, swept, doubted = np.inf, 0, 0.0, False
         for count in range(1, int(limits.iterations) + 1):
             fresh = not kept
             if fresh:
@@ -263,7 +264,12 @@ def newton_loop(  # noqa: PLR0915
                 )
                 kept = reuse > 0.0 and mixed == 0
                 rate, swept = 0.0, 0.0
-            if done and size <= limits.wrong and np.isfinite(size):
+            # of a scene at rest all terms may be rounding, and a residual as large as they are:
+            # whether anything is left the next increment tells
+            sound = size <= limits.wrong or (doubted and fresh and length < ROUNDING)
+            doubted = done and not sound
+            kept = kept and not doubted
+            if done and sound and np.isfinite(size):
                 record[RESIDUAL] = size
                 if record[FACTORED] > 0.0:
                     record[STEPS], record[SPENT] = 0.0, 0.0

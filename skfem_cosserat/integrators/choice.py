@@ -119,12 +119,16 @@ STEPS = 1000
 
 
 class Choice(NamedTuple):
-    """Kernels, and why; how compiled ones eliminate, and whether a plane takes those of space."""
+    """Kernels, and why; how compiled ones eliminate, and whether a plane takes those of space.
+
+    And how long all is estimated to take with plain ones (s).
+    """
 
     name: str
     why: str
     plan: Plan | None = None
     space: bool = False
+    seconds: float = 0.0
 
 
 def estimated_seconds(system: System, steps: int, iterations: int = ITERATIONS) -> float:
@@ -161,7 +165,8 @@ def choose_kernels(
         compiled_step(system, *chosen, space=space, kept_only=True)
 
     scene = stepped(system, treatment, space)
-    return choose(kernels, scene, refused, seconds, solver, trial)._replace(space=space)
+    chosen = choose(kernels, scene, refused, seconds, solver, trial)
+    return chosen._replace(space=space, seconds=seconds)
 
 
 def choose(

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..constraints import BoundTreatment, Treatment
 from ..constraints.saddle import accelerations, nearest_velocity
-from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError
+from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError, PerformanceWarning
 from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
 from ..model import Model, System, system_of
 from ..model.limits import over_rotated, overstretched
@@ -21,7 +21,7 @@ from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray, check_kind, positive, real, whole
 from ..warn import Notices, listening, logger, warn
 from .base import Integrator, March
-from .choice import built, choose_kernels
+from .choice import FACTOR, WORTHWHILE, built, choose_kernels
 from .compiled_step import CompiledStep, compiled_step
 from .scheme import State, StepOrigin, StepWork, carried_rates
 from .step_balance import Evaluation, StepBalance, StepData
@@ -354,6 +354,8 @@ SOLVED, FURTHER = 1e-5, 1e-6
 #: what rows that depend on others gape by, against their terms, above which prescribed motions are
 #: looked at: far below :data:`BROKEN`, which is by the size of the joints
 LOOK = 1e-4 * BROKEN
+#: steps in a row that compiled kernels leave to plain numpy, after which that is said
+LEFT = 20
 #: attempts at a step: (extrapolate the last increment, damped)
 ATTEMPTS = ((True, False), (False, False), (False, True), (True, True))
 
@@ -484,6 +486,7 @@ class Stepper:
         if solver is not None:
             self.bound.solve_with(solver)
         self._first, self._warned = True, False
+        self._left_in_a_row = 0
         self._end: tuple[Floats, Evaluation] | None = None  # of the last step: q, what was found
         self.choice = choose_kernels(kernels, system, integrator, treatment, steps, solver)
         #: by size, the oldest first; as many as a composed step has
@@ -667,7 +670,8 @@ class Stepper:
         block = fast.advance_block(state, steps)
         if not block.steps:
             return self.advance(replace(state, plain=True), next_time)
-        self._first, k, index = False, block.steps, state.index + block.steps
+        self._first, self._left_in_a_row = False, 0
+        k, index = block.steps, state.index + block.steps
         fresh, where = state.fresh and k == 1, (state.time + (k - 1) * self.h, index - 1)
         before = State(*where, *block.before[:2], fresh, None, block.before[2], origin)
         end = state.time + k * self.h if time is None else time(index)
@@ -881,6 +885,7 @@ class Stepper:
         of.last = of.h, self.bound.moved
         if of.fast is not None:
             of.fast.resume(self.bound.moved)
+            self._count_left(state)
         impulse: Array = self.bound.impulse(evaluation.R)
         if finished.impulse is not None:
             impulse = impulse + finished.impulse
@@ -900,6 +905,18 @@ class Stepper:
         self._end = y1[: self.system.rows].reshape(-1), evaluation
         solved = Solved(self.system, of.balance.integrator, of.h, state, y1, impulse)
         return StepReport(new, iterations, attempts, report.residual, finished.work, solved)
+
+    def _count_left(self, state: State) -> None:
+        """A step is left to plain numpy: say it where that costs much."""
+        self._left_in_a_row += 1
+        if self._left_in_a_row != LEFT or self.choice.seconds < WORTHWHILE:
+            return
+        why = "they find no solution in as many iterations"
+        if not self.bound.regular:
+            why = "the closed loops are in a singular position, or near one"
+        text = f"compiled kernels left the last {LEFT} steps to plain numpy, as {why}"
+        cost = f"that is some {FACTOR} times slower"
+        warn("argument kernels", f"{text}; {cost}", PerformanceWarning, state.time)
 
     def _accept_compiled(
         self,
@@ -923,7 +940,7 @@ class Stepper:
             impulse, carried = impulse + more, carried_rates(moved)
         q, p = rows.ravel(), p.ravel()
         new = State(time, state.index + 1, q, p, False, fast.turns(), carried, origin)
-        self._first = False
+        self._first, self._left_in_a_row = False, 0
         solved = Solved(self.system, of.balance.integrator, of.h, state, y1, impulse)
         return StepReport(new, iterations, 1, residual, work, solved)
 

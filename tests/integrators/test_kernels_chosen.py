@@ -214,3 +214,55 @@ NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()
 def test_why_scenes_are_refused(scene, integrator, treatment, why):
     system = (states.PARTS[scene] if isinstance(scene, str) else scene)().freeze()
     assert re.search(why, refusal(system, integrator, treatment))
+
+
+def flat_four_bar():
+    """A parallelogram of rigid links, folded flat, where it stays: a singular position."""
+    model, at, place = sc.Model(), 0.0, sc.ground((0, 0, 0))
+    for k, length in enumerate((1.0, 2.0, -1.0)):
+        middle = (at + 0.5 * length, 0, 0)
+        link = sc.RigidBody.box(1.0, (abs(length), 0.1, 0.1), position=middle)
+        model.add(f"link {k}", link)
+        start, end = (link.local((s * 0.5 * length, 0, 0)) for s in (-1, 1))
+        model.add(f"hinge {k}", sc.JointRevolute(place, start, axis=(0, 0, 1)))
+        at, place = at + length, end
+    model.add("hinge", sc.JointRevolute(place, sc.ground((at, 0, 0)), axis=(0, 0, 1)))
+    return model.freeze()
+
+
+@pytest.mark.filterwarnings("ignore:.*singular:skfem_cosserat.ModelWarning")
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.PerformanceWarning")
+def test_steps_that_compiled_kernels_leave_to_numpy_are_told():
+    system = flat_four_bar()
+    for steps, told in ((10**6, 1), (30, 0)):
+        run = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
+        stepper, state = sc.Stepper(*run, kernels="numba", steps=steps), sc.initial_state(system)
+        for _ in range(25):
+            state = stepper.advance(state).state
+        found = [each for each in stepper.notices.found if each["category"] == "PerformanceWarning"]
+        assert len(found) == told
+        if told:
+            assert found[0]["time"] == pytest.approx(19e-3)
+            assert "left the last 20 steps to plain numpy" in found[0]["text"]
+            assert "singular position" in found[0]["text"]
+
+
+@pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=repr)
+@pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.GeneralizedAlpha(0.8)], ids=repr)
+def test_a_scene_at_rest_is_left_to_nobody(scheme, treatment):
+    """All terms of its balance are rounding, and the residual is as large as they are."""
+    section = sc.SectionCircle(radius=0.01, material=sc.Material(E=5e6, nu=0.5, rho=1e3))
+    mesh = sc.MeshCurve.init_line((0.1, 0.2, 0.7), (1.0, 0.3, 0.2), 20, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, director=(0, 1, 0)))
+    base = sc.ground((0.1, 0.2, 0.7)), rod.node("rod.start")
+    model.add("hinge", sc.JointRevolute(*base, axis=(0, 0.6, 0.8)))
+    model.add("blow", sc.LoadForce(rod.node("rod.end"), (0, 0, 1.0), sc.Table([1, 2], [0, 1])))
+    system = model.freeze()
+    stepper = sc.Stepper(system, scheme, treatment, 1e-3, kernels="numba")
+    state = sc.initial_state(system)
+    for _ in range(5):
+        state = stepper.advance(state).state
+        assert stepper._left_in_a_row == 0
+    assert abs(state.q - system.q0).max() < 1e-12

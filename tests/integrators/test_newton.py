@@ -61,6 +61,8 @@ def kept_record(rate, first=1e-4):
         (Script([np.nan]), newton.TOO_LONG),
         (Script([1e-2] * 50), newton.SPENT_ALL),
         (Script([1e-2, 1e-5, *[1e-13] * 30], size=1e-2), newton.SPENT_ALL),  # wrong all the same
+        (Script([1e-2, 1e-5, *[1e-16] * 2], size=1.0), newton.SETTLED),  # rounding, as at rest
+        (Script([1e-2, 1e-5, *[1e-16, 1e-2] * 30], size=1.0), newton.SPENT_ALL),  # a jump
         (Script([1e-2, 1e-5, *[1e-13] * 30], turn=2.0), newton.SPENT_ALL),  # scaled down each time
     ],
 )
