@@ -360,9 +360,9 @@ class TermFunction(Term):
     generalized-alpha at the end; in statics at rest. Newton's method needs its slopes. They are
     found by complex steps, for which `force` must be made of what is differentiable:
     ``np.sqrt((v * v).sum())``, not ``abs`` or ``np.linalg.norm``. When a scene is frozen they are
-    compared with differences. Scenes with such a term are stepped by numpy alone; `modes` leaves
-    its slopes by the velocities out (without a state or time all of it, as all loads), and the step
-    limit of explicit schemes all of them. Whether it leaves a plane is looked at when the scene is
+    compared with differences. Compiled kernels call them back; `modes` leaves its slopes by the
+    velocities out (without a state or time all of it, as all loads), and the step limit of explicit
+    schemes all of them. Whether it leaves a plane is looked at when the scene is
     frozen, at a few first instants, and at the end of a run, at some recorded states: a warning.
 
     Parameters

@@ -15,7 +15,7 @@ from ..constraints.saddle import accelerations, nearest_velocity
 from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError, PerformanceWarning
 from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
 from ..model import Model, System, system_of
-from ..model.limits import over_rotated, overstretched
+from ..model.limits import over_rotated, overstretched, undefined
 from ..model.loops import BROKEN, contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray, check_kind, positive, real, whole
@@ -851,11 +851,13 @@ class Stepper:
             return Code.DEAD_POINT, stop.reason, advice
         if self.bound.trouble is not None:
             reason = f"{reason}: {self.bound.trouble}"
+        at = [y for y in (step.y0, y1) if np.isfinite(y).all()]
+        odd = next((text for y in at if (text := undefined(self.system, y))), None)
         bent = over_rotated(self.system, step.y0)
         if bent is None and np.isfinite(y1).all():
             bent = over_rotated(self.system, y1)
         drawn = overstretched(self.system, step.y0)  # forces at y1 mean nothing
-        causes = [text for text in (bent, drawn) if text is not None]
+        causes = [text for text in (odd, bent, drawn) if text is not None]
         first, *more = [*causes, f"Newton's method: {reason}" if causes else reason]
         advice = f"try a smaller step than {origin.step:g} s, then {self.integrator.advice}"
         reason = ". ".join([first, *(f"{text[0].upper()}{text[1:]}" for text in more)])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..frames import is_beam
+from ..frames import StructuralItem, is_beam
 from ..types import Floats
 from .groups import BeamGroup
 from .system import System
@@ -24,6 +24,7 @@ __all__ = [
     "overstretched",
     "overstretched_beam",
     "tension_factor",
+    "undefined",
 ]
 
 
@@ -119,6 +120,31 @@ def _steps(triads: Floats) -> Floats:
 
 
 # -- elements drawn so much that node rotations their Gauss points do not see grow -----------------
+
+
+def undefined(system: System, y: Floats) -> str | None:
+    """Where a stored energy or its stresses are not finite at a configuration; None: nowhere."""
+    for group in system.beam_groups:
+        strain = group.strain(y)[0]
+        for ids, law in group.elements.stored:
+            eps = strain[ids].reshape(-1, 6)
+            found = np.column_stack([law.energy(eps), law.stress(eps)])
+            bad = np.flatnonzero(~np.isfinite(found).all(1) & np.isfinite(eps).all(1))
+            if len(bad):
+                e = np.arange(len(strain))[ids][bad[0] // strain.shape[1]]
+                beam = next(s for s in system.structures if e in _numbers(group, s))
+                values = ", ".join(f"{x:.6g}" for x in eps[bad[0]])
+                return (
+                    f"the stored energy of {beam.label} is {found[bad[0], 0]:.6g}, its stresses"
+                    f" {found[bad[0], 1:].tolist()}, at strains [{values}]"
+                )
+    return None
+
+
+def _numbers(group: BeamGroup, item: StructuralItem) -> range:
+    """Of a beam's elements in its group; empty if it is in another one."""
+    own = group.slices.get(id(item), slice(0))
+    return range(own.start or 0, own.stop)
 
 
 def overstretched(system: System, y: Floats) -> str | None:

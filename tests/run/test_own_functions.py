@@ -202,3 +202,15 @@ def test_a_law_that_fails_only_in_the_energies_of_the_end_costs_nothing_else():
         )
     assert history.status == "completed"
     assert any("stored energy: energy" in str(each.message) for each in told)
+
+
+@pytest.mark.parametrize("kernels", ["numpy", "numba"])
+def test_energies_that_are_not_finite_are_named_with_the_strains(kernels):
+    if kernels == "numba":
+        pytest.importorskip("numba")
+    system, run = scene("energy", lambda value: value * np.nan)
+    pair = sc.EnergyMomentum(), sc.NullSpace()
+    told = r"stored energy of beam 'rod' is nan, its stresses \[.*\], at strains \["
+    with pytest.raises(sc.Diverged, match=told) as caught:
+        sc.simulate(system, *pair, STEP, 0.08, kernels=kernels, **run)
+    assert caught.value.history.times[-1] == pytest.approx(0.06)
