@@ -779,8 +779,9 @@ class Stepper:
             self._first = True  # what is known of the motion is of another place
             end = time if k == len(shares) else state.time + done * h
             outcome = self.attempts(now, end, share * h, origin)
-            if isinstance(outcome, Failure):
-                return outcome
+            if isinstance(outcome, Failure):  # what is valid is the start of the whole step
+                part = f"its part {k} of {len(shares)}, from t = {outcome.state.time:.9g} s: "
+                return replace(outcome, state=state, reason=part + outcome.reason)
             reports.append(outcome)
             now = replace(outcome.state, index=state.index)
         works = [report.work for report in reports]
