@@ -1,5 +1,6 @@
 """Integrators beyond the two classic ones: orders, damping, what they keep, what they do not."""
 
+from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
 
@@ -808,6 +809,18 @@ def test_composed_steps_say_where_they_fail():
     failure = stepper.attempts(start, 0.5, 0.5, StepOrigin("variational", 0.5))
     assert isinstance(failure, Failure) and failure.code is Code.UNSOLVED
     assert failure.state is start and len(failure.residuals) == 4
+    stepper, calls = Stepper(system, sc.Composition(sc.Variational()), NULL, 0.1), []
+    solve = stepper.attempts
+
+    def attempts(*given):
+        calls.append(given)
+        return solve(*given) if len(calls) < 2 else replace(failure, state=given[0])
+
+    stepper.attempts = attempts
+    part = r"step 1 from t = 0 s .*: its part 2 of 5, from t = 0\.0414"
+    with pytest.raises(sc.Diverged, match=part) as caught:
+        stepper.advance(start)
+    assert (caught.value.step, caught.value.time) == (1, 0.0)  # the last state that is valid
     stepper = Stepper(system, sc.Composition(sc.EnergyMomentum()), NULL, 0.1)
     with pytest.raises(sc.IncompatibleError, match=r"Composition\(Energy.*see EnergyMomentum\(\)"):
         stepper.iteration_matrix(start)
