@@ -23,16 +23,6 @@ from .mesh.topology import find_node, mesh_label
 from .mesh.triads import Directors, Twist, section_triads
 from .types import Array, ArrayLike, Floats, IndexArray, VectorLike
 
-__all__ = [
-    "DirectorBasis",
-    "ElementForm",
-    "ElementLoad",
-    "ElementMatrix",
-    "error_norms",
-    "gauss_rule",
-]
-
-
 # -- the director basis: a scikit-fem basis whose nodes carry a point and three directors ----------
 
 #: Rotations closer than this to the identity are the identity.

@@ -32,8 +32,6 @@ from .theory import LawHeld, Theory, TheoryReissner, released
 from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, numbers, switch
 from .warn import Notices
 
-__all__ = ["Beam"]
-
 NodalField = Callable[[Floats], ArrayLike] | ArrayLike | None
 
 

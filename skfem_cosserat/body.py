@@ -12,9 +12,6 @@ from .frames import REPLACED, Place, StructuralItem, Vertices, check_triad, no_p
 from .frozen import Replacements
 from .types import ArrayLike, Floats, numbers, positive
 
-__all__ = ["MassPoint", "RigidBody"]
-
-
 _NOWHERE = (0.0, 0.0, 0.0)
 
 

@@ -26,18 +26,6 @@ from .types import ArrayLike, Floats, numbers, positive
 if TYPE_CHECKING:
     from .beam import Beam
 
-
-__all__ = [
-    "Bushing",
-    "Cable",
-    "Coupling",
-    "Foundation",
-    "JointActuator",
-    "JointSpringDamper",
-    "SpringDamper",
-]
-
-
 # --------------------------------------------------------------------------------------------------
 # Force elements between places and on joint coordinates: springs, dampers, actuators, bushings.
 #

@@ -14,8 +14,6 @@ from .types import ArrayLike, numbers
 if TYPE_CHECKING:
     pass
 
-__all__ = ["RayleighDamping"]
-
 
 class RayleighDamping(Item):
     """Rayleigh damping: forces ``-alpha M v`` on masses, and viscosity ``beta D`` of sections.

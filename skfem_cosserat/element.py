@@ -13,19 +13,6 @@ from .errors import InputError
 from .frozen import Frozen
 from .types import Array, ArrayLike, Floats
 
-__all__ = [
-    "ElementDirector",
-    "ElementLineLobatto",
-    "Interpolation",
-    "InterpolationEquidistant",
-    "InterpolationLobatto",
-    "interpolation",
-    "lagrange",
-    "lobatto_nodes",
-    "shape_derivatives",
-    "shape_functions",
-]
-
 _NODES = {
     1: (0.0, 1.0),
     2: (0.0, 0.5, 1.0),

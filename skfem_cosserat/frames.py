@@ -16,20 +16,6 @@ from .types import ArrayLike, Floats, numbers, switch
 if TYPE_CHECKING:
     from .beam import Beam
 
-
-__all__ = [
-    "Item",
-    "Motion",
-    "MotionShake",
-    "MotionTurn",
-    "Place",
-    "Vertices",
-    "ground",
-    "is_beam",
-    "triad",
-]
-
-
 # -- places: the material points on which joints and loads act, on items or on the ground ----------
 #
 # A beam node and a rigid body are the same thing, a *one-node structure*: a placement ``phi`` and

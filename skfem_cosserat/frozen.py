@@ -14,16 +14,6 @@ import numpy as np
 
 from .errors import FrozenError
 
-__all__ = [
-    "Attached",
-    "Frozen",
-    "Replacements",
-    "brief",
-    "lock_arrays",
-    "loosened",
-    "seal",
-]
-
 T = TypeVar("T")
 
 #: what a dataclass would write for its classes, without remedies and over many lines
@@ -36,6 +26,7 @@ class Freezing(ABCMeta):
     """Seals what its classes make, when the constructor of the last subclass is through."""
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
+        """Make an instance, and seal it."""
         return seal(super().__call__(*args, **kwargs))
 
     def __setattr__(cls, name: str, value: Any) -> None:

@@ -13,8 +13,6 @@ from .section import Section, check_stiffness
 from .strain_function import of_points
 from .types import ArrayLike, Floats, numbers
 
-__all__ = ["SectionHyperelastic"]
-
 STRESSES = ("N_1", "N_2", "N_3", "M_1", "M_2", "M_3")
 #: of derivatives, relative to the largest entry, each measured by the stiffness at zero strain
 TOLERANCE = 1e-6

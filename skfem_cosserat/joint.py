@@ -30,25 +30,6 @@ from .relative import (
 from .time_function import FunctionOfTime
 from .types import ArrayLike, Floats, positive
 
-__all__ = [
-    "AxialJoint",
-    "Freedom",
-    "Joint",
-    "JointCylindrical",
-    "JointDistance",
-    "JointDrive",
-    "JointFixed",
-    "JointLocked",
-    "JointPlanar",
-    "JointPointOnLine",
-    "JointPrismatic",
-    "JointRevolute",
-    "JointSpherical",
-    "JointUniversal",
-    "Slide",
-    "Turn",
-]
-
 # -- what a joint is: constraint rows, the motion it leaves free, its relative coordinates ---------
 #
 # Every joint is written twice, once for each treatment of the constraints: as constraint rows

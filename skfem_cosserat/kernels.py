@@ -18,34 +18,6 @@ from .law import Law
 from .strain import strain_table
 from .types import Array, Floats, IndexArray
 
-__all__ = [
-    "BeamElements",
-    "add_scalar",
-    "beam_damping",
-    "beam_discrete_moduli",
-    "beam_discrete_stress",
-    "beam_dissipation",
-    "beam_energy",
-    "beam_force",
-    "beam_geometric",
-    "beam_moduli",
-    "beam_strain",
-    "beam_strain_rate",
-    "beam_stress",
-    "beam_tangent",
-    "beam_viscous_stress",
-    "bilinear",
-    "cross",
-    "director_force",
-    "exp_quaternion",
-    "null_space_blocks",
-    "null_space_entries",
-    "quaternion_product",
-    "rotation_matrix",
-    "skew",
-    "spin_gradient",
-]
-
 
 @dataclass(eq=False)
 class BeamElements:

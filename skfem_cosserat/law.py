@@ -16,8 +16,6 @@ from .errors import InputError, failed
 from .frozen import Frozen
 from .types import Array, Floats
 
-__all__ = ["Law", "LawQuadratic", "LawStored", "StrainFunction"]
-
 #: of strains (k, 6), or any other stack of them
 StrainFunction: TypeAlias = Callable[[Array], Array]
 

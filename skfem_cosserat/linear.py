@@ -15,32 +15,11 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import splu
 
-from ..errors import CosseratError, InputError, PerformanceWarning
-from ..frozen import Frozen
-from ..pattern import FrozenPattern
-from ..types import Array, Floats, IndexArray, switch
-from ..warn import logger, warn
-
-__all__ = [
-    "Band",
-    "Factors",
-    "LinearSolver",
-    "Permuted",
-    "SingularMatrixError",
-    "Solver",
-    "SolverBanded",
-    "SolverDense",
-    "SolverMetis",
-    "SolverPardiso",
-    "SolverSuperLU",
-    "balanced",
-    "checked_solver",
-    "merged",
-    "minimum_degree",
-    "nested_dissection",
-    "unknowns_in_order",
-]
-
+from .errors import CosseratError, InputError, PerformanceWarning
+from .frozen import Frozen
+from .pattern import FrozenPattern
+from .types import Array, Floats, IndexArray, switch
+from .warn import logger, warn
 
 # -- what a back end is: a choice (:class:`Solver`), and its factors of one pattern ----------------
 

@@ -24,22 +24,6 @@ from .types import ArrayLike, Floats, IndexArray, switch
 if TYPE_CHECKING:
     from .beam import Beam
 
-
-__all__ = [
-    "Load",
-    "LoadForce",
-    "LoadGravity",
-    "LoadLine",
-    "LoadMoment",
-    "Term",
-    "TermAcceleration",
-    "TermForce",
-    "TermFunction",
-    "TermLine",
-    "TermMoment",
-]
-
-
 # -- terms: what loads are made of, as data --------------------------------------------------------
 
 

@@ -13,8 +13,6 @@ from .linear import SingularMatrixError
 from .types import Floats, positive, whole
 from .warn import logger
 
-__all__ = ["Limits", "NewtonProblem", "NewtonReport", "NewtonSettings", "newton", "newton_loop"]
-
 
 class NewtonProblem(Protocol):
     """What the loop needs to know."""

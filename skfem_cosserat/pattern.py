@@ -8,8 +8,6 @@ from scipy.sparse import csc_matrix, csr_matrix
 from .errors import InputError
 from .types import Array, ArrayLike, Floats, IndexArray
 
-__all__ = ["FrozenPattern", "product_form", "sum_at"]
-
 #: rows up to which a full matrix is multiplied faster than a sparse one
 FULL_ROWS = 100
 

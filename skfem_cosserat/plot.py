@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pyvista import Plotter, PolyData
 
-__all__ = ["plot_energy", "plot_orbit", "plot_series", "render"]
-
 _ENERGIES = {
     "kinetic": "kinetic",
     "strain_energy": "strain",

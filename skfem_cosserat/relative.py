@@ -16,22 +16,6 @@ from .frames import Place, ground, vector
 from .frozen import Attached, Replacements
 from .types import Floats
 
-__all__ = [
-    "ORIGIN",
-    "Amplitude",
-    "Expression",
-    "Product",
-    "RelativeCoordinate",
-    "Zero",
-    "angle",
-    "direction",
-    "displacement",
-    "distance",
-    "normals",
-    "point",
-    "rotation",
-]
-
 #: the ground at rest: its directors are the axes of space
 ORIGIN = ground((0.0, 0.0, 0.0))
 

@@ -18,14 +18,6 @@ from .frozen import Frozen, loosened, seal
 from .law import Law, LawQuadratic
 from .types import ArrayLike, Floats, numbers, positive
 
-__all__ = [
-    "Material",
-    "Section",
-    "SectionCircle",
-    "SectionRectangle",
-    "SectionTube",
-]
-
 
 def _positive(item: str, **values: float) -> None:
     for name, value in values.items():

@@ -26,8 +26,6 @@ import numpy as np
 
 from .types import Array, Floats
 
-__all__ = ["FORMS", "Form", "strain_factors", "strain_measures", "strain_table"]
-
 #: products (a, b, factor) whose sum ``factor x_a . x_b'`` is a strain
 Form = tuple[tuple[int, int, float], ...]
 

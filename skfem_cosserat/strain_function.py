@@ -14,8 +14,6 @@ import numpy as np
 from .law import StrainFunction
 from .types import Array
 
-__all__ = ["CompiledFunction", "of_points"]
-
 
 class CompiledFunction:
     """A compiled function of strains (6,) as one of strains (..., 6), and for compiled kernels.

@@ -27,15 +27,6 @@ from .frozen import Frozen
 from .law import Law
 from .types import Array, Floats, switch
 
-__all__ = [
-    "LawHeld",
-    "Theory",
-    "TheoryInextensible",
-    "TheoryKirchhoff",
-    "TheoryReissner",
-    "TheoryRigid",
-]
-
 SOURCE = "Antman, Nonlinear Problems of Elasticity, 2nd ed. (2005), chapter 8"
 
 

@@ -18,21 +18,6 @@ from .frames import Item, vector
 from .frozen import Frozen, brief
 from .types import ArrayLike, numbers
 
-__all__ = [
-    "Amplitude",
-    "Component",
-    "Constant",
-    "FunctionOfTime",
-    "Harmonic",
-    "RampLinear",
-    "RampSmooth",
-    "Table",
-    "TimeFunction",
-    "constant_after",
-    "numbers_of",
-    "time_function",
-]
-
 
 @runtime_checkable
 class TimeFunction(Protocol):

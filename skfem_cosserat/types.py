@@ -9,25 +9,9 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, NDArray  # noqa: F401, others take it from here
 
 from .errors import InputError
-
-__all__ = [
-    "Array",
-    "ArrayLike",
-    "Floats",
-    "IndexArray",
-    "VectorLike",
-    "check_kind",
-    "names_known",
-    "numbers",
-    "positive",
-    "real",
-    "shown",
-    "switch",
-    "whole",
-]
 
 #: Real or complex numbers: kernels take complex input so that tangents can be checked by the
 #: complex step.

@@ -24,20 +24,6 @@ from .errors import (
     PerformanceWarning,
 )
 
-__all__ = [
-    "CLOCK_OF_PATHS",
-    "Notices",
-    "counted",
-    "in_words",
-    "listed",
-    "listening",
-    "repeat",
-    "sum_up",
-    "told",
-    "warn",
-]
-
-
 # -- the logger of the package: silent until the user configures :mod:`logging` --------------------
 
 logger = logging.getLogger("skfem_cosserat")

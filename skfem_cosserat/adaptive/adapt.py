@@ -27,28 +27,6 @@ from .runs import OfConfiguration, Run, RunStatic
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = [
-    "ALONE",
-    "Adapted",
-    "Change",
-    "Halve",
-    "HalveOrRaise",
-    "Level",
-    "Meshes",
-    "Outlook",
-    "Space",
-    "Strategy",
-    "Uniform",
-    "adapt",
-    "beams",
-    "checked_space",
-    "named",
-    "owners",
-    "whole",
-]
-
-
 # -- what to do about an error: which elements to halve, which orders to raise ---------------------
 
 #: part of an element's share that one order more leaves at least: decays are guesses

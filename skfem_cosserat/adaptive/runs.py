@@ -31,18 +31,6 @@ from ..study.quantities import Quantity
 from ..types import ArrayLike, Floats, VectorLike, check_kind, names_known, numbers, positive
 from ..warn import logger
 
-__all__ = [
-    "NodePosition",
-    "OfConfiguration",
-    "Run",
-    "RunInTime",
-    "RunStatic",
-    "carry_history",
-    "carry_state",
-    "gradient",
-]
-
-
 # -- quantities of interest: what a mesh is refined for --------------------------------------------
 
 #: Function of a system and a configuration (n,): a number, or a row of numbers of one unit.

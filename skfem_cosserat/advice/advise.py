@@ -27,10 +27,6 @@ from .trials import NUDGE, PATIENCE, Budget, Pilot, Start, Targets, Trials, chec
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = ["Advice", "advise"]
-
-
 # -- what the advisor gives: a proposal, its errors and costs, all candidates, and why -------------
 
 ErrorSize = float | dict[str, float]

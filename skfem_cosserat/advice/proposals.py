@@ -17,9 +17,6 @@ from ..model import Model, System, model_of
 from ..model.plane import Planar
 from ..theory import Theory, TheoryInextensible, TheoryKirchhoff, TheoryReissner, TheoryRigid
 
-__all__ = ["THEORIES", "BeamFull", "BeamHeld", "BeamModel", "BeamRigid", "Proposal"]
-
-
 # -- models of a beam from the simplest to the full one, and the item each of them is --------------
 
 #: Elements and reference coordinates of places that need a node.

@@ -9,8 +9,6 @@ import numpy as np
 from .proposals import Proposal
 from .trials import Trial, Trials
 
-__all__ = ["ORDER", "FinestRun", "find_reference"]
-
 #: order of the elements of references
 ORDER = 3
 #: error of the reference that is aimed at, in tolerances

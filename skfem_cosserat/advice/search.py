@@ -16,19 +16,6 @@ from .proposals import THEORIES, BeamModel, Proposal
 from .reference import ORDER, FinestRun
 from .trials import PATIENCE, Pilot, Trial, Trials, look
 
-__all__ = [
-    "ALIKE",
-    "HOPELESS",
-    "SIZES",
-    "Candidate",
-    "Predictor",
-    "Search",
-    "alike",
-    "cost_of",
-    "simpler_beams",
-]
-
-
 # -- proposals that were run, and which of two is to be preferred ----------------------------------
 
 #: of costs that are closer than this factor, more than clocks can tell, the simpler beams' counts

@@ -34,20 +34,6 @@ from ..types import Floats, positive
 from ..warn import Notices
 from .proposals import BeamFull, BeamModel, Proposal
 
-__all__ = [
-    "Budget",
-    "CostMeter",
-    "Pilot",
-    "RunningCost",
-    "Start",
-    "Targets",
-    "Trial",
-    "Trials",
-    "duration",
-    "look",
-]
-
-
 # -- what a pilot run tells of a scene: where its energy is, how fast it moves, where it bends -----
 
 #: how the six strains are called, by energy

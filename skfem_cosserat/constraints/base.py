@@ -20,19 +20,6 @@ from ..model.groups import Blocks
 from ..model.loops import tree_values
 from ..types import Array, Floats, IndexArray
 
-__all__ = [
-    "BoundTreatment",
-    "RowSpace",
-    "Treatment",
-    "dependent_rows",
-    "half_turn",
-    "largest",
-    "massless",
-    "rows_touching",
-    "stacked_multipliers",
-]
-
-
 # --------------------------------------------------------------------------------------------------
 # The constraint Jacobian at one configuration: least-norm solutions, also with redundant rows.
 

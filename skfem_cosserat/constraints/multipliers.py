@@ -20,9 +20,6 @@ from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray, switch
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers
 
-__all__ = ["Multipliers", "Restriction"]
-
-
 # -- unknowns with multipliers in one plane: coordinates and constraint rows that act there --------
 #
 # The unknowns are the components along the plane of positions and directors, less those of

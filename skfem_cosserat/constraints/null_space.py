@@ -24,9 +24,6 @@ from ..types import Array, Floats, IndexArray
 from ..warn import warn
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers
 
-__all__ = ["Congruence", "NullSpace", "NullSpaceBlocks"]
-
-
 # -- internal null space matrices of all elements of a group, straight from the rows of y ----------
 
 

@@ -15,8 +15,6 @@ from ..pattern import FrozenPattern
 from ..types import Array, Floats, IndexArray
 from .base import dependent_rows, rows_touching
 
-__all__ = ["SaddlePoint", "accelerations", "hidden_rate", "nearest_velocity", "saddle_point"]
-
 RANK_TOLERANCE = 1e-9  # of normalised constraint rows, as in the model
 #: share of the scene's extent by which constraints are differenced along the motion
 SHARE = 0.1

@@ -25,19 +25,6 @@ _CHUNK = 256  # states evaluated at once: bounds the memory
 if TYPE_CHECKING:
     from ..beam import Beam
 
-__all__ = [
-    "external_energy",
-    "kinetic_energy",
-    "kinetic_energy_of_velocity",
-    "midpoint_energy",
-    "momentum",
-    "section_forces",
-    "section_strain_rates",
-    "section_strains",
-    "strain_energy",
-]
-
-
 #: of each system that somebody still has, as factors take longer than all else that needs them
 _SOLVERS: WeakKeyDictionary[System, Callable[[Floats], Floats]] = WeakKeyDictionary()
 

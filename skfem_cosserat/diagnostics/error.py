@@ -24,20 +24,6 @@ from .stacked import as_one, as_stack, reduced_tangent
 if TYPE_CHECKING:
     from ..beam import Beam
 
-
-__all__ = [
-    "SectionValues",
-    "beam_of",
-    "evaluate",
-    "goal_shares",
-    "missing_strains",
-    "new_rows",
-    "parents",
-    "spins",
-    "transfer",
-]
-
-
 # -- configurations and velocities carried over to a system of the same scene on other meshes ------
 
 #: reference frames closer than this are the same, and their values are copied

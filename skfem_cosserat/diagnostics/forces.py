@@ -23,19 +23,6 @@ from .stacked import as_series, as_stack, as_times, check_consecutive
 if TYPE_CHECKING:
     from ..beam import Beam
 
-
-__all__ = [
-    "condition_number",
-    "constraint_points",
-    "element_forces",
-    "multipliers",
-    "multipliers_at",
-    "nodal_resultants",
-    "overstretched_at",
-    "reactions",
-]
-
-
 # -- section forces and moments at the nodes, from the balance of each element ---------------------
 
 

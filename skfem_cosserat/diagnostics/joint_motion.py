@@ -10,8 +10,6 @@ from ..model.force_elements import Invariants, kind_of
 from ..types import ArrayLike, Floats, IndexArray, check_kind
 from .stacked import all_rows, as_stack, as_times
 
-__all__ = ["coupling_energy", "coupling_forces", "joint_coordinates"]
-
 Pairs = dict[str, tuple[Floats, Floats]]
 
 

@@ -20,23 +20,6 @@ from ..types import ArrayLike, Floats, check_kind, real, switch
 from .energy import mass_solver, momentum
 from .stacked import as_floats, as_one, as_rows, as_stack, as_times, check_consecutive, step_size
 
-__all__ = [
-    "Projection",
-    "ProjectionMethod",
-    "angular_momentum",
-    "constraint_violation",
-    "ground_part",
-    "hidden_violation",
-    "legendre_transforms",
-    "linear_momentum",
-    "midpoint_angular_momentum",
-    "momentum_violation",
-    "prescribed_velocity",
-    "reduced_momentum",
-    "velocity_from_reduced",
-]
-
-
 # -- discrete Legendre transforms of a run with the variational scheme -----------------------------
 
 

@@ -17,16 +17,6 @@ from ..model.limits import over_rotated
 from ..types import Floats, IndexArray
 from .stacked import ReducedTangent, material_stiffness, null_space_matrix, reduced_tangent
 
-__all__ = [
-    "inner_rows",
-    "motions_out_of_plane",
-    "nearest_configuration",
-    "rigid_motions",
-    "rigid_pieces",
-    "settled",
-]
-
-
 # -- motions of a scene in which nothing is strained: of its beams and bodies as rigid pieces ------
 
 

@@ -18,20 +18,6 @@ from ..model.balance import Amplitudes, Balance, balance, balance_tangent
 from ..model.loops import null_space_matrix
 from ..types import Array, ArrayLike, Floats, check_kind, numbers, real
 
-__all__ = [
-    "ReducedTangent",
-    "balancing_multipliers",
-    "blocks_matrix",
-    "congruent",
-    "constraint_frequency",
-    "curvature_matrix",
-    "highest_frequency",
-    "material_stiffness",
-    "null_space_matrix",
-    "reduced_tangent",
-]
-
-
 # -- states one by one or stacked: (n,) or (N, n) --------------------------------------------------
 
 

@@ -17,8 +17,6 @@ from ..element import lagrange, lobatto_nodes
 from ..errors import InputError
 from ..types import Array, ArrayLike, Floats, IndexArray
 
-__all__ = ["BeamShape", "BodyShape", "Sweep", "frames", "quaternions"]
-
 
 def frames(q: ArrayLike, offsets: ArrayLike) -> tuple[Floats, Floats]:
     """Placements and directors of frames.

@@ -19,19 +19,6 @@ from ..types import Array, ArrayLike, Floats, check_kind, switch
 from ..warn import logger, warn
 from .geometry import BeamShape, beam_shapes, body_shapes, quaternions
 
-__all__ = [
-    "BeamLayer",
-    "BodyLayer",
-    "CouplingLayer",
-    "JointLayer",
-    "Layer",
-    "ParaViewWriter",
-    "SurfaceLayer",
-    "prepare_folder",
-    "write_paraview",
-]
-
-
 # -- the layers of a scene as meshes with data: beams, swept surfaces, bodies, joints, springs -----
 
 #: Relative coordinates that joints have as numbers at their points.

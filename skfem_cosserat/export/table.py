@@ -16,8 +16,6 @@ from ..history import History
 from ..history.file import plain
 from ..types import check_kind
 
-__all__ = ["write_csv", "write_rows"]
-
 #: Series with more numbers per state than this are not in a table unless named.
 _WIDE = 6
 _PROVENANCE = ("integrator", "treatment", "step", "kernels", "versions", "status")

@@ -18,18 +18,6 @@ from .file import BASIC, EventRecord, check_basic, load_file, plain, save_file, 
 if TYPE_CHECKING:
     from ..beam import Beam
 
-
-__all__ = [
-    "SensorRecord",
-    "Spectrum",
-    "checked_point",
-    "ground_rates",
-    "ground_rows",
-    "rows_at",
-    "spectrum",
-]
-
-
 # -- what a sensor has recorded: a number or vector at every step, with its spectrum ---------------
 
 

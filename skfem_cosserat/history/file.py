@@ -21,9 +21,6 @@ from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
 from ..types import Array, file_path, switch
 from ..warn import logger, warn
 
-__all__ = ["EventRecord"]
-
-
 # -- what a history keeps of an event --------------------------------------------------------------
 
 

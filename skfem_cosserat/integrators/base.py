@@ -13,8 +13,6 @@ from ..types import Floats
 from .scheme import Scheme, State, StepWork
 from .step_balance import StepBalance
 
-__all__ = ["Integrator", "March", "Marched"]
-
 
 class Marched(NamedTuple):
     """A step that a :class:`March` has done; attributes as those of a report of a step."""

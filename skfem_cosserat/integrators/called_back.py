@@ -30,8 +30,6 @@ from ..model.force_elements import CoupledForce, CoupledStart, Couplings
 from ..types import Floats, IndexArray
 from .scheme import Scheme, State, StepWork
 
-__all__ = ["CalledAtRest", "CalledBack", "CalledLaws", "coupled", "trapezoidal_work"]
-
 
 def coupled(
     couplings: Couplings, scheme: Scheme, start: CoupledStart, y: Floats, y1: Floats, v: Floats

@@ -22,17 +22,6 @@ from .compiled_step import compiled_step, stepped
 from .energy_decaying import DecayingBalance
 from .step_balance import StepBalance
 
-__all__ = [
-    "Choice",
-    "built",
-    "choose",
-    "choose_kernels",
-    "estimated_seconds",
-    "refusal",
-    "static_refusal",
-]
-
-
 # -- what scenes compiled kernels refuse, and why --------------------------------------------------
 
 

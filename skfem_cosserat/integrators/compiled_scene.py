@@ -21,16 +21,6 @@ from ..types import Floats, IndexArray
 from .called_back import CalledLaws
 from .scheme import Scheme
 
-__all__ = [
-    "COMPILING",
-    "Bound",
-    "CompiledScene",
-    "NearestVelocity",
-    "Rest",
-    "is_viscous",
-    "numbers_of",
-]
-
 
 def is_viscous(system: System) -> bool:
     """Whether a section of a scene has Kelvin-Voigt damping."""

@@ -71,17 +71,6 @@ from .compiled_scene import (
 )
 from .scheme import Scheme, State, StepWork, carried_rates
 
-__all__ = [
-    "BlockOfSteps",
-    "CompiledPlane",
-    "CompiledStep",
-    "Coupled",
-    "Viscous",
-    "compiled_step",
-    "stepped",
-]
-
-
 # -- force elements in compiled steps: what goes in and comes out, one row for each ----------------
 
 

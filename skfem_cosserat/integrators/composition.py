@@ -7,8 +7,6 @@ import numpy as np
 from ..errors import IncompatibleError, InputError
 from .base import Integrator
 
-__all__ = ["Composition"]
-
 #: half of Suzuki's palindrome and of that of Kahan & Li, middle last; no partial sum leaves [0, 1]:
 #: loads and motions are never asked for beyond the step
 _SUZUKI = 1 / (4 - 4 ** (1 / 3))

@@ -24,9 +24,6 @@ from .energy_momentum import EnergyMomentum
 from .scheme import Scheme, State, StepWork
 from .step_balance import Evaluation, StepBalance, StepData, end_velocity
 
-__all__ = ["EnergyDecaying", "Flow"]
-
-
 # -- mean velocities of a step whose relative part is damped, and the common one is not ------------
 #
 # In ``dq = h (v_m + f)``, ``v_m = (v_0 + v_1)/2``, the extra velocity is ``f = (chi/2) (v_1 - v_0 -

@@ -10,8 +10,6 @@ from .base import Integrator
 from .scheme import Scheme, State
 from .step_balance import end_velocity
 
-__all__ = ["EnergyMomentum"]
-
 
 class EnergyMomentum(Integrator):
     """Midpoint scheme with the discrete derivative of the stored energy.

@@ -43,8 +43,6 @@ from .explicit_limit import LimitWatch, StepLimit, check_lumped
 from .explicit_nodes import ITERATIONS, Bodies, Cluster, Nodes, Unclosed, checked_nodes
 from .scheme import State, StepWork
 
-__all__ = ["Asynchronous", "Explicit", "ExplicitScheme", "Marching"]
-
 #: steps above a limit that has fallen by as much are not made shorter: the bound is not that sharp
 NEAR = 0.01
 #: way of a node in a step, by the extent of the scene, above which a run has blown up

@@ -15,8 +15,6 @@ from ..model.groups import BeamGroup
 from ..types import Array, Floats, IndexArray
 from .explicit_nodes import checked_nodes
 
-__all__ = ["LimitWatch", "StepLimit", "check_lumped"]
-
 #: growth of the rotation between neighbouring nodes (rad), change of the places that force elements
 #: act on (of directors, and by the extent of the scene), after which limits are looked at again:
 #: they fall by some 2 % meanwhile

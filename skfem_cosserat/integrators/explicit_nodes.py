@@ -15,8 +15,6 @@ from ..model import System
 from ..model.quadratic import ConstraintBuilder, QuadraticConstraints
 from ..types import Array, Floats, IndexArray
 
-__all__ = ["ITERATIONS", "Bodies", "Cluster", "Nodes", "Unclosed", "checked_nodes"]
-
 #: gap of a constraint, relative to its terms, that is not improved upon any more
 CLOSED = 2e-15
 #: at most, for joints to close and for velocities that forces depend on

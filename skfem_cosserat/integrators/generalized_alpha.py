@@ -13,8 +13,6 @@ from ..types import Floats, real, switch
 from .base import Integrator
 from .scheme import Scheme, State
 
-__all__ = ["GeneralizedAlpha"]
-
 
 class GeneralizedAlpha(Integrator):
     """Second order, unconditionally stable in linear problems, dissipative at high frequencies.

@@ -11,8 +11,6 @@ import numpy as np
 from ..errors import InputError
 from ..types import Floats, IndexArray
 
-__all__ = ["Scheme", "State", "StepOrigin", "StepWork", "carried_rates"]
-
 
 @dataclass(frozen=True)
 class StepOrigin:

@@ -30,8 +30,6 @@ from .scheme import Scheme, State, StepWork
 if TYPE_CHECKING:
     from .base import Integrator
 
-__all__ = ["Evaluation", "Finished", "StepBalance", "StepData", "end_velocity", "mean"]
-
 
 @dataclass(eq=False)
 class StepData:

@@ -26,18 +26,6 @@ from .compiled_step import CompiledStep, compiled_step
 from .scheme import State, StepOrigin, StepWork, carried_rates
 from .step_balance import Evaluation, StepBalance, StepData
 
-__all__ = [
-    "BlockReport",
-    "Code",
-    "ComposedReport",
-    "Failure",
-    "Solved",
-    "StepProblem",
-    "StepReport",
-    "Stepper",
-]
-
-
 # -- what a solved step gives beside the next state ------------------------------------------------
 
 

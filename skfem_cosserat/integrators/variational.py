@@ -11,8 +11,6 @@ from ..types import Floats, switch
 from .base import Integrator
 from .scheme import Scheme, State
 
-__all__ = ["Variational"]
-
 
 class Variational(Integrator):
     """``L_d(q_n, q_{n+1}) = h L((q_n + q_{n+1})/2, (q_{n+1} - q_n)/h)``, constraints at the nodes.

@@ -14,8 +14,6 @@ from ..warn import warn
 if TYPE_CHECKING:  # pragma: no cover - for annotations only
     from .mesh import MeshCurve
 
-__all__ = ["check_bends", "gives_way", "turns"]
-
 #: Neighbouring nodes of an element whose triads differ by this angle are refused: of a linear
 #: element nothing is left of its stiffness there.
 LARGEST = np.pi / 2

@@ -12,8 +12,6 @@ from ..errors import InputError, MeshError
 from ..frozen import Frozen
 from ..types import ArrayLike, Floats, VectorLike, real, shown, switch
 
-__all__ = ["Curve", "CurveArc", "CurveHelix", "CurveLine", "CurveMoved", "CurveSpline"]
-
 #: Gauss rule used to measure splines, on [0, 1].
 _LEGENDRE = np.polynomial.legendre.leggauss(16)
 _GAUSS_X, _GAUSS_W = 0.5 * (_LEGENDRE[0] + 1.0), 0.5 * _LEGENDRE[1]

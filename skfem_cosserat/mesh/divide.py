@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 
     MeshT = TypeVar("MeshT", bound=MeshCurve)
 
-__all__ = ["divided", "places_in"]
-
-
 # -- the same lines divided into other numbers of elements, fewer ones included --------------------
 
 #: Sine of the angle, and part of a length, up to which chords are one line and spans follow.

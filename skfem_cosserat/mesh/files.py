@@ -26,19 +26,6 @@ from ..errors import InputError, MeshError, ModelWarning
 from ..types import Array, Floats, IndexArray, file_path
 from ..warn import logger, warn
 
-__all__ = [
-    "Groups",
-    "LineData",
-    "group_name",
-    "physical_names",
-    "read_errors",
-    "read_gmsh41",
-    "read_lines",
-    "write_gmsh",
-    "write_lines",
-]
-
-
 # -- ASCII gmsh files of points and lines: written in 4.1 and 2.2, read in 4.1 ---------------------
 #
 # meshio cannot read a 4.1 file in which only some of the lines are in a physical group, and loses a

@@ -27,18 +27,6 @@ from .topology import (
     element_count,
 )
 
-__all__ = [
-    "MappingCurve",
-    "MeshCurve",
-    "halved_arrays",
-    "joined_arrays",
-    "moved_arrays",
-    "read_mesh",
-    "restricted_arrays",
-    "write_mesh",
-]
-
-
 # -- the arc-length mapping scikit-fem evaluates bases with ----------------------------------------
 
 

@@ -25,31 +25,6 @@ from .curves import Curve
 if TYPE_CHECKING:
     from .mesh import MeshCurve
 
-
-__all__ = [
-    "MOST_ELEMENTS",
-    "Chain",
-    "CurveChain",
-    "arc_starts",
-    "beam_nodes",
-    "check_arrays",
-    "check_geometry",
-    "check_name",
-    "curve_chain",
-    "directed_flips",
-    "duplicates",
-    "element_count",
-    "element_finder",
-    "element_numbers",
-    "find_beam",
-    "find_chains",
-    "find_node",
-    "mesh_label",
-    "number_of_times",
-    "places_along",
-]
-
-
 # -- chains: the order of elements along beams, found from connectivity alone ----------------------
 
 

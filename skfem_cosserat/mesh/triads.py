@@ -14,8 +14,6 @@ if TYPE_CHECKING:  # pragma: no cover - for annotations only
     from .mesh import MeshCurve
     from .topology import Chain
 
-__all__ = ["Directors", "Twist", "node_tangents", "section_triads"]
-
 #: Hint for d1: one for all beams or by beam name.
 Directors: TypeAlias = VectorLike | Mapping[str, VectorLike] | None
 #: Twist: rate (rad/m) or angle (rad) as a function of arc length (m), for all or by beam name.

@@ -21,8 +21,6 @@ from .eigen import DENSE, SPARE, SYMMETRIC, TOLERANCE, Factorised, Pencil, lowes
 from .state import Equilibrium, as_system, check_amplitudes, finite, resting
 from .vibration import animation, checked_count, checked_index
 
-__all__ = ["Buckling", "buckling"]
-
 Sign = Literal["positive", "negative", "both"]
 #: which eigenvalues 1/factor are sought first, by Lanczos' method
 _WHICH = {"positive": "LA", "negative": "SA", "both": "LM"}

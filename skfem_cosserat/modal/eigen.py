@@ -28,20 +28,6 @@ from ..types import Array, Floats
 from ..warn import warn
 from .state import Equilibrium
 
-__all__ = [
-    "DENSE",
-    "DENSE_QUADRATIC",
-    "Eigenvalues",
-    "Factorised",
-    "Lowest",
-    "Pencil",
-    "lowest",
-    "make_pencil",
-    "ritz",
-    "spectrum",
-]
-
-
 # -- lowest eigenvalues of symmetric pencils: dense, or Lanczos about a shift below all of them ----
 
 #: unknowns up to which all eigenvalues are computed, dense

@@ -24,15 +24,6 @@ from ..statics.schedule import Schedule, recorded_amplitudes
 from ..types import Array, ArrayLike, Floats, IndexArray, numbers
 from ..warn import warn
 
-__all__ = [
-    "Equilibrium",
-    "StateLike",
-    "as_system",
-    "check_amplitudes",
-    "finite",
-    "resting",
-]
-
 #: what may be given as a state
 StateLike: TypeAlias = ArrayLike | State | History | tuple[History, int]
 

@@ -19,9 +19,6 @@ from ..warn import Notices, counted
 from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
 
-__all__ = ["Modes", "animation", "checked_count", "checked_index", "modes"]
-
-
 # -- A mode as a history: finite motions along its shape -------------------------------------------
 
 

@@ -19,17 +19,6 @@ from ..types import Array, Floats, IndexArray, VectorLike, numbers
 from .force_elements import CoupledForce
 from .system import System
 
-__all__ = [
-    "Amplitudes",
-    "Balance",
-    "Spin",
-    "amplitudes_at",
-    "balance",
-    "balance_tangent",
-    "external_force",
-    "predicted",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Spin(Frozen):

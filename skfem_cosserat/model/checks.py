@@ -23,14 +23,6 @@ from .quadratic import QuadraticConstraints
 from .theories import TheoryRows
 from .tree import Spot, Tree
 
-__all__ = [
-    "JointRows",
-    "check_drives",
-    "check_inertia",
-    "check_joints",
-    "check_mobility",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class JointRows:

@@ -24,16 +24,6 @@ from ..types import Array, Floats, IndexArray
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
 
-__all__ = [
-    "RANK_TOLERANCE",
-    "SINGULAR",
-    "Closure",
-    "CoupledLoops",
-    "Selected",
-    "continued",
-    "directed",
-]
-
 RANK_TOLERANCE = 1e-9
 #: smallest against largest diagonal entry of R below which a configuration counts as singular
 SINGULAR = 1e-7

@@ -20,9 +20,6 @@ import numpy as np
 
 from ..types import Array, Floats
 
-__all__ = ["KINDS", "NEAR_ONE", "QUADRATURE", "TURN_POWERS"]
-__all__ += ["Angle", "Displacement", "Distance", "Joined", "Kind", "Rotation"]
-
 
 class Kind(ABC):
     """A kind of relative coordinate.

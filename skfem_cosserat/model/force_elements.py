@@ -24,20 +24,6 @@ from ..warn import warn
 from .coordinates import KINDS, Joined, Kind
 from .loading import FunctionLoad, Push
 
-__all__ = [
-    "CoupledForce",
-    "CoupledStart",
-    "CouplingLaw",
-    "CouplingWork",
-    "Couplings",
-    "Invariants",
-    "LinearLaw",
-    "SlackLaw",
-    "apply",
-    "warn_of_jump",
-]
-
-
 # -- laws of force elements: generalised force, stored energy, and what is dissipated in a step ----
 
 

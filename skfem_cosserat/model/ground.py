@@ -12,8 +12,6 @@ from ..frames import Place
 from ..types import Floats
 from .plane import Plane
 
-__all__ = ["Ground", "Placed"]
-
 #: instants of which the rate is kept
 KEPT = 4096
 _REST = np.eye(4, 3, -1)

@@ -36,21 +36,6 @@ from ..types import Array, Floats, IndexArray
 if TYPE_CHECKING:
     from ..beam import Beam
 
-
-__all__ = [
-    "BeamGroup",
-    "Blocks",
-    "Group",
-    "NodalMass",
-    "Parts",
-    "Structure",
-    "assemble_mass",
-    "damping_factors",
-    "lumped",
-    "nodal_group",
-]
-
-
 # -- the constant mass matrix of a scene, and the factors of damping in proportion to it -----------
 
 Structure: TypeAlias = "Beam | RigidBody | MassPoint"

@@ -16,9 +16,6 @@ from ..strain import strain_measures
 from ..types import Array, Floats, IndexArray
 from .tree import ConstrainedElement, Coordinate, Pair, Spot, Tree
 
-__all__ = ["ConstrainedElements", "Kinematics", "Located"]
-
-
 # -- lines of elements that hold shear strains, from their directors: what they add to the tree ----
 #
 # The first three strains (../strain.py), ``Gamma = D phi'`` with the interpolated directors as rows

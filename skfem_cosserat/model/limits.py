@@ -17,17 +17,6 @@ if TYPE_CHECKING:
     from ..beam import Beam
     from ..element import Interpolation
 
-
-__all__ = [
-    "over_rotated",
-    "over_rotated_beam",
-    "overstretched",
-    "overstretched_beam",
-    "tension_factor",
-    "undefined",
-]
-
-
 #: gravity (m/s^2), and weight times length squared over EI above which a stiffness looks wrong
 EARTH, LIMP = 9.81, 1e4
 

@@ -32,8 +32,6 @@ from ..time_function import (
 from ..types import Array, Floats, IndexArray, numbers
 from .groups import BeamGroup, Group
 
-__all__ = ["Followers", "FunctionLoad", "Loading", "Moments", "Push"]
-
 
 class Followers(NamedTuple):
     """Forces fixed in bodies and sections: ``f_v = C y_u`` for pairs of frames.

@@ -20,30 +20,6 @@ from .reparametrisation import Reparametrisation
 from .theories import rows_beside_tree
 from .tree import ConstrainedElement
 
-__all__ = [
-    "BROKEN",
-    "DeadPoint",
-    "Passages",
-    "almost_redundant",
-    "branches",
-    "close_loops",
-    "closed",
-    "closure_rows",
-    "contradiction",
-    "dead_point",
-    "drivers",
-    "loop_joints",
-    "names_of",
-    "null_space_matrix",
-    "redundancies",
-    "tree_values",
-    "violated",
-    "way_off",
-    "way_on",
-    "wrong_branch",
-]
-
-
 # -- which joints close loops, and which of their constraint rows depend on the others -------------
 
 #: prescribed motion (m, rad) with which the loops are closed once, for a check

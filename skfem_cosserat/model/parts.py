@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 #: force elements that act along a line, and how many of them count as meant to hold a part
 LINES, FIRM = (SpringDamper, Cable), 3
 
-__all__ = ["Connected", "SeparateParts", "connected_parts", "separate_parts"]
-__all__ += ["warn_of_loose_parts"]
-
 
 @dataclass(frozen=True, eq=False)
 class Connected:

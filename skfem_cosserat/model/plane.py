@@ -36,18 +36,6 @@ if TYPE_CHECKING:
     from ..beam import Beam
     from .system import System
 
-__all__ = [
-    "Planar",
-    "Planarity",
-    "Plane",
-    "confined",
-    "functions_off_plane",
-    "guard_of",
-    "inspect",
-    "out_of_plane",
-    "places",
-]
-
 #: components of a normal that count as zero
 SNAP = 1e-12
 #: of states against the plane, relative: they come from runs

@@ -17,8 +17,6 @@ from ..types import Floats, IndexArray
 if TYPE_CHECKING:
     from .system import System
 
-__all__ = ["acting_rows", "coordinates_in_plane", "rows_in_plane", "strains_in_plane"]
-
 #: numbers of a triad's rows 11, 22, 33, 12, 13, 23 in which a director does not occur
 _WITHOUT = np.array([[1, 2, 5], [0, 2, 4], [0, 1, 3]])
 #: of rows that count as independent in the plane, relative

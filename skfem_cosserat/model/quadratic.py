@@ -18,8 +18,6 @@ from scipy.sparse import csc_matrix
 from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray
 
-__all__ = ["ConstraintBuilder", "QuadraticConstraints", "Terms"]
-
 
 def _table(terms: Sequence[tuple[float, ...]], count: int) -> tuple[list[IndexArray], Floats]:
     """Columns of numbers, and the factors in the last one."""

@@ -21,8 +21,6 @@ from ..types import Array, Floats, IndexArray
 from .kinematics import Kinematics, combination
 from .tree import Coordinate, Edge, Spot
 
-__all__ = ["Reparametrisation"]
-
 
 @dataclass
 class _Level:

@@ -33,21 +33,6 @@ from .parts import warn_of_loose_parts
 from .plane import Planar, Planarity, confined, inspect
 from .system import System, listed
 
-__all__ = [
-    "Model",
-    "joint_of",
-    "load_of",
-    "locked",
-    "model_of",
-    "planarity",
-    "released",
-    "system_of",
-    "takes_scene",
-    "unlocked",
-    "with_amplitude",
-]
-
-
 # -- scenes that change while they move: joints locked, freed or taken away, loads switched --------
 #
 # A changed scene is a :class:`System` of its own with the same coordinates, ground frames and

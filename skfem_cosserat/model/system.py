@@ -59,8 +59,6 @@ from .tree import ConstrainedElement, End, Spot, Tree, build_tree
 if TYPE_CHECKING:
     from ..beam import Beam
 
-__all__ = ["JointRows", "System", "listed"]
-
 #: labels in one line
 SHOWN = 6
 FROM = ", as from beam.node(name), body.at(x), point.place() or ground(x)"

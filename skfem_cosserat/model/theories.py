@@ -24,8 +24,6 @@ from .tree import ConstrainedElement
 if TYPE_CHECKING:
     from ..beam import Beam
 
-__all__ = ["TheoryRows", "add_theory_rows", "constrained_elements", "rows_beside_tree", "theory_of"]
-
 Terms = list[tuple[int, float]]
 
 

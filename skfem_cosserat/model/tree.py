@@ -40,8 +40,6 @@ from .plane import Plane
 if TYPE_CHECKING:
     from ..beam import Beam
 
-__all__ = ["ConstrainedElement", "Coordinate", "Edge", "End", "Spot", "Tree", "build_tree"]
-
 
 @dataclass(frozen=True)
 class Spot:

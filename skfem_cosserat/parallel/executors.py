@@ -29,9 +29,6 @@ from ..run.progress import Interrupt, Progress
 from ..warn import logger, repeat
 from .jobs import Answer, Caught, Job, Outcome, done_here, in_words, pack, read, refusal, run_packed
 
-__all__ = ["Executor", "Processes", "run_all"]
-
-
 # -- worker processes on this machine, each for one job at a time ----------------------------------
 
 #: variables that say how many threads a process takes, read when numpy or numba are loaded

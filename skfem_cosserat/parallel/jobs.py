@@ -16,21 +16,6 @@ from ..frames import Item
 from ..model import Model, System
 from ..warn import Notices, counted
 
-__all__ = [
-    "Answer",
-    "Caught",
-    "Job",
-    "Outcome",
-    "call",
-    "done_here",
-    "in_words",
-    "pack",
-    "read",
-    "refusal",
-    "run_packed",
-]
-
-
 # -- jobs and their outcomes, and how both travel: as pickled data, functions by reference ---------
 
 

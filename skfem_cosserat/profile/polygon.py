@@ -15,9 +15,6 @@ from ..frozen import Frozen
 from ..types import ArrayLike, Floats, IndexArray, numbers
 from .profile import AnyMaterial, Profile, signed_area
 
-__all__ = ["ProfileComposite", "ProfilePolygon", "Region", "triangulate"]
-
-
 # -- triangles of good shape between given segments: Ruppert's refinement of Delaunay's mesh -------
 #
 # Segments in whose diametral circle a point lies are halved; then the circumcentres of the worst

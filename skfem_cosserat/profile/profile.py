@@ -20,9 +20,6 @@ from ..section import Material, Section
 from ..types import ArrayLike, Floats, IndexArray, names_known, positive
 from .warping import MaterialAnisotropic, ProfileConstants, Warping, elasticity, solve_warping
 
-__all__ = ["AnyMaterial", "Profile", "boundary_loops", "signed_area"]
-
-
 # -- boundary of a mesh as closed polygons ---------------------------------------------------------
 
 

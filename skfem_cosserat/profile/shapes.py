@@ -12,17 +12,6 @@ from ..errors import InputError
 from ..types import Floats, IndexArray, numbers, positive
 from .profile import AnyMaterial, Profile
 
-__all__ = [
-    "ProfileBox",
-    "ProfileChannel",
-    "ProfileCircle",
-    "ProfileI",
-    "ProfileRectangle",
-    "ProfileRectangles",
-    "ProfileRings",
-    "ProfileTube",
-]
-
 #: A rectangle of a profile: its ends along d1, along d2 (m), and its material.
 Part = tuple[Sequence[float], Sequence[float], AnyMaterial]
 

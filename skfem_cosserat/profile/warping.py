@@ -18,9 +18,6 @@ from ..frozen import Frozen
 from ..section import Material, Section
 from ..types import Array, ArrayLike, Floats, IndexArray, numbers, positive
 
-__all__ = ["MaterialAnisotropic", "ProfileConstants", "Warping", "elasticity", "solve_warping"]
-
-
 # -- three-dimensional elasticity of what a profile is made of -------------------------------------
 
 #: Pairs of axes in Voigt's order (11, 22, 33, 23, 13, 12).

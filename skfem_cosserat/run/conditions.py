@@ -24,26 +24,6 @@ from ..types import numbers, switch
 from .sensors import Sensor, View
 from .start import consistent_start
 
-__all__ = [
-    "Action",
-    "ActionFunction",
-    "ActionLoad",
-    "ActionLock",
-    "ActionNone",
-    "ActionOutcome",
-    "ActionRelease",
-    "ActionStop",
-    "ActionUnlock",
-    "Condition",
-    "ConditionCoordinate",
-    "ConditionEnergy",
-    "ConditionFunction",
-    "ConditionReaction",
-    "ConditionSensor",
-    "ConditionTime",
-]
-
-
 # -- conditions of events: numbers that pass through zero when something happens -------------------
 
 

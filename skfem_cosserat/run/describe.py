@@ -25,17 +25,6 @@ from ..version import VERSION
 if TYPE_CHECKING:
     from ..beam import Beam
 
-__all__ = [
-    "derive_configuration",
-    "derive_segments",
-    "derive_series",
-    "describe",
-    "fingerprint",
-    "other_model",
-    "recorded_turns",
-]
-
-
 #: strains at which stored energies that are not quadratic are compared
 PROBE = 1e-2 * np.array([np.cos(k * np.arange(6)) for k in range(1, 5)])
 

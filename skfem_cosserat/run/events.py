@@ -18,21 +18,6 @@ from .conditions import Action, ActionFunction, ActionNone, Condition, Condition
 from .sensors import View
 from .step_size import StepperFactory
 
-__all__ = [
-    "LOCATED",
-    "Bracket",
-    "Event",
-    "EventMonitor",
-    "Found",
-    "TimedValue",
-    "Trial",
-    "after_events",
-    "checked_events",
-    "dip",
-    "located",
-]
-
-
 # -- zeros of a number within a step: located, and found where it passes through zero and back -----
 #
 # A step is tried with other sizes: the number at their ends is that of states of the scheme.

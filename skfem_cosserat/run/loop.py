@@ -30,9 +30,6 @@ from .sensors import Sensor, View
 from .start import consistent_start, initial_state
 from .step_size import ControlledSteps, FixedSteps, StepControl, StepperFactory, SteppingPlan
 
-__all__ = ["Callback", "RunLoop", "simulate", "steps"]
-
-
 # -- the loop of a run: steps, events and what they change, until the end --------------------------
 
 Callback = Callable[[StepReport], object]

@@ -12,9 +12,6 @@ from typing import Any
 from ..errors import InputError
 from ..warn import logger
 
-__all__ = ["Interrupt", "Progress"]
-
-
 # -- ctrl-C during long work -----------------------------------------------------------------------
 
 

@@ -29,20 +29,6 @@ from ..warn import Notices, logger, warn
 from .describe import describe, fingerprint
 from .sensors import Sensor, SensorBank, checked_sensors
 
-__all__ = [
-    "EnergyBalance",
-    "Numbered",
-    "Recorder",
-    "Segment",
-    "Wanted",
-    "Works",
-    "deriving",
-    "energy",
-    "take_along",
-    "timed",
-]
-
-
 # -- work done since the start of a run, and the balance of energy at its end ----------------------
 
 #: share of the scale that energies and works may be out of balance, and that a scheme may lose

@@ -29,24 +29,6 @@ from ..types import ArrayLike, Floats, check_kind, numbers
 if TYPE_CHECKING:
     from ..beam import Beam
 
-
-__all__ = [
-    "Sensor",
-    "SensorAcceleration",
-    "SensorBank",
-    "SensorForce",
-    "SensorPosition",
-    "SensorQuantity",
-    "SensorReaction",
-    "SensorStrain",
-    "SensorVelocity",
-    "View",
-    "Window",
-    "checked_sensors",
-    "window_of",
-]
-
-
 # -- A state of a run as the conditions of events see it -------------------------------------------
 
 

@@ -28,9 +28,6 @@ from ..warn import warn
 from .describe import other_model, recorded_turns
 from .step_size import StepControl
 
-__all__ = ["initial_state", "project", "restart", "with_joint_rates"]
-
-
 # -- velocities from rates of joint coordinates: initial conditions in reduced form ----------------
 
 #: what joints leave of a motion of rigid pieces, relative to others, below which they hold it, and

@@ -19,8 +19,6 @@ from ..warn import Notices, logger, sum_up
 from .start import consistent_start, initial_state
 from .step_size import distance
 
-__all__ = ["StepAdvice", "advise_step"]
-
 #: steps of the first trial, and how often they are halved at most
 STEPS, HALVINGS = 16, 6
 #: how far an observed order may be from that of the scheme

@@ -20,18 +20,6 @@ from ..newton import NewtonSettings
 from ..types import Floats, positive
 from ..warn import logger
 
-__all__ = [
-    "ControlledSteps",
-    "Estimate",
-    "FixedSteps",
-    "StepControl",
-    "StepperFactory",
-    "SteppingPlan",
-    "distance",
-    "size",
-]
-
-
 # -- how a run goes on in time: steps of one size, or others that a controller chooses -------------
 
 #: most steps in one go, and most unknowns moved in all of them together: for less than a second,

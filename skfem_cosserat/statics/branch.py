@@ -22,8 +22,6 @@ from .control import ArcLength, Control, DisplacementControl, Stage
 from .critical_points import inspect
 from .schedule import CODES, Point, Schedule, finite, recorded_amplitudes
 
-__all__ = ["Branch", "branch", "branch_stage", "equilibrium"]
-
 #: relative difference below which loads and supports are where a path left them
 SAME = 1e-6
 

@@ -15,8 +15,6 @@ from ..model import System
 from ..types import Floats, VectorLike, positive
 from .schedule import Functional, Point, finite, listed, shown, stops, turned, weights, whole
 
-__all__ = ["ArcLength", "Control", "DisplacementControl", "LoadControl", "Stage"]
-
 #: iterations at which the step is kept; it grows below and shrinks above
 WANTED = 6
 #: motion in a step (see :func:`weights`) below which nothing moves

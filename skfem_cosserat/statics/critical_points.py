@@ -20,19 +20,6 @@ from ..model.balance import Amplitudes, balance
 from ..types import Array, Floats, IndexArray
 from .schedule import Functional, Neutral, Point, Schedule, weights
 
-__all__ = [
-    "LOOSE",
-    "Critical",
-    "FirmStability",
-    "Pivots",
-    "Stability",
-    "counted",
-    "inspect",
-    "locate",
-    "locate_all",
-]
-
-
 # -- stability of an equilibrium: eigenvalues of its stiffness, or the pivots of an elimination ----
 
 #: unknowns up to which eigenvalues are computed dense

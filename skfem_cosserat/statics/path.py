@@ -51,9 +51,6 @@ from .static_checks import (
     rotation,
 )
 
-__all__ = ["STATIC", "Callback", "Continuation", "static"]
-
-
 # -- point after point of a path: steps, what limits them, critical points on the way --------------
 
 #: residual, relative to its terms, below which a start counts as an equilibrium

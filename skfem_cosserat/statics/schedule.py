@@ -30,26 +30,6 @@ from ..types import MOST, Array, Floats, IndexArray, names_known, numbers, posit
 from ..types import shown as cut
 from ..warn import Notices
 
-__all__ = [
-    "CODES",
-    "Functional",
-    "Neutral",
-    "PathRecorder",
-    "Point",
-    "Schedule",
-    "Solution",
-    "derive_path",
-    "finite",
-    "listed",
-    "recorded_amplitudes",
-    "shown",
-    "stops",
-    "turned",
-    "weights",
-    "whole",
-]
-
-
 # -- arguments of controls: checked, and shown -----------------------------------------------------
 
 

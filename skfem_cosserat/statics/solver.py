@@ -36,16 +36,6 @@ from ..types import Array, Floats, IndexArray
 from .critical_points import Pivots, Stability, counted, inspect
 from .schedule import Functional, Neutral, Point, Schedule, Solution, weights
 
-__all__ = [
-    "UNMOVED",
-    "CompiledBalance",
-    "CompiledProblem",
-    "PathSolver",
-    "PlainProblem",
-    "Problem",
-]
-
-
 # --------------------------------------------------------------------------------------------------
 # A point of a path as the Newton loop sees it; the last unknown is the change of the load factor.
 #

@@ -28,8 +28,6 @@ from .control import ArcLength, Control, DisplacementControl, LoadControl
 from .critical_points import LOOSE, inspect
 from .schedule import Point, Schedule, weights
 
-__all__ = ["check_growth", "check_run", "first_point", "held_start", "prescribed_turn", "rotation"]
-
 #: rigid pieces above which free motions are not sought: the search is dense
 PIECES = 400
 #: singular value, relative to the largest, below which a motion counts as free

@@ -30,19 +30,6 @@ from ..run.progress import Progress
 from ..version import VERSION
 from ..warn import Notices, warn
 
-__all__ = [
-    "LATE",
-    "OnOutcome",
-    "TimeLimit",
-    "TimedOut",
-    "digest",
-    "identity",
-    "run_cases",
-    "status",
-    "token",
-]
-
-
 # -- A limit on the time that a call may take ------------------------------------------------------
 
 #: what says that something took too long, a subprocess (such as a peer) too

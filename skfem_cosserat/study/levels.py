@@ -14,16 +14,6 @@ import skfem
 from ..errors import InputError
 from ..types import Floats, switch
 
-__all__ = [
-    "Series",
-    "StudyLevel",
-    "case_name",
-    "check_call",
-    "series_of",
-    "text",
-]
-
-
 # -- sequences of meshes, orders and steps, and the series of levels that they make ----------------
 
 #: what a study varies, in the order of names

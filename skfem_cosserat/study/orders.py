@@ -11,8 +11,6 @@ from scipy.optimize import brentq, minimize_scalar
 
 from ..types import Array, Floats
 
-__all__ = ["ROUNDING", "Convergence", "convergence"]
-
 #: rounding of a quantity relative to its size, unless declared
 ROUNDING = 64 * float(np.finfo(float).eps)
 #: an error counts if it is so many times above rounding

@@ -38,17 +38,6 @@ from .setups import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = [
-    "Front",
-    "Level",
-    "PrecisionTable",
-    "Standing",
-    "pareto",
-    "work_precision",
-]
-
-
 # --------------------------------------------------------------------------------------------------
 # What came of a work-precision study: rows, fronts in words, where one code is behind another.
 

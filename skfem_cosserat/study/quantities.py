@@ -18,20 +18,6 @@ from ..run import Sensor
 from ..types import Array, Floats, names_known, numbers
 from .orders import Norm, euclidean
 
-__all__ = [
-    "AtInstants",
-    "MaximumOverTime",
-    "OverTime",
-    "Quantities",
-    "Quantity",
-    "Reading",
-    "RootMeanSquare",
-    "aligned",
-    "common_instants",
-    "rows_at",
-]
-
-
 # -- how a quantity that depends on time is compared: at instants that all levels have recorded ----
 
 #: instants that agree to this part of the time covered are the same

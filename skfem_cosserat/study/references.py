@@ -12,18 +12,6 @@ from ..history import History
 from ..types import Array, Floats, names_known, positive
 from .levels import case_name
 
-__all__ = [
-    "Compared",
-    "Reference",
-    "ReferenceFinest",
-    "ReferenceKnown",
-    "ReferencePair",
-    "ReferenceRun",
-    "SingleRun",
-    "reference_of_levels",
-    "reference_of_setups",
-]
-
 #: names of the runs of a reference
 FINE, COARSE = "reference", "reference, second run"
 #: a value, or a function of the common instants (of nothing, if not compared over time)

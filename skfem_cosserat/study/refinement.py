@@ -36,10 +36,6 @@ from .results import Report, ResultTable, provenance
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = ["Refinement", "refine", "title_of"]
-
-
 # -- what came of a refinement study: tables, verdicts, charts, files for ParaView -----------------
 
 #: quantities with more numbers are not in the table, only their errors

@@ -20,9 +20,6 @@ import skfem
 from ..export import write_rows
 from ..version import VERSION
 
-__all__ = ["Report", "ResultTable", "provenance"]
-
-
 # -- where numbers come from: versions, machine, commit, threads of the linear algebra -------------
 
 COMMIT = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--abbrev=10"]

@@ -16,19 +16,6 @@ from ..history import History
 from ..types import positive
 from .cases import LATE, TimeLimit
 
-__all__ = [
-    "STATUSES",
-    "Measured",
-    "Setup",
-    "as_setups",
-    "counts",
-    "failure",
-    "measure",
-    "ran",
-    "setup_grid",
-]
-
-
 # -- setups of a work-precision study: what is run, and what comes of one run ----------------------
 
 #: how a run of a setup can end

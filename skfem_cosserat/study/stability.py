@@ -29,10 +29,6 @@ from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = ["Map", "stability_map"]
-
-
 # -- what came of a stability map: arrays over the axes, table, chart ------------------------------
 
 

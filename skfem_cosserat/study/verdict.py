@@ -14,8 +14,6 @@ from ..newton import NewtonSettings
 from ..types import Floats, IndexArray, positive
 from .cases import LATE
 
-__all__ = ["FULL_PROTOCOL", "JudgeEnergy", "Verdict"]
-
 #: With these settings a step that fails has had the full protocol: from an extrapolated and from a
 #: zero increment, without and with line search, up to 100 iterations each, rotations capped.
 FULL_PROTOCOL = NewtonSettings(iterations=100, damped_iterations=100)

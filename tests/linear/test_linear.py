@@ -11,17 +11,8 @@ import pytest
 from helpers_scenes import lattice
 
 import skfem_cosserat as sc
-from skfem_cosserat import PerformanceWarning, Stepper
-from skfem_cosserat.linear import (
-    LinearSolver,
-    SingularMatrixError,
-)
-from skfem_cosserat.linear import (
-    solvers as ordering,
-)
-from skfem_cosserat.linear import (
-    solvers as solver,
-)
+from skfem_cosserat import PerformanceWarning, Stepper, linear
+from skfem_cosserat.linear import LinearSolver, SingularMatrixError
 from skfem_cosserat.pattern import FrozenPattern
 
 SOLVERS = {
@@ -163,7 +154,7 @@ def test_pivots_off_the_diagonal(name):
     data = rng.standard_normal(pattern.nnz)
     columns = np.repeat(np.arange(count), np.diff(pattern.indptr))
     diagonal = pattern.indices == columns
-    assert ordering.balanced(pattern)
+    assert linear.balanced(pattern)
     for size in (0.0, 1e-25, 1e-17):
         entries = np.where(diagonal, size, data)
         own = LinearSolver(pattern, needed(name))
@@ -206,20 +197,20 @@ def test_choice():
     assert LinearSolver(chain).method == "banded"
     assert LinearSolver(grid(4)[0]).method == "superlu-symmetric"
     bound = sc.Multipliers().bind(lattice(3), 0.5)
-    assert not ordering.balanced(bound.solver.pattern)
+    assert not linear.balanced(bound.solver.pattern)
     assert bound.solver.method == "superlu"
 
 
 def test_choice_of_what_is_installed(monkeypatch):
     pattern, _ = grid(7)
-    assert pattern.shape[0] > solver.OPTIONAL
-    monkeypatch.setattr(solver, "find_spec", lambda name: None)
+    assert pattern.shape[0] > linear.OPTIONAL
+    monkeypatch.setattr(linear, "find_spec", lambda name: None)
     assert LinearSolver(pattern).method == "superlu-symmetric"
     monkeypatch.undo()
     for name in ("metis", "pardiso"):
         if importlib.util.find_spec(PACKAGE[name]):
             only = PACKAGE[name]
-            monkeypatch.setattr(solver, "find_spec", lambda n, only=only: n == only or None)
+            monkeypatch.setattr(linear, "find_spec", lambda n, only=only: n == only or None)
             assert LinearSolver(pattern).method == SOLVERS[name].name
 
 
@@ -230,16 +221,16 @@ def test_missing_packages(name, monkeypatch):
     pattern, _ = grid(7)
     with pytest.raises(ImportError, match=r"skfem-cosserat\[solvers\]"):
         assert LinearSolver(pattern, SOLVERS[name]).method
-    monkeypatch.setattr(solver, "find_spec", lambda n: n == PACKAGE[name] or None)
+    monkeypatch.setattr(linear, "find_spec", lambda n: n == PACKAGE[name] or None)
     with pytest.warns(PerformanceWarning, match="is not used"):
         assert LinearSolver(pattern).method == "superlu-symmetric"
 
 
 def test_unknowns_of_a_node_stay_together():
     pattern, _ = grid(3)
-    group, graph = ordering.merged(pattern)
+    group, graph = linear.merged(pattern)
     assert graph.shape == (27, 27) and (group == np.repeat(np.arange(27), 6)).all()
-    order = ordering.unknowns_in_order(pattern, ordering.minimum_degree)
+    order = linear.unknowns_in_order(pattern, linear.minimum_degree)
     assert sorted(order) == list(range(162))
     assert (order.reshape(27, 6) - order.reshape(27, 6)[:, :1] == np.arange(6)).all()
 
@@ -247,7 +238,7 @@ def test_unknowns_of_a_node_stay_together():
 def test_permuted_pattern():
     pattern, data = grid(2)
     order = np.random.default_rng(0).permutation(pattern.shape[0])
-    new = ordering.Permuted(pattern, order)
+    new = linear.Permuted(pattern, order)
     expected = pattern.assembled(data).toarray()[np.ix_(order, order)]
     assert (new.pattern.assembled(data[new.take]).toarray() == expected).all()
 
