@@ -1,4 +1,4 @@
-"""Shapes in space from coordinates: numpy only, shared by the ParaView export and the pictures.
+"""Shapes in space from coordinates: shared by the ParaView export and the pictures.
 
 A director frame at offset ``o`` of the coordinates has ``phi = q[o:o+3]`` and the directors
 ``d_i = q[o+3i:o+3i+3]``; arrays of directors here have the shape ``(..., 3, 3)`` with ``d_i`` in
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..element import lagrange, lobatto_nodes
 from ..errors import InputError
@@ -68,20 +69,8 @@ def quaternions(directors: ArrayLike) -> Floats:
     d = np.asarray(directors, dtype=float).reshape(-1, 3, 3)
     u, _, vt = np.linalg.svd(np.swapaxes(d, 1, 2))
     u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
-    R = u @ vt
-    # The symmetric matrix 4 r r^T of the quaternion r: its column of largest diagonal is safe.
-    K = np.empty((len(R), 4, 4))
-    diagonal = np.einsum("kii->ki", R)
-    K[:, 0, 0] = 1.0 + diagonal.sum(1)
-    skew = [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]]
-    K[:, 0, 1:] = K[:, 1:, 0] = np.stack(skew, axis=1)
-    K[:, 1:, 1:] = R + np.swapaxes(R, 1, 2)
-    for i in range(3):
-        K[:, i + 1, i + 1] = 1.0 + 2.0 * diagonal[:, i] - diagonal.sum(1)
-    best = np.argmax(np.einsum("kii->ki", K), axis=1)
-    r = K[np.arange(len(R)), best]
-    r /= np.linalg.norm(r, axis=1, keepdims=True)
-    return np.where(r[:, :1] < 0.0, -r, r)
+    turned = Rotation.from_matrix(u @ vt)
+    return np.asarray(turned.as_quat(canonical=True, scalar_first=True))
 
 
 def piece_weights(gauss: Floats, pieces: int) -> Floats:
