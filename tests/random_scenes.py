@@ -647,6 +647,9 @@ def held_apart(seed: int) -> tuple[float, str]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", sc.CosseratWarning)
             one, other = (scene._replace(treatment=each).run("numba") for each in TREATMENTS)
+        told = [notice for notice in one.meta["warnings"] if notice["time"] is not None]
+        if any("in a singular position" in notice["text"] for notice in told):
+            continue  # from there the motion is not determined
         off = abs(one["q"] - other["q"]).max() / abs(one["q"]).max()
         return float(off), str(scene)
     raise RuntimeError(f"no scene of number {seed}")

@@ -530,7 +530,7 @@ def _pushed(
     for t in instants:
         y, ydot = _motion(system, plane, rng), _motion(system, plane, rng)
         ydot = ydot - system.extend(system.q0, 0.0)
-        factors = np.array([*(time.value(t) for time in alone.times), 0.0])
+        factors = alone.values(t)
         start = alone.starting(system.extend(system.q0, 0.0), None, factors, 1.0, t)
         force = alone.static(start, y, ydot).force[: system.rows]
         twists = _twist_forces(system, y, force)

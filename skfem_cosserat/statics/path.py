@@ -459,7 +459,10 @@ class Continuation:
             return ""
         if last.point is first.point or not first.smallest > first.floor:
             return ""
-        share = last.smallest / first.smallest
+        try:
+            share = last.smallest / first.smallest
+        except ValueError:  # its stiffness is not finite
+            return ""
         if share > LIMP:
             return ""
         return (

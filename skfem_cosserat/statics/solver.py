@@ -29,7 +29,7 @@ from ..model.balance import (
     external_force,
     predicted,
 )
-from ..model.limits import over_rotated
+from ..model.limits import over_rotated, undefined
 from ..model.reparametrisation import Reparametrisation
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray
@@ -863,8 +863,8 @@ class PathSolver:
             if bound.trouble is not None:
                 report.reason = f"{report.reason}: {bound.trouble}"
             if np.isfinite(problem.y).all():
-                bent = over_rotated(self.system, problem.y)
-                report.reason += "" if bent is None else f"; {bent}"
+                found = undefined(self.system, problem.y) or over_rotated(self.system, problem.y)
+                report.reason += "" if found is None else f"; {found}"
             return None, report
         force = np.array(problem.constraint_force()).reshape(-1)
         y = problem.solution()

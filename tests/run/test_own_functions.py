@@ -14,6 +14,10 @@ LATE, STEP = 0.0605, 1e-3
 STIFFNESS = np.array([2e3, 2e3, 5e3, 0.5, 0.5, 0.4])
 
 
+def quadratic(eps):
+    return (STIFFNESS * eps**2).sum(-1) / 2
+
+
 def boom(*_):
     raise KeyError("boom")
 
@@ -55,8 +59,7 @@ def scene(what, late):
         return lambda *given: (late if given[-1] >= LATE else lambda x: x)(good(*given))
 
     def energy(eps):
-        value = (STIFFNESS * eps**2).sum(-1) / 2
-        return late(value) if clock[0] >= LATE else value
+        return (late if clock[0] >= LATE else lambda x: x)(quadratic(eps))
 
     clock, model, run = [0.0], sc.Model(), {}
     derivatives = {
@@ -214,3 +217,24 @@ def test_energies_that_are_not_finite_are_named_with_the_strains(kernels):
     with pytest.raises(sc.Diverged, match=told) as caught:
         sc.simulate(system, *pair, STEP, 0.08, kernels=kernels, **run)
     assert caught.value.history.times[-1] == pytest.approx(0.06)
+
+
+@pytest.mark.parametrize("kernels", ["numpy", "numba"])
+def test_energies_that_are_not_finite_are_named_on_paths(kernels):
+    if kernels == "numba":
+        pytest.importorskip("numba")
+
+    late = [1.0]
+    functions = {
+        "gradient": lambda eps: late[0] * STIFFNESS * eps,
+        "hessian": lambda eps: late[0] * np.tile(np.diag(STIFFNESS), (*eps.shape[:-1], 1, 1)),
+    }
+    section = sc.SectionHyperelastic(quadratic, mass=0.1, inertia=(1e-5, 1e-5), **functions)
+    mesh, model = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="rod"), sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, director=(0, 1, 0)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    model.add("push", sc.LoadForce(rod.node("rod.end"), (0, 0, 0.1)))
+    run = {"control": sc.LoadControl(2.0), "callbacks": [lambda point: late.__setitem__(0, np.nan)]}
+    with pytest.raises(sc.Diverged, match=r"stored energy of beam 'rod' is .*nan, nan") as caught:
+        sc.static(model.freeze(), kernels=kernels, **run)
+    assert "strains [" in str(caught.value)
