@@ -1,19 +1,135 @@
-"""Empty figures, and how they are written: what all charts share (matplotlib is optional)."""
+"""The style of all charts: colours and marks, axes, legends, ticks, files (matplotlib, optional).
+
+A chart is made by :func:`panels`, its curves are drawn in the :func:`styles` of their names, its
+:func:`legend` stands beside the axes, and :func:`write_figure` numbers its ticks and writes it.
+"""
 
 from __future__ import annotations
 
+import io
+import math
 import os
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
+from weakref import WeakKeyDictionary
+from xml.etree import ElementTree
+
+import numpy as np
 
 from .errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["MISSING", "check_folder", "new_figure", "write_figure"]
+__all__ = ["DASHES", "MISSING", "PAGE", "PALETTE", "Style", "chart_style", "check_folder"]
+__all__ += ["legend", "new_figure", "number", "panels", "styles", "tell", "write_figure"]
 
 MISSING = "is needed here: pip install skfem-cosserat[view]"
+#: width (inches) of a picture that a page shows in full: its letters are as large as the page's
+PAGE = 9.0
+#: any two are at least 8 apart in lightness (L* of CIELAB), so that grey prints tell them apart
+PALETTE = {
+    "blue": "#125d95",
+    "red": "#e25533",
+    "green": "#21ac81",
+    "brown": "#571f01",
+    "sky": "#2ebbec",
+    "magenta": "#ce2386",
+    "gold": "#f9b837",
+    "ink": "#011b3e",
+    "indigo": "#452fa1",
+}
+MARKS = "osD^v<>phX*P"
+DASHES = ("-", "--", "-.", ":")
+
+
+# -- colours, marks and dashes by name -------------------------------------------------------------
+
+
+class Style(NamedTuple):
+    """How a curve is drawn: arguments of matplotlib's ``plot``, by ``style._asdict()``."""
+
+    color: str
+    marker: str
+    linestyle: str
+
+
+def _family(color: str, first: int, *names: str) -> dict[str, Style]:
+    """Names in one colour, each with a mark and dashes of its own."""
+    return {
+        name: Style(PALETTE[color], MARKS[(first + k) % len(MARKS)], DASHES[k % len(DASHES)])
+        for k, name in enumerate(names)
+    }
+
+
+#: the same in all charts: integrators, other codes, beam theories; a family has one colour
+NAMED = {
+    **_family("blue", 0, "energy-momentum", "energy-momentum stabilized"),
+    **_family("sky", 2, "energy-momentum of order 4"),
+    **_family("red", 3, "variational", "variational stabilized"),
+    **_family("gold", 5, "variational of order 4", "variational of order 6"),
+    **_family("green", 1, "energy-decaying", "energy-decaying 0.05", "energy-decaying 5/s"),
+    **_family("magenta", 7, "generalized-alpha", "generalized-alpha 0", "generalized-alpha 0.8"),
+    **_family("brown", 9, "explicit", "asynchronous"),
+    **_family("blue", 0, "skfem-cosserat"),
+    **_family("ink", 10, "exudyn", "pyelastica", "mujoco"),
+    **_family("blue", 0, "full", "Reissner"),
+    **_family("red", 1, "unshearable", "Kirchhoff"),
+    **_family("green", 2, "inextensible"),
+    **_family("brown", 3, "rigid"),
+}
+
+
+def styles(names: Iterable[str] | Mapping[str, str]) -> dict[str, Style]:
+    """Colours, marks and dashes of the curves of a chart.
+
+    Integrators, codes and theories have theirs in all charts; a variant (``"variational 2"``) has
+    the colour of what it is a variant of. Other names get what is still free in the chart, in the
+    order in which they come.
+
+    Parameters
+    ----------
+    names : iterable or mapping of str
+        Names of the curves; a mapping gives the family of each, which has one colour.
+
+    Returns
+    -------
+    dict
+        :class:`Style` by name.
+
+    Examples
+    --------
+    >>> styles(["variational", "order 1", "order 2"])["variational"].color == PALETTE["red"]
+    True
+    """
+    families = dict(names) if isinstance(names, Mapping) else {name: name for name in names}
+    found = {name: NAMED[name] for name in families if name in NAMED}
+    colours = {families[name]: style.color for name, style in found.items()}
+    known = sorted(NAMED, key=len, reverse=True)
+    for name, family in families.items():
+        if name in found:
+            continue
+        root = next((each for each in known if name.startswith((f"{each} ", f"{each}-"))), None)
+        if root is not None:
+            colour = NAMED[root].color
+        elif family in colours:
+            colour = colours[family]
+        else:
+            taken = {style.color for style in found.values()}
+            spare = [each for each in PALETTE.values() if each not in taken]
+            colour = spare[0] if spare else list(PALETTE.values())[len(found) % len(PALETTE)]
+        colours.setdefault(family, colour)
+        marks = {style.marker for style in found.values()}
+        mark = next((m for m in MARKS if m not in marks), MARKS[len(found) % len(MARKS)])
+        same = sum(style.color == colour for style in found.values())
+        found[name] = Style(colour, mark, DASHES[same % len(DASHES)])
+    return {name: found[name] for name in families}
+
+
+# -- figures and axes ------------------------------------------------------------------------------
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -39,18 +155,272 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
+def chart_style() -> AbstractContextManager[None]:
+    """Axes that are added to a figure within it have the palette, a grid, and small letters."""
+    from cycler import cycler
+    from matplotlib import rc_context
+
+    return rc_context(
+        {
+            "axes.prop_cycle": cycler(color=list(PALETTE.values())),
+            "axes.grid": True,
+            "axes.axisbelow": True,
+            "axes.titlesize": "medium",
+            "grid.alpha": 0.3,
+            "xtick.labelsize": "small",
+            "ytick.labelsize": "small",
+        }
+    )
+
+
+def panels(
+    width: float, height: float, rows: int = 1, columns: int = 1, count: int = 0, **options: Any
+) -> tuple[Figure, list[Any]]:
+    """A figure (inches) and its axes, row by row.
+
+    Parameters
+    ----------
+    width, height : float
+        Of the figure; not wider than `PAGE` where a page shows it.
+    rows, columns : int
+        Of the axes.
+    count : int, optional
+        Only so many of them; default: all. The others stay empty.
+    **options
+        Of matplotlib's ``Figure.subplots``, such as ``sharex``.
+
+    Raises
+    ------
+    ImportError
+        Without matplotlib.
+
+    Examples
+    --------
+    >>> figure, axes = panels(6.0, 4.0, 1, 2, sharey=True)
+    >>> len(axes)
+    2
+    """
+    figure = new_figure(width, height)
+    with chart_style():
+        axes = list(figure.subplots(rows, columns, squeeze=False, **options).flat)
+    count = count or len(axes)
+    for axis in axes[count:]:
+        axis.set_axis_off()
+    return figure, axes[:count]
+
+
+def legend(
+    owner: Any, title: str = "", below: int = 0, handles: Sequence[Any] | None = None
+) -> None:
+    """A legend beside the axes, never over curves; none if nothing has a label.
+
+    Parameters
+    ----------
+    owner : figure or axes of matplotlib
+        A figure's legend has what is in any of its axes, each label once.
+    title : str
+    below : int
+        Below the axes, with so many columns; default: at the right.
+    handles : sequence, optional
+        What it shows; default: all that has a label.
+    """
+    figure = hasattr(owner, "axes") and isinstance(owner.axes, list)
+    if handles is None:
+        shown: dict[str, Any] = {}
+        for axis in owner.axes if figure else [owner]:
+            for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+                shown.setdefault(label, handle)
+        handles, labels = list(shown.values()), list(shown)
+    else:
+        labels = [str(handle.get_label()) for handle in handles]
+    if not labels:
+        return
+    style: dict[str, Any] = {"fontsize": "small", "frameon": False, "title": title or None}
+    if figure:
+        style["loc"] = "outside lower center" if below else "outside right upper"
+    elif below:
+        # below the numbers and the name of the axis
+        style |= {"loc": "upper center", "bbox_to_anchor": (0.5, -0.22)}
+    else:
+        style |= {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+    owner.legend(handles, labels, ncols=max(below, 1), **style)
+
+
+# -- ticks of logarithmic axes ---------------------------------------------------------------------
+
+#: of a decade, from few ticks to many
+_WITHIN = ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), tuple(float(k) for k in range(1, 10)))
+
+
+def number(value: float, powers: bool = False) -> str:
+    r"""A number as it stands at an axis: ``0.02``, or with a power of ten.
+
+    Examples
+    --------
+    >>> number(0.02), number(2e-5), number(1000.0, powers=True)
+    ('0.02', '$2\\times10^{-5}$', '$10^{3}$')
+    """
+    if value == 0 or not math.isfinite(value) or (not powers and 1e-3 <= abs(value) < 1e5):
+        return f"{value:g}"
+    digits, _, power = f"{value:.2e}".partition("e")
+    digits = digits.rstrip("0").rstrip(".")
+    return {"1": "$", "-1": "$-"}.get(digits, rf"${digits}\times") + f"10^{{{int(power)}}}$"
+
+
+def _number_ticks(axis: Any, room: float) -> None:
+    """Numbers at 1, 2, 5 within each decade where there is room, else at 1 and 3, or at 1.
+
+    Parameters
+    ----------
+    axis : x axis or y axis of matplotlib
+        A logarithmic one.
+    room : float
+        For how many numbers.
+    """
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+
+    low, high = sorted(axis.get_view_interval())
+    if not 0 < low < high < math.inf:
+        return
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    counts = [
+        sum(low <= each * 10.0**k <= high for k in decades for each in within) for within in _WITHIN
+    ]
+    fitting = [k for k, count in enumerate(counts) if count <= room]
+    # the fewest that number three ticks, else as many as there is room for
+    chosen = next(
+        (k for k in fitting if counts[k] >= (4 if k == 0 else 3)), max(fitting, default=0)
+    )
+    powers = low < 1e-3 or high > 2e4
+    if counts[chosen] < 2:
+        axis.set_major_locator(MaxNLocator(min(5, max(2, int(room))), steps=[1, 2, 5, 10]))
+        powers = False
+    else:
+        axis.set_major_locator(LogLocator(subs=_WITHIN[chosen]))
+    axis.set_major_formatter(lambda value, _place: number(value, powers))
+    axis.set_minor_locator(LogLocator(subs=_WITHIN[-1]))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _finish(figure: Figure) -> None:
+    """Ticks of all logarithmic axes whose places were not given."""
+    from matplotlib.ticker import FixedLocator
+
+    width, height = figure.get_size_inches()
+    for axes in figure.axes:
+        place = axes.get_position()
+        rooms = (("xaxis", place.width * width / 0.42), ("yaxis", place.height * height / 0.25))
+        for name, room in rooms:
+            axis: Any = getattr(axes, name, None)
+            fixed = axis is None or isinstance(axis.get_major_locator(), FixedLocator)
+            if not fixed and axis.get_scale() == "log" and len(axis.get_majorticklocs()):
+                _number_ticks(axis, room)
+
+
+# -- files -----------------------------------------------------------------------------------------
+
+_TOLD: WeakKeyDictionary[Any, str | list[str]] = WeakKeyDictionary()
+_SVG = "http://www.w3.org/2000/svg"
+_PAGE = """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
+body {{ margin: 1em; font-family: sans-serif; }} svg {{ max-width: 100%; height: auto; }}
+use:hover, .told:hover {{ stroke: black; stroke-width: 3; opacity: 1; }}
+</style></head><body>
+<p>Point at a mark: its setup is shown.</p>
+{svg}
+</body></html>
+"""
+
+
+def tell(artist: Any, texts: str | Sequence[str]) -> None:
+    """What an HTML page tells of a mark: a text for each point of a line, or one for the whole."""
+    _TOLD[artist] = texts if isinstance(texts, str) else list(texts)
+
+
 def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
-    """Write the figure here (``.png``, ``.svg``, ``.pdf``), if anywhere, and give it back."""
+    """Number the ticks; write the figure here, if anywhere; give it back.
+
+    Parameters
+    ----------
+    figure : Figure
+    path : path-like or None
+        ``.png``, ``.svg``, ``.pdf`` or whatever matplotlib writes; ``.html``: a page that needs
+        nothing else, and tells what each mark is when the mouse points at it, see :func:`tell`.
+
+    Raises
+    ------
+    InputError
+        If the folder does not exist or cannot be written, or the ending is unknown.
+    """
+    _finish(figure)
     if path is not None:
         check_folder(path)
-        known = figure.canvas.get_supported_filetypes()
+        known = [*figure.canvas.get_supported_filetypes(), "html"]
         ending = Path(path).suffix.lstrip(".").lower()
         if ending and ending not in known:
             raise InputError(
                 f"file {str(path)!r}", f"ends with .{ending}, expected one of {', '.join(known)}"
             )
-        figure.savefig(path, dpi=150)
+        if ending == "html":
+            Path(path).write_text(_html(figure, Path(path).stem), encoding="utf-8")
+        else:
+            figure.savefig(path, dpi=150)
     return figure
+
+
+def _html(figure: Figure, title: str) -> str:
+    """A page with the figure as SVG, a title for each mark."""
+    artists: dict[str, tuple[Any, Any]] = {}
+    for axes in figure.axes:
+        for artist in (*axes.lines, *axes.patches, *axes.collections):
+            texts = _TOLD.get(artist) or _texts(axes, artist)
+            if texts:
+                name = f"told-{len(artists)}"
+                artist.set_gid(name)
+                artists[name] = artist, texts
+    memory = io.StringIO()
+    figure.savefig(memory, format="svg")
+    ElementTree.register_namespace("", _SVG)
+    ElementTree.register_namespace("xlink", "http://www.w3.org/1999/xlink")
+    svg = ElementTree.fromstring(memory.getvalue())
+    for metadata in svg.findall(f"{{{_SVG}}}metadata"):
+        svg.remove(metadata)
+    for group in svg.iter(f"{{{_SVG}}}g"):
+        found = artists.get(group.get("id", ""))
+        if found is not None:
+            _add_titles(group, *found, figure)
+    return _PAGE.format(title=escape(title), svg=ElementTree.tostring(svg, encoding="unicode"))
+
+
+def _texts(axes: Any, artist: Any) -> str | list[str]:
+    """What is told of an artist of which nobody told anything: its label, where its marks are."""
+    label = str(artist.get_label())
+    label = "" if label.startswith("_") else label
+    if not hasattr(artist, "get_xydata") or artist.get_marker() in (None, "None", "", " "):
+        return label
+    names = axes.get_xlabel() or "x", axes.get_ylabel() or "y"
+    own = artist.get_transform().contains_branch_seperately(axes.transData)
+    return [
+        "\n".join(
+            [label] * bool(label)
+            + [f"{n}: {x:.4g}" for n, x, mine in zip(names, xy, own, strict=True) if mine]
+        )
+        for xy in np.asarray(artist.get_xydata(), dtype=float)
+    ]
+
+
+def _add_titles(group: Any, artist: Any, texts: str | list[str], figure: Figure) -> None:
+    """The texts as titles of the marks of an artist, which are found by where they are."""
+    if isinstance(texts, str):
+        group.set("class", "told")
+        ElementTree.SubElement(group, f"{{{_SVG}}}title").text = texts
+        return
+    points = artist.get_transform().transform(artist.get_xydata()) * 72.0 / figure.dpi
+    places = np.column_stack([points[:, 0], 72.0 * figure.get_figheight() - points[:, 1]])
+    for mark in group.iter(f"{{{_SVG}}}use"):
+        where = np.array([float(mark.get("x", "0")), float(mark.get("y", "0"))])
+        nearest = np.nanargmin(np.linalg.norm(places - where, axis=1))
+        ElementTree.SubElement(mark, f"{{{_SVG}}}title").text = texts[int(nearest)]
 
 
 def check_folder(path: str | os.PathLike[str]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from .errors import InputError
 from .export.geometry import BeamShape, beam_shapes, body_shapes
-from .figures import MISSING, check_folder, new_figure, write_figure
+from .figures import MISSING, PALETTE, check_folder, legend, panels, write_figure
 from .history import History
 from .types import Array, ArrayLike, Floats, names_known
 
@@ -27,6 +27,13 @@ _ENERGIES = {
     "energy": "total",
     "energy_midpoint": "total (midpoint)",
     "energy_balance": "balance",
+}
+#: by the last part of a series' name, and what is in J
+_UNITS = {
+    **dict.fromkeys((*_ENERGIES, "work", "dissipated"), "J"),
+    **{"angle": "rad", "displacement": "m", "angle_rate": "rad/s", "displacement_rate": "m/s"},
+    **{"force": "N", "moment": "N m", "position": "m", "velocity": "m/s", "length": "m"},
+    **{"momentum": "kg m/s", "angular_momentum": "kg m²/s", "angular_velocity": "rad/s"},
 }
 #: what is drawn unless names are given: of springs if there are some
 _USUAL = ("kinetic", "strain_energy", "coupling_energy", "energy", "energy_midpoint")
@@ -96,24 +103,26 @@ def plot_energy(
     scale = max(float(np.nanmax(abs(history[name]), initial=0.0)) for name in present + sizes)
 
     ratios = [2] * bool(drawn) + [1] * bool(below)
-    figure = new_figure(7.0, 5.0 if len(ratios) > 1 else 3.2)
-    axes = figure.subplots(len(ratios), sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
+    rows = len(ratios)
+    figure, axes = panels(7.5, 5.0 if rows > 1 else 3.2, rows, sharex=True, height_ratios=ratios)
+    colours = dict(zip(_ENERGIES, PALETTE.values(), strict=False))
     for name in drawn:
-        style = {"color": "black"} if name == "energy" else {"linewidth": 1.0}
+        style = {"color": "black"} if name == "energy" else {"color": colours[name], "lw": 1.0}
         axes[0].plot(history.times, history[name], label=_ENERGIES[name], **style)
     if drawn:
         axes[0].set_ylabel("energy in J")
-        axes[0].legend(ncols=3, fontsize="small")
+        legend(axes[0])
     for name in below:
         valid = np.flatnonzero(np.isfinite(history[name]) & (history.times >= since))
         if len(valid) and scale > 0.0:
             first = valid[0]  # later gaps stay gaps
             drift = (history[name][first:] - history[name][first]) / scale
-            axes[-1].plot(history.times[first:], drift, linewidth=1.0, label=_ENERGIES[name])
+            style = {"color": "black" if name == "energy" else colours[name], "lw": 1.0}
+            axes[-1].plot(history.times[first:], drift, label=_ENERGIES[name], **style)
     if below:
         what = "balance of energy" if balanced else "change of total"
         axes[-1].set_ylabel(f"{what}\n/ largest energy")
-        axes[-1].axhline(0.0, color="grey", linewidth=0.5)
+        axes[-1].axhline(0.0, color="grey", linewidth=0.5, zorder=1)
     axes[-1].set_xlabel("time in s")
     return write_figure(figure, path)
 
@@ -156,15 +165,26 @@ def plot_series(
     for name in names:
         if history[name].ndim > 2:
             raise InputError(f"series {name!r}", f"has shape {history[name].shape}")
-    figure = new_figure(7.0, 1.0 + 2.0 * len(names))
-    axes = figure.subplots(len(names), sharex=True, squeeze=False)[:, 0]
+    figure, axes = panels(7.5, 1.0 + 2.0 * len(names), len(names), sharex=True)
     for axis, name in zip(axes, names, strict=True):
         lines = axis.plot(history.times, history[name], linewidth=1.0)
-        axis.set_ylabel(name)
+        axis.set_ylabel(_with_unit(history, name))
         if 1 < len(lines) <= 6:
-            axis.legend(lines, "xyz" if len(lines) == 3 else range(len(lines)), fontsize="small")
+            for line, label in zip(lines, "xyz" if len(lines) == 3 else "012345", strict=False):
+                line.set_label(label)
+            legend(axis)
     axes[-1].set_xlabel("time in s")
     return write_figure(figure, path)
+
+
+def _with_unit(history: History, name: str) -> str:
+    """The name of a series with its unit, where it is known: a sensor tells its own."""
+    kind, _, sensor = name.partition("/")
+    if kind == "sensor":
+        unit = str(history.meta.get("sensors", {}).get(sensor, {}).get("unit", ""))
+    else:
+        unit = _UNITS.get(name.rpartition("/")[2], "")
+    return f"{name} in {unit}" if unit else name
 
 
 def _path_of(history: History, what: str) -> Floats:
@@ -234,15 +254,14 @@ def plot_orbit(
     names = [what] if isinstance(what, str) else list(what)
     columns = ["xyz".index(letter) for letter in axes]
     ways = [_path_of(history, name)[:, columns] for name in names]
-    figure = new_figure(5.0, 5.0)
-    axis = figure.subplots()
+    figure, (axis,) = panels(6.5, 4.5)
     for name, way in zip(names, ways, strict=True):
         line = axis.plot(way[:, 0], way[:, 1], linewidth=1.0, label=name)[0]
         axis.plot(way[:1, 0], way[:1, 1], "o", color=line.get_color(), markersize=4)
     axis.set_aspect("equal", adjustable="datalim")
     axis.set_xlabel(f"{axes[0]} in m")
     axis.set_ylabel(f"{axes[1]} in m")
-    axis.legend(fontsize="small")
+    legend(axis)
     return write_figure(figure, path)
 
 

@@ -394,11 +394,11 @@ class Adapted:
         """Write the :attr:`table`."""
         return self.table.to_csv(path)
 
-    def chart(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """Estimated errors against unknowns (needs matplotlib); written to a file if given."""
+    def chart(self, path: str | os.PathLike[str] | None = None, unit: str | None = None) -> Figure:
+        """Estimated errors, in this unit, against unknowns (needs matplotlib); a file if given."""
         estimates = [level.estimate for level in self.levels]
         line = ([level.unknowns for level in self.levels], estimates)
-        return chart_errors({"estimate": line}, self.tolerance, path)
+        return chart_errors({"estimate": line}, self.tolerance, path, unit)
 
 
 # -- meshes refined where it matters, until a quantity is right to a tolerance ---------------------

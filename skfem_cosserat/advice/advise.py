@@ -11,7 +11,7 @@ import numpy as np
 
 from ..constraints import Multipliers, NullSpace, Treatment
 from ..errors import InputError
-from ..figures import check_folder, new_figure, write_figure
+from ..figures import check_folder, legend, panels, write_figure
 from ..integrators import EnergyMomentum, Integrator, Variational
 from ..model import Model, System, model_of
 from ..run import Sensor
@@ -124,12 +124,13 @@ class Advice:
         ImportError
             Without matplotlib.
         """
-        figure = new_figure(6.4, 4.8)
-        self.draw(figure.subplots())
+        figure, (axis,) = panels(7.5, 4.5)
+        self.draw(axis)
+        legend(axis)
         return write_figure(figure, path)
 
     def draw(self, axis: Any) -> None:
-        """Draw the chart on axes of matplotlib."""
+        """Draw the chart on axes of matplotlib, without a legend."""
         draw_candidates(axis, self.candidates)
 
 

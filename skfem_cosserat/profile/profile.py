@@ -14,7 +14,7 @@ from skfem import Mesh, MeshQuad1, MeshTri1, MeshTri2
 from skfem.mesh import MeshQuad2
 
 from ..errors import InputError
-from ..figures import new_figure
+from ..figures import PALETTE, panels
 from ..frozen import Frozen
 from ..section import Material, Section
 from ..types import ArrayLike, Floats, IndexArray, names_known, positive
@@ -307,7 +307,7 @@ class Profile(Frozen):
         Without `ax` on a figure of its own: ``profile.plot().figure.savefig(...)``.
         """
         if ax is None:
-            ax = new_figure(5.0, 4.0).subplots()
+            _, (ax,) = panels(5.0, 4.0)
         from matplotlib.collections import PolyCollection
 
         cells = PolyCollection(
@@ -319,8 +319,8 @@ class Profile(Frozen):
         )
         ax.add_collection(cells)
         for loop in boundary_loops(self.mesh):
-            ax.fill(*loop.T, fill=False, linewidth=1.2)
-        ax.set(aspect="equal", xlabel="$X_1$ (m)", ylabel="$X_2$ (m)")
+            ax.fill(*loop.T, fill=False, linewidth=1.2, edgecolor=PALETTE["ink"])
+        ax.set(aspect="equal", xlabel="$X_1$ in m", ylabel="$X_2$ in m")
         ax.autoscale()
         return ax
 

@@ -5,23 +5,23 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, log
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
-from ..figures import new_figure, write_figure
+from ..figures import DASHES, PAGE, Style, legend, number, panels, styles, tell, write_figure
 from ..types import Array, Floats
 from .orders import Convergence
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
 __all__ = [
-    "COLOURS",
+    "COSTS",
+    "STATUSES",
     "Line",
     "Lines",
     "chart_errors",
@@ -33,8 +33,6 @@ __all__ = [
 ]
 
 Row = Mapping[str, Any]
-#: of lines in black
-STYLES = ("-", "--", ":", "-.")
 #: where crosses of what failed stand, as a part of the height
 FOOT, TOP = 0.04, 0.97
 
@@ -42,31 +40,44 @@ FOOT, TOP = 0.04, 0.97
 # -- what several charts share ---------------------------------------------------------------------
 
 
-def _panels(
-    count: int, most: int, width: float, height: float, margin: float = 0.0
-) -> tuple[Figure, list[Any]]:
-    """A figure with as many axes of this size, at most so many in a row; a margin for legends."""
-    across = min(count, most)
-    down = -(-count // across)
-    figure = new_figure(width * across + margin, height * down)
-    axes = list(figure.subplots(down, across, squeeze=False).flat)
-    for axis in axes[count:]:
-        axis.set_axis_off()
-    return figure, axes[:count]
-
-
-def _crosses(axis: Any, x: Sequence[float] | Floats, height: float, **style: Any) -> bool:
+def _crosses(
+    axis: Any, x: Sequence[float] | Floats, height: float, texts: Sequence[str] = (), **style: Any
+) -> bool:
     """Crosses at a part of the height for what failed; whether there are any."""
     if len(x):
-        style = {"label": "failed", **style}
         y = np.full(len(x), height)
-        axis.plot(x, y, "x", transform=axis.get_xaxis_transform(), **style)
+        place = axis.get_xaxis_transform()
+        (line,) = axis.plot(x, y, "x", transform=place, **{"label": "failed", **style})
+        if texts:
+            tell(line, texts)
     return len(x) > 0
+
+
+def _described(row: Row) -> str:
+    """All that a row tells of its setup, for the mark of it."""
+    own = {name: value for name, value in row.items() if value not in (None, "", False)}
+    return "\n".join(
+        f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}"
+        for name, value in own.items()
+    )
+
+
+def _error_label(name: str, units: str | Mapping[str, str] | None) -> str:
+    """The name of an axis of errors: with its unit, or "relative"."""
+    unit = units.get(name) if isinstance(units, Mapping) else units
+    if unit is None:
+        return f"error of {name}"
+    return f"relative error of {name}" if unit in ("", "1") else f"error of {name} in {unit}"
+
+
+def _with_unit(name: str) -> str:
+    """The name of a parameter; steps are in seconds everywhere."""
+    return "step in s" if name == "step" else name.replace("step ", "step in s ", 1)
 
 
 # -- the chart of a refinement: errors over sizes with slopes --------------------------------------
 
-#: so many sizes are written below the axis, if there are more only powers of ten
+#: so many sizes are written below the axis, if there are more the axis has its own ticks
 TICKS = 6
 
 
@@ -81,45 +92,51 @@ class Line:
 
 
 def convergence_chart(
-    panels: Mapping[str, Sequence[Line]],
+    quantities: Mapping[str, Sequence[Line]],
     title: str,
     path: str | os.PathLike[str] | None = None,
+    units: str | Mapping[str, str] | None = None,
 ) -> Figure:
     """One panel a quantity, one line a series; crosses at the foot are levels that failed.
 
     Parameters
     ----------
-    panels : mapping of str to lines
+    quantities : mapping of str to lines
         By quantity.
     title : str
         Above the chart.
     path : path-like, optional
         Write it here.
+    units : str or mapping, optional
+        Of the errors, by quantity; empty: they are relative.
 
     Examples
     --------
     >>> from skfem_cosserat.study.orders import convergence
     >>> found = convergence([0.5, 0.25, 0.125, 0.0625], [np.array(h**2) for h in (8, 4, 2, 1)])
     >>> line = Line("", "step", found, np.ones(4, dtype=bool))
-    >>> figure = convergence_chart({"tip": [line]}, "bend")
-    >>> figure.axes[0].get_xscale(), figure.axes[0].get_xlabel()
-    ('log', 'step')
+    >>> figure = convergence_chart({"tip": [line]}, "bend", units="m")
+    >>> figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()
+    ('step in s', 'error of tip in m')
     """
-    figure, axes = _panels(len(panels), 3, 5.0, 4.0)
+    down = -(-len(quantities) // 2)
+    shape = (down, min(len(quantities), 2), len(quantities))
+    figure, axes = panels(6.5 if len(quantities) == 1 else PAGE, 3.9 * down, *shape)
     figure.suptitle(title)
-    for axis, (name, lines) in zip(axes, panels.items(), strict=True):
-        sure = all(_sure(line) for line in lines)
-        ylabel = "error" if sure else "error (open: differences between levels)"
-        axis.set(xscale="log", yscale="log", title=name, ylabel=ylabel)
-        axis.set_xlabel(", ".join(dict.fromkeys(line.kind for line in lines)))
+    for axis, (name, lines) in zip(axes, quantities.items(), strict=True):
+        label = _error_label(name, units)
+        if not all(_sure(line) for line in lines):
+            label += "\n(open: differences between levels)"
+        kinds = ", ".join(dict.fromkeys(_with_unit(line.kind) for line in lines))
+        axis.set(xscale="log", yscale="log", xlabel=kinds, ylabel=label)
         sizes = np.unique(np.concatenate([line.found.sizes for line in lines]))
         if len(sizes) <= TICKS:
             axis.set_xticks(sizes, [f"{size:.3g}" for size in sizes])
-        axis.set_xticks([], minor=True)
-        for k, line in enumerate(lines):
-            _draw(axis, line, f"C{k}")
-        axis.grid(which="both", alpha=0.3)
-        axis.legend(fontsize="small")
+            axis.set_xticks([], minor=True)
+        shown = styles([line.label for line in lines])
+        for line in lines:
+            _draw(axis, line, shown[line.label])
+        legend(axis, below=0 if len(quantities) == 1 else 1)
     return write_figure(figure, path)
 
 
@@ -128,17 +145,17 @@ def _sure(line: Line) -> bool:
     return bool(np.isfinite(line.found.uncertainties[line.solved]).any())
 
 
-def _draw(axis: Any, line: Line, color: str) -> None:
-    found = line.found
+def _draw(axis: Any, line: Line, style: Style) -> None:
+    found, color = line.found, style.color
     shown = line.solved & (found.errors > 0)
     what = "observed" if line.label else "order"
     what += f" {found.order:.2f} +- {max(found.spread, 0.005):.2f}"
     if not found.asymptotic:
         what = found.verdict.partition(":")[0].partition(";")[0]
     label = f"{line.label}: {what}" if line.label else what
-    style = {"linestyle": "-"} if _sure(line) else {"linestyle": "--", "markerfacecolor": "none"}
+    sure = {"linestyle": "-"} if _sure(line) else {"linestyle": "--", "markerfacecolor": "none"}
     x, y = found.sizes[shown], found.errors[shown]
-    axis.plot(x, y, marker="o", color=color, label=label, **style)
+    axis.plot(x, y, label=label, **{**style._asdict(), **sure})
     _crosses(axis, found.sizes[~line.solved], FOOT, color=color, clip_on=False)
     if found.rounding > 0 and (found.errors[shown] < 100 * found.rounding).any():
         axis.axhline(100 * found.rounding, color=color, linestyle=":", linewidth=0.8)
@@ -160,10 +177,13 @@ def _slope(axis: Any, found: Convergence, shown: Array, color: str) -> None:
 
 # -- the chart of a work-precision study: errors over costs ----------------------------------------
 
-MARKERS = "osD^v<>ph*"
-DASHES = ("-", "--", "-.", ":")
-#: number of colours of matplotlib's "tab10"; more families take those of "tab20"
-FEW = 10
+#: columns of a table by what is counted as cost, and the name of the axis
+COSTS = {
+    "seconds": ("cost_s", "time in s"),
+    "iterations": ("newton_iterations", "iterations"),
+    "factorisations": ("factorisations", "factorisations of the matrix"),
+    "unknowns": ("unknowns", "unknowns"),
+}
 
 
 class Lines(NamedTuple):
@@ -186,30 +206,15 @@ class Lines(NamedTuple):
     own: Mapping[str, Mapping[str, Sequence[Row]]]
     fronts: Mapping[str, Mapping[str, Sequence[Row]]]
 
-    def style(self, name: str) -> dict[str, Any]:
-        """Colour, marker and dashes of a line."""
-        families = list(dict.fromkeys(self.families.values()))
-        family = self.families[name]
-        number = families.index(family)
-        within = [each for each, own in self.families.items() if own == family].index(name)
-        return {
-            "color": f"C{number}" if len(families) <= FEW else _many(number),
-            "marker": MARKERS[(number + within) % len(MARKERS)],
-            "linestyle": DASHES[within % len(DASHES)],
-        }
-
-
-def _many(number: int) -> Any:
-    from matplotlib import colormaps
-
-    return colormaps["tab20"](number % 20)
-
 
 def precision_chart(
     rows: Sequence[Row],
     lines: Lines,
     reference_errors: Mapping[str, float],
     path: str | os.PathLike[str] | None = None,
+    cost: str = "seconds",
+    units: str | Mapping[str, str] | None = None,
+    most: int = 8,
 ) -> Figure:
     """One panel a quantity; see :meth:`~skfem_cosserat.study.PrecisionTable.chart`.
 
@@ -222,6 +227,12 @@ def precision_chart(
         By quantity.
     path : path-like, optional
         Write it here.
+    cost : str
+        One of `COSTS`.
+    units : str or mapping, optional
+        Of the errors, by quantity; empty: they are relative.
+    most : int
+        So many lines, fronts among them; the other setups are grey dots.
 
     Raises
     ------
@@ -233,79 +244,131 @@ def precision_chart(
         known = ", ".join(reference_errors)
         given = list(lines.fronts)
         raise InputError("argument quantities", f"{given!r}, expected some of {known}")
-    figure, axes = _panels(len(lines.fronts), len(lines.fronts), 6.4, 5.4, 2.6)
-    for axis, name in zip(axes, lines.fronts, strict=True):
-        axis.set(xscale="log", yscale="log", title=name, xlabel="cost in s", ylabel="error")
-        axis.minorticks_off()
+    column, label = COSTS[cost]
+    names = list(lines.fronts)
+    figure, axes = panels(PAGE, 4.6 * len(names), len(names))
+    chosen = _chosen(lines, column, most)
+    drawn = styles({name: lines.families[name] for name in chosen})
+    for axis, name in zip(axes, names, strict=True):
+        axis.set(xscale="log", yscale="log", xlabel=label, ylabel=_error_label(name, units))
+        _fronts(axis, lines, name, column)
         for line in lines.families:
-            _points(axis, rows, name, line, lines)
-        _steps(axis, name, lines.fronts[name])
-        _failures(axis, rows, lines)
+            _points(axis, rows, lines, name, line, column, drawn.get(line))
+        if cost == "seconds":
+            _failures(axis, rows, lines, drawn)
         own = reference_errors[name]
         if isfinite(own) and own > 0:
             bottom = min(axis.get_ylim()[0], own)
-            axis.axhspan(bottom, own, color="0.85", label="below the reference")
+            axis.axhspan(bottom, own, color="0.85", label="below the reference's error", zorder=0)
             axis.set_ylim(bottom=bottom)
-        axis.grid(which="major", alpha=0.3)
-    handles, labels = axes[0].get_legend_handles_labels()
-    if handles:
-        figure.legend(handles, labels, loc="outside right upper", fontsize="small")
+    legend(figure)
     return write_figure(figure, path)
 
 
-def _shown(rows: Sequence[Row], name: str) -> tuple[list[float], list[float]]:
-    """Costs and errors; those without any error have no place on the chart."""
-    kept = [row for row in rows if row[f"error_{name}"] > 0]
-    return [row["cost_s"] for row in kept], [row[f"error_{name}"] for row in kept]
+def _chosen(lines: Lines, column: str, most: int) -> list[str]:
+    """The lines that are nearest to what is cheapest, in their order."""
+    room = max(1, most - max(len(_several(lines, name)) for name in lines.fronts))
+    distance = {}
+    for line in lines.families:
+        ratios = []
+        for name, own in lines.own.items():
+            every = [row for front in lines.fronts[name].values() for row in front]
+            for row in _shown(own[line], name, column):
+                reach = [r[column] for r in every if r[f"error_{name}"] <= row[f"error_{name}"]]
+                ratios.append(log(row[column] / min(reach)))
+        distance[line] = (min(ratios), np.mean(ratios)) if ratios else (np.inf, np.inf)
+    best = sorted(distance, key=lambda line: distance[line])[:room]
+    return [line for line in lines.families if line in best]
 
 
-def _points(axis: Any, rows: Sequence[Row], name: str, line: str, lines: Lines) -> None:
-    """Setups of a kind that were solved, and their front."""
-    style = lines.style(line)
-    solved = [row for row in rows if row["status"] == "ok" and row["cost_s"] is not None]
-    dots = {"color": style["color"], "marker": style["marker"], "linestyle": "none"}
-    axis.plot(
-        *_shown([r for r in solved if lines.kind(r) == line], name), **dots, ms=2.5, alpha=0.3
-    )
-    front = _shown(lines.own[name][line], name)
-    if front[0]:
-        axis.plot(*front, **style, ms=4.5, linewidth=1.3, label=line)
+def _several(lines: Lines, name: str) -> list[str]:
+    """Groups with several lines: the front of another one is its line."""
+    found = []
+    for group, front in lines.fronts[name].items():
+        own = [line for line, rows in lines.own[name].items() if any(r in front for r in rows)]
+        if len(own) > 1:
+            found.append(group)
+    return found
 
 
-def _steps(axis: Any, name: str, fronts: Mapping[str, Sequence[Row]]) -> None:
-    """What each group reaches at which cost."""
-    for (group, front), dashes in zip(fronts.items(), STYLES * len(fronts), strict=False):
-        points = _shown(front, name)
-        if points[0]:
-            label = f"front, {group}" if group else "front"
-            style = {"linestyle": dashes, "color": "black", "linewidth": 1.8, "alpha": 0.5}
-            axis.step(*points, where="post", label=label, **style)
+def _shown(rows: Sequence[Row], name: str, column: str) -> list[Row]:
+    """Those with a place on the chart: an error and a cost that are not zero."""
+    return [row for row in rows if row[f"error_{name}"] > 0 and (row[column] or 0) > 0]
 
 
-def _failures(axis: Any, rows: Sequence[Row], lines: Lines) -> None:
+def _points(
+    axis: Any,
+    rows: Sequence[Row],
+    lines: Lines,
+    name: str,
+    line: str,
+    column: str,
+    style: Style | None,
+) -> None:
+    """Setups of a kind that were solved, and their front; without a style all as grey dots."""
+
+    def plot(found: Sequence[Row], **how: Any) -> None:
+        if found:
+            x, y = [row[column] for row in found], [row[f"error_{name}"] for row in found]
+            tell(axis.plot(x, y, **how)[0], [_described(row) for row in found])
+
+    solved = [r for r in rows if r["status"] == "ok" and r["cost_s"] is not None]
+    own = _shown([row for row in solved if lines.kind(row) == line], name, column)
+    if style is None:
+        seen = "others" in axis.get_legend_handles_labels()[1]
+        label = "_nolegend_" if seen else "others"
+        plot(own, color="0.6", marker=".", linestyle="none", ms=3, label=label, zorder=1.5)
+        return
+    dots = {"color": style.color, "marker": style.marker, "linestyle": "none", "zorder": 1.8}
+    plot(own, **dots, ms=2.5, alpha=0.3, label="_nolegend_")
+    front = _shown(lines.own[name][line], name, column)
+    plot(front, **style._asdict(), ms=4.5, linewidth=1.3, label=line)
+
+
+def _fronts(axis: Any, lines: Lines, name: str, column: str) -> None:
+    """What each group of several lines reaches at which cost, behind its lines."""
+    for group, dashes in zip(_several(lines, name), DASHES * len(lines.fronts), strict=False):
+        front = _shown(lines.fronts[name][group], name, column)
+        x, y = [row[column] for row in front], [row[f"error_{name}"] for row in front]
+        style = {"linestyle": dashes, "color": "0.75", "linewidth": 4.0, "zorder": 1}
+        axis.step(x, y, where="post", label=f"front, {group}" if group else "front", **style)
+
+
+def _failures(axis: Any, rows: Sequence[Row], lines: Lines, drawn: Mapping[str, Style]) -> None:
     bad = [row for row in rows if row["status"] != "ok" and isfinite(row["spent_s"])]
     label = "failed"
     for line in lines.families:
-        x = [max(row["spent_s"], 1e-9) for row in bad if lines.kind(row) == line]
-        style = {"color": lines.style(line)["color"], "markersize": 5}
-        if _crosses(axis, x, TOP, label=label, **style):
+        own = [row for row in bad if lines.kind(row) == line]
+        colour = drawn[line].color if line in drawn else "0.6"
+        texts = [_described(row) for row in own]
+        x = [max(row["spent_s"], 1e-9) for row in own]
+        if _crosses(axis, x, TOP, texts, label=label, color=colour, markersize=5):
             label = "_nolegend_"
 
 
 # -- the chart of a stability map: cells in the colour of their status, and theory's lines ---------
 
-#: distinct in grey as well
-COLOURS = {
-    "ok": "#2a9d8f",
-    "drift": "#e9c46a",
-    "blowup": "#e76f51",
-    "newton": "#8c2f39",
-    "timeout": "#adb5bd",
-    "error": "#343a40",
-    "not run": "#ffffff",
+
+class _Cell(NamedTuple):
+    """How cells of a status are drawn, and what the legend says."""
+
+    words: str
+    color: str
+    hatch: str = ""
+
+
+#: apart in lightness by 8 and more, or by a pattern
+STATUSES = {
+    "ok": _Cell("solved", "#51ae92"),
+    "drift": _Cell("energy drifts", "#fad282"),
+    "blowup": _Cell("energy grows without bound", "#ce563c"),
+    "newton": _Cell("step not solved", "#7e1a32"),
+    "timeout": _Cell("took too long", "#b1bdca", ".."),
+    "error": _Cell("error", "#1d2023"),
+    "not run": _Cell("not run", "#ffffff", "////"),
 }
 #: for the words of a judge of the user's own
-OTHERS = ("#457b9d", "#9b5de5", "#f15bb5", "#00bbf9", "#606c38")
+OTHERS = (("#457b9d", "xx"), ("#9b5de5", "\\\\"), ("#f15bb5", "++"), ("#00bbf9", "oo"))
 #: panels in a row
 ABREAST = 4
 
@@ -316,6 +379,8 @@ def stability_chart(
     status: Array,
     lines: Mapping[str, Floats],
     path: str | os.PathLike[str] | None = None,
+    labels: Mapping[str, str] | None = None,
+    texts: Array | None = None,
 ) -> Figure:
     """Cells of a map over its last axis (to the right) and the last but one.
 
@@ -330,56 +395,90 @@ def stability_chart(
         Arrays of the same shape; a line is drawn where they are 1.
     path : path-like, optional
         Write it here.
+    labels : mapping, optional
+        Names of the axes with units, and words for a status, by the name of a parameter or status.
+    texts : array of str, optional
+        What an HTML page tells of each cell; default: its status.
 
     Examples
     --------
     >>> axes = {"k": [1.0, 10.0], "step": [0.1, 1.0]}
     >>> figure = stability_chart("spring", axes, np.array([["ok", "ok"], ["ok", "newton"]]), {})
     >>> [text.get_text() for text in figure.legends[0].get_texts()]
-    ['ok', 'newton']
+    ['solved', 'step not solved']
     """
-    names = list(axes)
-    panels = [None] if len(names) == 2 else list(axes[names[0]])
-    stacked = {text: field.reshape(len(panels), *field.shape[-2:]) for text, field in lines.items()}
-    cells = status.reshape(len(panels), *status.shape[-2:])
-    found = set(status.ravel().tolist())
-    colours = _colours(found)
-    wide, high = (5.2, 4.6) if len(panels) <= ABREAST else (4.2, 3.6)
-    figure, shown = _panels(len(panels), ABREAST, wide, high, 2.2)
+    names, words = list(axes), dict(labels or {})
+    values = [None] if len(names) == 2 else list(axes[names[0]])
+    shape = (len(values), *status.shape[-2:])
+    cells = status.reshape(shape)
+    told = cells if texts is None else texts.reshape(shape)
+    kinds = _kinds(status, words)
+    across = min(len(values), ABREAST)
+    down = -(-len(values) // across)
+    size = (6.5, 4.2) if across == 1 else (PAGE, 0.9 + 0.95 * PAGE / across * down)
+    figure, shown = panels(*size, down, across, len(values), sharex=True, sharey=True)
     figure.suptitle(title)
-    along, up = axes[names[-1]], axes[names[-2]]
     for k, axis in enumerate(shown):
-        _cells(axis, cells[k], colours)
-        axis.set_xticks(range(len(along)), [_text(each) for each in along], rotation=45)
-        axis.set_yticks(range(len(up)), [_text(each) for each in up])
-        axis.set(xlabel=names[-1], ylabel=names[-2])
-        if panels[k] is not None:
-            axis.set_title(_text(panels[k]), fontsize="medium")
-        for (_, field), style in zip(stacked.items(), STYLES * len(stacked), strict=False):
-            _limit(axis, field[k], style)
-    handles = [_patch(name, colours[name]) for name in colours if name in found]
+        _cells(axis, cells[k], told[k], kinds)
+        if values[k] is not None:
+            axis.set_title(_text(values[k]), fontsize="small")
+        for (_, field), style in zip(lines.items(), DASHES * len(lines), strict=False):
+            _limit(axis, field.reshape(shape)[k], style)
+    # the axes are shared: only the outer ones have numbers, and one name is enough
+    for which, name, step in (("x", names[-1], across), ("y", names[-2], 1)):
+        _ticks(getattr(shown[0], f"{which}axis"), axes[name], 8 // (1 if step == 1 else 2))
+        label = words.get(name, _with_unit(name))
+        if len(values) == 1:
+            shown[0].set(**{f"{which}label": label})
+        else:
+            (figure.supxlabel if which == "x" else figure.supylabel)(label, fontsize="medium")
+    for k in range(across):  # the lowest of each column, where the last row is not full
+        lowest = shown[k + across * ((len(values) - 1 - k) // across)]
+        lowest.tick_params(axis="x", labelbottom=True)
+    handles = [_patch(kinds[name]) for name in kinds]
     handles += [
         _stroke(text + _outside(field), style)
-        for (text, field), style in zip(lines.items(), STYLES * len(lines), strict=False)
+        for (text, field), style in zip(lines.items(), DASHES * len(lines), strict=False)
     ]
-    figure.legend(handles=handles, loc="outside right upper", fontsize="small")
+    legend(figure, below=0 if across == 1 else 4, handles=handles)
     return write_figure(figure, path)
 
 
-def _colours(found: set[str]) -> dict[str, str]:
-    strange = sorted(found - set(COLOURS))
-    return COLOURS | {name: OTHERS[k % len(OTHERS)] for k, name in enumerate(strange)}
+def _kinds(status: Array, words: Mapping[str, str]) -> dict[str, _Cell]:
+    """How each status of a map is drawn, in the order of the legend."""
+    found = set(status.ravel().tolist())
+    kinds = {name: kind for name, kind in STATUSES.items() if name in found}
+    for k, name in enumerate(sorted(found - set(STATUSES))):
+        kinds[name] = _Cell(name, *OTHERS[k % len(OTHERS)])
+    return {n: kind._replace(words=words.get(n, kind.words)) for n, kind in kinds.items()}
 
 
-def _cells(axis: Any, status: Array, colours: Mapping[str, str]) -> None:
-    names = list(colours)
-    numbers = np.vectorize(names.index)(status)
-    from matplotlib.colors import ListedColormap
+def _cells(axis: Any, status: Array, texts: Array, kinds: Mapping[str, _Cell]) -> None:
+    """A rectangle each: only those of a pattern of their own have one, and each tells its own."""
+    from matplotlib.patches import Rectangle
 
-    shown = ListedColormap(list(colours.values()))
-    edge = {"edgecolors": "white", "linewidth": 1.0}
-    places = [np.arange(count + 1) - 0.5 for count in (status.shape[1], status.shape[0])]
-    axis.pcolormesh(*places, numbers, cmap=shown, vmin=-0.5, vmax=len(names) - 0.5, **edge)
+    for (row, column), name in np.ndenumerate(status):
+        kind = kinds[str(name)]
+        edge: dict[str, Any] = {
+            "edgecolor": "0.5" if kind.hatch else "white",
+            "linewidth": 0.5,
+            "zorder": 1,
+        }
+        corner = column - 0.5, row - 0.5
+        cell = Rectangle(corner, 1, 1, facecolor=kind.color, hatch=kind.hatch or None, **edge)
+        tell(axis.add_patch(cell), str(texts[row, column]))
+    axis.grid(False)
+    axis.set(xlim=(-0.5, status.shape[1] - 0.5), ylim=(-0.5, status.shape[0] - 0.5))
+
+
+def _ticks(axis: Any, values: Sequence[Any], most: int) -> None:
+    """At most so many of the values; powers of ten first if there are too many."""
+    numbers = all(isinstance(each, int | float) for each in values)
+    places = list(range(len(values)))
+    if len(places) > most:
+        tens = [k for k in places if numbers and values[k] > 0 and np.log10(values[k]) % 1 < 1e-9]
+        places = tens if 2 < len(tens) <= most else places[:: -(-len(places) // most)]
+    axis.set_ticks(places, [_text(values[k]) for k in places])
 
 
 def _limit(axis: Any, field: Floats, style: str) -> None:
@@ -399,10 +498,11 @@ def _outside(field: Floats) -> str:
     return " (all cells beyond)" if values.min() > 1 else " (no cell beyond)"
 
 
-def _patch(name: str, colour: str) -> Any:
+def _patch(kind: _Cell) -> Any:
     from matplotlib.patches import Patch
 
-    return Patch(facecolor=colour, edgecolor="0.5", label=name)
+    hatch: dict[str, Any] = {"hatch": kind.hatch or None, "edgecolor": "0.5"}
+    return Patch(facecolor=kind.color, label=kind.words, **hatch)
 
 
 def _stroke(text: str, style: str) -> Any:
@@ -412,7 +512,7 @@ def _stroke(text: str, style: str) -> Any:
 
 
 def _text(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return number(value) if isinstance(value, float) else str(value)
 
 
 # -- errors against unknowns as a log-log chart (matplotlib, optional) -----------------------------
@@ -422,6 +522,7 @@ def chart_errors(
     lines: Mapping[str, tuple[Sequence[float], Sequence[float]]],
     tolerance: float | None = None,
     path: str | os.PathLike[str] | None = None,
+    unit: str | None = None,
 ) -> Figure:
     """Errors against unknowns, each line with markers.
 
@@ -433,6 +534,8 @@ def chart_errors(
         A dashed line.
     path : path, optional
         Picture to write.
+    unit : str, optional
+        Of the errors; empty: they are relative.
 
     Returns
     -------
@@ -447,72 +550,59 @@ def chart_errors(
 
     Examples
     --------
-    >>> figure = chart_errors({"uniform": ([10, 20, 40], [1e-1, 6e-3, 4e-4])}, tolerance=1e-3)
+    >>> lines = {"uniform": ([10, 20, 40], [1e-1, 6e-3, 4e-4])}
+    >>> figure = chart_errors(lines, tolerance=1e-3, unit="m")
     >>> len(figure.axes[0].lines)
     2
     """
     if not lines:
         raise InputError("argument lines", "there is nothing to draw")
-    figure = new_figure(5.0, 4.0)
-    draw_errors(figure.subplots(), lines, tolerance)
+    figure, (axes,) = panels(6.5, 4.0)
+    draw_errors(axes, lines, tolerance, unit=unit)
+    legend(axes)
     return write_figure(figure, path)
 
 
 def draw_errors(
-    axes: Axes,
+    axes: Any,
     lines: Mapping[str, tuple[Sequence[float], Sequence[float]]],
     tolerance: float | None = None,
     title: str = "",
+    unit: str | None = None,
 ) -> None:
-    """The same on axes that there are; what is zero or not finite is left out."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
-    for (label, (unknowns, errors)), marker in zip(
-        lines.items(), "osd^v" * len(lines), strict=False
-    ):
-        known = [(n, e) for n, e in zip(unknowns, errors, strict=True) if 0 < e < float("inf")]
-        axes.loglog(*zip(*known, strict=True), marker=marker, markersize=4, label=label)
+    """The same on axes that there are, without a legend; what is zero or infinite is left out."""
+    for label, style in styles(lines).items():
+        known = [(n, e) for n, e in zip(*lines[label], strict=True) if 0 < e < float("inf")]
+        axes.loglog(*zip(*known, strict=True), **style._asdict(), ms=4, label=label)
     if tolerance is not None:
-        axes.axhline(tolerance, color="0.5", linestyle="--", linewidth=1)
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter("{x:.0f}")
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("unknowns")
-    axes.set_ylabel("error")
-    axes.set_title(title)
-    axes.grid(True, which="major", linewidth=0.3)
-    axes.legend()
+        axes.axhline(tolerance, color="0.5", ls="--", lw=1, zorder=1, label="tolerance")
+    error = "error" if unit is None else f"error in {unit}" if unit else "relative error"
+    axes.set(xlabel="unknowns", ylabel=error, title=title)
 
 
 # -- the chart of an advice: errors over costs of all candidates -----------------------------------
 
 
 def draw_candidates(axis: Any, rows: Sequence[Row]) -> None:
-    """The candidates of an advice on axes of matplotlib, the proposal marked."""
-    axis.set(xscale="log", yscale="log", xlabel="cost in s", ylabel="error / tolerance")
-    axis.xaxis.set_minor_formatter(_few)  # costs seldom span a decade
+    """The candidates of an advice on axes of matplotlib, the proposal marked, without a legend."""
+    axis.set(xscale="log", yscale="log", xlabel="time in s", ylabel="error / tolerance")
+    axis.axhline(1.0, color="black", linewidth=0.8, zorder=1)
     done = [row for row in rows if row["status"] == "ok" and row["error"] > 0]
-    for k, kind in enumerate(sorted({row["theories"] for row in done})):
+    for kind, style in styles(sorted({row["theories"] for row in done})).items():
         own = [row for row in done if row["theories"] == kind]
-        for row in own:
-            fill = {} if row["robust"] else {"mfc": "none"}
-            style = MARKERS[k % 8]
-            axis.plot(row["cost_s"], row["error"], style, color=f"C{k}", ms=4, **fill)
-        axis.plot([], [], MARKERS[k % 8], color=f"C{k}", label=kind or "bodies")
+        mark = {"color": style.color, "marker": style.marker, "ls": "none", "ms": 4}
+        axis.plot([], [], **mark, label=kind or "bodies")
+        for robust in (True, False):
+            some = [row for row in own if bool(row["robust"]) == robust]
+            x, y = [row["cost_s"] for row in some], [row["error"] for row in some]
+            (line,) = axis.plot(x, y, **mark, mfc=style.color if robust else "none")
+            tell(line, [_described(row) for row in some])
     if not all(row["robust"] for row in done):
         axis.plot([], [], "o", mfc="none", color="grey", label="fails with half the step")
-    failed = [row["cost_s"] for row in rows if row["status"] != "ok"]
-    _crosses(axis, [cost for cost in failed if np.isfinite(cost)], TOP, color="k")
-    axis.axhline(1.0, color="black", linewidth=0.8)
+    failed = [row for row in rows if row["status"] != "ok" and np.isfinite(row["cost_s"])]
+    texts = [_described(row) for row in failed]
+    _crosses(axis, [row["cost_s"] for row in failed], TOP, texts, color="k")
     for row in rows:
         if row["chosen"]:
-            ring = {"mfc": "none", "mec": "red", "ms": 13, "mew": 2, "label": "proposal"}
-            axis.plot(row["cost_s"], row["error"], "o", **ring)
-    axis.grid(which="major", alpha=0.3)
-    axis.tick_params(axis="x", which="both", labelsize="x-small", rotation=45)
-    axis.legend(fontsize="x-small")
-
-
-def _few(value: float, _place: object = None) -> str:
-    """Labels of ticks between powers of ten, those that have room."""
-    return f"{value:g}" if round(value / 10.0 ** np.floor(np.log10(value))) in (2, 5) else ""
+            ring = {"mfc": "none", "mec": "black", "ms": 12, "mew": 1.5, "ls": "none"}
+            axis.plot(row["cost_s"], row["error"], marker="o", **ring, label="proposal")

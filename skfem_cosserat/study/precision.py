@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import ceil, floor, isfinite, log10
@@ -18,7 +18,7 @@ from ..parallel.jobs import Caught, in_words
 from ..types import names_known, positive, switch
 from ..warn import sum_up, told
 from .cases import OnOutcome, identity, run_cases
-from .charts import Lines, Row, precision_chart
+from .charts import COSTS, Lines, Row, precision_chart
 from .orders import euclidean
 from .quantities import OverTime, Quantities, Reading, aligned
 from .references import Compared, Reference, reference_of_setups
@@ -79,6 +79,30 @@ class PrecisionTable(Report):
     rows: list[dict[str, Any]]
     reference_errors: dict[str, float]
     notes: dict[str, Any]
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> PrecisionTable:
+        """A table that :meth:`csv` has written, for another chart.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, or is none of a work-precision study.
+        """
+        stored = ResultTable.read(path)
+        errors = stored.notes.get("reference error")
+        if not isinstance(errors, dict):
+            raise InputError(f"file {str(path)!r}", "is not of a work-precision study")
+        nan = float("nan")
+        text = ("label", "status", "reason", "group", "series", "kernels", "warnings")
+        rows = [
+            dict(row)
+            | {name: str(row.get(name) or "") for name in text}
+            | {"spent_s": nan if row.get("spent_s") is None else row["spent_s"]}
+            for row in stored.rows
+        ]
+        own = {name: nan if error is None else float(error) for name, error in errors.items()}
+        return cls(rows, own, dict(stored.notes))
 
     @property
     def quantities(self) -> list[str]:
@@ -185,17 +209,21 @@ class PrecisionTable(Report):
         quantities: Iterable[str] | None = None,
         kind: Callable[[Row], str] | None = None,
         family: Callable[[Row], str] | None = None,
+        cost: str = "seconds",
+        units: str | Mapping[str, str] | None = None,
+        most: int = 8,
     ) -> Figure:
         """Errors over costs, both logarithmic: a panel a quantity, a line a front.
 
         The front of each kind of setup is a line with marks, all its other setups are faint dots;
-        the front of each group is a step. Setups that failed are crosses at the top, above the time
-        they took until then; errors below that of the reference lie in the grey.
+        the front of each group of several kinds is a broad step behind them. Setups that failed are
+        crosses at the top, above the time they took until then; errors below that of the reference
+        lie in the grey.
 
         Parameters
         ----------
         path : path-like, optional
-            Write it here (``.png``, ``.svg``, ``.pdf``).
+            Write it here (``.png``, ``.svg``, ``.pdf``, or ``.html``, which tells each setup).
         quantities : iterable of str, optional
             Default: all.
         kind : callable, optional
@@ -203,15 +231,27 @@ class PrecisionTable(Report):
             group only.
         family : callable, optional
             From a row to what has one colour, whose kinds differ in marks and dashes; default: each
-            kind has its own.
+            kind has its own. Integrators have the same in all charts,
+            see :func:`~skfem_cosserat.figures.styles`.
+        cost : str
+            ``"seconds"``, ``"iterations"``, ``"factorisations"`` or ``"unknowns"``; what does not
+            tell it is not on the chart.
+        units : str or mapping, optional
+            Of the errors, by quantity, for the names of the axes; empty: they are relative.
+        most : int
+            Draw so many lines at most, those that are nearest to the fronts; all other setups are
+            grey dots.
 
         Raises
         ------
         InputError
-            If the folder does not exist, or a quantity.
+            If the folder does not exist, or a quantity, or a cost.
         ImportError
             Without matplotlib.
         """
+        if cost not in COSTS:
+            raise InputError("argument cost", f"{cost!r}, unknown; {names_known(cost, COSTS)}")
+        column = COSTS[cost][0]
         names = self.quantities if quantities is None else list(quantities)
         groups = dict.fromkeys(row["group"] for row in self.rows)
         if kind is None:
@@ -220,14 +260,20 @@ class PrecisionTable(Report):
         families = {kind(row): (family or kind)(row) for row in self.rows}
         fronts, own = {}, {}
         for name in names:
-            points = self.points(name)
+            points = [row for row in self.points(name) if (row[column] or 0) > 0]
             own[name] = {
-                line: _apart(pareto([row for row in points if kind(row) == line], name), name)
+                line: _apart(
+                    _pareto([row for row in points if kind(row) == line], name, column), name
+                )
                 for line in families
             }
-            fronts[name] = {group: pareto(self.points(name, group), name) for group in groups}
+            fronts[name] = {
+                group: _pareto([row for row in points if row["group"] == group], name, column)
+                for group in groups
+            }
         drawn = Lines(kind, families, own, fronts)
-        return precision_chart(self.rows, drawn, self.reference_errors, path)
+        limits = self.reference_errors
+        return precision_chart(self.rows, drawn, limits, path, cost, units, most)
 
     def __str__(self) -> str:
         lines = [f"{name}: {line}" for name in self.quantities for line in self.front(name).lines]
@@ -375,9 +421,13 @@ def pareto(points: Iterable[dict[str, Any]], quantity: str) -> list[dict[str, An
     >>> [row["cost_s"] for row in pareto(rows, "x")]
     [1, 3]
     """
+    return _pareto(points, quantity, "cost_s")
+
+
+def _pareto(points: Iterable[dict[str, Any]], quantity: str, column: str) -> list[dict[str, Any]]:
     key = f"error_{quantity}"
     kept: list[dict[str, Any]] = []
-    for row in sorted(points, key=lambda row: (row["cost_s"], row[key])):
+    for row in sorted(points, key=lambda row: (row[column], row[key])):
         if not kept or row[key] < kept[-1][key]:
             kept.append(row)
     return kept

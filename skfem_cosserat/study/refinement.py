@@ -200,7 +200,11 @@ class Refinement(Report):
         notes["extrapolated"] = {n: v.tolist() for n, v in limits.items() if not np.iscomplexobj(v)}
         return ResultTable(self.rows, notes | provenance())
 
-    def chart(self, path: str | os.PathLike[str] | None = None) -> Figure:
+    def chart(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        units: str | Mapping[str, str] | None = None,
+    ) -> Figure:
         """Errors over sizes, both logarithmic, with a slope where the order is trusted.
 
         Levels that failed are crosses at the foot, errors that are hints only have open markers.
@@ -208,7 +212,9 @@ class Refinement(Report):
         Parameters
         ----------
         path : path-like, optional
-            Write it here (``.png``, ``.svg``, ``.pdf``).
+            Write it here (``.png``, ``.svg``, ``.pdf``, ``.html``).
+        units : str or mapping, optional
+            Of the errors, by quantity, for the names of the axes; empty: they are relative.
 
         Raises
         ------
@@ -226,7 +232,7 @@ class Refinement(Report):
             for name, key in self._names(series).items():
                 line = Line(series.label, series.kind, self.orders[key], np.array(solved))
                 panels.setdefault(name, []).append(line)
-        return convergence_chart(panels, self.title, path)
+        return convergence_chart(panels, self.title, path, units)
 
     def paraview(
         self, folder: str | os.PathLike[str], every: int = 1, fps: float | None = None

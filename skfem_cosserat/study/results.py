@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 import os
 import platform
 import subprocess
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -17,6 +21,7 @@ import numpy as np
 import scipy
 import skfem
 
+from ..errors import InputError
 from ..export import write_rows
 from ..version import VERSION
 
@@ -109,6 +114,39 @@ class ResultTable:
     rows: Sequence[Mapping[str, Any]]
     notes: Mapping[str, Any] = field(default_factory=dict)
 
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> ResultTable:
+        """A table that :meth:`to_csv` has written: numbers are numbers again, empty cells None.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = ResultTable([{"step": 0.5, "status": "ok"}], {"n": 1}).to_csv(f"{folder}/s")
+        ...     again = ResultTable.read(path)
+        >>> again.rows, again.notes
+        ([{'step': 0.5, 'status': 'ok'}], {'n': 1})
+        """
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except OSError as error:
+            reason = f"cannot be read: {error.strerror}"
+            raise InputError(f"file {str(path)!r}", reason) from error
+        notes, table = {}, io.StringIO(text, newline="")
+        start = table.tell()
+        while (line := table.readline()).startswith("# "):
+            name, _, value = line[2:].partition(": ")
+            with suppress(json.JSONDecodeError):
+                notes[name] = json.loads(value)
+            start = table.tell()
+        table.seek(start)
+        return cls([{k: _cell(v) for k, v in row.items()} for row in csv.DictReader(table)], notes)
+
     @property
     def columns(self) -> list[str]:
         """The names of all rows."""
@@ -159,6 +197,14 @@ class ResultTable:
         frame = DataFrame(self.cells, columns=self.columns)
         frame.attrs |= self.notes
         return frame
+
+
+def _cell(text: str) -> Any:
+    """A number where the text is one, None if there is none."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return {"True": True, "False": False, "": None}.get(text, text)
 
 
 def _short(cell: Any) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from inspect import Parameter, signature
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -95,6 +95,43 @@ class Map(Report):
         seconds = np.array([spent for _, spent in found])
         return cls(parts[0].title, whole, verdicts.reshape(shape), seconds.reshape(shape))
 
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Map:
+        """A map that :meth:`csv` has written, for another chart; values are numbers and text.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, or is none of a map.
+        """
+        stored = ResultTable.read(path)
+        known = [field.name for field in fields(Verdict) if field.name != "numbers"]
+        names = stored.columns
+        if "stability map" not in stored.notes or "status" not in names:
+            raise InputError(f"file {str(path)!r}", "is not of a stability map")
+        parameters = names[: names.index("status")]
+        own = [*parameters, *known, "time_s", "seconds"]
+        found = {}
+        for row in stored.rows:
+            about = {name: row[name] for name in known if row.get(name) is not None}
+            about |= {name: str(about.get(name, "")) for name in ("reason", "warnings", "kernels")}
+            number = {
+                name: row[name] for name in names if name not in own and row[name] is not None
+            }
+            time = {} if row.get("time_s") is None else {"time": row["time_s"]}
+            found[tuple(row[name] for name in parameters)] = (
+                Verdict(**about | time, numbers=number),
+                float("nan") if row["seconds"] is None else float(row["seconds"]),
+            )
+        axes = {
+            name: list(dict.fromkeys(key[k] for key in found)) for k, name in enumerate(parameters)
+        }
+        cells = np.empty(tuple(map(len, axes.values())), dtype=object)
+        seconds = np.empty(cells.shape)
+        for place, choice in zip(np.ndindex(cells.shape), product(*axes.values()), strict=True):
+            cells[place], seconds[place] = found.get(choice, (Verdict("not run"), float("nan")))
+        return cls(str(stored.notes["stability map"]), axes, cells, seconds)
+
     @property
     def status(self) -> Array:
         """``ok``, ``drift``, ``blowup``, ``newton``, ``timeout``, ``error`` or ``not run``.
@@ -178,13 +215,14 @@ class Map(Report):
         x: str | None = None,
         y: str | None = None,
         title: str | None = None,
+        labels: Mapping[str, str] | None = None,
     ) -> Figure:
         """A coloured field for each cell; theory's limits as lines.
 
         Parameters
         ----------
         path : path-like, optional
-            Write it here (``.png``, ``.svg``, ``.pdf``).
+            Write it here (``.png``, ``.svg``, ``.pdf``, or ``.html``, which tells each cell).
         lines : mapping, optional
             By the text of the legend: an array over the axes, or a function of the parameters, by
             keyword. The line is drawn where it is 1: ``{"h omega = 2": lambda step, stiffness:
@@ -195,6 +233,9 @@ class Map(Report):
             one there is a panel.
         title : str, optional
             Default: the name of the problem.
+        labels : mapping, optional
+            Names of the axes with their units, by the name of a parameter; other words for a
+            status, by the status.
 
         Raises
         ------
@@ -217,12 +258,23 @@ class Map(Report):
         fields = {text: self._line(text, line) for text, line in (lines or {}).items()}
         order = [*[name for name in names if name not in (x, y)], y, x]
         places = [names.index(name) for name in order]
+        texts = [
+            "\n".join(
+                f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}"
+                for name, value in row.items()
+                if value not in ("", None)
+            )
+            for row in self.rows
+        ]
+        told = np.array(texts).reshape(self.cells.shape)
         return stability_chart(
             self.title if title is None else title,
             {name: self.axes[name] for name in order},
             self.status.transpose(places),
             {text: field.transpose(places) for text, field in fields.items()},
             path,
+            labels,
+            told.transpose(places),
         )
 
     def _line(self, text: str, line: Any) -> Floats:
