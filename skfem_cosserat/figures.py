@@ -112,7 +112,11 @@ def styles(names: Iterable[str] | Mapping[str, str]) -> dict[str, Style]:
     for name, family in families.items():
         if name in found:
             continue
-        root = next((each for each in known if name.startswith((f"{each} ", f"{each}-"))), None)
+        plain = name.lower()
+        starts = (
+            f"{plain} ".startswith(tuple(f"{each.lower()}{end}" for end in " ,-")) for each in known
+        )
+        root = next((each for each, fits in zip(known, starts, strict=True) if fits), None)
         if root is not None:
             colour = NAMED[root].color
         elif family in colours:

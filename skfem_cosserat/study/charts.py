@@ -252,7 +252,7 @@ def precision_chart(
     for axis, name in zip(axes, names, strict=True):
         axis.set(xscale="log", yscale="log", xlabel=label, ylabel=_error_label(name, units))
         _fronts(axis, lines, name, column)
-        for line in lines.families:
+        for line in (*chosen, *(each for each in lines.families if each not in drawn)):
             _points(axis, rows, lines, name, line, column, drawn.get(line))
         if cost == "seconds":
             _failures(axis, rows, lines, drawn)
@@ -360,8 +360,8 @@ class _Cell(NamedTuple):
 #: apart in lightness by 8 and more, or by a pattern
 STATUSES = {
     "ok": _Cell("solved", "#51ae92"),
-    "drift": _Cell("energy drifts", "#fad282"),
-    "blowup": _Cell("energy grows without bound", "#ce563c"),
+    "drift": _Cell("energy drifted", "#fad282"),
+    "blowup": _Cell("energy grew", "#ce563c"),
     "newton": _Cell("step not solved", "#7e1a32"),
     "timeout": _Cell("took too long", "#b1bdca", ".."),
     "error": _Cell("error", "#1d2023"),
@@ -425,16 +425,17 @@ def stability_chart(
         for (_, field), style in zip(lines.items(), DASHES * len(lines), strict=False):
             _limit(axis, field.reshape(shape)[k], style)
     # the axes are shared: only the outer ones have numbers, and one name is enough
-    for which, name, step in (("x", names[-1], across), ("y", names[-2], 1)):
-        _ticks(getattr(shown[0], f"{which}axis"), axes[name], 8 // (1 if step == 1 else 2))
-        label = words.get(name, _with_unit(name))
-        if len(values) == 1:
-            shown[0].set(**{f"{which}label": label})
-        else:
-            (figure.supxlabel if which == "x" else figure.supylabel)(label, fontsize="medium")
+    right, up = (words.get(name, _with_unit(name)) for name in (names[-1], names[-2]))
+    _ticks(shown[0].xaxis, axes[names[-1]], 9 if across == 1 else 5)
+    _ticks(shown[0].yaxis, axes[names[-2]], 9)
     for k in range(across):  # the lowest of each column, where the last row is not full
         lowest = shown[k + across * ((len(values) - 1 - k) // across)]
         lowest.tick_params(axis="x", labelbottom=True)
+        lowest.set_xlabel(right)
+    if down == 1:
+        shown[0].set_ylabel(up)
+    else:
+        figure.supylabel(up, fontsize="medium")
     handles = [_patch(kinds[name]) for name in kinds]
     handles += [
         _stroke(text + _outside(field), style)
@@ -478,7 +479,8 @@ def _ticks(axis: Any, values: Sequence[Any], most: int) -> None:
     if len(places) > most:
         tens = [k for k in places if numbers and values[k] > 0 and np.log10(values[k]) % 1 < 1e-9]
         places = tens if 2 < len(tens) <= most else places[:: -(-len(places) // most)]
-    axis.set_ticks(places, [_text(values[k]) for k in places])
+    powers = numbers and any(0 < abs(each) < 1e-3 for each in values)
+    axis.set_ticks(places, [_text(values[k], powers) for k in places])
 
 
 def _limit(axis: Any, field: Floats, style: str) -> None:
@@ -511,8 +513,8 @@ def _stroke(text: str, style: str) -> Any:
     return Line2D([], [], color="black", linestyle=style, label=text)
 
 
-def _text(value: Any) -> str:
-    return number(value) if isinstance(value, float) else str(value)
+def _text(value: Any, powers: bool = False) -> str:
+    return number(value, powers) if isinstance(value, float) or powers else str(value)
 
 
 # -- errors against unknowns as a log-log chart (matplotlib, optional) -----------------------------
@@ -571,7 +573,7 @@ def draw_errors(
     unit: str | None = None,
 ) -> None:
     """The same on axes that there are, without a legend; what is zero or infinite is left out."""
-    for label, style in styles(lines).items():
+    for label, style in styles(list(lines)).items():
         known = [(n, e) for n, e in zip(*lines[label], strict=True) if 0 < e < float("inf")]
         axes.loglog(*zip(*known, strict=True), **style._asdict(), ms=4, label=label)
     if tolerance is not None:

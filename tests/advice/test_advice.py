@@ -134,7 +134,8 @@ def _legend(advice):
 
     axis = Figure().subplots()
     advice.draw(axis)
-    return " ".join(text.get_text() for text in axis.get_legend().get_texts())
+    assert axis.get_legend() is None
+    return " ".join(axis.get_legend_handles_labels()[1])
 
 
 class DisturbedClock:

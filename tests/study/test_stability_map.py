@@ -284,21 +284,43 @@ def test_chart_with_the_explicit_limit(oscillator, tmp_path):
     figure = oscillator.chart(tmp_path / "map.png", lines)
     assert (tmp_path / "map.png").stat().st_size > 10_000
     (axis,) = figure.axes
-    assert (axis.get_xlabel(), axis.get_ylabel()) == ("step", "omega")
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("step in s", "omega")
     contour = next(each for each in axis.collections if type(each).__name__ == "QuadContourSet")
     points = np.concatenate([path.vertices for path in contour.get_paths()])
     at = np.interp(points[:, 1], range(4), np.log(OMEGAS))
     at += np.interp(points[:, 0], range(3), np.log(STEPS))
     np.testing.assert_allclose(at, math.log(2), atol=1e-9)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["ok", "blowup", "h omega = 2"]
+    assert labels == ["solved", "energy grew", "h omega = 2"]
     outside = {"soft": lambda omega, step: 1e-3 * omega, "stiff": np.full((4, 3), 3.0)}
     texts = [text.get_text() for text in oscillator.chart(lines=outside).legends[0].get_texts()]
     assert texts[2:] == ["soft (no cell beyond)", "stiff (all cells beyond)"]
     with pytest.raises(InputError, match=r"map\.xyz'.*\.xyz, expected one of"):
         oscillator.chart(tmp_path / "map.xyz")
     turned = oscillator.chart(x="omega", lines={"same": np.outer(OMEGAS, STEPS) / 2})
-    assert turned.axes[0].get_ylabel() == "step"
+    assert turned.axes[0].get_ylabel() == "step in s"
+
+
+def test_stored_maps_have_the_same_chart(oscillator, tmp_path):
+    again = Map.read(oscillator.csv(tmp_path / "map.csv"))
+    assert again.status.tolist() == oscillator.status.tolist()
+    assert again.axes == {name: list(values) for name, values in oscillator.axes.items()}
+    for name in ("time", "energy_error", "newton_residual"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(oscillator, name))
+    assert again.title == oscillator.title and str(again) == str(oscillator)
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(InputError, match="not of a stability map"):
+        Map.read(tmp_path / "other.csv")
+    pytest.importorskip("matplotlib")
+    again.cells[0, 0] = Verdict("not run")
+    words = {"omega": "frequency in rad/s", "blowup": "it blows up"}
+    figure = again.chart(tmp_path / "map.html", labels=words)
+    assert figure.axes[0].get_ylabel() == "frequency in rad/s"
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == ["solved", "it blows up", "not run"]
+    assert figure.axes[0].patches[0].get_hatch() and not figure.axes[0].patches[1].get_hatch()
+    page = (tmp_path / "map.html").read_text()
+    assert page.count("status: ") == oscillator.cells.size
 
 
 def test_chart_with_panels(tmp_path):

@@ -293,7 +293,8 @@ def test_csv_and_chart(table, tmp_path):
     assert (tmp_path / "table.png").stat().st_size > 10_000
     (axis,) = figure.axes
     labels = [each.get_text() for each in figure.legends[0].get_texts()]
-    assert "explicit" in labels and "front, implicit" in labels and "failed" in labels
+    assert labels[:2] == ["explicit", "implicit"] and labels[-1] == "failed"
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("time in s", "error of x")
     front = next(line for line in axis.lines if line.get_label() == "implicit")
     assert front.get_ydata().tolist() == [
         row["error_x"] for row in table.front("x", group="implicit").points
@@ -317,6 +318,36 @@ def test_chart_with_a_colour_for_each_family(table):
     euler, midpoint = lines["Euler"], lines["midpoint"]
     assert euler.get_color() != midpoint.get_color() == lines["failed"].get_color()
     assert len(euler.get_xdata()) == len(STEPS)
+
+
+def test_charts_of_other_costs_and_of_a_stored_table(table, tmp_path):
+    """Iterations: Euler tells none; few lines: the others are dots; read again: the same chart."""
+    pytest.importorskip("matplotlib")
+    figure = table.chart(cost="iterations", units={"x": "m"})
+    (axis,) = figure.axes
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("iterations", "error of x in m")
+    lines = {line.get_label(): line.get_xdata() for line in axis.lines}
+    assert lines["implicit"].tolist() == [round(1 / step) for step in STEPS]
+    assert "explicit" not in lines and "failed" not in lines
+    assert table.chart(units="").axes[0].get_ylabel() == "relative error of x"
+    with pytest.raises(InputError, match="argument cost: 'money', unknown"):
+        table.chart(cost="money")
+    labels = table.chart(kind=lambda row: row["label"], most=3).axes[0]
+    drawn = labels.get_legend_handles_labels()[1]
+    assert len([label for label in drawn if label not in ("others", "failed")]) <= 3
+    assert "others" in drawn
+    again = type(table).read(table.csv(tmp_path / "table.csv"))
+    assert again.reference_errors == pytest.approx(table.reference_errors, nan_ok=True)
+    assert str(again) == str(table)
+    again.chart(tmp_path / "table.html")
+    page = (tmp_path / "table.html").read_text()
+    assert page.count("</title></use>") >= len(table.rows)
+    assert "label: midpoint, step = 0.05" in page and "error_x: " in page
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(InputError, match="not of a work-precision study"):
+        type(table).read(tmp_path / "other.csv")
+    with pytest.raises(InputError, match="cannot be read"):
+        type(table).read(tmp_path / "none.csv")
 
 
 def test_chart_of_nothing_but_failures(tmp_path):
