@@ -231,7 +231,7 @@ def test_compiled_kernels_are_asked_in_space_without_the_time_they_take_to_compi
 def test_chaos_is_told():
     model = double_pendulum()
     sensor = {"two": SensorPosition(model["two"].place())}
-    # for 3 s a fast machine follows it within the tolerance, and says so with right; nobody for 20 s
+    # for 3 s a fast machine follows it within the tolerance, and rightly says so; nobody for 20 s
     advice = advise(model, sensor, 0.05, until=20.0, budget_s=4)
     assert not advice.confident
     assert advice.proposal is None
