@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
+from skfem_cosserat.figures import legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "buckling_column.png"
 LENGTH, EA, GA, EI = 1.0, 1e5, 4e4, (20.0, 25.0)  # m, N, N, N m^2
@@ -68,23 +69,18 @@ def main(
 
 def draw(result: dict[str, Any], path: str | Path) -> None:
     """Load against the tip's displacement, and square of the first frequency against the load."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7, 3.8), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = panels(8.5, 3.8, 1, 2)
     loads, bent = result["straight_load"], result["bent_load"]
     left.plot(0 * loads, loads, ".-", label="straight")
     left.plot(result["side"], bent, ".-", label="bent")
-    left.axhline(result["theory"], color="0.6", lw=0.8)
+    left.axhline(result["theory"], color="0.6", lw=0.8, zorder=1, label="closed form")
     left.set(xlabel="top sideways in m", ylabel="weight in N")
     right.plot(loads, result["squares"]["straight"], ".-", label="straight")
     right.plot(bent, result["squares"]["bent"], ".-", label="bent")
-    right.axhline(0, color="0.6", lw=0.8)
+    right.axhline(0, color="black", lw=0.8, zorder=1)
     right.set(xlabel="weight in N", ylabel="first omega squared in (rad/s)²")
-    for axes in (left, right):
-        axes.grid(alpha=0.3)
-        axes.legend()
-    figure.savefig(path, dpi=100)
+    legend(figure)
+    write_figure(figure, path)
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 import skfem_cosserat as sc
+from skfem_cosserat.figures import legend, panels, styles, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "clamped_bend.png"
 LENGTH, EI = 1.0, 2.0  # m, N m^2
@@ -83,24 +84,23 @@ def main(
 
 def draw(path: sc.History, rod: sc.Beam, errors: dict[Any, float], file: str | Path) -> None:
     """The rod under a quarter, half, ... of the force, and the errors of its tip."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7, 3.5), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = panels(9, 3.5, 1, 2)
     line = path.position(rod, np.linspace(0, LENGTH, 50))
     for k, factor in enumerate(path["load_factor"]):
         left.plot(*line[k, :, :2].T, label=f"{factor:.2f}")
     left.set(xlabel="x in m", ylabel="y in m", aspect="equal")
-    left.legend(title="load factor", fontsize="small")
-    for order in sorted({p for p, _ in errors}):
+    legend(left, "load factor")
+    orders = {f"order {p}": p for p in sorted({p for p, _ in errors})}
+    for name, style in styles(list(orders)).items():
+        order = orders[name]
         counts = [n for p, n in errors if p == order]
-        right.loglog(counts, [errors[order, n] for n in counts], "o-", label=f"order {order}")
+        own = [errors[order, n] for n in counts]
+        right.loglog(counts, own, **style._asdict(), ms=4, label=name)
     right.set(xlabel="elements", ylabel="error of the tip in m")
     right.set_xticks(counts, counts)
     right.minorticks_off()
-    right.grid(alpha=0.3)
-    right.legend()
-    figure.savefig(file, dpi=100)
+    legend(right)
+    write_figure(figure, file)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
+from skfem_cosserat.figures import legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "events.png"
 LENGTH, MASS, WEIGHT = 0.4, 0.5, 0.3  # m, kg, kg
@@ -87,22 +88,19 @@ def main(
 
 def draw(model: sc.Model, history: sc.History, path: str | Path) -> None:
     """The chain at the start, at each event and at the end; the path of the ball."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7, 3.2), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = panels(8.5, 3.2)
     names = {0: "start", **{e.row: e.name for e in history.events}, len(history) - 1: "end"}
     ends = [model[f"bar {k}"].local((x, 0, 0)) for k in range(3) for x in (-0.2, 0.2)]
     chain = np.array([history.position(place) for place in ends])
     ball = history.position(model["ball"].local((0, 0, 0)))
     axes.plot(*ball[:, ::2].T, "k:", lw=1)
-    for color, (row, name) in enumerate(names.items()):
+    for row, name in names.items():
         text = f"{history.times[row]:.3f} s: {name}"
-        axes.plot(*chain[:, row, ::2].T, ".-", color=f"C{color}", label=text)
-        axes.plot(*ball[row, ::2], "o", ms=9, color=f"C{color}")
+        (line,) = axes.plot(*chain[:, row, ::2].T, ".-", label=text)
+        axes.plot(*ball[row, ::2], "o", ms=9, color=line.get_color())
     axes.set(xlabel="x in m", ylabel="z in m", aspect="equal")
-    axes.legend()
-    figure.savefig(path, dpi=100)
+    legend(axes)
+    write_figure(figure, path)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import skfem_cosserat as sc
+from skfem_cosserat.figures import legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "rod_with_ball.png"
 
@@ -31,16 +32,14 @@ def main(elements=16, step=2e-3, until=0.5, modulus=5e6, out=None, paraview=None
     if paraview is not None:
         sc.write_paraview(history, paraview, every=5)
     if out is not None:
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(7, 5.5), layout="constrained")
-        axes = figure.add_subplot(xlabel="x in m", ylabel="y in m", aspect="equal")
-        for color, k in enumerate(np.linspace(0, len(history) - 1, 6).astype(int)):
-            axes.plot(*line[k, :, :2].T, f"C{color}", lw=2, label=f"{history.times[k]:.1f} s")
-            axes.plot(*line[k, -1, :2], f"C{color}o", ms=10)
+        figure, (axes,) = panels(7.5, 5.5)
+        axes.set(xlabel="x in m", ylabel="y in m", aspect="equal")
+        for k in np.linspace(0, len(history) - 1, 6).astype(int):
+            (rod_then,) = axes.plot(*line[k, :, :2].T, lw=2, label=f"{history.times[k]:.1f} s")
+            axes.plot(*line[k, -1, :2], "o", color=rod_then.get_color(), ms=10)
         axes.plot(*line[:, -1, :2].T, "k:", lw=1)
-        axes.legend()
-        figure.savefig(out, dpi=100)
+        legend(axes)
+        write_figure(figure, out)
     return {
         "times": history.times,
         "height": line[:, -1, 1],

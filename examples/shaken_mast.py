@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
+from skfem_cosserat.figures import legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "shaken_mast.png"
 HEIGHT, SHAKEN = 4.0, 2.0  # m, s
@@ -84,20 +85,16 @@ def main(step: float = 1e-2, until: float = 16.0, out: str | Path | None = None)
 
 def draw(result: dict[str, Any], path: str | Path) -> None:
     """The motion of the top against the ground, and the spectrum of its free vibration."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7, 5), layout="constrained")
-    upper, lower = figure.subplots(2, 1)
+    figure, (upper, lower) = panels(8.5, 5, 2, 1)
     upper.plot(result["times"], 1e3 * result["top"], lw=1)
     upper.axvspan(0, SHAKEN, color="0.9", label="the ground shakes")
     upper.set(xlabel="time in s", ylabel="top against ground in mm")
     lower.semilogy(result["spectrum"].frequencies, 1e3 * result["spectrum"].amplitudes)
     lower.axvline(result["frequency"], color="k", ls=":", label="first frequency by modes")
     lower.set(xlabel="frequency in Hz", ylabel="amplitude in mm", xlim=(0, 10), ylim=(1e-6, 10))
-    for axes in (upper, lower):
-        axes.grid(alpha=0.3)
-        axes.legend(loc="upper right")
-    figure.savefig(path, dpi=100)
+    legend(upper)
+    legend(lower)
+    write_figure(figure, path)
 
 
 if __name__ == "__main__":

@@ -57,6 +57,8 @@ from skfem_cosserat.adaptive import (
     adapt,
 )
 from skfem_cosserat.export import prepare_folder
+from skfem_cosserat.figures import PAGE, legend, panels, write_figure
+from skfem_cosserat.study.charts import draw_errors
 
 Floats = NDArray[np.float64]
 PICTURES = Path(__file__).resolve().parents[1] / "pictures"
@@ -251,19 +253,14 @@ def _write(result: dict[str, Any], folder: Path, record: Record, number: int) ->
 
 def chart(result: dict[str, Any], path: Path) -> Path:
     """True errors against unknowns, a panel for each problem."""
-    from matplotlib.figure import Figure
-
-    from skfem_cosserat.study.charts import draw_errors
-
     problems = {k: v for k, v in result.items() if k in CASES}
-    figure = Figure(figsize=(3.2 * len(problems), 3.4), layout="constrained")
-    for axes, (name, ways) in zip(
-        np.ravel(figure.subplots(1, len(problems))), problems.items(), strict=True
-    ):
+    down = -(-len(problems) // 3)
+    figure, shown = panels(PAGE, 0.6 + 3.0 * down, down, min(len(problems), 3), len(problems))
+    for axes, (name, ways) in zip(shown, problems.items(), strict=True):
         lines = {way: tuple(zip(*e["levels"], strict=True)) for way, e in ways.items()}
-        draw_errors(axes, lines, CASES[name].tolerance, name)
-        axes.legend(fontsize="x-small")
-    figure.savefig(path, dpi=120)
+        draw_errors(axes, lines, CASES[name].tolerance, name, "m")
+    legend(figure, below=3)
+    write_figure(figure, path)
     return path
 
 

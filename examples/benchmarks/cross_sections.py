@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import new_figure
+from skfem_cosserat.figures import PAGE, legend, panels, write_figure
 from skfem_cosserat.profile import (
     ProfileChannel,
     ProfileCircle,
@@ -153,8 +153,7 @@ def composite(elements: int = 8) -> list[dict[str, Any]]:
 
 def picture(path: Path) -> None:
     """Four sections with their elastic and shear centres."""
-    figure = new_figure(13, 3.6)
-    axes = figure.subplots(1, 4)
+    figure, axes = panels(PAGE, 7.0, 2, 2)
     angle = [(0, 0), (0.08, 0), (0.08, 0.01), (0.01, 0.01), (0.01, 0.12), (0, 0.12)]
     profiles = {
         "I": ProfileI(0.2, 0.1, 0.0085, 0.0056, STEEL),
@@ -168,8 +167,8 @@ def picture(path: Path) -> None:
         ax.plot(*constants.elastic_centre, "k+", markersize=11, label="elastic centre")
         ax.plot(*constants.shear_centre, "rx", markersize=9, label="shear centre")
         ax.set_title(name)
-    axes[2].legend(loc="upper right", fontsize=8)
-    figure.savefig(path, dpi=130)
+    legend(figure, below=2)
+    write_figure(figure, path)
 
 
 def main(picture_file: Path | None = None, tolerance: float = 1e-4) -> dict[str, Any]:

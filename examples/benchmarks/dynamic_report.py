@@ -14,8 +14,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from record import Record
 
+from skfem_cosserat.figures import PAGE, legend, panels, styles, write_figure
+
 #: of a run: rotations (-), velocities (m/s) and energy (J), where the reference has them
 OTHERS = ("rotation", "velocity", "energy")
+ORDERS = dict(enumerate(styles([f"order {k}" for k in (1, 2, 3, 4)]).values(), 1))
 
 
 def main(result: dict[str, Any], folder: Path, record: Record, number: int) -> list[Path]:
@@ -52,17 +55,14 @@ def main(result: dict[str, Any], folder: Path, record: Record, number: int) -> l
 
 def chart(result: dict[str, Any], path: Path) -> Path:
     """Errors in space above, in time below, a column for each scene."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10, 6.4), layout="constrained")
-    axes = figure.subplots(2, 3)
+    figure, axes = panels(PAGE, 7.2, 2, 3)
     for column, name in enumerate(result["uncertainty"]):
-        _draw_space(axes[0, column], result, name)
-        _draw_time(axes[1, column], result, name)
-    axes[0, 0].set_ylabel("error in space: smooth loads full,\nas given broken; grey: reference")
-    axes[1, 0].set_ylabel("error in time, smooth loads:\nenergy-momentum full, variational broken")
-    axes[0, 0].legend(fontsize="x-small")
-    figure.savefig(path, dpi=120)
+        _draw_space(axes[column], result, name)
+        _draw_time(axes[3 + column], result, name)
+    axes[0].set_ylabel("error of the position in m")
+    axes[3].set_ylabel("error in time of the position in m")
+    legend(figure, below=3)
+    write_figure(figure, path)
     return path
 
 
@@ -91,25 +91,28 @@ def _reference_rows(result: dict[str, Any]) -> Iterator[Sequence[Any]]:
 def _draw_space(axis: Any, result: dict[str, Any], name: str) -> None:
     """Against the number of elements: smooth loads full, loads as given broken."""
     for order, entry in result["space"][name, "energy-momentum"].items():
-        colour = f"C{order - 1}"
-        label = f"order {order}: 2p = {2 * order}"
-        axis.loglog(entry["elements"], entry["error"], "o-", color=colour, ms=4, label=label)
+        look = {"color": ORDERS[order].color, "marker": ORDERS[order].marker, "ms": 4}
+        axis.loglog(entry["elements"], entry["error"], **look, label=f"order {order}")
         given = result["given"][name, order]
-        axis.loglog(given["elements"], given["error"], "s--", color=colour, ms=4, mfc="none")
-    axis.axhline(result["uncertainty"][name], color="grey", lw=1)
+        label = "loads as given" if order == 1 else None
+        axis.loglog(given["elements"], given["error"], "--", **look, mfc="none", label=label)
+    limit = result["uncertainty"][name]
+    axis.axhline(limit, color="grey", lw=1, zorder=1, label="uncertainty of the reference")
     axis.set(title=name, xlabel="elements in each leg" if name == "D2" else "elements")
-    axis.grid(which="both", alpha=0.3)
 
 
 def _draw_time(axis: Any, result: dict[str, Any], name: str) -> None:
     """Against the step, smooth loads: energy-momentum full, variational broken."""
-    for integrator, style in (("energy-momentum", "o-"), ("variational", "s--")):
+    for integrator, style in (("energy-momentum", "-"), ("variational", "--")):
         for order, entry in result["time"][name, integrator].items():
-            axis.loglog(entry["steps"], entry["error"], style, color=f"C{order - 1}", ms=4)
+            look = {"color": ORDERS[order].color, "marker": ORDERS[order].marker, "ms": 4}
+            fill = (
+                {} if style == "-" else {"mfc": "none", "label": None if order > 1 else integrator}
+            )
+            axis.loglog(entry["steps"], entry["error"], style, **look, **fill)
     axis.set_xticks(entry["steps"], [f"1/{round(1 / h)}" for h in entry["steps"]])
     axis.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
     axis.set(xlabel="step in s")
-    axis.grid(which="both", alpha=0.3)
 
 
 def _order(key: str, sizes: Sequence[float], error: Sequence[float]) -> float:

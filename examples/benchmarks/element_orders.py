@@ -12,6 +12,7 @@ import argparse
 import json
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +27,12 @@ from record import Record
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.element import Interpolation, InterpolationEquidistant, InterpolationLobatto
+from skfem_cosserat.figures import PAGE, legend, panels, styles, write_figure
 
 Floats = NDArray[np.float64]
 FORCE = 600.0
+#: of the second of two kinds of elements of the same order
+BROKEN = {"linestyle": "--", "mfc": "none"}
 FINE = 128
 #: expected orders by quantity
 EXPECTED = {
@@ -286,38 +290,40 @@ def _write(result: dict[str, Any], record: Any, run: int, folder: Path) -> None:
         names = list(result[key][0])
         values = [[row[name] for name in names] for row in result[key]]
         record.write_csv(folder / f"element_{key}.csv", run, names, values)
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        return
-    figure = Figure(figsize=(14, 4.2), layout="constrained")
-    left, middle, right = figure.subplots(1, 3)
-    for order in (1, 2, 3, 4):
+    with suppress(ImportError):  # the picture comes with the extra "view"
+        chart(result, folder / "element_orders.png")
+
+
+def chart(result: dict[str, Any], path: Path) -> None:
+    """Errors by elements and by time, and what full quadrature does to slender beams."""
+    figure, (left, middle, right) = panels(PAGE, 8.5, 3, 1)
+    looks = list(styles([f"order {order}" for order in (1, 2, 3, 4)]).values())
+    for order, look in enumerate(looks, 1):
         chosen = [row for row in result["costs"] if row["order"] == order]
         x, y = ([row[name] for row in chosen] for name in ("seconds", "error"))
-        middle.loglog(x, y, "o-", label=f"order {order}", markersize=4)
-    middle.set(xlabel="wall time in s", ylabel="tip error in m", title="One load step")
+        middle.loglog(x, y, **look._asdict(), ms=4, label=f"order {order}")
+    middle.set(xlabel="time in s", ylabel="error of the tip in m", title="One load step")
     for r in result["orders"]:
         if r["quantity"] == "displacement at element ends":
-            style = "o-" if r["nodes"] == "lobatto" else "s--"
-            label = f"order {r['order']}, {r['nodes']} nodes: {r['slope']:.2f}"
-            left.loglog(r["elements"], r["errors"], style, label=label, markersize=4)
+            label = f"order {r['order']}, {r['nodes'].capitalize()} nodes: slope {r['slope']:.2f}"
+            look = looks[r["order"] - 1]._asdict() | BROKEN * (r["nodes"] != "lobatto")
+            left.loglog(r["elements"], r["errors"], **look, ms=4, label=label)
     left.set(xlabel="elements", ylabel="relative error", title="45-degree bend, element ends")
-    for points, style in ((0, "o-"), (1, "s--")):
-        for order in (1, 2, 3, 4):
+    for points, broken in ((0, {}), (1, BROKEN)):
+        for order, look in enumerate(looks, 1):
             chosen = [
                 row
                 for row in result["locking"]
                 if row["order"] == order and row["points"] == order + points
             ]
-            label = f"order {order}, {order + points} points"
+            label = f"order {order}, {order + points} quadrature points"
             x, y = ([row[name] for row in chosen] for name in ("slenderness", "error"))
-            right.loglog(x, y, style, label=label, markersize=4)
-    right.set(xlabel="slenderness", ylabel="tip error, 8 elements", title="Full quadrature locks")
+            right.loglog(x, y, **look._asdict() | broken, ms=4, label=label)
+    right.set(xlabel="length over thickness", ylabel="relative error of the tip")
+    right.set_title("Full quadrature locks: 8 elements")
     for axis in (left, middle, right):
-        axis.grid(which="both", alpha=0.3)
-        axis.legend(fontsize="small")
-    figure.savefig(folder / "element_orders.png", dpi=120)
+        legend(axis)
+    write_figure(figure, path)
 
 
 def report(result: dict[str, Any]) -> str:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from record import Record
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.export import write_paraview
+from skfem_cosserat.figures import PAGE, PALETTE, chart_style, legend, new_figure, write_figure
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +39,7 @@ def displacement(scene: static_scenes.Scene, path: sc.History) -> Floats:
 def lee(quick: bool = False) -> dict[str, Any]:
     """Lee's frame: load against the deflection of the loaded point."""
     scene = static_scenes.lee_frame(10 if quick else 20, 3)
-    control = sc.ArcLength(80, first=3000.0, until=25000.0, longest=0.1)
+    control = sc.ArcLength(400, first=1000.0, until=25000.0, longest=0.02)
     path = sc.static(scene.system, control=control)
     return {"scene": scene, "path": path, "u": displacement(scene, path)}
 
@@ -122,37 +124,36 @@ def _write(found: dict[str, Any], record: Any, run: int, folder: Path) -> None:
         ]
         record.write_csv(folder / f"path_{name}.csv", run, header, rows)
     write_paraview(found["ring"]["path"], folder / "ring")
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        return
-    figure = Figure(figsize=(11, 8), layout="constrained")
-    _draw_lee(figure.add_subplot(2, 2, 1), found["lee"])
-    _draw_ring(figure.add_subplot(2, 2, 2, projection="3d"), found["ring"])
-    _draw_column(figure.add_subplot(2, 2, 3), found["column"])
-    _draw_helix(figure.add_subplot(2, 2, 4), found["helix"])
-    figure.savefig(folder / "load_paths.png", dpi=120)
+    with suppress(ImportError), chart_style():  # the picture comes with the extra "view"
+        figure = new_figure(PAGE, 7.6)
+        _draw_lee(figure.add_subplot(2, 2, 1), found["lee"])
+        _draw_ring(figure.add_subplot(2, 2, 2, projection="3d"), found["ring"])
+        _draw_column(figure.add_subplot(2, 2, 3), found["column"])
+        _draw_helix(figure.add_subplot(2, 2, 4), found["helix"])
+        write_figure(figure, folder / "load_paths.png")
 
 
 def _draw_lee(axis: Any, each: dict[str, Any]) -> None:
     path, down = each["path"], -each["u"][:, 1]
-    axis.plot(down, path["load_factor"], "o-", markersize=3)
-    axis.plot(each["u"][:, 0], path["load_factor"], ".-", color="0.6", markersize=3)
+    load = 1e-3 * path["load_factor"]
+    axis.plot(down, load, label="down")
+    axis.plot(each["u"][:, 0], load, "--", label="sideways")
     limits = path["critical"] == 1
-    axis.plot(down[limits], path["load_factor"][limits], "rs", label="limit points")
-    axis.set(title="Lee's frame", xlabel="deflection down (grey: sideways)", ylabel="load")
-    axis.grid(alpha=0.3)
-    axis.legend()
+    axis.plot(down[limits], load[limits], "s", color=PALETTE["brown"], label="limit points")
+    axis.set(title="Lee's frame", xlabel="displacement in m", ylabel="load in kN")
+    legend(axis, below=3)
 
 
 def _draw_column(axis: Any, each: dict[str, Any]) -> None:
     straight, bent = each["path"], each["branch"]
-    axis.plot(0 * straight["load_factor"], straight["load_factor"], "o-", markersize=3)
-    axis.plot(abs(each["u"][:, 1]), bent["load_factor"], "o-", markersize=3, label="branch")
-    axis.axhline(straight.meta["critical"][0]["load_factor"], color="0.6", linewidth=0.8)
-    axis.set(title="Column beyond its critical load", xlabel="tip sideways", ylabel="load")
-    axis.grid(alpha=0.3)
-    axis.legend()
+    load, on = 1e-3 * straight["load_factor"], 1e-3 * bent["load_factor"]
+    axis.plot(0 * load, load, label="straight")
+    axis.plot(abs(each["u"][:, 1]), on, "--", label="bent")
+    critical = 1e-3 * straight.meta["critical"][0]["load_factor"]
+    axis.axhline(critical, color="0.6", linewidth=0.8, zorder=1, label="critical load")
+    axis.set(xlabel="displacement of the tip sideways in m", ylabel="load in kN")
+    axis.set_title("Column beyond its critical load")
+    legend(axis, below=3)
 
 
 def _draw_ring(axis: Any, each: dict[str, Any]) -> None:
@@ -166,13 +167,15 @@ def _draw_ring(axis: Any, each: dict[str, Any]) -> None:
         axis.plot(*x.T, label=f"{path['load_factor'][k]:.2f}")
     axis.set(title="Ring folded by a full turn of one point")
     axis.set_aspect("equal")
-    axis.legend(title="turns", fontsize="small", loc="upper left", bbox_to_anchor=(-0.3, 1.0))
+    axis.set(xlabel="x in m", ylabel="y in m", zlabel="z in m")
+    axis.tick_params(labelsize="x-small")
+    axis.legend(title="turns", fontsize="small", loc="upper left", bbox_to_anchor=(-0.35, 1.05))
 
 
 def _draw_helix(axis: Any, each: dict[str, Any]) -> None:
-    axis.plot(each["path"]["load_factor"], each["u"][:, 2], "o-", markersize=2)
-    axis.set(title="Rod rolled up ten times", xlabel="load factor", ylabel="tip out of plane")
-    axis.grid(alpha=0.3)
+    axis.plot(each["path"]["load_factor"], each["u"][:, 2])
+    axis.set(xlabel="part of the load", ylabel="displacement of the tip out of plane in m")
+    axis.set_title("Rod rolled up ten times")
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ import numpy as np
 import skfem_cosserat as sc
 from skfem_cosserat.advice import Advice
 from skfem_cosserat.export import prepare_folder
+from skfem_cosserat.figures import PAGE, legend, panels, write_figure
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -201,8 +202,6 @@ def _theories(advice: Advice) -> dict[str, dict[str, Any]]:
 def _write(advices: dict[str, Advice], folder: Path) -> None:
     import csv
 
-    from matplotlib.figure import Figure
-
     with (folder / "model_ladder.csv").open("w", newline="", encoding="utf-8") as handle:
         writer = csv.writer(handle)
         writer.writerow(
@@ -212,12 +211,13 @@ def _write(advices: dict[str, Advice], folder: Path) -> None:
             for kind, row in _theories(advice).items():
                 numbers = [f"{row[key]:.4g}" for key in ("least_error", "cheapest_s")]
                 writer.writerow([name, kind, row["run"], row["through"], *numbers])
-    figure = Figure(figsize=(4.2 * len(advices), 4.2), layout="constrained")
-    axes = figure.subplots(1, len(advices), squeeze=False)[0]
+    down = -(-len(advices) // 2)
+    figure, axes = panels(PAGE, 3.2 * down, down, min(len(advices), 2), len(advices))
     for axis, (name, advice) in zip(axes, advices.items(), strict=True):
         advice.draw(axis)
         axis.set_title(name)
-    figure.savefig(folder / "model_ladder.png", dpi=120)
+    legend(figure)
+    write_figure(figure, folder / "model_ladder.png")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from record import Record
 
 import skfem_cosserat as sc
 from skfem_cosserat.basis import DirectorBasis
+from skfem_cosserat.figures import PAGE, legend, panels, styles, write_figure
 
 Floats = NDArray[np.float64]
 RADIUS, FORCE, SPRING = 1.0, (-0.4, 0.2, 0.3), 2.0
@@ -233,43 +235,46 @@ def _write(result: dict[str, Any], record: Any, run: int, folder: Path) -> None:
         for numbers in zip(r["elements"], r["inf_sup"], r["loose"], strict=True)
     ]
     record.write_csv(folder / "theory_limits.points.csv", run, header, rows)
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        return
-    figure = Figure(figsize=(14, 4.2), layout="constrained")
-    axes = figure.subplots(1, 3)
+    with suppress(ImportError):  # the picture comes with the extra "view"
+        chart(result, folder / "theory_limits.png")
+
+
+def chart(result: dict[str, Any], path: Path) -> None:
+    """Errors against the next theory in equilibrium and in motion, and inf-sup constants."""
+    figure, axes = panels(PAGE, 8.5, 3, 1)
     for axis, scene in zip(axes, ("equilibrium", "motion"), strict=False):
         own = [r for r in result["limits"] if r["scene"] == scene]
         _draw_limits(axis, own)
         axis.set(title=f"Errors against the next theory, in {scene}")
     _draw_points(axes[2], result["points"])
     for axis in axes:
-        axis.grid(which="both", alpha=0.3)
-        axis.legend(fontsize="small", loc="lower left")
-    figure.savefig(folder / "theory_limits.png", dpi=120)
+        legend(axis)
+    write_figure(figure, path)
 
 
 def _draw_limits(axis: Any, rows: list[dict[str, Any]]) -> None:
+    looks = styles([r["theory"] for r in rows])
     for r in rows:
         label = f"{r['theory']} to {r['next']}: slope {r['slope']:.3f}"
-        axis.loglog(r["ratios"], r["errors"], "o-", label=label, markersize=4)
+        axis.loglog(r["ratios"], r["errors"], **looks[r["theory"]]._asdict(), label=label, ms=4)
     ratios = np.array(rows[0]["ratios"])
     start = 3 * max(r["errors"][0] for r in rows)
-    axis.loglog(ratios, start * ratios[0] / ratios, "k--", label="slope -1", linewidth=1)
-    axis.set(xlabel="stiffness of what the next theory holds", ylabel="error / radius")
+    axis.loglog(ratios, start * ratios[0] / ratios, "k--", label="slope -1", linewidth=1, zorder=1)
+    axis.set(xlabel="stiffness that the next theory makes rigid, as a multiple")
+    axis.set_ylabel("error / radius")
 
 
 def _draw_points(axis: Any, rows: list[dict[str, Any]]) -> None:
-    for order in (1, 2, 3, 4):
-        for more, style in ((0, "o-"), (1, "s--")):
+    for order, look in enumerate(styles([f"order {k}" for k in (1, 2, 3, 4)]).values(), 1):
+        for more, style in ((0, {}), (1, {"linestyle": "--", "mfc": "none"})):
             (r,) = (r for r in rows if (r["order"], r["points"]) == (order, order + more))
-            label = f"order {order}, {order + more} points"
-            axis.loglog(r["elements"], r["inf_sup"], style, label=label, markersize=4)
+            label = f"order {order}, strains held at {order + more}"
+            axis.loglog(r["elements"], r["inf_sup"], **look._asdict() | style, label=label, ms=4)
     elements = np.array(rows[0]["elements"])
     axis.set_ylim(bottom=1e-4)
-    axis.loglog(elements, 0.4 / elements, "k--", label="slope -1", linewidth=1)
-    axis.set(xlabel="elements", ylabel="inf-sup constant", title="One point more locks")
+    axis.loglog(elements, 0.4 / elements, "k--", label="slope -1", linewidth=1, zorder=1)
+    axis.set(xlabel="elements", ylabel="inf-sup constant")
+    axis.set_title("Strains held at one place more in each element: it locks")
     axis.set_xticks(elements, [str(n) for n in elements], minor=False)
     axis.minorticks_off()
 

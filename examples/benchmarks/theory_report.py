@@ -11,7 +11,11 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import measuring  # before numpy: one thread
+import numpy as np
 from measuring import INTEGRATORS
+
+from skfem_cosserat.figures import PAGE, legend, panels, styles, write_figure
+from skfem_cosserat.study.charts import STATUSES
 
 Row = dict[str, Any]
 
@@ -20,7 +24,10 @@ Row = dict[str, Any]
 #: errors, costs; all relative to the full beam
 RANGE, PERIOD_RANGE, SOLVED_RANGE = 4.0, 5.0, 8.0
 ITERATIONS, TIME_ERROR, COST = 0.6, 1.3, 0.5
-COLOURS = {"full": "C0", "unshearable": "C1", "inextensible": "C3", "rigid": "0.5"}
+COLOURS = {
+    name: each.color
+    for name, each in styles(("full", "unshearable", "inextensible", "rigid")).items()
+}
 MARKERS = {"ok": "o", "drift": "D", "blowup": "x", "newton": "v", "timeout": ">"}
 
 
@@ -192,21 +199,18 @@ def write(result: Row, path: Path) -> None:
 
 def chart(result: Row, path: Path) -> None:
     """Time reached, with contiguous ranges, and errors, against the step; a column a scheme."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 8.5), layout="constrained")
-    axes = figure.subplots(2, len(INTEGRATORS), sharex=True, sharey="row", squeeze=False)
+    shape = 2, len(INTEGRATORS)
+    figure, found = panels(PAGE, 8.6, *shape, sharex=True, sharey="row")
+    axes = np.array(found).reshape(shape)
     end = result["ends"][0]
     for k, integrator in enumerate(INTEGRATORS):
         _chart_outcomes(axes[0, k], result, integrator)
         _chart_errors(axes[1, k], result, integrator, end)
         axes[0, k].set_title(integrator)
-    axes[0, 0].invert_xaxis()  # of all panels
     axes[0, 0].set_ylabel("time reached in s")
     axes[1, 0].set_ylabel(f"error of the mass to {end:g} s in m")
-    axes[0, -1].legend(fontsize="x-small", loc="center left")
-    axes[1, -1].legend(fontsize="x-small", loc="lower left")
-    figure.savefig(path, dpi=120)
+    legend(figure, below=3, handles=_handles(result))
+    write_figure(figure, path)
 
 
 def _chart_outcomes(axis: Any, result: Row, integrator: str) -> None:
@@ -217,9 +221,7 @@ def _chart_outcomes(axis: Any, result: Row, integrator: str) -> None:
         for status, marker in MARKERS.items():
             found = [r for r in rows if r["status"] == status]
             x = [r["step_s"] * (1 + 0.03 * (k - len(theories) / 2)) for r in found]
-            label = f"{theory}: {status}"
-            kind = {"color": COLOURS[theory], "ms": 5, "label": label if found else None}
-            axis.plot(x, [r["time_s"] for r in found], marker, **kind)
+            axis.plot(x, [r["time_s"] for r in found], marker, color=COLOURS[theory], ms=5)
         for j, end in enumerate(result["ends"]):
             own = chosen(result, theory=theory, integrator=integrator, until_s=end)
             if (limit := contiguous(own)) is not None:
@@ -230,7 +232,7 @@ def _chart_outcomes(axis: Any, result: Row, integrator: str) -> None:
         axis.axhline(end, color="0.8", lw=0.8, zorder=0)
         text = f"contiguous to {end:g} s"
         where = (0.02, last * (1.06 + 0.14 * j))
-        axis.annotate(text, where, xycoords=("axes fraction", "data"), size=7)
+        axis.annotate(text, where, xycoords=("axes fraction", "data"), size="small")
     axis.set(xscale="log", ylim=(0, last * (1.05 + 0.14 * len(result["ends"]))))
 
 
@@ -242,11 +244,26 @@ def _chart_errors(axis: Any, result: Row, integrator: str, end: float) -> None:
             continue
         steps, errors = [r["step_s"] for r in rows], [r["error_m"] for r in rows]
         ok = [r["status"] == "ok" for r in rows]
-        axis.plot(steps, errors, "D-", color=colour, ms=3, mfc="none", label=theory)
+        axis.plot(steps, errors, "D-", color=colour, ms=3, mfc="none")
         axis.plot(steps, errors, "o", color=colour, ms=5, markevery=ok)
         axis.plot(steps, [r["time_error_m"] for r in rows], ":", color=colour, lw=1)
-        axis.axhline(rows[0]["mesh_error_m"], color=colour, ls="--", lw=0.8)
-    axis.plot([], [], ":", color="0.3", lw=1, label="error in time alone")
-    axis.plot([], [], "--", color="0.3", lw=0.8, label="error of the mesh")
+        axis.axhline(rows[0]["mesh_error_m"], color=colour, ls="--", lw=0.8, zorder=1)
     axis.set(xscale="log", yscale="log", xlabel="step in s")
-    axis.grid(True, which="major", alpha=0.3)
+
+
+def _handles(result: Row) -> list[Any]:
+    """Of the legend: theories by colour, ends of runs by mark, kinds of errors by line."""
+    from matplotlib.lines import Line2D
+
+    found = {row["status"] for row in result["rows"]}
+    grey = {"color": "0.3", "lw": 0}
+    return [
+        *(Line2D([], [], color=c, lw=4, label=t) for t, c in COLOURS.items()),
+        *(
+            Line2D([], [], marker=mark, label=STATUSES[status].words, **grey)
+            for status, mark in MARKERS.items()
+            if status in found
+        ),
+        Line2D([], [], color="0.3", ls=":", lw=1, label="error in time alone"),
+        Line2D([], [], color="0.3", ls="--", lw=0.8, label="error of the mesh"),
+    ]

@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ from numpy.typing import NDArray
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.export import write_paraview
+from skfem_cosserat.figures import PAGE, chart_style, legend, new_figure, write_figure
+from skfem_cosserat.study.charts import draw_errors
 
 Floats = NDArray[np.float64]
 
@@ -144,27 +147,24 @@ def write(
         table.writerow(["speed rad/s", *(f"omega {k} rad/s" for k in range(6))])
         table.writerows(np.column_stack([turning["speed"], turning["omega"]]).tolist())
     write_paraview(shapes.animation(shapes.rigid), folder / "ring", surfaces=True)
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        return  # the picture comes with the extra "view"
-    figure = Figure(figsize=(11, 8), layout="constrained")
-    _draw_errors(figure.add_subplot(2, 2, 1), rows)
-    _draw_ring(figure.add_subplot(2, 2, 2, projection="3d"), shapes)
-    _draw_blade(figure.add_subplot(2, 2, 3), turning)
-    _draw_column(figure.add_subplot(2, 2, 4), loaded)
-    figure.savefig(folder / "vibration_modes.png", dpi=120)
+    with suppress(ImportError), chart_style():  # the picture comes with the extra "view"
+        figure = new_figure(PAGE, 7.6)
+        _draw_errors(figure.add_subplot(2, 2, 1), rows)
+        _draw_ring(figure.add_subplot(2, 2, 2, projection="3d"), shapes)
+        _draw_blade(figure.add_subplot(2, 2, 3), turning)
+        _draw_column(figure.add_subplot(2, 2, 4), loaded)
+        write_figure(figure, folder / "vibration_modes.png")
 
 
 def _draw_errors(axis: Any, rows: list[dict[str, Any]]) -> None:
-    for order in (1, 2, 3, 4):
-        own = [row for row in rows if row["order"] == order]
-        counts = [row["unknowns"] for row in own]
-        errors = [abs(row["errors"][2]) for row in own]
-        axis.loglog(counts, errors, "o-", label=f"order {order}")
-    axis.set(title="Cantilever, third frequency", xlabel="unknowns", ylabel="relative error")
-    axis.grid(alpha=0.3)
-    axis.legend()
+    orders = [f"order {row['order']}" for row in rows]
+    lines = {
+        name: tuple(zip(*((r["unknowns"], abs(r["errors"][2])) for r in own), strict=True))
+        for name in dict.fromkeys(orders)
+        if (own := [r for r, order in zip(rows, orders, strict=True) if order == name])
+    }
+    draw_errors(axis, lines, title="Cantilever, third frequency", unit="")
+    legend(axis, below=2)
 
 
 def _draw_ring(axis: Any, shapes: sc.Modes) -> None:
@@ -182,31 +182,33 @@ def _draw_ring(axis: Any, shapes: sc.Modes) -> None:
     axis.set(title="Free ring, one of each pair of shapes")
     axis.set_aspect("equal")
     axis.set_zticks([])
-    axis.legend(fontsize="small", loc="upper left", bbox_to_anchor=(-0.3, 1.0))
+    axis.set(xlabel="x in m", ylabel="y in m")
+    axis.tick_params(labelsize="x-small")
+    axis.legend(fontsize="small", loc="upper left", bbox_to_anchor=(-0.35, 1.05))
 
 
 def _draw_blade(axis: Any, turning: dict[str, Floats]) -> None:
-    axis.plot(turning["speed"], turning["omega"], ".-")
+    axis.plot(turning["speed"], turning["omega"])
     for k in (1, 2, 4):
-        axis.plot(turning["speed"], k * turning["speed"], ":", color="0.6", linewidth=0.8)
+        label = "1, 2, 4 times the speed" if k == 1 else None
+        axis.plot(turning["speed"], k * turning["speed"], ":", color="0.4", lw=1, label=label)
     axis.set_ylim(0, 1.1 * turning["omega"][:, 3].max())
     axis.set(
-        title="Rotating blade (dotted: multiples of the speed)",
-        xlabel="speed in rad/s",
-        ylabel="omega in rad/s",
+        title="Rotating blade",
+        xlabel="speed of the rotor in rad/s",
+        ylabel="angular frequency in rad/s",
     )
-    axis.grid(alpha=0.3)
+    legend(axis, below=1)
 
 
 def _draw_column(axis: Any, loaded: dict[str, Any]) -> None:
-    axis.plot(loaded["load"] / 1e3, loaded["squares"], "o-", markersize=3)
-    axis.axvline(loaded["critical"] / 1e3, color="0.6", linewidth=0.8, label="linear buckling")
-    axis.axhline(0.0, color="0.6", linewidth=0.8)
-    axis.set(
-        title="Column under a weight", xlabel="load in kN", ylabel="omega squared in (rad/s)^2"
-    )
-    axis.grid(alpha=0.3)
-    axis.legend()
+    axis.plot(loaded["load"] / 1e3, loaded["squares"], "o-", ms=3, label="square of the frequency")
+    critical = loaded["critical"] / 1e3
+    axis.axvline(critical, color="0.4", ls=":", zorder=1, label="linear buckling")
+    axis.axhline(0.0, color="black", lw=0.8, zorder=1)
+    axis.set(xlabel="load in kN", ylabel="square of the frequency in (rad/s)²")
+    axis.set_title("Column under a weight")
+    legend(axis, below=2)
 
 
 if __name__ == "__main__":

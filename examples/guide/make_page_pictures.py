@@ -15,9 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from skfem_cosserat.figures import PAGE, PALETTE, new_figure, write_figure
+
 HERE = Path(__file__).resolve().parent
 PICTURES = HERE / "pictures"
-STEEL, FORCE, MOMENT = "#4682b4", "#b22222", "#1b7f3b"
+STEEL, FORCE, MOMENT = "#4682b4", PALETTE["red"], PALETTE["green"]
 
 
 def scene(page: Path, blocks: int) -> dict[str, Any]:
@@ -125,7 +127,7 @@ def _bent(axis: Any, sign: float, moment: str, up: str) -> None:
     upper, lower = (np.column_stack([x, y]) + k * 0.11 * normal for k in (1, -1))
     axis.fill(*np.vstack([upper, lower[::-1]]).T, color=STEEL, alpha=0.3)
     for line, stretched in ((upper, sign < 0), (lower, sign > 0)):
-        text, color = ("tension", FORCE) if stretched else ("compression", "#1f4e79")
+        text, color = ("tension", FORCE) if stretched else ("compression", PALETTE["blue"])
         axis.plot(*line.T, color=color, linewidth=2.5)
         away = 0.13 if line is upper else -0.13
         axis.text(*(line[30] + (0, away)), text, color=color, ha="center", va="center")
@@ -142,16 +144,14 @@ def _bent(axis: Any, sign: float, moment: str, up: str) -> None:
 
 def page_11(out: Path) -> list[Path]:
     """Positive resultants at a face, and the bending that goes with positive moments."""
-    from matplotlib.figure import Figure
-
     path = out / "11_signs.png"
-    figure = Figure(figsize=(9.0, 4.2), dpi=140, layout="constrained")
+    figure = new_figure(PAGE, 4.2)
     left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1))
     _face(left.add_subplot(projection="3d"))
     top, bottom = right.subplots(2)
     _bent(top, -1.0, "$M_1 > 0$, seen along $d_1$", "$d_2$")
     _bent(bottom, 1.0, "$M_2 > 0$, seen against $d_2$", "$d_1$")
-    figure.savefig(path)
+    write_figure(figure, path)
     shrunk(path, 900)
     return [path]
 

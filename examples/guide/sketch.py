@@ -17,10 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import new_figure
+from skfem_cosserat.figures import PALETTE, new_figure
 
-GROUND, BEAM, BODY, AXIS = "#9aa0a8", "#1f5fbf", "#f6a04d", "#d62728"
-LOAD, SENSOR, INK = "#15803d", "#8e24aa", "#333333"
+GROUND, INK = "#9aa0a8", "#333333"
+BEAM, BODY, AXIS, LOAD, SENSOR = (
+    PALETTE[name] for name in ("blue", "gold", "red", "green", "magenta")
+)
 VIEW = np.array([[-0.5, 1.0, 0.0], [-0.32, 0.0, 1.0]])  # (towards, right, up) -> picture
 TOWARDS = np.array([1.0, 0.5, 0.32])  # what the view leaves out
 BENT = [(y, -0.16 * (y + 1.1) ** 2 + 0.35) for y in np.linspace(-1.1, 1.0, 30)]

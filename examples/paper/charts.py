@@ -7,31 +7,27 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.figure import Figure
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.record import Record
 from paper import convergence, figures
 from paper import three_bar_swing as swing
+from skfem_cosserat.figures import (
+    PALETTE,
+    chart_style,
+    legend,
+    new_figure,
+    panels,
+    styles,
+    write_figure,
+)
 
 COLOURS = LinearSegmentedColormap.from_list("paper", ["blue", "cyan", "lime", "yellow", "red"])
+RED = PALETTE["red"]
 PARTS = 6  # of an element, to show a linear interpolation
-
-
-def _figure(width: float, height: float) -> Figure:
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)  # needs no display and belongs to nobody else
-    return figure
-
-
-def _time_axis(axis: Any, label: str) -> None:
-    axis.set_xlabel("time in s")
-    axis.set_ylabel(label)
-    axis.grid(alpha=0.3)
 
 
 class Charts:
@@ -49,10 +45,10 @@ class Charts:
         self.out, self.record = out, record
         self.paths: list[Path] = []
 
-    def save(self, name: str, figure: Figure, run: int, header: list[str], columns: Any) -> None:
+    def save(self, name: str, figure: Any, run: int, header: list[str], columns: Any) -> None:
         """Write ``name.png`` and ``name.csv``; columns all of one length."""
         path = self.out / f"{name}.png"
-        figure.savefig(path, dpi=130)
+        write_figure(figure, path)
         rows = zip(*columns, strict=True)
         table = self.record.write_csv(self.out / f"{name}.csv", run, header, rows)
         self.paths += [path, table]
@@ -60,10 +56,11 @@ class Charts:
     def scene(self, run: int) -> None:
         """Figure 19: supports S, hinges R, lengths."""
         L, H = swing.SPAN, swing.HEIGHT
-        figure = _figure(7.0, 3.8)
-        axis = figure.subplots()
+        figure, (axis,) = panels(8.5, 3.8)
         nodes = np.linspace(0.0, L, 21)
-        axis.plot(nodes, 0 * nodes, "|-", color="tab:blue", lw=3, ms=9, label="beam, 20 elements")
+        axis.plot(
+            nodes, 0 * nodes, "|-", color=PALETTE["blue"], lw=3, ms=9, label="beam, 20 elements"
+        )
         for x, y in (((0, 0), (0, H)), ((L, L + H), (0, H))):
             axis.plot(x, y, color="0.35", lw=5, solid_capstyle="round")
         points = {"S": ((0, H), (L + H, H)), "R": ((0, 0), (L, 0))}
@@ -71,11 +68,11 @@ class Charts:
             for x, y in places:
                 axis.plot(x, y, "o", color="white", mec="black", ms=9, zorder=3)
                 axis.annotate(name, (x, y), (-16, 6), textcoords="offset points", weight="bold")
-        axis.plot(L / 2, 0, "o", color="tab:red", ms=15, zorder=3)
+        axis.plot(L / 2, 0, "o", color=RED, ms=15, zorder=3)
         axis.annotate("M = 5 kg", (L / 2, 0), (-24, -23), textcoords="offset points")
-        arrow = {"arrowstyle": "->", "color": "tab:red", "lw": 2}
+        arrow = {"arrowstyle": "->", "color": RED, "lw": 2}
         axis.annotate("", (L / 2 + 0.14, 0.05), (L / 2, 0.05), arrowprops=arrow)
-        axis.text(0.06, 0.08, "pulse along e2, 10000 N at 0.125 s", color="tab:red", size="small")
+        axis.text(0.06, 0.08, "pulse along e2, 10000 N at 0.125 s", color=RED, size="small")
         lengths = (
             ((0, -0.13), (L, -0.13), (L / 2 - 0.05, -0.18), "0.72 m"),
             ((-0.09, 0), (-0.09, H), (-0.23, H / 2), "0.36 m"),
@@ -86,7 +83,7 @@ class Charts:
             axis.text(*place, text)
         axis.set(xlabel="e2 in m", ylabel="e3 in m", xlim=(-0.25, 1.25), ylim=(-0.22, 0.46))
         axis.set_aspect("equal")
-        axis.legend(loc="upper center", fontsize="small")
+        legend(figure)
         places = [(name, *place) for name, pair in points.items() for place in pair]
         places += [("M", L / 2, 0.0), *(("node", float(x), 0.0) for x in nodes)]
         header = ["point", "e2_m", "e3_m"]
@@ -94,18 +91,19 @@ class Charts:
 
     def forces_and_momenta(self, run: int, data: dict[str, Any]) -> None:
         """Figure 20."""
-        figure = _figure(10.0, 6.4)
+        figure = new_figure(10.0, 6.4)
         grid = figure.add_gridspec(6, 2)
-        left = [figure.add_subplot(grid[3 * k : 3 * k + 3, 0]) for k in range(2)]
-        right = [figure.add_subplot(grid[2 * k : 2 * k + 2, 1]) for k in range(3)]
+        with chart_style():
+            left = [figure.add_subplot(grid[3 * k : 3 * k + 3, 0]) for k in range(2)]
+            right = [figure.add_subplot(grid[2 * k : 2 * k + 2, 1]) for k in range(3)]
         t = data["times"]
         for axis, name, label in (
             (left[0], "axial_force", "axial force in N"),
             (left[1], "bending_moment", "bending moment about e1 in N m"),
         ):
             axis.plot(t, data[name], lw=0.9)
-            axis.axvline(data["event_x"], color="0.6", ls=":", lw=1)
-            _time_axis(axis, label)
+            axis.axvline(data["event_x"], color="0.6", ls=":", lw=1, zorder=1)
+            axis.set(xlabel="time in s", ylabel=label)
         header = ["t_s", "axial_force_N", "bending_moment_Nm"]
         columns = [t, data["axial_force"], data["bending_moment"]]
         for axis, (term, ending) in zip(right, figures.TERMS.items(), strict=True):
@@ -117,21 +115,20 @@ class Charts:
                 column[: len(L)] = L[:, i]
                 columns.append(column)
                 header.append(f"L{i + 1} {term}")
-            _time_axis(axis, f"L in kg m²/s,\n{term}")
-        right[0].legend(fontsize="small", ncols=3)
+            axis.set(xlabel="time in s", ylabel=f"L in kg m²/s,\n{term}")
+            legend(axis)
         self.save("figure_20", figure, run, header, columns)
 
     def snapshots(self, run: int, data: dict[str, Any]) -> None:
         """Figure 21: norm of the section force plus 100 times that of the moment, 0 to 4000."""
         count = len(figures.SNAPSHOTS)
-        figure = _figure(12.0, 5.6)
-        axes = figure.subplots(3, count // 3, sharex=True, sharey=True)
+        figure, axes = panels(12.0, 5.6, 3, count // 3, sharex=True, sharey=True)
         values = figures.nodal(figures.load_measure(data["resultant"]))
         fine = np.linspace(0, data["nodes"].size - 1, PARTS * (data["nodes"].size - 1) + 1)
         node = np.arange(data["nodes"].size)
         rows: list[Any] = []
         bars = None
-        for axis, time in zip(axes.flat, figures.SNAPSHOTS, strict=True):
+        for axis, time in zip(axes, figures.SNAPSHOTS, strict=True):
             k = int(abs(data["times"] - time).argmin())
             places = data["q"][k][data["nodes"][:, None] + np.arange(3)][:, 1:]
             line = np.array([np.interp(fine, node, places[:, i]) for i in range(2)]).T
@@ -147,9 +144,10 @@ class Charts:
             axis.add_collection(bars)
             axis.plot(*data["mass_position"][k, 1:], "ko", ms=6)
             axis.set_title(f"t = {data['times'][k]:.2f} s", fontsize="small")
+            axis.grid(False)
             axis.set_aspect("equal")
             rows += [(data["times"][k], a, *places[a], values[k, a]) for a in node]
-        axes[0, 0].set(xlim=(-0.1, 1.2), ylim=(-0.25, 0.5))
+        axes[0].set(xlim=(-0.1, 1.2), ylim=(-0.25, 0.5))
         figure.supxlabel("e2 in m")
         figure.supylabel("e3 in m")
         figure.colorbar(bars, ax=axes, label="|N| + 100/m |M| in N", extend="max", shrink=0.7)
@@ -158,26 +156,23 @@ class Charts:
 
     def energy_and_orbit(self, run: int, data: dict[str, Any]) -> None:
         """Figure 22."""
-        figure = _figure(10.0, 3.8)
-        left, right = figure.subplots(1, 2)
+        figure, (left, right) = panels(10.0, 3.8, 1, 2)
         left.plot(data["times"], data["energy"], lw=1)
-        _time_axis(left, "energy in J, (q_n, p_n)")
+        left.set(xlabel="time in s", ylabel="energy in J, (q_n, p_n)")
         place = data["mass_position"]
         right.plot(place[:, 1], place[:, 2], lw=1)
         right.set(xlabel="e2 in m", ylabel="e3 in m")
         right.set_aspect("equal")
-        right.grid(alpha=0.3)
         columns = [data["times"], data["energy"], *place.T]
         header = ["t_s", "energy_J", "e1_m", "e2_m", "e3_m"]
         self.save("figure_22", figure, run, header, columns)
 
     def energies(self, name: str, run: int, integrator: str, runs: dict[Any, Any]) -> None:
         """Figures 23 and 24: the energy, and below what it changes after the pulse."""
-        figure = _figure(10.0, 5.6)
-        axes = figure.subplots(2, 2, height_ratios=[1, 1])
+        figure, axes = panels(10.0, 5.6, 2, 2)
         steps: list[Any] = []
         rows: list[Any] = []
-        for pair, step in zip(axes.T, figures.STEPS, strict=True):
+        for pair, step in zip((axes[::2], axes[1::2]), figures.STEPS, strict=True):
             data = runs[integrator, step]
             t = data["times"]
             columns = []
@@ -189,41 +184,39 @@ class Charts:
                 change = energy[after] / energy[after].mean() - 1
                 pair[1].plot(instants[after], change, lw=0.7, label=term)
                 columns.append(np.append(energy, [np.nan] * (len(t) - len(energy))))
-            pair[0].set_title(f"{integrator}, h = {step:g} s", fontsize="medium")
-            _time_axis(pair[0], "energy in J")
-            _time_axis(pair[1], "change after the pulse\n/ mean energy")
+            pair[0].set_title(f"{integrator}, step {step:g} s")
+            pair[0].set(xlabel="time in s", ylabel="energy in J")
+            pair[1].set(xlabel="time in s", ylabel="change after the pulse\n/ mean energy")
             rows += list(zip(t, *columns, strict=True))
             steps += [step] * len(t)
-        axes[0, 0].legend(fontsize="small")
+        legend(figure, below=3)
         header = ["step_s", "t_s", *(f"energy_J {term}" for term in figures.TERMS)]
         self.save(name, figure, run, header, [steps, *zip(*rows, strict=True)])
 
     def convergence(self, run: int, result: dict[str, Any]) -> None:
         """Figure 25: left energy-momentum with multipliers, right with the null space."""
-        figure = _figure(12.0, 11.0)
-        axes = figure.subplots(3, 2, sharex=True, sharey="row")
+        figure, axes = panels(12.0, 11.0, 3, 2, sharex=True, sharey="row")
+        looks = styles((*convergence.QUANTITIES, convergence.SHIFTED))
         kinds = (convergence.SAME_END, convergence.TO_VARIATIONAL, convergence.TO_MOMENTUM)
-        for column, treatment in zip(axes.T, ("multipliers", "null-space"), strict=True):
+        for column, treatment in zip(
+            (axes[::2], axes[1::2]), ("multipliers", "null-space"), strict=True
+        ):
             errors = result[treatment]["errors"]
             for axis, kind in zip(column, kinds, strict=True):
                 steps = np.array(list(errors[kind]))
-                for name in (*convergence.QUANTITIES, convergence.SHIFTED):
-                    style = "x--" if name == convergence.SHIFTED else "o-"
+                for name, look in looks.items():
                     line = [errors[kind][h][name] for h in steps]
                     open_marker = {"ms": 8, "mfc": "none"} if name == "p" else {"ms": 4}
-                    axis.loglog(steps, line, style, lw=1, label=name, **open_marker)
+                    axis.loglog(steps, line, **look._asdict(), lw=1, label=name, **open_marker)
                 low = min(errors[kind][steps[-1]].values())
                 axis.loglog(steps, 0.3 * low * (steps / steps[-1]) ** 2, "k:", label="order 2")
-                axis.grid(which="both", alpha=0.25)
                 axis.set_title(f"energy-momentum with {treatment}\n{kind}", fontsize="small")
             column[-1].set_xlabel("step in s")
             column[-1].set_xticks(steps, [f"{h:g}" for h in steps], fontsize="small")
             column[-1].minorticks_off()
-        for axis in axes[:, 0]:
+        for axis in axes[::2]:
             axis.set_ylabel("relative difference")
-        figure.legend(
-            *axes[0, 0].get_legend_handles_labels(), loc="outside right", fontsize="small"
-        )
+        legend(figure)
         header = ["treatment", "horizon_s", "kind", "step_s", "quantity", "error"]
         studies = [(name, 0.1, result[name]) for name in ("multipliers", "null-space")]
         studies += [("null-space", until, study) for until, study in result["longer"].items()]

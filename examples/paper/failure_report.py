@@ -15,6 +15,7 @@ import skfem
 from numpy.typing import NDArray
 
 import skfem_cosserat as sc
+from skfem_cosserat.figures import PAGE, PALETTE, legend, panels, styles, write_figure
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -110,21 +111,19 @@ MARKERS = {
     "energy blow-up": ("x", "energy blows up"),
     "Newton failed": ("v", "a step cannot be solved"),
 }
-COLOURS = {"variational": "C3", "energy-momentum": "C0"}
+COLOURS = {name: style.color for name, style in styles(("variational", "energy-momentum")).items()}
 
 
 def chart(result: dict[str, Any], path: Path) -> bool:
     """Time reached against step, energy against time, the mechanism; False without matplotlib."""
     try:
-        from matplotlib.figure import Figure
+        figure, axes = panels(PAGE, 10, 3, 1)
     except ImportError:
         return False
-    figure = Figure(figsize=(7.5, 11), layout="constrained")
-    axes = figure.subplots(3, 1)
     _chart_map(axes[0], result)
     _chart_energy(axes[1], result)
     _chart_mechanism(axes[2], result["mechanism"])
-    figure.savefig(path, dpi=120)
+    write_figure(figure, path)
     return True
 
 
@@ -142,17 +141,14 @@ def _chart_map(axis: Any, result: dict[str, Any]) -> None:
     fine = next((r for r in reversed(result["rows"]) if r["period_s"]), None)
     for key, text in (("event_x_s", "X"), ("event_y_s", "Y"), ("period_s", "period")):
         if fine is not None:
-            axis.axhline(fine[key], color="0.6", lw=0.8)
+            axis.axhline(fine[key], color="0.6", lw=0.8, zorder=1)
             axis.annotate(text, (1.0, fine[key]), xycoords=("axes fraction", "data"))
     axis.set(xscale="log", xlabel="step in s", ylabel="time reached in s", ylim=(0, None))
-    axis.invert_xaxis()
-    axis.legend(fontsize="x-small")
-    axis.set_title("three-bar swing, stiff section", fontsize="medium")
+    legend(axis)
+    axis.set_title("three-bar swing, stiff section")
 
 
 def _chart_energy(axis: Any, result: dict[str, Any]) -> None:
-    from matplotlib import colormaps
-
     for r in result["rows"]:
         variational = r["integrator"] == "variational"
         if r["energy_error"] is None or not (variational or r["outcome"] == "completed"):
@@ -160,29 +156,27 @@ def _chart_energy(axis: Any, result: dict[str, Any]) -> None:
         t, energy = thinned(r["series"], 1000)[:2]
         after = t >= swing.PULSE["stiff"][1] * (1 - 1e-12)
         change = abs(energy[after] / energy[after][0] - 1)[1:]
-        colour = colormaps["turbo"]((np.log10(r["step_s"]) + 5.2) / 4.2)
-        label = f"h = {r['step_s']:g} s" if variational else f"energy-momentum, {r['step_s']:g} s"
-        axis.plot(
-            t[after][1:], change, "-" if variational else ":", color=colour, label=label, lw=1
-        )
+        label = f"{r['integrator']}, step {r['step_s']:g} s"
+        axis.plot(t[after][1:], change, "-" if variational else ":", label=label, lw=1)
     axis.set(yscale="log", ylim=(1e-15, 100), xlabel="time in s")
     axis.set_ylabel("relative change of the energy\nat $(q_n, p_n)$ since the pulse")
-    axis.legend(fontsize="xx-small", loc="upper right")
+    legend(axis)
 
 
 def _chart_mechanism(axis: Any, m: dict[str, Any]) -> None:
     for name, colour, where in (
-        ("energy", "C3", "$(q_n, p_n)$"),
-        ("energy_midpoint", "C2", "midpoints"),
+        ("energy", PALETTE["red"], "$(q_n, p_n)$"),
+        ("energy_midpoint", PALETTE["green"], "midpoints"),
     ):
-        label = f"energy at {where}, relative change"
-        axis.plot(m["times"], abs(m[name] - 1), colour, label=label, lw=1)
-    axis.plot(m["times"], m["alternation"], "C4", label="alternating rotation of a node in rad")
+        label = f"energy at {where},\nrelative change"
+        axis.plot(m["times"], abs(m[name] - 1), color=colour, label=label, lw=1)
+    label = "alternating rotation\nof a node in rad"
+    axis.plot(m["times"], m["alternation"], color=PALETTE["indigo"], label=label)
     axis.plot(m["times"], m["h_omega_c"], "0.6", lw=0.8, label="$h \\omega_c$ (limit 2)")
-    axis.axhline(2, color="0.6", ls=":", lw=0.8)
-    axis.set(yscale="log", ylim=(1e-8, 100), xlabel="time in s")
-    axis.set_title(f"variational, h = {m['step']:g} s: how it fails", fontsize="medium")
-    axis.legend(fontsize="x-small", loc="center left")
+    axis.axhline(2, color="0.6", ls=":", lw=0.8, zorder=1)
+    axis.set(yscale="log", ylim=(1e-8, 100), xlabel="time in s", ylabel="see the legend")
+    axis.set_title(f"variational, step {m['step']:g} s: how it fails")
+    legend(axis)
 
 
 def report(result: dict[str, Any]) -> str:
