@@ -169,7 +169,6 @@ def chart_style() -> AbstractContextManager[None]:
             "axes.prop_cycle": cycler(color=list(PALETTE.values())),
             "axes.grid": True,
             "axes.axisbelow": True,
-            "axes.titlesize": "medium",
             "grid.alpha": 0.3,
             "xtick.labelsize": "small",
             "ytick.labelsize": "small",
@@ -239,7 +238,8 @@ def legend(
         labels = [str(handle.get_label()) for handle in handles]
     if not labels:
         return
-    style: dict[str, Any] = {"fontsize": "small", "frameon": False, "title": title or None}
+    style: dict[str, Any] = {"fontsize": "small", "frameon": False}
+    style |= {"title": title or None, "title_fontsize": "small"}
     if figure:
         style["loc"] = "outside lower center" if below else "outside right upper"
     elif below:

@@ -59,8 +59,14 @@ def chart(result: dict[str, Any], path: Path) -> Path:
     for column, name in enumerate(result["uncertainty"]):
         _draw_space(axes[column], result, name)
         _draw_time(axes[3 + column], result, name)
-    axes[0].set_ylabel("error of the position in m")
-    axes[3].set_ylabel("error in time of the position in m")
+    axes[0].set_ylabel("error in space, positions in m")
+    axes[3].set_ylabel("error in time, positions in m")
+    for row, texts in (
+        (0, ("above: smooth loads", "above: loads as given")),
+        (3, ("below: energy-momentum", "below: variational")),
+    ):
+        for text, style in zip(texts, ("-", "--"), strict=True):
+            axes[row].plot([], [], style, color="0.4", label=text)
     legend(figure, below=3)
     write_figure(figure, path)
     return path
@@ -94,8 +100,7 @@ def _draw_space(axis: Any, result: dict[str, Any], name: str) -> None:
         look = {"color": ORDERS[order].color, "marker": ORDERS[order].marker, "ms": 4}
         axis.loglog(entry["elements"], entry["error"], **look, label=f"order {order}")
         given = result["given"][name, order]
-        label = "loads as given" if order == 1 else None
-        axis.loglog(given["elements"], given["error"], "--", **look, mfc="none", label=label)
+        axis.loglog(given["elements"], given["error"], "--", **look, mfc="none")
     limit = result["uncertainty"][name]
     axis.axhline(limit, color="grey", lw=1, zorder=1, label="uncertainty of the reference")
     axis.set(title=name, xlabel="elements in each leg" if name == "D2" else "elements")
@@ -106,10 +111,8 @@ def _draw_time(axis: Any, result: dict[str, Any], name: str) -> None:
     for integrator, style in (("energy-momentum", "-"), ("variational", "--")):
         for order, entry in result["time"][name, integrator].items():
             look = {"color": ORDERS[order].color, "marker": ORDERS[order].marker, "ms": 4}
-            fill = (
-                {} if style == "-" else {"mfc": "none", "label": None if order > 1 else integrator}
-            )
-            axis.loglog(entry["steps"], entry["error"], style, **look, **fill)
+            mfc = look["color"] if style == "-" else "none"
+            axis.loglog(entry["steps"], entry["error"], style, **look, mfc=mfc)
     axis.set_xticks(entry["steps"], [f"1/{round(1 / h)}" for h in entry["steps"]])
     axis.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
     axis.set(xlabel="step in s")

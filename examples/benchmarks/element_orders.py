@@ -305,8 +305,10 @@ def chart(result: dict[str, Any], path: Path) -> None:
     middle.set(xlabel="time in s", ylabel="error of the tip in m", title="One load step")
     for r in result["orders"]:
         if r["quantity"] == "displacement at element ends":
-            label = f"order {r['order']}, {r['nodes'].capitalize()} nodes: slope {r['slope']:.2f}"
-            look = looks[r["order"] - 1]._asdict() | BROKEN * (r["nodes"] != "lobatto")
+            nodes = r["nodes"].replace("lobatto", "Lobatto")
+            label = f"order {r['order']}, {nodes} nodes: slope {r['slope']:.2f}"
+            broken = {} if r["nodes"] == "lobatto" else BROKEN
+            look = looks[r["order"] - 1]._asdict() | broken
             left.loglog(r["elements"], r["errors"], **look, ms=4, label=label)
     left.set(xlabel="elements", ylabel="relative error", title="45-degree bend, element ends")
     for points, broken in ((0, {}), (1, BROKEN)):
