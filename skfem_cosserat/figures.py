@@ -253,7 +253,13 @@ def legend(
 # -- ticks of logarithmic axes ---------------------------------------------------------------------
 
 #: of a decade, from few ticks to many
-_WITHIN = ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), tuple(float(k) for k in range(1, 10)))
+_WITHIN = (
+    (1.0,),
+    (1.0, 3.0),
+    (1.0, 2.0, 5.0),
+    (1.0, 2.0, 3.0, 5.0, 7.0),
+    tuple(float(k) for k in range(1, 10)),
+)
 
 
 def number(value: float, powers: bool = False) -> str:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import PAGE, legend, panels, write_figure
+from skfem_cosserat.figures import PAGE, PALETTE, legend, panels, write_figure
 from skfem_cosserat.profile import (
     ProfileChannel,
     ProfileCircle,
@@ -165,7 +165,9 @@ def picture(path: Path) -> None:
         profile.plot(ax)
         constants = profile.constants(1e-3)
         ax.plot(*constants.elastic_centre, "k+", markersize=11, label="elastic centre")
-        ax.plot(*constants.shear_centre, "rx", markersize=9, label="shear centre")
+        ax.plot(
+            *constants.shear_centre, "x", color=PALETTE["red"], markersize=9, label="shear centre"
+        )
         ax.set_title(name)
     legend(figure, below=2)
     write_figure(figure, path)

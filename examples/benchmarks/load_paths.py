@@ -66,7 +66,7 @@ def helix(quick: bool = False) -> dict[str, Any]:
     """Ten turns by an end moment; the tip swings in and out."""
     scene = static_scenes.helix_roll_up(40, 4)
     until = 0.3 if quick else 1.0
-    path = sc.static(scene.system, control=sc.LoadControl(until=until, longest=0.02), watch=False)
+    path = sc.static(scene.system, control=sc.LoadControl(until=until, longest=0.005), watch=False)
     return {"scene": scene, "path": path, "u": displacement(scene, path)}
 
 
@@ -169,7 +169,7 @@ def _draw_ring(axis: Any, each: dict[str, Any]) -> None:
     axis.set_aspect("equal")
     axis.set(xlabel="x in m", ylabel="y in m", zlabel="z in m")
     axis.tick_params(labelsize="x-small")
-    axis.legend(title="turns", fontsize="small", loc="upper left", bbox_to_anchor=(-0.35, 1.05))
+    legend(axis, "turns", below=3)
 
 
 def _draw_helix(axis: Any, each: dict[str, Any]) -> None:

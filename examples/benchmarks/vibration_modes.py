@@ -184,7 +184,7 @@ def _draw_ring(axis: Any, shapes: sc.Modes) -> None:
     axis.set_zticks([])
     axis.set(xlabel="x in m", ylabel="y in m")
     axis.tick_params(labelsize="x-small")
-    axis.legend(fontsize="small", loc="upper left", bbox_to_anchor=(-0.35, 1.05))
+    legend(axis, below=4)
 
 
 def _draw_blade(axis: Any, turning: dict[str, Floats]) -> None:

@@ -149,6 +149,8 @@ def _chart_map(axis: Any, result: dict[str, Any]) -> None:
 
 
 def _chart_energy(axis: Any, result: dict[str, Any]) -> None:
+    from matplotlib import colormaps
+
     for r in result["rows"]:
         variational = r["integrator"] == "variational"
         if r["energy_error"] is None or not (variational or r["outcome"] == "completed"):
@@ -156,8 +158,11 @@ def _chart_energy(axis: Any, result: dict[str, Any]) -> None:
         t, energy = thinned(r["series"], 1000)[:2]
         after = t >= swing.PULSE["stiff"][1] * (1 - 1e-12)
         change = abs(energy[after] / energy[after][0] - 1)[1:]
-        label = f"{r['integrator']}, step {r['step_s']:g} s"
-        axis.plot(t[after][1:], change, "-" if variational else ":", label=label, lw=1)
+        colour = colormaps["viridis"]((np.log10(r["step_s"]) + 5.2) / 4.6)
+        label = f"variational, step {r['step_s']:g} s" if variational else None
+        style = "-" if variational else ":"
+        axis.plot(t[after][1:], change, style, color=colour, label=label, lw=1)
+    axis.plot([], [], ":", color="0.4", label="energy-momentum, same steps")
     axis.set(yscale="log", ylim=(1e-15, 100), xlabel="time in s")
     axis.set_ylabel("relative change of the energy\nat $(q_n, p_n)$ since the pulse")
     legend(axis)
@@ -174,7 +179,7 @@ def _chart_mechanism(axis: Any, m: dict[str, Any]) -> None:
     axis.plot(m["times"], m["alternation"], color=PALETTE["indigo"], label=label)
     axis.plot(m["times"], m["h_omega_c"], "0.6", lw=0.8, label="$h \\omega_c$ (limit 2)")
     axis.axhline(2, color="0.6", ls=":", lw=0.8, zorder=1)
-    axis.set(yscale="log", ylim=(1e-8, 100), xlabel="time in s", ylabel="see the legend")
+    axis.set(yscale="log", ylim=(1e-8, 100), xlabel="time in s", ylabel="relative change, or rad")
     axis.set_title(f"variational, step {m['step']:g} s: how it fails")
     legend(axis)
 
