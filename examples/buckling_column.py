@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "buckling_column.png"
 LENGTH, EA, GA, EI = 1.0, 1e5, 4e4, (20.0, 25.0)  # m, N, N, N m^2
@@ -69,7 +68,7 @@ def main(
 
 def draw(result: dict[str, Any], path: str | Path) -> None:
     """Load against the tip's displacement, and square of the first frequency against the load."""
-    figure, (left, right) = panels(8.5, 3.8, 1, 2)
+    figure, (left, right) = sc.figures.panels(8.5, 3.8, 1, 2)
     loads, bent = result["straight_load"], result["bent_load"]
     left.plot(0 * loads, loads, ".-", label="straight")
     left.plot(result["side"], bent, ".-", label="bent")
@@ -79,8 +78,8 @@ def draw(result: dict[str, Any], path: str | Path) -> None:
     right.plot(bent, result["squares"]["bent"], ".-", label="bent")
     right.axhline(0, color="black", lw=0.8, zorder=1)
     right.set(xlabel="weight in N", ylabel="first omega squared in (rad/s)²")
-    legend(figure)
-    write_figure(figure, path)
+    sc.figures.legend(figure)
+    sc.figures.write_figure(figure, path)
 
 
 if __name__ == "__main__":

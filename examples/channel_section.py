@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "channel_section.png"
 STEEL = sc.Material(E=210e9, nu=0.3, rho=7850)
@@ -66,7 +65,7 @@ def main(
 
 def draw(profile: sc.Profile, result: dict[str, Any], path: str | Path) -> None:
     """The section with its two centres, and the twist against the place of the force."""
-    figure, (left, right) = panels(8.5, 3.6, 1, 2)
+    figure, (left, right) = sc.figures.panels(8.5, 3.6, 1, 2)
     outline = 1e3 * profile.outline
     left.fill(*outline.T, color="0.85", ec="0.3")
     for name, mark in (("centroid", "o"), ("shear_centre", "x")):
@@ -76,8 +75,8 @@ def draw(profile: sc.Profile, result: dict[str, Any], path: str | Path) -> None:
     right.plot(1e3 * result["arms"], np.degrees(result["theory"]), "k:", label="F e L/(G J)")
     right.plot(1e3 * result["arms"], np.degrees(result["twist"]), "o", label="computed")
     right.set(xlabel="place of the force along d1 in mm", ylabel="twist in degrees")
-    legend(right)
-    write_figure(figure, path)
+    sc.figures.legend(right)
+    sc.figures.write_figure(figure, path)
 
 
 if __name__ == "__main__":

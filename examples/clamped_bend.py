@@ -18,7 +18,6 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import legend, panels, styles, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "clamped_bend.png"
 LENGTH, EI = 1.0, 2.0  # m, N m^2
@@ -84,14 +83,14 @@ def main(
 
 def draw(path: sc.History, rod: sc.Beam, errors: dict[Any, float], file: str | Path) -> None:
     """The rod under a quarter, half, ... of the force, and the errors of its tip."""
-    figure, (left, right) = panels(9, 3.5, 1, 2)
+    figure, (left, right) = sc.figures.panels(9, 3.5, 1, 2)
     line = path.position(rod, np.linspace(0, LENGTH, 50))
     for k, factor in enumerate(path["load_factor"]):
         left.plot(*line[k, :, :2].T, label=f"{factor:.2f}")
     left.set(xlabel="x in m", ylabel="y in m", aspect="equal")
-    legend(left, "load factor")
+    sc.figures.legend(left, "load factor")
     orders = {f"order {p}": p for p in sorted({p for p, _ in errors})}
-    for name, style in styles(list(orders)).items():
+    for name, style in sc.figures.styles(list(orders)).items():
         order = orders[name]
         counts = [n for p, n in errors if p == order]
         own = [errors[order, n] for n in counts]
@@ -99,8 +98,8 @@ def draw(path: sc.History, rod: sc.Beam, errors: dict[Any, float], file: str | P
     right.set(xlabel="elements", ylabel="error of the tip in m")
     right.set_xticks(counts, counts)
     right.minorticks_off()
-    legend(right)
-    write_figure(figure, file)
+    sc.figures.legend(right)
+    sc.figures.write_figure(figure, file)
 
 
 if __name__ == "__main__":

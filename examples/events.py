@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "events.png"
 LENGTH, MASS, WEIGHT = 0.4, 0.5, 0.3  # m, kg, kg
@@ -88,7 +87,7 @@ def main(
 
 def draw(model: sc.Model, history: sc.History, path: str | Path) -> None:
     """The chain at the start, at each event and at the end; the path of the ball."""
-    figure, (axes,) = panels(8.5, 3.2)
+    figure, (axes,) = sc.figures.panels(8.5, 3.2)
     names = {0: "start", **{e.row: e.name for e in history.events}, len(history) - 1: "end"}
     ends = [model[f"bar {k}"].local((x, 0, 0)) for k in range(3) for x in (-0.2, 0.2)]
     chain = np.array([history.position(place) for place in ends])
@@ -99,8 +98,8 @@ def draw(model: sc.Model, history: sc.History, path: str | Path) -> None:
         (line,) = axes.plot(*chain[:, row, ::2].T, ".-", label=text)
         axes.plot(*ball[row, ::2], "o", ms=9, color=line.get_color())
     axes.set(xlabel="x in m", ylabel="z in m", aspect="equal")
-    legend(axes)
-    write_figure(figure, path)
+    sc.figures.legend(axes)
+    sc.figures.write_figure(figure, path)
 
 
 if __name__ == "__main__":

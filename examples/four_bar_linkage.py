@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "four_bar_linkage.png"
 #: the hinges in the reference (m): ground, crank to coupler, coupler to rocker, ground
@@ -80,14 +79,14 @@ def main(step: float = 5e-3, until: float = 2.0, out: str | Path | None = None) 
 
 def draw(history: sc.History, rocker: np.ndarray, moment: np.ndarray, path: str | Path) -> None:
     """Angles and the moment of the motor."""
-    figure, (upper, lower) = panels(8, 5, 2, 1, sharex=True)
+    figure, (upper, lower) = sc.figures.panels(8, 5, 2, 1, sharex=True)
     upper.plot(history.times, history["joint/pin 0/angle"], label="crank")
     upper.plot(history.times, rocker, label="rocker")
     upper.set(ylabel="angle in rad")
-    legend(upper)
+    sc.figures.legend(upper)
     lower.plot(history.times, moment)
     lower.set(xlabel="time in s", ylabel="moment of the motor in N m")
-    write_figure(figure, path)
+    sc.figures.write_figure(figure, path)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import PALETTE, legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "frame_from_gmsh.png"
 MESH = Path(__file__).resolve().parent.parent / "meshes" / "t_junction.msh"
@@ -72,8 +71,8 @@ def main(
 
 def draw(path: sc.History, frame: sc.Beam, result: dict[str, Any], file: str | Path) -> None:
     """The frame before and after, and force against displacement."""
-    figure, (left, right) = panels(9, 3.5, 1, 2)
-    for k, style in ((0, "0.7"), (-1, PALETTE["blue"])):
+    figure, (left, right) = sc.figures.panels(9, 3.5, 1, 2)
+    for k, style in ((0, "0.7"), (-1, sc.figures.PALETTE["blue"])):
         for part, length in (("flange", 2.0), ("web", 1.0)):
             line = path.position(frame, np.linspace(0, length, 60), part=part)
             left.plot(*line[k, :, :2].T, color=style, lw=2)
@@ -81,8 +80,8 @@ def draw(path: sc.History, frame: sc.Beam, result: dict[str, Any], file: str | P
     right.plot(result["displacement"], result["force"], "o-", ms=4, label="equilibria")
     right.plot(result["linear"], result["force"], "k:", label="linear theory")
     right.set(xlabel="displacement of the end in m", ylabel="force in N")
-    legend(right)
-    write_figure(figure, file)
+    sc.figures.legend(right)
+    sc.figures.write_figure(figure, file)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "hanging_cable.png"
 SPAN, LENGTH, EA = 1.0, 1.3, 1e6  # m, m, N
@@ -88,19 +87,19 @@ def main(pieces: int = 20, wind: float = 5.0, out: str | Path | None = None) -> 
 
 def draw(result: dict[str, Any], path: str | Path) -> None:
     """The rope from the side, with the catenary, and along the line through the hooks."""
-    figure, (left, right) = panels(9, 3.4, 1, 2)
+    figure, (left, right) = sc.figures.panels(9, 3.4, 1, 2)
     a = result["catenary_horizontal"] * LENGTH / (MASS * GRAVITY)
     x = np.linspace(0, SPAN, 100)
     z = a * np.cosh((x - SPAN / 2) / a)
     left.plot(x, z - z[0], "k", lw=1, label="catenary")
     left.plot(*result["line"][0, :, ::2].T, "o", ms=5, label="rope")
     left.set(xlabel="x in m", ylabel="z in m", aspect="equal")
-    legend(left)
+    sc.figures.legend(left)
     for k in (0, len(result["wind"]) // 2, -1):
         right.plot(*result["line"][k, :, 1:].T, ".-", label=f"{result['wind'][k]:g} N/kg")
     right.set(xlabel="y in m", ylabel="z in m", xlim=(-0.1, 0.5), ylim=(-0.4, 0.03), aspect="equal")
-    legend(right, "wind")
-    write_figure(figure, path)
+    sc.figures.legend(right, "wind")
+    sc.figures.write_figure(figure, path)
 
 
 if __name__ == "__main__":

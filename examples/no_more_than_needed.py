@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "no_more_than_needed.png"
 STEEL = sc.Material(E=210e9, nu=0.3, rho=7850)
@@ -82,14 +81,14 @@ def main(
 
 def draw(rows: list[dict[str, Any]], step: float, path: str | Path) -> None:
     """Differences from the full model in space over time."""
-    figure, (axes,) = panels(8.5, 4)
+    figure, (axes,) = sc.figures.panels(8.5, 4)
     for row in rows[2::2]:
         difference = np.linalg.norm(row["ball"] - rows[0]["ball"], axis=1)
         times = step * np.arange(len(difference))
         axes.semilogy(times[1:], 1e3 * difference[1:], label=row["theory"])
     axes.set(xlabel="time in s", ylabel="ball: difference from all strains in mm")
-    legend(axes)
-    write_figure(figure, path)
+    sc.figures.legend(axes)
+    sc.figures.write_figure(figure, path)
 
 
 if __name__ == "__main__":

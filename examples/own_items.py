@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "own_items.png"
 MASS, DRAG, SLOPE, GRAVITY = 0.2, 0.02, np.radians(30), 9.81  # kg, kg/m, rad, m/s^2
@@ -104,12 +103,12 @@ def main(step: float = 2e-2, until: float = 4.0, out: str | Path | None = None) 
         "off_plane": float(abs(history.position(ball.place()) @ normal).max()),
     }
     if out is not None:
-        figure, (axes,) = panels(8, 3.5)
+        figure, (axes,) = sc.figures.panels(8, 3.5)
         axes.set(xlabel="time in s", ylabel="speed in m/s")
         axes.plot(times, speed, label="computed")
         axes.plot(times[::10], result["theory"][::10], "ko", mfc="none", label="closed form")
-        legend(axes)
-        write_figure(figure, out)
+        sc.figures.legend(axes)
+        sc.figures.write_figure(figure, out)
     return result
 
 

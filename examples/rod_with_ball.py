@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "rod_with_ball.png"
 
@@ -32,14 +31,14 @@ def main(elements=16, step=2e-3, until=0.5, modulus=5e6, out=None, paraview=None
     if paraview is not None:
         sc.write_paraview(history, paraview, every=5)
     if out is not None:
-        figure, (axes,) = panels(7.5, 5.5)
+        figure, (axes,) = sc.figures.panels(7.5, 5.5)
         axes.set(xlabel="x in m", ylabel="y in m", aspect="equal")
         for k in np.linspace(0, len(history) - 1, 6).astype(int):
             (rod_then,) = axes.plot(*line[k, :, :2].T, lw=2, label=f"{history.times[k]:.1f} s")
             axes.plot(*line[k, -1, :2], "o", color=rod_then.get_color(), ms=10)
         axes.plot(*line[:, -1, :2].T, "k:", lw=1)
-        legend(axes)
-        write_figure(figure, out)
+        sc.figures.legend(axes)
+        sc.figures.write_figure(figure, out)
     return {
         "times": history.times,
         "height": line[:, -1, 1],

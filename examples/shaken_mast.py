@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "shaken_mast.png"
 HEIGHT, SHAKEN = 4.0, 2.0  # m, s
@@ -85,16 +84,16 @@ def main(step: float = 1e-2, until: float = 16.0, out: str | Path | None = None)
 
 def draw(result: dict[str, Any], path: str | Path) -> None:
     """The motion of the top against the ground, and the spectrum of its free vibration."""
-    figure, (upper, lower) = panels(8.5, 5, 2, 1)
+    figure, (upper, lower) = sc.figures.panels(8.5, 5, 2, 1)
     upper.plot(result["times"], 1e3 * result["top"], lw=1)
     upper.axvspan(0, SHAKEN, color="0.9", label="the ground shakes")
     upper.set(xlabel="time in s", ylabel="top against ground in mm")
     lower.semilogy(result["spectrum"].frequencies, 1e3 * result["spectrum"].amplitudes)
     lower.axvline(result["frequency"], color="k", ls=":", label="first frequency by modes")
     lower.set(xlabel="frequency in Hz", ylabel="amplitude in mm", xlim=(0, 10), ylim=(1e-6, 10))
-    legend(upper)
-    legend(lower)
-    write_figure(figure, path)
+    sc.figures.legend(upper)
+    sc.figures.legend(lower)
+    sc.figures.write_figure(figure, path)
 
 
 if __name__ == "__main__":

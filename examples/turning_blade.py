@@ -20,7 +20,6 @@ import numpy as np
 from scipy.linalg import eigh
 
 import skfem_cosserat as sc
-from skfem_cosserat.figures import PALETTE, legend, panels, write_figure
 
 PICTURE = Path(__file__).with_name("pictures") / "turning_blade.png"
 LENGTH, EI, MASS = 1.0, 20.0, 0.8  # m, N m^2, kg/m
@@ -85,15 +84,15 @@ def main(
 
 def draw(result: dict[str, Any], path: str | Path) -> None:
     """Southwell's diagram."""
-    figure, (axes,) = panels(8.5, 4.5)
-    colours = list(PALETTE.values())
+    figure, (axes,) = sc.figures.panels(8.5, 4.5)
+    colours = list(sc.figures.PALETTE.values())
     for name, style in (("flap", "-"), ("lag", "--")):
         for k, omega in enumerate(result[name].T):
             axes.plot(result["speeds"], omega, style, color=colours[k], label=f"{name} {k + 1}")
     axes.plot(result["speeds"], result["ritz"], "ko", mfc="none", label=["Ritz", None])
     axes.set(xlabel="speed of the rotor, dimensionless", ylabel="angular frequency, dimensionless")
-    legend(axes)
-    write_figure(figure, path)
+    sc.figures.legend(axes)
+    sc.figures.write_figure(figure, path)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from . import (
     diagnostics as diagnostics,
     errors as errors,
     export as export,
+    figures as figures,
     history as history,
     mesh as mesh,
     plot as plot,

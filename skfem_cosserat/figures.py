@@ -24,9 +24,6 @@ from .errors import InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["DASHES", "MISSING", "PAGE", "PALETTE", "Style", "chart_style", "check_folder"]
-__all__ += ["legend", "new_figure", "number", "panels", "styles", "tell", "write_figure"]
-
 MISSING = "is needed here: pip install skfem-cosserat[view]"
 #: width (inches) of a picture that a page shows in full: its letters are as large as the page's
 PAGE = 9.0
@@ -301,7 +298,7 @@ def _number_ticks(axis: Any, room: float) -> None:
     chosen = next(
         (k for k in fitting if counts[k] >= (4 if k == 0 else 3)), max(fitting, default=0)
     )
-    powers = low < 1e-3 or high > 2e4
+    powers = low < 8e-4 or high > 2e4
     if counts[chosen] < 2:
         axis.set_major_locator(MaxNLocator(min(5, max(2, int(room))), steps=[1, 2, 5, 10]))
         powers = False

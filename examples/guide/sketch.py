@@ -2,7 +2,7 @@
 
 Points are (right, up), or (towards the viewer, right, up) in drawings in space. A picture shows
 3 units across and 2 units up, the origin in its middle. The ground is grey, beams are blue, bodies
-orange, axes and free motions red, loads green, and what is measured violet.
+golden, axes and free motions red, loads green, and what is measured magenta.
 """
 
 from __future__ import annotations

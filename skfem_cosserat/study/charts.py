@@ -19,19 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-__all__ = [
-    "COSTS",
-    "STATUSES",
-    "Line",
-    "Lines",
-    "chart_errors",
-    "convergence_chart",
-    "draw_candidates",
-    "draw_errors",
-    "precision_chart",
-    "stability_chart",
-]
-
 Row = Mapping[str, Any]
 #: where crosses of what failed stand, as a part of the height
 FOOT, TOP = 0.04, 0.97
