@@ -73,8 +73,8 @@ NAMED = {
     **_family("brown", 9, "explicit", "asynchronous"),
     **_family("blue", 0, "skfem-cosserat"),
     **_family("ink", 10, "exudyn", "pyelastica", "mujoco"),
-    **_family("blue", 0, "full", "Reissner"),
-    **_family("red", 1, "unshearable", "Kirchhoff"),
+    **_family("blue", 0, "full", "reissner"),
+    **_family("red", 1, "unshearable", "kirchhoff"),
     **_family("green", 2, "inextensible"),
     **_family("brown", 3, "rigid"),
 }
@@ -103,17 +103,19 @@ def styles(names: Iterable[str] | Mapping[str, str]) -> dict[str, Style]:
     True
     """
     families = dict(names) if isinstance(names, Mapping) else {name: name for name in names}
-    found = {name: NAMED[name] for name in families if name in NAMED}
+    found = {name: NAMED[name.lower()] for name in families if name.lower() in NAMED}
     colours = {families[name]: style.color for name, style in found.items()}
     known = sorted(NAMED, key=len, reverse=True)
     for name, family in families.items():
         if name in found:
             continue
-        plain = name.lower()
         starts = (
-            f"{plain} ".startswith(tuple(f"{each.lower()}{end}" for end in " ,-")) for each in known
+            f"{name.lower()} ".startswith(tuple(f"{each}{end}" for end in " ,-")) for each in known
         )
         root = next((each for each, fits in zip(known, starts, strict=True) if fits), None)
+        if root is not None and NAMED[root] not in found.values():
+            found[name] = NAMED[root]
+            continue
         if root is not None:
             colour = NAMED[root].color
         elif family in colours:

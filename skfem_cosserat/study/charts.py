@@ -167,6 +167,7 @@ def _slope(axis: Any, found: Convergence, shown: Array, color: str) -> None:
 #: columns of a table by what is counted as cost, and the name of the axis
 COSTS = {
     "seconds": ("cost_s", "time in s"),
+    "CPU seconds": ("cost_s", "CPU time in s"),
     "iterations": ("newton_iterations", "iterations"),
     "factorisations": ("factorisations", "factorisations of the matrix"),
     "unknowns": ("unknowns", "unknowns"),
@@ -219,7 +220,7 @@ def precision_chart(
     units : str or mapping, optional
         Of the errors, by quantity; empty: they are relative.
     most : int
-        So many lines, fronts among them; the other setups are grey dots.
+        So many lines, fronts among them, but no fewer than groups; the other setups are grey dots.
 
     Raises
     ------
@@ -241,7 +242,7 @@ def precision_chart(
         _fronts(axis, lines, name, column)
         for line in (*chosen, *(each for each in lines.families if each not in drawn)):
             _points(axis, rows, lines, name, line, column, drawn.get(line))
-        if cost == "seconds":
+        if column == "cost_s":
             _failures(axis, rows, lines, drawn)
         own = reference_errors[name]
         if isfinite(own) and own > 0:
@@ -253,7 +254,7 @@ def precision_chart(
 
 
 def _chosen(lines: Lines, column: str, most: int) -> list[str]:
-    """The lines that are nearest to what is cheapest, in their order."""
+    """The best line of each group, and others nearest to what is cheapest, in their order."""
     room = max(1, most - max(len(_several(lines, name)) for name in lines.fronts))
     distance = {}
     for line in lines.families:
@@ -264,7 +265,13 @@ def _chosen(lines: Lines, column: str, most: int) -> list[str]:
                 reach = [r[column] for r in every if r[f"error_{name}"] <= row[f"error_{name}"]]
                 ratios.append(log(row[column] / min(reach)))
         distance[line] = (min(ratios), np.mean(ratios)) if ratios else (np.inf, np.inf)
-    best = sorted(distance, key=lambda line: distance[line])[:room]
+    near = sorted(distance, key=lambda line: distance[line])
+    groups: dict[str, str] = {}
+    for line in near:  # no group is without its best line
+        rows = [row for own in lines.own.values() for row in own[line]]
+        if rows:
+            groups.setdefault(rows[0]["group"], line)
+    best = list(dict.fromkeys((*groups.values(), *near)))[: max(room, len(groups))]
     return [line for line in lines.families if line in best]
 
 
@@ -574,7 +581,7 @@ def draw_errors(
 
 def draw_candidates(axis: Any, rows: Sequence[Row]) -> None:
     """The candidates of an advice on axes of matplotlib, the proposal marked, without a legend."""
-    axis.set(xscale="log", yscale="log", xlabel="time in s", ylabel="error / tolerance")
+    axis.set(xscale="log", yscale="log", xlabel="CPU time in s", ylabel="error / tolerance")
     axis.axhline(1.0, color="black", linewidth=0.8, zorder=1)
     done = [row for row in rows if row["status"] == "ok" and row["error"] > 0]
     for kind, style in styles(sorted({row["theories"] for row in done})).items():

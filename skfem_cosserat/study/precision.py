@@ -234,13 +234,14 @@ class PrecisionTable(Report):
             kind has its own. Integrators have the same in all charts,
             see :func:`~skfem_cosserat.figures.styles`.
         cost : str
-            ``"seconds"``, ``"iterations"``, ``"factorisations"`` or ``"unknowns"``; what does not
-            tell it is not on the chart.
+            ``"seconds"``, ``"CPU seconds"`` (where results tell such a ``cost_s``),
+            ``"iterations"``, ``"factorisations"`` or ``"unknowns"``; what does not tell it is not on
+            the chart.
         units : str or mapping, optional
             Of the errors, by quantity, for the names of the axes; empty: they are relative.
         most : int
-            Draw so many lines at most, those that are nearest to the fronts; all other setups are
-            grey dots.
+            Draw so many lines at most, the best one of each group and those that are nearest to the
+            fronts; all other setups are grey dots.
 
         Raises
         ------

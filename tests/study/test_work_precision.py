@@ -329,13 +329,18 @@ def test_charts_of_other_costs_and_of_a_stored_table(table, tmp_path):
     lines = {line.get_label(): line.get_xdata() for line in axis.lines}
     assert lines["implicit"].tolist() == [round(1 / step) for step in STEPS]
     assert "explicit" not in lines and "failed" not in lines
+    figure = table.chart(cost="CPU seconds")
+    assert figure.axes[0].get_xlabel() == "CPU time in s"
     assert table.chart(units="").axes[0].get_ylabel() == "relative error of x"
     with pytest.raises(InputError, match="argument cost: 'money', unknown"):
         table.chart(cost="money")
-    labels = table.chart(kind=lambda row: row["label"], most=3).axes[0]
+    labels = table.chart(kind=lambda row: row["label"], most=4).axes[0]
     drawn = labels.get_legend_handles_labels()[1]
-    assert len([label for label in drawn if label not in ("others", "failed")]) <= 3
+    assert len([label for label in drawn if label not in ("others", "failed")]) <= 4
     assert "others" in drawn
+    two = table.chart(kind=lambda row: row["label"], most=1).axes[0]
+    kept = [label for label in two.get_legend_handles_labels()[1] if "step" in label]
+    assert [label.split(",")[0] for label in kept] == ["Euler", "midpoint"]  # one of each group
     again = type(table).read(table.csv(tmp_path / "table.csv"))
     assert again.reference_errors == pytest.approx(table.reference_errors, nan_ok=True)
     assert str(again) == str(table)
