@@ -220,7 +220,7 @@ def precision_chart(
     units : str or mapping, optional
         Of the errors, by quantity; empty: they are relative.
     most : int
-        So many lines, fronts among them, but no fewer than groups; the other setups are grey dots.
+        So many lines, fronts among them, but one of each group; other setups are grey dots.
 
     Raises
     ------

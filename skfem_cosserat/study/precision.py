@@ -235,8 +235,8 @@ class PrecisionTable(Report):
             see :func:`~skfem_cosserat.figures.styles`.
         cost : str
             ``"seconds"``, ``"CPU seconds"`` (where results tell such a ``cost_s``),
-            ``"iterations"``, ``"factorisations"`` or ``"unknowns"``; what does not tell it is not on
-            the chart.
+            ``"iterations"``, ``"factorisations"`` or ``"unknowns"``; what does not tell it is not
+            on the chart.
         units : str or mapping, optional
             Of the errors, by quantity, for the names of the axes; empty: they are relative.
         most : int
