@@ -28,12 +28,13 @@ _ENERGIES = {
     "energy_midpoint": "total (midpoint)",
     "energy_balance": "balance",
 }
-#: by the last part of a series' name, and what is in J
+#: by the last part of a series' name
 _UNITS = {
-    **dict.fromkeys((*_ENERGIES, "work", "dissipated"), "J"),
+    **dict.fromkeys((*_ENERGIES, "dissipated"), "J"),
+    **dict.fromkeys(("work_loads", "work_actuators", "work_drives"), "J"),
     **{"angle": "rad", "displacement": "m", "angle_rate": "rad/s", "displacement_rate": "m/s"},
-    **{"force": "N", "moment": "N m", "position": "m", "velocity": "m/s", "length": "m"},
-    **{"momentum": "kg m/s", "angular_momentum": "kg m²/s", "angular_velocity": "rad/s"},
+    **{"force": "N", "moment": "N m", "position": "m", "coordinate": "m"},
+    **{"linear_momentum": "kg m/s", "angular_momentum": "kg m²/s"},
 }
 #: what is drawn unless names are given: of springs if there are some
 _USUAL = ("kinetic", "strain_energy", "coupling_energy", "energy", "energy_midpoint")
@@ -178,13 +179,13 @@ def plot_series(
 
 
 def _with_unit(history: History, name: str) -> str:
-    """The name of a series with its unit, where it is known: a sensor tells its own."""
-    kind, _, sensor = name.partition("/")
-    if kind == "sensor":
-        unit = str(history.meta.get("sensors", {}).get(sensor, {}).get("unit", ""))
-    else:
-        unit = _UNITS.get(name.rpartition("/")[2], "")
-    return f"{name} in {unit}" if unit else name
+    """The name of a series with its unit, where it is known."""
+    item, _, what = name.rpartition("/")
+    couplings = history.meta.get("couplings", ())
+    between = {f"coupling/{c['name']}" for c in couplings if c["type"] in ("spring", "cable")}
+    if item.startswith("coupling/") and item not in between:
+        return name  # on a coordinate of a joint, or several of them: it may be a moment
+    return f"{name} in {_UNITS[what]}" if what in _UNITS else name
 
 
 def _path_of(history: History, what: str) -> Floats:

@@ -51,6 +51,22 @@ def test_a_perfect_run_with_gravity_and_a_spring(tmp_path):
     assert only.get_ylabel() == lower.get_ylabel() and abs(drawn).max() < 1e-10
 
 
+def test_series_have_units_where_they_are_known():
+    """Of a spring between two points N, of one on a joint's angle not: it is a moment."""
+    model = sc.Model()
+    rod = model.add("rod", sc.RigidBody.rod(1.0, 1.0, triad=sc.triad((1.0, 0, 0))))
+    pin = model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), rod.at((0, 0, 0)), (0, 1, 0)))
+    model.add("on", sc.JointSpringDamper(pin, 1.0))
+    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 1)), rod.at((0.5, 0, 0)), 1.0))
+    history = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.05)
+    names = ["joint/pin/angle", "coupling/spring/force", "coupling/on/force", "energy_balance"]
+    labels = [axis.get_ylabel() for axis in plot_series(history, names).axes]
+    assert labels == [
+        *(f"{n} in {u}" for n, u in zip(names, ("rad", "N"), strict=False)),
+        *(names[2], "energy_balance in J"),
+    ]
+
+
 def test_energy_with_gaps_and_without_total(make_scene):
     history = make_scene().history(5)
     history.add_series("energy_midpoint", np.array([np.nan, 2.0, 2.0, 2.0, 3.0]))

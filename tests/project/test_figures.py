@@ -19,7 +19,8 @@ from skfem_cosserat.figures import (
     tell,
     write_figure,
 )
-from skfem_cosserat.study.charts import OTHERS, STATUSES
+from skfem_cosserat.study import PrecisionTable
+from skfem_cosserat.study.charts import OTHERS, STATUSES, chart_errors
 
 pytest.importorskip("matplotlib")
 APART = 8.0
@@ -111,6 +112,29 @@ def test_legends_are_beside_the_axes(below, whole):
     box = shown.get_window_extent()
     for axis in axes:
         assert not box.overlaps(axis.get_window_extent())
+
+
+def test_lines_that_are_no_results_lie_behind():
+    """Fronts of codes, limits and tolerances never hide what was measured."""
+    rows = [
+        {
+            "cost_s": cost,
+            "error_x": 1 / cost,
+            "group": "ours",
+            "series": name,
+            "label": f"{name}{cost}",
+        }
+        | {"status": "ok", "reason": "", "spent_s": cost}
+        for name, factor in (("a", 1), ("b", 3))
+        for cost in (factor, 2 * factor, 4 * factor)
+    ]
+    axis = PrecisionTable(rows, {"x": 0.01}, {}).chart().axes[0]
+    order = {line.get_label(): line.get_zorder() for line in axis.lines}
+    assert order["front, ours"] < min(order["a"], order["b"])
+    axis = chart_errors({"uniform": ([1, 2], [1.0, 0.5])}, 0.7, unit="m").axes[0]
+    measured, limit = axis.lines
+    assert limit.get_zorder() < measured.get_zorder()
+    assert axis.get_ylabel() == "error in m" and axis.get_xlabel() == "unknowns"
 
 
 def test_a_page_tells_each_mark_and_needs_no_network(tmp_path):
