@@ -26,6 +26,11 @@ PICTURES = Path(__file__).with_name("pictures")
 #: meshes of the bend by order: coarse enough to stay above rounding
 MESHES = {1: (16, 32, 64, 128), 2: (8, 16, 32, 64), 3: (4, 8, 12, 16), 4: (6, 8, 12, 16)}
 STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
+TITLES = {
+    "bend": "45-degree bend",
+    "swing_sudden": "swing, gravity at once",
+    "swing_growing": "swing, gravity that grows",
+}
 UNITS = {"tip": "m", "energy": "J", "ball": "m", "strain energy": "J"}
 #: (s): gravity grows as long, the rod falls as long
 GROWS, UNTIL = 0.1, 0.2
@@ -108,7 +113,7 @@ def main(
     if out is not None:
         for name, study in found.items():
             study.csv(Path(out) / f"refinement_{name}.csv")
-            study.chart(Path(out) / f"refinement_{name}.png", UNITS)
+            study.chart(Path(out) / f"refinement_{name}.png", UNITS, TITLES[name])
     return found
 
 

@@ -204,6 +204,7 @@ class Refinement(Report):
         self,
         path: str | os.PathLike[str] | None = None,
         units: str | Mapping[str, str] | None = None,
+        title: str | None = None,
     ) -> Figure:
         """Errors over sizes, both logarithmic, with a slope where the order is trusted.
 
@@ -215,6 +216,8 @@ class Refinement(Report):
             Write it here (``.png``, ``.svg``, ``.pdf``, ``.html``).
         units : str or mapping, optional
             Of the errors, by quantity, for the names of the axes; empty: they are relative.
+        title : str, optional
+            Default: the name of the problem.
 
         Raises
         ------
@@ -232,7 +235,7 @@ class Refinement(Report):
             for name, key in self._names(series).items():
                 line = Line(series.label, series.kind, self.orders[key], np.array(solved))
                 panels.setdefault(name, []).append(line)
-        return convergence_chart(panels, self.title, path, units)
+        return convergence_chart(panels, self.title if title is None else title, path, units)
 
     def paraview(
         self, folder: str | os.PathLike[str], every: int = 1, fps: float | None = None

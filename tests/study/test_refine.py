@@ -579,7 +579,9 @@ def test_meshes_and_progress():
 def test_chart(tmp_path):
     pytest.importorskip("matplotlib")
     study = refine(problems.fails_at_16, elements=(4, 8, 16, 32, 64))
-    axis = study.chart(tmp_path / "study.png").axes[0]
+    figure = study.chart(tmp_path / "study.png", units={"value": "m"}, title="a bend")
+    axis = figure.axes[0]
+    assert axis.get_ylabel() == "error of value in m" and figure.get_suptitle() == "a bend"
     assert (tmp_path / "study.png").read_bytes()[:4] == b"\x89PNG"
     errors, crosses, triangle = axis.get_lines()
     np.testing.assert_array_equal(errors.get_xdata(), 1 / np.array([4, 8, 32, 64]))
