@@ -28,8 +28,8 @@ MESHES = {1: (16, 32, 64, 128), 2: (8, 16, 32, 64), 3: (4, 8, 12, 16), 4: (6, 8,
 STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
 TITLES = {
     "bend": "45-degree bend",
-    "swing_sudden": "swing, gravity at once",
-    "swing_growing": "swing, gravity that grows",
+    "swing_sudden": "sudden gravity",
+    "swing_growing": "slow gravity",
 }
 UNITS = {"tip": "m", "energy": "J", "ball": "m", "strain energy": "J"}
 #: (s): gravity grows as long, the rod falls as long
