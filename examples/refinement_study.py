@@ -26,11 +26,7 @@ PICTURES = Path(__file__).with_name("pictures")
 #: meshes of the bend by order: coarse enough to stay above rounding
 MESHES = {1: (16, 32, 64, 128), 2: (8, 16, 32, 64), 3: (4, 8, 12, 16), 4: (6, 8, 12, 16)}
 STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
-TITLES = {
-    "bend": "45-degree bend",
-    "swing_sudden": "sudden gravity",
-    "swing_growing": "slow gravity",
-}
+TITLES = {"bend": "45° bend", "swing_sudden": "sudden gravity", "swing_growing": "slow gravity"}
 UNITS = {"tip": "m", "energy": "J", "ball": "m", "strain energy": "J"}
 #: (s): gravity grows as long, the rod falls as long
 GROWS, UNTIL = 0.1, 0.2
