@@ -12,9 +12,8 @@ beam; and ``h omega_c = 2``, with the frequency of the constraint force of compr
 paper/failure_mechanism.py), the largest one over the motion with energy-momentum: to the right of
 it rotations that alternate from step to step grow in the variational scheme.
 
-Integrators with compiled kernels have all steps, the others those down to 1e-3 s; the explicit one,
-with nodal masses and multipliers, is run above its limit on purpose. (The asynchronous one divides
-its steps for each element until they are below the limit: it has no map.)
+The explicit integrator, with nodal masses and multipliers, is run above its limit on purpose. (The
+asynchronous one divides its steps for each element until they are below the limit: it has no map.)
 
 Run ``python examples/benchmarks/stability_chart.py --help`` for the choices.
 """
@@ -33,27 +32,22 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import measuring  # before numpy: one thread
 import numpy as np
-from measuring import EXPLICIT, INTEGRATORS, METHODS
+from measuring import EXPLICIT, METHODS
 
 import skfem_cosserat as sc
 from paper import three_bar_swing as swing
 from skfem_cosserat import diagnostics
-from skfem_cosserat.integrators.choice import choose_kernels
-from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, Map, TimedOut
+from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, Map, TimedOut, stability_map
 
 STEPS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
-#: of integrators without compiled kernels: a cell of 1e-5 s would take them minutes
-SHORT = 1e-3
 FACTORS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)
 QUICK = {"steps": (3e-2, 1e-2), "factors": (1e-3, 1.0)}
 UNTIL = {True: 0.7, False: 1.0}
 PULSE_END = swing.PULSE["stiff"][1]
-#: longest time of a cell (s): steps of 1e-5 s take some ten on an idle machine
+#: longest time of a cell (s)
 PATIENCE = 300.0
 #: states that are recorded, and looked at for the energy
 LOOKS = 2000
-#: steps that are worth compiling for: there are many cells
-MANY = 10**7
 #: step of the motion from which theory's line comes (s), if quick and else, and how many of its
 #: states are looked at
 FINE, SAMPLES = {True: 5e-3, False: 1e-3}, 200
@@ -64,7 +58,6 @@ COLUMNS = (
 )
 
 
-COMPILED = (*INTEGRATORS, "variational of order 4", "energy-momentum of order 4")
 ALL = {
     **{name: make for name, make in METHODS.items() if name not in EXPLICIT},
     "explicit": partial(sc.Explicit, checked=False),
@@ -90,21 +83,20 @@ def cell(
     until: float,
     kernels: str,
 ) -> sc.History:
-    """One run with the null space (explicit: multipliers); it ends soon after a blow-up."""
+    """One run with the null space (explicit: multipliers); it ends where a step fails."""
     explicit = integrator in EXPLICIT
-    treatment = sc.Multipliers() if explicit else sc.NullSpace()
-    scene, scheme = system(factor, explicit), (methods[integrator](), treatment)
+    scene = system(factor, explicit)
     try:
         history = sc.simulate(
             scene,
-            *scheme,
+            methods[integrator](),
+            sc.Multipliers() if explicit else sc.NullSpace(),
             step,
             whole_steps(until, step),
             every=max(1, round(until / step / LOOKS)),
-            callbacks=[swing._EnergyGuard(scene, PULSE_END)],
             settings=FULL_PROTOCOL,
             derive=False,
-            kernels=kernels if explicit else choose_kernels(kernels, scene, *scheme, MANY).name,
+            kernels="auto" if explicit else kernels,
         )
     except (sc.Diverged, TimedOut) as error:
         if error.history is not None:
@@ -116,29 +108,6 @@ def cell(
 
 def _add_energy(scene: sc.System, history: sc.History) -> None:
     history.add_series("energy", swing._energy(scene, history["q"], history["p"]))
-
-
-def mapped(
-    methods: Mapping[str, Callable[[], Any]],
-    axes: Mapping[str, Sequence[Any]],
-    run: Callable[..., sc.History],
-    resume: str | Path | None,
-    timeout_s: float,
-) -> Map:
-    """The map; what is not run because it would take too long stays empty."""
-
-    def part(names: Sequence[str], steps: Sequence[float]) -> Map | None:
-        if not (names and steps):
-            return None
-        own = {**axes, "integrator": list(names), "step": list(steps)}
-        judge = JudgeEnergy(energy, since=PULSE_END)
-        return sc.stability_map(run, own, judge, resume=resume, timeout_s=timeout_s)
-
-    fast = [name for name in methods if name in (*COMPILED, *EXPLICIT)]
-    long = [step for step in axes["step"] if step >= SHORT]
-    parts = [part(fast, axes["step"]), part([n for n in methods if n not in fast], long)]
-    found = [each for each in parts if each is not None]
-    return found[0] if len(found) == 1 and found[0].axes == axes else Map.joined(axes, found)
 
 
 def energy(history: sc.History) -> Any:
@@ -201,7 +170,7 @@ def main(
     Parameters
     ----------
     quick : bool
-        Two steps, two factors, plain kernels, until event X only.
+        Two steps, two factors, plain kernels, until event X only; else on all processors.
     steps, factors : sequence of float, optional
         Others.
     integrators : mapping, optional
@@ -209,7 +178,7 @@ def main(
     until : float, optional
         End (s).
     kernels : str, optional
-        Default: "numpy" if quick, else "auto".
+        Default: "numpy" if quick, else "numba"; of the explicit one always "auto".
     out : path, optional
         Folder for stability_chart.csv and, where matplotlib is there, stability_chart.png.
     resume : path, optional
@@ -225,12 +194,14 @@ def main(
     """
     methods = dict(ALL if integrators is None else integrators)
     end = UNTIL[quick] if until is None else until
-    kind = ("numpy" if quick else "auto") if kernels is None else kernels
+    kind = ("numpy" if quick else "numba") if kernels is None else kernels
     sizes = steps or (QUICK["steps"] if quick else STEPS)
     scales = factors or (QUICK["factors"] if quick else FACTORS)
     axes = {"integrator": list(methods), "factor": sorted(scales), "step": sorted(sizes)}
     run = partial(cell, methods=ALL | methods, until=end, kernels=kind)
-    found = mapped(methods, axes, run, resume, timeout_s)
+    workers = None if quick else sc.Processes()
+    judge = JudgeEnergy(energy, since=PULSE_END)
+    found = stability_map(run, axes, judge, workers, resume, timeout_s=timeout_s)
     lines, frequencies = limits(axes["factor"], FINE[quick], end, kind)
     result = {"map": found, "rows": found.rows, "limits": frequencies, **measuring.environment()}
     if out is not None:

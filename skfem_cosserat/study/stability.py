@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from inspect import Parameter, signature
 from itertools import product
@@ -62,38 +62,6 @@ class Map(Report):
     axes: dict[str, list[Any]]
     cells: Array
     seconds: Floats
-
-    @classmethod
-    def joined(cls, axes: Mapping[str, Iterable[Any]], parts: Sequence[Map]) -> Map:
-        """One map from several of the same problem; cells that none of them has are ``not run``.
-
-        Parameters
-        ----------
-        axes : mapping
-            Of the whole.
-        parts : sequence of Map
-            With the same parameters.
-
-        Raises
-        ------
-        InputError
-            If there are no parts, or one has other parameters.
-        """
-        whole = {name: list(values) for name, values in axes.items()}
-        if not parts or any(list(each.axes) != list(whole) for each in parts):
-            names = ", ".join(whole)
-            raise InputError("argument parts", f"{list(parts)!r}, expected maps over {names}")
-        known: dict[tuple[Any, ...], tuple[Verdict, float]] = {}
-        for each in parts:
-            cells = zip(each.cells.flat, each.seconds.flat, strict=True)
-            known |= dict(zip(product(*each.axes.values()), cells, strict=True))
-        none = Verdict("not run"), float("nan")
-        found = [known.get(choice, none) for choice in product(*whole.values())]
-        shape = tuple(len(values) for values in whole.values())
-        verdicts = np.empty(len(found), dtype=object)
-        verdicts[:] = [verdict for verdict, _ in found]
-        seconds = np.array([spent for _, spent in found])
-        return cls(parts[0].title, whole, verdicts.reshape(shape), seconds.reshape(shape))
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Map:

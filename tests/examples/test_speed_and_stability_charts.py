@@ -287,22 +287,6 @@ def test_stability_of_the_stiff_swing_with_all_integrators(tmp_path):
             assert "a smaller rho_inf" in cells[0].reason
 
 
-def test_cells_that_would_take_too_long_stay_empty(monkeypatch):
-    """Integrators without compiled kernels have no steps below 1e-3 s."""
-    axes = {"integrator": ["variational", "generalized-alpha 0"], "factor": [1.0]}
-    axes["step"] = [1e-4, 1e-3]
-    asked = []
-
-    def run(integrator, factor, step):
-        asked.append((integrator, step))
-        raise TimeoutError
-
-    methods = {name: stability.ALL[name] for name in axes["integrator"]}
-    found = stability.mapped(methods, axes, run, None, 1.0)
-    assert found.status[:, 0].tolist() == [["timeout"] * 2, ["not run", "timeout"]]
-    assert ("generalized-alpha 0", 1e-4) not in asked and len(asked) == 3
-
-
 def test_a_failure_before_event_x_is_missed():
     row = {"integrator": "energy-momentum", "factor": 1.0, "step": 5e-3}
     failed = {**row, "status": "newton", "time_s": 0.4}
