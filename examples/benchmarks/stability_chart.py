@@ -51,7 +51,8 @@ LOOKS = 2000
 #: step of the motion from which theory's line comes (s), if quick and else, and how many of its
 #: states are looked at
 FINE, SAMPLES = {True: 5e-3, False: 1e-3}, 200
-TITLE = "three-bar swing: stiffness of the strip against the step in s"
+TITLE = "Three-bar swing: where the integrators fail"
+LABELS = {"factor": "stiffness of the strip, as a multiple", "step": "step in s"}
 COLUMNS = (
     *("integrator", "factor", "step", "status", "time_s", "energy_error", "newton_residual"),
     *("seconds", "kernels"),
@@ -209,7 +210,7 @@ def main(
         folder.mkdir(parents=True, exist_ok=True)
         found.csv(folder / "stability_chart.csv")
         with suppress(ImportError):  # charts come with the extra "view"
-            found.chart(folder / "stability_chart.png", lines, title=TITLE)
+            found.chart(folder / "stability_chart.png", lines, title=TITLE, labels=LABELS)
     return result
 
 

@@ -339,20 +339,8 @@ def test_chart_with_panels(tmp_path):
     assert single.chart(tmp_path / "single.png", {"none": lambda kind, step: 1.0}) is not None
 
 
-def test_maps_are_joined(oscillator, tmp_path):
-    """Two parts make the whole; what none of them has was not run."""
-    parts = [
-        stability_map(helpers.leapfrog, {"omega": omegas, "step": steps}, helpers.judged)
-        for omegas, steps in ((OMEGAS[:2], STEPS), (OMEGAS[2:], STEPS[1:]))
-    ]
-    axes = {"omega": OMEGAS, "step": STEPS}
-    whole = Map.joined(axes, parts)
-    expected = oscillator.status.astype(object)
-    expected[2:, 0] = "not run"
-    assert whole.status.tolist() == expected.tolist()
-    assert np.isnan(whole.seconds[2:, 0]).all() and whole.axes == {k: list(axes[k]) for k in axes}
-    with pytest.raises(InputError, match="expected maps over step"):
-        Map.joined({"step": STEPS}, parts)
+def test_chart_of_many_panels(tmp_path):
+    """Six panels are laid out in rows; a third axis of values lies beside the cells."""
     pytest.importorskip("matplotlib")
     many = {"kind": ("ok",), "step": (0.5,), "more": (1, 2)}
     third = stability_map(_third, many, JUDGE)
