@@ -1,38 +1,52 @@
-"""An environment of its own for each peer, and calls into it.
+"""The adapters of the folder ``peers``, an environment of its own for each, and calls into it.
 
-A peer is installed once into a virtual environment below a folder that is kept, at the version
-given here, and called as a subprocess that answers with JSON on stdout.
+A peer is installed once into a virtual environment below a folder that is kept, at the version that
+its adapter names, and called as a subprocess that answers with JSON: see peers/README.md.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import re
+import resource
 import subprocess
 import sys
+import time
 import venv
 from pathlib import Path
 from typing import Any, NamedTuple
 
-__all__ = ["ELASTICA", "EXUDYN", "REQUIREMENTS", "Peer", "Unavailable", "ask", "prepare"]
+__all__ = ["Peer", "Unavailable", "ask", "named", "peers", "prepare"]
 
 ADAPTERS = Path(__file__).resolve().parent / "peers"
+REQUIREMENT = re.compile(r'^REQUIREMENT = "(.*)"$', re.MULTILINE)
 
 
 class Peer(NamedTuple):
-    """What to install, and the adapter that calls it."""
+    """What to install (nothing: this Python has it), and the adapter that calls it."""
 
     requirement: str
-    adapter: str
-
-
-EXUDYN = Peer("exudyn==1.13.6", "exudyn_beam.py")
-ELASTICA = Peer("pyelastica==1.0.0", "elastica_rod.py")
-REQUIREMENTS = (EXUDYN.requirement, ELASTICA.requirement)
+    adapter: Path
 
 
 class Unavailable(Exception):
     """A peer that cannot be installed, and why."""
+
+
+def peers(folder: Path = ADAPTERS) -> dict[str, Peer]:
+    """All adapters of a folder by name: files with a line ``REQUIREMENT = "..."``."""
+    found = {}
+    for path in sorted(folder.glob("*.py")):
+        line = REQUIREMENT.search(path.read_text(encoding="utf-8"))
+        if line is not None:
+            found[path.stem] = Peer(line[1], path)
+    return found
+
+
+def named(name: str) -> Peer:
+    """One of them."""
+    return peers()[name]
 
 
 def default_folder() -> Path:
@@ -49,6 +63,8 @@ def prepare(peer: Peer, folder: str | Path | None = None) -> Path:
     Unavailable
         If it cannot be installed: no wheel for this Python, no network.
     """
+    if not peer.requirement:
+        return Path(sys.executable)
     home = default_folder() if folder is None else Path(folder)
     version = f"py{sys.version_info[0]}.{sys.version_info[1]}"
     place = home / f"{peer.requirement.replace('==', '-')}-{version}"
@@ -69,25 +85,26 @@ def prepare(peer: Peer, folder: str | Path | None = None) -> Path:
     return python
 
 
-def ask(python: Path, peer: Peer, *options: str, timeout: float = 300.0) -> dict[str, Any]:
-    """What the adapter answers; its ``status`` says what went wrong, if anything did."""
-    command = [str(python), str(ADAPTERS / peer.adapter), *options]
+def ask(python: Path, peer: Peer, scene: dict[str, Any], timeout: float = 300.0) -> dict[str, Any]:
+    """What the adapter answers; its ``status`` says what went wrong, if anything did.
+
+    With ``process_s`` and ``wall_s``: CPU and wall time of the whole process (s).
+    """
     alone = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+    options: dict[str, Any] = {"capture_output": True, "text": True, "timeout": timeout}
+    own: dict[str, Any] = {"input": json.dumps(scene), "env": alone | threads, "check": True}
+    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     try:
-        done = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            env=alone | threads,
-            check=True,
-        )
-        return json.loads(done.stdout)
+        done = subprocess.run([str(python), str(peer.adapter)], **options, **own)
+        answer = json.loads(done.stdout)
     except subprocess.TimeoutExpired:
         return {"status": f"no answer within {timeout:g} s"}
     except subprocess.CalledProcessError as error:
         lines = (error.stderr or "").strip().splitlines() or ["no reason given"]
         return {"status": f"failed with exit status {error.returncode}: {lines[-1]}"}
     except json.JSONDecodeError as error:
-        return {"status": f"no JSON in its answer: {error}"}
+        return {"status": f"failed: no JSON in its answer: {error}"}
+    wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return {**answer, "process_s": spent, "wall_s": wall}
