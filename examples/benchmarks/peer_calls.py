@@ -17,15 +17,17 @@ import venv
 from pathlib import Path
 from typing import Any, NamedTuple
 
-__all__ = ["Peer", "Unavailable", "ask", "named", "peers", "prepare"]
+__all__ = ["Peer", "Unavailable", "ask", "peers", "prepare"]
 
 ADAPTERS = Path(__file__).resolve().parent / "peers"
-REQUIREMENT = re.compile(r'^REQUIREMENT = "(.*)"$', re.MULTILINE)
+#: lines of an adapter that are read without importing it
+STATED = re.compile(r'^(NAME|REQUIREMENT) = "(.*?)"', re.MULTILINE)
 
 
 class Peer(NamedTuple):
-    """What to install (nothing: this Python has it), and the adapter that calls it."""
+    """Its name in tables, what to install (nothing: this Python has it), and the adapter."""
 
+    name: str
     requirement: str
     adapter: Path
 
@@ -35,18 +37,13 @@ class Unavailable(Exception):
 
 
 def peers(folder: Path = ADAPTERS) -> dict[str, Peer]:
-    """All adapters of a folder by name: files with a line ``REQUIREMENT = "..."``."""
+    """All adapters of a folder by the names of their files: those that state a requirement."""
     found = {}
     for path in sorted(folder.glob("*.py")):
-        line = REQUIREMENT.search(path.read_text(encoding="utf-8"))
-        if line is not None:
-            found[path.stem] = Peer(line[1], path)
+        stated = dict(STATED.findall(path.read_text(encoding="utf-8")))
+        if "REQUIREMENT" in stated:
+            found[path.stem] = Peer(stated.get("NAME", path.stem), stated["REQUIREMENT"], path)
     return found
-
-
-def named(name: str) -> Peer:
-    """One of them."""
-    return peers()[name]
 
 
 def default_folder() -> Path:
@@ -92,11 +89,11 @@ def ask(python: Path, peer: Peer, scene: dict[str, Any], timeout: float = 300.0)
     """
     alone = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
-    options: dict[str, Any] = {"capture_output": True, "text": True, "timeout": timeout}
-    own: dict[str, Any] = {"input": json.dumps(scene), "env": alone | threads, "check": True}
+    options: dict[str, Any] = {"capture_output": True, "text": True, "input": json.dumps(scene)}
+    options |= {"timeout": timeout, "env": alone | threads}
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     try:
-        done = subprocess.run([str(python), str(peer.adapter)], **options, **own)
+        done = subprocess.run([str(python), str(peer.adapter)], check=True, **options)
         answer = json.loads(done.stdout)
     except subprocess.TimeoutExpired:
         return {"status": f"no answer within {timeout:g} s"}

@@ -1,502 +1,540 @@
-"""Speed against accuracy: the three-bar swing and the flying spaghetti, all methods and peers.
+"""Speed against accuracy: five scenes, all integrators of this package, and its peers.
 
-*swing*: the published three-bar swing, its mass over the first half second (in full; the pulse ends
-at 0.25 s). *spaghetti*: D3, a free rod of 10 m in space that is thrown and spun by a force and a
-moment on its end, which grow and fall within 5 s; its other end over 5 s. In quick form 0.25 s and
-1 s.
+The scenes: a rod on a hinge, the flying spaghetti, the three-bar swing, a four-bar linkage with an
+elastic coupler, a stiff blade (scenes.py). The peers: all adapters of the folder peers. Those that
+refuse a scene, or cannot be installed, are rows that say so.
 
-Error: largest distance of that point from the reference at instants that all runs reach, in m. The
-reference: elements of order 4, extrapolated from two steps (energy-momentum); its own error is its
-distance from an extrapolated run of another order on another mesh with the variational integrator.
-Ours: all integrators, orders, meshes and steps, null space; on the coarsest mesh of orders 1 and 3
-with multipliers, too; compiled kernels where there are some. The two classic integrators have the
-full grid, the others (see measuring.py) fewer meshes: errors of the mesh are the same. Explicit
-schemes have nodal masses, multipliers and steps of their own; those above their limit fail.
-Peers: Exudyn's exact beam (linear, generalized-alpha, on the swing with two spectral radii,
-modified Newton, one thread, build without range checks), which gets all numbers of a scene from
-ours; on the spaghetti PyElastica, too, at its largest stable step. On the swing PyElastica is a row
-that failed: its joints are springs and dampers of a stiffness that one has to choose, so its
-hinges give way and what it solves is another scene.
+Error: largest distance of a point from the reference at instants that all runs reach, relative to
+the largest distance of that point from where it was at the start. The reference: elements of order
+4, extrapolated from two steps (energy-momentum); its own error is its distance from an extrapolated
+run of order 3 on another mesh with the variational integrator.
 
-Cost: CPU time of the steps alone, without model, compilation and recording, the smallest of some.
-Setups that fail stay in the table, and so do peers that are not there. Where our front does not lie
-below a peer's, the report says so.
+Ours: orders 1 to 4, meshes and steps with the two classic integrators, null space; the meshes on
+their front with all other integrators, and with multipliers (explicit ones: with these alone); all
+on compiled kernels. Setups whose steps or mesh have settled the error, which must be dearer than
+what has reached all errors already, or take longer than a run may, are not run.
+
+Cost of the steps: CPU time of the steps alone, without model, compilation and recording. Cost of
+the whole process: CPU time of a Python that starts, imports, builds, takes the steps and writes the
+positions, kernels compiled before; measured for the peers' runs and, in a process each, for the
+points of our front. Of what reaches an error cheapest the smallest of some repeats.
 
 Run ``python examples/benchmarks/speed_accuracy_chart.py --help`` for the choices.
 """
 
 from __future__ import annotations
 
-import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from functools import cache, partial
+from functools import partial
+from itertools import product
+from math import inf, nan
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
+from warnings import catch_warnings, simplefilter
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parent / "peers"))
 
-import dynamic_references as dynamic
 import measuring  # before numpy: one thread
 import numpy as np
+import own
 import peer_calls
+import scenes
 from measuring import EXPLICIT, INTEGRATORS, METHODS, family_of
 
-import skfem_cosserat as sc
-from paper import three_bar_swing as swing
-from skfem_cosserat.integrators import Stepper
-from skfem_cosserat.study import AtInstants, PrecisionTable, ReferencePair, setup_grid
+from skfem_cosserat import AccuracyWarning, CosseratError, IncompatibleError
+from skfem_cosserat.study import PrecisionTable, TimeLimit
+from skfem_cosserat.study.precision import pareto
+from skfem_cosserat.study.setups import raised
 
-OURS = "skfem-cosserat"
-EXUDYN, ELASTICA = "Exudyn, exact beam", "PyElastica"
-TREATMENTS = {"null space": sc.NullSpace, "multipliers": sc.Multipliers}
-TOLERANCES = (1e-8, 1e-5)
-#: longest time of a run (s)
-PATIENCE = {True: 60.0, False: 120.0}
-WARM = 2
-#: numbers of D3, for the adapters: the peers' radius has no part in it
-SPAGHETTI = {
-    "length": 10.0,
-    "radius": 0.1,
-    "polar": np.pi * 0.1**4 / 2,
-    "stiffness": [1e4, 1e4, 1e4, 500.0, 500.0, 500.0],
-    "mass": 1.0,
-    "inertia": [5.0, 5.0],
-    "rotary": [10.0, 10.0, 10.0],
-    "start": [6.0, 0.0, 0.0],
-    "end": [0.0, 8.0, 0.0],
-    "force": [0.1, 0.0, 0.0],
-    "moment": [0.0, 0.5, 1.0],
-    "pulse": [[0.0, 2.5, 5.0], [0.0, 200.0, 0.0]],
+OURS, OWN = "skfem-cosserat", "own"
+#: relative errors of the statements
+TARGETS = (1e-2, 1e-4, 1e-6)
+#: relative change of the error below which it is no matter of the step, or of the mesh
+SETTLED = 0.1
+#: CPU time of the steps that a run may take (s): ours, a peer's
+PATIENCE = {True: (0.3, 0.3), False: (2.0, 3.0)}
+#: short runs are repeated for so long (s), at most so many times
+REPEATED = 0.015, 4
+#: options of the peers that are tried; of others those that they have by themselves
+OPTIONS: dict[str, list[dict[str, Any]]] = {
+    "exudyn_beam": [{"tolerance": 1e-5}],  # cheaper than its default, 1e-8, and as accurate here
+    "exudyn_cable": [{"tolerance": 1e-5}],
 }
-#: why a peer has no part in a scene
-ELSEWHERE = {
-    ("swing", ELASTICA): "its joints are springs and dampers (FreeJoint, HingeJoint), not"
-    " constraints: it would solve another scene"
-}
-#: axes of a scene, as the adapters number them: theirs move in the plane of the first two
-AXES = {"swing": [1, 2, 0], "spaghetti": [0, 1, 2]}
+#: how many times less CPU time than Exudyn's exact beam the steps of the rod have to take
+RATIO = 10.0
 COLUMNS = (
-    *("scene", "group", "label", "cost_s", "error_point", "newton_iterations", "factorisations"),
-    *("unknowns", "status", "reason"),
+    *("scene", "group", "label", "cost_s", "process_s", "error_point", "newton_iterations"),
+    *("factorisations", "unknowns", "status", "reason"),
+)
+STATED = (
+    *("scene", "error", "cheapest", "cpu_s", "reached", "second", "second_ratio"),
+    *("peer", "peer_cpu_s", "peer_ratio", "process_s", "peer_process_s", "process_ratio", "ahead"),
 )
 
 
-class Problem(NamedTuple):
-    """A scene, as its setups get it."""
+class Grid(NamedTuple):
+    """What is run: elements by order, halvings of the sample interval, the reference."""
 
-    name: str
-    until: float
-    sample: float
+    meshes: Mapping[int, Sequence[int]]
+    halvings: Sequence[int]
+    peer_meshes: Sequence[int]
+    #: elements of orders 4 and 3, and the halvings of their steps
+    reference: tuple[int, int, int]
+
+
+MESHES = {
+    1: (8, 16, 32, 64, 128, 256),
+    2: (4, 8, 16, 32, 64),
+    3: (2, 4, 8, 16, 32),
+    4: (2, 4, 8, 16),
+}
+BLADE = {order: [n for n in (8, 16, 32, 64, 128) if n * order <= 128] for order in (1, 2, 3, 4)}
+PEERS = (8, 16, 32, 64, 128, 256)
+QUICK = Grid({1: (8,), 3: (2,)}, (0, 1), (8,), (4, 6, 2))
+GRIDS = {
+    "rod": Grid(MESHES, range(15), PEERS, (40, 70, 8)),
+    "spaghetti": Grid(MESHES, range(12), PEERS, (24, 36, 7)),
+    "swing": Grid(MESHES, range(12), PEERS, (64, 128, 10)),
+    "four-bar": Grid(MESHES, range(12), PEERS, (12, 20, 8)),
+    "blade": Grid(BLADE, range(12), PEERS, (48, 72, 9)),
+}
+
+
+class Setup(NamedTuple):
+    """A point of the grid; `kind`: our integrator, or a peer."""
+
+    peer: str
+    kind: str
+    elements: int
+    halvings: int
+    options: tuple[tuple[str, Any], ...]
 
     @property
-    def instants(self) -> np.ndarray:
-        """At which errors are looked at (s)."""
-        return self.sample * np.arange(1, round(self.until / self.sample) + 1)
+    def order(self) -> int:
+        """Of the elements."""
+        return dict(self.options).get("order", 1)
+
+    @property
+    def work(self) -> float:
+        """What its cost is about proportional to: nodes times steps."""
+        return float(self.order * self.elements * 2**self.halvings)
+
+    def scene(self, name: str, until: float | None = None) -> dict[str, Any]:
+        """The question for an adapter; `until`: another end (s)."""
+        base = scenes.SCENES[name](self.elements)
+        base |= {} if until is None else {"until": until}
+        more = {"step": base["sample"] / 2**self.halvings, "options": dict(self.options)}
+        return {**base, **more, "warm": 2}
+
+    def label(self, name: str) -> str:
+        """In words."""
+        o = dict(self.options)
+        own_words = (o.get("treatment"), f"order {self.order}") if self.peer == OWN else ()
+        other = [f"{k} = {v:g}" for k, v in o.items() if isinstance(v, float)]
+        step = f"step = {self.scene(name)['step']:.4g} s"
+        words = [self.kind, *own_words, f"{self.elements} elements", *other, step]
+        return ", ".join(str(word) for word in words)
 
 
-class Grid(NamedTuple):
-    """What is run: ours by order, with its meshes; the peers' meshes, steps and spectral radii.
-
-    `others`: meshes of integrators other than the two classic ones; explicit ones have steps of
-    their own.
-    """
-
-    steps: Sequence[float]
-    meshes: Mapping[int, Sequence[int]]
-    others: Mapping[int, Sequence[int]]
-    explicit_steps: Sequence[float]
-    peer_steps: Sequence[float]
-    peer_meshes: Sequence[int]
-    reference: tuple[tuple[int, int, float], tuple[int, int, float]]
-    peer_radii: Sequence[float] = (0.9,)
+Ask = Callable[[dict[str, Any]], dict[str, Any]]
+Row = dict[str, Any]
 
 
-PROBLEMS = {
-    ("swing", True): Problem("swing", 0.25, 0.025),
-    ("swing", False): Problem("swing", 0.5, 0.025),
-    ("spaghetti", True): Problem("spaghetti", 1.0, 0.1),
-    ("spaghetti", False): Problem("spaghetti", 5.0, 0.1),
-}
-GRIDS = {
-    ("swing", True): Grid(
-        *((2.5e-2, 6.25e-3), {1: (4,), 3: (2,)}, {3: (2,)}, (1.5625e-3,)),
-        *((6.25e-3,), (4,), ((4, 2, 3.125e-3), (3, 4, 3.125e-3))),
-    ),
-    ("swing", False): Grid(
-        [2.5e-2 / 2**k for k in range(7)],
-        {1: (8, 16, 32), 2: (4, 8, 16), 3: (2, 4, 8, 16), 4: (2, 4, 8)},
-        *({1: (16,), 2: (8,), 3: (8,), 4: (4, 8)}, [1.5625e-3 / 2**k for k in range(5)]),
-        [2.5e-2 / 2**k for k in range(7)],
-        (8, 16, 32, 64, 128),
-        ((4, 12, 9.765625e-5), (3, 20, 9.765625e-5)),
-        (0.9, 0.6),
-    ),
-    ("spaghetti", True): Grid(
-        *((0.1, 0.05), {1: (8,), 3: (2,)}, {3: (2,)}, (0.00625,)),
-        *((0.05,), (8,), ((4, 4, 0.025), (3, 6, 0.025))),
-    ),
-    ("spaghetti", False): Grid(
-        [0.1 / 2**k for k in range(5)],
-        {1: (8, 16, 32), 2: (4, 8, 16), 3: (2, 4, 8), 4: (2, 4)},
-        {1: (16,), 2: (8,), 3: (4, 8), 4: (2, 4)},
-        [0.0125 / 2**k for k in range(5)],
-        [0.05 / 2**k for k in range(6)],
-        (8, 16, 32, 64),
-        ((4, 8, 3.125e-3), (3, 12, 3.125e-3)),
-    ),
-}
+class Runner(NamedTuple):
+    """Runs of a scene; a row for each."""
+
+    name: str
+    asks: Mapping[str, Ask]
+    names: Mapping[str, str]
+    reference: np.ndarray
+    until: float | None
+
+    def row(self, setup: Setup) -> Row:
+        """Cost and error of one run, or how it failed."""
+        scene, group = setup.scene(self.name, self.until), self.names[setup.peer]
+        start = np.array(scene["beams"][0]["nodes"][scene["watch"][2]])
+        reach = np.linalg.norm(self.reference - start, axis=1).max()
+        answer = self.asks[setup.peer](scene)
+        done, found = answer["status"] == "completed", answer.get("positions")
+        error = np.linalg.norm(np.subtract(found, self.reference), axis=1).max() if done else inf
+        # what is so far away is a run that has become unstable
+        status = "ok" if error < 100 * reach else "diverged" if done else _status(answer["status"])
+        good = status == "ok"
+        return {
+            "label": setup.label(self.name),
+            "cost_s": answer["seconds"] if good else None,
+            "process_s": answer.get("process_s") if good else None,
+            **{f"newton_{k}" if k == "iterations" else k: answer.get(k) for k in COUNTS},
+            "error_point": float(error / reach) if good else None,
+            "status": status,
+            "reason": "" if good else answer["status"],
+            "group": group,
+            "series": setup.label(self.name).rpartition(", ")[0],
+            "kind": setup.kind,
+            "spent_s": answer.get("seconds", nan),
+            "kernels": answer.get("kernels", ""),
+            "setup": setup,
+        }
+
+    def explored(self, setups: Iterable[Setup], patience: float) -> list[Row]:
+        """A row for each setup, cheap ones first; those that cannot be of use are not run."""
+        rows: list[Row] = []
+        rates: dict[int, float] = {}
+        errors: dict[Any, list[float]] = {}  # of a mesh with smaller steps, of a step by meshes
+        last: dict[Setup, float] = {}
+        wrong: set[Setup] = set()  # peers fail on finer meshes, too, at the same step
+        for setup in sorted(setups, key=lambda each: each.work):
+            # no less than half as much a node and step as the cheapest seen, and than half as much a
+            # step as on the same mesh
+            half = 0.5 * last.get(setup._replace(halvings=-1), 0.0) * 2**setup.halvings
+            expected = max(0.5 * rates.get(setup.order, 0.0) * setup.work, 1.6 * half)
+            reached = [cheapest(rows, target) for target in TARGETS]
+            enough = max((r["cost_s"] for r in reached if r), default=0.0) if all(reached) else inf
+            keys = setup._replace(elements=0), setup._replace(halvings=-1)
+            idle = any(settled(errors.get(key, [])) for key in keys)
+            if expected > min(enough, patience) or idle or keys[0] in wrong:
+                continue
+            row = self.row(setup)
+            rows.append(row)
+            if row["status"] == "ok":
+                rate = row["cost_s"] / setup.work
+                rates[setup.order] = min(rates.get(setup.order, rate), rate)
+                last[keys[1]] = row["cost_s"] / 2**setup.halvings
+                for key in keys:
+                    errors.setdefault(key, []).append(row["error_point"])
+            elif row["reason"].startswith("refused"):
+                break
+            elif setup.peer != OWN:
+                wrong.add(keys[0])
+        return rows
+
+    def again(self, row: Row, key: str) -> None:
+        """Run it once more and keep the smaller cost; `key`: of the steps, or of the process."""
+        setup = row["setup"]
+        whole = key == "process_s" and setup.peer == OWN
+        answer = self.asks["process" if whole else setup.peer](setup.scene(self.name, self.until))
+        for name, given in (("cost_s", "seconds"), ("process_s", "process_s")):
+            if answer["status"] == "completed" and given in answer and (name == key or not whole):
+                row[name] = min(row[name] or inf, answer[given])
 
 
-@cache
-def scene(name: str, elements: int, order: int, lumped: bool = False) -> tuple[sc.System, sc.Place]:
-    """The system, and the point that is looked at; `lumped`: nodal masses."""
-    if name == "swing":
-        system = swing.build(elements=elements, order=order, lumped=lumped)
-        beam: Any = system.structures[0]
-        return system, beam.node("mid")
-    found = dynamic.spaghetti(elements, order, lumped=lumped)
-    return found.system, found.places["free"]
+COUNTS = ("iterations", "factorisations", "unknowns")
 
 
-def stepped(
-    problem: Problem,
-    integrator: Callable[[], Any],
-    treatment: Callable[[], Any],
-    mesh: tuple[int, int],
-    step: float,
-    kernels: str = "auto",
-    lumped: bool = False,
-) -> dict[str, Any]:
-    """One run of this package: path of the point, and what its steps cost.
-
-    `mesh`: order and elements.
-    """
-    order, elements = mesh
-    system, place = scene(problem.name, elements, order, lumped)
-    own = system, integrator(), treatment(), step
-    many = {"kernels": kernels, "steps": 10**7}  # compiled where there are compiled ones
-    warm, stepper = Stepper(*own, **many), Stepper(*own, **many)
-    state, path = sc.initial_state(system), []
-    measuring.advance(warm, state, WARM)
-    seconds, iterations, factorisations = 0.0, 0, 0
-    for _ in problem.instants:
-        run = measuring.advance(stepper, state, round(problem.sample / step))
-        state, seconds = run.state, seconds + run.seconds
-        iterations += run.iterations
-        factorisations += run.factorisations
-        path.append(sc.View(system, state).position(place))
-    return {
-        "t": problem.instants,
-        "point": np.array(path),
-        "cost_s": seconds,
-        "newton_iterations": iterations,
-        "factorisations": factorisations,
-        "unknowns": stepper.bound.unknowns,
-        "kernels": stepper.choice.name,
-    }
+def _status(words: str) -> str:
+    """What the words of an adapter mean in the table."""
+    known = {"no": "timeout", "stopped": "newton", "unstable": "diverged"}
+    first = words.partition(" ")[0]
+    return first if first in ("newton", "diverged", "timeout") else known.get(first, "error")
 
 
-def extrapolated(
-    problem: Problem, integrator: Callable[[], Any], setting: tuple[int, int, float], kernels: str
-) -> dict[str, Any]:
-    """Path of the point, the error in the step removed to leading order."""
-    order, elements, step = setting
-    coarse, fine = (
-        stepped(problem, integrator, sc.NullSpace, (order, elements), step / k, kernels)
-        for k in (1, 2)
-    )
-    return fine | {"point": fine["point"] + (fine["point"] - coarse["point"]) / 3}
+def settled(errors: Sequence[float]) -> bool:
+    """Whether the last two of three refinements have changed nothing worth mentioning."""
+    return len(errors) > 2 and bool(np.ptp(errors[-3:]) < SETTLED * errors[-1])
 
 
-# -- peers -----------------------------------------------------------------------------------------
+def cheapest(rows: Iterable[Row], error: float, key: str = "cost_s") -> Row | None:
+    """What reaches an error at the smallest cost."""
+    done = [r for r in rows if r["status"] == "ok" and r["error_point"] <= error and r[key]]
+    return min(done, key=lambda row: row[key], default=None)
 
 
-@cache
-def numbers(name: str) -> dict[str, Any]:
-    """The scene for the adapters, their axes; those of the swing are read off our own system."""
-    if name == "spaghetti":
-        return SPAGHETTI
-    system, _ = scene(name, 2, 1)
-    beam, *links, lump = cast("list[Any]", system.structures)
-    (section,), turned = beam.sections.values(), AXES[name]
-    ends = [beam.node(side).position for side in ("left", "right")]
-    _, end, peak = swing.PULSE["published"]
-    along = section.inertia  # d1 and d2
-    return {
-        "length": swing.SPAN,
-        "stiffness": section.stiffness.diagonal().tolist(),
-        "mass": float(section.mass),
-        "rotary": [float(along.sum()), float(along[1]), float(along[0])],
-        "start": ends[0][turned].tolist(),
-        "end": ends[1][turned].tolist(),
-        "point": lump.mass,
-        "links": [_link(link, low, turned) for link, low in zip(links, ends, strict=True)],
-        "force": [1.0, 0.0, 0.0],
-        "moment": [0.0, 0.0, 0.0],
-        "pulse": [[0.0, end / 2, end], [0.0, peak, 0.0]],
-    }
+def ask_own(scene: dict[str, Any], patience: float) -> dict[str, Any]:
+    """A run in this process; short ones are repeated for the smallest time."""
+    total, most = REPEATED
+    best: dict[str, Any] = {}
+    try:
+        with TimeLimit(5 * patience + 30), catch_warnings():
+            simplefilter("ignore", AccuracyWarning)  # errors are measured here
+            for _ in range(most):
+                found = own.run(scene)
+                total -= found["seconds"]
+                best = found if not best or found["seconds"] < best["seconds"] else best
+                if total < 0:
+                    break
+    except IncompatibleError as error:
+        return {"status": f"refused: {error}"}
+    except (ArithmeticError, CosseratError, TimeoutError) as error:
+        status, reason = raised(error)
+        return {"status": f"{status} {' '.join(reason.split())[:160]}"}
+    return best
 
 
-def _link(link: Any, low: np.ndarray, turned: list[int]) -> dict[str, Any]:
-    """Numbers of a pyramid, whose d1 is out of the plane and whose d3 points to its apex."""
-    high = link.position + 3 * (link.position - low)
-    euler = link.euler.diagonal()
-    inertia = euler.sum() - euler
-    return {
-        "mass": link.mass,
-        "inertia": inertia[::-1].tolist(),
-        "position": link.position[turned].tolist(),
-        "low": low[turned].tolist(),
-        "high": high[turned].tolist(),
-    }
+def reference(name: str, grid: Grid, until: float | None, kernels: str) -> tuple[np.ndarray, float]:
+    """Path of the point, and the distance of another run from it (m)."""
+    fine, other, halvings = grid.reference
+    paths = []
+    for integrator, order, n in (("energy-momentum", 4, fine), ("variational", 3, other)):
+        o = tuple({"integrator": integrator, "order": order, "kernels": kernels}.items())
+        pair = [
+            np.array(own.run(Setup(OWN, "", n, k, o).scene(name, until))["positions"])
+            for k in (halvings, halvings + 1)
+        ]
+        paths.append(pair[1] + (pair[1] - pair[0]) / 3)
+    return paths[0], float(np.linalg.norm(paths[0] - paths[1], axis=1).max())
 
 
-def exudyn(
-    problem: Problem, python: Path, tolerance: float, radius: float, elements: int, step: float
-) -> Any:
-    """One run of Exudyn's exact beam; `radius`: spectral, of generalized-alpha."""
-    steps = round(problem.until / step)
-    options = ("--scene", json.dumps(numbers(problem.name)), "--elements", str(elements))
-    options += ("--step", repr(step), "--spectral-radius", repr(radius))
-    options += ("--warm", str(WARM), "--steps", str(steps - WARM), "--sample", repr(problem.sample))
-    options += ("--node", "EP", "--reuse-pattern", "--tolerance", repr(tolerance))
-    answer = peer_calls.ask(python, peer_calls.EXUDYN, *options, timeout=PATIENCE[False])
-    if answer["status"] != "completed":
-        return _failed(answer["status"])
-    return _path(problem, answer["path"]) | {
-        "cost_s": 1e-3 * answer["ms_per_step"] * steps,
-        "newton_iterations": round(answer["iterations_per_step"] * steps),
-        "factorisations": round(answer["factorisations_per_step"] * steps),
-    }
-
-
-def elastica(problem: Problem, python: Path, elements: int) -> Any:
-    """One run of PyElastica at its largest stable step."""
-    options = ("--scene", json.dumps(numbers(problem.name)), "--elements", str(elements))
-    options += ("--until", repr(problem.until), "--sample", repr(problem.sample))
-    answer = peer_calls.ask(python, peer_calls.ELASTICA, *options, timeout=PATIENCE[False])
-    if answer["status"] != "completed":
-        return _failed(answer["status"])
-    cost = 1e-3 * answer["ms_per_step"] * problem.until / answer["step"]
-    return _path(problem, answer["path"]) | {"cost_s": cost, "newton_iterations": 0}
-
-
-def _failed(why: str) -> dict[str, Any]:
-    """What a peer's words mean in the table."""
-    if why.startswith("no answer within"):
-        return {"status": "timeout", "reason": why}
-    # Exudyn, whose Newton method gave up, stops; PyElastica becomes unstable
-    state = {"stopped": "newton", "unstable": "diverged"}.get(why.partition(" ")[0], "error")
-    return {"status": state, "reason": why}
-
-
-def _path(problem: Problem, rows: Sequence[Sequence[float]]) -> dict[str, Any]:
-    """Positions at the instants, from rows of time and position."""
-    table = np.array(rows)
-    near = abs(table[:, :1] - problem.instants).argmin(axis=0)
-    if abs(table[near, 0] - problem.instants).max() > 1e-6:
-        return _failed("its path has no values at the instants")
-    path = np.empty((len(near), 3))
-    path[:, AXES[problem.name]] = table[near, 1:4]
-    return {"t": problem.instants, "point": path}
-
-
-def peers(
-    name: str, grid: Grid, environments: str | Path | None
-) -> tuple[list[Any], dict[str, str]]:
-    """Setups of the peers that have a part in a scene, and why some cannot be run."""
-    found, missing = [], {}
-    for group, code in ((EXUDYN, peer_calls.EXUDYN), (ELASTICA, peer_calls.ELASTICA)):
-        if (name, group) in ELSEWHERE:
-            continue
-        try:
-            python = peer_calls.prepare(code, environments)
-        except peer_calls.Unavailable as error:
-            missing[group] = str(error)
-            continue
-        named: dict[str, Any] = {"python": {group: python}, "group": group}
-        if group == EXUDYN:
-            named |= {"tolerance": TOLERANCES, "radius": grid.peer_radii}
-            found += setup_grid(exudyn, **named, elements=grid.peer_meshes, step=grid.peer_steps)
-        else:
-            found += setup_grid(elastica, **named, elements=grid.peer_meshes)
-    return found, missing
-
-
-def absent(reasons: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Rows of peers that were not run; not kept for a later one, which may have them."""
-    unknown = "cost_s", "newton_iterations", "factorisations", "unknowns", "error_point"
+def ours(
+    grid: Grid, integrator: str, treatment: str, meshes: Iterable[tuple[int, int]], kernels: str
+) -> list[Setup]:
+    """Setups of an integrator on meshes (order and elements)."""
+    o = {"integrator": integrator, "treatment": treatment, "kernels": kernels}
     return [
-        {"label": peer, **dict.fromkeys(unknown), "status": "error", "reason": why}
-        | {"group": peer, "series": peer, "spent_s": float("nan")}
-        for peer, why in reasons.items()
+        Setup(OWN, integrator, n, k, tuple((o | {"order": order}).items()))
+        for (order, n), k in product(meshes, grid.halvings)
     ]
 
 
-# -- table and chart -------------------------------------------------------------------------------
+def compared(
+    name: str,
+    grid: Grid,
+    integrators: Iterable[str],
+    peers: Mapping[str, peer_calls.Peer],
+    environments: str | Path | None,
+    quick: bool,
+    repeats: int,
+    until: float | None,
+    kernels: str,
+) -> tuple[PrecisionTable, dict[str, str]]:
+    """All rows of a scene, and the peers that could not be run, and why."""
+    path, error = reference(name, grid, until, kernels)
+    patience = PATIENCE[quick]
+    asks: dict[str, Ask] = {OWN: lambda scene: ask_own(scene, patience[0])}
+    myself = peer_calls.peers()[OWN]
+    asks["process"] = lambda scene: peer_calls.ask(Path(sys.executable), myself, scene)
+    missing = {}
+    for key, peer in peers.items():
+        try:
+            python = peer_calls.prepare(peer, environments)
+        except peer_calls.Unavailable as reason:
+            missing[peer.name] = str(reason)
+            continue
+        asks[key] = partial(peer_calls.ask, python, peer, timeout=3 * patience[1] + 30)
+    names = {OWN: OURS, **{key: peer.name for key, peer in peers.items()}}
+    run = Runner(name, asks, names, path, until)
+    chosen, every = list(integrators), list(product_of(grid.meshes))
+    rows: list[Row] = []
+    for each in (i for i in chosen if i in INTEGRATORS):
+        rows += run.explored(ours(grid, each, "null-space", every, kernels), patience[0])
+    best = [cheapest(rows, each) for each in (*TARGETS, 1e-1, 1e-3, 1e-5)]
+    few = list(dict.fromkeys((r["setup"].order, r["setup"].elements) for r in best if r)) or every
+    # what takes ten times as long as the classic ones for all errors is of no use
+    dearest = max((10 * r["cost_s"] for r in best[:3] if r), default=inf) if all(best[:3]) else inf
+    for each, treatment in product(chosen, measuring.TREATMENTS):
+        if (treatment == "multipliers") == (each in INTEGRATORS or each in EXPLICIT):
+            setups = ours(grid, each, treatment, few, kernels)
+            rows += run.explored(setups, min(patience[0], dearest))
+    for key in (key for key in peers if key in asks):
+        setups = [
+            Setup(key, peers[key].name, n, k, tuple(o.items()))
+            for n, k, o in product(grid.peer_meshes, grid.halvings, OPTIONS.get(key, [{}]))
+        ]
+        rows += run.explored(setups, patience[1])
+    _timed_again(run, rows, repeats)
+    reach = np.linalg.norm(path - _start(name), axis=1).max()
+    rows += [_absent(peer, why) for peer, why in missing.items()]
+    notes = {"reference": f"order 4, {grid.reference[0]} elements, extrapolated"}
+    return PrecisionTable(rows, {"point": error / float(reach)}, notes), missing
 
 
-def ours(grid: Grid, integrators: Mapping[str, Callable[[], Any]], kernels: str) -> list[Any]:
-    """Setups of this package: integrator x treatment x order x mesh x step."""
+def product_of(meshes: Mapping[int, Sequence[int]]) -> list[tuple[int, int]]:
+    """Orders and elements."""
+    return [(order, n) for order, counts in meshes.items() for n in counts]
+
+
+def _start(name: str) -> np.ndarray:
+    scene = scenes.SCENES[name](8)
+    return np.array(scene["beams"][0]["nodes"][scene["watch"][2]])
+
+
+def _timed_again(run: Runner, rows: Sequence[Row], repeats: int) -> None:
+    """Smallest costs of what is cheapest for an error, and of whole processes on our front."""
+    kinds = dict.fromkeys(row["kind"] for row in rows)
+    best = [cheapest((r for r in rows if r["kind"] == k), e) for k, e in product(kinds, TARGETS)]
+    chosen = {id(row): row for row in best if row is not None}
+    for row in chosen.values():
+        for _ in range(repeats - 1):
+            run.again(row, "cost_s")
+    mine = [row for row in rows if row["group"] == OURS and row["status"] == "ok"]
+    front: list[Row] = []
+    for row in pareto(mine, "point"):  # neighbours are the same on a chart
+        if not front or row["error_point"] < 0.4 * front[-1]["error_point"]:
+            front.append(row)
+    front += [row for e in TARGETS if (row := cheapest(mine, e)) and row not in front]
+    for row, _ in product(front, range(min(repeats, 2))):
+        run.again(row, "process_s")
+
+
+def _absent(peer: str, why: str) -> Row:
+    """The row of a peer that could not be run."""
+    unknown = "cost_s", "process_s", "newton_iterations", "factorisations", "unknowns"
+    row = {"label": peer, **dict.fromkeys((*unknown, "error_point")), "status": "error"}
+    more = {"reason": why, "group": peer, "series": peer, "kind": peer, "spent_s": nan}
+    return {**row, **more, "kernels": "", "setup": None}
+
+
+# -- statements ------------------------------------------------------------------------------------
+
+
+def statements(name: str, rows: Sequence[Row]) -> list[Row]:
+    """What is cheapest for each error, and by how much: by its steps, and as a whole process."""
+    mine, others = ([r for r in rows if (r["group"] == OURS) == own_] for own_ in (True, False))
     found = []
-    for name, make in integrators.items():
-        run = partial(stepped, kernels=kernels, lumped=name in EXPLICIT)
-        steps = grid.explicit_steps if name in EXPLICIT else grid.steps
-        for kind, treatment in TREATMENTS.items():
-            meshes = _meshes(grid, name, kind)
-            axes = {"integrator": {name: make}, "treatment": {kind: treatment}, "mesh": meshes}
-            if meshes:
-                found += setup_grid(run, group=OURS, **axes, step=steps)
+    for target in TARGETS:
+        best, peer = cheapest(mine, target), cheapest(others, target)
+        rest = [row for row in mine if best and row["kind"] != best["kind"]]
+        second, whole = cheapest(rest, target), cheapest(mine, target, "process_s")
+        there = cheapest(others, target, "process_s")
+        ratio = _over(peer, best, "cost_s")
+        process = _over(there, whole, "process_s")
+        ahead = [
+            f"{row['group']} ({what})"
+            for row, number, what in ((peer, ratio, "steps"), (there, process, "process"))
+            if row and (number is None or number < 1)
+        ]
+        found.append(
+            {
+                **{"scene": name, "error": target, "cheapest": best and best["label"]},
+                **{"cpu_s": best and best["cost_s"], "reached": best and best["error_point"]},
+                **{"second": second and second["label"]},
+                **{"second_ratio": _over(second, best, "cost_s"), "peer": peer and peer["label"]},
+                **{"peer_cpu_s": peer and peer["cost_s"], "peer_ratio": ratio},
+                **{"process_s": whole and whole["process_s"]},
+                **{"peer_process_s": there and there["process_s"], "process_ratio": process},
+                "ahead": "; ".join(ahead),
+            }
+        )
     return found
 
 
-def _meshes(grid: Grid, integrator: str, treatment: str) -> dict[str, tuple[int, int]]:
-    """Order and elements, by their words in a label."""
-    explicit, second = integrator in EXPLICIT, treatment == "multipliers"
-    sizes = grid.meshes if integrator in INTEGRATORS else grid.others
-    return {
-        f"order {p}, {n} elements": (p, n)
-        for p, counts in sizes.items()
-        for n in counts
-        if second == explicit or (second and p in (1, 3) and n == counts[0])
-    }
+def _over(row: Row | None, best: Row | None, key: str) -> float | None:
+    return row[key] / best[key] if row and best else None
 
 
-def compared(
-    problem: Problem,
-    grid: Grid,
-    setups: Sequence[Any],
-    kernels: str,
-    repeats: int,
-    timeout_s: float,
-    folder: Path | None,
-) -> PrecisionTable:
-    """The table of a scene."""
-    fine, other = grid.reference
-    pair = ReferencePair(
-        partial(extrapolated, integrator=sc.EnergyMomentum, setting=fine, kernels=kernels),
-        partial(extrapolated, integrator=sc.Variational, setting=other, kernels=kernels),
-    )
-    return sc.work_precision(
-        problem,
-        setups,
-        pair,
-        ["point"],
-        repeats,
-        norm=AtInstants(problem.instants),
-        folder=folder,
-        timeout_s=timeout_s,
-    )
+def sentence(s: Mapping[str, Any]) -> str:
+    """A statement in words."""
+    text = f"{s['scene']}, {s['error']:.0e}: "
+    if s["cheapest"] is None:
+        return text + (f"only {s['peer']} reaches it" if s["peer"] else "not reached")
+    text += f"{s['cheapest']} in {1e3 * s['cpu_s']:.3g} ms"
+    if s["second_ratio"]:
+        text += f"; next {s['second']}, {s['second_ratio']:.2f} times"
+    text += f"; {s['peer']}, {s['peer_ratio']:.3g} times" if s["peer"] else "; no peer reaches it"
+    if s["process_ratio"]:
+        text += f"; process {s['process_s']:.3g} s, a peer's {s['process_ratio']:.3g} times"
+    return text + (f"; AHEAD: {s['ahead']}" if s["ahead"] else "")
 
 
 def main(
     quick: bool = True,
-    repeats: int = 2,
+    repeats: int = 3,
     environments: str | Path | None = None,
     out: str | Path | None = None,
-    scenes: Sequence[str] = ("swing", "spaghetti"),
-    with_peers: bool = True,
-    integrators: Mapping[str, Callable[[], Any]] | None = None,
+    scenes_: Sequence[str] = tuple(GRIDS),
+    peers: Mapping[str, peer_calls.Peer] | None = None,
+    integrators: Iterable[str] = tuple(METHODS),
     kernels: str | None = None,
-    grids: Mapping[tuple[str, bool], Grid] | None = None,
-    resume: str | Path | None = None,
+    grids: Mapping[str, Grid] | None = None,
 ) -> dict[str, Any]:
     """Measure.
 
     Parameters
     ----------
     quick : bool
-        Small grids, short runs, plain kernels.
+        Small grids, runs of a fifth of the time, plain kernels.
     repeats : int
-        Timed runs of each setup.
+        Timed runs of what is cheapest for an error.
     environments : path, optional
         Folder of the peers' environments; default: in the user's cache.
     out : path, optional
-        Folder for speed_accuracy_SCENE.csv and, where matplotlib is there, .png.
-    scenes : sequence of str
+        Folder for speed_accuracy_SCENE.csv, speed_accuracy.csv (the statements) and, where
+        matplotlib is there, speed_accuracy_SCENE.png and speed_accuracy_SCENE.process.png.
+    scenes_ : sequence of str
         Only these.
-    with_peers : bool
-        False: this package alone.
-    integrators : mapping, optional
-        Of this package, by name; default: all that measuring.py lists, METHODS.
+    peers : mapping, optional
+        By name; default: all adapters of the folder peers.
+    integrators : iterable of str
+        Of this package; default: all that measuring.py lists, METHODS.
     kernels : str, optional
         Default: "numpy" if quick, else "auto".
     grids : mapping, optional
-        Others than GRIDS.
-    resume : path, optional
-        Folder in which each run is kept, to go on after an interruption.
+        By scene; others than GRIDS.
 
     Returns
     -------
     dict
-        ``tables`` by scene, ``rows`` of all, ``standing`` (our front against the peers'),
-        ``missing``, ``dgemm_gflops`` and where it was measured.
+        ``tables`` by scene, ``rows`` of all, ``statements``, ``missing``, ``dgemm_gflops`` and
+        where it was measured.
     """
-    chosen = METHODS if integrators is None else integrators
+    if peers is None:
+        peers = {name: peer for name, peer in peer_calls.peers().items() if name != OWN}
     kind = ("numpy" if quick else "auto") if kernels is None else kernels
-    result: dict[str, Any] = {"tables": {}, "rows": [], "standing": {}, "missing": {}}
-    for name in scenes:
-        key, without = (name, quick), {}
-        grid = (GRIDS if grids is None else grids)[key]
-        setups = ours(grid, chosen, kind)
-        if with_peers and grid.peer_meshes:
-            more, missing = peers(name, grid, environments)
-            setups += more
-            result["missing"] |= missing
-            without = {peer: why for (where, peer), why in ELSEWHERE.items() if where == name}
-            without |= missing
-        folder = None if resume is None else Path(resume) / name
-        run = compared(PROBLEMS[key], grid, setups, kind, repeats, PATIENCE[quick], folder)
-        run.rows.extend(absent(without))
-        result["tables"][name] = run
-        result["rows"] += [{"scene": name, **row} for row in run.rows]
-        result["standing"][name] = run.standing("point", OURS)
+    result: dict[str, Any] = {"tables": {}, "rows": [], "statements": [], "missing": {}}
     result |= measuring.environment()
-    if out is not None:
-        write(result, Path(out))
+    for name in scenes_:
+        grid = (grids or ({} if not quick else dict.fromkeys(GRIDS, QUICK))).get(name, GRIDS[name])
+        scene = scenes.SCENES[name](8)
+        until = 0.2 * scene["until"] if quick else None
+        run = integrators, peers, environments, quick, repeats, until, kind
+        table, missing = compared(name, grid, *run)
+        result["tables"][name] = table
+        result["rows"] += [{"scene": name, **row} for row in table.rows]
+        result["statements"] += statements(name, table.rows)
+        result["missing"] |= missing
+        for row in (*table.rows, *result["rows"]):
+            row.pop("setup", None)
+        if out is not None:
+            write(result, Path(out), name)
     return result
 
 
-def write(result: dict[str, Any], folder: Path) -> None:
-    """Tables, and charts where matplotlib is there."""
+def write(result: dict[str, Any], folder: Path, name: str) -> None:
+    """Table and charts of a scene, and the statements so far."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, run in result["tables"].items():
-        run.csv(folder / f"speed_accuracy_{name}.csv")
-        with suppress(ImportError):  # charts come with the extra "view"
-            run.chart(folder / f"speed_accuracy_{name}.png", kind=kind_of, family=colour_of)
+    table = result["tables"][name]
+    table.csv(folder / f"speed_accuracy_{name}.csv")
+    measuring.write(folder / "speed_accuracy.csv", {**result, "rows": result["statements"]}, STATED)
+    whole = [{**row, "cost_s": row["process_s"]} for row in table.rows if row["process_s"]]
+    drawn = {"cost": "CPU seconds", "units": ""}
+    with suppress(ImportError):  # charts come with the extra "view"
+        path = folder / f"speed_accuracy_{name}.png"
+        table.chart(path, kind=kind_of, family=lambda row: family_of(kind_of(row)), **drawn)
+        process = PrecisionTable(whole, table.reference_errors, table.notes)
+        process.chart(path.with_suffix(".process.png"), kind=lambda row: row["group"], **drawn)
 
 
 def kind_of(row: Mapping[str, Any]) -> str:
     """What has a line of its own: a peer, and each of our integrators."""
-    return str(row["group"] if row["group"] != OURS else row["series"].split(", ")[0])
-
-
-def colour_of(row: Mapping[str, Any]) -> str:
-    """What has a colour of its own: a peer, and each family of our integrators."""
-    return family_of(kind_of(row))
+    return str(row["kind"])
 
 
 def missed(result: dict[str, Any]) -> list[str]:
-    """Where our front does not lie below a peer's, and what could not be measured."""
+    """Errors that a peer reaches cheaper, and what could not be measured or judged."""
     out = [f"{peer}: not measured: {why}" for peer, why in result["missing"].items()]
-    for name, standing in result["standing"].items():
-        behind = standing.behind
-        out += [f"{name}: {line}" for line in standing.lines if behind and ": behind at" in line]
+    for name, table in result["tables"].items():
+        off = table.reference_errors["point"]
+        out += [f"{name}: the reference is off by {off:.1e}"] if off > 0.2 * min(TARGETS) else []
+    for each in result["statements"]:
+        what = f"{each['scene']}, {each['error']:.0e}"
+        if each["ahead"]:
+            out.append(f"{what}: ahead: {each['ahead']}")
+        elif each["scene"] == "rod" and (each["peer_ratio"] or inf) < RATIO:
+            out.append(f"{what}: {each['peer_ratio']:.2f} times less CPU, required {RATIO:g}")
     return out
 
 
 def report(result: dict[str, Any]) -> str:
-    """The rows, fronts and our standing, as text."""
+    """The rows and the statements, as text."""
     lines = [measuring.table(result["rows"], COLUMNS), ""]
-    for name, run in result["tables"].items():
-        lines.append(f"{name}: error of the reference {run.reference_errors['point']:.1e} m")
-        lines += [f"{name}: {line}" for line in run.front("point").lines]
-        lines += [f"{name}: {line}" for line in result["standing"][name].lines]
-    return "\n".join(lines)
+    for name, table in result["tables"].items():
+        lines.append(
+            f"{name}: relative error of the reference {table.reference_errors['point']:.1e}"
+        )
+    return "\n".join([*lines, *map(sentence, result["statements"])])
 
 
 if __name__ == "__main__":
-    sys.exit(measuring.command(__doc__, main, report, missed, options=("environments", "resume")))
+    sys.exit(measuring.command(__doc__, main, report, missed, options=("environments",)))

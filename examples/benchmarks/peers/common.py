@@ -101,7 +101,7 @@ def solved(
     counted: dict[str, float] | None = None,
     **more: Any,
 ) -> dict[str, Any]:
-    """The answer of a run to its end; costs and counts: of the steps after the first `warm` ones."""
+    """The answer of a whole run; costs and counts given are without the first `warm` steps."""
     steps = round(scene["until"] / scene["step"])
     part = {"seconds": seconds, **(counted or {})}
     whole = {name: value * steps / (steps - scene["warm"]) for name, value in part.items()}

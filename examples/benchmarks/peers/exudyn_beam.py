@@ -3,15 +3,16 @@
 import common
 import exudyn_common
 import numpy as np
-from exudyn import rigidBodyUtilities as rigid_utilities
+from exudyn import rigidBodyUtilities
 from exudyn_common import exu, items
 
+NAME = "Exudyn, exact beam"
 REQUIREMENT = "exudyn==1.13.6"
 ANGLES = {"EP": "EulerParameters", "Rxyz": "RotXYZ", "RotVecLG": "RotationVector"}
 HELD = {"fixed": [1] * 6, "spherical": [1, 1, 1, 0, 0, 0]}
 
 
-def build(mbs, scene, o):
+def build(mbs, scene, o):  # noqa: PLR0912
     """All items; gives the number of the node that is watched."""
     ground = mbs.AddObject(items.ObjectGround())
     places = {None: (None, ground, np.zeros(3), np.eye(3))}  # node, body, position, x, y, z of it
@@ -19,7 +20,7 @@ def build(mbs, scene, o):
     for i, beam in enumerate(scene["beams"]):
         turned = common.frame(beam)[[2, 0, 1]].T  # its x is along the beam
         kind = getattr(items, f"NodeRigidBody{o['node']}")
-        angles = getattr(rigid_utilities, f"RotationMatrix2{ANGLES[o['node']]}")(turned)
+        angles = getattr(rigidBodyUtilities, f"RotationMatrix2{ANGLES[o['node']]}")(turned)
         for k, x in enumerate(beam["nodes"]):
             node = mbs.AddNode(kind(referenceCoordinates=[*x, *angles]))
             places["beams", i, k] = node, None, x, turned

@@ -4,6 +4,7 @@ import common
 import exudyn_common
 from exudyn_common import items
 
+NAME = "Exudyn, ANCF cable"
 REQUIREMENT = "exudyn==1.13.6"
 
 

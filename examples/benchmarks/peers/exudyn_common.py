@@ -8,8 +8,8 @@ import numpy as np
 
 sys.exudynFast = True  # the build without range checks
 
-import exudyn as exu
-from exudyn import itemInterface as items
+import exudyn as exu  # noqa: E402
+from exudyn import itemInterface as items  # noqa: E402, N813
 
 #: solver, relative tolerance of the residual, spectral radius
 OPTIONS = {"node": "EP", "newton": "modified", "solver": "EigenSparse", "reuse_pattern": True}

@@ -9,6 +9,7 @@ import common
 import mujoco as mj
 import numpy as np
 
+NAME = "MuJoCo, rigid chain"
 REQUIREMENT = "mujoco==3.3.7"
 OPTIONS = {"integrator": "RK4"}
 FREE, BALL, HINGE = mj.mjtJoint.mjJNT_FREE, mj.mjtJoint.mjJNT_BALL, mj.mjtJoint.mjJNT_HINGE

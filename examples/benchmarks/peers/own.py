@@ -1,4 +1,4 @@
-"""This package: any order, integrator and treatment of the constraints."""
+"""skfem-cosserat itself: any order, integrator and treatment of the constraints."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ import skfem_cosserat as sc
 from collection.members import SolidBeam
 from skfem_cosserat.integrators import Stepper
 
-REQUIREMENT = ""
+NAME = "skfem-cosserat"
+REQUIREMENT = ""  # this Python has it
 OPTIONS = {"integrator": "energy-momentum", "treatment": "null-space", "order": 1}
 OPTIONS |= {"kernels": "auto"}
 

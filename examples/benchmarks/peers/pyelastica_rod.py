@@ -10,6 +10,7 @@ import common
 import elastica as ea
 import numpy as np
 
+NAME = "PyElastica"
 REQUIREMENT = "pyelastica==1.0.0"
 
 
