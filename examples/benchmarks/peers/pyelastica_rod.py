@@ -44,9 +44,9 @@ def run(scene):
     (beam,), d = scene["beams"], common.frame(scene["beams"][0])
     nodes, h, last = beam["nodes"], common.lengths(beam), len(beam["nodes"]) - 2
     m, J, s = (common.rows(beam, name) for name in ("mass", "inertia", "stiffness"))
-    base = {"base_length": h.sum(), "base_radius": 0.01 * h.sum(), "density": 1.0}
-    more = {"youngs_modulus": 1.0, "shear_modulus": 1.0}  # what follows from these is replaced
-    rod = ea.CosseratRod.straight_rod(last + 1, np.array(nodes[0]), d[2], d[0], **base, **more)
+    base = {"youngs_modulus": 1.0, "shear_modulus": 1.0, "density": 1.0}  # replaced below
+    ends = np.array(nodes[0]), d[2], d[0], h.sum(), 0.01 * h.sum()
+    rod = ea.CosseratRod.straight_rod(last + 1, *ends, **base)
     rod.mass[:] = 0.0
     rod.mass[:-1] += m[:, 0] * h / 2
     rod.mass[1:] += m[:, 0] * h / 2
