@@ -21,7 +21,6 @@ Run ``python examples/benchmarks/versus_peers.py --help`` for the choices.
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from itertools import product
@@ -34,6 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import measuring  # before numpy: one thread
 import numpy as np
 import peer_calls
+import scenes
 from measuring import INTEGRATORS, LENGTH
 
 import skfem_cosserat as sc
@@ -42,6 +42,7 @@ from skfem_cosserat.integrators import Stepper
 STEP = 1e-3
 WARM = 2
 EXACT, CABLE, ELASTICA = "exudyn-exact-beam", "exudyn-ancf-cable", "pyelastica"
+ADAPTERS = {EXACT: "exudyn_beam", CABLE: "exudyn_cable", ELASTICA: "pyelastica_rod"}
 #: how many times faster a step has to be, up to as many elements, than Exudyn's exact beam
 STEP_RATIOS = {20: 8.0, 200: 10.0, 2000: 30.0}
 #: how many times faster than its full Newton iteration one of ours has to be, by kernels
@@ -63,18 +64,11 @@ TRIED = (
 )
 
 
-def scene() -> dict[str, Any]:
-    """The rod's numbers, for the adapters."""
-    section = measuring.rubber()
-    return {
-        "length": LENGTH,
-        "radius": measuring.RADIUS,
-        "polar": np.pi * measuring.RADIUS**4 / 2,
-        "stiffness": np.diag(section.stiffness).tolist(),
-        "mass": float(section.mass),
-        "inertia": [float(x) for x in section.inertia],
-        "gravity": list(measuring.GRAVITY),
-    }
+def scene(elements: int, steps: int, step: float, **options: Any) -> dict[str, Any]:
+    """The rod for the adapters: so many steps, the first ones not timed."""
+    until = step * steps
+    asked = {"step": step, "warm": WARM, "options": options}
+    return {**scenes.rod(elements, until, until), **asked}
 
 
 def window(elements: int) -> int:
@@ -82,42 +76,38 @@ def window(elements: int) -> int:
     return int(np.clip(100_000 // elements, 50, 300))
 
 
-def candidates(elements: int, element: str = "exact") -> Iterator[tuple[str, ...]]:
+def candidates(elements: int, element: str = EXACT) -> Iterator[dict[str, Any]]:
     """Settings of Exudyn that are tried, as options of the adapter."""
-    sparse = [("EigenSparse",), ("EigenSparse", "--reuse-pattern"), ("EigenSparseSymmetric",)]
-    dense = [("EXUdense",), ("EigenDense",)] if elements <= DENSE else []
-    if element == "cable":
-        for solver in (*sparse, *dense):
-            yield ("--element", "cable", "--newton", "modified", "--solver", *solver)
-        return
-    nodes = ("Rxyz", "EP", "RotVecLG")
-    for node, newton, solver in product(nodes, ("full", "modified"), (*sparse, *dense)):
-        yield ("--node", node, "--newton", newton, "--solver", *solver)
+    sparse = [("EigenSparse", False), ("EigenSparse", True), ("EigenSparseSymmetric", False)]
+    dense = [("EXUdense", False), ("EigenDense", False)] if elements <= DENSE else []
+    nodes = ("Rxyz", "EP", "RotVecLG") if element == EXACT else ("EP",)
+    newtons = ("full", "modified") if element == EXACT else ("modified",)
+    for node, newton, (solver, reuse) in product(nodes, newtons, (*sparse, *dense)):
+        yield {"node": node, "newton": newton, "solver": solver, "reuse_pattern": reuse}
 
 
 Ask = Callable[..., dict[str, Any]]
 
 
-def reachable(ask: Ask) -> str:
+def reachable(ask: Ask) -> float:
     """The tightest of the tolerances with which full Newton runs converge."""
     for tolerance in TOLERANCES:
-        if ask("--newton", "full", "--tolerance", str(tolerance))["status"] == "completed":
-            return str(tolerance)
-    return str(TOLERANCES[-1])
+        if ask(newton="full", tolerance=tolerance)["status"] == "completed":
+            return tolerance
+    return TOLERANCES[-1]
 
 
-def survey(ask: Ask, elements: int, element: str = "exact") -> list[dict[str, Any]]:
+def survey(ask: Ask, elements: int, element: str = EXACT) -> list[dict[str, Any]]:
     """One run of each setting: its cost, or why there is none."""
-    tolerance = reachable(ask) if element == "exact" else str(TOLERANCES[0])
+    tolerance = reachable(ask) if element == EXACT else TOLERANCES[0]
     found = []
     for options in candidates(elements, element):
-        setting = (*options, "--tolerance", tolerance)
-        answer = ask(*setting)
+        setting = {**options, "tolerance": tolerance}
+        answer = ask(**setting)
         row = {"elements": elements, "setting": setting, "status": answer["status"]}
         if answer["status"] == "completed":
             factorisations = answer["factorisations_per_step"]
             row |= {"full": factorisations == answer["iterations_per_step"], **answer}
-            row["ms_per_iteration"] = answer["ms_per_step"] / answer["iterations_per_step"]
         found.append(row)
     return found
 
@@ -169,8 +159,6 @@ def compared(
             mine[pair].append(ours(elements, *pair, full, steps))
     if any(answer["status"] != "completed" for answer in theirs):
         return []
-    for answer in theirs:
-        answer["ms_per_iteration"] = answer["ms_per_step"] / answer["iterations_per_step"]
     rows = []
     for (integrator, kernels), runs in mine.items():
         own = median(r[f"ms_per_{measure}"] for r in runs)
@@ -200,17 +188,31 @@ def apart(a: Any, b: Any) -> float:
     return float(np.linalg.norm(np.asarray(a) - np.asarray(b))) / LENGTH
 
 
-def exudyn(python: Path, elements: int, repeats: int, element: str) -> dict[str, Any]:
+def asked(python: Path, adapter: peer_calls.Peer, question: dict[str, Any]) -> dict[str, Any]:
+    """The answer of an adapter, by step, and where the free end is."""
+    answer = peer_calls.ask(python, adapter, question, timeout=600)
+    if answer["status"] != "completed":
+        return answer
+    steps, iterations = answer["steps"], answer.get("iterations") or answer["steps"]
+    return {
+        "status": "completed",
+        "ms_per_step": 1e3 * answer["seconds"] / steps,
+        "ms_per_iteration": 1e3 * answer["seconds"] / iterations,
+        "iterations_per_step": iterations / steps,  # one, if explicit
+        "factorisations_per_step": answer.get("factorisations", 0) / steps,
+        "tip": answer["positions"][-1],
+    }
+
+
+def exudyn(python: Path, elements: int, repeats: int, peer: str) -> dict[str, Any]:
     """Rows against one of Exudyn's beams, the settings tried, and what is missing."""
-    fixed = ("--scene", json.dumps(scene()), "--elements", str(elements), "--element", element)
-    fixed += ("--step", str(STEP), "--warm", str(WARM), "--steps", str(window(elements)))
 
-    def ask(*options: str) -> dict[str, Any]:
-        return peer_calls.ask(python, peer_calls.EXUDYN, *fixed, *options)
+    def ask(**options: Any) -> dict[str, Any]:
+        question = scene(elements, WARM + window(elements), STEP, **options)
+        return asked(python, peer_calls.peers()[ADAPTERS[peer]], question)
 
-    peer = EXACT if element == "exact" else CABLE
-    tried, rows, missing = survey(ask, elements, element), [], {}
-    for measure in ("step", "iteration") if element == "exact" else ("step",):
+    tried, rows, missing = survey(ask, elements, peer), [], {}
+    for measure in ("step", "iteration") if peer == EXACT else ("step",):
         chosen = best(tried, measure)
         if chosen is None:
             missing[f"{peer}, {elements} elements, {measure}"] = tried[0]["status"]
@@ -218,31 +220,41 @@ def exudyn(python: Path, elements: int, repeats: int, element: str) -> dict[str,
         setting = chosen["setting"]
         kinds = ("numba", "numpy") if measure == "iteration" else ("numba",)
         pairs = list(product(INTEGRATORS, kinds))
-        new = compared(peer, elements, measure, pairs, repeats, lambda s=setting: ask(*s))
-        rows += [{**row, "setting": " ".join(setting)} for row in new]
+        new = compared(peer, elements, measure, pairs, repeats, lambda s=setting: ask(**s))
+        rows += [{**row, "setting": in_words(setting)} for row in new]
         if not new:
             missing[f"{peer}, {elements} elements, {measure}"] = "failed when run again"
     return {"rows": rows, "tried": tried, "missing": missing}
 
 
+def in_words(setting: dict[str, Any]) -> str:
+    """Options of an adapter, for a table."""
+    return " ".join(f"{name}={value}" for name, value in setting.items())
+
+
 def pyelastica(python: Path, elements: int, repeats: int) -> dict[str, Any]:
     """Rows against PyElastica at its largest stable step: of a step, and of a simulated second."""
-    until = (WARM + window(elements)) * STEP
-    fixed = ("--scene", json.dumps(scene()), "--elements", str(elements), "--until", str(until))
-    first = peer_calls.ask(python, peer_calls.ELASTICA, *fixed, timeout=600)
-    if first["status"] != "completed":
-        return {"rows": [], "missing": {f"{ELASTICA}, {elements} elements": first["status"]}}
-    size = ("--step", repr(first["step"]))
-
-    def ask() -> dict[str, Any]:
-        answer = peer_calls.ask(python, peer_calls.ELASTICA, *fixed, *size)
-        return {**answer, "iterations_per_step": 1.0}  # explicit
-
+    until, adapter = (WARM + window(elements)) * STEP, peer_calls.peers()[ADAPTERS[ELASTICA]]
+    stiffness = measuring.rubber().stiffness
+    step = 2 * LENGTH / elements / (stiffness[2, 2] / measuring.rubber().mass) ** 0.5
+    while True:  # a run that is unstable ends far away, or nowhere
+        question = scene(elements, int(np.ceil(until / step)), until / np.ceil(until / step))
+        answer = asked(python, adapter, question)
+        if answer["status"] == "completed" and np.linalg.norm(answer["tip"]) < 1.05 * LENGTH:
+            break
+        if not answer["status"].startswith(("completed", "unstable")):
+            missing = {f"{ELASTICA}, {elements} elements": answer["status"]}
+            return {"rows": [], "missing": missing}
+        step /= 2**0.25
     pairs = [(name, "numba") for name in INTEGRATORS]
-    rows = compared(ELASTICA, elements, "step", pairs, repeats, ask)
+    again = lambda: asked(python, adapter, question)  # noqa: E731
+    rows = compared(ELASTICA, elements, "step", pairs, repeats, again)
     for row in list(rows):
-        row["setting"] = f"PositionVerlet, step {first['step']:.3g} s"
-        scaled = {"ours_ms": row["ours_ms"] / STEP, "peer_ms": row["peer_ms"] / first["step"]}
+        row["setting"] = f"PositionVerlet, step {question['step']:.3g} s"
+        scaled = {
+            "ours_ms": row["ours_ms"] / STEP,
+            "peer_ms": row["peer_ms"] / question["step"],
+        }
         ratio = scaled["peer_ms"] / scaled["ours_ms"]
         rows.append({**row, "measure": "second", **scaled, "ratio": ratio})
     return {"rows": rows, "missing": {}}
@@ -282,9 +294,8 @@ def main(
     sizes = tuple(elements or ((20, 200) if quick else (20, 200, 2000)))
     result: dict[str, Any] = {"rows": [], "tried": [], "missing": {}}
     for peer in peers:
-        code = peer_calls.ELASTICA if peer == ELASTICA else peer_calls.EXUDYN
         try:
-            python = peer_calls.prepare(code, environments)
+            python = peer_calls.prepare(peer_calls.peers()[ADAPTERS[peer]], environments)
         except peer_calls.Unavailable as error:
             result["missing"][peer] = str(error)
             continue
@@ -292,15 +303,16 @@ def main(
             if peer == ELASTICA:
                 found = pyelastica(python, size, repeats)
             else:
-                found = exudyn(python, size, repeats, "exact" if peer == EXACT else "cable")
+                found = exudyn(python, size, repeats, peer)
             result["rows"] += found["rows"]
             result["tried"] += found.get("tried", [])
             result["missing"] |= found["missing"]
     result |= measuring.environment()
-    result["notes"] = {"missing": result["missing"], "peers": list(peer_calls.REQUIREMENTS)}
+    known = {peer_calls.peers()[ADAPTERS[peer]].requirement for peer in peers}
+    result["notes"] = {"missing": result["missing"], "peers": sorted(known)}
     if out is not None:
         measuring.write(Path(out) / "versus_peers.csv", result, COLUMNS)
-        tried = [{**row, "setting": " ".join(row["setting"])} for row in result["tried"]]
+        tried = [{**row, "setting": in_words(row["setting"])} for row in result["tried"]]
         settings = {**result, "rows": tried}
         measuring.write(Path(out) / "versus_peers.settings.csv", settings, TRIED)
     return result
@@ -321,7 +333,7 @@ def missed(result: dict[str, Any]) -> list[str]:
 
 def report(result: dict[str, Any]) -> str:
     """The settings tried and the rows, as text."""
-    tried = [{**row, "setting": " ".join(row["setting"])} for row in result["tried"]]
+    tried = [{**row, "setting": in_words(row["setting"])} for row in result["tried"]]
     parts = [measuring.table(tried, TRIED), measuring.table(result["rows"], COLUMNS)]
     return "\n\n".join(parts)
 

@@ -6,10 +6,8 @@ import importlib.util
 import json
 import subprocess
 import sys
-from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import skfem_cosserat as sc
@@ -33,11 +31,6 @@ def step_cost():
 @pytest.fixture(scope="module")
 def versus_peers():
     return load("versus_peers")
-
-
-@pytest.fixture(scope="module")
-def time_to_accuracy():
-    return load("time_to_accuracy")
 
 
 @pytest.fixture(scope="module")
@@ -192,20 +185,19 @@ class FakeExudyn:
     def __init__(self, ms):
         self.ms, self.asked = ms, []
 
-    def __call__(self, python, peer, *options, timeout=0):
+    def __call__(self, python, peer, scene, timeout=0):
+        options = scene["options"]
         self.asked.append(options)
-        named = dict(pairwise(options))
-        if named["--solver" if "--solver" in named else "--newton"] == "EXUdense":
+        if options.get("solver") == "EXUdense":
             return {"status": "singular"}
-        full = named["--newton"] == "full"
-        steps = int(named["--steps"])
+        full, steps = options["newton"] == "full", round(scene["until"] / scene["step"])
         return {
             "status": "completed",
-            "ms_per_step": self.ms if full else self.ms / 2,
-            "iterations_per_step": 2.0 if full else 5.0,
-            "factorisations_per_step": 2.0 if full else 0.1,
+            "seconds": 1e-3 * steps * (self.ms if full else self.ms / 2),
+            "iterations": steps * (2.0 if full else 5.0),
+            "factorisations": steps * (2.0 if full else 0.1),
             "steps": steps,
-            "tip": [1.0, -9.81 / 2 * (1e-3 * (steps + 2)) ** 2, 0.0],
+            "positions": [[1.0, -9.81 / 2 * scene["until"] ** 2, 0.0]],
         }
 
 
@@ -257,25 +249,6 @@ def test_versus_peers_tells_what_is_missed(versus_peers, exudyn):
     assert len(versus_peers.missed(result)) == 6
 
 
-def test_the_explicit_pendulum_says_what_it_does_before_it_does_it(monkeypatch, capsys):
-    pendulum = load("explicit_pendulum")
-    seen = []
-
-    def refuse(*arguments):
-        raise pendulum.peer_calls.Unavailable("no wheel")
-
-    def own(steps, repeats):
-        seen.append(capsys.readouterr().out)
-        return np.array([1.0 / steps, 0, 0]), 0.5
-
-    monkeypatch.setattr(pendulum.peer_calls, "prepare", refuse)
-    monkeypatch.setattr(pendulum, "own", own)
-    rows = pendulum.main(1)["own"]
-    assert [row["steps"] for row in rows] == list(pendulum.STEPS)
-    assert "without PyElastica: no wheel" in seen[0] and "own: reference of 128000" in seen[0]
-    assert seen[2].startswith("own steps 4500, error ")  # each line as soon as it is known
-
-
 def test_a_peer_that_cannot_be_installed_counts_as_missed(versus_peers, monkeypatch):
     def refuse(*arguments):
         raise versus_peers.peer_calls.Unavailable("no wheel")
@@ -297,99 +270,6 @@ def test_figures_asked_of_a_step_and_an_iteration(versus_peers):
     assert asked(versus_peers.EXACT, "iteration", 200, "numpy") == 1
     assert asked(versus_peers.CABLE, "step", 20, "numba") == 1
     assert asked(versus_peers.ELASTICA, "second", 20, "numba") is None
-
-
-def test_adapters_understand_the_command_line(versus_peers):
-    """All settings that are tried; nothing of the peers is imported."""
-    exudyn, elastica = (load(f"peers/{name}") for name in ("exudyn_beam", "elastica_rod"))
-    scene = json.dumps(versus_peers.scene())
-    for element in ("exact", "cable"):
-        for options in versus_peers.candidates(20, element):
-            fixed = ["--scene", scene, "--elements", "20", "--steps", "5"]
-            a = exudyn.parser().parse_args([*fixed, *options])
-            assert a.element == element and a.tolerance == 1e-8 and not a.checked
-            assert a.scene["mass"] == pytest.approx(np.pi * 25e-6 * 1100, rel=1e-12)
-            assert len(a.scene["stiffness"]) == 6
-    a = elastica.parser().parse_args(["--scene", scene, "--elements", "20", "--until", "0.1"])
-    assert a.step == 0 and a.until == 0.1
-    with pytest.raises(SystemExit):
-        exudyn.parser().parse_args(["--scene", scene, "--elements", "20"])
-    assert not {"exudyn", "elastica"} & set(sys.modules)
-
-
-def test_an_adapter_that_fails_says_so(versus_peers, tmp_path):
-    """Run by this Python, which has none of the peers."""
-    calls = versus_peers.peer_calls
-    (tmp_path / "sleeps.py").write_text("import time; time.sleep(60)")
-    (tmp_path / "talks.py").write_text("print('hello')")
-    (tmp_path / "breaks.py").write_text("raise ValueError('no beam')")
-    for name, status in (
-        ("sleeps", "no answer within 0.5 s"),
-        ("talks", "no JSON"),
-        ("breaks", "failed with exit status 1: ValueError: no beam"),
-    ):
-        peer = calls.Peer("nothing==0", str(tmp_path / f"{name}.py"))
-        timeout = 0.5 if name == "sleeps" else 60
-        assert status in calls.ask(Path(sys.executable), peer, timeout=timeout)["status"]
-
-
-# time to accuracy
-
-
-def test_time_to_accuracy(time_to_accuracy, tmp_path, monkeypatch):
-    """The error falls with the order of the step; a code alone has no ratio."""
-    module = time_to_accuracy
-    monkeypatch.setattr(module, "UNTIL", 0.04)
-    plain = module.run_ours
-    monkeypatch.setattr(module, "run_ours", lambda s, until=0.04: plain(s, "numpy", until))
-    path = module.extrapolated(module.Setup(module.OURS, "energy-momentum", 4, 2, 1e-3), 0.04)
-    monkeypatch.setattr(module, "reference", lambda quick: (path, 1e-9))
-    result = module.main(repeats=1, out=tmp_path, steps=(1e-2, 5e-3), meshes={4: (2,)}, peers=())
-    assert len(result["rows"]) == 4
-    assert {r["status"] for r in result["rows"]} == {"completed"}
-    errors = {(r["integrator"], r["step"]): r["error"] for r in result["rows"]}
-    for name in ("energy-momentum", "variational"):
-        assert errors[name, 5e-3] < errors[name, 1e-2] / 2
-    assert (tmp_path / "time_to_accuracy.csv").exists()
-    assert all(entry["ratio"] is None for entry in result["winners"])
-    assert "times less" not in module.report(result)
-    json.dumps(result["rows"])
-
-
-def test_the_cheapest_setup_is_found(time_to_accuracy):
-    module = time_to_accuracy
-    grid = [
-        module.Setup(module.OURS, "variational", 1, n, h) for n in (2, 64) for h in (1e-2, 1e-4)
-    ]
-    asked = []
-
-    def run(setup):
-        asked.append(setup)
-        error = 1e-6 if setup.step < 1e-3 else 1e-4
-        return module.Answer(np.array([[error, 0.0, 0.0]]), setup.work)
-
-    rows = module.explored(grid, run, np.zeros((1, 3)))
-    assert len(asked) == 3 and rows[-1]["status"] == "skipped: takes longer"
-    assert module.cheapest(rows, 1e-3)["setup"] == grid[0]
-    assert module.cheapest(rows, 1e-5)["setup"] == grid[1]
-    assert module.cheapest(rows, 1e-7) is None
-    assert module.settled([5.0, 1.0, 1.05, 0.99]) and not module.settled([1.0, 1.0])
-    assert not module.settled([1.0, 0.9, 0.7])
-    failed = module.explored(grid[:1], lambda s: module.Answer(None, 1.0, "diverged"), 0)
-    assert failed[0]["status"] == "diverged" and failed[0]["error"] is None
-
-
-def test_time_to_accuracy_tells_what_is_missed(time_to_accuracy):
-    module = time_to_accuracy
-    cpu = {module.OURS: 1.0, module.EXUDYN: 5.0}
-    entry = {"target": 1e-3, "cpu_s": cpu, "ratio": 5.0, "best": {}}
-    result = {"winners": [entry], "targets": (1e-3,), "reference_error": 1e-9, "missing": {}}
-    assert module.missed(result) == ["0.001 L: 5.00 times less CPU, required 10"]
-    assert not module.missed({**result, "winners": [{**entry, "ratio": 11.0}]})
-    assert len(module.missed({**result, "reference_error": 1e-3})) == 2
-    assert not module.missed({**result, "targets": ()})
-    never = {**entry, "cpu_s": {module.OURS: None}, "ratio": None}
-    assert module.missed({**result, "winners": [never]}) == ["0.001 L: not reached"]
 
 
 # cold start

@@ -21,10 +21,9 @@ class Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing):
 class Push(ea.NoForces):
     """Force and moment on a node, in time."""
 
-    def __init__(self, load, last):
+    def __init__(self, load, element):
         super().__init__()
-        self.node, self.factor = load["on"][2], common.factor(load)
-        self.element = min(self.node, last)
+        self.node, self.element, self.factor = load["on"][2], element, common.factor(load)
         self.force, self.moment = np.array(load["force"]), np.array(load["moment"])
 
     def apply_forces(self, system, time=0.0):
@@ -69,7 +68,7 @@ def run(scene):
         gravity = {"acc_gravity": np.array(scene["gravity"])}
         simulator.add_forcing_to(rod).using(ea.GravityForces, **gravity)
     for load in scene["loads"]:
-        simulator.add_forcing_to(rod).using(Push, load, last)
+        simulator.add_forcing_to(rod).using(Push, load, min(load["on"][2], last))
     simulator.finalize()
     stepper, watched = ea.PositionVerlet(), scene["watch"][2]
     step = lambda t: stepper.step(simulator, np.float64(t), np.float64(scene["step"]))  # noqa: E731
