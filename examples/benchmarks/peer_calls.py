@@ -12,6 +12,7 @@ import re
 import resource
 import subprocess
 import sys
+import tempfile
 import time
 import venv
 from pathlib import Path
@@ -93,7 +94,9 @@ def ask(python: Path, peer: Peer, scene: dict[str, Any], timeout: float = 300.0)
     options |= {"timeout": timeout, "env": alone | threads}
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     try:
-        done = subprocess.run([str(python), str(peer.adapter)], check=True, **options)
+        with tempfile.TemporaryDirectory() as elsewhere:  # some write a log where they are
+            command = [str(python), str(peer.adapter)]
+            done = subprocess.run(command, check=True, cwd=elsewhere, **options)
         answer = json.loads(done.stdout)
     except subprocess.TimeoutExpired:
         return {"status": f"no answer within {timeout:g} s"}

@@ -541,7 +541,7 @@ def report(result: dict[str, Any]) -> str:
     lines = [measuring.table(result["rows"], COLUMNS), ""]
     for name, table in result["tables"].items():
         lines.append(
-            f"{name}: relative error of the reference {table.reference_errors['point']:.1e}"
+            f"{name}: relative error of the reference {table.reference_errors['position']:.1e}"
         )
     return "\n".join([*lines, *map(sentence, result["statements"])])
 
