@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -190,3 +190,66 @@ def stopped(elements, log):
 def other(elements, log, fatal=()):
     """Another problem than `noted`."""
     return noted(elements, log, fatal)
+
+
+# -- random scenes, to count how often bands cover the error ---------------------------------------
+
+
+def random_run(elements, step, order, seed):
+    """A random cantilever under a load that sets in smoothly: its tip and root moment."""
+    random = np.random.default_rng(seed)
+    length, radius = random.uniform(0.5, 2.0), 10 ** random.uniform(-2.2, -1.5)
+    material = sc.Material(E=10 ** random.uniform(6.0, 9.0), nu=0.4, rho=1100)
+    section = sc.SectionCircle(radius * length, material)
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (length, 0, 0), elements, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, order=order, director=(0, 0, 1)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    EI, direction = section.stiffness[3, 3], random.normal(size=3)
+    size = EI / length**2 * random.uniform(0.3, 1.5) / np.linalg.norm(direction)
+    # of the first mode, about
+    period = 2 * np.pi / 3.52 * length**2 * np.sqrt(section.mass / EI)
+    until = float(random.uniform(0.5, 1.5) * period)
+    load = sc.RampSmooth(0, until) if step is not None else 1.0
+    model.add("force", sc.LoadForce(rod.node("rod.end"), size * direction, load))
+    if step is None:
+        path = sc.static(model, watch=False)
+        return {"tip": path.position(rod.node("rod.end"))[-1] / length}
+    run = sc.simulate(
+        model, sc.EnergyMomentum(), sc.NullSpace(), step * until, until, kernels="numpy"
+    )
+    return {
+        "tip": run.position(rod.node("rod.end"))[-1] / length,
+        "moment": run["joint/clamp/moment"][-2] / (size * length),
+    }
+
+
+def covered(count, first=0):
+    """How many bands of extrapolated values cover the error, of how many that were given."""
+    good = total = 0
+    for seed in range(first, first + count):
+        random = np.random.default_rng(1000 + seed)
+        kind, order = ("mesh", "step", "static")[seed % 3], int(random.integers(1, 3))
+        levels = {"elements": (2, 4, 8, 16), "step": 1 / random.choice([20, 40, 80])}
+        if kind == "step":
+            levels = {
+                "elements": int(random.choice([3, 6])),
+                "step": (1 / 20, 1 / 40, 1 / 80, 1 / 160),
+            }
+        if kind == "static":
+            levels = {"elements": (4, 8, 16, 32), "step": None}
+        problem = partial(random_run, order=order, seed=seed)
+        if levels["step"] is None:
+            study = sc.refine(partial(problem, step=None), elements=levels["elements"])
+            true = random_run(32, None, 4, seed)
+        else:
+            study = sc.refine(problem, **levels)
+            fine = [random_run(12, 1 / n, 3, seed) for n in (320, 640)]
+            true = {k: fine[1][k] + (fine[1][k] - fine[0][k]) / 3 for k in fine[0]}
+        for name, found in study.orders.items():
+            if found.extrapolated is None or not np.isfinite(found.uncertainty):
+                continue
+            total += 1
+            inside = np.linalg.norm(found.extrapolated - true[name]) <= found.uncertainty
+            good += bool(inside)
+    return good, total

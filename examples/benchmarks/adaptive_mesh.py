@@ -147,8 +147,8 @@ _SPAN = sc.MeshCurve.init_line(
 )
 _EM = sc.EnergyMomentum()
 _UP = RunStatic(sc.LoadControl(until=15000.0))
-_PULSE = RunInTime(_EM, 1 / 20, 2.0, times=[1.0, 1.5, 2.0])
-_PUSH = RunInTime(_EM, 1e-2, 0.5, times=[0.25, 0.4, 0.5])
+_PULSE = RunInTime(_EM, 1 / 80, 2.0, times=[1.0, 1.5, 2.0])
+_PUSH = RunInTime(_EM, 2.5e-3, 0.5, times=[0.25, 0.4, 0.5])
 
 CASES = {
     "bend": Case(bend, _ARC, NodePosition("bend", "bend.end"), RunStatic(), 4, 2, 1e-4),

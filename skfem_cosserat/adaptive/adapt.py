@@ -339,6 +339,10 @@ class Adapted:
         Its solution.
     best : (T, k) array
         The quantity on the richest mesh there was: better than the last value.
+    step_error : float
+        Error by the step of a run in time: from the change of the quantity by half the step, on
+        the last mesh, and the order of the scheme. Zero for equilibria; NaN where the mesh did not
+        come so far.
     """
 
     reached: bool
@@ -348,6 +352,7 @@ class Adapted:
     system: System
     history: History
     best: Floats
+    step_error: float = float("nan")
 
     @property
     def mesh(self) -> Meshes:
@@ -478,6 +483,8 @@ def adapt(
     -----
     What the difference of the two solutions tells is the error in space: a time step, what the
     model leaves out, and chords in place of a curve (a mesh from a file) are the same in both. The
+    step is looked at once, on the mesh that is accepted: with ``Adapted.step_error`` the error has
+    to be within the tolerance, too; else ``reached`` is False, and ``reason`` says why. The
     order is that of a whole beam: where parts are to have orders of their own they must be beams of
     their own on meshes of their own.
 
@@ -655,7 +662,7 @@ class _Adaptation:
                 level = replace(level, verified=distance)
                 if distance * self.safety <= self.tolerance:
                     self.levels.append(level)
-                    return self.ended(True, "within the tolerance", coarse, rough, best)
+                    return self.of_the_step(level, coarse, rough, best)
             change = self.strategy.choose(self.outlook(coarse, fine, good, level))
             after = self.next(level, change)
             if self.exhausted(after):
@@ -695,6 +702,24 @@ class _Adaptation:
         richest = self.system(self.space.richest(self.highest))
         values = self.run.values(self.quantity, richest, self.run.solve(richest, from_))
         return values, _size(values - level.value)
+
+    def of_the_step(self, level: Level, system: System, history: History, best: Floats) -> Adapted:
+        """The result on a mesh that is within the tolerance: so the step has to be, too."""
+        finer, change, error = self.run.finer(), 0.0, 0.0
+        if finer is not None:
+            run, order = finer
+            values = run.values(self.quantity, system, run.solve(system, None))
+            change = _size(values - level.value)
+            error = change / (1 - 0.5**order)
+        if (level.verified + error) * self.safety <= self.tolerance:
+            done = self.ended(True, "within the tolerance", system, history, best)
+        else:
+            reason = (
+                f"the mesh is within the tolerance, the step is not: half of it changes the"
+                f" quantity by {change:.2g}; take a smaller one"
+            )
+            done = self.ended(False, reason, system, history, best)
+        return replace(done, step_error=error)
 
     def ended(
         self, reached: bool, reason: str, system: System, history: History, best: Floats

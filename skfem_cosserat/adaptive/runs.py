@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -313,6 +313,10 @@ class Run(ABC):
     def looks(self, history: History) -> Floats:
         """Configurations (N, n) over which indicators are summed."""
 
+    def finer(self) -> tuple[Run, int] | None:
+        """The same with half of the step that it holds, and its order; None if there is none."""
+        return None
+
     def values(self, quantity: OfConfiguration, system: System, history: History) -> Floats:
         """The quantity (T, k)."""
         wanted = Quantity("value", quantity)
@@ -445,8 +449,8 @@ class RunStatic(Run):
 class RunInTime(Run):
     """A motion from rest or from the items' velocities; each mesh has the same steps.
 
-    The error in space alone is looked at: that of the step is in all meshes alike. It is shared
-    among the elements by the energy of the strains they miss, mean over the run.
+    The error in space is shared among the elements by the energy of the strains they miss, mean
+    over the run. That of the step is in all meshes alike: it is looked at once, at the end.
 
     Parameters
     ----------
@@ -485,6 +489,11 @@ class RunInTime(Run):
                 f"times = {self.times!r}, expected ends of steps of {self.step!r} s from 0 to"
                 f" {self.until!r} s",
             )
+
+    def finer(self) -> tuple[Run, int]:
+        """See the base class: at the same times."""
+        half = replace(self, step=self.step / 2, times=self._wanted.tolist())
+        return half, self.integrator.order
 
     @property
     def _wanted(self) -> Floats:

@@ -18,6 +18,12 @@ from ..types import Floats, switch
 
 #: what a study varies, in the order of names
 NAMES = ("elements", "mesh", "order", "step")
+#: how what is held is refined once, to see its own error
+FINER: dict[str, Callable[[Any], Any]] = {
+    "elements": lambda count: 2 * count,
+    "mesh": lambda mesh: mesh.refined(),
+    "step": lambda step: step / 2,
+}
 Span = Sequence[Any] | Any
 
 
@@ -58,6 +64,24 @@ class Series:
     def sizes(self) -> Floats:
         """Size of each level."""
         return np.array([level.size for level in self.levels])
+
+    @property
+    def varied(self) -> list[str]:
+        """Names of the arguments that differ from level to level."""
+        first, last = self.levels[0].arguments, self.levels[-1].arguments
+        return [name for name in last if first[name] is not last[name]]
+
+    @property
+    def held(self) -> list[str]:
+        """Names of those that stand for a mesh or a step and do not."""
+        return [
+            name for name in self.levels[-1].arguments if name in FINER and name not in self.varied
+        ]
+
+    def probe(self, name: str) -> StudyLevel:
+        """The finest level, with what is held once more refined: half the step, or elements."""
+        arguments = self.levels[-1].arguments
+        return StudyLevel({**arguments, name: FINER[name](arguments[name])}, self.levels[-1].size)
 
 
 def case_name(arguments: Mapping[str, Any]) -> str:

@@ -29,7 +29,7 @@ from .levels import (
     text,
 )
 from .orders import ROUNDING, Convergence, convergence
-from .quantities import OverTime, Quantities, aligned
+from .quantities import OverTime, Quantities, Reading, aligned
 from .references import Compared, ReferenceFinest, ReferenceKnown, reference_of_levels
 from .results import Report, ResultTable, provenance
 
@@ -40,6 +40,51 @@ if TYPE_CHECKING:
 
 #: quantities with more numbers are not in the table, only their errors
 WIDE = 6
+#: error of what is held in units of the change by half of it, for a method of order 1 or higher
+HELD = 2.0
+
+
+@dataclass(frozen=True)
+class Held:
+    """What a series did not vary, and what it does to a quantity.
+
+    Attributes
+    ----------
+    name : str
+        ``"step"``, ``"elements"`` or ``"mesh"``.
+    value : str
+        That it was held at.
+    change : float
+        Of the quantity at the finest level, by half the step or twice the elements, in the norm of
+        the study; NaN: not known.
+    reason : str
+        Why it is not known.
+
+    Examples
+    --------
+    >>> Held("step", "0.01", 0.5).error
+    1.0
+    """
+
+    name: str
+    value: str
+    change: float
+    reason: str = ""
+
+    @property
+    def error(self) -> float:
+        """Bound of the error by it: of first order, half of it is left after the change."""
+        return HELD * self.change
+
+    def __str__(self) -> str:
+        if np.isnan(self.change):
+            return f"{self.name} = {self.value} was held, its error is not known: {self.reason}"
+        finer = "half of it" if self.name == "step" else "twice as many"
+        finer = "one refinement more" if self.name == "mesh" else finer
+        return (
+            f"{self.error:.1e} of each band by {self.name} = {self.value}, held:"
+            f" {finer} changes the finest level by {self.change:.1e}"
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,6 +106,9 @@ class Refinement(Report):
         Errors, observed orders and verdict of each quantity.
     values : dict of dict
         Values of each quantity by the name of the level, as they were compared.
+    held : dict of list of Held
+        By quantity, as `orders`: errors by what was not varied. Uncertainties include them; where
+        one is not known there are none.
     notes : dict
         What went into the study, for the head of the table.
 
@@ -84,6 +132,7 @@ class Refinement(Report):
     outcomes: dict[str, Outcome]
     orders: dict[str, Convergence]
     values: dict[str, dict[str, Array]]
+    held: dict[str, list[Held]]
     notes: dict[str, Any]
 
     @property
@@ -112,11 +161,14 @@ class Refinement(Report):
 
         The second number is NaN where the levels bear no extrapolated value and there is no
         reference: the first one is then the difference between the two finest levels, a hint at
-        the size of the error. With a single level both are NaN.
+        the size of the error. It is NaN, too, where the error by what was held is not known (see
+        `held`). With a single level both are NaN.
         """
         found = {}
         for name, each in self.orders.items():
             known, pair = np.isfinite(each.uncertainties), (np.nan, np.nan)
+            if not known.any() and each.extrapolated is not None:
+                known = np.isfinite(each.errors)
             if known.any():
                 last = np.flatnonzero(known)[-1]
                 pair = each.errors[last], each.uncertainties[last]
@@ -198,6 +250,7 @@ class Refinement(Report):
         notes: dict[str, Any] = {"refinement": self.title, **self.notes, "verdicts": self.verdicts}
         limits = {name: each for name, each in self.extrapolated.items() if each is not None}
         notes["extrapolated"] = {n: v.tolist() for n, v in limits.items() if not np.iscomplexobj(v)}
+        notes["held"] = {name: list(map(str, each)) for name, each in self.held.items() if each}
         return ResultTable(self.rows, notes | provenance())
 
     def chart(
@@ -279,6 +332,7 @@ class Refinement(Report):
         for series in self.series:
             for key in self._names(series).values():
                 lines += _report(key, series, self.orders[key], self._state, width)
+                lines += [f"  {each}" for each in self.held[key]]
         if not self.orders:  # no level came to its quantities
             lines += [f"  {name}: {why}" for name, why in self.failed.items()]
         lines += [f"warned: {name}: {told(each)}" for name, each in self.warnings.items()]
@@ -311,7 +365,8 @@ def _report(key: str, series: Series, found: Convergence, state: Any, width: int
     lines = [f"{key}: {found.verdict}"]
     if found.extrapolated is not None and found.extrapolated.size <= WIDE:
         numbers = ", ".join(f"{each:.9g}" for each in found.extrapolated.ravel())
-        lines.append(f"  extrapolated: {numbers} +- {found.uncertainty:.1e}")
+        band = f" +- {found.uncertainty:.1e}" if np.isfinite(found.uncertainty) else ""
+        lines.append(f"  extrapolated in {' and '.join(series.varied)}: {numbers}{band}")
     shown = _shown(found, [state(level)[0] == "ok" for level in series.levels])
     for level, numbers in zip(series.levels, shown, strict=True):
         status, reason = state(level)
@@ -323,7 +378,7 @@ def _report(key: str, series: Series, found: Convergence, state: Any, width: int
 def _shown(found: Convergence, solved: list[bool]) -> list[str]:
     """Numbers of each level in words: errors, or hints, and the orders that follow from them."""
     good, texts = np.flatnonzero(solved), [""] * len(solved)
-    hints = not np.isfinite(found.uncertainties).any()
+    hints = found.extrapolated is None and not np.isfinite(found.uncertainties).any()
     alone = hints and len(good) and np.isnan(found.errors[good[-1]])  # no reference either
     for number, k in enumerate(good):
         if alone:
@@ -333,7 +388,9 @@ def _shown(found: Convergence, solved: list[bool]) -> list[str]:
             error = found.errors[k]
             texts[k] = f"differs by {error:.3e}" if k != good[-1] else "the reference"
         else:
-            texts[k] = f"error {found.errors[k]:.3e} +- {found.uncertainties[k]:.1e}"
+            texts[k] = f"error {found.errors[k]:.3e}"
+            if np.isfinite(found.uncertainties[k]):
+                texts[k] += f" +- {found.uncertainties[k]:.1e}"
         if np.isfinite(found.observed[k]):
             texts[k] += f"  order {found.observed[k]:.2f}"
     return texts
@@ -354,6 +411,7 @@ def refine(
     reference: Any = None,
     rounding: float | Mapping[str, float] | None = None,
     together: bool = True,
+    probe: bool = True,
     executor: Executor | None = None,
     folder: str | os.PathLike[str] | None = None,
     retry: bool = False,
@@ -403,6 +461,11 @@ def refine(
     together : bool
         Mesh and step, if both are sequences: refined at once, level by level (the order is that in
         the size of the elements), or each for itself with the finest of the other, as two series.
+    probe : bool
+        Solve the finest level once more, with half of a step that is held, or twice the elements,
+        so that uncertainties have its error in them, too. False, and where it fails: what is held
+        is named, and there are no uncertainties. (Not with true values as the reference. Of what
+        the problem holds by itself, such as a step that is no argument, nothing is known.)
     executor : executor, optional
         See :func:`run_all`: levels side by side; the problem must then be at the top level of a
         module.
@@ -459,14 +522,14 @@ def refine(
     >>> print(study)  # doctest: +ELLIPSIS
     refinement of bent: 4 levels
     value: order 2.02 +- 0.14 (three finest of four levels)
-      extrapolated: 0.745578655, 0.603555909, 0 +- 4.2e-05
+      extrapolated in elements: 0.745578655, 0.603555909, 0 +- 4.2e-05
       elements = 8, order = 1   error 1.164e-02 +- 4.2e-05
       ...
       elements = 64, order = 1  error 1.675e-04 +- 4.2e-05  order 2.02
     """
     series = series_of(elements, mesh, order, step, together)
     wanted = Quantities(quantities, norm)
-    plan = _Plan(series, wanted, reference, rounding)
+    plan = _Plan(series, wanted, reference, rounding, switch("argument probe", probe))
     for arguments in plan.calls.values():
         check_call(problem, arguments)
     jobs = [Job(name, problem, **arguments) for name, arguments in plan.calls.items()]
@@ -501,14 +564,28 @@ class _Plan:
     """The calls of a study, and what is made of their outcomes."""
 
     def __init__(
-        self, series: list[Series], wanted: Quantities, reference: Any, rounding: Any
+        self,
+        series: list[Series],
+        wanted: Quantities,
+        reference: Any,
+        rounding: Any,
+        probe: bool = True,
     ) -> None:
         self.series, self.wanted, self.given = series, wanted, reference
         self.rounding = _rounding(rounding)
         levels = [level for each in series for level in each.levels]
         self.reference = reference_of_levels(reference).beside(levels[-1].arguments)
         self.levels = {level.name: level.arguments for level in levels}
-        self.calls = self.levels | self.reference.runs
+        self.asked = not isinstance(self.reference, ReferenceKnown)
+        varied = {name for each in series for name in each.varied}
+        probes = [
+            each.probe(name)
+            for each in series
+            for name in each.held
+            if probe and self.asked and name not in varied
+        ]
+        self.probes = {level.name: level.arguments for level in probes}
+        self.calls = self.levels | self.reference.runs | self.probes
         self._names: list[str] = []
         if wanted.names:
             self._check_names(wanted.names)
@@ -531,15 +608,20 @@ class _Plan:
 
     def result(self, title: str, outcomes: dict[str, Outcome]) -> Refinement:
         """Judge each quantity in each series."""
-        samples = {
+        every = {
             name: self.wanted.sample(each.value, name)
             for name, each in outcomes.items()
             if status(each) == "ok"
         }
+        samples = {
+            name: every[name] for name in (*self.levels, *self.reference.runs) if name in every
+        }
         for run in self.reference.runs:
             if run not in samples:
                 raise InputError("argument reference", f"its run failed: {outcomes[run].error}")
-        orders, values = {}, {}
+        orders: dict[str, Convergence] = {}
+        values: dict[str, dict[str, Array]] = {}
+        held: dict[str, list[Held]] = {}
         for name in self._names:
             shared, instants = aligned(name, samples, self.wanted.over)
             norm, known = self.wanted.norm(instants), None
@@ -564,9 +646,57 @@ class _Plan:
                 orders[key] = _at_once(judged) if series.at_once else judged
                 names = [level.name for level in series.levels]
                 values[key] = {each: shared[each] for each in names if each in shared}
+            for series in self.series if self.asked else ():
+                key = f"{name}, {series.label}" if series.label else name
+                held[key] = [
+                    self._held(name, series, each, every, outcomes, orders) for each in series.held
+                ]
+        for key, found in held.items():
+            orders[key] = _widened(orders[key], sum(each.error for each in found))
         used = {each: outcomes[each] for each in outcomes if each in self.levels}
         notes = {"reference": self.reference.about}
-        return Refinement(title, self.series, used, orders, values, notes)
+        held = {key: held.get(key, []) for key in orders}
+        return Refinement(title, self.series, used, orders, values, held, notes)
+
+    def _held(
+        self,
+        name: str,
+        series: Series,
+        argument: str,
+        samples: Mapping[str, Mapping[str, Reading]],
+        outcomes: Mapping[str, Outcome],
+        orders: Mapping[str, Convergence],
+    ) -> Held:
+        """What an argument that a series holds does to a quantity at its finest level."""
+        finest, probe = series.levels[-1], series.probe(argument)
+        value = text(finest.arguments[argument])
+        other = next((each for each in self.series if argument in each.varied), None)
+        if other is not None:  # held at the finest level of a series of its own
+            found = orders[f"{name}, {other.label}" if other.label else name]
+            last = np.add(found.errors, found.uncertainties)[-1]
+            reason = "" if np.isfinite(last) else f"see {other.label}"
+            return Held(argument, value, float(last) / HELD, reason)
+        if probe.name not in self.probes:
+            return Held(argument, value, np.nan, "it was not probed")
+        if finest.name not in samples:
+            return Held(argument, value, np.nan, "the finest level failed")
+        if probe.name not in samples:
+            error = outcomes[probe.name].error
+            return Held(argument, value, np.nan, f"{probe.name} failed: {error}")
+        pair = {each.name: samples[each.name] for each in (finest, probe)}
+        try:
+            shared, instants = aligned(name, pair, self.wanted.over)
+        except InputError as error:  # values at points of the mesh, or no instants in common
+            return Held(argument, value, np.nan, str(error))
+        change = self.wanted.norm(instants)(shared[probe.name] - shared[finest.name])
+        reason = "" if np.isfinite(change) else f"{probe.name} is not finite"
+        return Held(argument, value, float(change) if np.isfinite(change) else np.nan, reason)
+
+
+def _widened(found: Convergence, error: float) -> Convergence:
+    """With the error by what was held in all uncertainties."""
+    both = found.uncertainties + error, found.uncertainty + error
+    return replace(found, uncertainties=both[0], uncertainty=float(both[1]))
 
 
 def _at_once(found: Convergence) -> Convergence:

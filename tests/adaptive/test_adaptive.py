@@ -660,3 +660,18 @@ def test_giving_up():
     assert not result.reached and len(result.levels) == 2
     assert result.reason.startswith("2 levels")
     assert result.levels[-1].estimate > 1e-9
+
+
+def test_a_step_that_is_too_long_is_told():
+    """The mesh comes within a tolerance that the step, the same on all of them, does not meet."""
+    case = scenes.CASES["frame in time"]
+    rough = RunInTime(sc.EnergyMomentum(), 0.25, 1.0)
+    tolerance = 2e-3
+    with pytest.warns(sc.AccuracyWarning, match="half of it changes the quantity by"):
+        result = adapt(case.build, case.mesh, case.quantity, tolerance, run=rough, order=2)
+    assert not result.reached
+    assert result.levels[-1].verified < tolerance < result.levels[-1].verified + result.step_error
+    assert "the mesh is within the tolerance, the step is not" in result.reason
+    fine = RunInTime(sc.EnergyMomentum(), 1 / 64, 1.0)
+    true = fine.values(case.quantity, result.system, fine.solve(result.system, None))
+    assert np.linalg.norm(true - result.value) <= 1.5 * result.step_error

@@ -162,6 +162,91 @@ def test_space_and_time_apart():
         assert abs(found.order - 2) < 0.1
 
 
+# -- what is held: its error is in the bands, or there are none ------------------------------------
+
+
+def both_sizes(elements, step, order=2):
+    """Errors by the mesh and by the step, which do not know of each other."""
+    return 1.0 + 0.3 / elements**order + 0.1 / elements**4 + 5.0 * step**2
+
+
+@pytest.mark.parametrize(
+    ("held", "varied"),
+    [("step", {"elements": (4, 8, 16, 32)}), ("elements", {"step": (0.08, 0.04, 0.02, 0.01)})],
+)
+def test_bands_have_the_error_of_what_is_held(held, varied):
+    fixed = {"step": 0.1, "elements": 5}[held]
+    study = refine(both_sizes, **varied, **{held: fixed})
+    found = study.orders["value"]
+    (known,) = study.held["value"]
+    assert len(study.outcomes) == 4  # the probe is no level
+    assert abs(found.extrapolated - 1) > 100 * (found.uncertainty - known.error)
+    assert abs(found.extrapolated - 1) < found.uncertainty < 2 * abs(found.extrapolated - 1)
+    error, band = study.estimate["value"]
+    truth = abs(study.values["value"][study.series[0].levels[-1].name] - 1)
+    assert abs(truth - error) < band
+    assert f"by {held} = {fixed}, held" in str(study)
+    assert study.table.notes["held"] == {"value": [str(known)]}
+
+
+def test_what_is_held_and_not_probed_has_no_band():
+    study = refine(both_sizes, elements=(4, 8, 16, 32), step=0.1, probe=False)
+    assert math.isnan(study.orders["value"].uncertainty)
+    error, band = study.estimate["value"]
+    assert error > 0 and math.isnan(band)
+    assert "step = 0.1 was held, its error is not known: it was not probed" in str(study)
+    assert " error " in str(study) and "extrapolated in elements: 1.05" in str(study)
+    assert len([line for line in str(study).splitlines() if "+-" in line]) == 1  # of the order
+
+
+def only_long_steps(elements, step):
+    if step < 0.1:
+        raise ValueError("too short")
+    return both_sizes(elements, step)
+
+
+def one_for_each_element(elements, step):
+    return np.full(elements if step == 0.1 else elements + 1, 1.0 + 1 / elements)
+
+
+def test_probes_that_fail_leave_no_band():
+    study = refine(only_long_steps, elements=(4, 8, 16, 32), step=0.1)
+    assert not study.failed
+    (held,) = study.held["value"]
+    assert held.reason == "elements = 32, step = 0.05 failed: too short"
+    assert math.isnan(study.estimate["value"][1])
+
+
+def test_true_values_need_no_probe():
+    calls = []
+
+    def noted(elements, step):
+        calls.append((elements, step))
+        return both_sizes(elements, step)
+
+    study = refine(noted, elements=(4, 8, 16, 32), step=0.1, reference=1.05)
+    assert len(calls) == 4 and not study.held["value"]
+    calls.clear()
+    refine(noted, elements=(4, 8, 16, 32), step=0.1)
+    assert calls[-1] == (32, 0.05) and len(calls) == 5
+
+
+def test_series_tell_each_other_what_they_hold():
+    levels = {"elements": (4, 8, 16, 32), "step": (0.08, 0.04, 0.02, 0.01)}
+    study = refine(both_sizes, **levels, together=False)
+    assert len(study.outcomes) == 7
+    for name, found in study.orders.items():
+        assert abs(found.extrapolated - 1) < found.uncertainty < 1e-2, name
+
+
+@pytest.mark.slow
+def test_bands_of_random_runs_hold():
+    """Runs and equilibria with mesh or step held; 98 of 100 do in ``problems.covered(100)``."""
+    covered, count = problems.covered(16)
+    assert count >= 10
+    assert covered >= count - 1
+
+
 # -- no order where there is none ------------------------------------------------------------------
 
 
