@@ -40,11 +40,13 @@ from .momenta import (
     reduced_momentum,
     velocity_from_reduced,
 )
+from .resolution import Resolution, resolution
 from .stacked import ReducedTangent, constraint_frequency, highest_frequency, reduced_tangent
 
 __all__ = [
     "Projection",
     "ReducedTangent",
+    "Resolution",
     "SectionValues",
     "angular_momentum",
     "condition_number",
@@ -76,6 +78,7 @@ __all__ = [
     "reactions",
     "reduced_momentum",
     "reduced_tangent",
+    "resolution",
     "section_forces",
     "section_strain_rates",
     "section_strains",

@@ -58,7 +58,7 @@ class Integrator(Frozen):
     loses : bool
         Whether it is meant to take energy out of a motion.
     advice : str
-        What to try beside a smaller step when a step cannot be solved.
+        What to try beside a smaller step and a finer mesh when a step cannot be solved.
     keeping : str
         What to try beside a smaller step when the energy is not in balance.
     conserves, reference : str
@@ -99,7 +99,7 @@ class Integrator(Frozen):
     shares: tuple[float, ...] = ()
     frequency_limit: float | None = None
     loses: bool = False
-    advice: str = "a finer mesh"
+    advice: str = ""
     keeping: str = ", or EnergyMomentum(), which keeps the energy"
     conserves: str = ""
     reference: str = ""

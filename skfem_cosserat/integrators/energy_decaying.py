@@ -303,7 +303,7 @@ class EnergyDecaying(EnergyMomentum):
     composed_to = 0
     loses = True
     conserves = "linear and angular momentum; energy never grows"
-    advice = "a larger chi, then a finer mesh"
+    advice = "a larger chi"
     reference = "Armero & Romero, Comput. Methods Appl. Mech. Engrg 190 (2001) 2603 and 6783"
 
     def __init__(

@@ -71,7 +71,7 @@ class GeneralizedAlpha(Integrator):
 
     order = 2
     loses = True
-    advice = "a smaller rho_inf, then a finer mesh"
+    advice = "a smaller rho_inf"
     conserves = "nothing exactly"
 
     def __init__(self, rho_inf: float = 0.8, stabilized: bool = True) -> None:

@@ -15,7 +15,7 @@ from ..constraints.saddle import accelerations, nearest_velocity
 from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError, PerformanceWarning
 from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
 from ..model import Model, System, system_of
-from ..model.limits import over_rotated, overstretched, undefined
+from ..model.limits import FAR_TURN, fastest_turn, over_rotated, overstretched, undefined
 from ..model.loops import BROKEN, contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray, check_kind, positive, real, whole
@@ -846,11 +846,28 @@ class Stepper:
         if bent is None and np.isfinite(y1).all():
             bent = over_rotated(self.system, y1)
         drawn = overstretched(self.system, step.y0)  # forces at y1 mean nothing
-        causes = [text for text in (odd, bent, drawn) if text is not None]
+        causes = [text for text in (odd, bent, drawn, self._turned(step)) if text is not None]
         first, *more = [*causes, f"Newton's method: {reason}" if causes else reason]
-        advice = f"try a smaller step than {origin.step:g} s, then {self.integrator.advice}"
+        tried = f"try a smaller step than {origin.step:g} s", self.integrator.advice
+        mesh = "a finer mesh" if self.system.beam_groups else ""
+        advice = ", then ".join(filter(None, (*tried, mesh)))
         reason = ". ".join([first, *(f"{text[0].upper()}{text[1:]}" for text in more)])
         return Code.UNSOLVED, reason, advice
+
+    def _turned(self, step: StepData) -> str | None:
+        """That a frame turns fast at the start of the step, where its velocity is known."""
+        system, state = self.system, step.state
+        try:
+            v = nearest_velocity(system, step.y0, state.p, state.time)
+        except (SingularMatrixError, ArithmeticError, ValueError):
+            return None
+        label, rate = fastest_turn(system, v)
+        if not rate * abs(step.h) > FAR_TURN:
+            return None
+        return (
+            f"the {label} turns by {rate * abs(step.h):.2g} rad in a step, steps resolve rotations"
+            f" of {FAR_TURN:g} rad at most"
+        )
 
     def _contradiction(self, state: State, h: float, y1: Array, residual: float) -> Failure | None:
         """What becomes of a step whose prescribed motions no longer agree around a closed loop."""

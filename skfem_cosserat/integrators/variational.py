@@ -21,6 +21,8 @@ class Variational(Integrator):
     blows up with stiff beams: constraint forces act at the nodes, as in the leapfrog scheme, so
     rotations that alternate from step to step grow where a beam is compressed by more than a strain
     of about ``0.4/(h omega)^2``, omega its highest frequency (``diagnostics.highest_frequency``).
+    A step in which a free body turns by more than 1 rad has no solution: ``h Omega <= 1``.
+    Rotations of half a radian in a step are off by 2 % already.
 
     The source paper's other remedy, the mean effect of fast vibrations as a force on the slow
     motion, is not offered. It takes frequencies omega_k(q) far above all others, whose actions
@@ -55,7 +57,7 @@ class Variational(Integrator):
         "symplectic for steps of one size only: with steps that follow the motion its energy drifts"
     )
     frequency_limit = 10.0  # explained and measured in examples/paper/failure_mechanism.py
-    advice = "EnergyMomentum(), then a finer mesh"
+    advice = "EnergyMomentum()"
     conserves = "symplectic form, linear and angular momentum"
     reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equations (22) and (25)"
 

@@ -20,6 +20,45 @@ if TYPE_CHECKING:
 #: gravity (m/s^2), and weight times length squared over EI above which a stiffness looks wrong
 EARTH, LIMP = 9.81, 1e4
 
+# -- frames that turn far in a step ----------------------------------------------------------------
+
+#: rotation (rad) in a step above which no scheme follows it: those of second order are slow by 2 %
+FAR_TURN = 0.5
+
+
+def fastest_turn(system: System, v: Floats) -> tuple[str, float]:
+    """What turns fastest at velocities v (n,), and its angular velocity (rad/s).
+
+    Returns
+    -------
+    (str, float)
+        Label of the item, empty if there are no frames.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Model, RigidBody
+    >>> model = Model()
+    >>> body = model.add("body", RigidBody(1.0, (1, 1, 1), angular_velocity=(0, 0, 3.0)))
+    >>> system = model.freeze()
+    >>> fastest_turn(system, system.v0)
+    ("rigid body 'body'", 3.0)
+    """
+    origins = np.asarray(system.origin_rows)[system.is_frame[: len(system.origin_rows)]]
+    if not len(origins):
+        return "", 0.0
+    rates = v.reshape(-1, 3)[origins[:, None] + np.arange(1, 4)]
+    # directors are orthonormal: each component of the angular velocity moves two of them
+    speeds = np.sqrt(0.5 * (rates**2).sum((-1, -2)))
+    fastest = int(speeds.argmax())
+    return owner(system, int(origins[fastest])).label, float(speeds[fastest])
+
+
+def owner(system: System, row: int) -> StructuralItem:
+    """What a row of y belongs to."""
+    starts = [(system.first[id(i)][1], i) for i in system.structures if id(i) in system.first]
+    return max((each for each in starts if each[0] <= row), key=lambda each: each[0])[1]
+
+
 # -- elements bent so far that they give way: why Newton's method fails on a mesh too coarse -------
 
 

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..constraints import Treatment
-from ..diagnostics import Projection, constraint_points, highest_frequency
+from ..diagnostics import Projection, constraint_points, highest_frequency, resolution
 from ..diagnostics.forces import overstretched_at
 from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..linear import Solver
 from ..model import System, takes_scene
-from ..model.limits import over_rotated_beam
+from ..model.limits import FAR_TURN, over_rotated_beam
 from ..model.plane import functions_off_plane
 from ..newton import NewtonSettings
 from ..types import MOST, real, switch, whole
@@ -145,8 +145,9 @@ class RunLoop:
 
 #: recorded states, evenly spread, at which the tension of elements is looked at
 LOOKS = 20
-#: rotation in a step (rad) that is far, and so many such steps give a warning, of as many at most
-FAR_TURN, FAR_TURNS, TURNS_LOOKED_AT = 0.8, 3, 200
+#: error that fifty steps make, relative to the way that the scene covers, above which a run is
+#: doubtful
+MOST_OFF = 0.15
 #: parts of a step, and of a run, by which it may end before its time
 REST, ROUNDING = 1e-6, 1e-8
 
@@ -390,7 +391,7 @@ def _warn_of_motion(system: System, recorded: History, h: float | None, solves: 
     """
     _warn_of_elements(system, recorded)
     if h is not None and solves:
-        _warn_of_turns(system, recorded)
+        _warn_of_resolution(system, recorded, h)
     _warn_of_functions(system, recorded)
 
 
@@ -478,36 +479,28 @@ def _warn_of_elements(system: System, history: History) -> None:
             break
 
 
-def _warn_of_turns(system: System, history: History) -> None:
-    """Say that steps are so long that frames turn far in one: bounded motion, but a wrong one.
-
-    Of neighbouring states that are one step apart, some of them in a long run.
-    """
-    first = np.flatnonzero(np.diff(history["step"]) == 1)
-    rows = system.origin_rows[system.is_frame[: len(system.origin_rows)]]
-    if not (len(first) and len(rows)):
+def _warn_of_resolution(system: System, history: History, h: float) -> None:
+    """Say that steps are too long for the motion: bounded and balanced in energy, but wrong."""
+    found = resolution(system, history)
+    if found is None:
         return
-    if len(first) > TURNS_LOOKED_AT:
-        first = first[np.linspace(0, len(first) - 1, TURNS_LOOKED_AT).astype(int)]
-    places = rows[:, None] + np.arange(1, 4)
-    states = history["q"].reshape(len(history), -1, 3)
-    turned = np.einsum("kfic,kfic->kf", states[first][:, places], states[first + 1][:, places])
-    angles = np.arccos(np.clip((turned - 1) / 2, -1, 1))
-    largest = angles.max(axis=1)
-    if np.count_nonzero(largest > FAR_TURN) < min(FAR_TURNS, len(first)):
-        return
-    most = (1 - 1e-6) * largest.max()  # the first one, however equal ones are rounded
-    k = int(np.argmax(largest >= most))
-    row = rows[np.argmax(angles[k] >= most)]
-    starts = [(system.first[id(i)][1], i) for i in system.structures if id(i) in system.first]
-    label = max((start, item.label) for start, item in starts if start <= row)[1]
-    warn(
-        "argument step",
-        f"frames turn by up to {largest[k]:.2g} rad in a step ({label}): steps this long may give"
-        " bounded motion, but not an accurate one; take smaller ones, and compare",
-        AccuracyWarning,
-        float(history.times[first[k] + 1]),
-    )
+    if found.error > MOST_OFF:
+        warn(
+            "argument step",
+            f"steps of {h:.3g} s do not resolve the motion: fifty of them put the {found.item} off"
+            f" by some {100 * found.error:.2g} % of the way that the scene covers, as a period of"
+            f" what moves it has {found.period:.2g} steps; take smaller ones, and compare",
+            AccuracyWarning,
+            found.time,
+        )
+    elif found.turn > FAR_TURN:
+        warn(
+            "argument step",
+            f"the {found.turning} turns by {found.turn:.2g} rad in each step, which above"
+            f" {FAR_TURN:g} rad is bounded, but not accurate; take smaller steps, and compare",
+            AccuracyWarning,
+            found.time,
+        )
 
 
 def _warn_of_functions(system: System, history: History) -> None:

@@ -1,0 +1,157 @@
+"""How well the steps of a run resolve its motion, from recorded states alone.
+
+Schemes of second order are off by ``h^3 x'''/12`` in a step. With neighbouring states that is a
+twelfth of their third difference. Over some steps these errors add up in one direction, until what
+vibrates is opposite to where it ought to be: then the error is twice its amplitude.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..history import History
+from ..model import System
+from ..model.limits import owner
+from ..types import Floats, IndexArray
+
+#: steps over which errors add up, and the part of a third difference that a step is off by
+STEPS, SHARE = 50, 1 / 12
+#: windows of neighbouring states that are looked at at most, evenly spread, one for so many
+#: recorded states, and the states of each
+WINDOWS, APART, STATES = 10, 100, 12
+#: angle in a step from which on prescribed motion is a fast one
+FAST = 0.25
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """What steps do to a motion.
+
+    Attributes
+    ----------
+    error : float
+        Estimate of the largest error of a position that fifty steps make, relative to the range of
+        the position that moves most.
+    turn : float
+        Largest rotation of a frame in a step (rad), mean over a window: one jolt does not count.
+    period : float
+        Steps in a period of the motion where the error is largest.
+    item, turning : str
+        Labels of what is farthest off, and of what turns most.
+    time : float
+        When it is off (s).
+
+    Examples
+    --------
+    >>> Resolution(0.2, 0.1, 12.0, "beam 'rod'", "beam 'rod'", 0.5).error
+    0.2
+    """
+
+    error: float
+    turn: float
+    period: float
+    item: str
+    turning: str
+    time: float
+
+
+def resolution(system: System, history: History) -> Resolution | None:
+    """Look at windows of a history; None where it does not tell.
+
+    It does not without four neighbouring states, and where prescribed motion turns or vibrates
+    fast: a step has it right at its end, whatever happens in between.
+
+    Parameters
+    ----------
+    system : System
+    history : History
+        With equal steps. Only states that are one step apart are compared.
+
+    Returns
+    -------
+    Resolution or None
+    """
+    starts = _windows(history)
+    if not len(starts):
+        return None
+    width = min(STATES, _longest(history))
+    rows = starts[:, None] + np.arange(width)
+    if system.moving and _fast_ground(system, history.times[rows]):
+        return None
+    y = history["q"].reshape(len(history), -1, 3)
+    origins = np.asarray(system.origin_rows)
+    places = y[rows[:, :, None], origins]  # (windows, states, vertices, 3)
+    seen = y[np.unique(rows)][:, origins]
+    extent = float(np.linalg.norm(seen.max(0) - seen.min(0), axis=-1).max(initial=0.0))
+    first, third, angle = _differences(places)
+    with np.errstate(all="ignore"):
+        most = 2 * first / np.minimum(angle, 2.0)
+        off = np.sqrt(2) * np.minimum(STEPS * SHARE * third, most)
+    off = np.nan_to_num(off)
+    w, v = np.unravel_index(int(off.argmax()), off.shape)
+    error = off[w, v] / extent if extent > 0 else 0.0
+    turn, turning = _turns(system, y, rows)
+    return Resolution(
+        float(error),
+        turn,
+        float(2 * np.pi / angle[w, v]) if off[w, v] > 0 else np.inf,
+        owner(system, int(origins[v])).label,
+        turning,
+        float(history.times[rows[w, -1]]),
+    )
+
+
+def _differences(places: Floats) -> tuple[Floats, Floats, Floats]:
+    """First and third ones over windows (w, states, v, 3), and the angle of a vibration in a step.
+
+    A vibration that advances by an angle x in a step has third differences ``4 sin(x/2)^2`` times
+    the first ones.
+    """
+    first, third = _spread(np.diff(places, axis=1)), _spread(np.diff(places, 3, axis=1))
+    with np.errstate(all="ignore"):
+        return first, third, np.nan_to_num(np.sqrt(third / first))
+
+
+def _fast_ground(system: System, times: Floats) -> bool:
+    """Whether what is prescribed in windows of times (w, states) is far from linear in a step."""
+    ground = np.array([[system.ground(t) for t in each] for each in times.tolist()])
+    return bool(_differences(ground)[2].max(initial=0.0) > FAST)
+
+
+def _spread(differences: Floats) -> Floats:
+    """Root of the mean square over a window, of each vertex."""
+    return np.asarray(np.sqrt((differences**2).sum(-1).mean(1)))
+
+
+def _windows(history: History) -> IndexArray:
+    """First states of windows in which all are one step apart."""
+    width = min(STATES, _longest(history))
+    if width < 4:
+        return np.zeros(0, dtype=np.int64)
+    next_to = np.concatenate([[0], np.cumsum(np.diff(history["step"]) == 1)])
+    count = len(history) - width + 1
+    starts = np.flatnonzero(next_to[width - 1 :] - next_to[:count] == width - 1)
+    windows = min(WINDOWS, 2 + len(starts) // APART, len(starts))
+    chosen = np.linspace(0, len(starts) - 1, windows)
+    return np.asarray(starts[np.unique(chosen.round().astype(int))])
+
+
+def _longest(history: History) -> int:
+    """States in the longest row of neighbours."""
+    breaks = np.flatnonzero(np.diff(history["step"]) != 1)
+    ends = np.concatenate([[-1], breaks, [len(history) - 1]])
+    return int(np.diff(ends).max())
+
+
+def _turns(system: System, y: Floats, rows: IndexArray) -> tuple[float, str]:
+    """Largest rotation (rad) of a frame in a step, and of what."""
+    origins = np.asarray(system.origin_rows)[system.is_frame[: len(system.origin_rows)]]
+    if not len(origins):
+        return 0.0, ""
+    triads = y[rows[:, :, None, None], origins[:, None] + np.arange(1, 4)]
+    cosines = (triads[:, :-1] * triads[:, 1:]).sum((-1, -2))
+    angles = np.arccos(np.clip((cosines - 1) / 2, -1, 1)).mean(1)
+    k = np.unravel_index(int(angles.argmax()), angles.shape)
+    return float(angles[k]), owner(system, int(origins[k[-1]])).label
