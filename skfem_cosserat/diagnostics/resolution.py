@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..history import History
 from ..model import System
@@ -21,6 +22,10 @@ STEPS, SHARE = 50, 1 / 12
 #: windows of neighbouring states that are looked at at most, evenly spread, one for so many
 #: recorded states, and the states of each
 WINDOWS, APART, STATES = 10, 100, 12
+#: states of a window that tell of an error, and the part of a scene that is no motion
+ENOUGH, NOISE = 8, 1e-7
+#: difference of two steps, relative, that is none
+SAME = 1e-6
 #: angle in a step from which on prescribed motion is a fast one
 FAST = 0.25
 
@@ -60,8 +65,8 @@ class Resolution:
 def resolution(system: System, history: History) -> Resolution | None:
     """Look at windows of a history; None where it does not tell.
 
-    It does not without four neighbouring states, and where prescribed motion turns or vibrates
-    fast: a step has it right at its end, whatever happens in between.
+    It does not without two neighbouring states (for an error eight), and where prescribed motion
+    turns or vibrates fast: a step has it right at its end, whatever happens in between.
 
     Parameters
     ----------
@@ -73,11 +78,9 @@ def resolution(system: System, history: History) -> Resolution | None:
     -------
     Resolution or None
     """
-    starts = _windows(history)
-    if not len(starts):
+    rows = _windows(history)
+    if rows.shape[1] < 2:
         return None
-    width = min(STATES, _longest(history))
-    rows = starts[:, None] + np.arange(width)
     if system.moving and _fast_ground(system, history.times[rows]):
         return None
     y = history["q"].reshape(len(history), -1, 3)
@@ -89,9 +92,11 @@ def resolution(system: System, history: History) -> Resolution | None:
     with np.errstate(all="ignore"):
         most = 2 * first / np.minimum(angle, 2.0)
         off = np.sqrt(2) * np.minimum(STEPS * SHARE * third, most)
-    off = np.nan_to_num(off)
+    off = np.nan_to_num(off)  # of what does not move, and of too few states
     w, v = np.unravel_index(int(off.argmax()), off.shape)
-    error = off[w, v] / extent if extent > 0 else 0.0
+    # a few steps do not tell how far a motion goes, and one of rounding goes nowhere
+    told = rows.shape[1] >= ENOUGH and extent > NOISE * system.length
+    error = off[w, v] / extent if told else 0.0
     turn, turning = _turns(system, y, rows)
     return Resolution(
         float(error),
@@ -122,27 +127,29 @@ def _fast_ground(system: System, times: Floats) -> bool:
 
 def _spread(differences: Floats) -> Floats:
     """Root of the mean square over a window, of each vertex."""
-    return np.asarray(np.sqrt((differences**2).sum(-1).mean(1)))
+    squares = (differences**2).sum(-1)
+    return np.asarray(np.sqrt(squares.sum(1) / max(squares.shape[1], 1)))
+
+
+def _neighbours(history: History) -> NDArray[np.bool_]:
+    """Whether a state is one whole step behind the one before it: those to events are shorter."""
+    ways, next_to = np.diff(history.times), np.diff(history["step"]) == 1
+    if next_to.any():
+        next_to &= abs(ways - np.median(ways[next_to])) < SAME * abs(ways)
+    return np.asarray(next_to)
 
 
 def _windows(history: History) -> IndexArray:
-    """First states of windows in which all are one step apart."""
-    width = min(STATES, _longest(history))
-    if width < 4:
-        return np.zeros(0, dtype=np.int64)
-    next_to = np.concatenate([[0], np.cumsum(np.diff(history["step"]) == 1)])
-    count = len(history) - width + 1
-    starts = np.flatnonzero(next_to[width - 1 :] - next_to[:count] == width - 1)
+    """States (windows, states) that are one step apart in each window; none if there are none."""
+    next_to = _neighbours(history)
+    breaks = np.flatnonzero(~next_to)
+    longest = int(np.diff(np.concatenate([[-1], breaks, [len(next_to)]])).max())
+    width = min(STATES, longest)
+    passed = np.concatenate([[0], np.cumsum(next_to)])
+    starts = np.flatnonzero(passed[width - 1 :] - passed[: len(passed) - width + 1] == width - 1)
     windows = min(WINDOWS, 2 + len(starts) // APART, len(starts))
-    chosen = np.linspace(0, len(starts) - 1, windows)
-    return np.asarray(starts[np.unique(chosen.round().astype(int))])
-
-
-def _longest(history: History) -> int:
-    """States in the longest row of neighbours."""
-    breaks = np.flatnonzero(np.diff(history["step"]) != 1)
-    ends = np.concatenate([[-1], breaks, [len(history) - 1]])
-    return int(np.diff(ends).max())
+    chosen = np.linspace(0, len(starts) - 1, windows).round().astype(int)
+    return np.asarray(starts[np.unique(chosen)][:, None] + np.arange(width))
 
 
 def _turns(system: System, y: Floats, rows: IndexArray) -> tuple[float, str]:

@@ -488,8 +488,8 @@ def _warn_of_resolution(system: System, history: History, h: float) -> None:
         warn(
             "argument step",
             f"steps of {h:.3g} s do not resolve the motion: fifty of them put the {found.item} off"
-            f" by some {100 * found.error:.2g} % of the way that the scene covers, as a period of"
-            f" what moves it has {found.period:.2g} steps; take smaller ones, and compare",
+            f" by some {100 * min(found.error, 1.0):.0f} % of the way that the scene covers, as a"
+            f" period of what moves it has {found.period:.2g} steps; take smaller ones and compare",
             AccuracyWarning,
             found.time,
         )

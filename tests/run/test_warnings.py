@@ -101,7 +101,7 @@ def test_a_failure_says_what_was_doubtful_before():
     # the cause, then what to try, then figures
     text = str(error).partition("; warned before")[0]
     assert text.startswith(f"step 2 from t = 0.1 s could not be solved: {error.reason}. Try a sm")
-    assert "Try a smaller step than 0.1 s, then EnergyMomentum(), then a finer mesh (4 att" in text
+    assert "Try a smaller step than 0.1 s, then EnergyMomentum() (4 att" in text
     assert text.endswith(f"Newton iterations, scaled residual {error.residual:.3g})")
     assert max(len(part.split()) for part in text.split(". ")) <= 25
 
@@ -249,11 +249,11 @@ def test_frames_that_turn_far_in_a_step():
     model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), arm.at((0, 0, 0)), axis=(1, 0, 0)))
     system, scheme = model.freeze(), (sc.EnergyMomentum(), sc.NullSpace())
     start = sc.initial_state(system, rates={"pin": 2 * np.pi})
-    with pytest.warns(sc.AccuracyWarning, match=r"up to 1.\d* rad in a step \(rigid body 'arm'\)"):
+    with pytest.warns(sc.AccuracyWarning, match=r"put the rigid body 'arm' off by some \d+ %"):
         history = sc.simulate(system, *scheme, 0.25, 2.0, start=start)
     (notice,) = history.meta["warnings"]
     assert notice["item"] == "argument step" and notice["time"] > 0
-    with pytest.warns(sc.AccuracyWarning, match="frames turn"):  # of few steps all
+    with pytest.warns(sc.AccuracyWarning, match="'arm' turns by"):  # of few steps all
         sc.simulate(system, *scheme, 0.25, 0.5, start=start, derive=False)
     for step in (0.05, sc.StepControl(1e-2)):
         assert sc.simulate(system, *scheme, step, 2.0, start=start).meta["warnings"] == []
