@@ -359,7 +359,7 @@ def simulate(
             if failure is None:
                 if status == "completed":
                     _warn_of_rest(state, run.state, None if eventful else h, until)
-                _warn_of_motion(system, recorder.complete(), h, integrator.solves)
+                _warn_of_motion(system, recorder.complete(), h, integrator)
             else:
                 failure.hint = _unresolved(integrator, plan.h, highest)
                 notices.tell(failure)  # from here on no warning takes its place
@@ -379,19 +379,21 @@ def simulate(
         return history
 
 
-def _warn_of_motion(system: System, recorded: History, h: float | None, solves: bool) -> None:
+def _warn_of_motion(
+    system: System, recorded: History, h: float | None, integrator: Integrator
+) -> None:
     """Warn of what the states of a run show.
 
     Parameters
     ----------
     h : float or None
         Of equal steps (s), else a tolerance is kept.
-    solves : bool
-        Whether the scheme solves for its steps; explicit ones have steps within steps.
+    integrator : Integrator
+        Explicit ones have steps within steps.
     """
     _warn_of_elements(system, recorded)
-    if h is not None and solves:
-        _warn_of_resolution(system, recorded, h)
+    if h is not None and integrator.solves:
+        _warn_of_resolution(system, recorded, h, integrator)
     _warn_of_functions(system, recorded)
 
 
@@ -479,12 +481,17 @@ def _warn_of_elements(system: System, history: History) -> None:
             break
 
 
-def _warn_of_resolution(system: System, history: History, h: float) -> None:
-    """Say that steps are too long for the motion: bounded and balanced in energy, but wrong."""
+def _warn_of_resolution(system: System, history: History, h: float, integrator: Integrator) -> None:
+    """Say that steps are too long for the motion: bounded and balanced in energy, but wrong.
+
+    Of higher orders the parts of a step count, and only by how far frames turn in them.
+    """
     found = resolution(system, history)
     if found is None:
         return
-    if found.error > MOST_OFF:
+    what = "part of a step" if integrator.shares else "step"
+    turn = found.turn * max(map(abs, integrator.shares), default=1.0)
+    if found.error > MOST_OFF and integrator.order <= 2:
         warn(
             "argument step",
             f"steps of {h:.3g} s do not resolve the motion: fifty of them put the {found.item} off"
@@ -493,10 +500,10 @@ def _warn_of_resolution(system: System, history: History, h: float) -> None:
             AccuracyWarning,
             found.time,
         )
-    elif found.turn > FAR_TURN:
+    elif turn > FAR_TURN:
         warn(
             "argument step",
-            f"the {found.turning} turns by {found.turn:.2g} rad in each step, which above"
+            f"the {found.turning} turns by {turn:.2g} rad in each {what}, which above"
             f" {FAR_TURN:g} rad is bounded, but not accurate; take smaller steps, and compare",
             AccuracyWarning,
             found.time,

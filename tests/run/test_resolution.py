@@ -83,6 +83,16 @@ def test_prescribed_rotations_do_not_count():
     assert not steps_warned(run(model, 1.0))
 
 
+def test_parts_of_a_composed_step_count():
+    """Its steps may be longer, as far as its parts resolve rotations."""
+    scheme = sc.Composition(sc.EnergyMomentum())
+    assert max(scheme.shares) < 0.5 < max(map(abs, scheme.shares))
+    assert not steps_warned(run(spinning(0.6), 1.0, integrator=scheme))
+    assert not steps_warned(run(spring(), 0.06, integrator=scheme))
+    with pytest.warns(sc.AccuracyWarning, match=r"turns by 0\.\d+ rad in each part of a step"):
+        run(spinning(1.0), 1.0, integrator=scheme)
+
+
 def test_one_jolt_does_not_count():
     model = spinning(0.0)
     pulse = sc.Table([0.0, 0.001, 0.002], [0.0, 1.0, 0.0])
