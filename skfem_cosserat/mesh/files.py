@@ -16,11 +16,8 @@ from itertools import pairwise
 from os import PathLike
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
-import meshio
 import numpy as np
-from meshio._exceptions import CorruptionError
 
 from ..errors import InputError, MeshError, ModelWarning
 from ..types import Array, Floats, IndexArray, file_path
@@ -286,8 +283,7 @@ BEAM, NODE = "beam:", "node:"
 _BROKEN = (
     *(ArithmeticError, AssertionError, AttributeError, EOFError, ImportError, LookupError),
     *(MemoryError, NameError, OSError, RuntimeError, StopIteration, SyntaxError, TypeError),
-    *(ValueError, ElementTree.ParseError, lzma.LZMAError, struct.error, zlib.error),
-    *(CorruptionError, meshio.ReadError),
+    *(ValueError, lzma.LZMAError, struct.error, zlib.error),
 )
 #: Files of Abaqus and Nastran, which hold whole models: what is read of them.
 _ABAQUS, _NASTRAN = {".inp"}, {".bdf", ".fem", ".nas"}
@@ -409,6 +405,9 @@ def _is_gmsh41(file: Path, kind: bytes) -> bool:
 
 def _meshio(file: Path) -> Any:
     """Read by meshio, which prints and leaves the interpreter when it fails."""
+    import meshio  # slow to import: gmsh files do without
+    from meshio._exceptions import CorruptionError
+
     said = io.StringIO()
     if file.suffix.lower() in _NASTRAN:  # meshio reads on for ever behind the end of the file
         bulk = file.read_text(encoding="utf-8", errors="replace").partition("BEGIN BULK")[2]
@@ -429,7 +428,7 @@ def _meshio(file: Path) -> Any:
     except SystemExit:
         message = " ".join(said.getvalue().split()) or "no reason given"
         raise MeshError(f"file '{file}'", f"cannot be read ({message})") from None
-    except _BROKEN as error:
+    except (*_BROKEN, CorruptionError, meshio.ReadError) as error:
         reason = f"{type(error).__name__}: {error}"
         if file.is_file() and _is_gmsh41(file, b"1"):
             reason += f"; {_AS_ASCII}"
@@ -578,6 +577,8 @@ def _write_vtu(
     file: Path, lines: LineData, point_data: dict[str, Any], cell_data: dict[str, Any]
 ) -> None:
     """Write VTU with 0/1 arrays for the names."""
+    import meshio  # slow to import: gmsh files do without
+
     for name in [*lines.beams, *lines.nodes]:  # meshio writes names unescaped
         if not name.isprintable() or set(name) & set('"<>&'):
             raise MeshError(f"name {name!r}", "cannot be written to a VTU file: quotes, <, > or &")

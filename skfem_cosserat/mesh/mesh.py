@@ -9,7 +9,6 @@ from os import PathLike
 from typing import Any, Self
 
 import numpy as np
-from scipy.spatial import cKDTree
 from skfem import MeshLine1
 from skfem.mapping import Mapping as SkfemMapping
 
@@ -257,6 +256,8 @@ def _united(kind: str, parts: Sequence[dict[str, IndexArray]], renumber: Any) ->
 
 def _coinciding(points: Floats, mesh: MeshCurve, tol: float) -> IndexArray:
     """For each vertex of a mesh the number of the point (3, n) it coincides with, or -1."""
+    from scipy.spatial import cKDTree  # slow to import, seldom needed
+
     number = np.full(mesh.p.shape[1], -1)
     hits = cKDTree(points.T).query_ball_point(mesh.p.T, tol)
     for v, found in enumerate(hits):
