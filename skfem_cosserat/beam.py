@@ -143,8 +143,7 @@ class Beam(LineItem):
         yield from (("sections", self.sections), ("theory", self.theory))
 
     def _lock(self) -> None:
-        for arrays in (self.basis, self.elements):
-            lock_arrays(arrays)
+        lock_arrays(self.elements)
 
     def __setstate__(self, state: Any) -> None:
         super().__setstate__(state)
@@ -209,8 +208,8 @@ class Beam(LineItem):
         return BeamElements.create(
             self.gather(self.reference),
             basis.lengths,
-            basis.shape(basis.points),
-            basis.dshape(basis.points),
+            basis.tabulated.values,
+            basis.tabulated.slopes,
             basis.points,
             basis.weights,
             stiffness,
