@@ -83,14 +83,15 @@ def check_joints(joints: Sequence[Joint | JointDrive], t: float, length: float) 
 
 def check_drives(drives: Sequence[JointDrive]) -> None:
     """No coordinate is driven twice."""
-    for k, drive in enumerate(drives):
-        for other in drives[:k]:
-            if drive.joint is other.joint and drive.coordinate.name == other.coordinate.name:
-                raise InputError(
-                    drive.label,
-                    f"contradicts the {other.label}: both prescribe the {drive.coordinate.name} of"
-                    f" the {drive.joint.label}",
-                )
+    found: dict[tuple[int, str], JointDrive] = {}
+    for drive in drives:
+        other = found.setdefault((id(drive.joint), drive.coordinate.name), drive)
+        if other is not drive:
+            raise InputError(
+                drive.label,
+                f"contradicts the {other.label}: both prescribe the {drive.coordinate.name} of"
+                f" the {drive.joint.label}",
+            )
 
 
 def check_mobility(system: Scene, doubt: str = "") -> None:

@@ -261,9 +261,10 @@ def nodal_group(
 
 def _summed(vertices: Sequence[int], size: int, nodal_masses: Sequence[NodalMass]) -> Floats:
     scalar = np.zeros((len(vertices), size, size))
+    number = {v: k for k, v in enumerate(vertices)}
     for v, block, _ in nodal_masses:
-        if v in vertices and len(block) == size:
-            scalar[vertices.index(v)] += block
+        if v in number and len(block) == size:
+            scalar[number[v]] += block
     return mass_blocks(scalar)
 
 
