@@ -347,7 +347,8 @@ class DirectorBasis(CellBasis):
         >>> basis.triads(directors=(0, 1, 0))[0, 0].tolist()
         [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
         """
-        return section_triads(self.mesh, self.interpolation.nodes, directors, twist)
+        places = self.nodes[self.connectivity]
+        return section_triads(self.mesh, self.interpolation.nodes, places, directors, twist)
 
     def nodal_triads(self, triads: Floats) -> Floats:
         """Triad (N, 3, 3) of each node: that of the first element there.

@@ -131,17 +131,21 @@ def _check_folds(
 
 def _report_flips(mesh: MeshCurve, nodes: IndexArray, triads: Floats, item: str) -> None:
     """Warn of a first director that turns by more than 90 degrees about the line at a corner."""
-    for chain in mesh.chains:
-        e, f = chain.elements, np.roll(chain.elements, -1)
-        if not chain.closed:
-            e, f = e[:-1], f[:-1]
-        twist = abs(_twists(triads[e, -1], triads[f, 0]))
-        if twist.max(initial=0.0) > LARGEST + 1e-9:
-            k = int(twist.argmax())
-            warn(
-                item,
-                f"section triads turn by {np.degrees(twist[k]):.3g} degrees about the line at node"
-                f" {nodes[e[k], -1]}, between the elements {e[k]} and {f[k]}: forces and moments"
-                " change their signs there; give another director",
-                ModelWarning,
-            )
+    order = mesh.chain_order
+    e, f = order.before, order.after
+    twist = abs(_twists(triads[e, -1], triads[f, 0]))
+    flips = twist > LARGEST + 1e-9
+    if not flips.any():
+        return
+    number = np.empty(mesh.nelements, dtype=np.int64)  # of the chain
+    number[order.elements] = np.repeat(np.arange(len(order.closed)), np.diff(order.first))
+    for chain in np.unique(number[e[flips]]).tolist():
+        own = np.flatnonzero(number[e] == chain)
+        k = int(own[twist[own].argmax()])
+        warn(
+            item,
+            f"section triads turn by {np.degrees(twist[k]):.3g} degrees about the line at node"
+            f" {nodes[e[k], -1]}, between the elements {e[k]} and {f[k]}: forces and moments"
+            " change their signs there; give another director",
+            ModelWarning,
+        )

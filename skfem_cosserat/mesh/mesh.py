@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from os import PathLike
 from typing import Any, Self
@@ -61,9 +62,7 @@ class MappingCurve(SkfemMapping):
         """Points or unit tangents (3, n, nq) of elements at reference coordinates (n, nq)."""
         mesh = self.mesh
         out = np.empty((3, *xi.shape))
-        ids = mesh.curve_ids[elements]
-        for c in np.unique(ids).tolist():
-            rows = np.flatnonzero(ids == c)
+        for c, rows in _by_curve(mesh.curve_ids[elements]):
             e, x = elements[rows], xi[rows]
             a, b = mesh.p[:, mesh.t[0, e], None], mesh.p[:, mesh.t[1, e], None]
             if c < 0:
@@ -143,6 +142,16 @@ class MappingCurve(SkfemMapping):
         sign = np.where(t2f[1, tind] == find, 1.0, -1.0)
         xi = np.where(sign > 0, 1.0, 0.0)[:, None]
         return self._on_curves(np.asarray(tind), xi, tangent=True) * sign[:, None]
+
+
+def _by_curve(ids: IndexArray) -> Iterator[tuple[int, IndexArray | slice]]:
+    """Each curve with the places (n,) in which it stands."""
+    if (ids == ids[:1]).all():
+        yield from ((c, slice(None)) for c in ids[:1].tolist())
+        return
+    order = np.argsort(ids, kind="stable")
+    cuts = np.flatnonzero(np.diff(ids[order])) + 1
+    yield from ((int(ids[rows[0]]), rows) for rows in np.split(order, cuts))
 
 
 # -- new arrays for changed meshes: joined, refined, restricted ------------------------------------
@@ -583,14 +592,17 @@ class MeshCurve(Frozen, MeshLine1):
     @property
     def chains(self) -> list[topology.Chain]:
         """Elements of each beam in order; a beam with branches has several chains."""
-        if "_chains" not in self.__dict__:
-            self._chains = topology.find_chains(self.t, self.owners, list(self.beams))
-        return self._chains
+        return self.chain_order.chains()
+
+    @cached_property
+    def chain_order(self) -> topology.ChainOrder:
+        """All :attr:`chains` as arrays."""
+        return topology.find_chains(self.t, self.owners, list(self.beams))
 
     @property
     def arc_starts(self) -> Floats:
         """Arc length (ne,) from the start of the beam to the start of each element (m)."""
-        return topology.arc_starts(self.chains, self.lengths)
+        return topology.arc_starts(self.chain_order, self.lengths)
 
     # ------------------------------------------------------------------ names
     @property
