@@ -120,7 +120,7 @@ class Beam(LineItem):
         triads = self.basis.triads(directors=director, twist=twist)
         kind, nodes = self.basis.interpolation, self.basis.connectivity
         with Notices() as notices:
-            check_bends(mesh, kind, nodes, triads, self.label)
+            check_bends(mesh, kind, nodes, self.basis.nodes[nodes], triads, self.label)
         #: what was doubtful when it was made, as ``history.meta["warnings"]`` of its runs repeats
         self.warnings = tuple(notices.found)
         self.triads: Floats = self.basis.nodal_triads(triads)

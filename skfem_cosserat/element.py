@@ -164,6 +164,12 @@ class Interpolation(Frozen):
         """At so many Gauss points that products of shape functions are integrated exactly."""
         return self.tabulated(*gauss_rule(self.order + 1))
 
+    @cached_property
+    def dense(self) -> Tabulated:
+        """At equidistant places, by which an element is compared with the line that it follows."""
+        places = np.linspace(0.0, 1.0, 8 * self.order + 1)
+        return self.tabulated(places, np.full(len(places), 1.0 / len(places)))
+
     def tabulated(self, points: Floats, weights: Floats) -> Tabulated:
         """At the points (nq,) of a quadrature rule."""
         return Tabulated(

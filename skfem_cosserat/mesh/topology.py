@@ -190,15 +190,19 @@ def arc_starts(order: ChainOrder, lengths: Floats) -> Floats:
     return starts
 
 
-def duplicates(t: Array, middle: Floats, tol: float) -> tuple[int, int] | None:
+def duplicates(mesh: MeshCurve, tol: float) -> tuple[int, int] | None:
     """First pair of elements with the same nodes and the same middle point, if any."""
-    pairs = np.sort(t, axis=0)
-    order = np.lexsort(pairs[::-1])
-    same = (np.diff(pairs[:, order], axis=1) == 0).all(axis=0)
+    a, b = np.sort(mesh.t.astype(np.int64), axis=0)
+    key = a * mesh.p.shape[1] + b
+    order = np.argsort(key, kind="stable")
+    same = key[order[1:]] == key[order[:-1]]
+    if not same.any():
+        return None
+    middle = mesh.mapping().F(np.array([[0.5]]))[:, :, 0]
     for k in np.flatnonzero(same).tolist():
         e = int(order[k])
-        for f in order[k + 1 :].tolist():
-            if (pairs[:, e] != pairs[:, f]).any():
+        for f in map(int, order[k + 1 :]):
+            if key[e] != key[f]:
                 break
             if np.linalg.norm(middle[:, e] - middle[:, f]) <= tol:
                 return min(e, f), max(e, f)
@@ -253,8 +257,7 @@ def check_geometry(mesh: MeshCurve) -> None:
             f"between nodes {mesh.t[0, e]} and {mesh.t[1, e]} has zero length or one node only",
         )
     _check_curves(mesh, size)
-    middle = mesh.mapping().F(np.array([[0.5]]))[:, :, 0]
-    pair = duplicates(mesh.t, middle, 1e-9 * size)
+    pair = duplicates(mesh, 1e-9 * size)
     if pair is not None:
         nodes = mesh.t[:, pair[0]].tolist()
         raise MeshError(f"element {pair[1]}", f"duplicates element {pair[0]}, both join {nodes}")

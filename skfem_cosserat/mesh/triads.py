@@ -224,8 +224,11 @@ def _transported(
     """
     chains, m = elements.shape
     n = along.shape[1]
-    x, t = (each[elements].reshape(chains, m * n, 3) for each in (points, tangents))
+    t = tangents[elements].reshape(chains, m * n, 3)
     normal = _normals(t)
+    if (t == t[:, :1]).all():  # straight lines
+        return normal.reshape(chains * m, n, 3)
+    x = points[elements].reshape(t.shape)
 
     def angles(which: slice | IndexArray, to: slice | IndexArray, inside: bool) -> Floats:
         """By which transport from nodes to others turns their normals."""
