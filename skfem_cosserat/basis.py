@@ -22,7 +22,7 @@ from .element import (
 from .errors import InputError, MeshError
 from .frozen import lock_arrays
 from .mesh import MeshCurve
-from .mesh.topology import find_node, mesh_label
+from .mesh.topology import find_node
 from .mesh.triads import Directors, Twist, section_triads
 from .types import Array, ArrayLike, Floats, IndexArray, VectorLike
 
@@ -183,9 +183,7 @@ class DirectorBasis(CellBasis):
         MeshError
             If there is no such node; the message lists what is known.
         """
-        return find_node(
-            self.nodes, self.mesh.nodes, which, self.mesh.size, mesh_label(self.mesh.beams)
-        )
+        return find_node(self.mesh, self.nodes, which)
 
     # ------------------------------------------------------------------ scikit-fem
     def scalar(

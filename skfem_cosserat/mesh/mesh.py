@@ -226,14 +226,27 @@ def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) ->
         raise MeshError("argument tol", f"got {tol}, expected a distance in m")
     kept: list[Floats] = []
     numbers: list[IndexArray] = []
-    total = 0
-    for k, mesh in enumerate(meshes):
-        number = np.full(mesh.p.shape[1], -1)
-        if weld and k > 0:
-            number = _coinciding(np.concatenate(kept, axis=1), mesh, limit)
+    near = _near(points, limit) if weld else {}
+    meeting = np.sort(np.array(list(near), dtype=np.int64))
+    final = np.full(points.shape[1], -1)  # numbers of vertices that are kept
+    start = total = 0
+    for mesh in meshes:
+        stop = start + mesh.p.shape[1]
+        number = np.full(stop - start, -1)
+        for v in meeting[slice(*np.searchsorted(meeting, (start, stop)))].tolist():
+            found = sorted(int(final[u]) for u in near[v] if u < start and final[u] >= 0)
+            if len(found) > 1:
+                raise MeshError(
+                    f"node at {points[:, v].tolist()}",
+                    f"lies within tol = {limit:.3g} m of several nodes {found}: join with a"
+                    " smaller tol or weld=False",
+                )
+            if found:
+                number[v - start] = found[0]
+        _check_welds(mesh, number, limit)
         new = number < 0
-        number[new] = total + np.arange(new.sum())
-        total += int(new.sum())
+        final[start:stop][new] = number[new] = total + np.arange(new.sum())
+        total, start = total + int(new.sum()), stop
         kept.append(mesh.p[:, new])
         numbers.append(number)
     shifts = np.cumsum([0] + [len(m.curves) for m in meshes])
@@ -263,21 +276,18 @@ def _united(kind: str, parts: Sequence[dict[str, IndexArray]], renumber: Any) ->
     return out
 
 
-def _coinciding(points: Floats, mesh: MeshCurve, tol: float) -> IndexArray:
-    """For each vertex of a mesh the number of the point (3, n) it coincides with, or -1."""
+def _near(points: Floats, tol: float) -> dict[int, list[int]]:
+    """Points (3, n) that lie within a distance of others before them, with the others."""
     from scipy.spatial import cKDTree  # slow to import, seldom needed
 
-    number = np.full(mesh.p.shape[1], -1)
-    hits = cKDTree(points.T).query_ball_point(mesh.p.T, tol)
-    for v, found in enumerate(hits):
-        if len(found) > 1:
-            raise MeshError(
-                f"node at {mesh.p[:, v].tolist()}",
-                f"lies within tol = {tol:.3g} m of several nodes {sorted(found)}: join with a"
-                " smaller tol or weld=False",
-            )
-        if found:
-            number[v] = found[0]
+    near: dict[int, list[int]] = {}
+    for i, j in cKDTree(points.T).query_pairs(tol, output_type="ndarray").tolist():
+        near.setdefault(max(i, j), []).append(min(i, j))
+    return near
+
+
+def _check_welds(mesh: MeshCurve, number: IndexArray, tol: float) -> None:
+    """Vertices of a mesh stay apart when they become those of the given numbers; -1: their own."""
     pairs = number[mesh.t]
     collapsed = (pairs[0] == pairs[1]) & (pairs[0] >= 0)
     if collapsed.any():
@@ -292,7 +302,6 @@ def _coinciding(points: Floats, mesh: MeshCurve, tol: float) -> IndexArray:
             f"nodes {vertices} of one mesh would all be merged into one: join with a smaller tol"
             " or weld=False",
         )
-    return number
 
 
 # -- line meshes of space curves for scikit-fem: networks, branches and closed loops ---------------
@@ -608,12 +617,12 @@ class MeshCurve(Frozen, MeshLine1):
     @property
     def beams(self) -> dict[str, IndexArray]:
         """Named beams and their elements (scikit-fem's subdomains)."""
-        return {k: np.asarray(v, dtype=np.int64) for k, v in (self._subdomains or {}).items()}
+        return dict(self._subdomains or {})
 
     @property
     def nodes(self) -> dict[str, IndexArray]:
         """Named nodes and their vertices (scikit-fem's boundaries)."""
-        return {k: np.asarray(v, dtype=np.int64) for k, v in (self._boundaries or {}).items()}
+        return dict(self._boundaries or {})
 
     @property
     def owners(self) -> IndexArray:
@@ -635,13 +644,11 @@ class MeshCurve(Frozen, MeshLine1):
         MeshError
             If there is no such node; the message lists the names or the nearest vertex.
         """
-        return topology.find_node(
-            self.p.T, self.nodes, which, self.size, topology.mesh_label(self.beams)
-        )
+        return topology.find_node(self, self.p.T, which)
 
     def elements_of(self, beam: str) -> IndexArray:
         """Elements of a named beam; MeshError lists the names there are."""
-        return topology.find_beam(self.beams, beam)
+        return topology.find_beam(self._subdomains or {}, beam)
 
     def elements_at(self, which: str | int | VectorLike) -> IndexArray:
         """All elements that meet at a node (``f2t`` knows only two)."""
@@ -795,7 +802,7 @@ def locked(sets: Any) -> Any:
     """Named sets of numbers, in arrays of their own that cannot be written to."""
     if sets is None:
         return None
-    own = {name: np.array(numbers) for name, numbers in sets.items()}
+    own = {name: np.array(numbers, dtype=np.int64) for name, numbers in sets.items()}
     for numbers in own.values():
         numbers.flags.writeable = False
     return own

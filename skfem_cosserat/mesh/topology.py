@@ -438,21 +438,13 @@ def find_beam(beams: Mapping[str, IndexArray], beam: str) -> IndexArray:
     return beams[beam]
 
 
-def find_node(
-    points: Floats,
-    names: Mapping[str, IndexArray],
-    which: str | int | VectorLike,
-    size: float,
-    where: str = "the mesh",
-) -> int:
-    """Number of the node in ``points`` (n, 3) given by name, number or position.
-
-    Errors about names say `where` they were looked for: see :func:`mesh_label`.
-    """
+def find_node(mesh: MeshCurve, points: Floats, which: str | int | VectorLike) -> int:
+    """Number of the node in ``points`` (n, 3) of a mesh given by name, number or position."""
     if isinstance(which, str):
+        names = mesh._boundaries or {}
         if which not in names:
             known = names_known(which, names, "known nodes", "mesh.nodes")
-            raise MeshError(f"node '{which}'", f"unknown in {where}; {known}")
+            raise MeshError(f"node '{which}'", f"unknown in {mesh_label(mesh.beams)}; {known}")
         if len(names[which]) != 1:
             raise MeshError(
                 f"node '{which}'", f"names {len(names[which])} nodes, expected exactly one"
@@ -469,7 +461,7 @@ def find_node(
     if place.shape != (3,) or not np.isfinite(place).all():
         raise MeshError(f"node {which!r}", "expected a name, a number or a position (3,)")
     gaps = np.linalg.norm(points - place, axis=1)
-    hits = np.flatnonzero(gaps <= POSITION_TOLERANCE * size)
+    hits = np.flatnonzero(gaps <= POSITION_TOLERANCE * mesh.size)
     spot = f"node at {place.tolist()}"
     if hits.size == 0:
         k = int(np.argmin(gaps))
@@ -483,7 +475,7 @@ def places_along(
     mesh: MeshCurve, s: ArrayLike, beam: str | None = None
 ) -> tuple[IndexArray, Floats]:
     """Elements (m,) and reference coordinates (m,) at arc lengths s (m,) along a beam or all."""
-    ids = np.arange(mesh.nelements) if beam is None else find_beam(mesh.beams, beam)
+    ids = np.arange(mesh.nelements) if beam is None else mesh.elements_of(beam)
     item = "mesh" if beam is None else f"beam '{beam}'"
     chains = find_chains(mesh.t[:, ids], np.zeros(len(ids), dtype=np.int64), [beam or ""]).chains()
     if len(chains) != 1:

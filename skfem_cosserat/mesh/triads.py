@@ -93,12 +93,12 @@ def _by_beam(mesh: MeshCurve, value: Any, what: str) -> Iterator[tuple[Any, Inde
     if not isinstance(value, Mapping):
         yield value, np.arange(mesh.nelements)
         return
-    number = np.full(mesh.nelements, -1)
+    number, beams = np.full(mesh.nelements, -1), mesh.beams
     for k, name in enumerate(value):
-        if name not in mesh.beams:
-            known = names_known(name, mesh.beams, "known beams")
+        if name not in beams:
+            known = names_known(name, beams, "known beams")
             raise MeshError(f"{what} of beam '{name}'", f"unknown beam; {known}")
-        number[mesh.elements_of(name)] = k
+        number[beams[name]] = k
     order = np.argsort(number, kind="stable")
     cuts = np.searchsorted(number[order], np.arange(len(value) + 1))
     for k, part in enumerate(value.values()):
