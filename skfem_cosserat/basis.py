@@ -231,7 +231,9 @@ class DirectorBasis(CellBasis):
 
     # ------------------------------------------------------------------ integrals
     def elemental_mass(
-        self, coefficient: float | Floats | Callable[[Floats], Floats] | None = None
+        self,
+        coefficient: float | Floats | Callable[[Floats], Floats] | None = None,
+        elements: IndexArray | slice = slice(None),
     ) -> Floats:
         """Integrals of products of shape functions over each element.
 
@@ -240,6 +242,8 @@ class DirectorBasis(CellBasis):
         coefficient : float, (ne,) or callable, optional
             Factor under the integral: one, one an element, or a function of positions
             (3, ne, nq) that returns (ne, nq).
+        elements : int array, optional
+            Those that are asked for; all by default.
 
         Returns
         -------
@@ -248,18 +252,21 @@ class DirectorBasis(CellBasis):
             coefficient is constant in an element.
         """
         N = self.interpolation.full.values
-        weight = 1.0 if coefficient is None else self._coefficient(coefficient)
-        out = ((weight * N[:, None, None] * N[None, :, None]) * self._measure).sum(-1)
+        weight = 1.0 if coefficient is None else self._coefficient(coefficient)[elements]
+        out = (weight * N[:, None, None] * N[None, :, None] * self._measure(elements)).sum(-1)
         return out.transpose(2, 0, 1).copy()
 
-    def elemental_load(self) -> Floats:
-        """Integrals ``int N_a ds`` (ne, p + 1) in m, nodes in the order of ``connectivity``."""
-        return (self.interpolation.full.values[:, None] * self._measure).sum(-1).T.copy()
+    def elemental_load(self, elements: IndexArray | slice = slice(None)) -> Floats:
+        """Integrals ``int N_a ds`` (ne, p + 1) in m, nodes in the order of ``connectivity``.
 
-    @property
-    def _measure(self) -> Floats:
+        Of the given elements (all by default).
+        """
+        measure = self._measure(elements)
+        return (self.interpolation.full.values[:, None] * measure).sum(-1).T.copy()
+
+    def _measure(self, elements: IndexArray | slice) -> Floats:
         """Weights (ne, nq) of full integration, in m."""
-        return self.lengths[:, None] * self.interpolation.full.weights
+        return self.lengths[elements, None] * self.interpolation.full.weights
 
     def _coefficient(self, coefficient: Any) -> Floats:
         """Coefficient (ne, nq) at the points of full integration."""

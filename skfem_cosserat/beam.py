@@ -442,7 +442,7 @@ class Beam(LineItem):
 
     def line_weights(self, elements: IndexArray) -> Floats:
         """``int N_a ds`` (len(elements), nn) for distributed loads."""
-        return self.basis.elemental_load()[elements]
+        return self.basis.elemental_load(elements)
 
     def part(self, name: str | None = None) -> IndexArray:
         """Elements of a named part of the mesh, or all."""

@@ -170,11 +170,12 @@ class Loading:
             return np.arange(self._rows), self._mass @ out
         if isinstance(term, TermLine):
             _, r = self._first[id(term.beam)]
-            out = np.zeros((term.beam.basis.n_nodes, 3))
             weights = term.beam.line_weights(term.elements)
             nodes = term.beam.basis.connectivity[term.elements]
-            np.add.at(out, nodes, weights[:, :, None] * value)
-            return r + 4 * np.arange(len(out)), out
+            loaded, place = np.unique(nodes, return_inverse=True)
+            out = np.zeros((len(loaded), 3))
+            np.add.at(out, place.reshape(nodes.shape), weights[:, :, None] * value)
+            return r + 4 * loaded, out
         assert isinstance(term, TermForce)
         _, r = self._first[id(term.place.item)]
         if term.place.triad is None:
@@ -201,7 +202,7 @@ class Loading:
             beam = term.beam
             number = next(k for k, g in enumerate(self._beam_groups) if id(beam) in g.slices)
             ids = term.elements + self._beam_groups[number].slices[id(beam)].start
-            shape = beam.basis.elemental_mass()[term.elements]
+            shape = beam.basis.elemental_mass(elements=term.elements)
             ne, nn = shape.shape[:2]
             block = np.zeros((ne, nn, 4, nn, 4))
             turned = np.einsum("i,ebij->ebj", value, beam.rotations[term.elements])
