@@ -182,6 +182,35 @@ def test_constant_loads_masses_and_patterns_are_computed_once(
     assert set(many) == {"__init__"}  # and not even once in another run
 
 
+def rods(count: int) -> sc.Model:
+    """So many clamped rods, each with a force and a line load."""
+    model, section = sc.Model(), sc.SectionCircle(5e-3, sc.Material(5e6, 0.5, 1100))
+    for k in range(count):
+        rod = sc.Beam(sc.MeshCurve.init_line((k, 0, 0), (k, 1, 0), 3, name=f"rod{k}"), section)
+        model.add(f"rod{k}", rod)
+        model.add(f"clamp{k}", sc.JointFixed(sc.ground((k, 0, 0)), rod.node(0)))
+        model.add(f"tip{k}", sc.LoadForce(rod.node(3), (0, 0, 0.1)))
+        model.add(f"wind{k}", sc.LoadLine(rod, (0, 0, 0.1)))
+    return model
+
+
+def test_freezing_costs_as_much_as_there_is(monkeypatch: pytest.MonkeyPatch):
+    """Masses of each beam once, a row of a load as long as what it acts on, no full mass blocks."""
+    from skfem_cosserat.beam import Beam
+
+    calls: Counter[str] = Counter()
+    counted(monkeypatch, Beam, "scalar_mass", calls)
+    entries = []
+    for count in (40, 80):
+        model = rods(count)
+        calls.clear()
+        system = model.freeze()
+        assert calls == {"scalar_mass": count}
+        assert all("mass" not in vars(group) for group in system.groups)
+        entries.append(system.loading.dead.nnz)
+    assert entries == [40 * 5, 80 * 5]
+
+
 # -- never called ----------------------------------------------------------------------------------
 
 
