@@ -9,6 +9,7 @@ of a ground row (the cosine or sine of the angle) and thus prescribed in time.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +19,13 @@ from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray
 
 
-def _table(array: Floats, count: int) -> tuple[list[IndexArray], Floats]:
-    """Columns of numbers, and the factors in the last one."""
+def _table(
+    terms: Sequence[tuple[float, ...]], count: int, begun: Floats | None = None
+) -> tuple[list[IndexArray], Floats]:
+    """Columns of numbers, and the factors in the last one; those `begun` with come first."""
+    array = np.array(terms, dtype=float).reshape(-1, count + 1)
+    if begun is not None:
+        array = np.concatenate([begun, array])
     return [array[:, k].astype(np.int64) for k in range(count)], array[:, count].copy()
 
 
@@ -126,9 +132,8 @@ class QuadraticConstraints:
     def __init__(self, builder: ConstraintBuilder, reference: Floats, free: int) -> None:
         m, n = builder.size, 3 * free
         self.size, self.n = m, n
-        added = np.array(builder.products, dtype=float).reshape(-1, 4)
-        linear, lc = _table(np.array(builder.linear, dtype=float).reshape(-1, 3), 2)
-        products, pc = _table(np.concatenate([builder.begun, added]), 3)
+        linear, lc = _table(builder.linear, 2)
+        products, pc = _table(builder.products, 3, builder.begun)
         self._lk = (linear[0][:, None] + np.arange(3)).ravel()
         self._la, self._lc = linear[1], lc[:, None]
         self._pk, self._pa, self._pb = products
