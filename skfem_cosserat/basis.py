@@ -6,20 +6,23 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from skfem import BilinearForm, CellBasis, Functional, LinearForm
+from skfem import CellBasis, Functional
 from skfem.assembly.form.form import Form
 
 from .element import (
     ElementDirector,
     ElementLineLobatto,
     Interpolation,
+    Tabulated,
+    gauss_rule,
     interpolation,
     shape_derivatives,
     shape_functions,
 )
 from .errors import InputError, MeshError
+from .frozen import lock_arrays
 from .mesh import MeshCurve
-from .mesh.topology import find_node, mesh_label
+from .mesh.topology import find_node
 from .mesh.triads import Directors, Twist, section_triads
 from .types import Array, ArrayLike, Floats, IndexArray, VectorLike
 
@@ -29,32 +32,21 @@ from .types import Array, ArrayLike, Floats, IndexArray, VectorLike
 SAME = 1e-12
 
 
-def gauss_rule(points: int) -> tuple[Floats, Floats]:
-    """Gauss-Legendre rule on [0, 1].
+class _BuiltByScikitFem:
+    """An attribute of the class of bases, which one of its own hides once it is built."""
 
-    Parameters
-    ----------
-    points : int
-        Number of points, exact for polynomials of degree ``2*points - 1``.
-
-    Returns
-    -------
-    points, weights : (points,)
-
-    Examples
-    --------
-    >>> x, w = gauss_rule(1)
-    >>> x.tolist(), w.tolist()
-    ([0.5], [1.0])
-    """
-    x, w = np.polynomial.legendre.leggauss(points)
-    return 0.5 * (x + 1.0), 0.5 * w
+    def __get__(self, basis: DirectorBasis | None, owner: type | None = None) -> Any:
+        if basis is None:
+            return self
+        basis._build()
+        return vars(basis)["basis"]
 
 
 class DirectorBasis(CellBasis):
     """Point and three directors at each node, all twelve interpolated alike over arc length.
 
-    A :class:`skfem.CellBasis` of :class:`ElementDirector`. Degree of freedom ``12*node + c``
+    A :class:`skfem.CellBasis` of :class:`ElementDirector`, which is tabulated when a form of
+    scikit-fem first asks for it. Degree of freedom ``12*node + c``
     is component c of ``q = (phi, d1, d2, d3)``. Vertices of the mesh are the first nodes, under
     their own numbers; interior nodes of elements follow.
 
@@ -110,24 +102,54 @@ class DirectorBasis(CellBasis):
     ) -> None:
         if not isinstance(mesh, MeshCurve):
             raise MeshError("argument mesh", f"got {type(mesh).__name__}, expected a MeshCurve")
-        element = ElementDirector(order)
-        self._quadrature = quadrature
-        self.interpolation = interpolation(order)
-        self.order = self.interpolation.order
-        rule = _checked_rule(quadrature) if quadrature else gauss_rule(self.interpolation.points)
-        self.points, self.weights = rule
-        super().__init__(mesh, element, quadrature=(rule[0][None], rule[1]), disable_doflocs=True)
-        p, ne, nv = self.order, mesh.nelements, mesh.p.shape[1]
-        inner = nv + np.arange(ne * (p - 1)).reshape(ne, p - 1)
-        ends = mesh.t.T.astype(np.int64)
-        self.connectivity: IndexArray = np.hstack([ends[:, :1], inner, ends[:, 1:]])
+        self.mesh, self._quadrature = mesh, quadrature
+        self.interpolation = kind = interpolation(order)
+        self.order = p = kind.order
+        #: shape functions at the points of the quadrature rule
+        self.tabulated: Tabulated = (
+            kind.tabulated(*_checked_rule(quadrature)) if quadrature else kind.reduced
+        )
+        self.points, self.weights = self.tabulated.points, self.tabulated.weights
+        ne, nv = mesh.t.shape[1], mesh.p.shape[1]
         self.n_nodes = nv + ne * (p - 1)
+        self.connectivity: IndexArray = np.empty((ne, p + 1), dtype=np.int64)
+        self.connectivity[:, 0], self.connectivity[:, -1] = mesh.t
+        self.connectivity[:, 1:-1] = np.arange(nv, self.n_nodes).reshape(ne, p - 1)
         self.lengths: Floats = mesh.lengths
-        places = mesh.mapping().F(self.interpolation.nodes[None])
         self.nodes: Floats = np.empty((self.n_nodes, 3))
-        self.nodes[self.connectivity] = np.moveaxis(places, 0, -1)
+        if p > 1:
+            places = mesh.mapping().F(kind.nodes[None])
+            self.nodes[self.connectivity] = np.moveaxis(places, 0, -1)
         self.nodes[:nv] = mesh.p.T
+        lock_arrays(self)
+        self._built = False
+
+    # what scikit-fem tabulates for its forms is larger and dearer than all else: most beams never
+    # need it
+
+    basis: Any = _BuiltByScikitFem()
+    #: whether it is built; None: the constructor is not through
+    _built: bool | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        if self._built is not False:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        self._build()
+        return getattr(self, name)
+
+    def _build(self) -> None:
+        """All attributes of a :class:`skfem.CellBasis`."""
+        self._built = True
+        rule = self.points[None], self.weights
+        element = ElementDirector(self.interpolation)
+        super().__init__(self.mesh, element, quadrature=rule, disable_doflocs=True)
         self.doflocs = np.repeat(self.nodes.T, 12, axis=1)
+        lock_arrays(self)
+
+    @property
+    def N(self) -> int:
+        """Number of degrees of freedom."""
+        return 12 * self.n_nodes
 
     def __reduce__(self) -> tuple[Any, ...]:
         # tabulated shape functions are ten times as large as what they follow from
@@ -161,9 +183,7 @@ class DirectorBasis(CellBasis):
         MeshError
             If there is no such node; the message lists what is known.
         """
-        return find_node(
-            self.nodes, self.mesh.nodes, which, self.mesh.size, mesh_label(self.mesh.beams)
-        )
+        return find_node(self.mesh, self.nodes, which)
 
     # ------------------------------------------------------------------ scikit-fem
     def scalar(
@@ -211,7 +231,9 @@ class DirectorBasis(CellBasis):
 
     # ------------------------------------------------------------------ integrals
     def elemental_mass(
-        self, coefficient: float | Floats | Callable[[Floats], Floats] | None = None
+        self,
+        coefficient: float | Floats | Callable[[Floats], Floats] | None = None,
+        elements: IndexArray | slice = slice(None),
     ) -> Floats:
         """Integrals of products of shape functions over each element.
 
@@ -220,6 +242,8 @@ class DirectorBasis(CellBasis):
         coefficient : float, (ne,) or callable, optional
             Factor under the integral: one, one an element, or a function of positions
             (3, ne, nq) that returns (ne, nq).
+        elements : int array, optional
+            Those that are asked for; all by default.
 
         Returns
         -------
@@ -227,27 +251,30 @@ class DirectorBasis(CellBasis):
             ``int c N_a N_b ds`` (m), nodes in the order of ``connectivity``; exact where the
             coefficient is constant in an element.
         """
-        scalar = self.scalar()
-        weight = self._coefficient(coefficient, scalar)
-        form = BilinearForm(lambda u, v, w: w.weight * u * v)
-        local = form.elemental(scalar, weight=weight).tolocal()
-        order = np.argsort(scalar.elem.places)
-        return local[:, order[:, None], order]
+        N = self.interpolation.full.values
+        weight = 1.0 if coefficient is None else self._coefficient(coefficient)[elements]
+        out = (weight * N[:, None, None] * N[None, :, None] * self._measure(elements)).sum(-1)
+        return out.transpose(2, 0, 1).copy()
 
-    def elemental_load(self) -> Floats:
-        """Integrals ``int N_a ds`` (ne, p + 1) in m, nodes in the order of ``connectivity``."""
-        scalar = self.scalar()
-        local = LinearForm(lambda v, w: v).elemental(scalar).tolocal()
-        return local[:, np.argsort(scalar.elem.places)]
+    def elemental_load(self, elements: IndexArray | slice = slice(None)) -> Floats:
+        """Integrals ``int N_a ds`` (ne, p + 1) in m, nodes in the order of ``connectivity``.
 
-    def _coefficient(self, coefficient: Any, scalar: CellBasis) -> Floats:
-        """Coefficient (ne, nq) at the quadrature points of a basis."""
-        shape = scalar.dx.shape
-        if coefficient is None:
-            return np.ones(shape)
+        Of the given elements (all by default).
+        """
+        measure = self._measure(elements)
+        return (self.interpolation.full.values[:, None] * measure).sum(-1).T.copy()
+
+    def _measure(self, elements: IndexArray | slice) -> Floats:
+        """Weights (ne, nq) of full integration, in m."""
+        return self.lengths[elements, None] * self.interpolation.full.weights
+
+    def _coefficient(self, coefficient: Any) -> Floats:
+        """Coefficient (ne, nq) at the points of full integration."""
+        points = self.interpolation.full.points
+        shape = len(self.lengths), len(points)
         value = coefficient
         if callable(coefficient):
-            value = coefficient(np.asarray(scalar.global_coordinates()))
+            value = coefficient(self.mesh.mapping().F(points[None]))
         array = np.asarray(value, dtype=float)
         if array.shape == shape[:1] and not callable(coefficient):
             array = array[:, None]
@@ -325,7 +352,8 @@ class DirectorBasis(CellBasis):
         >>> basis.triads(directors=(0, 1, 0))[0, 0].tolist()
         [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
         """
-        return section_triads(self.mesh, self.interpolation.nodes, directors, twist)
+        places = self.nodes[self.connectivity]
+        return section_triads(self.mesh, self.interpolation.nodes, places, directors, twist)
 
     def nodal_triads(self, triads: Floats) -> Floats:
         """Triad (N, 3, 3) of each node: that of the first element there.

@@ -120,7 +120,7 @@ class Beam(LineItem):
         triads = self.basis.triads(directors=director, twist=twist)
         kind, nodes = self.basis.interpolation, self.basis.connectivity
         with Notices() as notices:
-            check_bends(mesh, kind, nodes, triads, self.label)
+            check_bends(mesh, kind, nodes, self.basis.nodes[nodes], triads, self.label)
         #: what was doubtful when it was made, as ``history.meta["warnings"]`` of its runs repeats
         self.warnings = tuple(notices.found)
         self.triads: Floats = self.basis.nodal_triads(triads)
@@ -143,8 +143,7 @@ class Beam(LineItem):
         yield from (("sections", self.sections), ("theory", self.theory))
 
     def _lock(self) -> None:
-        for arrays in (self.basis, self.elements):
-            lock_arrays(arrays)
+        lock_arrays(self.elements)
 
     def __setstate__(self, state: Any) -> None:
         super().__setstate__(state)
@@ -209,8 +208,8 @@ class Beam(LineItem):
         return BeamElements.create(
             self.gather(self.reference),
             basis.lengths,
-            basis.shape(basis.points),
-            basis.dshape(basis.points),
+            basis.tabulated.values,
+            basis.tabulated.slopes,
             basis.points,
             basis.weights,
             stiffness,
@@ -443,7 +442,7 @@ class Beam(LineItem):
 
     def line_weights(self, elements: IndexArray) -> Floats:
         """``int N_a ds`` (len(elements), nn) for distributed loads."""
-        return self.basis.elemental_load()[elements]
+        return self.basis.elemental_load(elements)
 
     def part(self, name: str | None = None) -> IndexArray:
         """Elements of a named part of the mesh, or all."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from skfem.element import ElementH1, ElementVector
 from skfem.refdom import RefLine
 
 from .errors import InputError
-from .frozen import Frozen
+from .frozen import Frozen, lock_arrays
 from .types import Array, ArrayLike, Floats
 
 _NODES = {
@@ -47,6 +48,49 @@ def lobatto_nodes(order: int) -> Floats:
     if isinstance(order, bool) or not isinstance(order, int | np.integer) or order not in _NODES:
         raise InputError("argument order", f"got {order!r}, expected 1, 2, 3 or 4")
     return np.array(_NODES[order])
+
+
+def gauss_rule(points: int) -> tuple[Floats, Floats]:
+    """Gauss-Legendre rule on [0, 1].
+
+    Parameters
+    ----------
+    points : int
+        Number of points, exact for polynomials of degree ``2*points - 1``.
+
+    Returns
+    -------
+    points, weights : (points,)
+
+    Examples
+    --------
+    >>> x, w = gauss_rule(1)
+    >>> x.tolist(), w.tolist()
+    ([0.5], [1.0])
+    """
+    x, w = np.polynomial.legendre.leggauss(points)
+    return 0.5 * (x + 1.0), 0.5 * w
+
+
+@dataclass(frozen=True, eq=False)
+class Tabulated:
+    """Shape functions at the points of a quadrature rule on [0, 1]; arrays cannot be written to.
+
+    Attributes
+    ----------
+    points, weights : (nq,)
+        The rule.
+    values, slopes : (p + 1, nq)
+        Shape functions there, and their derivatives by the reference coordinate.
+    """
+
+    points: Floats
+    weights: Floats
+    values: Floats
+    slopes: Floats
+
+    def __post_init__(self) -> None:
+        lock_arrays(self)
 
 
 #: See :attr:`Interpolation.turn_limit`.
@@ -108,6 +152,30 @@ class Interpolation(Frozen):
         """
         return float(np.radians(_TURN_LIMITS[self.order]))
 
+    # what all beams of one interpolation have in common, computed when it is first asked for
+
+    @cached_property
+    def reduced(self) -> Tabulated:
+        """At the Gauss points of the strains."""
+        return self.tabulated(*gauss_rule(self.points))
+
+    @cached_property
+    def full(self) -> Tabulated:
+        """At so many Gauss points that products of shape functions are integrated exactly."""
+        return self.tabulated(*gauss_rule(self.order + 1))
+
+    @cached_property
+    def dense(self) -> Tabulated:
+        """At equidistant places, by which an element is compared with the line that it follows."""
+        places = np.linspace(0.0, 1.0, 8 * self.order + 1)
+        return self.tabulated(places, np.full(len(places), 1.0 / len(places)))
+
+    def tabulated(self, points: Floats, weights: Floats) -> Tabulated:
+        """At the points (nq,) of a quadrature rule."""
+        return Tabulated(
+            points, weights, shape_functions(self, points), shape_derivatives(self, points)
+        )
+
 
 class InterpolationLobatto(Interpolation):
     """Nodes at the Gauss-Lobatto points: the default, with tip values of order 2 p.
@@ -151,7 +219,14 @@ def interpolation(order: int | Interpolation) -> Interpolation:
     >>> interpolation(3)
     InterpolationLobatto(order=3, points=3)
     """
-    return order if isinstance(order, Interpolation) else InterpolationLobatto(order)
+    if isinstance(order, Interpolation):
+        return order
+    lobatto_nodes(order)
+    return _LOBATTO[int(order)]
+
+
+#: of each order one, which all beams have
+_LOBATTO = {order: InterpolationLobatto(order) for order in _NODES}
 
 
 def shape_functions(order: int | Interpolation, xi: ArrayLike) -> Array:

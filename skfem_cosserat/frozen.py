@@ -155,21 +155,27 @@ def _list(values: Iterable[Any]) -> str:
 
 def _read_only(value: Any) -> Any:
     """Arrays, also in tuples, as copies that cannot be written to: the user keeps the original."""
-    if isinstance(value, np.ndarray) and value.flags.writeable:
+    if type(value) is tuple:
+        for each in value:  # most hold numbers or places alone
+            if isinstance(each, _HELD):
+                fixed = tuple(map(_read_only, value))
+                changed = any(new is not old for new, old in zip(fixed, value, strict=True))
+                return fixed if changed else value
+    elif isinstance(value, np.ndarray) and value.flags.writeable:
         value = value.copy(order="K")
         value.flags.writeable = False
-    elif type(value) is tuple:
-        fixed = tuple(map(_read_only, value))
-        if any(new is not old for new, old in zip(fixed, value, strict=True)):
-            return fixed
     return value
+
+
+#: what may have to be copied
+_HELD = (np.ndarray, tuple)
 
 
 def seal(item: T) -> T:
     """From now on it cannot be changed; gives it back."""
     own = vars(item)
     for name, value in own.items():
-        if not name.startswith("_"):
+        if isinstance(value, _HELD) and not name.startswith("_"):
             own[name] = _read_only(value)
     own["_sealed"] = True
     return item

@@ -130,13 +130,11 @@ class BeamElements:
         law_of: IndexArray | None = None,
     ) -> BeamElements:
         """Elements whose reference is the configuration ``q`` (ne, 12 nn)."""
-        ne, ng = len(lengths), len(points)
-        table = strain_table(shape, slope)
-        zero = np.zeros((ne, ng, 6))
-        bare = cls(lengths, points, weights, table, stiffness, zero, rotations)
-        reference, _ = beam_strain(bare, q)
-        arrays = lengths, points, weights, table, stiffness, reference, rotations, viscosity
-        return cls(*arrays, laws, law_of)
+        table, zero = strain_table(shape, slope), np.zeros((len(lengths), len(points), 6))
+        arrays = lengths, points, weights, table, stiffness, zero, rotations, viscosity
+        out = cls(*arrays, laws, law_of)
+        out.reference, _ = _section_strain(out, q)
+        return out
 
 
 def _where(law_of: IndexArray, number: int) -> IndexArray | slice:
@@ -161,6 +159,14 @@ def beam_strain(elements: BeamElements, q: Array) -> tuple[Array, Array]:
     B : (ne, 6 ng, 12 nn) array
         ``delta eps = B delta q``; linear in q.
     """
+    eps, B = _section_strain(elements, q)
+    if elements.rotations is not None:
+        B = _from_section(elements.rotations, B)
+    return eps, B
+
+
+def _section_strain(elements: BeamElements, q: Array) -> tuple[Array, Array]:
+    """Strains, and their derivative by coordinates of sections instead of nodes."""
     ne, k = q.shape
     ng = len(elements.points)
     section = q if elements.rotations is None else _to_section(elements.rotations, q)
@@ -169,8 +175,6 @@ def beam_strain(elements: BeamElements, q: Array) -> tuple[Array, Array]:
     eps = (B @ section[:, :, None]).reshape(ne, ng, 6)
     eps *= 0.5
     eps -= elements.reference
-    if elements.rotations is not None:
-        B = _from_section(elements.rotations, B)
     return eps, B
 
 

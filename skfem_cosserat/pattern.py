@@ -8,7 +8,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 from .errors import InputError
 from .types import Array, ArrayLike, Floats, IndexArray
 
-#: rows up to which a full matrix is multiplied faster than a sparse one
+#: rows and columns up to which a full matrix is multiplied faster than a sparse one
 FULL_ROWS = 100
 
 
@@ -115,7 +115,7 @@ def sum_at(index: IndexArray, values: Array, size: int) -> Array:
 
 def product_form(matrix: csr_matrix) -> csr_matrix | Array:
     """The matrix in the form in which products with it cost least: in full if it is small."""
-    return matrix.toarray() if max(matrix.shape) <= FULL_ROWS else matrix
+    return matrix.toarray() if np.prod(matrix.shape) <= FULL_ROWS**2 else matrix
 
 
 def _indices(name: str, values: ArrayLike, limit: int) -> IndexArray:

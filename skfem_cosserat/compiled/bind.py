@@ -359,7 +359,7 @@ def bound_beams(
     ne, nn = group.vertices.shape
     ng = len(elements.points)
     N, dN = strain_factors(elements.table)
-    scalar = group.mass.reshape(ne, nn, 4, 3, nn, 4, 3)[:, :, :, 0, :, :, 0]
+    scalar = group.scalar_mass.reshape(ne, nn, 4, nn, 4)
     mass = np.ascontiguousarray(scalar.transpose(0, 1, 3, 2, 4))
     rotations = np.zeros((0, nn, 3, 3))
     if elements.rotations is not None:
@@ -655,17 +655,12 @@ def _triples(system: System, each: list[list[Coordinate]]) -> IndexArray:
 
 def bound_nodal_masses(frames: Group | None, points: Group | None) -> dict[str, Any]:
     """Masses of single frames and of mass points."""
-
-    def scalar(group: Group, size: int) -> Floats:
-        blocks = group.mass.reshape(len(group.mass), size, 3, size, 3)
-        return np.ascontiguousarray(blocks[:, :, 0, :, 0])
-
     none = integers([])
     return {
         "frame_vertex": none if frames is None else integers(frames.vertices[:, 0]),
-        "frame_masses": np.zeros((0, 4, 4)) if frames is None else scalar(frames, 4),
+        "frame_masses": np.zeros((0, 4, 4)) if frames is None else frames.scalar_mass,
         "point_vertex": none if points is None else integers(points.vertices[:, 0]),
-        "point_masses": np.zeros(0) if points is None else scalar(points, 1)[:, 0, 0].copy(),
+        "point_masses": np.zeros(0) if points is None else points.scalar_mass[:, 0, 0].copy(),
     }
 
 

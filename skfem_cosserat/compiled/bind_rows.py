@@ -173,7 +173,7 @@ def _weights(system: System, numbers: IndexArray, blocks: Sequence[RowBlock]) ->
     weight = np.zeros(numbers.shape)
     if (group := system.frame_group) is None:
         return weight
-    scalar = group.mass.reshape(-1, 4, 3, 4, 3)[:, :, 0, :, 0]
+    scalar = group.scalar_mass
     first, mass = scalar[:, 1:, 0], scalar[:, 0, 0]
     some = np.where(mass > 0, mass, 1.0)  # forces act on nodes of beams without masses, too
     euler = scalar[:, 1:, 1:] - first[:, :, None] * first[:, None] / some[:, None, None]

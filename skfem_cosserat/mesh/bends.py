@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..element import Interpolation, shape_derivatives, shape_functions
+from ..element import Interpolation
 from ..errors import MeshError, ModelWarning
 from ..types import Floats, IndexArray
 from ..warn import warn
@@ -17,8 +17,6 @@ if TYPE_CHECKING:  # pragma: no cover - for annotations only
 #: Neighbouring nodes of an element whose triads differ by this angle are refused: of a linear
 #: element nothing is left of its stiffness there.
 LARGEST = np.pi / 2
-#: Places in an element at which its line is looked at, for each order.
-PLACES = 8
 _NAMES = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic"}
 
 
@@ -52,7 +50,12 @@ def gives_way(kind: Interpolation, angle: Floats) -> str:
 
 
 def check_bends(
-    mesh: MeshCurve, kind: Interpolation, nodes: IndexArray, triads: Floats, item: str
+    mesh: MeshCurve,
+    kind: Interpolation,
+    nodes: IndexArray,
+    places: Floats,
+    triads: Floats,
+    item: str,
 ) -> None:
     """Directors that flip, lines that fold back and elements that turn too far.
 
@@ -62,6 +65,8 @@ def check_bends(
     kind : Interpolation
     nodes : (ne, p + 1) int array
         Nodes of each element.
+    places : (ne, p + 1, 3) array
+        Where they are (m).
     triads : (ne, p + 1, 3, 3) array
         Section triads there.
     item : str
@@ -95,7 +100,7 @@ def check_bends(
             f"the line turns by {np.degrees(angle[e, a]):.3g} degrees {where}, expected less than"
             " 90: refine",
         )
-    _check_folds(mesh, kind, nodes, triads, item)
+    _check_folds(mesh, kind, nodes, places, triads, item)
     total = angle.sum(axis=1).round(8)
     if total.max() > round(kind.turn_limit, 8):
         e = int(total.argmax())
@@ -109,16 +114,19 @@ def check_bends(
 
 
 def _check_folds(
-    mesh: MeshCurve, kind: Interpolation, nodes: IndexArray, triads: Floats, item: str
+    mesh: MeshCurve,
+    kind: Interpolation,
+    nodes: IndexArray,
+    places: Floats,
+    triads: Floats,
+    item: str,
 ) -> None:
     """The line, and the interpolated one, run along the interpolated d3 everywhere."""
-    xi = np.linspace(0.0, 1.0, PLACES * kind.order + 1)
-    N, dN = shape_functions(kind, xi), shape_derivatives(kind, xi)
-    places = np.moveaxis(mesh.mapping().F(kind.nodes[None]), 0, -1)
-    exact = np.moveaxis(mesh.mapping().tangent(xi[None]), 0, -1)
-    slope = np.einsum("ag,eac->egc", dN, places)
-    d3 = np.einsum("ag,eac->egc", N, triads[:, :, 2])
-    cosine = np.minimum((exact * d3).sum(-1), (slope * d3).sum(-1))
+    xi, at = kind.dense.points, kind.dense
+    exact = mesh.mapping().tangent(xi[None])
+    slope = np.einsum("ag,eac->ceg", at.slopes, places)
+    d3 = np.einsum("ag,eac->ceg", at.values, triads[:, :, 2])
+    cosine = np.minimum((exact * d3).sum(0), (slope * d3).sum(0))
     if cosine.min() <= 0:
         e, g = (int(i) for i in np.unravel_index(int(cosine.argmin()), cosine.shape))
         raise MeshError(
@@ -131,17 +139,21 @@ def _check_folds(
 
 def _report_flips(mesh: MeshCurve, nodes: IndexArray, triads: Floats, item: str) -> None:
     """Warn of a first director that turns by more than 90 degrees about the line at a corner."""
-    for chain in mesh.chains:
-        e, f = chain.elements, np.roll(chain.elements, -1)
-        if not chain.closed:
-            e, f = e[:-1], f[:-1]
-        twist = abs(_twists(triads[e, -1], triads[f, 0]))
-        if twist.max(initial=0.0) > LARGEST + 1e-9:
-            k = int(twist.argmax())
-            warn(
-                item,
-                f"section triads turn by {np.degrees(twist[k]):.3g} degrees about the line at node"
-                f" {nodes[e[k], -1]}, between the elements {e[k]} and {f[k]}: forces and moments"
-                " change their signs there; give another director",
-                ModelWarning,
-            )
+    order = mesh.chain_order
+    e, f = order.before, order.after
+    twist = abs(_twists(triads[e, -1], triads[f, 0]))
+    flips = twist > LARGEST + 1e-9
+    if not flips.any():
+        return
+    number = np.empty(mesh.nelements, dtype=np.int64)  # of the chain
+    number[order.elements] = np.repeat(np.arange(len(order.closed)), np.diff(order.first))
+    for chain in np.unique(number[e[flips]]).tolist():
+        own = np.flatnonzero(number[e] == chain)
+        k = int(own[twist[own].argmax()])
+        warn(
+            item,
+            f"section triads turn by {np.degrees(twist[k]):.3g} degrees about the line at node"
+            f" {nodes[e[k], -1]}, between the elements {e[k]} and {f[k]}: forces and moments"
+            " change their signs there; give another director",
+            ModelWarning,
+        )

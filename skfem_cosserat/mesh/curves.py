@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ..errors import InputError, MeshError
 from ..frozen import Frozen
 from ..types import ArrayLike, Floats, VectorLike, real, shown, switch
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 #: Gauss rule used to measure splines, on [0, 1].
 _LEGENDRE = np.polynomial.legendre.leggauss(16)
@@ -393,6 +395,8 @@ class CurveSpline(Frozen):
     _table: tuple[Floats, Floats] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        from scipy.interpolate import CubicSpline  # slow to import, seldom needed
+
         switch("spline", self.closed, "closed")
         points = np.array(self.points, dtype=float)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2 + self.closed:

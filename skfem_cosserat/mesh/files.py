@@ -12,15 +12,12 @@ import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import islice, pairwise
 from os import PathLike
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
-import meshio
 import numpy as np
-from meshio._exceptions import CorruptionError
 
 from ..errors import InputError, MeshError, ModelWarning
 from ..types import Array, Floats, IndexArray, file_path
@@ -46,14 +43,14 @@ class Groups:
     points : (n, 3)
         Points (m).
     lines, vertices : lists of (nodes, groups)
-        Cells with the (dimension, tag) of their groups.
+        Nodes (n, 2) or (n, 1) of cells, and the tags of the groups that all of them are in.
     other : dict of int to int
         Number of cells of any other type, by gmsh's number of the type.
     """
 
     points: Floats
-    lines: list[tuple[list[int], list[int]]] = field(default_factory=list)
-    vertices: list[tuple[list[int], list[int]]] = field(default_factory=list)
+    lines: list[tuple[IndexArray, list[int]]] = field(default_factory=list)
+    vertices: list[tuple[IndexArray, list[int]]] = field(default_factory=list)
     other: dict[int, int] = field(default_factory=dict)
 
 
@@ -134,31 +131,37 @@ def _read_rows(rows: list[str], path: Path) -> Groups:
     entity = _entity_groups(rows, path)
     words = _section(rows, "Nodes", path)
     blocks, count, _, _ = _integers(words, 4)
-    if not 0 <= 3 * count <= sum(len(row) for row in rows):
+    if not 0 <= 3 * count <= sum(map(len, rows)):
         raise MeshError(f"file '{path}'", f"says that it has {count} nodes, which do not fit in it")
-    points = np.empty((count, 3))
-    number: dict[int, int] = {}
+    tags, points = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3))]
     for _ in range(blocks):
         dim, _, parametric, size = _integers(words, 4)
-        tags = _integers(words, size)
-        for tag in tags:
-            points[len(number)] = [float(next(words)) for _ in range(3)]
-            number[tag] = len(number)
-            for _ in range(dim if parametric else 0):
-                next(words)
-    out = Groups(points)
-    cells = [row.split() for row in rows[rows.index("$Elements") + 1 : rows.index("$EndElements")]]
+        tags.append(np.array(_integers(words, size), dtype=np.int64))
+        width = 3 + (dim if parametric else 0)
+        numbers = np.array(list(islice(words, width * size)), dtype=float)
+        points.append(numbers.reshape(size, width)[:, :3])
+    known = np.concatenate(tags)
+    order = np.argsort(known, kind="stable")
+    if len(known) != count or (np.diff(known[order]) == 0).any():
+        raise ValueError(f"{len(known)} nodes, some of them twice, or not {count} as it says")
+    out = Groups(np.concatenate(points))
+    cells = rows[rows.index("$Elements") + 1 : rows.index("$EndElements")]
     k = 1
-    for _ in range(int(cells[0][0])):
-        dim, tag, kind, size = (int(word) for word in cells[k])
-        groups = entity.get((dim, tag), [])
+    for _ in range(int(cells[0].split()[0])):
+        dim, tag, kind, size = (int(word) for word in cells[k].split())
         part = cells[k + 1 : k + 1 + size]
         k += 1 + size
         if len(part) < size:
             raise MeshError(f"file '{path}'", "is cut short in section $Elements")
         if kind in (VERTEX, LINE):
+            width = 2 if kind == VERTEX else 3
+            each = np.array(" ".join(part).split(), dtype=np.int64).reshape(size, width)[:, 1:]
+            place = np.minimum(np.searchsorted(known, each, sorter=order), count - 1)
+            nodes = order[place]
+            if (known[nodes] != each).any():
+                raise KeyError(f"node {each[known[nodes] != each][0]}")
             target = out.vertices if kind == VERTEX else out.lines
-            target += [([number[int(v)] for v in row[1:]], groups) for row in part]
+            target.append((nodes, entity.get((dim, tag), [])))
         else:
             out.other[kind] = out.other.get(kind, 0) + size
     return out
@@ -286,8 +289,7 @@ BEAM, NODE = "beam:", "node:"
 _BROKEN = (
     *(ArithmeticError, AssertionError, AttributeError, EOFError, ImportError, LookupError),
     *(MemoryError, NameError, OSError, RuntimeError, StopIteration, SyntaxError, TypeError),
-    *(ValueError, ElementTree.ParseError, lzma.LZMAError, struct.error, zlib.error),
-    *(CorruptionError, meshio.ReadError),
+    *(ValueError, lzma.LZMAError, struct.error, zlib.error),
 )
 #: Files of Abaqus and Nastran, which hold whole models: what is read of them.
 _ABAQUS, _NASTRAN = {".inp"}, {".bdf", ".fem", ".nas"}
@@ -409,6 +411,9 @@ def _is_gmsh41(file: Path, kind: bytes) -> bool:
 
 def _meshio(file: Path) -> Any:
     """Read by meshio, which prints and leaves the interpreter when it fails."""
+    import meshio  # slow to import: gmsh files do without
+    from meshio._exceptions import CorruptionError
+
     said = io.StringIO()
     if file.suffix.lower() in _NASTRAN:  # meshio reads on for ever behind the end of the file
         bulk = file.read_text(encoding="utf-8", errors="replace").partition("BEGIN BULK")[2]
@@ -429,7 +434,7 @@ def _meshio(file: Path) -> Any:
     except SystemExit:
         message = " ".join(said.getvalue().split()) or "no reason given"
         raise MeshError(f"file '{file}'", f"cannot be read ({message})") from None
-    except _BROKEN as error:
+    except (*_BROKEN, CorruptionError, meshio.ReadError) as error:
         reason = f"{type(error).__name__}: {error}"
         if file.is_file() and _is_gmsh41(file, b"1"):
             reason += f"; {_AS_ASCII}"
@@ -451,21 +456,27 @@ def _from_gmsh41(file: Path) -> LineData:
             f"file '{file}'",
             f"has {found.other[8]} quadratic lines (line3); only lines with two nodes are read",
         )
-    beams: dict[str, list[int]] = {}
-    for e, (_, tags) in enumerate(found.lines):
+    beams: dict[str, list[Any]] = {}
+    first = 0
+    for nodes, tags in found.lines:
         for tag in tags:
-            beams.setdefault(group_name(names, 1, tag), []).append(e)
-    nodes: dict[str, list[int]] = {}
-    for vertices, tags in found.vertices:
+            own = first + np.arange(len(nodes))
+            beams.setdefault(group_name(names, 1, tag), []).append(own)
+        first += len(nodes)
+    points: dict[str, list[Any]] = {}
+    for nodes, tags in found.vertices:
         for tag in tags:
-            nodes.setdefault(group_name(names, 0, tag), []).append(vertices[0])
-    lines = np.array([line for line, _ in found.lines])
-    return _cleaned(file, found.points, lines, _arrays(beams), _arrays(nodes))
+            points.setdefault(group_name(names, 0, tag), []).append(nodes[:, 0])
+    lines = np.concatenate([nodes for nodes, _ in found.lines])
+    return _cleaned(file, found.points, lines, _arrays(beams), _arrays(points))
 
 
-def _arrays(names: dict[str, list[int]]) -> dict[str, IndexArray]:
-    """Lists as sorted arrays of different numbers."""
-    return {name: np.unique(np.array(members, dtype=np.int64)) for name, members in names.items()}
+def _arrays(names: dict[str, list[Any]]) -> dict[str, IndexArray]:
+    """Lists of arrays, each as a sorted array of different numbers."""
+    return {
+        name: np.unique(np.concatenate([np.asarray(part, dtype=np.int64) for part in parts]))
+        for name, parts in names.items()
+    }
 
 
 def _tagged(
@@ -484,27 +495,27 @@ def _tagged(
 
 def _meshio_names(mesh: Any, file: Path) -> tuple[dict[str, IndexArray], dict[str, IndexArray]]:
     """Named elements and points of whatever convention the file follows."""
-    beams: dict[str, list[int]] = {}
-    nodes: dict[str, list[int]] = {}
+    beams: dict[str, list[Any]] = {}
+    nodes: dict[str, list[Any]] = {}
     tags = mesh.cell_data.get("gmsh:physical")
     if tags is not None:
         names = physical_names(file)
         for tag, members, _ in _tagged(mesh, "line", tags):
-            beams.setdefault(group_name(names, 1, tag), []).extend(members)
+            beams.setdefault(group_name(names, 1, tag), []).append(members)
         for tag, _, points in _tagged(mesh, "vertex", tags):
-            nodes.setdefault(group_name(names, 0, tag), []).extend(points)
+            nodes.setdefault(group_name(names, 0, tag), []).append(points)
     else:
         for name, parts in mesh.cell_sets_dict.items():
             if "line" in parts and not name.startswith("gmsh:"):
-                beams.setdefault(name, []).extend(parts["line"])
+                beams.setdefault(name, []).append(parts["line"])
     for name, index in mesh.point_sets.items():
-        nodes.setdefault(name, []).extend(index)
+        nodes.setdefault(name, []).append(index)
     for name, values in (mesh.cell_data_dict or {}).items():
         if name.startswith(BEAM) and "line" in values:
-            beams[name.removeprefix(BEAM)] = np.flatnonzero(values["line"]).tolist()
+            beams[name.removeprefix(BEAM)] = [np.flatnonzero(values["line"])]
     for name, values in mesh.point_data.items():
         if name.startswith(NODE):
-            nodes[name.removeprefix(NODE)] = np.flatnonzero(values).tolist()
+            nodes[name.removeprefix(NODE)] = [np.flatnonzero(values)]
     return _arrays(beams), _arrays(nodes)
 
 
@@ -528,15 +539,18 @@ def _cleaned(
                 f"node '{name}'", f"at {place} in file '{file}' belongs to no line of the mesh"
             )
     keep = np.arange(len(lines))
-    owners: list[set[str]] = [set() for _ in lines] if beams else []
-    for name, index in beams.items():
-        for e in index.tolist():
+    key = lines.astype(np.int64) @ np.array([len(points), 1])
+    _, same, times = np.unique(key, return_inverse=True, return_counts=True)
+    repeated = np.flatnonzero(times[same] > 1)
+    owners: dict[int, set[str]] = {e: set() for e in repeated.tolist()}
+    for name, index in beams.items() if owners else ():
+        for e in np.intersect1d(index, repeated).tolist():
             owners[e].add(name)
-    seen: dict[tuple[int, ...], int] = {}
-    for e, line in enumerate(lines.tolist()):
-        first = seen.setdefault(tuple(line), e)
-        if first != e and owners and owners[e] and owners[first] and not owners[e] & owners[first]:
-            owners[first] |= owners[e]
+    seen: dict[int, int] = {}
+    for e, own in owners.items():
+        first = seen.setdefault(int(same[e]), e)
+        if first != e and own and owners[first] and not own & owners[first]:
+            owners[first] |= own
             keep[e] = first
     kept = np.flatnonzero(keep == np.arange(len(lines)))
     place = np.searchsorted(kept, keep)
@@ -578,6 +592,8 @@ def _write_vtu(
     file: Path, lines: LineData, point_data: dict[str, Any], cell_data: dict[str, Any]
 ) -> None:
     """Write VTU with 0/1 arrays for the names."""
+    import meshio  # slow to import: gmsh files do without
+
     for name in [*lines.beams, *lines.nodes]:  # meshio writes names unescaped
         if not name.isprintable() or set(name) & set('"<>&'):
             raise MeshError(f"name {name!r}", "cannot be written to a VTU file: quotes, <, > or &")

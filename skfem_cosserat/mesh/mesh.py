@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from os import PathLike
 from typing import Any, Self
 
 import numpy as np
-from scipy.spatial import cKDTree
 from skfem import MeshLine1
 from skfem.mapping import Mapping as SkfemMapping
 
@@ -62,9 +62,7 @@ class MappingCurve(SkfemMapping):
         """Points or unit tangents (3, n, nq) of elements at reference coordinates (n, nq)."""
         mesh = self.mesh
         out = np.empty((3, *xi.shape))
-        ids = mesh.curve_ids[elements]
-        for c in np.unique(ids).tolist():
-            rows = np.flatnonzero(ids == c)
+        for c, rows in _by_curve(mesh.curve_ids[elements]):
             e, x = elements[rows], xi[rows]
             a, b = mesh.p[:, mesh.t[0, e], None], mesh.p[:, mesh.t[1, e], None]
             if c < 0:
@@ -146,6 +144,16 @@ class MappingCurve(SkfemMapping):
         return self._on_curves(np.asarray(tind), xi, tangent=True) * sign[:, None]
 
 
+def _by_curve(ids: IndexArray) -> Iterator[tuple[int, IndexArray | slice]]:
+    """Each curve with the places (n,) in which it stands."""
+    if (ids == ids[:1]).all():
+        yield from ((c, slice(None)) for c in ids[:1].tolist())
+        return
+    order = np.argsort(ids, kind="stable")
+    cuts = np.flatnonzero(np.diff(ids[order])) + 1
+    yield from ((int(ids[rows[0]]), rows) for rows in np.split(order, cuts))
+
+
 # -- new arrays for changed meshes: joined, refined, restricted ------------------------------------
 
 
@@ -218,14 +226,27 @@ def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) ->
         raise MeshError("argument tol", f"got {tol}, expected a distance in m")
     kept: list[Floats] = []
     numbers: list[IndexArray] = []
-    total = 0
-    for k, mesh in enumerate(meshes):
-        number = np.full(mesh.p.shape[1], -1)
-        if weld and k > 0:
-            number = _coinciding(np.concatenate(kept, axis=1), mesh, limit)
+    near = _near(points, limit) if weld else {}
+    meeting = np.sort(np.array(list(near), dtype=np.int64))
+    final = np.full(points.shape[1], -1)  # numbers of vertices that are kept
+    start = total = 0
+    for mesh in meshes:
+        stop = start + mesh.p.shape[1]
+        number = np.full(stop - start, -1)
+        for v in meeting[slice(*np.searchsorted(meeting, (start, stop)))].tolist():
+            found = sorted(int(final[u]) for u in near[v] if u < start and final[u] >= 0)
+            if len(found) > 1:
+                raise MeshError(
+                    f"node at {points[:, v].tolist()}",
+                    f"lies within tol = {limit:.3g} m of several nodes {found}: join with a"
+                    " smaller tol or weld=False",
+                )
+            if found:
+                number[v - start] = found[0]
+        _check_welds(mesh, number, limit)
         new = number < 0
-        number[new] = total + np.arange(new.sum())
-        total += int(new.sum())
+        final[start:stop][new] = number[new] = total + np.arange(new.sum())
+        total, start = total + int(new.sum()), stop
         kept.append(mesh.p[:, new])
         numbers.append(number)
     shifts = np.cumsum([0] + [len(m.curves) for m in meshes])
@@ -255,19 +276,18 @@ def _united(kind: str, parts: Sequence[dict[str, IndexArray]], renumber: Any) ->
     return out
 
 
-def _coinciding(points: Floats, mesh: MeshCurve, tol: float) -> IndexArray:
-    """For each vertex of a mesh the number of the point (3, n) it coincides with, or -1."""
-    number = np.full(mesh.p.shape[1], -1)
-    hits = cKDTree(points.T).query_ball_point(mesh.p.T, tol)
-    for v, found in enumerate(hits):
-        if len(found) > 1:
-            raise MeshError(
-                f"node at {mesh.p[:, v].tolist()}",
-                f"lies within tol = {tol:.3g} m of several nodes {sorted(found)}: join with a"
-                " smaller tol or weld=False",
-            )
-        if found:
-            number[v] = found[0]
+def _near(points: Floats, tol: float) -> dict[int, list[int]]:
+    """Points (3, n) that lie within a distance of others before them, with the others."""
+    from scipy.spatial import cKDTree  # slow to import, seldom needed
+
+    near: dict[int, list[int]] = {}
+    for i, j in cKDTree(points.T).query_pairs(tol, output_type="ndarray").tolist():
+        near.setdefault(max(i, j), []).append(min(i, j))
+    return near
+
+
+def _check_welds(mesh: MeshCurve, number: IndexArray, tol: float) -> None:
+    """Vertices of a mesh stay apart when they become those of the given numbers; -1: their own."""
     pairs = number[mesh.t]
     collapsed = (pairs[0] == pairs[1]) & (pairs[0] >= 0)
     if collapsed.any():
@@ -282,7 +302,6 @@ def _coinciding(points: Floats, mesh: MeshCurve, tol: float) -> IndexArray:
             f"nodes {vertices} of one mesh would all be merged into one: join with a smaller tol"
             " or weld=False",
         )
-    return number
 
 
 # -- line meshes of space curves for scikit-fem: networks, branches and closed loops ---------------
@@ -582,25 +601,28 @@ class MeshCurve(Frozen, MeshLine1):
     @property
     def chains(self) -> list[topology.Chain]:
         """Elements of each beam in order; a beam with branches has several chains."""
-        if "_chains" not in self.__dict__:
-            self._chains = topology.find_chains(self.t, self.owners, list(self.beams))
-        return self._chains
+        return self.chain_order.chains()
+
+    @cached_property
+    def chain_order(self) -> topology.ChainOrder:
+        """All :attr:`chains` as arrays."""
+        return topology.find_chains(self.t, self.owners, list(self.beams))
 
     @property
     def arc_starts(self) -> Floats:
         """Arc length (ne,) from the start of the beam to the start of each element (m)."""
-        return topology.arc_starts(self.chains, self.lengths)
+        return topology.arc_starts(self.chain_order, self.lengths)
 
     # ------------------------------------------------------------------ names
     @property
     def beams(self) -> dict[str, IndexArray]:
         """Named beams and their elements (scikit-fem's subdomains)."""
-        return {k: np.asarray(v, dtype=np.int64) for k, v in (self._subdomains or {}).items()}
+        return dict(self._subdomains or {})
 
     @property
     def nodes(self) -> dict[str, IndexArray]:
         """Named nodes and their vertices (scikit-fem's boundaries)."""
-        return {k: np.asarray(v, dtype=np.int64) for k, v in (self._boundaries or {}).items()}
+        return dict(self._boundaries or {})
 
     @property
     def owners(self) -> IndexArray:
@@ -622,13 +644,11 @@ class MeshCurve(Frozen, MeshLine1):
         MeshError
             If there is no such node; the message lists the names or the nearest vertex.
         """
-        return topology.find_node(
-            self.p.T, self.nodes, which, self.size, topology.mesh_label(self.beams)
-        )
+        return topology.find_node(self, self.p.T, which)
 
     def elements_of(self, beam: str) -> IndexArray:
         """Elements of a named beam; MeshError lists the names there are."""
-        return topology.find_beam(self.beams, beam)
+        return topology.find_beam(self._subdomains or {}, beam)
 
     def elements_at(self, which: str | int | VectorLike) -> IndexArray:
         """All elements that meet at a node (``f2t`` knows only two)."""
@@ -782,7 +802,7 @@ def locked(sets: Any) -> Any:
     """Named sets of numbers, in arrays of their own that cannot be written to."""
     if sets is None:
         return None
-    own = {name: np.array(numbers) for name, numbers in sets.items()}
+    own = {name: np.array(numbers, dtype=np.int64) for name, numbers in sets.items()}
     for numbers in own.values():
         numbers.flags.writeable = False
     return own

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -47,24 +47,65 @@ class Chain:
     owner: int
 
 
-def _neighbours(t: Array, elements: IndexArray) -> dict[int, list[int]]:
-    """Elements of one group at each of its vertices."""
-    at: dict[int, list[int]] = {}
-    for e in elements.tolist():
-        for v in t[:, e].tolist():
-            at.setdefault(v, []).append(e)
-    return at
+@dataclass(frozen=True, eq=False)
+class ChainOrder:
+    """All chains of a mesh one after the other, as arrays.
+
+    Attributes
+    ----------
+    elements : (ne,)
+        Element numbers, chain by chain.
+    first : (chains + 1,)
+        Place in ``elements`` at which a chain begins.
+    closed : (chains,)
+        If the last element ends where the first one starts.
+    owner : (chains,)
+        Number of the beam, -1 for elements in no beam.
+    before, after : (k,)
+        Elements that follow each other, also where a closed chain begins again.
+    """
+
+    elements: IndexArray
+    first: IndexArray
+    closed: Array
+    owner: IndexArray
+    before: IndexArray
+    after: IndexArray
+
+    def chains(self) -> list[Chain]:
+        """Each by itself."""
+        parts = np.split(self.elements, self.first[1:-1])
+        closed, owner = self.closed.tolist(), self.owner.tolist()
+        return [Chain(*each) for each in zip(parts, closed, owner, strict=True)]
+
+    def side_by_side(self) -> Iterator[tuple[IndexArray, Array]]:
+        """Elements (c, m) of all chains of one length m, and which of them (c,) are closed."""
+        count = np.diff(self.first)
+        for m in np.unique(count).tolist():
+            which = np.flatnonzero(count == m)
+            yield self.elements[self.first[which][:, None] + np.arange(m)], self.closed[which]
 
 
-def _other(at: dict[int, list[int]], vertex: int, element: int) -> int | None:
-    """The one other element of the group at a vertex; None at ends and branches."""
-    around = at[vertex]
-    if len(around) != 2:
-        return None
-    return around[0] if around[1] == element else around[1]
+def _neighbours(t: Array, owner: IndexArray) -> IndexArray:
+    """What an element meets at its start and end (2, ne): ``2 * other + its end``, or -1.
+
+    Only where it meets one other element of its own beam: the chain neither ends nor branches.
+    """
+    ne = t.shape[1]
+    key = (t.astype(np.int64) * (owner.max() + 2) + owner + 1).T.ravel()
+    order = np.argsort(key, kind="stable")
+    at = key[order]
+    new = np.ones(len(at) + 1, dtype=bool)
+    new[1:-1] = at[1:] != at[:-1]
+    first = np.flatnonzero(new)
+    pairs = first[:-1][np.diff(first) == 2]
+    one, two = order[pairs], order[pairs + 1]
+    out = np.full(2 * ne, -1)
+    out[one], out[two] = two, one
+    return out.reshape(ne, 2).T
 
 
-def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> list[Chain]:
+def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder:
     """Chains of all beams; a chain ends where its beam ends or branches.
 
     Parameters
@@ -81,45 +122,44 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> list[Chain
     MeshError
         If two elements of a beam point against each other where nothing else joins them.
     """
-    chains: list[Chain] = []
-    for group in np.unique(owner).tolist():
-        elements = np.flatnonzero(owner == group)
-        at = _neighbours(t, elements)
-        successor: dict[int, int] = {}
-        for e in elements.tolist():
-            for end in (0, 1):
-                vertex = int(t[end, e])
-                other = _other(at, vertex, e)
-                if other is not None and t[end, other] == vertex:
-                    item = f"beam '{names[group]}'" if group >= 0 else "elements in no beam"
-                    raise MeshError(
-                        item,
-                        f"elements {e} and {other} point against each other at node {vertex}:"
-                        " use mesh.directed() to turn one",
-                    )
-                if end == 1 and other is not None:
-                    successor[e] = other
-        chains += _walk(elements, successor, group)
-    return chains
-
-
-def _walk(elements: IndexArray, successor: dict[int, int], owner: int) -> list[Chain]:
-    """Chains of one group: open ones from their first elements, then the closed ones."""
-    chains: list[Chain] = []
-    used: set[int] = set()
-    followed = set(successor.values())
-    firsts = [e for e in elements.tolist() if e not in followed]
-    for first in [*firsts, *elements.tolist()]:
-        if first in used:
-            continue
-        path = [first]
-        used.add(first)
-        while (after := successor.get(path[-1])) is not None and after not in used:
-            path.append(after)
-            used.add(after)
-        closed = successor.get(path[-1]) == first
-        chains.append(Chain(np.array(path, dtype=np.int64), closed, owner))
-    return chains
+    ne = t.shape[1]
+    met = _neighbours(t, owner)
+    against = (met >= 0) & (met % 2 == np.array([[0], [1]]))
+    if against.any():
+        which = np.flatnonzero(against.any(axis=0))
+        e = int(which[np.argmin(owner[which])])
+        end = int(np.argmax(against[:, e]))
+        item = f"beam '{names[owner[e]]}'" if owner[e] >= 0 else "elements in no beam"
+        raise MeshError(
+            item,
+            f"elements {e} and {met[end, e] // 2} point against each other at node {t[end, e]}:"
+            " use mesh.directed() to turn one",
+        )
+    successor = np.where(met[1] >= 0, met[1] // 2, -1)
+    leading = np.ones(ne, dtype=bool)
+    leading[successor[successor >= 0]] = False
+    following, used = successor.tolist(), [False] * ne
+    elements: list[int] = []
+    begun: list[tuple[int, bool, int]] = []  # first element, closed, where it is in `elements`
+    # open chains from their first elements, then the closed ones
+    for closed, firsts in ((False, np.flatnonzero(leading).tolist()), (True, range(ne))):
+        for e in firsts if len(elements) < ne else ():
+            if used[e]:
+                continue
+            begun.append((e, closed, len(elements)))
+            while e >= 0 and not used[e]:
+                used[e] = True
+                elements.append(e)
+                e = following[e]
+    heads, rings, starts = (np.array(each) for each in zip(*begun, strict=True))
+    every = np.array(elements, dtype=np.int64)
+    sort = np.lexsort((heads, rings, owner[heads]))
+    count = np.diff(np.append(starts, ne))[sort]
+    first = np.append(0, np.cumsum(count))
+    every = every[np.repeat(starts[sort] - first[:-1], count) + np.arange(ne)]
+    before = every[successor[every] >= 0]
+    after = successor[before]
+    return ChainOrder(every, first, rings[sort], owner[heads][sort], before, after)
 
 
 def directed_flips(t: Array, owner: IndexArray) -> Array:
@@ -127,43 +167,42 @@ def directed_flips(t: Array, owner: IndexArray) -> Array:
 
     The lowest-numbered element of each chain keeps its direction.
     """
-    flip = np.zeros(t.shape[1], dtype=bool)
-    seen = np.zeros(t.shape[1], dtype=bool)
-    for group in np.unique(owner).tolist():
-        elements = np.flatnonzero(owner == group)
-        at = _neighbours(t, elements)
-        for first in elements.tolist():
-            if seen[first]:
-                continue
-            seen[first] = True
-            for end in (1, 0):  # forwards from the head, backwards from the tail
-                e, vertex = first, int(t[end, first])
-                while (other := _other(at, vertex, e)) is not None and not seen[other]:
-                    seen[other] = True
-                    flip[other] = t[end, other] == vertex
-                    far = t[1, other] if t[0, other] == vertex else t[0, other]
-                    e, vertex = other, int(far)
-    return flip
+    met = _neighbours(t, owner).tolist()
+    flip, seen = ([False] * t.shape[1] for _ in range(2))
+    for first in range(t.shape[1]):
+        if seen[first]:
+            continue
+        seen[first] = True
+        for end in (1, 0):  # forwards from the head, backwards from the tail
+            place = met[end][first]
+            while place >= 0 and not seen[other := place // 2]:
+                seen[other] = True
+                flip[other] = place % 2 == end
+                place = met[1 - place % 2][other]
+    return np.array(flip)
 
 
-def arc_starts(chains: Sequence[Chain], lengths: Floats) -> Floats:
+def arc_starts(order: ChainOrder, lengths: Floats) -> Floats:
     """Arc length (ne,) from the start of its chain to the start of each element (m)."""
     starts = np.zeros(len(lengths))
-    for chain in chains:
-        ends = np.cumsum(lengths[chain.elements])
-        starts[chain.elements[1:]] = ends[:-1]
+    for elements, _ in order.side_by_side():
+        starts[elements[:, 1:]] = np.cumsum(lengths[elements], axis=1)[:, :-1]
     return starts
 
 
-def duplicates(t: Array, middle: Floats, tol: float) -> tuple[int, int] | None:
+def duplicates(mesh: MeshCurve, tol: float) -> tuple[int, int] | None:
     """First pair of elements with the same nodes and the same middle point, if any."""
-    pairs = np.sort(t, axis=0)
-    order = np.lexsort(pairs[::-1])
-    same = (np.diff(pairs[:, order], axis=1) == 0).all(axis=0)
+    a, b = np.sort(mesh.t.astype(np.int64), axis=0)
+    key = a * mesh.p.shape[1] + b
+    order = np.argsort(key, kind="stable")
+    same = key[order[1:]] == key[order[:-1]]
+    if not same.any():
+        return None
+    middle = mesh.mapping().F(np.array([[0.5]]))[:, :, 0]
     for k in np.flatnonzero(same).tolist():
         e = int(order[k])
-        for f in order[k + 1 :].tolist():
-            if (pairs[:, e] != pairs[:, f]).any():
+        for f in map(int, order[k + 1 :]):
+            if key[e] != key[f]:
                 break
             if np.linalg.norm(middle[:, e] - middle[:, f]) <= tol:
                 return min(e, f), max(e, f)
@@ -218,8 +257,7 @@ def check_geometry(mesh: MeshCurve) -> None:
             f"between nodes {mesh.t[0, e]} and {mesh.t[1, e]} has zero length or one node only",
         )
     _check_curves(mesh, size)
-    middle = mesh.mapping().F(np.array([[0.5]]))[:, :, 0]
-    pair = duplicates(mesh.t, middle, 1e-9 * size)
+    pair = duplicates(mesh, 1e-9 * size)
     if pair is not None:
         nodes = mesh.t[:, pair[0]].tolist()
         raise MeshError(f"element {pair[1]}", f"duplicates element {pair[0]}, both join {nodes}")
@@ -400,21 +438,13 @@ def find_beam(beams: Mapping[str, IndexArray], beam: str) -> IndexArray:
     return beams[beam]
 
 
-def find_node(
-    points: Floats,
-    names: Mapping[str, IndexArray],
-    which: str | int | VectorLike,
-    size: float,
-    where: str = "the mesh",
-) -> int:
-    """Number of the node in ``points`` (n, 3) given by name, number or position.
-
-    Errors about names say `where` they were looked for: see :func:`mesh_label`.
-    """
+def find_node(mesh: MeshCurve, points: Floats, which: str | int | VectorLike) -> int:
+    """Number of the node in ``points`` (n, 3) of a mesh given by name, number or position."""
     if isinstance(which, str):
+        names = mesh._boundaries or {}
         if which not in names:
             known = names_known(which, names, "known nodes", "mesh.nodes")
-            raise MeshError(f"node '{which}'", f"unknown in {where}; {known}")
+            raise MeshError(f"node '{which}'", f"unknown in {mesh_label(mesh.beams)}; {known}")
         if len(names[which]) != 1:
             raise MeshError(
                 f"node '{which}'", f"names {len(names[which])} nodes, expected exactly one"
@@ -431,7 +461,7 @@ def find_node(
     if place.shape != (3,) or not np.isfinite(place).all():
         raise MeshError(f"node {which!r}", "expected a name, a number or a position (3,)")
     gaps = np.linalg.norm(points - place, axis=1)
-    hits = np.flatnonzero(gaps <= POSITION_TOLERANCE * size)
+    hits = np.flatnonzero(gaps <= POSITION_TOLERANCE * mesh.size)
     spot = f"node at {place.tolist()}"
     if hits.size == 0:
         k = int(np.argmin(gaps))
@@ -445,9 +475,9 @@ def places_along(
     mesh: MeshCurve, s: ArrayLike, beam: str | None = None
 ) -> tuple[IndexArray, Floats]:
     """Elements (m,) and reference coordinates (m,) at arc lengths s (m,) along a beam or all."""
-    ids = np.arange(mesh.nelements) if beam is None else find_beam(mesh.beams, beam)
+    ids = np.arange(mesh.nelements) if beam is None else mesh.elements_of(beam)
     item = "mesh" if beam is None else f"beam '{beam}'"
-    chains = find_chains(mesh.t[:, ids], np.zeros(len(ids), dtype=np.int64), [beam or ""])
+    chains = find_chains(mesh.t[:, ids], np.zeros(len(ids), dtype=np.int64), [beam or ""]).chains()
     if len(chains) != 1:
         raise MeshError(
             item,

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from ..errors import InputError, MeshError
-from ..types import Array, Floats, VectorLike, names_known, numbers
+from ..types import Array, Floats, IndexArray, VectorLike, names_known, numbers
 
 if TYPE_CHECKING:  # pragma: no cover - for annotations only
     from .mesh import MeshCurve
-    from .topology import Chain
 
 #: Hint for d1: one for all beams or by beam name.
 Directors: TypeAlias = VectorLike | Mapping[str, VectorLike] | None
@@ -39,49 +38,48 @@ def node_tangents(mesh: MeshCurve, xi: Floats) -> Floats:
     own = exact[:, 0]
     ends = np.stack([own, own], axis=1)
     cosine = np.cos(mesh.feature_angle) - 1e-9  # an angle equal to it is smooth too
-    for chain in mesh.chains:
-        e = chain.elements
-        f = np.roll(e, -1)
-        if not chain.closed:
-            e, f = e[:-1], f[:-1]
-        smooth = chord[e] & chord[f] & ((own[e] * own[f]).sum(axis=1) > cosine)
-        e, f = e[smooth], f[smooth]
-        mean = mesh.lengths[f][:, None] * own[e] + mesh.lengths[e][:, None] * own[f]
-        mean /= np.linalg.norm(mean, axis=1, keepdims=True)
-        ends[e, 1] = ends[f, 0] = mean
+    e, f = mesh.chain_order.before, mesh.chain_order.after
+    smooth = chord[e] & chord[f] & ((own[e] * own[f]).sum(axis=1) > cosine)
+    e, f = e[smooth], f[smooth]
+    mean = mesh.lengths[f][:, None] * own[e] + mesh.lengths[e][:, None] * own[f]
+    mean /= np.linalg.norm(mean, axis=1, keepdims=True)
+    ends[e, 1] = ends[f, 0] = mean
     x = np.asarray(xi)[None, :, None]
     blend = (1.0 - x) * ends[:, :1] + x * ends[:, 1:]
     blend /= np.linalg.norm(blend, axis=-1, keepdims=True)
     return np.where(chord[:, None, None], blend, exact)
 
 
-def section_triads(mesh: MeshCurve, xi: Floats, directors: Directors, twist: Twist) -> Floats:
+def section_triads(
+    mesh: MeshCurve, xi: Floats, points: Floats, directors: Directors, twist: Twist
+) -> Floats:
     """Orthonormal triads (ne, n, 3, 3), rows d1, d2, d3, at the nodes xi (n,) of all elements.
 
-    See :meth:`skfem_cosserat.basis.DirectorBasis.triads`.
+    The nodes are at `points` (ne, n, 3). See
+    :meth:`skfem_cosserat.basis.DirectorBasis.triads`.
     """
     tangents = node_tangents(mesh, xi)
-    points = np.moveaxis(mesh.mapping().F(np.asarray(xi)[None]), 0, -1)
-    points[:, 0], points[:, -1] = mesh.p[:, mesh.t[0]].T, mesh.p[:, mesh.t[1]].T
     hints = _hints(mesh, directors)
-    twists = _by_beam(mesh, twist, "twist")
-    triads = np.empty((*tangents.shape, 3))
-    starts = mesh.arc_starts
-    for chain in mesh.chains:
-        e = chain.elements
-        s = starts[e][:, None] + mesh.lengths[e][:, None] * xi
-        d1 = np.empty((len(e), len(xi), 3))
-        if np.isnan(hints[e]).any():
-            d1 = _transported(points[e], tangents[e], s, chain.closed)
-        given = ~np.isnan(hints[e, 0])
-        d1[given] = np.broadcast_to(hints[e][given][:, None], d1[given].shape)
-        _check_parallel(mesh, chain, hints[e], tangents[e], s)
-        triads[e] = _orthonormal(d1, tangents[e])
-        for value in {id(v): v for v in (twists[i] for i in e.tolist()) if v is not None}.values():
-            rows = np.array([twists[i] is value for i in e.tolist()])
-            angles = _angles(value, s[rows], _owner_item("twist", mesh, chain.owner))
-            triads[e[rows]] = _turned(triads[e[rows]], angles)
-        _unify(triads, chain)
+    given = ~np.isnan(hints[:, 0])
+    d1 = np.empty(tangents.shape)
+    d1[given] = hints[given, None]
+    along = mesh.lengths[:, None] * xi
+    if not given.all():
+        for e, closed in mesh.chain_order.side_by_side():
+            if (todo := ~given[e].all(axis=1)).any():
+                moved = _transported(points, tangents, along, e[todo], closed[todo])
+                own = e[todo].ravel()
+                d1[own] = np.where(given[own, None, None], d1[own], moved)
+    _check_parallel(mesh, hints, tangents, along)
+    triads = _orthonormal(d1, tangents)
+    for value, e in _by_beam(mesh, twist, "twist"):
+        if value is not None:
+            angles = _angles(mesh, value, e, mesh.arc_starts[e, None] + along[e])
+            triads[e] = _turned(triads[e], angles)
+    # neighbours on a chain have the very same triad where theirs agree to round-off
+    before, after = mesh.chain_order.before, mesh.chain_order.after
+    same = abs(triads[before, -1] - triads[after, 0]).max(axis=(1, 2)) <= SAME
+    triads[after[same], 0] = triads[before[same], -1]
     return triads
 
 
@@ -90,26 +88,28 @@ def _owner_item(what: str, mesh: MeshCurve, owner: int) -> str:
     return f"{what} of beam '{list(mesh.beams)[owner]}'" if owner >= 0 else f"{what} of no beam"
 
 
-def _by_beam(mesh: MeshCurve, value: Any, what: str) -> list[Any]:
-    """Value for each element, from one for all or from a dict by beam name."""
+def _by_beam(mesh: MeshCurve, value: Any, what: str) -> Iterator[tuple[Any, IndexArray]]:
+    """Each value with its elements, from one for all or from a dict by beam name."""
     if not isinstance(value, Mapping):
-        return [value] * mesh.nelements
-    out: list[Any] = [None] * mesh.nelements
-    for name, part in value.items():
-        if name not in mesh.beams:
-            known = names_known(name, mesh.beams, "known beams")
+        yield value, np.arange(mesh.nelements)
+        return
+    number, beams = np.full(mesh.nelements, -1), mesh.beams
+    for k, name in enumerate(value):
+        if name not in beams:
+            known = names_known(name, beams, "known beams")
             raise MeshError(f"{what} of beam '{name}'", f"unknown beam; {known}")
-        for e in mesh.elements_of(name).tolist():
-            out[e] = part
-    return out
+        number[beams[name]] = k
+    order = np.argsort(number, kind="stable")
+    cuts = np.searchsorted(number[order], np.arange(len(value) + 1))
+    for k, part in enumerate(value.values()):
+        yield part, order[cuts[k] : cuts[k + 1]]
 
 
 def _hints(mesh: MeshCurve, directors: Directors) -> Floats:
     """Checked unit hints (ne, 3), NaN where there is none."""
     out = np.full((mesh.nelements, 3), np.nan)
-    named = directors if isinstance(directors, Mapping) else {"": directors}
-    by_beam = _by_beam(mesh, directors, "director")
-    for name, value in named.items():
+    names = list(directors) if isinstance(directors, Mapping) else [""]
+    for name, (value, rows) in zip(names, _by_beam(mesh, directors, "director"), strict=True):
         if value is None:
             continue
         item = f"director of beam '{name}'" if name else f"director of beams {list(mesh.beams)}"
@@ -121,23 +121,29 @@ def _hints(mesh: MeshCurve, directors: Directors) -> Floats:
         if abs(float(np.linalg.norm(hint)) - 1.0) > 1e-8:
             size = float(np.linalg.norm(hint))
             raise InputError(item, f"{hint.tolist()} has length {size:.9g}, expected a unit vector")
-        rows = [e for e, v in enumerate(by_beam) if v is value]
         out[rows] = hint
     return out
 
 
-def _check_parallel(
-    mesh: MeshCurve, chain: Chain, hints: Floats, tangents: Floats, s: Floats
-) -> None:
-    """Refuse hints (m, 3) that are parallel to a tangent (m, n, 3)."""
-    sine = np.linalg.norm(np.cross(hints[:, None], tangents), axis=-1)
-    if (sine < PARALLEL).any():  # NaN where there is no hint
-        k, a = np.unravel_index(int(np.argmax(sine < PARALLEL)), sine.shape)
+def _check_parallel(mesh: MeshCurve, hints: Floats, tangents: Floats, along: Floats) -> None:
+    """Refuse hints (ne, 3) that are parallel to a tangent (ne, n, 3)."""
+    sine = np.linalg.norm(_cross(hints[:, None], tangents), axis=-1)
+    parallel = sine < PARALLEL  # NaN where there is no hint
+    if parallel.any():
+        order = mesh.chain_order.elements
+        e = int(order[np.argmax(parallel[order].any(axis=1))])
+        a = int(np.argmax(parallel[e]))
         raise MeshError(
-            _owner_item("director", mesh, chain.owner),
-            f"{hints[k].tolist()} is parallel to the tangent of element {chain.elements[k]} at"
-            f" arc length {s[k, a]:.6g} m: give another direction",
+            _owner_item("director", mesh, mesh.owners[e]),
+            f"{hints[e].tolist()} is parallel to the tangent of element {e} at"
+            f" arc length {mesh.arc_starts[e] + along[e, a]:.6g} m: give another direction",
         )
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    """Vector products (..., 3)."""
+    i, j = [1, 2, 0], [2, 0, 1]
+    return a[..., i] * b[..., j] - a[..., j] * b[..., i]
 
 
 def _orthonormal(d1: Array, tangent: Array) -> Floats:
@@ -146,21 +152,25 @@ def _orthonormal(d1: Array, tangent: Array) -> Floats:
     for _ in range(2):
         d1 = d1 - (d1 * d3).sum(axis=-1, keepdims=True) * d3
         d1 = d1 / np.linalg.norm(d1, axis=-1, keepdims=True)
-    d2 = np.cross(d3, d1)
+    d2 = _cross(d3, d1)
     return np.stack([d1, d2 / np.linalg.norm(d2, axis=-1, keepdims=True), d3], axis=-2)
 
 
-def _angles(twist: Any, s: Floats, item: str) -> Floats:
-    """Angles (m, n) in rad at arc lengths s (m, n)."""
+def _angles(mesh: MeshCurve, twist: Any, e: IndexArray, s: Floats) -> Floats:
+    """Angles (m, n) in rad at arc lengths s (m, n) of elements e (m,)."""
+
+    def item(row: int) -> str:
+        return _owner_item("twist", mesh, mesh.owners[e[row]])
+
     if callable(twist):
-        angles = numbers(item, "twist", [[twist(x) for x in row] for row in s.tolist()])
+        angles = numbers(item(0), "twist", [[twist(x) for x in row] for row in s.tolist()])
     elif np.ndim(twist) == 0 and not isinstance(twist, str):
         angles = float(twist) * s
     else:
-        raise InputError(item, f"{twist!r} is neither a rate nor a function of arc length")
+        raise InputError(item(0), f"{twist!r} is neither a rate nor a function of arc length")
     if not np.isfinite(angles).all():
-        where = s[~np.isfinite(angles)][0]
-        raise InputError(item, f"{twist!r} is not finite at arc length {where:.6g} m")
+        row, a = (int(k) for k in np.argwhere(~np.isfinite(angles))[0])
+        raise InputError(item(row), f"{twist!r} is not finite at arc length {s[row, a]:.6g} m")
     return angles
 
 
@@ -171,71 +181,78 @@ def _turned(triads: Floats, angle: Floats) -> Floats:
     return _orthonormal(c * d1 + s * d2, d3)
 
 
-def _unify(triads: Floats, chain: Chain) -> None:
-    """Give neighbours on a chain the very same triad where theirs agree to round-off."""
-    e = chain.elements
-    for before, after in zip(e, np.roll(e, -1), strict=True):
-        if after == e[0] and not chain.closed:
-            break
-        if np.abs(triads[before, -1] - triads[after, 0]).max() <= SAME:
-            triads[after, 0] = triads[before, -1]
-
-
 # -------------------------------------------------------------------- transport
-def _first_normal(tangent: Floats) -> Floats:
-    """Coordinate axis farthest from the tangent (x before y before z), made normal to it."""
-    axis = np.zeros(3)
-    axis[int(np.argmin(np.abs(tangent).round(12)))] = 1.0
-    normal = axis - (axis @ tangent) * tangent
-    return normal / np.linalg.norm(normal)
+def _normals(tangent: Floats) -> Floats:
+    """Coordinate axes farthest from tangents (..., 3), x before y before z, normal to them."""
+    axis = np.eye(3)[np.argmin(abs(tangent).round(12), axis=-1)]
+    normal = axis - (axis * tangent).sum(-1, keepdims=True) * tangent
+    return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
 
 def _minimal(vector: Floats, before: Floats, after: Floats) -> Floats:
-    """Vector turned by the smallest rotation that takes one unit tangent to another."""
-    cosine = float(before @ after)
-    if cosine <= -1.0 + 1e-12:  # a fold: any normal axis will do, take the vector's own
-        return vector
-    sum_ = before + after
-    return vector - (vector @ sum_) / (1.0 + cosine) * sum_ + 2.0 * (vector @ before) * after
+    """Vectors turned by the smallest rotations that take unit tangents to others, all (..., 3)."""
+    cosine = (before * after).sum(-1, keepdims=True)
+    fold = cosine <= -1.0 + 1e-12  # any normal axis will do, take the vector's own
+    along = (vector * (before + after)).sum(-1, keepdims=True) / np.where(fold, 1.0, 1.0 + cosine)
+    turned = vector - along * (before + after)
+    turned += 2.0 * (vector * before).sum(-1, keepdims=True) * after
+    return np.where(fold, vector, turned)
 
 
-def _reflected(d1: Floats, step: Floats, before: Floats, after: Floats) -> Floats:
-    """Rotation-minimising transport over one step by double reflection.
+def _reflected(vector: Floats, step: Floats, before: Floats, after: Floats) -> Floats:
+    """Rotation-minimising transport over steps by double reflection, all (..., 3).
 
     Wang, Juettler, Zheng & Liu, ACM Trans. Graph. 27 (2008) 2:1.
     """
-    c1 = step @ step
-    if c1 == 0.0:
-        return _minimal(d1, before, after)
-    half = d1 - 2.0 / c1 * (step @ d1) * step
-    tangent = before - 2.0 / c1 * (step @ before) * step
-    v = after - tangent
-    c2 = v @ v
-    return half if c2 == 0.0 else half - 2.0 / c2 * (v @ half) * v
+
+    def mirrored(x: Floats, normal: Floats) -> Floats:
+        square = (normal * normal).sum(-1, keepdims=True)
+        part = (normal * x).sum(-1, keepdims=True) / np.where(square == 0, 1.0, square)
+        return x - 2.0 * part * normal
+
+    return mirrored(mirrored(vector, step), after - mirrored(before, step))
 
 
-def _transported(points: Floats, tangents: Floats, s: Floats, closed: bool) -> Floats:
-    """Rotation-minimising d1 (m, n, 3) along a chain of m elements with n nodes each.
+def _transported(
+    points: Floats, tangents: Floats, along: Floats, elements: IndexArray, closed: Array
+) -> Floats:
+    """Rotation-minimising d1 (c * m, n, 3) along chains of elements (c, m), all of one length.
 
-    On a closed chain the angle by which the transport fails to close is spread over its length.
+    Every node has a normal of its own; what is summed up along a chain is the angle between it
+    and the transported one. On a closed chain the angle by which the transport fails to close is
+    spread over its length.
     """
-    m, n = s.shape
-    d1 = np.empty((m, n, 3))
-    here, t = _first_normal(tangents[0, 0]), tangents[0, 0]
-    for k in range(m):
-        here = _minimal(here, t, tangents[k, 0])
-        for a in range(n):
-            if a:
-                step = points[k, a] - points[k, a - 1]
-                here = _reflected(here, step, tangents[k, a - 1], tangents[k, a])
-            t = tangents[k, a]
-            here = here - (here @ t) * t
-            here = here / np.linalg.norm(here)
-            d1[k, a] = here
-    if closed:
-        end = _minimal(here, t, tangents[0, 0])
-        miss = np.arctan2(np.cross(end, d1[0, 0]) @ tangents[0, 0], end @ d1[0, 0])
-        if abs(miss) > 1e-13:
-            angle = (miss * s / s[-1, -1])[..., None]
-            d1 = np.cos(angle) * d1 + np.sin(angle) * np.cross(tangents, d1)
-    return d1
+    chains, m = elements.shape
+    n = along.shape[1]
+    t = tangents[elements].reshape(chains, m * n, 3)
+    normal = _normals(t)
+    if (t == t[:, :1]).all():  # straight lines
+        return normal.reshape(chains * m, n, 3)
+    x = points[elements].reshape(t.shape)
+
+    def angles(which: slice | IndexArray, to: slice | IndexArray, inside: bool) -> Floats:
+        """By which transport from nodes to others turns their normals."""
+        v, before, after = normal[:, which], t[:, which], t[:, to]
+        step = x[:, to] - x[:, which]
+        v = _reflected(v, step, before, after) if inside else _minimal(v, before, after)
+        side = _cross(after, normal[:, to])
+        turned = np.arctan2((v * side).sum(-1), (v * normal[:, to]).sum(-1))
+        return np.where((before == after).all(-1), 0.0, turned)
+
+    total = np.zeros((chains, m * n))
+    node = np.arange(m * n - 1)
+    inner = node[node % n != n - 1]
+    total[:, inner + 1] = angles(inner, inner + 1, inside=True)
+    if m > 1:
+        last = node[node % n == n - 1]
+        total[:, last + 1] = angles(last, last + 1, inside=False)
+    total = np.cumsum(total, axis=1)
+    if closed.any():
+        gap = total[:, -1:] + angles(np.array([m * n - 1]), np.array([0]), inside=False)
+        miss = -np.arctan2(np.sin(gap), np.cos(gap))
+        ends = np.cumsum(along[elements, -1], axis=1)
+        s = along[elements] + (ends - along[elements, -1])[..., None]
+        share = s.reshape(chains, m * n) / ends[:, -1:]
+        total += np.where(closed[:, None] & (abs(miss) > 1e-13), miss * share, 0.0)
+    c, s = np.cos(total)[..., None], np.sin(total)[..., None]
+    return (c * normal + s * _cross(t, normal)).reshape(chains * m, n, 3)

@@ -17,7 +17,7 @@ from ..kernels import null_space_blocks
 from ..types import Floats, IndexArray
 from .closure import Closure
 from .ground import Placed
-from .groups import Group
+from .groups import Group, mass_blocks
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
 from .theories import TheoryRows
@@ -83,14 +83,15 @@ def check_joints(joints: Sequence[Joint | JointDrive], t: float, length: float) 
 
 def check_drives(drives: Sequence[JointDrive]) -> None:
     """No coordinate is driven twice."""
-    for k, drive in enumerate(drives):
-        for other in drives[:k]:
-            if drive.joint is other.joint and drive.coordinate.name == other.coordinate.name:
-                raise InputError(
-                    drive.label,
-                    f"contradicts the {other.label}: both prescribe the {drive.coordinate.name} of"
-                    f" the {drive.joint.label}",
-                )
+    found: dict[tuple[int, str], JointDrive] = {}
+    for drive in drives:
+        other = found.setdefault((id(drive.joint), drive.coordinate.name), drive)
+        if other is not drive:
+            raise InputError(
+                drive.label,
+                f"contradicts the {other.label}: both prescribe the {drive.coordinate.name} of"
+                f" the {drive.joint.label}",
+            )
 
 
 def check_mobility(system: Scene, doubt: str = "") -> None:
@@ -199,18 +200,18 @@ def _vertex_inertia(system: Scene, y: Floats) -> dict[int, Floats]:
     kin = system.kinematics
     number = np.full(len(system.origin_rows), -1)
     number[kin.frames] = np.arange(len(kin.frames))
-    M = np.zeros((len(kin.frames), 12, 12))
+    scalar = np.zeros((len(kin.frames), 4, 4))
     out = {}
     for group in system.groups:
-        ne, nn = group.vertices.shape
-        size = group.mass.shape[1] // nn
-        blocks = np.einsum("eaiaj->eaij", group.mass.reshape(ne, nn, size, nn, size))
         if group.framed:
-            np.add.at(M, number[group.vertices], blocks)
+            ne, nn = group.vertices.shape
+            blocks = np.einsum("eaiaj->eaij", group.scalar_mass.reshape(ne, nn, 4, nn, 4))
+            np.add.at(scalar, number[group.vertices], blocks)
         else:
-            out.update({int(v): blocks[e, 0] for e, v in enumerate(group.vertices[:, 0])})
+            masses = mass_blocks(group.scalar_mass)
+            out.update({int(v): masses[e] for e, v in enumerate(group.vertices[:, 0])})
     P = null_space_blocks(kin.directors(y))
-    twists = P.transpose(0, 2, 1) @ M @ P
+    twists = P.transpose(0, 2, 1) @ mass_blocks(scalar) @ P
     out.update({int(v): twists[k] for k, v in enumerate(kin.frames)})
     return out
 

@@ -35,10 +35,9 @@ class Ground:
     """
 
     def __init__(self, places: Sequence[Place]) -> None:
-        self.moving: list[Place] = []
-        for place in places:
-            if place.motion is not None and not any(place is p for p in self.moving):
-                self.moving.append(place)
+        moving = {id(place): place for place in places if place.motion is not None}
+        self.moving: list[Place] = list(moving.values())
+        self._number = {place: k for k, place in enumerate(self.moving, 1)}
         self.rows = 4 * (1 + len(self.moving))
         self._rates: dict[float, tuple[Floats, float]] = {}
         #: the last instant, with its rows: a step begins where the one before ended
@@ -56,9 +55,8 @@ class Ground:
         """
         if place.motion is None:
             return 0
-        for k, known in enumerate(self.moving, 1):
-            if known is place:
-                return k
+        if place in self._number:
+            return self._number[place]
         for k, known in enumerate(self.moving, 1):  # made anew, as with the terms of a load
             if known.motion is place.motion and np.array_equal(known.position, place.position):
                 return k

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -46,23 +47,23 @@ NodalMass = tuple[int, Floats, bool]
 
 def assemble_mass(
     structures: Sequence[Structure],
+    masses: Mapping[int, Floats],
     first: Mapping[int, tuple[int, int]],
     size: int,
-    factors: Mapping[int, float] | None = None,
 ) -> tuple[csr_matrix, list[NodalMass]]:
     """Mass matrix (64), (114) without the factor I_3, and the masses of single vertices.
 
     Parameters
     ----------
     structures : sequence of items
+    masses : dict
+        ``id(item) -> scalar mass`` of it, or a multiple for a drag matrix; zero if not there.
     first : dict
         ``id(item) -> (first vertex, first row of y)``.
     size : int
         Rows of y.
-    factors : dict, optional
-        ``id(item) -> alpha``, of which the mass is multiplied (zero if not there): drag matrix.
     """
-    i, j, c = [], [], []
+    i, j, c = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
 
     def add(rows: IndexArray, blocks: Floats) -> None:
         ne, r = rows.shape
@@ -72,14 +73,11 @@ def assemble_mass(
 
     nodal_masses: list[NodalMass] = []
     for item in structures:
-        mass_of_item = item.scalar_mass()
-        if factors is not None:
-            mass_of_item = factors.get(id(item), 0.0) * mass_of_item
+        if id(item) not in masses:
+            continue
+        mass_of_item = masses[id(item)]
         if is_beam(item):
-            row = first[id(item)][1]
-            nodes = item.basis.connectivity
-            rows = row + 4 * nodes[:, :, None] + np.arange(4)
-            add(rows.reshape(len(nodes), -1), mass_of_item)
+            add(_rows(item.basis.connectivity, first[id(item)][1]), mass_of_item)
             continue
         place = lumped(item).on
         host, node = (item, 0) if place is None else (place.item, place.vertex)
@@ -92,6 +90,11 @@ def assemble_mass(
     mass = coo_matrix((np.concatenate(c), ij), shape=(size, size)).tocsr()
     mass.eliminate_zeros()
     return mass, nodal_masses
+
+
+def _rows(nodes: IndexArray, first: int) -> IndexArray:
+    """Rows of y (ne, 4 nn) of a beam's elements with nodes (ne, nn)."""
+    return (first + 4 * nodes[:, :, None] + np.arange(4)).reshape(len(nodes), -1)
 
 
 def lumped(item: Structure) -> RigidBody | MassPoint:
@@ -193,24 +196,32 @@ class Group:
         Vertices of each block; all frames (12 coordinates each) or all points (3).
     rows : (ne, r) int array
         Rows of y of each block, in the block's order.
-    mass : (ne, 3 r, 3 r) array
-        Constant mass.
+    scalar_mass : (ne, r, r) array
+        Constant mass without the factor 1_3.
     framed : bool
         Frames or points.
-    drag : (ne, 3 r, 3 r) array or None
-        Drag against space per velocity, ``alpha M``; None: none.
+    scalar_drag : (ne, r, r) array or None
+        Drag against space per velocity, ``alpha M``, likewise; None: none.
     """
 
     vertices: IndexArray
     rows: IndexArray
-    mass: Floats
+    scalar_mass: Floats
     framed: bool = True
-    drag: Floats | None = None
+    scalar_drag: Floats | None = None
 
     def __post_init__(self) -> None:
-        #: mass (ne, r, r) without the factor 1_3
-        self.scalar_mass: Floats = self.mass[:, ::3, ::3].copy()
         self._inertia = _Multiple(self.scalar_mass)
+
+    @cached_property
+    def mass(self) -> Floats:
+        """Constant mass (ne, 3 r, 3 r): nine times as large as :attr:`scalar_mass`."""
+        return mass_blocks(self.scalar_mass)
+
+    @cached_property
+    def drag(self) -> Floats | None:
+        """Drag against space per velocity (ne, 3 r, 3 r); None: none."""
+        return None if self.scalar_drag is None else mass_blocks(self.scalar_drag)
 
     def inertia(self, factor: float) -> Floats:
         """``factor`` times the scalar mass (ne, r, r); not to be written to."""
@@ -255,16 +266,17 @@ def nodal_group(
         rows[number][:, None] + np.arange(size),
         _summed(vertices, size, nodal_masses),
         framed=size == 4,
-        drag=drag if drag.any() else None,
+        scalar_drag=drag if drag.any() else None,
     )
 
 
 def _summed(vertices: Sequence[int], size: int, nodal_masses: Sequence[NodalMass]) -> Floats:
     scalar = np.zeros((len(vertices), size, size))
+    number = {v: k for k, v in enumerate(vertices)}
     for v, block, _ in nodal_masses:
-        if v in vertices and len(block) == size:
-            scalar[vertices.index(v)] += block
-    return mass_blocks(scalar)
+        if v in number and len(block) == size:
+            scalar[number[v]] += block
+    return scalar
 
 
 class BeamGroup(Group):
@@ -273,27 +285,23 @@ class BeamGroup(Group):
     def __init__(
         self,
         beams: list[tuple[Beam, int, int]],
-        alpha: Mapping[int, float] | None = None,
-        beta: Mapping[int, float] | None = None,
+        masses: Mapping[int, Floats],
+        drags: Mapping[int, Floats],
+        beta: Mapping[int, float],
     ) -> None:
         """`beams`: (beam, its first vertex, its first row of y).
 
-        `alpha`, `beta`: Rayleigh damping by ``id(beam)``.
+        `masses`, `drags`, `beta`: by ``id(beam)`` scalar mass and drag, Rayleigh's damping.
         """
         first = beams[0][0].elements
         connectivity = [(beam.basis.connectivity, v, r) for beam, v, r in beams]
-        vertices = np.concatenate([c + v for c, v, _ in connectivity])
-        rows = np.concatenate(
-            [(r + 4 * c[:, :, None] + np.arange(4)).reshape(len(c), -1) for c, _, r in connectivity]
-        )
-        masses = [mass_blocks(b.scalar_mass()) for b, _, _ in beams]
-        factors = [0.0 if alpha is None else alpha.get(id(b), 0.0) for b, _, _ in beams]
-        drag = [factor * mass for factor, mass in zip(factors, masses, strict=True)]
+        own = [masses[id(b)] for b, _, _ in beams]
+        drag = [drags.get(id(b), 0.0 * mass) for (b, _, _), mass in zip(beams, own, strict=True)]
         super().__init__(
-            vertices,
-            rows,
-            np.concatenate(masses),
-            drag=np.concatenate(drag) if any(factors) else None,
+            np.concatenate([c + v for c, v, _ in connectivity]),
+            np.concatenate([_rows(c, r) for c, _, r in connectivity]),
+            np.concatenate(own),
+            scalar_drag=np.concatenate(drag) if any(id(b) in drags for b, _, _ in beams) else None,
         )
         stop = np.cumsum([len(c) for c, _, _ in connectivity])
         #: which elements are whose
@@ -311,7 +319,7 @@ class BeamGroup(Group):
             np.concatenate([e.stiffness for e in es]),
             np.concatenate([e.reference for e in es]),
             np.concatenate([beam.rotations for beam, _, _ in beams]) if turned else None,
-            _viscosity(es, [0.0 if beta is None else beta.get(id(b), 0.0) for b, _, _ in beams]),
+            _viscosity(es, [beta.get(id(b), 0.0) for b, _, _ in beams]),
             *_laws(es),
         )
         self._stiffness = _Multiple(self.elements.weighted_stiffness)

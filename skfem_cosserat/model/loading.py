@@ -23,6 +23,7 @@ from ..load import (
     TermLine,
     TermMoment,
 )
+from ..pattern import product_form
 from ..time_function import (
     Constant,
     TimeFunction,
@@ -113,7 +114,7 @@ class Loading:
         self.owners: list[Load] = []
         self.terms: list[Term] = []
         self.functions: list[tuple[Load, TermFunction]] = []
-        dead: list[Floats] = []
+        dead: list[tuple[IndexArray, Floats]] = []
         self._dead_times: list[int] = []
         #: (channel, group number or -1 for frames, element ids, (e, r, r) scalar blocks)
         self._followers: list[tuple[int, int, IndexArray, Floats]] = []
@@ -134,7 +135,8 @@ class Loading:
                 else:
                     dead.append(self._dead(term))
                     self._dead_times.append(channel)
-        self.dead = np.array(dead).reshape(len(dead), rows, 3)
+        #: dead loads (loads, 3 rows) for amplitudes of one, in the form that costs least
+        self.dead = product_form(self._stacked(dead))
         self.constant = all(isinstance(t, Constant) for t in self.times)
         #: time (s) from which no channel changes
         self.constant_after = max(map(constant_after, self.times), default=-np.inf)
@@ -148,7 +150,7 @@ class Loading:
         """Number of a place's frame in the group of single frames."""
         assert self._frame_group is not None  # the system puts all such frames there
         vertex = self._first[id(place.item)][0] + place.vertex
-        return int(np.flatnonzero(self._frame_group.vertices[:, 0] == vertex)[0])
+        return int(np.searchsorted(self._frame_group.vertices[:, 0], vertex))
 
     def _set_moments(self, moments: list[tuple[int, int, bool, Floats]]) -> None:
         self._moment_channel = np.array([m[0] for m in moments], dtype=np.int64)
@@ -159,25 +161,38 @@ class Loading:
             assert self._frame_group is not None
             self._moment_rows = self._frame_group.rows[self._moment_block][:, 1:]
 
-    def _dead(self, term: Term) -> Floats:
-        out, value = np.zeros((self._rows, 3)), term.value
+    def _dead(self, term: Term) -> tuple[IndexArray, Floats]:
+        """Rows (k,) of y on which a term acts, and its forces (k, 3) on them."""
+        value = term.value
         if isinstance(term, TermAcceleration):
+            out = np.zeros((self._rows, 3))
             out[self._origins] = value
-            return self._mass @ out
+            return np.arange(self._rows), self._mass @ out
         if isinstance(term, TermLine):
             _, r = self._first[id(term.beam)]
-            nodes = term.beam.basis.connectivity[term.elements]
             weights = term.beam.line_weights(term.elements)
-            np.add.at(out, r + 4 * nodes, weights[:, :, None] * value)
-            return out
+            nodes = term.beam.basis.connectivity[term.elements]
+            loaded, place = np.unique(nodes, return_inverse=True)
+            out = np.zeros((len(loaded), 3))
+            np.add.at(out, place.reshape(nodes.shape), weights[:, :, None] * value)
+            return r + 4 * loaded, out
         assert isinstance(term, TermForce)
         _, r = self._first[id(term.place.item)]
         if term.place.triad is None:
-            out[r + term.place.vertex] = value
-        else:
-            base = r + 4 * term.place.vertex
-            out[base] = value
-            out[base + 1 : base + 4] = term.place.offset[:, None] * value
+            return np.array([r + term.place.vertex]), value[None]
+        arms = np.concatenate([[1.0], term.place.offset])
+        return r + 4 * term.place.vertex + np.arange(4), arms[:, None] * value
+
+    def _stacked(self, dead: list[tuple[IndexArray, Floats]]) -> csr_matrix:
+        """Dead loads, each in a row (loads, 3 rows)."""
+        shape = len(dead), 3 * self._rows
+        if not dead:
+            return csr_matrix(shape)
+        rows, forces = zip(*dead, strict=True)
+        load = np.repeat(np.arange(len(dead)), [3 * len(each) for each in rows])
+        column = (3 * np.concatenate(rows)[:, None] + np.arange(3)).ravel()
+        out = csr_matrix((np.concatenate(forces).ravel(), (load, column)), shape=shape)
+        out.eliminate_zeros()
         return out
 
     def _add_follower(self, term: Term, channel: int) -> None:
@@ -187,7 +202,7 @@ class Loading:
             beam = term.beam
             number = next(k for k, g in enumerate(self._beam_groups) if id(beam) in g.slices)
             ids = term.elements + self._beam_groups[number].slices[id(beam)].start
-            shape = beam.basis.elemental_mass()[term.elements]
+            shape = beam.basis.elemental_mass(elements=term.elements)
             ne, nn = shape.shape[:2]
             block = np.zeros((ne, nn, 4, nn, 4))
             turned = np.einsum("i,ebij->ebj", value, beam.rotations[term.elements])
@@ -222,7 +237,7 @@ class Loading:
         values = self._moment_channel, self._moment_follows, self._moment_value
         return Moments(vertices, *values)
 
-    @property
+    @cached_property
     def dead_channels(self) -> IndexArray:
         """Channels of the dead loads."""
         return np.array(self._dead_times, dtype=np.int64)
@@ -289,13 +304,7 @@ class Loading:
         return out
 
     def _sum(self, amplitudes: Floats) -> Floats:
-        channels, flat = self._flat
-        return (amplitudes.take(channels) @ flat).reshape(-1, 3)
-
-    @cached_property
-    def _flat(self) -> tuple[IndexArray, Floats]:
-        """Channels of the dead loads, and each load in a row."""
-        return self.dead_channels, self.dead.reshape(len(self.dead), 3 * self._rows)
+        return (amplitudes.take(self.dead_channels) @ self.dead).reshape(-1, 3)
 
     def force(self, y: Array, amplitudes: Floats) -> Array:
         """Generalised force (rows, 3) of the loads that depend on y (follower forces, moments)."""

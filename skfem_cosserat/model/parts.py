@@ -121,7 +121,8 @@ def connected_parts(system: System, lines: bool = True) -> Connected:
     size = rows + system.m
     graph = csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(size, size))
     _, label = connected_components(graph, directed=False)
-    grounded = np.setdiff1d(np.arange(len(g.cols)), own)
+    grounded = np.ones(len(g.cols), dtype=bool)
+    grounded[own] = False
     tied = [label[rows + g.rows[grounded]], label[pairs[~inside][pairs[~inside] < rows]]]
     names, part = np.unique(label[:rows], return_inverse=True)
     return Connected(part, ~np.isin(names, np.concatenate(tied)))
@@ -133,7 +134,9 @@ def warn_of_loose_parts(system: System) -> None:
     They may be meant to fly: what starts with a velocity is left out, of those on nothing also what
     has a load of its own, and scenes of which nothing is tied.
     """
-    found, firm = connected_parts(system), connected_parts(system, lines=False)
+    springs = [c for c in system.couplings.items if isinstance(c, LINES)]
+    found = connected_parts(system)
+    firm = connected_parts(system, lines=False) if springs else found
     loaded = {id(item) for load in system.loads for item in load.references()}
     resting = _resting(system, found)
     loose = [item for items in resting.values() for item in items if id(item[0]) not in loaded]
@@ -144,7 +147,6 @@ def warn_of_loose_parts(system: System) -> None:
             " ground, and under no load but gravity: is a joint missing?",
             ModelWarning,
         )
-    springs = [c for c in system.couplings.items if isinstance(c, LINES)]
     rows = {id(c): [system.row_of(c.a), system.row_of(c.b)] for c in springs}
     alone = {id(item) for items in resting.values() for item, _ in items}
     for part, items in _resting(system, firm).items():

@@ -19,17 +19,39 @@ from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray
 
 
-def _table(terms: Sequence[tuple[float, ...]], count: int) -> tuple[list[IndexArray], Floats]:
-    """Columns of numbers, and the factors in the last one."""
+def _table(
+    terms: Sequence[tuple[float, ...]], count: int, begun: Floats | None = None
+) -> tuple[list[IndexArray], Floats]:
+    """Columns of numbers, and the factors in the last one; those `begun` with come first."""
     array = np.array(terms, dtype=float).reshape(-1, count + 1)
+    if begun is not None:
+        array = np.concatenate([begun, array])
     return [array[:, k].astype(np.int64) for k in range(count)], array[:, count].copy()
 
 
-class ConstraintBuilder:
-    """Collects terms; rows are numbered in the order they are added."""
+#: rows (56) of a frame: which two directors, and half their product or all of it
+_INTERNAL = ((1, 1, 0.5), (2, 2, 0.5), (3, 3, 0.5), (1, 2, 1.0), (1, 3, 1.0), (2, 3, 1.0))
 
-    def __init__(self) -> None:
-        self.size = 0
+
+class ConstraintBuilder:
+    """Collects terms; rows are numbered in the order they are added.
+
+    Parameters
+    ----------
+    frames : (k,) int array, optional
+        First rows of y of the frames whose directors are orthonormal: the first six rows each.
+    """
+
+    def __init__(self, frames: IndexArray | None = None) -> None:
+        #: rows, both vectors and factor (k, 4) of the products that were there at first
+        self.begun = np.zeros((0, 4))
+        if frames is not None:
+            vectors = frames[:, None, None] + np.array([each[:2] for each in _INTERNAL])
+            self.begun = np.empty((6 * len(frames), 4))
+            self.begun[:, 0] = np.arange(6 * len(frames))
+            self.begun[:, 1:3] = vectors.reshape(-1, 2)
+            self.begun[:, 3] = np.tile([each[2] for each in _INTERNAL], len(frames))
+        self.size = len(self.begun)
         self.linear: list[tuple[int, int, float]] = []
         self.products: list[tuple[int, int, int, float]] = []
         #: number of a product -> (row of y, component) that it is multiplied by
@@ -51,7 +73,7 @@ class ConstraintBuilder:
         for a, c in left:
             for b, d in right:
                 if amplitude is not None:
-                    self.amplitudes[len(self.products)] = amplitude
+                    self.amplitudes[len(self.begun) + len(self.products)] = amplitude
                 self.products.append((self.size, a, b, factor * c * d))
 
     def end_row(self) -> None:
@@ -111,7 +133,7 @@ class QuadraticConstraints:
         m, n = builder.size, 3 * free
         self.size, self.n = m, n
         linear, lc = _table(builder.linear, 2)
-        products, pc = _table(builder.products, 3)
+        products, pc = _table(builder.products, 3, builder.begun)
         self._lk = (linear[0][:, None] + np.arange(3)).ravel()
         self._la, self._lc = linear[1], lc[:, None]
         self._pk, self._pa, self._pb = products

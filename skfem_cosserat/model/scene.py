@@ -358,7 +358,7 @@ class Model:
                     raise InputError(item.label, _missing(item, other))
         drives = [i for i in items if isinstance(i, JointDrive)]
         for drive in drives:
-            if not any(drive.joint is item for item in items):
+            if id(drive.joint) not in known:
                 raise InputError(
                     drive.label,
                     f"refers to the {drive.joint.label}, which is not in the model: add it",

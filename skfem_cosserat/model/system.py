@@ -128,8 +128,6 @@ class System:
         self.drives, self.dampings = list(drives), list(dampings)
         self._number()
         self._place_ground(couplings)
-        self.mass, self.nodal_masses = assemble_mass(self.structures, self.first, self.rows)
-        self.inertia = product_form(self.mass)
         self._group(dampings)
         places = self.first, self.rows, self.mass, self.origin_rows
         self.loading = Loading(self.loads, *places, self.beam_groups, self.frame_group)
@@ -233,8 +231,7 @@ class System:
 
     def _number(self) -> None:
         self.first: dict[int, tuple[int, int]] = {}
-        rows: list[int] = []
-        framed: list[bool] = []
+        framed: list[Any] = []
         y: list[Floats] = []
         rates: list[Floats] = []
         self.owner: list[Structure] = []
@@ -243,21 +240,26 @@ class System:
             vertices = item.vertices()
             if vertices is None:
                 continue
-            self.first[id(item)] = (len(rows), row)
-            for k in range(len(vertices)):
-                rows.append(row)
-                framed.append(vertices.triads is not None)
-                self.owner.append(item)
-                y.append(vertices.positions[k : k + 1])
-                rates.append(vertices.velocities[k : k + 1])
-                row += 1
-                if vertices.triads is not None:
-                    y.append(vertices.triads[k])
-                    rates.append(np.cross(vertices.angular_velocities[k], vertices.triads[k]))
-                    row += 3
+            count = len(vertices)
+            self.first[id(item)] = (len(self.owner), row)
+            self.owner += [item] * count
+            framed.append(np.full(count, vertices.triads is not None))
+            if vertices.triads is None:
+                y.append(vertices.positions)
+                rates.append(vertices.velocities)
+                row += count
+                continue
+            turning = np.cross(vertices.angular_velocities[:, None], vertices.triads)
+            for rows, origins, directors in (
+                (y, vertices.positions, vertices.triads),
+                (rates, vertices.velocities, turning),
+            ):
+                rows.append(np.concatenate([origins[:, None], directors], axis=1).reshape(-1, 3))
+            row += 4 * count
         self.rows, self.n = row, 3 * row
-        self.origin_rows: IndexArray = np.array(rows, dtype=np.int64)
-        self.is_frame = np.array(framed, dtype=bool)
+        self.is_frame = np.concatenate(framed)
+        size = np.where(self.is_frame, 4, 1)
+        self.origin_rows: IndexArray = np.cumsum(size) - size
         self._y0, self._v0 = np.concatenate(y), np.concatenate(rates)
 
     def _place_ground(self, couplings: Sequence[Coupling]) -> None:
@@ -288,33 +290,32 @@ class System:
 
     def _group(self, dampings: Sequence[RayleighDamping]) -> None:
         alpha, beta = damping_factors(self.structures, dampings)
-        drag, drags = assemble_mass(self.structures, self.first, self.rows, alpha)
-        self.drag: csr_matrix | None = drag if alpha else None
-        beams = [item for item in self.structures if is_beam(item)]
+        masses = {id(item): item.scalar_mass() for item in self.structures}
+        drags = {item: factor * masses[item] for item, factor in alpha.items() if item in masses}
+        where = self.first, self.rows
+        self.mass, self.nodal_masses = assemble_mass(self.structures, masses, *where)
+        self.inertia = product_form(self.mass)
+        drag, nodal_drags = assemble_mass(self.structures, drags, *where) if alpha else (None, [])
+        self.drag: csr_matrix | None = drag
         kinds: dict[object, list[tuple[Beam, int, int]]] = {}
+        beams = [item for item in self.structures if is_beam(item)]
         for b in sorted(beams, key=lambda b: b.basis.order):
             kinds.setdefault(b.basis.interpolation, []).append((b, *self.first[id(b)]))
-        self.beam_groups = [BeamGroup(members, alpha, beta) for members in kinds.values()]
+        self.beam_groups = [BeamGroup(group, masses, drags, beta) for group in kinds.values()]
         self.damped = bool(alpha) or any(g.viscous for g in self.beam_groups)
         single = {v for v, _, framed in self.nodal_masses if framed}
         frames = [term.frame for load in self.loads for term in load.made_of]
         single |= {self.spot(place).vertex for place in frames if place is not None}
         points = {v for v, _, framed in self.nodal_masses if not framed}
         self.frame_group, self.point_group = (
-            nodal_group(sorted(each), size, self.origin_rows, self.nodal_masses, drags)
+            nodal_group(sorted(each), size, self.origin_rows, self.nodal_masses, nodal_drags)
             for each, size in ((single, 4), (points, 1))
         )
         lumped = [each for each in (self.frame_group, self.point_group) if each]
         self.groups: list[Group] = [*self.beam_groups, *lumped]
 
     def _constrain(self) -> None:
-        build = ConstraintBuilder()
-        for row in self.origin_rows[self.is_frame]:
-            d = [[(int(row) + k, 1.0)] for k in (1, 2, 3)]
-            for k in range(3):
-                build.product(d[k], d[k], 0.5)
-            for k, j in ((0, 1), (0, 2), (1, 2)):
-                build.product(d[k], d[j], 1.0)
+        build = ConstraintBuilder(self.origin_rows[self.is_frame])
         self.internal = build.size
         self.joint_rows: list[JointRows] = []
         items: list[Joint | JointDrive] = [*self.joints, *self.drives]

@@ -925,7 +925,8 @@ class LoadKept(sc.Load):
 
 def resultant(system):
     """Sum of the dead forces on all nodes at t = 0."""
-    return system.loading.dead.sum(axis=0)[system.origin_rows].sum(axis=0)
+    loading = system.loading
+    return loading.dead_force(loading.values(0.0))[system.origin_rows].sum(axis=0)
 
 
 def test_kept_terms_go_along_with_another_mesh():

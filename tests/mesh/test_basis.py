@@ -1,10 +1,20 @@
 import math
+from copy import copy
 
 import numpy as np
 import pytest
 import skfem
 
-from skfem_cosserat import DirectorBasis, InputError, MeshCurve, MeshError, read_mesh, write_mesh
+import skfem_cosserat as sc
+from skfem_cosserat import (
+    DirectorBasis,
+    InputError,
+    InterpolationEquidistant,
+    MeshCurve,
+    MeshError,
+    read_mesh,
+    write_mesh,
+)
 from skfem_cosserat.basis import gauss_rule
 from skfem_cosserat.element import ElementLineLobatto, lobatto_nodes
 from skfem_cosserat.mesh import CurveSpline
@@ -380,3 +390,72 @@ def test_hint_parallel_at_an_interior_node_only():
     assert DirectorBasis(mesh, 1).triads(directors=hint).shape == (1, 2, 3, 3)
     with pytest.raises(MeshError, match=r"parallel .* arc length 3.14159 m"):
         DirectorBasis(mesh, 2).triads(directors=hint)
+
+
+# -- what is built, and when -----------------------------------------------------------------------
+
+
+def counted_bases(monkeypatch: pytest.MonkeyPatch) -> list[type]:
+    """Grows by the class of each basis that scikit-fem tabulates."""
+    built: list[type] = []
+    original = skfem.CellBasis.__init__
+
+    def counting(self, *args, **kwargs):
+        built.append(type(self))
+        original(self, *args, **kwargs)
+
+    monkeypatch.setattr(skfem.CellBasis, "__init__", counting)
+    return built
+
+
+@pytest.mark.parametrize("lumped", [False, True])
+def test_a_scene_needs_no_basis_of_scikit_fem(lumped: bool, monkeypatch: pytest.MonkeyPatch):
+    built = counted_bases(monkeypatch)
+    section = sc.Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    beam = sc.Beam(arc(), section, order=2, lumped=lumped, twist=0.1)
+    model = sc.Model()
+    model.add("rod", beam)
+    model.add("clamp", sc.JointFixed(sc.ground(beam.basis.nodes[0]), beam.node(0)))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    model.add("wind", sc.LoadLine(beam, (0, 1.0, 0)))
+    model.add("pressure", sc.LoadLine(beam, (1.0, 0, 0), follower=True))
+    system = model.freeze()
+    sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-4, 2e-4, kernels="numpy")
+    model.with_items({"rod": beam.refined(1)}).freeze()
+    assert built == []
+    assert beam.basis.basis[0][0].shape == (12, beam.mesh.nelements, 2)
+    _ = beam.basis.dx, beam.basis.element_dofs, beam.basis.get_dofs(), beam.basis.doflocs
+    assert built == [DirectorBasis]
+
+
+@pytest.mark.parametrize(
+    "name", ["basis", "dx", "dofs", "doflocs", "elem", "mapping", "Nbfun", "nelems", "X", "W"]
+)
+def test_each_attribute_of_a_basis_is_there_when_it_is_the_first_to_be_asked_for(name: str):
+    fresh, full = (DirectorBasis(helix(), 3) for _ in range(2))
+    assert full.element_dofs.shape == (48, full.mesh.nelements)
+    assert name not in vars(fresh)
+    found, known = getattr(fresh, name), getattr(full, name)
+    assert type(found) is type(known)
+    if isinstance(known, np.ndarray):
+        assert np.array_equal(found, known) and not found.flags.writeable
+    assert set(vars(fresh)) | {"_element_dofs"} == set(vars(full))
+
+
+def test_a_basis_says_what_it_does_not_have():
+    basis = DirectorBasis(helix(), 1)
+    for _ in range(2):
+        with pytest.raises(AttributeError, match="no attribute 'no_such_name'"):
+            _ = basis.no_such_name
+    assert isinstance(copy(DirectorBasis(helix(), 1)), DirectorBasis)
+
+
+def test_tables_belong_to_the_interpolation():
+    """All beams of one order have the same ones, which cannot be written to."""
+    one, two = DirectorBasis(helix(), 2), DirectorBasis(arc(), np.int64(2))
+    assert one.tabulated is two.tabulated and one.interpolation is two.interpolation
+    assert DirectorBasis(arc(), InterpolationEquidistant(2)).tabulated is not one.tabulated
+    with pytest.raises(ValueError, match="read-only"):
+        one.weights[0] = 1.0
+    with pytest.raises(InputError, match="got True"):
+        DirectorBasis(arc(), True)

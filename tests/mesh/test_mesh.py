@@ -1,5 +1,6 @@
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -7,7 +8,14 @@ import skfem
 from skfem import Basis, BilinearForm, ElementLineP1, ElementLineP2, FacetBasis, Functional
 
 from skfem_cosserat import MeshCurve, MeshError
-from skfem_cosserat.mesh import CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
+from skfem_cosserat.mesh import (
+    CurveArc,
+    CurveHelix,
+    CurveLine,
+    CurveMoved,
+    CurveSpline,
+    topology,
+)
 
 ARC = ((0, 0, 0), (1, 0, 0), (0, 1, 0), 2.0)  # start, tangent, normal, radius
 CENTRE = np.array([0.0, 2.0, 0.0])
@@ -505,3 +513,63 @@ def test_huge_numbers_are_refused_at_once(number):
         assert len(str(caught.value)) < 200
     with pytest.raises(MeshError, match="line start"):
         MeshCurve.init_line((0, 0, 10**400), (1, 0, 0), 2)
+
+
+def test_many_meshes_are_joined_as_one_by_one():
+    """Rings of struts that meet, in one call and one after the other."""
+    angles = np.linspace(0, 2 * np.pi, 13)[:-1]
+    corners = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    struts = [
+        MeshCurve.init_line(a, b, 2, name=f"strut{k}")
+        for k, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True))
+    ]
+    once, each = struts[0].joined(*struts[1:]), struts[0]
+    for strut in struts[1:]:
+        each = each + strut
+    assert once.p.shape == (3, 24)
+    assert np.array_equal(once.p, each.p) and np.array_equal(once.t, each.t)
+    assert {k: v.tolist() for k, v in once.nodes.items()} == {
+        k: v.tolist() for k, v in each.nodes.items()
+    }
+    apart = struts[0].joined(*struts[1:], weld=False)
+    assert apart.p.shape == (3, 36)
+
+
+def walked(t, owner):
+    """Chains of directed elements (elements, closed, owner), found by walking from each."""
+
+    def next_of(e):
+        at = [f for f in range(t.shape[1]) if owner[f] == owner[e] and t[1, e] in t[:, f]]
+        return next((f for f in at if f != e), None) if len(at) == 2 else None
+
+    follower = {e: next_of(e) for e in range(t.shape[1])}
+    chains = []
+    for beam in np.unique(owner).tolist():
+        own, used = np.flatnonzero(owner == beam).tolist(), set()
+        heads = [e for e in own if e not in follower.values()]
+        for first in [*heads, *own]:
+            path, e = [], first
+            while e is not None and e not in used:
+                used.add(e)
+                path.append(e)
+                e = follower[e]
+            if path:
+                chains.append((path, follower[path[-1]] == first, beam))
+    return chains
+
+
+def test_chains_of_random_networks_are_those_that_a_walk_finds():
+    rng = np.random.default_rng(1)
+    closed = 0
+    for _ in range(200):
+        count = int(rng.integers(3, 9))
+        t = np.array([rng.choice(count, 2, replace=False) for _ in range(rng.integers(1, 11))]).T
+        owner = rng.integers(-1, 2, t.shape[1])
+        t = np.where(topology.directed_flips(t, owner), t[::-1], t)
+        order = topology.find_chains(t, owner, ["a", "b"])
+        found = [(c.elements.tolist(), c.closed, c.owner) for c in order.chains()]
+        assert found == walked(t, owner)
+        closed += sum(c for _, c, _ in found)
+        pairs = [p for path, c, _ in found for p in pairwise([*path, *path[: int(c)]])]
+        assert list(zip(order.before.tolist(), order.after.tolist(), strict=True)) == pairs
+    assert closed > 10

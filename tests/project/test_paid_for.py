@@ -48,9 +48,30 @@ for planar in (None, sc.Planar()):
     sc.modes(system, path, count=1)
 print([name for name in sys.modules])
 """
+#: packages that a scene of beams does without: files, splines, welding, kernels, equilibria
+HEAVY = (
+    *("meshio", "rich", "numba", "llvmlite", "scipy.interpolate", "scipy.optimize"),
+    *("scipy.spatial", "scipy.special", "scipy.fft", "scipy.signal", "matplotlib", "pyvista"),
+)
+BEAM = """
+import os, sys, tempfile
+import skfem_cosserat as sc
+model = sc.Model()
+section = sc.SectionCircle(5e-3, sc.Material(5e6, 0.5, 1100))
+mesh = sc.MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4)
+path = os.path.join(tempfile.mkdtemp(), "rod.msh")
+sc.write_mesh(path, mesh)
+rod = model.add("rod", sc.Beam(sc.read_mesh(path), section, order=2))
+model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("beam.start")))
+model.add("tip", sc.LoadForce(rod.node("beam.end"), (0, 0, 1.0)))
+system = model.freeze()
+frozen = list(sys.modules)
+sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 5e-3, kernels="numpy")
+print([frozen, list(sys.modules)])
+"""
 
 
-def modules_of(code: str) -> list[str]:
+def modules_of(code: str) -> list[Any]:
     run = subprocess.run(
         [sys.executable, "-c", code], cwd=PACKAGE.parent, capture_output=True, text=True, check=True
     )
@@ -63,6 +84,20 @@ def test_rigid_bodies_import_no_meshes_and_no_beams():
     meshed = [n for n in found if any(n == m or n.startswith(f"{m}.") for m in MESHED)]
     assert meshed == []
     assert "skfem_cosserat.statics.path" in found
+
+
+def test_beams_import_nothing_that_is_heavy_and_seldom_needed():
+    """Neither building and freezing a scene, nor reading a gmsh file, nor steps of plain kernels.
+
+    Before a run nothing of its layers is imported either.
+    """
+    frozen, run = modules_of(BEAM)
+    for found in (frozen, run):
+        assert [n for n in found if any(n == m or n.startswith(f"{m}.") for m in HEAVY)] == []
+    own = {n.split(".")[1] for n in frozen if n.startswith("skfem_cosserat.")}
+    layers = {"compiled", "newton", "constraints", "integrators", "history", "diagnostics", "run"}
+    assert not own & (layers | {"linear", "statics", "modal", "study", "export"})
+    assert "skfem_cosserat.run.loop" in run
 
 
 def test_the_package_imports_nothing_of_its_own_before_it_is_asked():
@@ -145,6 +180,35 @@ def test_constant_loads_masses_and_patterns_are_computed_once(
     assert few.get("_sum") == 1
     assert "average" not in few | many
     assert set(many) == {"__init__"}  # and not even once in another run
+
+
+def rods(count: int) -> sc.Model:
+    """So many clamped rods, each with a force and a line load."""
+    model, section = sc.Model(), sc.SectionCircle(5e-3, sc.Material(5e6, 0.5, 1100))
+    for k in range(count):
+        rod = sc.Beam(sc.MeshCurve.init_line((k, 0, 0), (k, 1, 0), 3, name=f"rod{k}"), section)
+        model.add(f"rod{k}", rod)
+        model.add(f"clamp{k}", sc.JointFixed(sc.ground((k, 0, 0)), rod.node(0)))
+        model.add(f"tip{k}", sc.LoadForce(rod.node(3), (0, 0, 0.1)))
+        model.add(f"wind{k}", sc.LoadLine(rod, (0, 0, 0.1)))
+    return model
+
+
+def test_freezing_costs_as_much_as_there_is(monkeypatch: pytest.MonkeyPatch):
+    """Masses of each beam once, a row of a load as long as what it acts on, no full mass blocks."""
+    from skfem_cosserat.beam import Beam
+
+    calls: Counter[str] = Counter()
+    counted(monkeypatch, Beam, "scalar_mass", calls)
+    entries = []
+    for count in (40, 80):
+        model = rods(count)
+        calls.clear()
+        system = model.freeze()
+        assert calls == {"scalar_mass": count}
+        assert all("mass" not in vars(group) for group in system.groups)
+        entries.append(system.loading.dead.nnz)
+    assert entries == [40 * 5, 80 * 5]
 
 
 # -- never called ----------------------------------------------------------------------------------

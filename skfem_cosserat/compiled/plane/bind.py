@@ -234,7 +234,7 @@ def _nodal_masses(system: System, frames: Frames) -> dict[str, Any]:
     frame_masses, vertices = np.zeros((0, 4), dtype=complex), integers([])
     if (group := system.frame_group) is not None:
         vertices = integers(group.vertices[:, 0])
-        scalar = group.mass.reshape(-1, 4, 3, 4, 3)[:, :, 0, :, 0]
+        scalar = group.scalar_mass
         frame_masses = _reduced(scalar, frames.director[vertices], frames.director[vertices])
     none, points = np.zeros(0), system.point_group
     return {
@@ -366,7 +366,7 @@ def bound_beams(
     if elements.rotations is not None:
         triads = elements.rotations
     rotations, k = sections_of(triads, frames.director[group.vertices])
-    scalar = group.mass.reshape(ne, nn, 4, 3, nn, 4, 3)[:, :, :, 0, :, :, 0]
+    scalar = group.scalar_mass.reshape(ne, nn, 4, nn, 4)
     Q = np.zeros((ne, nn, 4, 4))  # by section directors: those of the node are Q^T times them
     Q[:, :, 0, 0], Q[:, :, 1:, 1:] = 1, triads
     mass = np.einsum("eaij,eajbk,eblk->eabil", Q, scalar, Q)
