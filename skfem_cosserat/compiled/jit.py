@@ -121,7 +121,9 @@ def ready(function: Any, kinds: tuple[Any, ...], kept_only: bool = False) -> Any
     NotKept
         With `kept_only`, if it is neither in this process nor on the disk.
     """
-    if kept_only and kinds not in function.overloads:
+    if kinds in function.overloads:
+        return function.overloads[kinds]
+    if kept_only:
         cache = function._cache  # another one where there is no folder to keep it in
         if not isinstance(cache, _Cache) or not cache.holds(kinds, function.targetctx):
             raise NotKept(function.__name__)
@@ -129,10 +131,18 @@ def ready(function: Any, kinds: tuple[Any, ...], kept_only: bool = False) -> Any
     return function.overloads[kinds]
 
 
+#: of parts that are in this process, which keeps their code
+_ADDRESSES: dict[tuple[Any, tuple[Any, ...]], int] = {}
+
+
 def address(function: Any, *kinds: Any, kept_only: bool = False) -> int:
     """Address of a part for arguments of these types, compiled if need be; see :func:`ready`."""
-    compiled = ready(function, kinds, kept_only)
-    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+    place = _ADDRESSES.get((function, kinds))
+    if place is None:
+        compiled = ready(function, kinds, kept_only)
+        place = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+        _ADDRESSES[function, kinds] = place
+    return int(place)
 
 
 @intrinsic
