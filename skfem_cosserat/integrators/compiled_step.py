@@ -337,7 +337,7 @@ class CompiledStep(CompiledScene):
     def _couple(self, scheme: Scheme, h: float) -> None:
         """Force elements; loads that are functions are called back."""
         system, functions = self.system, self.system.couplings.functions
-        inside = system.couplings_of(system.couplings.items)
+        inside = system.couplings_of(system.couplings.items) if functions else system.couplings
         self._coupled = Coupled(system, inside, self._a.coupled, scheme, h)
         if not functions:
             return
