@@ -183,7 +183,7 @@ class Shared:
             found = self._kept.pop(key, None)
             if found is not None:
                 self._kept[key] = found  # the last one now
-                return found[0]  # type: ignore[no-any-return]
+                return found[0]
         made = make(*integers)
         size = _memory(made)
         with self._lock:

@@ -73,7 +73,7 @@ from .plan import Plan, following
 from .structures import Groups, flags, integers, roomy
 from .tree import AXIS, SLIDE, SPHERE
 from .tree import ROTATION as TURN
-from .warm import cold, helped
+from .warm import Source, cold, helped
 
 __all__ = [
     "addresses",
@@ -236,21 +236,24 @@ def parts_of(
 
 
 def compiling(
-    system: System, names: Sequence[str], family: str = "tree", kept_only: bool = False
+    system: System, names: Sequence[str], family: str = "tree", source: Source = Source.COMPILER
 ) -> AbstractContextManager[None]:
     """While these parts and the structures they take are compiled, with help on an empty cache.
 
-    `kept_only`: nothing is to be compiled.
+    `source`: see :func:`.jit.ready`.
     """
     orders = sorted({group.vertices.shape[1] - 1 for group in system.beam_groups}) or [1]
     first = part_named(names[0], family)
-    if not (kept_only or first.overloads) and cold([first]):
+    if source == Source.COMPILER and not first.overloads and cold([first]):
         return helped(orders, names, family)
     return nullcontext()
 
 
 def addresses(
-    names: Sequence[str], structures: Sequence[Any], family: str = "tree", kept_only: bool = False
+    names: Sequence[str],
+    structures: Sequence[Any],
+    family: str = "tree",
+    source: Source = Source.COMPILER,
 ) -> IndexArray:
     """Addresses of these parts, compiled if need be, at their places; 0 for all others.
 
@@ -261,8 +264,8 @@ def addresses(
         these.
     family : {"tree", "plane"}
         In space, or in a plane.
-    kept_only : bool
-        Nothing is to be compiled, see :func:`.jit.ready`.
+    source : Source
+        See :func:`.jit.ready`.
     """
     kinds, beams = [*map(typeof, structures)], structures[-1]
 
@@ -270,7 +273,7 @@ def addresses(
         kind = family
         if structure_of_law(own[-1]):
             kind = "by law"
-        return address(part_named(name, kind), *signature(name, own), kept_only=kept_only)
+        return address(part_named(name, kind), *signature(name, own), source=source)
 
     found: dict[str, int] = {}
     for name in names:
@@ -418,7 +421,7 @@ def bound_groups(
     plan: Plan,
     rows: dict[str, Any],
     viscous: bool = False,
-    kept_only: bool = False,
+    source: Source = Source.COMPILER,
 ) -> tuple[Any, list[dict[str, Any]]]:
     """All groups of elements; the structure, and arrays by name of each.
 
@@ -433,7 +436,7 @@ def bound_groups(
         g, fields = bound_beams(system, groups[0] if groups else None, plan, rows)
         return g, [fields]
     bound = [
-        bound_by_law(system, group, plan, rows, kept_only)
+        bound_by_law(system, group, plan, rows, source)
         if group.elements.stored
         else bound_beams(system, group, plan, rows)
         for group in groups
@@ -451,7 +454,11 @@ def bound_groups(
 
 
 def bound_by_law(
-    system: System, group: BeamGroup, plan: Plan, rows: dict[str, Any], kept_only: bool = False
+    system: System,
+    group: BeamGroup,
+    plan: Plan,
+    rows: dict[str, Any],
+    source: Source = Source.COMPILER,
 ) -> tuple[Any, dict[str, Any]]:
     """One group of elements of which some have a stored energy; as :func:`bound_beams`."""
     _, fields = bound_beams(system, group, plan, rows)
@@ -461,7 +468,7 @@ def bound_by_law(
     fields["law_points"] = own = _law_points(group, fields)
     fields["points"] = structures.structure("law_points", own)
     kinds = typeof(fields["points"]), *_LAST
-    fields["law"] = integers([address(laws.law_points, *kinds, kept_only=kept_only)])
+    fields["law"] = integers([address(laws.law_points, *kinds, source=source)])
     return structures.structure("beams_by_law", fields), fields
 
 

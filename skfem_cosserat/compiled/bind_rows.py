@@ -40,9 +40,14 @@ def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
     e, v = block[k], vertex[a]
     vectors = [e, place[k], a, n, v, component[a], plan.slots(e, v), plan.slots(v, e)]
     inner = [[v for v in each.vertices if v < count] for each in plan.rows]
-    u, e, v = np.array(
-        [(u, k, v) for k, own in enumerate(inner, count) for u in own for v in own], dtype=np.int64
-    ).reshape(-1, 3).T
+    u, e, v = (
+        np.array(
+            [(u, k, v) for k, own in enumerate(inner, count) for u in own for v in own],
+            dtype=np.int64,
+        )
+        .reshape(-1, 3)
+        .T
+    )
     pairs = np.stack([plan.slots(u, e), plan.slots(e, v), plan.slots(u, v)], axis=-1)
     turned = np.zeros((len(cosines.row), 16), dtype=np.int64)
     turned[:, [rows.BLOCK, rows.LEFT, rows.RIGHT]] = np.column_stack(cosines[:3])

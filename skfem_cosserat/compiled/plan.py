@@ -240,8 +240,8 @@ def plan_of(system: System, thin: bool = False) -> Plan:
             grounded.append(e.child)
     grounded.sort()
     held = tuple(v for v in grounded if not len(system.tree.own[v]))
-    own = len(parent), np.concatenate(pairs), parent, tuple(grounded), held, thin, tuple(rows)
-    return shared(Plan, *own)
+    graph = len(parent), np.concatenate(pairs), parent, tuple(grounded), held
+    return shared(Plan, *graph, thin, tuple(rows))
 
 
 def _coupled(system: System) -> IndexArray:
