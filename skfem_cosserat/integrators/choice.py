@@ -252,16 +252,26 @@ def choose(
 LONGER = "compiling would take longer"
 
 
+class _Missed:
+    """What runs of this process would have saved with kernels, as each alone was too short (s)."""
+
+    seconds = 0.0
+
+
 def _source(system: System, seconds: float) -> Source | None:
     """Where kernels may come from to save more time than that takes; None: nowhere.
 
-    `seconds` is the time without kernels.
+    `seconds` is the time without kernels. Kernels are also looked for on the disk where many short
+    runs together would have paid for it.
     """
     saved = seconds * (1 - compiled_share(system))
     if saved >= WORTHWHILE:
         return Source.COMPILER
-    if saved >= READING and promising():
-        return Source.DISK
+    _Missed.seconds += saved
+    if _Missed.seconds >= READING:
+        _Missed.seconds = 0.0
+        if promising():
+            return Source.DISK
     vertices = STARTING_EACH * len(system.origin_rows)
     return Source.PROCESS if loaded() and saved >= STARTING + vertices else None
 

@@ -56,10 +56,10 @@ def test_kernels_are_looked_for_and_not_compiled(monkeypatch):
     monkeypatch.setattr(jit._Cache, "_save_overload", lambda *_: None)
     kernel = jit.jit(plain)
     with pytest.raises(warm.NotKept):
-        jit.ready(kernel, kinds, kept_only=True)
+        jit.ready(kernel, kinds, warm.Source.DISK)
     assert not kernel.overloads
     jit.ready(kernel, kinds)
-    assert jit.ready(kernel, kinds, kept_only=True).entry_point(2.0) == 3.0
+    assert jit.ready(kernel, kinds, warm.Source.DISK).entry_point(2.0) == 3.0
 
 
 def test_threads_compile_one_after_the_other(monkeypatch):
