@@ -43,6 +43,7 @@ def _warm(arguments: argparse.Namespace) -> str:
 def _models(order: int) -> Iterator[tuple[Model, bool]]:
     """Cantilevers that together take all kernels of beams; whether those of a plane, too."""
     from .beam import Beam
+    from .body import RigidBody
     from .coupling import SpringDamper
     from .frames import ground
     from .joint import JointFixed, JointSpherical
@@ -67,6 +68,8 @@ def _models(order: int) -> Iterator[tuple[Model, bool]]:
             model.add("push", LoadForce(end, (0, 0.01, 0), follower=True))
         if kind == "closed":
             model.add("ball", JointSpherical(ground((1, 0, 0)), end))
+            lump = model.add("lump", RigidBody.sphere(0.1, 0.05, position=(1, 0, 0)))
+            model.add("weld", JointFixed(end, lump.at((1, 0, 0))))
         yield model, kind in ("closed", "held")
 
 

@@ -411,7 +411,7 @@ def kinds_of(each: Floats) -> tuple[Floats, IndexArray]:
     Those of one section share what hangs on it.
     """
     if len(each) and (each == each[:1]).all():
-        return each[:1], np.zeros(len(each), dtype=np.int64)
+        return each[:1].copy(), np.zeros(len(each), dtype=np.int64)
     kinds, number = np.unique(each, axis=0, return_inverse=True)
     return kinds, number.reshape(len(each))
 
