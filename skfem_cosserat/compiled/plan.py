@@ -53,6 +53,8 @@ class Plan:
         Eliminate vertices with up to two neighbours only, even where all would not fill in.
     rows : tuple of RowBlock
         The last vertices are these, each after those that it waits for.
+    limits : (int, int)
+        `THIN` and `FILLED`.
 
     Attributes
     ----------
@@ -94,17 +96,19 @@ class Plan:
         held: tuple[int, ...] = (),
         thin: bool = False,
         rows: tuple[RowBlock, ...] = (),
+        limits: tuple[int, int] = (THIN, FILLED),
     ) -> None:
         links: list[tuple[int, int]] = [(a, b) for a, b in np.asarray(pairs).tolist()]
         above: list[int] = np.asarray(parent).tolist()
         self.rows = rows
         waits = {count - len(rows) + k: block.waits for k, block in enumerate(rows)}
+        degree, filled = limits
         graph = _Graph(count, links, above, held, waits)
-        graph.eliminate(None)
+        graph.eliminate(degree)
         left = count - len(graph.order)
-        if not thin and not graph.eliminate(FILLED * left):
+        if not thin and not graph.eliminate(count, filled * left):
             graph = _Graph(count, links, above, held, waits)
-            graph.eliminate(None)
+            graph.eliminate(degree)
         self.blocks = len(graph.order)
         updates: list[list[tuple[int, int] | None]] = [
             [(a, b) for a in ws for b in ws] for ws in graph.sorted_later()
@@ -241,7 +245,7 @@ def plan_of(system: System, thin: bool = False) -> Plan:
     grounded.sort()
     held = tuple(v for v in grounded if not len(system.tree.own[v]))
     graph = len(parent), np.concatenate(pairs), parent, tuple(grounded), held
-    return shared(Plan, *graph, thin, tuple(rows))
+    return shared(Plan, *graph, thin, tuple(rows), (THIN, FILLED))
 
 
 def _coupled(system: System) -> IndexArray:
@@ -312,8 +316,8 @@ class _Graph:
                 self._behind.setdefault(u, []).append(v)
         self._done = [False] * count
 
-    def eliminate(self, most: int | None) -> bool:
-        """Eliminate by degree; False if that takes more than `most` products; None: thin ones."""
+    def eliminate(self, largest: int, most: int | None = None) -> bool:
+        """Eliminate by degree, up to a largest one; False if it takes more than `most` products."""
         around, waiting = self.around, self._waiting
         ready = (v for v, done in enumerate(self._done) if not (done or waiting[v]))
         heap = [(len(around[v]), v) for v in ready]
@@ -326,7 +330,7 @@ class _Graph:
             if degree != len(around[v]):  # it has changed since
                 heapq.heappush(heap, (len(around[v]), v))
                 continue
-            if most is None and degree > THIN:
+            if degree > largest:
                 break
             work += degree**2
             if most is not None and work > most:
