@@ -55,6 +55,7 @@ def assert_same_bits(one, other):
         assert np.array_equal(a, b, equal_nan=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)
 def test_scenes_after_others_give_the_bits_of_scenes_alone(treatment, kernels):
     scenes = [{}, *SAME, *OTHERS]
