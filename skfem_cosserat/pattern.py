@@ -1,6 +1,11 @@
-"""Sparse patterns that are built once."""
+"""Sparse patterns that are built once, and what scenes of one structure share."""
 
 from __future__ import annotations
+
+import hashlib
+import threading
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
@@ -129,3 +134,108 @@ def _indices(name: str, values: ArrayLike, limit: int) -> IndexArray:
         bad = array.min() if array.min() < 0 else array.max()
         raise InputError(f"argument {name}", f"index {bad} is not in 0 .. {limit - 1}")
     return array.astype(np.int64)
+
+
+# -- what follows from the structure of a scene alone, made once for all scenes that have it ------
+#
+# Which vertices, rows and unknowns are coupled is said by integers. What is made of nothing else,
+# such as patterns and orders of elimination, is the same for every scene with the same integers,
+# whatever its lengths, stiffnesses and positions are. The integers themselves are the key: scenes
+# that differ anywhere share nothing by mistake.
+
+MadeT = TypeVar("MadeT")
+#: most memory (bytes) of all that is kept for scenes to come, and of a single one of them
+KEPT, LARGEST = 64_000_000, 32_000_000
+
+
+class Shared:
+    """Results of functions of integers; those that were used last are kept.
+
+    Parameters
+    ----------
+    most, largest : int
+        Memory (bytes) of all together, and of one that is kept.
+
+    Examples
+    --------
+    >>> shared = Shared(10**6, 10**6)
+    >>> rows, cols = np.array([0, 1, 1]), np.array([0, 1, 1])
+    >>> pattern = shared(FrozenPattern, rows, cols, (2, 2))
+    >>> shared(FrozenPattern, rows.copy(), cols.copy(), (2, 2)) is pattern
+    True
+    >>> shared(FrozenPattern, rows, cols, (2, 3)) is pattern
+    False
+    """
+
+    def __init__(self, most: int, largest: int) -> None:
+        self._most, self._largest = most, largest
+        self._kept: dict[tuple[Any, bytes], tuple[Any, int]] = {}
+        self._size = 0
+        self._lock = threading.Lock()
+
+    def __call__(self, make: Callable[..., MadeT], *integers: Any) -> MadeT:
+        """What `make` makes of these numbers and arrays of integers, in tuples or not.
+
+        It is not to be changed, as others have it, too.
+        """
+        key = make, _digest(integers)
+        with self._lock:
+            found = self._kept.pop(key, None)
+            if found is not None:
+                self._kept[key] = found  # the last one now
+                return found[0]
+        made = make(*integers)
+        size = _memory(made)
+        with self._lock:
+            if size <= self._largest and key not in self._kept:
+                self._kept[key] = made, size
+                self._size += size
+            while self._size > self._most:
+                self._size -= self._kept.pop(next(iter(self._kept)))[1]
+        return made
+
+    def clear(self) -> None:
+        """Keep nothing of what there is."""
+        with self._lock:
+            self._kept.clear()
+            self._size = 0
+
+
+#: of this process
+shared = Shared(KEPT, LARGEST)
+
+
+def _digest(values: Any) -> bytes:
+    """Of integers, alone, in arrays or in tuples; their types and shapes included."""
+    digest = hashlib.blake2b(digest_size=32)
+
+    def take(value: Any) -> None:
+        if isinstance(value, np.ndarray):
+            digest.update(f"{value.dtype.str}{value.shape}".encode())
+            digest.update(np.ascontiguousarray(value).data)
+        elif isinstance(value, tuple) and not all(map(_is_whole, value)):
+            digest.update(f"({len(value)}".encode())
+            for each in value:
+                take(each)
+        elif isinstance(value, tuple) or _is_whole(value):
+            digest.update(f"{value!r},".encode())
+        else:
+            raise TypeError(f"{type(value).__name__} is no integer, nor made of integers")
+
+    take(values)
+    return digest.digest()
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int)
+
+
+def _memory(value: Any) -> int:
+    """What an object takes, roughly (bytes): its arrays, and what lists have by their length."""
+    if isinstance(value, np.ndarray):
+        return value.nbytes
+    if isinstance(value, dict):
+        return 200 * len(value)
+    if isinstance(value, list | tuple):
+        return 64 + sum(map(_memory, value))
+    return 64 + (sum(map(_memory, vars(value).values())) if hasattr(value, "__dict__") else 0)

@@ -23,8 +23,8 @@ from margins import note_margins
 from skfem_cosserat.integrators import choice
 
 WORTHWHILE = choice.WORTHWHILE
-# "auto" does not look for compiled kernels here: what is on disk hangs on the tests run before
-choice.READING = float("inf")
+# "auto" does not look for compiled kernels here: what there is hangs on the tests run before
+choice.READING = choice.STARTING = float("inf")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

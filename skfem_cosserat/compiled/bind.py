@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -72,7 +73,7 @@ from .plan import Plan, following
 from .structures import Groups, flags, integers, roomy
 from .tree import AXIS, SLIDE, SPHERE
 from .tree import ROTATION as TURN
-from .warm import cold, helped
+from .warm import Source, cold, helped
 
 __all__ = [
     "addresses",
@@ -89,6 +90,7 @@ __all__ = [
     "drives_of",
     "followed",
     "fulcrum_of",
+    "kinds_of",
     "nested",
     "part_named",
     "parts_of",
@@ -234,20 +236,24 @@ def parts_of(
 
 
 def compiling(
-    system: System, names: Sequence[str], family: str = "tree", kept_only: bool = False
+    system: System, names: Sequence[str], family: str = "tree", source: Source = Source.COMPILER
 ) -> AbstractContextManager[None]:
     """While these parts and the structures they take are compiled, with help on an empty cache.
 
-    `kept_only`: nothing is to be compiled.
+    `source`: see :func:`.jit.ready`.
     """
     orders = sorted({group.vertices.shape[1] - 1 for group in system.beam_groups}) or [1]
-    if not kept_only and cold([part_named(names[0], family)]):
+    first = part_named(names[0], family)
+    if source == Source.COMPILER and not first.overloads and cold([first]):
         return helped(orders, names, family)
     return nullcontext()
 
 
 def addresses(
-    names: Sequence[str], structures: Sequence[Any], family: str = "tree", kept_only: bool = False
+    names: Sequence[str],
+    structures: Sequence[Any],
+    family: str = "tree",
+    source: Source = Source.COMPILER,
 ) -> IndexArray:
     """Addresses of these parts, compiled if need be, at their places; 0 for all others.
 
@@ -258,8 +264,8 @@ def addresses(
         these.
     family : {"tree", "plane"}
         In space, or in a plane.
-    kept_only : bool
-        Nothing is to be compiled, see :func:`.jit.ready`.
+    source : Source
+        See :func:`.jit.ready`.
     """
     kinds, beams = [*map(typeof, structures)], structures[-1]
 
@@ -267,7 +273,7 @@ def addresses(
         kind = family
         if structure_of_law(own[-1]):
             kind = "by law"
-        return address(part_named(name, kind), *signature(name, own), kept_only=kept_only)
+        return address(part_named(name, kind), *signature(name, own), source=source)
 
     found: dict[str, int] = {}
     for name in names:
@@ -280,6 +286,7 @@ def addresses(
     return np.array([*(found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)), 0])
 
 
+@cache
 def part_named(name: str, family: str = "tree") -> Any:
     """The function of this name."""
     modules = [nodes, tree, rows, flow, blocks, elements, held, loads, couplings, static]
@@ -297,11 +304,15 @@ def plane_parts() -> list[Any]:
     return [nodes, tree, rows, elements, held]
 
 
+#: types of the numbers of a step and of a flag, which all parts take
+_LAST = typeof(np.zeros(0)), types.int64
+
+
 def signature(name: str, kinds: Sequence[Any]) -> list[Any]:
     """Types of the arguments of a part, for the types of tree, plan, work and beams."""
     s, m, w, g = kinds
     own = [g, w] if name in BEAM_PARTS else [s, m, w]
-    return [*own, typeof(np.zeros(0)), types.int64]
+    return [*own, *_LAST]
 
 
 def _parents(system: System) -> tuple[list[int], list[int]]:
@@ -369,18 +380,16 @@ def bound_beams(
         Q[:, :, 0, 0], Q[:, :, 1:, 1:] = 1, rotations
         mass = np.ascontiguousarray(np.einsum("eaij,eabjk,eblk->eabil", Q, mass, Q))
     each = elements.stiffness if stiffness is None else stiffness
-    # elements of one section share its stiffness: less memory to go through
-    stiffness, section = np.unique(each, axis=0, return_inverse=True)
-    slots = [[[plan.slot[a, b] for b in vs] for a in vs] for vs in group.vertices.tolist()]
+    stiffness, section = kinds_of(each)
     S = np.zeros((ne, ng, 6))
     fields = {
         "N": nested(N),
         "dN": nested(dN),
         "weights": tuple(map(float, elements.weights)),
         "base": np.ascontiguousarray(system.origin_rows[group.vertices]),
-        "slot": np.array(slots, dtype=np.int64),
+        "slot": plan.slots(group.vertices[:, :, None], group.vertices[:, None]),
         "lengths": np.ascontiguousarray(elements.lengths),
-        "section": section.reshape(ne),
+        "section": section,
         "stiffness": np.ascontiguousarray(stiffness),
         "diagonal": not (each * (1 - np.eye(6))).any(),
         "reference": np.ascontiguousarray(elements.reference),
@@ -396,12 +405,23 @@ def bound_beams(
     return structures.structure("beams", fields), fields
 
 
+def kinds_of(each: Floats) -> tuple[Floats, IndexArray]:
+    """What elements (ne, ...) have, once each, and which of it (ne,): less memory to go through.
+
+    Those of one section share what hangs on it.
+    """
+    if len(each) and (each == each[:1]).all():
+        return each[:1].copy(), np.zeros(len(each), dtype=np.int64)
+    kinds, number = np.unique(each, axis=0, return_inverse=True)
+    return kinds, number.reshape(len(each))
+
+
 def bound_groups(
     system: System,
     plan: Plan,
     rows: dict[str, Any],
     viscous: bool = False,
-    kept_only: bool = False,
+    source: Source = Source.COMPILER,
 ) -> tuple[Any, list[dict[str, Any]]]:
     """All groups of elements; the structure, and arrays by name of each.
 
@@ -416,7 +436,7 @@ def bound_groups(
         g, fields = bound_beams(system, groups[0] if groups else None, plan, rows)
         return g, [fields]
     bound = [
-        bound_by_law(system, group, plan, rows, kept_only)
+        bound_by_law(system, group, plan, rows, source)
         if group.elements.stored
         else bound_beams(system, group, plan, rows)
         for group in groups
@@ -434,7 +454,11 @@ def bound_groups(
 
 
 def bound_by_law(
-    system: System, group: BeamGroup, plan: Plan, rows: dict[str, Any], kept_only: bool = False
+    system: System,
+    group: BeamGroup,
+    plan: Plan,
+    rows: dict[str, Any],
+    source: Source = Source.COMPILER,
 ) -> tuple[Any, dict[str, Any]]:
     """One group of elements of which some have a stored energy; as :func:`bound_beams`."""
     _, fields = bound_beams(system, group, plan, rows)
@@ -443,8 +467,8 @@ def bound_by_law(
     fields |= {"stiffness": moduli, "diagonal": False, "strains": np.zeros((ne, ng, 6))}
     fields["law_points"] = own = _law_points(group, fields)
     fields["points"] = structures.structure("law_points", own)
-    kinds = typeof(fields["points"]), typeof(np.zeros(0)), types.int64
-    fields["law"] = integers([address(laws.law_points, *kinds, kept_only=kept_only)])
+    kinds = typeof(fields["points"]), *_LAST
+    fields["law"] = integers([address(laws.law_points, *kinds, source=source)])
     return structures.structure("beams_by_law", fields), fields
 
 
@@ -509,15 +533,13 @@ def bound_plan(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
     """The elimination with the tree of joints; the structure, and its arrays by name."""
     edge, parent = _parents(system)
     count, own = len(edge), system.tree.own
-    to_parent = [
-        plan.slot[e.parent, e.child] if e.parent < count else -1 for e in system.tree.edges
-    ]
+    above = integers([e.parent if e.parent < count else -1 for e in system.tree.edges])
     fields: dict[str, Any] = {
         **{name: getattr(plan, name) for name in _PLANNED},
         "edge": integers([*edge, *([-1] * len(plan.rows))]),
         "parent": integers([*parent, *([-1] * len(plan.rows))]),
         "size": integers([*(len(own[v]) for v in range(count)), *(len(b.rows) for b in plan.rows)]),
-        "to_parent": integers(to_parent),
+        "to_parent": plan.slots(above, integers([e.child for e in system.tree.edges])),
         "rest": integers([plan.blocks, 0]),
     }
     return structures.structure("plan", fields), fields
@@ -667,11 +689,11 @@ def bound_nodal_masses(frames: Group | None, points: Group | None) -> dict[str, 
 def bound_following(system: System, plan: Plan) -> dict[str, Any]:
     """Where loads that follow the motion act."""
     moments, rows = system.loading.moments, system.origin_rows
-    pairs = [(rows[v], rows[u], plan.slot[v, u]) for v, u in following(system).vertices.tolist()]
+    v, u = following(system).vertices.reshape(-1, 2).T
     return {
         "moment_vertex": integers(moments.vertices),
         "moment_follows": flags(moments.follows),
-        "follower": np.array(pairs, dtype=np.int64).reshape(-1, 3),
+        "follower": np.stack([rows[v], rows[u], plan.slots(v, u)], axis=-1),
     }
 
 
@@ -735,8 +757,7 @@ def bound_flow(
         vertex = _vertices(system, np.arange(len(owner)))
         local = np.arange(len(owner)) - np.asarray(system.vertex_rows)[vertex]
         of_row = vertex[np.repeat(np.arange(len(owner)), np.diff(mass.indptr))]
-        ends = zip(of_row.tolist(), vertex[mass.indices].tolist(), strict=True)
-        slot = integers([plan.slot[u, v] for u, v in ends])
+        slot = plan.slots(of_row, vertex[mass.indices])
         holder = np.full(each, -1)
         holder[:count] = owner[first]
         for u, v in plan.slot:  # blocks of constraint rows go with what they hold

@@ -20,44 +20,45 @@ __all__ = ["bound_held", "bound_rows", "choose_rows", "first_held", "numbered", 
 def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
     """Constraint rows with multipliers, as lists of terms; see :mod:`.rows`."""
     count = len(system.origin_rows)
-    where: dict[int, tuple[int, int]] = {}
-    for v, (r, framed) in enumerate(zip(system.origin_rows, system.is_frame, strict=True)):
-        where |= {int(r) + i: (v, i) for i in range(4 if framed else 1)}
+    size = np.where(system.is_frame, 4, 1)
+    every = np.repeat(system.origin_rows - np.cumsum(size) + size, size) + np.arange(size.sum())
+    vertex, component = np.full(system.total, -1), np.zeros(system.total, dtype=np.int64)
+    vertex[every] = np.repeat(np.arange(count), size)
+    component[every] = every - np.repeat(system.origin_rows, size)
     numbers, block, place = numbered(system, plan.rows, count, 6)
     terms, cosines = system.constraints.terms(), system.branch_cosines.terms()
-    products, factors, linear, own = [], [], [], []
-    joints = first_held(system)
-    for k, a, b, c, drive, component in zip(*terms[:6], strict=True):
-        if block[k] >= 0 and k < joints:
-            (u, i), (v, j) = where.get(a, (-1, 0)), where.get(b, (-1, 0))
-            slots = [plan.slot[x, y] if x >= 0 and y >= 0 else -1 for x, y in ((u, v), (v, u))]
-            for x in (u, v):
-                slots += [plan.slot[e] if x >= 0 else -1 for e in ((block[k], x), (x, block[k]))]
-            ends = block[k], place[k], a, b, u, i, v, j
-            products.append((*ends, *slots, drive, component))
-            factors.append(c)
-    for k, a, c in zip(terms.linear_row, terms.linear, terms.linear_factor, strict=True):
-        v, i = where.get(a, (-1, 0))
-        for n in range(3):
-            e = block[k + n]
-            if e >= 0:
-                slots = [plan.slot[x] if v >= 0 else -1 for x in ((e, v), (v, e))]
-                linear.append((e, place[k + n], a, n, v, i, *slots))
-                own.append(c)
-    pairs = []
-    for k, each in enumerate(plan.rows, count):
-        inner = [v for v in each.vertices if v < count]
-        pairs += [(plan.slot[u, k], plan.slot[k, v], plan.slot[u, v]) for u in inner for v in inner]
+    own = np.flatnonzero((block[terms.row] >= 0) & (terms.row < first_held(system)))
+    k, a, b = terms.row[own], terms.left[own], terms.right[own]
+    e, u, v = block[k], vertex[a], vertex[b]
+    products = [e, place[k], a, b, u, component[a], v, component[b]]
+    products += [plan.slots(*ends) for ends in ((u, v), (v, u), (e, u), (u, e), (e, v), (v, e))]
+    products += [terms.drive_row[own], terms.drive_component[own]]
+    each = (terms.linear_row[:, None] + np.arange(3)).ravel()
+    n, linear = np.tile(np.arange(3), len(terms.linear_row)), np.repeat(terms.linear, 3)
+    of_vectors = np.flatnonzero(block[each] >= 0)
+    k, a, n = each[of_vectors], linear[of_vectors], n[of_vectors]
+    e, v = block[k], vertex[a]
+    vectors = [e, place[k], a, n, v, component[a], plan.slots(e, v), plan.slots(v, e)]
+    inner = [[v for v in each.vertices if v < count] for each in plan.rows]
+    u, e, v = (
+        np.array(
+            [(u, k, v) for k, own in enumerate(inner, count) for u in own for v in own],
+            dtype=np.int64,
+        )
+        .reshape(-1, 3)
+        .T
+    )
+    pairs = np.stack([plan.slots(u, e), plan.slots(e, v), plan.slots(u, v)], axis=-1)
     turned = np.zeros((len(cosines.row), 16), dtype=np.int64)
     turned[:, [rows.BLOCK, rows.LEFT, rows.RIGHT]] = np.column_stack(cosines[:3])
     turned[:, [rows.DRIVE, rows.COMPONENT]] = np.column_stack(cosines[4:6])
     return {
-        "row_products": np.array(products, dtype=np.int64).reshape(-1, 16),
-        "row_factors": np.array(factors, dtype=float),
-        "row_linear": np.array(linear, dtype=np.int64).reshape(-1, 8),
-        "row_linear_factors": np.array(own, dtype=float),
+        "row_products": np.stack(products, axis=-1),
+        "row_factors": terms.factor[own],
+        "row_linear": np.stack(vectors, axis=-1),
+        "row_linear_factors": np.repeat(terms.linear_factor, 3)[of_vectors],
         **of_blocks(system, plan, numbers, terms.constant),
-        "row_pairs": np.array(pairs, dtype=np.int64).reshape(-1, 3),
+        "row_pairs": pairs,
         "cosines": turned,
         "cosine_factors": np.array(cosines.factor, dtype=float),
         "cosine_constant": np.array(cosines.constant, dtype=float),
@@ -97,16 +98,15 @@ def bound_held(
     down, up = np.full((*shape, nodes), last), np.full((*shape, nodes), last)
     for each in theories:
         assert group is not None
-        first = group.slices[id(each.beam)].start
-        for (e, p, s), number in np.ndenumerate(each.numbers):
-            k, c = int(block[number]), int(place[number])
-            if k < 0:
-                continue
-            to = first + e, p, holds.index(each.held[s])
-            held[to], on[to] = stride * k + c, width * (k - count) + c
-            for u, v in enumerate(group.vertices[first + e].tolist()):
-                down[(*to, u)] = stride * (width * plan.slot[k, v] + c)
-                up[(*to, u)] = stride * width * plan.slot[v, k] + c
+        e, p, strain = np.nonzero(block[each.numbers] >= 0)
+        number = each.numbers[e, p, strain]
+        k, c = block[number], place[number]
+        e = e + group.slices[id(each.beam)].start
+        to = e, p, np.array([holds.index(i) for i in each.held])[strain]
+        held[to], on[to] = stride * k + c, width * (k - count) + c
+        ends, k, c = group.vertices[e], k[:, None], c[:, None]
+        down[to] = stride * (width * plan.slots(k, ends) + c)
+        up[to] = stride * width * plan.slots(ends, k) + c
     return {
         "holds": integers(holds),
         "held": held,
@@ -184,7 +184,7 @@ def _weights(system: System, numbers: IndexArray, blocks: Sequence[RowBlock]) ->
         n = system.q0.reshape(-1, 3)[rows] @ system.plane.normal
         least = inertia - np.einsum("vi,vij,vj->v", n, euler, n)
     thin = {int(group.vertices[k, 0]): k for k in np.flatnonzero(least < THIN * inertia)}
-    vectors = _of_vectors(system)
+    vectors = _of_vectors(system) if thin else set()
     for own, row, block in zip(weight, numbers.tolist(), blocks, strict=True):
         for k in (thin[v] for v in block.vertices if v in thin):
             sizes = [0.0 if n < 0 else mass[k] if n in vectors else inertia[k] for n in row]

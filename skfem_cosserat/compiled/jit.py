@@ -21,7 +21,7 @@ from numba.core.runtime import rtsys
 from numba.extending import intrinsic
 
 from .structures import is_groups
-from .warm import NotKept, stamp
+from .warm import NotKept, Source, stamp
 
 __all__ = ["STAMP", "address", "call", "call_back", "call_beams", "call_with", "inlined", "jit"]
 __all__ += ["part", "ready", "shared"]
@@ -113,26 +113,37 @@ def shared(function: Kernel) -> Kernel:
     return cast(Kernel, made)
 
 
-def ready(function: Any, kinds: tuple[Any, ...], kept_only: bool = False) -> Any:
-    """What is compiled of a function for arguments of these types; it is, if need be.
+def ready(function: Any, kinds: tuple[Any, ...], source: Source = Source.COMPILER) -> Any:
+    """What is compiled of a function for arguments of these types.
 
     Raises
     ------
     NotKept
-        With `kept_only`, if it is neither in this process nor on the disk.
+        If it is in none of the places that it may come from.
     """
-    if kept_only and kinds not in function.overloads:
+    if kinds in function.overloads:
+        return function.overloads[kinds]
+    if source < Source.COMPILER:
         cache = function._cache  # another one where there is no folder to keep it in
-        if not isinstance(cache, _Cache) or not cache.holds(kinds, function.targetctx):
+        kept = source == Source.DISK and isinstance(cache, _Cache)
+        if not (kept and cache.holds(kinds, function.targetctx)):
             raise NotKept(function.__name__)
     function.compile(kinds)
     return function.overloads[kinds]
 
 
-def address(function: Any, *kinds: Any, kept_only: bool = False) -> int:
-    """Address of a part for arguments of these types, compiled if need be; see :func:`ready`."""
-    compiled = ready(function, kinds, kept_only)
-    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+#: of parts that are in this process, which keeps their code
+_ADDRESSES: dict[tuple[Any, tuple[Any, ...]], int] = {}
+
+
+def address(function: Any, *kinds: Any, source: Source = Source.COMPILER) -> int:
+    """Address of a part for arguments of these types, see :func:`ready`."""
+    place = _ADDRESSES.get((function, kinds))
+    if place is None:
+        compiled = ready(function, kinds, source)
+        place = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+        _ADDRESSES[function, kinds] = place
+    return int(place)
 
 
 @intrinsic

@@ -9,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from ..frozen import lock_arrays
 from ..joint import JointDrive
 from ..model import System
 from ..model.loading import Followers
 from ..model.plane_rows import acting_rows
-from ..types import Floats, IndexArray
+from ..pattern import shared
+from ..types import ArrayLike, Floats, IndexArray
 
 __all__ = ["Plan", "RowBlock", "following", "plan_of", "row_blocks"]
 
@@ -30,6 +32,8 @@ FILLED = 400
 class Plan:
     """Minimum degree ordering of a graph of vertices, children before their parents.
 
+    It hangs on integers alone: scenes of the same structure share it.
+
     Where that fills in (large lattices), only vertices with up to two neighbours are eliminated in
     blocks: insides of struts, trees. The blocks of the others are left to a sparse solver.
 
@@ -37,18 +41,20 @@ class Plan:
     ----------
     count : int
         Vertices.
-    pairs : iterable of (int, int)
+    pairs : (k, 2) int array
         Vertices that share a block.
-    parent : sequence of int
+    parent : (count,) int array
         Parent of each vertex in the tree of joints, -1 for none.
-    grounded : collection of int
+    grounded : tuple of int
         Vertices that hang on a joint to the ground.
-    held : collection of int
+    held : tuple of int
         Those of them without unknowns: nothing is coupled with them.
     thin : bool
         Eliminate vertices with up to two neighbours only, even where all would not fill in.
-    rows : sequence of RowBlock
+    rows : tuple of RowBlock
         The last vertices are these, each after those that it waits for.
+    limits : (int, int)
+        `THIN` and `FILLED`.
 
     Attributes
     ----------
@@ -69,7 +75,7 @@ class Plan:
         Slots of all pairs of its neighbours; -1 where nothing is added.
     work : int
         Products of blocks that a factorisation takes.
-    rows : list of RowBlock
+    rows : tuple of RowBlock
         What the last vertices are, if not of the scene: constraint rows with multipliers.
 
     Examples
@@ -84,21 +90,25 @@ class Plan:
     def __init__(
         self,
         count: int,
-        pairs: Iterable[tuple[int, int]],
-        parent: Sequence[int],
-        grounded: Collection[int] = (),
-        held: Collection[int] = (),
+        pairs: ArrayLike,
+        parent: ArrayLike,
+        grounded: tuple[int, ...] = (),
+        held: tuple[int, ...] = (),
         thin: bool = False,
-        rows: Sequence[RowBlock] = (),
+        rows: tuple[RowBlock, ...] = (),
+        limits: tuple[int, int] = (THIN, FILLED),
     ) -> None:
-        pairs, self.rows = list(pairs), list(rows)
+        links: list[tuple[int, int]] = [(a, b) for a, b in np.asarray(pairs).tolist()]
+        above: list[int] = np.asarray(parent).tolist()
+        self.rows = rows
         waits = {count - len(rows) + k: block.waits for k, block in enumerate(rows)}
-        graph = _Graph(count, pairs, parent, held, waits)
-        graph.eliminate(None)
+        degree, filled = limits
+        graph = _Graph(count, links, above, held, waits)
+        graph.eliminate(degree)
         left = count - len(graph.order)
-        if not thin and not graph.eliminate(FILLED * left):
-            graph = _Graph(count, pairs, parent, held, waits)
-            graph.eliminate(None)
+        if not thin and not graph.eliminate(count, filled * left):
+            graph = _Graph(count, links, above, held, waits)
+            graph.eliminate(degree)
         self.blocks = len(graph.order)
         updates: list[list[tuple[int, int] | None]] = [
             [(a, b) for a in ws for b in ws] for ws in graph.sorted_later()
@@ -108,7 +118,7 @@ class Plan:
         order, later = graph.order, graph.sorted_later()
         self.order: IndexArray = _ints(order)
         self.rest: IndexArray = self.order[self.blocks :]
-        self.slot = slot = _slots(order, later, self.blocks, graph.around, pairs)
+        self.slot = slot = _slots(order, later, self.blocks, graph.around, links)
         self.ptr = _starts(later)
         self.update_ptr = _starts(updates)
         both = list(zip(order, later, strict=True))
@@ -117,7 +127,29 @@ class Plan:
         self.down = _ints(slot[w, v] for v, ws in both for w in ws)
         self.update = _ints(-1 if ab is None else slot[ab] for each in updates for ab in each)
         self.diag = _ints(slot[v, v] for v in range(count))
-        self.parent_at = _ints(ws.index(parent[v]) if parent[v] >= 0 else -1 for v, ws in both)
+        self.parent_at = _ints(ws.index(above[v]) if above[v] >= 0 else -1 for v, ws in both)
+        # every block by one number, in order: to find many at once
+        self._stride = count
+        ends = np.array(list(slot), dtype=np.int64).reshape(-1, 2)
+        codes = ends[:, 0] * count + ends[:, 1]
+        self._order = np.argsort(codes)
+        self._codes = codes[self._order]
+        lock_arrays(self)
+
+    def slots(self, u: ArrayLike, v: ArrayLike) -> IndexArray:
+        """Numbers of the blocks (u, v), of any shape; -1 where u or v is negative.
+
+        Raises
+        ------
+        KeyError
+            If there is no such block.
+        """
+        u, v = np.broadcast_arrays(np.asarray(u, dtype=np.int64), np.asarray(v, dtype=np.int64))
+        asked, codes = (u >= 0) & (v >= 0), u * self._stride + v
+        places = np.minimum(np.searchsorted(self._codes, codes), len(self._codes) - 1)
+        if (asked & (self._codes[places] != codes)).any():
+            raise KeyError("no such block")
+        return np.where(asked, self._order[places], -1)
 
 
 class RowBlock(NamedTuple):
@@ -193,34 +225,36 @@ def plan_of(system: System, thin: bool = False) -> Plan:
     """Elimination of a system, its rows with multipliers included; see :class:`Plan`."""
     count = len(system.origin_rows)
     rows = row_blocks(system, 6 if system.plane is None else 3)
-    pairs = [
-        (a, b)
-        for group in system.beam_groups
-        for vertices in group.vertices.tolist()
-        for k, a in enumerate(vertices)
-        for b in vertices[k + 1 :]
-    ]
-    pairs += _coupled(system)
+    pairs = [np.zeros((0, 2), dtype=np.int64)]
+    for group in system.beam_groups:
+        a, b = np.triu_indices(group.vertices.shape[1], 1)
+        pairs.append(np.stack([group.vertices[:, a], group.vertices[:, b]], -1).reshape(-1, 2))
+    pairs.append(_coupled(system))
+    of_rows = []
     for k, block in enumerate(rows, count):
         own = [v for v in block.vertices if v < count]
-        pairs += [(a, b) for i, a in enumerate(own) for b in (*own[i + 1 :], k)]
-    parent = [-1] * (count + len(rows))
-    grounded = set()
+        of_rows += [(a, b) for i, a in enumerate(own) for b in (*own[i + 1 :], k)]
+    pairs.append(np.array(of_rows, dtype=np.int64).reshape(-1, 2))
+    parent = np.full(count + len(rows), -1)
+    grounded = []
     for e in system.tree.edges:
         if e.parent < count:
             parent[e.child] = e.parent
         else:
-            grounded.add(e.child)
-    held = {v for v in grounded if not len(system.tree.own[v])}
-    return Plan(len(parent), pairs, parent, grounded, held, thin, rows)
+            grounded.append(e.child)
+    grounded.sort()
+    held = tuple(v for v in grounded if not len(system.tree.own[v]))
+    graph = len(parent), np.concatenate(pairs), parent, tuple(grounded), held
+    return shared(Plan, *graph, thin, tuple(rows), (THIN, FILLED))
 
 
-def _coupled(system: System) -> list[tuple[int, int]]:
-    """Vertices that force elements couple."""
+def _coupled(system: System) -> IndexArray:
+    """Vertices that force elements couple (k, 2)."""
     first = np.array(system.origin_rows)
     order = np.argsort(first)
     vertex = order[np.searchsorted(first[order], system.couplings.pairs, side="right") - 1]
-    return sorted({(min(a, b), max(a, b)) for a, b in vertex.tolist() if a != b})
+    both = np.sort(vertex[vertex[:, 0] != vertex[:, 1]], axis=1)
+    return np.unique(both, axis=0) if len(both) else both
 
 
 def _ints(numbers: Iterable[int]) -> IndexArray:
@@ -282,8 +316,8 @@ class _Graph:
                 self._behind.setdefault(u, []).append(v)
         self._done = [False] * count
 
-    def eliminate(self, most: int | None) -> bool:
-        """Eliminate by degree; False if that takes more than `most` products; None: thin ones."""
+    def eliminate(self, largest: int, most: int | None = None) -> bool:
+        """Eliminate by degree, up to a largest one; False if it takes more than `most` products."""
         around, waiting = self.around, self._waiting
         ready = (v for v, done in enumerate(self._done) if not (done or waiting[v]))
         heap = [(len(around[v]), v) for v in ready]
@@ -296,7 +330,7 @@ class _Graph:
             if degree != len(around[v]):  # it has changed since
                 heapq.heappush(heap, (len(around[v]), v))
                 continue
-            if most is None and degree > THIN:
+            if degree > largest:
                 break
             work += degree**2
             if most is not None and work > most:

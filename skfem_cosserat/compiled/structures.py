@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+import struct
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -101,6 +102,9 @@ class _Unknown(types.Type):
 
 
 _KINDS: dict[str, _Kind] = {}
+#: the same by family and :func:`_sort` of the fields; as few as there are types
+_SORTS: dict[tuple[Any, ...], _Kind] = {}
+_NUMBER, _BITS = struct.Struct("d"), struct.Struct("q")
 
 
 def _known(name: str) -> types.Type:
@@ -122,21 +126,34 @@ def _words(kind: Any) -> int:
     raise TypeError(f"compiled kernels take no field of type {kind}")
 
 
-def _entries(value: Any) -> Iterator[int]:
-    """What is in memory for a field: of numbers their bits."""
+def _sort(name: str, value: Any) -> Any:
+    """What the type of a field hangs on: a key that is much cheaper than numba's type."""
     if isinstance(value, np.ndarray):
-        yield from (0, 0, value.size, value.itemsize, value.ctypes.data)
-        yield from value.shape
-        yield from value.strides
+        flags = value.flags
+        if not (flags.c_contiguous and flags.aligned):
+            raise TypeError(f"array {name} for compiled kernels is not contiguous")
+        return value.dtype, value.ndim
+    if isinstance(value, Structure):
+        return value._numba_type_
+    if isinstance(value, tuple):
+        return tuple(_sort(name, each) for each in value)
+    return type(value)
+
+
+def _put(value: Any, out: list[int]) -> None:
+    """Add what is in memory for a field: of numbers their bits."""
+    if isinstance(value, np.ndarray):
+        address = value.__array_interface__["data"][0]
+        out += (0, 0, value.size, value.itemsize, address, *value.shape, *value.strides)
     elif isinstance(value, tuple):
         for each in value:
-            yield from _entries(each)
+            _put(each, out)
     elif isinstance(value, Structure):
-        yield value.address
+        out.append(value.address)
     elif isinstance(value, float):
-        yield int(np.float64(value).view(np.int64))
+        out += _BITS.unpack(_NUMBER.pack(value))
     else:
-        yield int(value)
+        out.append(int(value))
 
 
 class Structure:
@@ -155,11 +172,17 @@ class Structure:
     __slots__ = ("_memory", "_numba_type_", "_values", "address")
 
     def __init__(self, family: str, names: Sequence[str], values: Sequence[Any]) -> None:
-        fields = {n: _field_type(n, value) for n, value in zip(names, values, strict=True)}
-        kind = _Kind(family, fields)
-        self._numba_type_ = _KINDS.setdefault(kind.name, kind)
+        sorts = family, *map(_sort, names, values)
+        kind = _SORTS.get(sorts)
+        if kind is None:
+            fields = {n: _field_type(value) for n, value in zip(names, values, strict=True)}
+            kind = _Kind(family, fields)
+            kind = _SORTS[sorts] = _KINDS.setdefault(kind.name, kind)
+        self._numba_type_ = kind
         self._values = tuple(values)
-        entries = [entry for value in values for entry in _entries(value)]
+        entries: list[int] = []
+        for value in values:
+            _put(value, entries)
         self._memory = np.array(entries, dtype=np.int64)
         self.address = self._memory.ctypes.data
 
@@ -204,14 +227,10 @@ def is_groups(kind: Any) -> bool:
     return isinstance(kind, _Kind) and kind.family == "groups"
 
 
-def _field_type(name: str, value: Any) -> Any:
+def _field_type(value: Any) -> Any:
     """Numba's type of a field."""
     kind = types.unliteral(typeof(value))
-    if not isinstance(kind, types.Array):
-        return kind
-    if kind.layout != "C" or not kind.aligned:
-        raise TypeError(f"array {name} for compiled kernels is not contiguous")
-    return _View(kind.dtype, kind.ndim)
+    return _View(kind.dtype, kind.ndim) if isinstance(kind, types.Array) else kind
 
 
 @register_model(_Kind)

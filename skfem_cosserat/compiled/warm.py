@@ -1,8 +1,9 @@
 """Kernels on disk: whether those of a scene are there, and how two processes put them there.
 
-Whether a scene's kernels can be had without compiling is found by reading them (`kept_only` of
-:func:`.jit.ready`), as only numba knows for which processor and types it has what;
-:func:`promising` tells without numba, whose import takes as long as a short run, whether to try.
+Whether a scene's kernels can be had without compiling is found by reading them (a
+:class:`Source` of :func:`.jit.ready`), as only numba knows for which processor and types it has
+what. :func:`promising` tells without numba, whose import takes as long as a short run, whether to
+try.
 
 Compiling with two processes: parts are compiled one by one, and kept on disk one by one. On an
 empty cache a helper does the same in reverse order, for a small scene whose structures are of the
@@ -18,15 +19,24 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from enum import IntEnum
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-__all__ = ["NotKept", "cold", "helped", "promising", "stamp"]
+__all__ = ["NotKept", "Source", "cold", "helped", "loaded", "promising", "stamp"]
+
+
+class Source(IntEnum):
+    """Where kernels may come from: this process alone, the disk, too, or even the compiler."""
+
+    PROCESS = 0
+    DISK = 1
+    COMPILER = 2
 
 
 class NotKept(Exception):
-    """A kernel is not there yet, and would have to be compiled."""
+    """A kernel is in none of the places that it may come from."""
 
 
 @cache
@@ -38,6 +48,11 @@ def stamp() -> str:
     for path in [*sorted(folder.rglob("*.py")), *others]:
         digest.update(path.read_bytes())
     return digest.hexdigest()
+
+
+def loaded() -> bool:
+    """Whether this process has kernels."""
+    return f"{__package__}.step" in sys.modules
 
 
 def promising() -> bool:

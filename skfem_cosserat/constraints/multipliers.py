@@ -16,7 +16,7 @@ from ..model.groups import Blocks, Parts
 from ..model.loops import Passages, tree_values, way_off
 from ..model.plane_rows import coordinates_in_plane, rows_in_plane
 from ..model.reparametrisation import Reparametrisation
-from ..pattern import FrozenPattern, sum_at
+from ..pattern import FrozenPattern, shared, sum_at
 from ..types import Array, Floats, IndexArray, switch
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers
 
@@ -80,7 +80,7 @@ class Restriction:
                 cols.append(number[j[there], b])
                 source.append(there)
                 factor.append(both[there])
-        self.pattern = FrozenPattern(np.concatenate(rows), np.concatenate(cols), (size, size))
+        self.pattern = shared(FrozenPattern, *map(np.concatenate, (rows, cols)), (size, size))
         places = self.pattern.slot, np.concatenate(source)
         shape = self.pattern.nnz, full.nnz
         self._data = csr_matrix((np.concatenate(factor), places), shape=shape)
@@ -174,7 +174,7 @@ class BoundMultipliers(BoundTreatment):
         if weight:
             rows.append(g.curvature_rows)
             cols.append(g.curvature_cols)
-        self._full = FrozenPattern(np.concatenate(rows), np.concatenate(cols), (n + m, n + m))
+        self._full = shared(FrozenPattern, *map(np.concatenate, (rows, cols)), (n + m, n + m))
         self._inside = None if system.plane is None else Restriction(system, self._full)
         self.pattern = self._full if self._inside is None else self._inside.pattern
         #: how many of the solver's unknowns are coordinates

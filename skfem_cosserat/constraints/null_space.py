@@ -19,7 +19,7 @@ from ..model.groups import Blocks, Parts
 from ..model.kinematics import Located
 from ..model.loops import Passages, way_on
 from ..model.reparametrisation import Reparametrisation
-from ..pattern import FrozenPattern, sum_at
+from ..pattern import FrozenPattern, shared, sum_at
 from ..types import Array, Floats, IndexArray
 from ..warn import warn
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers
@@ -360,7 +360,7 @@ class BoundNullSpace(BoundTreatment):
             if len(kin.tree.pairs):
                 extra = kin.curvature_pattern()
         T = kin.T_rows, kin.T_cols, kin.ones
-        return Congruence((i, j), extra, T, (kin.n_twist, kin.unknowns))
+        return shared(Congruence, (i, j), extra, T, (kin.n_twist, kin.unknowns))
 
     @cached_property
     def _reduction(self) -> Congruence:
@@ -370,7 +370,7 @@ class BoundNullSpace(BoundTreatment):
         none = np.zeros(0, dtype=np.int64)
         Z = self._Z[0], self._Z[1], np.arange(self._ones)
         pairs = (tree.indices, cols), (none, none)
-        return Congruence(*pairs, Z, (self.kin.unknowns, self.unknowns))
+        return shared(Congruence, *pairs, Z, (self.kin.unknowns, self.unknowns))
 
     # -- a step ----------------------------------------------------------------------------------
 

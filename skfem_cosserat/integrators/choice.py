@@ -9,16 +9,15 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from ..compiled.plan import Plan, plan_of
-from ..compiled.warm import NotKept, promising
+from ..compiled.warm import NotKept, Source, loaded, promising
 from ..constraints import Multipliers, NullSpace, Treatment
 from ..errors import InputError, PerformanceWarning
 from ..frames import TOLERANCE
 from ..linear import Solver
 from ..model import System
-from ..newton import NewtonSettings
 from ..warn import warn
 from .base import Integrator
-from .compiled_step import compiled_step, stepped
+from .compiled_step import stepped
 from .energy_decaying import DecayingBalance
 from .step_balance import StepBalance
 
@@ -86,20 +85,23 @@ def _oblique(system: System) -> bool:
 
 MadeT = TypeVar("MadeT")
 
-#: estimated time with the plain kernels (s) above which compiled ones are taken: compiling them on
-#: an empty cache takes 7 to 12 s on two processors, 14 to 20 s on one
+#: what kernels have to save (s) for a run to have them compiled: on an empty cache that takes 7 to
+#: 12 s on two processors, 14 to 20 s on one
 WORTHWHILE = 25.0
-#: the same where all kernels of the scene are on disk: reading them takes 0.3 to 0.7 s with the
-#: import of numba, and estimates are right to a factor of two
-READING = 1.0
+#: ... to have them read from the disk, which takes 0.3 to 0.4 s with the import of numba; estimates
+#: are right to a factor of two
+READING = 0.5
+#: ... to take those that this process has: to put arrays of a scene into structures for them takes
+#: a few ms, and some time for each vertex
+STARTING, STARTING_EACH = 0.01, 4e-5
 #: Newton iterations assumed for a step
 ITERATIONS = 3
 #: how much faster a step is with compiled kernels, for the warning where numba is missing: what
 #: was measured for 20 and for 2000 elements lies on both sides
 FACTOR = 15
 #: how much slower plain kernels are where lines of beams are eliminated: 4 to 7 times as measured
-#: for 20 elements, more for more
-ELIMINATED = 5
+#: for 20 elements, more for more; and with multipliers: twice for 20 elements, more for more
+ELIMINATED, MULTIPLIED = 5, 2
 SWITCHED_OFF = "numba does not compile: NUMBA_DISABLE_JIT is set"
 #: oldest version of numba that compiles the kernels
 NUMBA = (0, 63)
@@ -110,7 +112,8 @@ STEPS = 1000
 class Choice(NamedTuple):
     """Kernels, and why; how compiled ones eliminate, and whether a plane takes those of space.
 
-    And how long all is estimated to take with plain ones (s).
+    And how long all is estimated to take with plain ones (s), and where compiled ones may come
+    from.
     """
 
     name: str
@@ -118,15 +121,35 @@ class Choice(NamedTuple):
     plan: Plan | None = None
     space: bool = False
     seconds: float = 0.0
+    source: Source = Source.COMPILER
 
 
 def estimated_seconds(system: System, steps: int, iterations: int = ITERATIONS) -> float:
     """Time of as many steps or points with the plain kernels, to a factor of two or so (s)."""
-    nodes = sum(g.vertices.size for g in system.beam_groups)
-    entries = sum(g.vertices.size * g.vertices.shape[1] for g in system.beam_groups)
-    vertices = len(system.origin_rows)
-    each = 2e-4 + 7e-7 * (nodes + entries) + 1.5e-6 * vertices
-    return steps * (1.5e-4 + iterations * each)
+    return steps * (1.5e-4 + iterations * _plain_iteration(system))
+
+
+def _plain_iteration(system: System) -> float:
+    """Time of an iteration with the plain kernels (s)."""
+    couplings = system.couplings.items
+    kinds = len({tuple(c.kind for c in item.coordinates) for item in couplings})
+    vertices = 1.5e-6 * len(system.origin_rows)
+    return 2e-4 + 7e-7 * _entries(system) + vertices + 3e-4 * kinds + 3e-6 * len(couplings)
+
+
+def compiled_share(system: System) -> float:
+    """Time of an iteration with compiled kernels, by that with plain ones.
+
+    What both do alike is left out of both: sparse factorisations, functions that are called back.
+    """
+    items = 5e-7 * len(system.joints) + 1e-6 * len(system.couplings.items)
+    return min(1.0, (3e-6 + 4e-8 * _entries(system) + items) / _plain_iteration(system))
+
+
+def _entries(system: System) -> int:
+    """Nodes of elements, and pairs of them."""
+    shapes = [group.vertices.shape for group in system.beam_groups]
+    return sum(count * nodes * (1 + nodes) for count, nodes in shapes)
 
 
 def choose_kernels(
@@ -140,21 +163,18 @@ def choose_kernels(
     """See :func:`choose`; for a run of as many steps, each perhaps composed of others."""
     count = (STEPS if steps is None else steps) * max(1, len(integrator.shares))
     seconds = estimated_seconds(system, count)
-    if system.kinematics.elements is not None and not isinstance(treatment, Multipliers):
+    if isinstance(treatment, Multipliers):
+        seconds *= MULTIPLIED
+    elif system.kinematics.elements is not None:
         seconds *= ELIMINATED
     refused = refusal(system, integrator, treatment)
     if not integrator.solves:  # there is nothing to be compiled for the sake of
         seconds = 0.0
     space = in_space(system, integrator)
-    if not (space or system.plane is None or refused) and (kernels == "numba" or seconds > READING):
-        space = len(plan_of(stepped(system, treatment, False), solver is not None).rest) > 0
-
-    def trial(plan: Plan) -> None:
-        chosen = integrator.single, treatment, 1.0, NewtonSettings(), plan, solver
-        compiled_step(system, *chosen, space=space, kept_only=True)
-
-    scene = stepped(system, treatment, space)
-    chosen = choose(kernels, scene, refused, seconds, solver, trial)
+    chosen = choose(kernels, stepped(system, treatment, space), refused, seconds, solver)
+    if not (space or system.plane is None) and chosen.plan is not None and len(chosen.plan.rest):
+        space, whole = True, stepped(system, treatment, True)
+        chosen = chosen._replace(plan=plan_of(whole, solver is not None))
     return chosen._replace(space=space, seconds=seconds)
 
 
@@ -164,9 +184,11 @@ def choose(
     refused: str | None,
     seconds: float,
     solver: Solver | None = None,
-    trial: Callable[[Plan], None] | None = None,
 ) -> Choice:
     """What ``kernels="auto" | "numpy" | "numba"`` means for a scene.
+
+    Whether kernels are where the choice lets them come from turns out when they are made, see
+    :func:`built`.
 
     Parameters
     ----------
@@ -178,9 +200,6 @@ def choose(
         Estimated time with the plain ones (s).
     solver : Solver, optional
         That is asked for: elimination in blocks leaves all it can to it.
-    trial : callable, optional
-        Gets all kernels ready that the scene takes, without compiling: raises NotKept if one is
-        not on disk. Default: nobody looks.
 
     Raises
     ------
@@ -210,33 +229,71 @@ def choose(
             )
             warn("argument kernels", text, PerformanceWarning)
         return Choice("numpy", refused)
-    if seconds < WORTHWHILE:
-        plan = None if trial is None else _kept(system, seconds, solver, trial)
-        return _short(seconds, plan)
+    work = f"about {seconds:.2g} s of work"
+    source = _source(system, seconds)
+    if source is None:
+        return Choice("numpy", f"{work}, {LONGER}")
     hindrance = _hindrance()
     if hindrance:
-        warn(
-            "argument kernels",
-            f"about {seconds:.0f} s of work with numpy: with numba (pip install"
-            f" 'skfem-cosserat[fast]') some {FACTOR} times faster; {hindrance}",
-            PerformanceWarning,
-        )
+        if source == Source.COMPILER:
+            warn(
+                "argument kernels",
+                f"about {seconds:.0f} s of work with numpy: with numba (pip install"
+                f" 'skfem-cosserat[fast]') some {FACTOR} times faster; {hindrance}",
+                PerformanceWarning,
+            )
         return Choice("numpy", hindrance)
+    compiled = ", and the kernels are compiled already" if source < Source.COMPILER else ""
     plan = plan_of(system, solver is not None)
-    return Choice("numba", f"about {seconds:.2g} s of work with numpy", plan)
+    return Choice("numba", f"{work} with numpy{compiled}", plan, source=source)
+
+
+#: why a run goes without kernels
+LONGER = "compiling would take longer"
+
+
+class _Missed:
+    """What runs of this process would have saved with kernels, as each alone was too short (s)."""
+
+    seconds = 0.0
+
+
+def _source(system: System, seconds: float) -> Source | None:
+    """Where kernels may come from to save more time than that takes; None: nowhere.
+
+    `seconds` is the time without kernels. Kernels are also looked for on the disk where many short
+    runs together would have paid for it.
+    """
+    saved = seconds * (1 - compiled_share(system))
+    if saved >= WORTHWHILE:
+        return Source.COMPILER
+    _Missed.seconds += saved
+    if _Missed.seconds >= READING:
+        _Missed.seconds = 0.0
+        if promising():
+            return Source.DISK
+    vertices = STARTING_EACH * len(system.origin_rows)
+    return Source.PROCESS if loaded() and saved >= STARTING + vertices else None
 
 
 def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | None]:
     """What `make` makes of compiled kernels; nothing where numpy is chosen, or numba fails.
 
-    Kernels are written for numba as it is: a newer one may refuse what older ones compile. Then a
-    warning says so, and plain numpy takes over.
+    Nor where kernels would have to be compiled, and the run does not pay for that. They are written
+    for numba as it is: a newer one may refuse what older ones compile. Then a warning says so, and
+    plain numpy takes over.
     """
     if choice.name != "numba":
         return choice, None
     try:
         return choice, make()
+    except NotKept:
+        missing = ", not all of its kernels are on disk" if choice.source == Source.DISK else ""
+        work = choice.why.partition(" with numpy")[0]
+        return Choice("numpy", f"{work}{missing}, {LONGER}", seconds=choice.seconds), None
     except compile_errors() as error:
+        if choice.source < Source.COMPILER:  # warned of where it is worth while
+            return Choice("numpy", LONGER, seconds=choice.seconds), None
         from numba import __version__
 
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
@@ -266,31 +323,3 @@ def _hindrance() -> str | None:
         needed = ".".join(map(str, NUMBA))
         return f"numba {__version__} is installed, compiled kernels need {needed} or newer"
     return SWITCHED_OFF if config.DISABLE_JIT else None
-
-
-def _short(seconds: float, kept: Plan | None) -> Choice:
-    """Kernels where compiling would not pay; `kept`: elimination, if it is done already."""
-    work = f"about {seconds:.2g} s of work"
-    if kept is not None:
-        return Choice("numba", f"{work} with numpy, and the kernels are compiled already", kept)
-    missing = ", not all of its kernels are on disk" if seconds >= READING else ""
-    return Choice("numpy", f"{work}{missing}, compiling would take longer")
-
-
-def _kept(
-    system: System,
-    seconds: float,
-    solver: Solver | None,
-    trial: Callable[[Plan], None],
-) -> Plan | None:
-    """Elimination, if reading kernels pays and none has to be compiled; else None."""
-    if seconds < READING or not promising() or _hindrance():
-        return None
-    plan = plan_of(system, solver is not None)
-    try:
-        trial(plan)
-    except NotKept:
-        return None
-    except compile_errors():  # warned of where it is worth while
-        return None
-    return plan

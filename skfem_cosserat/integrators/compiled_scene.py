@@ -11,12 +11,13 @@ import numpy as np
 
 from ..compiled.numbers import ENERGY, NUMBERS
 from ..compiled.plan import Plan, following, plan_of
+from ..compiled.warm import Source
 from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
 from ..model.parts import separate_parts
 from ..newton import NewtonSettings
-from ..pattern import FrozenPattern
+from ..pattern import FrozenPattern, shared
 from ..types import Floats, IndexArray
 from .called_back import CalledLaws
 from .scheme import Scheme
@@ -70,7 +71,7 @@ class Rest:
         cols = np.broadcast_to(first[ends[:, 1:, None]] + k, inside.shape)[inside]
         places = (36 * slots[:, None, None] + 6 * k[:, None] + k)[inside]
         count = int(each.sum())
-        pattern = FrozenPattern(rows, cols, (count, count))
+        pattern = shared(FrozenPattern, rows, cols, (count, count))
         self._take = np.empty(pattern.nnz, dtype=np.int64)  # every entry is in one place only
         self._take[pattern.slot] = places
         self._numbers = (6 * np.arange(len(size))[:, None] + k)[k < each[:, None]]
@@ -170,13 +171,13 @@ class CompiledScene:
         Of what elimination in blocks leaves.
     static : bool
         For a balance at rest, with loads that are evaluated in each iteration.
-    kept_only : bool
-        Take kernels that are in this process or on the disk; compile none.
+    source : Source
+        Where kernels may come from.
 
     Raises
     ------
     NotKept
-        If a kernel is neither here nor there.
+        If a kernel is in none of these places.
 
     Attributes
     ----------
@@ -193,10 +194,10 @@ class CompiledScene:
         plan: Plan | None = None,
         solver: Solver | None = None,
         static: bool = False,
-        kept_only: bool = False,
+        source: Source = Source.COMPILER,
     ) -> None:
         self.system, self.settings, self.scheme = system, settings, scheme
-        self._kept_only = kept_only
+        self._source = source
         self.plan = plan_of(system, solver is not None) if plan is None else plan
         self.factorisations = 0
         self._drag_factor = 0.0
@@ -249,15 +250,13 @@ class CompiledScene:
 
         system, viscous = self.system, not static and is_viscous(self.system)
         parts = self._parts(weight, ends or is_viscous(system), static)
-        with COMPILING, bind.compiling(system, parts, kept_only=self._kept_only):
+        with COMPILING, bind.compiling(system, parts, source=self._source):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
             separate = separate_parts(system) if self.scheme.relative else None
             w, self._arrays = bind.bound_work(system, self.plan, self.late, separate)
-            g, self._beams = bind.bound_groups(
-                system, self.plan, self._tree, viscous, self._kept_only
-            )
-            table = bind.addresses(parts, (s, m, w, g), kept_only=self._kept_only)
+            g, self._beams = bind.bound_groups(system, self.plan, self._tree, viscous, self._source)
+            table = bind.addresses(parts, (s, m, w, g), source=self._source)
         if len(self.plan.rest):
             A, x = self._arrays["A"], self._arrays["x"]
             self._rest = Rest(self.plan, planned["size"], A, x, self._solver)
@@ -274,9 +273,15 @@ class CompiledScene:
     def _number(self) -> None:
         """Where the tree's coordinates are among those of the vertices."""
         system, width = self.system, self._arrays["x"].shape[1]
+        own = system.tree.own
+        count = np.array([len(places) for places in own.values()], dtype=np.int64)
+        first = np.repeat(
+            width * np.array(list(own), dtype=np.int64) - np.cumsum(count) + count, count
+        )
         self._numbering = np.full(system.kinematics.unknowns, -1)
-        for v, places in system.tree.own.items():
-            self._numbering[places] = width * v + np.arange(len(places))
+        self._numbering[[k for places in own.values() for k in places]] = first + np.arange(
+            len(first)
+        )
 
     @property
     def linear(self) -> LinearSolver | None:
@@ -334,20 +339,22 @@ class NearestVelocity(CompiledScene):
 
     Parameters
     ----------
-    system, settings, kept_only
+    system, settings, source
         As for :class:`CompiledScene`.
     """
 
-    def __init__(self, system: System, settings: NewtonSettings, kept_only: bool = False) -> None:
+    def __init__(
+        self, system: System, settings: NewtonSettings, source: Source = Source.COMPILER
+    ) -> None:
         from ..compiled import bind, jit, static
         from ..compiled.structures import PROJECTION, structure
 
         scheme = Scheme(1.0, 1.0, 0.0, weight=1.0, rate=0.0, at=1.0)
         space = system.spatial.jointed
-        super().__init__(space, scheme, 1.0, settings, static=True, kept_only=kept_only)
+        super().__init__(space, scheme, 1.0, settings, static=True, source=source)
         own = dict(zip(PROJECTION, self._all, strict=True))
         self._projection = structure("projection", own)
-        function = jit.address(static.nearest, bind.typeof(self._projection), kept_only=kept_only)
+        function = jit.address(static.nearest, bind.typeof(self._projection), source=source)
         #: for :func:`skfem_cosserat.compiled.bind.bound_carried`
         self.bound = function, self._projection.address, self._a.y0, self._a.p0, self._a.change
         #: whether it takes directions from where a step starts

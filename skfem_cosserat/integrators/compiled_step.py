@@ -50,6 +50,7 @@ from ..compiled.numbers import (
     WORK,
 )
 from ..compiled.plan import Plan
+from ..compiled.warm import Source
 from ..constraints import Multipliers, Treatment
 from ..constraints.base import BoundTreatment, half_turn, largest
 from ..coupling import Coupling
@@ -247,7 +248,7 @@ class CompiledStep(CompiledScene):
     integrator : Integrator
     h : float
         Step size (s).
-    system, settings, plan, solver, kept_only
+    system, settings, plan, solver, source
         As for :class:`CompiledScene`.
     plane : Plane, optional
         In which the scene stays: rounding that leads out of it is taken away after each step.
@@ -261,7 +262,7 @@ class CompiledStep(CompiledScene):
         settings: NewtonSettings,
         plan: Plan | None = None,
         solver: Solver | None = None,
-        kept_only: bool = False,
+        source: Source = Source.COMPILER,
         plane: Plane | None = None,
     ) -> None:
         from ..compiled import step
@@ -269,7 +270,7 @@ class CompiledStep(CompiledScene):
         scheme = integrator.scheme(h)
         assert isinstance(scheme, Scheme)
         own = system, scheme, scheme.weight, settings, plan, solver
-        super().__init__(*own, kept_only=kept_only)
+        super().__init__(*own, source=source)
         self.integrator, self.h = integrator, h
         self._normal = None if plane is None else plane.normal
         #: whether the unknowns are others than the treatment's
@@ -278,7 +279,7 @@ class CompiledStep(CompiledScene):
         self._record = np.zeros(len(RECORD))
         self._nearest: NearestVelocity | None = None
         if scheme.moved and system.m and NearestVelocity.serves(system.tied):
-            self._nearest = NearestVelocity(system.tied, settings, kept_only)
+            self._nearest = NearestVelocity(system.tied, settings, source)
         self._carry(scheme)
         self._called_back: CalledBack | None = None
         self._couple(scheme, h)
@@ -337,7 +338,7 @@ class CompiledStep(CompiledScene):
     def _couple(self, scheme: Scheme, h: float) -> None:
         """Force elements; loads that are functions are called back."""
         system, functions = self.system, self.system.couplings.functions
-        inside = system.couplings_of(system.couplings.items)
+        inside = system.couplings_of(system.couplings.items) if functions else system.couplings
         self._coupled = Coupled(system, inside, self._a.coupled, scheme, h)
         if not functions:
             return
@@ -359,7 +360,7 @@ class CompiledStep(CompiledScene):
         from ..compiled import bind, jit
 
         kinds = tuple(bind.typeof(each) for each in (*self._all, self._record, self._carried))
-        entry: Callable[..., bool] = jit.ready(self._step.solve, kinds, self._kept_only).entry_point
+        entry: Callable[..., bool] = jit.ready(self._step.solve, kinds, self._source).entry_point
         return entry
 
     def resized(self, h: float) -> CompiledStep:
@@ -656,7 +657,7 @@ def compiled_step(
     solver: Solver | None = None,
     *,
     space: bool = False,
-    kept_only: bool = False,
+    source: Source = Source.COMPILER,
 ) -> CompiledStep:
     """Steps with one of the treatments; see :class:`CompiledStep`.
 
@@ -664,7 +665,7 @@ def compiled_step(
     """
     plane, scene = system.plane if space else None, stepped(system, treatment, space)
     kind = CompiledStep if scene.plane is None else CompiledPlane
-    return kind(scene, integrator, h, settings, plan, solver, kept_only, plane)
+    return kind(scene, integrator, h, settings, plan, solver, source, plane)
 
 
 def stepped(system: System, treatment: Treatment, space: bool) -> System:
@@ -690,13 +691,13 @@ class CompiledPlane(CompiledStep):
         system = self.system
         parts = bind.parts_of(system, weight, ends or is_viscous(system))
         frames = plane.Frames(system)
-        with COMPILING, bind.compiling(system, parts, "plane", self._kept_only):
+        with COMPILING, bind.compiling(system, parts, "plane", self._source):
             rows, outside = plane.bound_space(system, frames)
             s, self._tree = plane.bound_tree(system, self.plan, frames, rows)
             m, _ = bind.bound_plan(system, self.plan)
             w, arrays = plane.bound_work(system, self.plan, frames)
             g, self._beams = plane.bound_groups(system, self.plan, frames, outside, self._tree)
-            table = bind.addresses(parts, (s, m, w, g), "plane", self._kept_only)
+            table = bind.addresses(parts, (s, m, w, g), "plane", self._source)
         own = ("y0", "y1", "ground1", "p0", "external", "R", "carried")
         self._arrays = arrays | {name: outside[name] for name in own}
         self._number()

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..compiled.warm import Source
 from ..constraints import BoundTreatment, Treatment
 from ..constraints.saddle import accelerations, nearest_velocity
 from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError, PerformanceWarning
@@ -480,7 +481,7 @@ class Stepper:
         #: by size, the oldest first; as many as a composed step has
         self._sizes: dict[float, _Size] = {}
         if self._march is None:
-            if self.choice.name == "numba":
+            if self.choice.name == "numba" and self.choice.source == Source.COMPILER:
                 text = "kernels are compiled, some 10 s at the first time, or read from the cache"
                 logger.info(text)
                 if announce is not None:
@@ -492,11 +493,14 @@ class Stepper:
 
     def _make(self, h: float, solver: Solver | None) -> None:
         """Balance and kernels for steps of a size (s)."""
-        system, one, plan = self.system, self.integrator.single, self.choice.plan
+        system, one, choice = self.system, self.integrator.single, self.choice
         balance = one.balance(system, h)
-        chosen = one, self.treatment, h, self.settings, plan, solver
-        space = self.choice.space
-        self.choice, fast = built(self.choice, lambda: compiled_step(system, *chosen, space=space))
+
+        def make() -> CompiledStep:
+            chosen = one, self.treatment, h, self.settings, choice.plan, solver
+            return compiled_step(system, *chosen, space=choice.space, source=choice.source)
+
+        self.choice, fast = built(choice, make)
         self._sizes[h] = _Size(h, balance, fast)
 
     def _sized(self, h: float) -> _Size:

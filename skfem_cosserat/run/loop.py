@@ -268,8 +268,9 @@ def simulate(
     kernels : {"auto", "numpy", "numba"}
         Plain numpy kernels, or those compiled by numba (extra ``fast``), six to 35 times
         faster after some 10 s of compilation, which is kept on disk. "auto" takes them if numba
-        is installed, the estimated time with numpy is above 25 s, or above 1 s where all kernels
-        of the scene are on disk or in this process already, and there are some: not for
+        is installed and they save, as estimated, more than 25 s; or more than 0.5 s where all
+        kernels of the scene are on disk already, this run and those before in this process
+        together; or more than some 0.01 s where this process has them. There are none for
         explicit schemes, integrators with a balance of their own, treatments of one's own and the
         full system of multipliers. ``history.meta["kernels"]`` and ``["kernels_why"]`` say what
         was taken, and why. They keep factors of matrices over iterations and steps as long as

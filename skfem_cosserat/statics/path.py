@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.plan import Plan
 from ..constraints import NullSpace, Treatment
 from ..diagnostics.forces import overstretched_at
 from ..diagnostics.stacked import reduced_tangent
@@ -41,7 +40,7 @@ from .schedule import (
     derive_path,
     weights,
 )
-from .solver import UNMOVED, CompiledBalance, PathSolver
+from .solver import UNMOVED, PathSolver
 from .static_checks import (
     check_growth,
     check_run,
@@ -629,17 +628,12 @@ def static(
         if direction is None:
             first = held_start(system, schedule, first)
 
-        def trial(plan: Plan) -> None:
-            own = system, treatment, settings, plan, solver, True
-            CompiledBalance(*own, spin=spin is not None).prepare()
-
         choice = choose(
             kernels,
             stepped(system, treatment, space=True),
             static_refusal(treatment),
             estimated_seconds(system, control.expected, ITERATIONS),
             solver,
-            trial=trial,
         )
         points = PathSolver(system, treatment, schedule, settings, choice, solver)
         continuation = Continuation(system, points, control, watch and system.unknowns > 0)

@@ -12,6 +12,7 @@ from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from ..compiled.numbers import CALLED_BACK
 from ..compiled.plan import Plan
+from ..compiled.warm import Source
 from ..constraints import Treatment
 from ..constraints.base import BoundTreatment
 from ..integrators.called_back import CalledAtRest
@@ -399,7 +400,7 @@ class CompiledBalance(CompiledScene):
     ----------
     system : System
     treatment : Treatment
-    settings, plan, solver, kept_only
+    settings, plan, solver, source
         See :class:`CompiledScene`; the plan is that of :func:`.compiled_step.stepped` in space.
     spin : bool
         Whether everything is seen from a turning frame.
@@ -418,7 +419,7 @@ class CompiledBalance(CompiledScene):
         settings: NewtonSettings,
         plan: Plan | None = None,
         solver: Solver | None = None,
-        kept_only: bool = False,
+        source: Source = Source.COMPILER,
         spin: bool = False,
     ) -> None:
         from ..compiled import static
@@ -426,7 +427,7 @@ class CompiledBalance(CompiledScene):
 
         self._plane = system.plane
         own = stepped(system, treatment, space=True), REST, 1.0, settings, plan, solver
-        super().__init__(*own, static=True, kept_only=kept_only)
+        super().__init__(*own, static=True, source=source)
         system = self.system
         self._static = static
         count, each = len(system.origin_rows), len(self._a.x)
@@ -476,7 +477,7 @@ class CompiledBalance(CompiledScene):
         kernels = (self._static.begin, ()), (self._static.move, ()), (self._static.solve, some)
         for kernel, others in kernels:
             kinds = tuple(bind.typeof(each) for each in (*self._all, *others))
-            jit.ready(kernel, kinds, self._kept_only)
+            jit.ready(kernel, kinds, self._source)
 
     @property
     def y(self) -> Floats:
@@ -801,7 +802,7 @@ class PathSolver:
 
     def _compile(self) -> CompiledBalance:
         own = self.system, self._treatment, self.settings, self.choice.plan, self._asked
-        made = CompiledBalance(*own, spin=self.schedule.spin is not None)
+        made = CompiledBalance(*own, self.choice.source, self.schedule.spin is not None)
         made.prepare()
         return made
 

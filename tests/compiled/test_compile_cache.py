@@ -56,10 +56,10 @@ def test_kernels_are_looked_for_and_not_compiled(monkeypatch):
     monkeypatch.setattr(jit._Cache, "_save_overload", lambda *_: None)
     kernel = jit.jit(plain)
     with pytest.raises(warm.NotKept):
-        jit.ready(kernel, kinds, kept_only=True)
+        jit.ready(kernel, kinds, warm.Source.DISK)
     assert not kernel.overloads
     jit.ready(kernel, kinds)
-    assert jit.ready(kernel, kinds, kept_only=True).entry_point(2.0) == 3.0
+    assert jit.ready(kernel, kinds, warm.Source.DISK).entry_point(2.0) == 3.0
 
 
 def test_threads_compile_one_after_the_other(monkeypatch):
@@ -164,3 +164,32 @@ print(sc.simulate(model.freeze(), *run, kernels="numba")["q"][-1])
     for path in tmp_path.rglob("*.nbi"):  # of a version with other modules
         path.write_bytes(path.read_bytes().replace(b"compiled.structures", b"compiled.structurez"))
     assert run().stdout == first
+
+
+@pytest.mark.slow
+def test_all_parts_are_compiled_ahead(monkeypatch, capsys):
+    """By `python -m skfem_cosserat warm`, for beams of the orders that are asked for."""
+    from skfem_cosserat.__main__ import main
+    from skfem_cosserat.compiled import bind
+    from skfem_cosserat.compiled.numbers import BEAM_PARTS, TREE_PARTS
+
+    asked = {"tree": set(), "plane": set()}
+    orders = set()
+    given = bind.addresses
+
+    def addresses(names, structures, family="tree", *source, **options):
+        asked[family] |= set(names)
+        beams = structures[-1]
+        orders.update(len(g._values[0][0]) - 1 for g in getattr(beams, "members", [beams]))
+        return given(names, structures, family, *source, **options)
+
+    monkeypatch.setattr(bind, "addresses", addresses)
+    assert main(["warm"]) == 0 and capsys.readouterr().out == "kernels are compiled\n"
+    # only scenes in a plane end with forces by rows in space
+    assert asked["tree"] == {*TREE_PARTS, *BEAM_PARTS} - {"beam_finish"}
+    in_space = {"load", "couple", "hold", "beam_start"}
+    flow = {name for name in TREE_PARTS if name.startswith("flow")}
+    assert {*TREE_PARTS, *BEAM_PARTS} - asked["plane"] <= in_space | flow
+    assert orders == {1}
+    with pytest.raises(SystemExit):
+        main(["warm", "--orders", "high"])

@@ -21,6 +21,9 @@ from skfem_cosserat.integrators import choice
 from skfem_cosserat.integrators.choice import refusal
 
 pytest.importorskip("numba")
+jit = pytest.importorskip("skfem_cosserat.compiled.jit")
+step = pytest.importorskip("skfem_cosserat.compiled.step")
+blocks = pytest.importorskip("skfem_cosserat.compiled.blocks")
 TypingError = pytest.importorskip("numba.core.errors").TypingError
 
 
@@ -49,14 +52,59 @@ def test_short_runs_take_kernels_that_are_compiled_already(monkeypatch):
     assert meta["kernels"] == "numba"
     assert "are compiled already" in meta["kernels_why"]
 
-    def missing(function, kinds, kept_only=False):
-        assert kept_only
+    def missing(function, kinds, source):
+        assert source == warm.Source.DISK
         raise warm.NotKept
 
     monkeypatch.setattr("skfem_cosserat.compiled.jit.ready", missing)
     meta = run(derive=False).meta
     assert meta["kernels"] == "numpy"
     assert "not all of its kernels are on disk" in meta["kernels_why"]
+
+
+def test_the_shortest_runs_take_kernels_of_this_process_but_read_none(monkeypatch):
+    monkeypatch.setattr(choice, "STARTING", 0.0)
+    monkeypatch.setattr(choice, "STARTING_EACH", 0.0)
+    monkeypatch.setattr(choice, "WORTHWHILE", 25.0)
+    run = partial(sc.simulate, tree(1), sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05)
+    run(kernels="numba", derive=False)
+    assert run(derive=False).meta["kernels"] == "numba"
+    held = [f for f in (step.solve, blocks.factor) if f.overloads]
+    for function in held:
+        monkeypatch.setattr(function, "overloads", {})
+    monkeypatch.setattr(jit, "_ADDRESSES", {})
+    monkeypatch.setattr(jit._Cache, "holds", None)  # is not asked
+    meta = run(derive=False).meta
+    assert held and meta["kernels"] == "numpy"
+    assert meta["kernels_why"].endswith("s of work, compiling would take longer")
+
+
+def test_kernels_are_judged_by_what_they_save():
+    """A thousand springs cost compiled steps nearly as much as plain ones: less is saved."""
+    scenes = [rod_with_springs(count) for count in (0, 1, 1000)]
+    share = [choice.compiled_share(system) for system in scenes]
+    assert 0.0 < share[0] < 0.1 and share[1] < 0.1 and 0.2 < share[2] < 0.6
+    # springs count among the plain work
+    seconds = [choice.estimated_seconds(system, 1) for system in scenes]
+    assert 1.5 * seconds[0] < seconds[1] < seconds[2]
+    steps = int(1.2 * choice.WORTHWHILE / seconds[2])
+    pair = sc.EnergyMomentum(), sc.NullSpace()
+    chosen = choice.choose_kernels("auto", scenes[2], *pair, steps)
+    assert chosen.seconds > choice.WORTHWHILE and chosen.name == "numpy"
+    assert choice.choose_kernels("auto", scenes[0], *pair, 10**6).source == warm.Source.COMPILER
+
+
+def rod_with_springs(count):
+    model = sc.Model()
+    section = sc.SectionCircle(0.01, sc.Material(5e6, 0.5, 1e3))
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 20, name="rod")
+    rod = model.add("rod", sc.Beam(mesh, section))
+    start, end = rod.node("rod.start"), rod.node("rod.end")
+    model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), start, axis=(0, 0, 1)))
+    for k in range(count):
+        place = sc.ground((1, 1 + k / 100, 0))
+        model.add(f"spring {k}", sc.SpringDamper(place, end, stiffness=1.0, damping=0.1))
+    return model.freeze()
 
 
 def test_the_disk_is_looked_at_without_numba(monkeypatch, tmp_path):

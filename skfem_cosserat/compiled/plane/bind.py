@@ -22,6 +22,7 @@ from ..bind import (
     drives_of,
     followed,
     fulcrum_of,
+    kinds_of,
     nested,
     work_of,
 )
@@ -386,16 +387,15 @@ def bound_beams(
         + [pairs(k).reshape(ne, 6)],
         axis=1,
     )
-    kinds, section = np.unique(sections, axis=0, return_inverse=True)
-    slots = [[[plan.slot[a, b] for b in vs] for a in vs] for vs in group.vertices.tolist()]
+    kinds, section = kinds_of(sections)
     fields = {
         "N": nested(N),
         "dN": nested(dN),
         "weights": tuple(map(float, elements.weights)),
         "base": np.ascontiguousarray(group.vertices),
-        "slot": np.array(slots, dtype=np.int64),
+        "slot": plan.slots(group.vertices[:, :, None], group.vertices[:, None]),
         "lengths": np.ascontiguousarray(elements.lengths),
-        "section": section.reshape(ne),
+        "section": section,
         "stiffness": np.ascontiguousarray(kinds[:, :9]).reshape(-1, 3, 3),
         "resultants": np.ascontiguousarray(kinds[:, 9:27]).reshape(-1, 6, 3),
         "director": np.ascontiguousarray(kinds[:, 27:]).reshape(-1, 3, 2),
