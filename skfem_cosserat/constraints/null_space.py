@@ -357,9 +357,9 @@ class BoundNullSpace(BoundTreatment):
             omega = kin.frame_twist[:, 3:]
             i = np.concatenate([i, np.repeat(omega, 3, axis=1).ravel()])
             j = np.concatenate([j, np.tile(omega, (1, 3)).ravel()])
-            if len(kin.tree.pairs):
-                extra = kin.curvature_pattern()
-        T = kin.T_rows, kin.T_cols, kin.ones
+            if len(kin.tree.edges):
+                extra = kin.T.curvature_pattern()
+        T = kin.T.rows, kin.T.cols, kin.T.ones
         return Congruence((i, j), extra, T, (kin.n_twist, kin.unknowns))
 
     @cached_property
@@ -409,8 +409,8 @@ class BoundNullSpace(BoundTreatment):
         """The tree at y, and the values of its T; known if y was asked for last."""
         known = self._known
         if known is None or known[0] is not y:
-            at = self.kin.locate(y, self.nodal.fixed)
-            known = self._known = y, at, self.kin.T_values(at)
+            at = self.kin.T.locate(y, self.nodal.fixed)
+            known = self._known = y, at, self.kin.T.values(at)
         return known[1:]
 
     def _set_left(self, y: Array) -> None:
@@ -464,7 +464,7 @@ class BoundNullSpace(BoundTreatment):
             gaps = [closure.violation(s, g) for s in self._chosen]
             if max(float(abs(gap).max(initial=0.0)) for gap in gaps) <= CLOSED:
                 return y1
-            T = kin.T_values(kin.locate(y1, self.nodal.fixed))
+            T = kin.T.values(kin.T.locate(y1, self.nodal.fixed))
             step = np.zeros(kin.unknowns, dtype=y1.dtype)
             for s, gap in zip(closure.again(self._chosen, y1, T), gaps, strict=True):
                 step[s.component.columns] = s.correction(gap)
@@ -484,7 +484,7 @@ class BoundNullSpace(BoundTreatment):
         if self.weight:
             self._set_left(self.constraint_point(y1))
         self._twist_force = self.kin.twist_force(self._left.y, R)
-        self._tree_force = self.kin.reduce(self._T_left, self._twist_force)
+        self._tree_force = self.kin.T.reduce(self._T_left, self._twist_force)
         return self._by_unknowns(self._tree_force)
 
     def _by_unknowns(self, tree_force: Array) -> Array:
@@ -497,12 +497,12 @@ class BoundNullSpace(BoundTreatment):
     def displacement(self, increment: Array, y1: Array) -> Array:
         """See the base class."""
         T1 = self._tree_at(y1)[1]
-        return self.kin.rates(y1, self.kin.expand(T1, self._by_tree(increment)))
+        return self.kin.rates(y1, self.kin.T.expand(T1, self._by_tree(increment)))
 
     def pull(self, gradient: Array) -> Array:
         """See the base class."""
         force = self.kin.twist_force(self._left.y, gradient)
-        return self._by_unknowns(self.kin.reduce(self._T_left, force))
+        return self._by_unknowns(self.kin.T.reduce(self._T_left, force))
 
     def _null_spaces(self, which: str, ys: Array) -> list[list[Array | None]]:
         """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), none of points; of all ys."""
@@ -600,8 +600,8 @@ class BoundNullSpace(BoundTreatment):
             # derivative of P_int^T R
             W = spin_gradient(kin.directors(y1), kin.directors(R))
             values.append((self.weight * W).ravel())
-            if len(kin.tree.pairs):
-                extra = kin.curvature_values(self._left, right, force)
+            if len(kin.tree.edges):
+                extra = kin.T.curvature_values(self._left, right, force)
                 extra *= self.weight
         out = self._congruence.data(values, extra, self._T_left, T1)
         if not self._loops:

@@ -133,7 +133,7 @@ def check_inertia(system: Scene, y: Floats, closure: Floats) -> None:
                 _report(system, own[number], y, fixed)
     if not system.tree.edges:
         return
-    T = kin.T_matrix(kin.T_values(kin.locate(y, fixed))).tocsr()
+    T = kin.T.matrix(kin.T.values(kin.T.locate(y, fixed)))
     for members, coordinates in trees:
         if not coordinates:
             continue
@@ -218,7 +218,7 @@ def _vertex_inertia(system: Scene, y: Floats) -> dict[int, Floats]:
 def _report(system: Scene, number: int, y: Floats, fixed: Floats) -> None:
     coordinate = system.tree.coordinates[number]
     item: StructuralItem = system.owner[coordinate.vertex]
-    axis = np.round(system.kinematics.points_and_axes(y, fixed)[1][number], 6).tolist()
+    axis = np.round(system.kinematics.axes(y, fixed)[number], 6).tolist()
     what = "translation along" if coordinate.kind == "translation" else "rotation about"
     x = np.round(y[system.vertex_rows[coordinate.vertex]], 9).tolist()
     raise InputError(

@@ -159,7 +159,7 @@ class Closure:
         # bipartite graph of rows and coordinates
         ones = np.ones(len(row))
         B = coo_matrix((ones, (row, twist)), shape=(r, nt)).tocsr()
-        T = coo_matrix((np.ones(len(kin.T_rows)), (kin.T_rows, kin.T_cols)), shape=(nt, K)).tocsr()
+        T = kin.T.matrix(np.ones(len(kin.T.rows)))
         C = (B @ T).tocoo()
         graph = coo_matrix((np.ones(C.nnz), (C.row, r + C.col)), shape=(r + K, r + K))
         _, label = connected_components(graph, directed=False)
@@ -170,7 +170,7 @@ class Closure:
             twists = np.unique(B[rows].indices)
             at_twist, at_column = np.full(nt, -1), np.full(K, -1)
             at_twist[twists], at_column[columns] = np.arange(len(twists)), np.arange(len(columns))
-            i, j = at_twist[kin.T_rows], at_column[kin.T_cols]
+            i, j = at_twist[kin.T.rows], at_column[kin.T.cols]
             which = np.flatnonzero((i >= 0) & (j >= 0))
             where = i[which] * len(columns) + j[which]
             at = np.searchsorted(self._twists, twists)

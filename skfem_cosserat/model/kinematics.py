@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -397,7 +398,7 @@ def combination(terms: Sequence[Sequence[tuple[int, float]]]) -> tuple[IndexArra
 
 
 class Kinematics:
-    """Arrays of the twist map T(q) and of the reduction to twists.
+    """Arrays of the reduction to twists and, in :attr:`T`, of the twist map.
 
     Parameters
     ----------
@@ -437,8 +438,7 @@ class Kinematics:
         self._force_rows = np.concatenate([self.frame_rows, row[self.points]])
         first = [self.frame_twist[:, 0], self.point_twist[:, 0], self.frame_twist[:, 3]]
         self._by_twist = np.argsort(np.concatenate(first))
-        self._frame_row = np.where(is_frame, row[:nv], -1)
-        self._spots: dict[Spot, int] = {}
+        self.frame_row = np.where(is_frame, row[:nv], -1)
         #: (coordinate numbers, (parent spot, child spot)) of points that move on spheres
         self.spheres = [
             (
@@ -448,218 +448,66 @@ class Kinematics:
             for e in tree.edges
             if e.joint.freedom().sphere and tree.plane is None
         ]
-        self._pairs()
-        self._prepare_curvature()
+        cs = [*tree.coordinates, *tree.driven]
+        constant = np.array([c.kind not in ("axis", "slide") for c in cs], dtype=bool)
+        self.axis = np.array([c.axis for c in cs]).reshape(len(cs), 3) * constant[:, None]
+        self.guided = [c for c in cs if c.kind == "axis"]
+        self.sliding = [c for c in cs if c.kind == "slide"]
+        self.hinges = np.array([c.number for c in self.guided], dtype=np.int64)
+        self.tracks = np.array([c.number for c in self.sliding], dtype=np.int64)
+        #: material axes: one product gives all of them at a configuration
+        self.axis_terms = [
+            *[self._axis_terms(c, c.axis) for c in self.guided],
+            *[self._axis_terms(c, c.axis) for c in self.sliding],
+            *[self._axis_terms(c, c.right) for c in self.sliding if c.right is not None],
+        ]
+        self._axes = combination(self.axis_terms)
 
-    def _spot(self, spot: Spot) -> int:
-        return self._spots.setdefault(spot, len(self._spots))
+    @cached_property
+    def T(self) -> TwistMap:
+        """The twist map, entry by entry: of a chain it is full, and compiled kernels ask for none."""
+        return TwistMap(self, self.tree.pairs)
+
+    @cached_property
+    def elements(self) -> ConstrainedElements | None:
+        """Elements of the tree whose lines follow from directors, if there are any."""
+        if all(element.rigid for element, _ in self.tree.elements):
+            return None
+        turning: dict[int, list[tuple[int, int]]] = {}
+        for k, p in enumerate(p for p in self.tree.pairs if p.target is not None):
+            if p.rotates:
+                turning.setdefault(p.vertex, []).append((p.number, k))
+        return ConstrainedElements(self.tree, self.row, self.twist_of, turning)
+
+    def _axis_terms(self, c: Coordinate, axis: Floats) -> list[tuple[int, float]]:
+        return [(int(self.row[c.guide]) + i + 1, float(axis[i])) for i in range(3)]
 
     def spot_terms(self, spot: Spot) -> list[tuple[int, float]]:
         """Rows of y and factors whose sum is the spot's position."""
         base = int(self.row[spot.vertex])
         return [(base, 1.0)] + [(base + i + 1, X) for i, X in enumerate(spot.offset) if X != 0]
 
-    def _pairs(self) -> None:
-        tree, cs = self.tree, self.tree.coordinates
-        both = [*cs, *tree.driven]
-        constant = np.array([c.kind not in ("axis", "slide") for c in both], dtype=bool)
-        self.axis = np.array([c.axis for c in both]).reshape(len(both), 3) * constant[:, None]
-        self.guided = [c for c in both if c.kind == "axis"]
-        self.sliding = [c for c in both if c.kind == "slide"]
-        turning = [p for p in tree.pairs if p.target is not None]
-        shifting = [p for p in tree.pairs if p.target is None and cs[p.number].kind != "slide"]
-        slides = [p for p in tree.pairs if p.target is None and cs[p.number].kind == "slide"]
-        self.pair_vertex = np.array([p.vertex for p in turning], dtype=np.int64)
-        self.pair_number = np.array([p.number for p in turning], dtype=np.int64)
-        self.pair_target = np.array([self._spot(p.target) for p in turning], dtype=np.int64)  # type: ignore[arg-type]
-        self.pair_centre = np.array(
-            [self._spot(cs[p.number].centre) for p in turning],  # type: ignore[arg-type]
-            dtype=np.int64,
-        )
-        slide_of = {c.number: i for i, c in enumerate(self.sliding)}
-        self.slide_number = np.array([p.number for p in slides], dtype=np.int64)
-        self._slide_of = np.array([slide_of[p.number] for p in slides], dtype=np.int64)
-        frame = self._frame_row[self.pair_vertex] >= 0 if turning else np.zeros(0, dtype=bool)
-        rotates = np.array([p.rotates for p in turning], dtype=bool) & frame
-        self.pair_rotates = np.flatnonzero(rotates)
-        self.spots = list(self._spots)
-        # spots, then material axes: one product gives all points and axes of a configuration
-        self._combine = combination(
-            [self.spot_terms(s) for s in self.spots]
-            + [self._axis_terms(c, c.axis) for c in self.guided]
-            + [self._axis_terms(c, c.axis) for c in self.sliding]
-            + [self._axis_terms(c, c.right) for c in self.sliding if c.right is not None]
-        )
-        self.hinges = np.array([c.number for c in self.guided], dtype=np.int64)
-        self.tracks = np.array([c.number for c in self.sliding], dtype=np.int64)
-        hinge_of = {number: i for i, number in enumerate(self.hinges.tolist())}
-        numbers = self.pair_number.tolist()
-        #: where axes of pairs are: among those that are fixed, then those of hinges
-        self._axis_of = np.array(
-            [len(both) + hinge_of[k] if k in hinge_of else k for k in numbers], dtype=np.int64
-        )
-        # few pairs, all on hinges: spots, then axes and arms of pairs, in one product
-        self._few = not slides and len(turning) <= len(self.spots) and hinge_of.keys() >= {*numbers}
-        centres = [cs[p.number] for p in turning] if self._few else []
-        self._combine_few = combination(
-            [self.spot_terms(s) for s in self.spots]
-            + [self._axis_terms(c, c.axis) for c in centres]
-            + [
-                [*self.spot_terms(p.target), *((a, -f) for a, f in self.spot_terms(c.centre))]  # type: ignore[arg-type]
-                for p, c in zip(turning, centres, strict=False)
-            ]
-        )
-        turned: dict[int, list[tuple[int, int]]] = {}
-        for k, p in enumerate(turning):
-            if p.rotates:
-                turned.setdefault(p.vertex, []).append((p.number, k))
-        flexible = any(not element.rigid for element, _ in tree.elements)
-        self.elements = (
-            ConstrainedElements(tree, self.row, self.twist_of, turned) if flexible else None
-        )
-        self._T_pattern(shifting, slides)
-
-    def _T_pattern(self, shifting: Sequence[Pair], slides: Sequence[Pair]) -> None:
-        """Identity of free vertices, constant shifts, turning pairs, slides."""
-        tree, cs = self.tree, self.tree.coordinates
-        rows, cols, ones = [], [], []
-        for v in tree.free:
-            for k in tree.own[v]:
-                first = int(self.twist_of[v]) + (3 if cs[k].kind == "rotation" else 0)
-                along = np.flatnonzero(cs[k].axis)
-                rows += (first + along).tolist()
-                cols += [k] * len(along)
-                ones += cs[k].axis[along].tolist()
-        for p in shifting:
-            rows += [int(self.twist_of[p.vertex]) + i for i in range(3)]
-            cols += [p.number] * 3
-            ones += cs[p.number].axis.tolist()
-        base = self.twist_of[self.pair_vertex][:, None] + np.arange(3)
-        number = np.repeat(self.pair_number[:, None], 3, axis=1)
-        slide_vertex = np.array([p.vertex for p in slides], dtype=np.int64)
-        self._slide_twist = self.twist_of[slide_vertex][:, None] + np.arange(3)
-        self.T_rows = np.concatenate(
-            [
-                np.array(rows, dtype=np.int64),
-                base.ravel(),
-                (base[self.pair_rotates] + 3).ravel(),
-                self._slide_twist.ravel(),
-            ]
-        )
-        self.T_cols = np.concatenate(
-            [
-                np.array(cols, dtype=np.int64),
-                number.ravel(),
-                number[self.pair_rotates].ravel(),
-                np.repeat(self.slide_number, 3),
-            ]
-        )
-        if self.elements is not None:
-            self.T_rows = np.concatenate([self.T_rows, self.elements.T_rows])
-            self.T_cols = np.concatenate([self.T_cols, self.elements.T_cols])
-        self._T_constant = np.array(ones)
-        self.n_fixed = len(ones)
-        #: entries that are 1 at any configuration
-        self.ones: IndexArray = np.flatnonzero(self._T_constant == 1)
-        order = np.lexsort((self.T_cols, self.T_rows))
-        self._order = order
-        indptr = np.searchsorted(self.T_rows[order], np.arange(self.n_twist + 1))
-        self._T_structure = (self.T_cols[order].astype(np.int32), indptr.astype(np.int32))
-
-    def _axis_terms(self, c: Coordinate, axis: Floats) -> list[tuple[int, float]]:
-        return [(int(self.row[c.guide]) + i + 1, float(axis[i])) for i in range(3)]
-
-    def _prepare_curvature(self) -> None:
-        """Which pairs have an axis or a point that moves with a vertex, and its twist."""
-        nv = len(self.twist_of)
-        track = np.array([c.guide for c in self.sliding], dtype=np.int64)[self._slide_of]
-        self._on_track = np.flatnonzero(track < nv)
-        self._track_twist = self.twist_of[track[self._on_track]] + 3
-        guide = np.array([c.guide for c in self.tree.coordinates], dtype=np.int64)
-        which = guide[self.pair_number]
-        self._guided = np.flatnonzero((which >= 0) & (which < nv))
-        self._guide_twist = self.twist_of[which[self._guided]] + 3
-        self._spot_vertex = np.array([s.vertex for s in self.spots], dtype=np.int64)
-        self._spot_base = self.row[self._spot_vertex]
-        self._spot_turns = np.array([any(s.offset) for s in self.spots], dtype=bool)
-        self._pair_twist = self.twist_of[self.pair_vertex][:, None] + np.arange(3)
-        self._rotated_twist = self._pair_twist[self.pair_rotates] + 3
-        # targets, then centres, as far as they move with a vertex; which of them feel its rotation
-        spots = np.concatenate([self.pair_target, self.pair_centre])
-        vertex = self._spot_vertex[spots]
-        on = np.flatnonzero(vertex < nv)
-        self._spot_twist = self.twist_of[vertex[on]]
-        self._spot_pair = on % max(len(self.pair_number), 1)
-        self._spot_sign = np.where(on < len(self.pair_number), 1.0, -1.0)[:, None]
-        self._turning = np.flatnonzero(self._spot_turns[spots[on]])
-        self._turning_spot = spots[on][self._turning]
-
     # -- evaluation ----------------------------------------------------------------------------
 
-    def combined(self, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Spots, axes of hinges, left and right vectors of slides at y."""
-        rows, factors = self._combine
-        both = (factors @ y.take(rows, axis=0))[:, 0]
-        a, b = len(self.spots), len(self.hinges)
-        c = a + b + len(self.tracks)
-        return both[:a], both[a : a + b], both[a + b : c], both[c:]
+    def material_axes(self, y: Array) -> tuple[Array, Array, Array]:
+        """Axes of hinges, left and right vectors of slides at y."""
+        rows, factors = self._axes
+        return self.split((factors @ y.take(rows, axis=0))[:, 0])
 
-    def points_and_axes(self, y: Array, fixed: Floats) -> tuple[Array, Array]:
-        """Spots (k, 3) and axes or slides (K + driven, 3); `fixed` holds what y does not change."""
-        x, hinges, left, right = self.combined(y)
-        if not (len(hinges) or len(left)):
-            return x, fixed
-        axes = fixed.astype(x.dtype)
-        axes[self.hinges] = hinges
+    def split(self, axes: Array) -> tuple[Array, Array, Array]:
+        """Those of hinges, left and right vectors of slides, of all of them."""
+        b = len(self.hinges)
+        c = b + len(self.tracks)
+        return axes[:b], axes[b:c], axes[c:]
+
+    def axes(self, y: Array, fixed: Floats) -> Array:
+        """Axes or slides (K + driven, 3); `fixed` holds what y does not change."""
+        hinges, left, right = self.material_axes(y)
+        out = fixed.astype(y.dtype)
+        out[self.hinges] = hinges
         if len(left):
-            axes[self.tracks] = cross(left, right)
-        return x, axes
-
-    def locate(self, y: Array, fixed: Floats) -> Located:
-        """What all functions of the tree need at configuration y."""
-        if not len(self.pair_number) and not len(self.slide_number):
-            return Located(y, *(y[:0],) * 6)
-        if self._few:
-            rows, factors = self._combine_few
-            every = (factors @ y.take(rows, axis=0))[:, 0]
-            a = len(self.spots)
-            b = a + len(self.pair_number)
-            return Located(y, every[:a], every[a:b], every[b:], *(y[:0],) * 3)
-        x, hinges, left, right = self.combined(y)
-        axis = np.concatenate([fixed, hinges]).take(self._axis_of, axis=0)
-        arm = x.take(self.pair_target, axis=0) - x.take(self.pair_centre, axis=0)
-        if not len(self.slide_number):
-            return Located(y, x, axis, arm, left, right, left)
-        left, right = left[self._slide_of], right[self._slide_of]
-        return Located(y, x, axis, arm, left, right, cross(left, right))
-
-    def T_values(self, at: Located) -> Array:
-        """Entries of T at ``(T_rows, T_cols)``."""
-        if not len(self.T_rows) > self.n_fixed:
-            return self._T_constant
-        axis = at.axis
-        shift = cross(axis, at.arm)
-        turn = axis.take(self.pair_rotates, axis=0)
-        parts = [self._T_constant, shift.ravel(), turn.ravel()]
-        if len(self.slide_number):
-            parts.append(at.slide.ravel())
-        if self.elements is not None:
-            parts.append(self.elements.values(at.y, axis))
-        return np.concatenate(parts)
-
-    def reduce(self, values: Array, twist_force: Array) -> Array:
-        """``T^T t`` (unknowns,) from T's entries."""
-        return sum_at(self.T_cols, values * twist_force.take(self.T_rows), self.unknowns)
-
-    def expand(self, values: Array, rates: Array) -> Array:
-        """``T nu`` (n_twist,) from T's entries."""
-        return sum_at(self.T_rows, values * rates.take(self.T_cols), self.n_twist)
-
-    def T_matrix(self, values: Array) -> csr_matrix:
-        """T (n_twist, unknowns) from its entries."""
-        indices, indptr = self._T_structure
-        shape = (self.n_twist, self.unknowns)
-        return csr_matrix((values[self._order], indices, indptr), shape=shape)
+            out[self.tracks] = cross(left, right)
+        return out
 
     def directors(self, y: Array) -> Array:
         """Directors (nf, 3, 3) of the frames, rows d1, d2, d3; not to be written to."""
@@ -698,6 +546,182 @@ class Kinematics:
             a, b = (sum(c * y0[row] for row, c in self.spot_terms(spot)) for spot in ends)
             fixed[numbers] = _plane(b - a)
         return fixed
+
+class TwistMap:
+    """Twists of all vertices by the tree's coordinates, ``t = T(y) nu``, entry by entry.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    pairs : sequence of Pair
+        Which coordinate moves which vertex.
+    """
+
+    def __init__(self, kinematics: Kinematics, pairs: Sequence[Pair]) -> None:
+        kin = self.kin = kinematics
+        cs = kin.tree.coordinates
+        self.shape = kin.n_twist, kin.unknowns
+        turning = [p for p in pairs if p.target is not None]
+        shifting = [p for p in pairs if p.target is None and cs[p.number].kind != "slide"]
+        slides = [p for p in pairs if p.target is None and cs[p.number].kind == "slide"]
+        numbers: dict[Spot, int] = {}
+
+        def places(spots: Sequence[Spot]) -> IndexArray:
+            found = [numbers.setdefault(spot, len(numbers)) for spot in spots]
+            return np.array(found, dtype=np.int64)
+
+        self.pair_vertex = np.array([p.vertex for p in turning], dtype=np.int64)
+        self.pair_number = np.array([p.number for p in turning], dtype=np.int64)
+        self.pair_target = places([p.target for p in turning])  # type: ignore[misc]
+        self.pair_centre = places([cs[p.number].centre for p in turning])  # type: ignore[misc]
+        slide_of = {c.number: i for i, c in enumerate(kin.sliding)}
+        self.slide_number = np.array([p.number for p in slides], dtype=np.int64)
+        self._slide_of = np.array([slide_of[p.number] for p in slides], dtype=np.int64)
+        frame = kin.frame_row[self.pair_vertex] >= 0 if turning else np.zeros(0, dtype=bool)
+        rotates = np.array([p.rotates for p in turning], dtype=bool) & frame
+        self.pair_rotates = np.flatnonzero(rotates)
+        self.spots = list(numbers)
+        # spots, then material axes: one product gives all points and axes of a configuration
+        spot_terms = [kin.spot_terms(s) for s in self.spots]
+        self._combine = combination(spot_terms + kin.axis_terms)
+        hinge_of = {number: i for i, number in enumerate(kin.hinges.tolist())}
+        of_pair = self.pair_number.tolist()
+        #: where axes of pairs are: among those that are fixed, then those of hinges
+        self._axis_of = np.array(
+            [len(kin.axis) + hinge_of[k] if k in hinge_of else k for k in of_pair], dtype=np.int64
+        )
+        # few pairs, all on hinges: spots, then axes and arms of pairs, in one product
+        self._few = not slides and len(turning) <= len(self.spots) and hinge_of.keys() >= {*of_pair}
+        if self._few:
+            hinge_terms = [kin.axis_terms[hinge_of[k]] for k in of_pair]
+            ends = zip(self.pair_target.tolist(), self.pair_centre.tolist(), strict=True)
+            arms = [[*spot_terms[a], *((r, -f) for r, f in spot_terms[b])] for a, b in ends]
+            self._combine_few = combination(spot_terms + hinge_terms + arms)
+        self.elements = kin.elements
+        self._number(shifting, slides)
+        self._prepare_curvature()
+
+    def _number(self, shifting: Sequence[Pair], slides: Sequence[Pair]) -> None:
+        """Identity of free vertices, constant shifts, turning pairs, slides."""
+        kin = self.kin
+        tree, cs = kin.tree, kin.tree.coordinates
+        rows, cols, ones = [], [], []
+        for v in tree.free:
+            for k in tree.own[v]:
+                first = int(kin.twist_of[v]) + (3 if cs[k].kind == "rotation" else 0)
+                along = np.flatnonzero(cs[k].axis)
+                rows += (first + along).tolist()
+                cols += [k] * len(along)
+                ones += cs[k].axis[along].tolist()
+        for p in shifting:
+            rows += [int(kin.twist_of[p.vertex]) + i for i in range(3)]
+            cols += [p.number] * 3
+            ones += cs[p.number].axis.tolist()
+        base = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
+        number = np.repeat(self.pair_number[:, None], 3, axis=1)
+        slide_vertex = np.array([p.vertex for p in slides], dtype=np.int64)
+        self._slide_twist = kin.twist_of[slide_vertex][:, None] + np.arange(3)
+        self.rows = np.concatenate(
+            [
+                np.array(rows, dtype=np.int64),
+                base.ravel(),
+                (base[self.pair_rotates] + 3).ravel(),
+                self._slide_twist.ravel(),
+            ]
+        )
+        self.cols = np.concatenate(
+            [
+                np.array(cols, dtype=np.int64),
+                number.ravel(),
+                number[self.pair_rotates].ravel(),
+                np.repeat(self.slide_number, 3),
+            ]
+        )
+        if self.elements is not None:
+            self.rows = np.concatenate([self.rows, self.elements.T_rows])
+            self.cols = np.concatenate([self.cols, self.elements.T_cols])
+        self._constant = np.array(ones)
+        self.n_fixed = len(ones)
+        #: entries that are 1 at any configuration
+        self.ones: IndexArray = np.flatnonzero(self._constant == 1)
+        order = np.lexsort((self.cols, self.rows))
+        self._order = order
+        indptr = np.searchsorted(self.rows[order], np.arange(self.shape[0] + 1))
+        self._structure = (self.cols[order].astype(np.int32), indptr.astype(np.int32))
+
+    def _prepare_curvature(self) -> None:
+        """Which pairs have an axis or a point that moves with a vertex, and its twist."""
+        kin = self.kin
+        nv = len(kin.twist_of)
+        track = np.array([c.guide for c in kin.sliding], dtype=np.int64)[self._slide_of]
+        self._on_track = np.flatnonzero(track < nv)
+        self._track_twist = kin.twist_of[track[self._on_track]] + 3
+        guide = np.array([c.guide for c in kin.tree.coordinates], dtype=np.int64)
+        which = guide[self.pair_number]
+        self._guided = np.flatnonzero((which >= 0) & (which < nv))
+        self._guide_twist = kin.twist_of[which[self._guided]] + 3
+        self._spot_vertex = np.array([s.vertex for s in self.spots], dtype=np.int64)
+        self._spot_base = kin.row[self._spot_vertex]
+        self._spot_turns = np.array([any(s.offset) for s in self.spots], dtype=bool)
+        self._pair_twist = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
+        self._rotated_twist = self._pair_twist[self.pair_rotates] + 3
+        # targets, then centres, as far as they move with a vertex; which of them feel its rotation
+        spots = np.concatenate([self.pair_target, self.pair_centre])
+        vertex = self._spot_vertex[spots]
+        on = np.flatnonzero(vertex < nv)
+        self._spot_twist = kin.twist_of[vertex[on]]
+        self._spot_pair = on % max(len(self.pair_number), 1)
+        self._spot_sign = np.where(on < len(self.pair_number), 1.0, -1.0)[:, None]
+        self._turning = np.flatnonzero(self._spot_turns[spots[on]])
+        self._turning_spot = spots[on][self._turning]
+
+    def locate(self, y: Array, fixed: Floats) -> Located:
+        """What all functions of the tree need at configuration y."""
+        if not len(self.pair_number) and not len(self.slide_number):
+            return Located(y, *(y[:0],) * 6)
+        if self._few:
+            rows, factors = self._combine_few
+            every = (factors @ y.take(rows, axis=0))[:, 0]
+            a = len(self.spots)
+            b = a + len(self.pair_number)
+            return Located(y, every[:a], every[a:b], every[b:], *(y[:0],) * 3)
+        rows, factors = self._combine
+        both = (factors @ y.take(rows, axis=0))[:, 0]
+        x, axes = both[: len(self.spots)], both[len(self.spots) :]
+        hinges, left, right = self.kin.split(axes)
+        axis = np.concatenate([fixed, hinges]).take(self._axis_of, axis=0)
+        arm = x.take(self.pair_target, axis=0) - x.take(self.pair_centre, axis=0)
+        if not len(self.slide_number):
+            return Located(y, x, axis, arm, left, right, left)
+        left, right = left[self._slide_of], right[self._slide_of]
+        return Located(y, x, axis, arm, left, right, cross(left, right))
+
+    def values(self, at: Located) -> Array:
+        """Entries of T at ``(rows, cols)``."""
+        if not len(self.rows) > self.n_fixed:
+            return self._constant
+        axis = at.axis
+        shift = cross(axis, at.arm)
+        turn = axis.take(self.pair_rotates, axis=0)
+        parts = [self._constant, shift.ravel(), turn.ravel()]
+        if len(self.slide_number):
+            parts.append(at.slide.ravel())
+        if self.elements is not None:
+            parts.append(self.elements.values(at.y, axis))
+        return np.concatenate(parts)
+
+    def reduce(self, values: Array, twist_force: Array) -> Array:
+        """``T^T t`` (unknowns,) from T's entries."""
+        return sum_at(self.cols, values * twist_force.take(self.rows), self.shape[1])
+
+    def expand(self, values: Array, rates: Array) -> Array:
+        """``T nu`` (n_twist,) from T's entries."""
+        return sum_at(self.rows, values * rates.take(self.cols), self.shape[0])
+
+    def matrix(self, values: Array) -> csr_matrix:
+        """T (n_twist, unknowns) from its entries."""
+        indices, indptr = self._structure
+        return csr_matrix((values[self._order], indices, indptr), shape=self.shape)
 
     # -- derivative of T^T f by the configuration, for schemes that evaluate T at midpoints ------
 

@@ -52,13 +52,13 @@ def joint_of(jr: JointRows) -> Joint:
 def tree_values(system: Scene, y: Floats, fixed: Floats | None = None) -> Floats:
     """Values of the tree's T at all rows y; `fixed`: the axes of a reparametrisation."""
     kin = system.kinematics
-    return kin.T_values(kin.locate(y, kin.fixed_axes(y) if fixed is None else fixed))
+    return kin.T.values(kin.T.locate(y, kin.fixed_axes(y) if fixed is None else fixed))
 
 
 def null_space_matrix(system: Scene, y: Floats) -> csr_matrix:
     """``system.null_space`` at all rows y as a sparse matrix: beams have thousands of unknowns."""
     kin, closure = system.kinematics, system.closure
-    values = kin.T_values(kin.locate(y, kin.fixed_axes(y)))
+    values = tree_values(system, y)
     rows, cols, ones = closure.null_pattern()
     Z = coo_matrix(
         (closure.null_values(closure.select(y, values), ones), (rows, cols)),
@@ -74,7 +74,7 @@ def null_space_matrix(system: Scene, y: Floats) -> csr_matrix:
         (np.concatenate([blocks.ravel(), np.ones(len(points))]), (i, j)),
         shape=(system.n, kin.n_twist),
     )
-    return (P.tocsr() @ (kin.T_matrix(values) @ Z.tocsr())).tocsr()
+    return (P.tocsr() @ (kin.T.matrix(values) @ Z.tocsr())).tocsr()
 
 
 def wrong_branch(system: Scene, y: Floats) -> str | None:
@@ -530,7 +530,7 @@ def _rates(system: Scene, y: Floats, s: Selected, momentum: Floats | None) -> tu
     T = tree_values(system, y)
     directions = np.zeros((s.component.free, kin.unknowns))
     directions[:, s.component.columns] = s.null.T
-    P = np.array([kin.rates(y, kin.expand(T, d))[: system.rows] for d in directions])
+    P = np.array([kin.rates(y, kin.T.expand(T, d))[: system.rows] for d in directions])
     p = np.tensordot(P, momentum.reshape(-1, 3), ((1, 2), (0, 1)))
     M = np.tensordot(P, np.array([system.mass @ v for v in P]), ((1, 2), (1, 2)))
     rates = np.linalg.lstsq(M, p, rcond=None)[0]

@@ -242,7 +242,7 @@ class Reparametrisation:
         self.fixed = kin.fixed_axes(y0)
         self._arm = self._arms_of(self._sphere_edges, y0)
         self._open_arm = self._arms_of(self._open_edges, y0)
-        _, self._hinge_axis, left, right = kin.combined(y0)
+        self._hinge_axis, left, right = kin.material_axes(y0)
         swings = self.fixed.take(self.sphere_numbers[:, 0], axis=0)
         self._factors = np.concatenate([self._along, -swings, -self._hinge_free * self._hinge_axis])
         self._track_axis = cross(left, right) if len(left) else left

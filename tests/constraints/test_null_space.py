@@ -97,11 +97,11 @@ def test_reduction_and_expansion_are_the_matrix(seed):
     y0, _, nodal = two_states(system, seed)
     P = null_space(system, y0, nodal.fixed)
     kin = system.kinematics
-    values = kin.T_values(kin.locate(y0, nodal.fixed))
+    values = kin.T.values(kin.T.locate(y0, nodal.fixed))
     f, nu = rng.standard_normal((system.rows, 3)), rng.standard_normal(system.unknowns)
-    reduced = kin.reduce(values, kin.twist_force(y0, f))
+    reduced = kin.T.reduce(values, kin.twist_force(y0, f))
     assert reduced == pytest.approx(P.T @ f.ravel(), rel=1e-12, abs=1e-12)
-    rates = kin.rates(y0, kin.expand(values, nu))[: system.rows]
+    rates = kin.rates(y0, kin.T.expand(values, nu))[: system.rows]
     assert rates.ravel() == pytest.approx(P @ nu, rel=1e-12, abs=1e-12)
 
 
