@@ -152,6 +152,8 @@ class Closure:
     def _split(self, scale: Floats) -> list[CoupledLoops]:
         kin = self.kin
         r, K, nt = len(self.rows), kin.unknowns, kin.n_twist
+        if not r:
+            return []
         row, twist = np.divmod(
             np.concatenate([self._plain_at, self._turning_at]), max(1, len(self._twists))
         )

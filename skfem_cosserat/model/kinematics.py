@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from ..kernels import cross, director_force
+from ..kernels import cross, director_force, skew
 from ..pattern import sum_at
 from ..relative import normals
 from ..strain import strain_measures
@@ -466,7 +466,12 @@ class Kinematics:
     @cached_property
     def T(self) -> TwistMap:
         """The twist map, entry by entry: of a chain it is full, and compiled kernels ask for none."""
-        return TwistMap(self, self.tree.pairs)
+        return TwistMap(self, self.tree.pairs, self.elements)
+
+    @cached_property
+    def recursion(self) -> Recursion:
+        """The twist map, joint by joint; not of trees with :attr:`elements`."""
+        return Recursion(self)
 
     @cached_property
     def elements(self) -> ConstrainedElements | None:
@@ -555,9 +560,16 @@ class TwistMap:
     kinematics : Kinematics
     pairs : sequence of Pair
         Which coordinate moves which vertex.
+    elements : ConstrainedElements, optional
+        What moves vertices besides.
     """
 
-    def __init__(self, kinematics: Kinematics, pairs: Sequence[Pair]) -> None:
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        pairs: Sequence[Pair],
+        elements: ConstrainedElements | None = None,
+    ) -> None:
         kin = self.kin = kinematics
         cs = kin.tree.coordinates
         self.shape = kin.n_twist, kin.unknowns
@@ -597,7 +609,7 @@ class TwistMap:
             ends = zip(self.pair_target.tolist(), self.pair_centre.tolist(), strict=True)
             arms = [[*spot_terms[a], *((r, -f) for r, f in spot_terms[b])] for a, b in ends]
             self._combine_few = combination(spot_terms + hinge_terms + arms)
-        self.elements = kin.elements
+        self.elements = elements
         self._number(shifting, slides)
         self._prepare_curvature()
 
@@ -763,6 +775,74 @@ class TwistMap:
                 + cross(at1.right[on], cross(f, at.left[on]))
             )
         return np.concatenate(parts).ravel() if parts else force[:0].ravel()
+
+
+# -- the same map joint by joint -------------------------------------------------------------------
+#
+# The twist of a child is ``X t_parent + S nu``, nu its joint's own coordinates. With all of them in
+# one system, ``(1 - X) t = S nu``, so ``T = (1 - X)^-1 S``: of a chain T is full, X and S are not.
+
+
+class Recursion:
+    """The twist map of a tree, joint by joint.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+
+    Attributes
+    ----------
+    own : TwistMap
+        S.
+    child, parent : (edges,) int array
+        Vertices of the edges, parents before children.
+    held : (edges,) bool array
+        Whether a child hangs on a vertex, not on the ground.
+    roots : int array
+        Vertices without a parent from which others hang.
+    levels : list of int arrays
+        Edges whose children are equally far from the root.
+    """
+
+    def __init__(self, kinematics: Kinematics) -> None:
+        kin = self.kin = kinematics
+        tree, nv = kin.tree, len(kin.twist_of)
+        edges = tree.edges
+        self.own = TwistMap(kin, [pair for e in edges for pair in tree.own_pairs(e)])
+        self.child = np.array([e.child for e in edges], dtype=np.int64)
+        self.parent = np.array([e.parent for e in edges], dtype=np.int64)
+        self.held = self.parent < nv
+        free = np.array(tree.free, dtype=np.int64)
+        self.roots = np.intersect1d(free, self.parent)
+        depth = np.array([tree.depth[e.child] for e in edges], dtype=np.int64)
+        order = np.argsort(depth, kind="stable")
+        self.levels = np.split(order, np.flatnonzero(np.diff(depth[order])) + 1)
+        frame = np.array(tree.is_frame)
+        self.turns = np.flatnonzero(self.held)[frame[self.parent[self.held]]]
+        self.relative = self.turns[[tree.relative(edges[e]) for e in self.turns]]
+        self.spots = combination([kin.spot_terms(tree.fulcrum(edges[e])) for e in self.turns])
+
+    def arms(self, y: Array) -> Array:
+        """From the origins of parents that turn to what moves as if fixed to them (turns, 3)."""
+        rows, factors = self.spots
+        parents = self.kin.row[self.parent[self.turns]]
+        return (factors @ y.take(rows, axis=0))[:, 0] - y.take(parents, axis=0)
+
+    def blocks(self, values: Array, y: Array) -> tuple[Array, Array]:
+        """S (vertices, 6, 6) from its entries, columns the vertex's own; X (edges, 6, 6)."""
+        kin, own, tree = self.kin, self.own, self.kin.tree
+        vertex = np.repeat(np.arange(len(tree.is_frame)), np.where(tree.is_frame, 6, 3))
+        place = np.zeros(kin.unknowns, dtype=np.int64)
+        for numbers in tree.own.values():
+            place[numbers] = np.arange(len(numbers))
+        v = vertex[own.rows]
+        S = np.zeros((len(tree.is_frame), 6, 6), dtype=values.dtype)
+        np.add.at(S, (v, own.rows - kin.twist_of[v], place[own.cols]), values)
+        X = np.zeros((len(self.child), 6, 6), dtype=values.dtype)
+        X[:, :3, :3] = np.eye(3)
+        X[self.turns, :3, 3:] = -skew(self.arms(y))
+        X[self.relative, 3:, 3:] = np.eye(3)
+        return S, X
 
 
 def _plane(arm: Array) -> Floats:

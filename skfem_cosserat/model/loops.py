@@ -100,6 +100,8 @@ def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
     beside = rows_beside_tree(system.theory_rows, [element for element, _ in system.tree.elements])
     numbers = np.concatenate([none, *rows, beside])
     system.closure = Closure(system.kinematics, system.constraints, numbers, system.length)
+    if not len(numbers):
+        return system.closure, none
     start = system.spanned
     there = system.closure.decide(start, tree_values(system, start))
     redundant = _beside(system, start, there)
