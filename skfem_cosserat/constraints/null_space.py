@@ -388,7 +388,7 @@ class BoundNullSpace(BoundTreatment):
         """Independent closure rows at the start of the step."""
         T = self._tree_at(y0)[1]
         chosen = self.closure.select(y0, T)
-        self._take(chosen)
+        self._take(chosen, y0)
         if momentum is not None:
             self._passages, self._direction = Passages(self.system), None
         self.doubts = self._passages.look(y0, T, chosen)

@@ -91,10 +91,11 @@ def wrong_branch(system: Scene, y: Floats) -> str | None:
 
 def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
     """Rows of the joints that close loops and of drives on them, and which are redundant."""
+    closing = {id(joint) for joint in system.tree.loops}
     rows = [
         np.arange(jr.rows.start, jr.rows.stop)
         for jr in system.joint_rows
-        if any(joint_of(jr) is j for j in system.tree.loops)
+        if id(joint_of(jr)) in closing
     ]
     none = np.zeros(0, dtype=np.int64)
     beside = rows_beside_tree(system.theory_rows, [element for element, _ in system.tree.elements])
