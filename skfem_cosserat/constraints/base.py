@@ -366,12 +366,12 @@ class BoundTreatment(ABC):
         left = CLEAR * self._pivots - closure.motion(self._seen, y)
         near = np.flatnonzero(left < np.maximum(step, NEARLY * CLEAR * self._pivots))
         if len(near):
-            if system.moving:  # what the ground has moved is known of all at once
+            if system.moving:  # the ground has moved for all of them
                 near = np.arange(len(left))
             pivots = closure.independence(self._taken, y, tree_values(system, y), near)
             if not (pivots > HALF * self._least[near]).all():
                 return False
-            rows = slice(None) if system.moving else closure.rows_of(near)
+            rows = slice(None) if len(near) == len(left) else closure.rows_of(near)
             self._seen[rows], self._pivots[near], left[near] = y[rows], pivots, CLEAR * pivots
         self.clearance = float(left.min())
         return True

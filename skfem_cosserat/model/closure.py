@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.linalg.lapack import dgeqp3, dgeqrf, dorgqr
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix, issparse
 from scipy.sparse.csgraph import connected_components
 
 from ..kernels import skew
-from ..pattern import sum_at
+from ..pattern import FULL_ROWS, sum_at
 from ..types import Array, Floats, IndexArray
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
@@ -74,15 +74,31 @@ class _Stack:
     scale: Floats
     twist_scale: Floats
 
-    def by_twists(self, weights: Array) -> Array:
-        """``G_loop P_int`` from its entries."""
-        shape = len(self.members), *self.shape[:2]
-        return sum_at(self.where, weights[self.entries], int(np.prod(shape))).reshape(shape)
+    def by_twists(self, weights: Array) -> csr_matrix | Array:
+        """``G_loop P_int`` from its entries; of many twists sparse, on a diagonal."""
+        count, (a, b, _) = len(self.members), self.shape
+        values = weights[self.entries]
+        if b <= FULL_ROWS:
+            return sum_at(self.where, values, count * a * b).reshape(count, a, b)
+        row, twist = np.divmod(self.where, b)
+        ends = row, row // a * b + twist
+        return csr_matrix((values, ends), shape=(count * a, count * b))
 
-    def by_columns(self, T: Array) -> Array:
-        """T from its entries."""
-        shape = len(self.members), *self.shape[1:]
-        return sum_at(self.there, T[self.of_tree], int(np.prod(shape))).reshape(shape)
+    def product(self, weights: Array, T: Array) -> Array:
+        """``G_loop P_int T`` (count, rows, columns), columns scaled, from the entries."""
+        count, (a, b, c) = len(self.members), self.shape
+        right = sum_at(self.there, T[self.of_tree], count * b * c)
+        left = self.by_twists(weights)
+        right = right.reshape(-1, c) if issparse(left) else right.reshape(count, b, c)
+        return np.asarray(left @ right).reshape(count, a, c) * self.scale[:, None]
+
+    def sizes(self, weights: Array) -> Floats:
+        """Of the rows of ``G_loop P_int`` (count, rows), translations relative to the scene."""
+        left = self.by_twists(weights)
+        if not issparse(left):
+            return np.asarray(np.linalg.norm(left * self.twist_scale[:, None], axis=2))
+        square = left.power(2) @ np.square(self.twist_scale).ravel()
+        return np.sqrt(square).reshape(self.rows.shape)
 
 
 @dataclass(eq=False)
@@ -253,13 +269,15 @@ class Closure:
             )
 
     def _find_vertices(self) -> None:
-        """Vertices that the loops of each component move, and where each one's begin."""
+        """Vertices that the loops of each component move."""
         kin = self.kin
         of_twist = np.repeat(np.arange(len(kin.twist_of)), np.diff(kin.twist_of, append=kin.n_twist))
         of_column = np.array([c.vertex for c in kin.tree.coordinates], dtype=np.int64)
-        each = [np.union1d(of_twist[c.twists], of_column[c.columns]) for c in self.components]
-        self._vertices: IndexArray = np.concatenate(each)
-        self._first: IndexArray = np.cumsum([0, *map(len, each)])[:-1]
+        self._vertices = [
+            np.union1d(of_twist[c.twists], of_column[c.columns]) for c in self.components
+        ]
+        self._every = np.concatenate(self._vertices)
+        self._first = np.cumsum([0, *map(len, self._vertices)])[:-1]
 
     @property
     def rank(self) -> int:
@@ -268,21 +286,20 @@ class Closure:
 
     # -- evaluation --------------------------------------------------------------------------------
 
-    def _by_twists(self, y: Array) -> list[Array]:
-        """``B = G_loop P_int`` of each stack (components, rows, twists), of vertices on loops."""
+    def _weights(self, y: Array) -> Array:
+        """Entries of ``G_loop P_int``, of the vertices on loops."""
         values = self.constraints.jacobian_values(y)[self._entries]
         # moment of a force e_c on a director: d x e_c
         arms = skew(y[self._director])[np.arange(len(self._director)), :, self._component]
         moments = arms * values[self._turning][:, None]
-        weights = np.concatenate([values[self._plain], moments.ravel()])
-        return [each.by_twists(weights) for each in self._stacks]
+        return np.concatenate([values[self._plain], moments.ravel()])
 
     def matrices(self, y: Array, T: Array) -> list[Array]:
         """C (rows, columns) of each component at y, columns scaled; T are the tree's values."""
         out: list[Array] = [y[:0]] * len(self.components)
-        for each, B in zip(self._stacks, self._by_twists(y), strict=True):
-            C = B @ each.by_columns(T) * each.scale[:, None]
-            C /= self.magnitude[each.rows][:, :, None]
+        weights = self._weights(y)
+        for each in self._stacks:
+            C = each.product(weights, T) / self.magnitude[each.rows][:, :, None]
             for k, own in zip(each.members.tolist(), C, strict=True):
                 out[k] = own
         return out
@@ -296,8 +313,9 @@ class Closure:
             Of each redundant row of the component: its number among the component's rows, and the
             combination of its rows that vanishes.
         """
-        for each, B in zip(self._stacks, self._by_twists(y), strict=True):
-            size = np.linalg.norm(B * each.twist_scale[:, None], axis=2)
+        weights = self._weights(y)
+        for each in self._stacks:
+            size = each.sizes(weights)
             self.magnitude[each.rows] = np.where(size > 0, size, 1.0)
         redundant = []
         for c, C in zip(self.components, self.matrices(y, T), strict=True):
@@ -356,14 +374,13 @@ class Closure:
         turn = 0.5 * square[kin.director_rows].sum(axis=1)
         square = square[kin.row[: len(kin.twist_of)]] / self._length**2
         square[kin.frames] = np.maximum(square[kin.frames], turn)
-        most = np.maximum.reduceat(square[self._vertices], self._first)
+        most = np.maximum.reduceat(square[self._every], self._first)
         return np.sqrt(np.maximum(most, ground))
 
     def rows_of(self, which: IndexArray) -> IndexArray:
         """Rows of y of the vertices of these components."""
-        kin, wanted = self.kin, np.zeros(len(self.components), dtype=bool)
-        wanted[which] = True
-        vertices = self._vertices[np.repeat(wanted, np.diff(self._first, append=len(self._vertices)))]
+        kin = self.kin
+        vertices = np.concatenate([self._vertices[k] for k in which.tolist()])
         frames = vertices[kin.frame_row[vertices] >= 0]
         return np.concatenate([kin.row[vertices], *(kin.row[frames] + k for k in (1, 2, 3))])
 
