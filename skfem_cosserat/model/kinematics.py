@@ -9,9 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import csr_matrix
+from scipy.sparse.linalg import splu
 
 from ..kernels import cross, director_force, skew
-from ..pattern import sum_at
+from ..pattern import FrozenPattern, sum_at
 from ..relative import normals
 from ..strain import strain_measures
 from ..types import Array, Floats, IndexArray
@@ -397,6 +398,11 @@ def combination(terms: Sequence[Sequence[tuple[int, float]]]) -> tuple[IndexArra
     return array[:, :, 0].astype(np.int64), array[:, None, :, 1].copy()
 
 
+#: squares of the numbers of coordinates that move the vertices of a tree, summed, above which
+#: elimination along its joints is faster than one matrix of all coordinates
+DEEP = 15_000
+
+
 class Kinematics:
     """Arrays of the reduction to twists and, in :attr:`T`, of the twist map.
 
@@ -472,6 +478,21 @@ class Kinematics:
     def recursion(self) -> Recursion:
         """The twist map, joint by joint; not of trees with :attr:`elements`."""
         return Recursion(self)
+
+    @cached_property
+    def deep(self) -> bool:
+        """Whether the twist map is better taken joint by joint, also where it has to be factorised."""
+        if self.elements is not None:
+            return False
+        above: dict[int, int] = {}
+        for e in self.tree.edges:
+            own = len(self.tree.own[e.child])
+            above[e.child] = own + above.get(e.parent, len(self.tree.own.get(e.parent, ())))
+        return sum(count**2 for count in above.values()) > DEEP
+
+    def twists_of(self, vertex: int) -> IndexArray:
+        """Numbers of the twists of a vertex."""
+        return self.twist_of[vertex] + np.arange(6 if self.tree.is_frame[vertex] else 3)
 
     @cached_property
     def elements(self) -> ConstrainedElements | None:
@@ -820,13 +841,130 @@ class Recursion:
         frame = np.array(tree.is_frame)
         self.turns = np.flatnonzero(self.held)[frame[self.parent[self.held]]]
         self.relative = self.turns[[tree.relative(edges[e]) for e in self.turns]]
-        self.spots = combination([kin.spot_terms(tree.fulcrum(edges[e])) for e in self.turns])
+        fulcrums = [tree.fulcrum(edges[e]) for e in self.turns]
+        self.spots = combination([kin.spot_terms(spot) for spot in fulcrums])
+        self._framed = frame
+        self._parent_rows = kin.row[self.parent[self.turns]]
+        at_parent = np.array([s.vertex for s in fulcrums]) == self.parent[self.turns]
+        #: which of the edges that turn have theirs on the parent, and on the child
+        self._fulcrums = np.flatnonzero(at_parent), np.flatnonzero(~at_parent)
+        self._prepare()
+
+    # -- the same as those of a twist map, whose entries are those of S, then of X ---------------
+
+    def locate(self, y: Array, fixed: Floats) -> Located:
+        """See :class:`TwistMap`."""
+        return self.own.locate(y, fixed)
+
+    def values(self, at: Located) -> Array:
+        """Entries of S, then of X without those that are one."""
+        return np.concatenate([self.own.values(at), -skew(self.arms(at.y)).ravel()])
+
+    def reduce(self, values: Array, twist_force: Array) -> Array:
+        """``T^T t`` (unknowns,)."""
+        return self.own.reduce(self.split(values)[0], self.carry(values, twist_force))
+
+    def expand(self, values: Array, rates: Array) -> Array:
+        """``T nu`` (n_twist,)."""
+        S, X = self.split(values)
+        return self._solved(X, self.own.expand(S, rates), "N")
+
+    def carry(self, values: Array, twist_force: Array) -> Array:
+        """Forces at the joints (n_twist,): each of all that hangs on it."""
+        return self._solved(self.split(values)[1], twist_force, "T")
+
+    def split(self, values: Array) -> tuple[Array, Array]:
+        """Entries of S, and all of ``1 - X`` in the order of :attr:`transport`."""
+        count = len(self.own.rows)
+        return values[:count], np.concatenate([self._constant, -values[count:]])
+
+    def _solved(self, X: Array, rhs: Array, trans: str) -> Array:
+        """``(1 - X)^-1 rhs``, or its transpose: in the order of the tree nothing is filled in."""
+        options = {"SymmetricMode": True}
+        lu = splu(
+            self._pattern.matrix(X), permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options
+        )
+        kind = np.result_type(X, rhs)
+        out = np.empty(len(rhs), dtype=kind)
+        out[self._order] = lu.solve(rhs[self._order].astype(kind), trans)
+        return out
+
+    def _prepare(self) -> None:
+        """``1 - X``: ones, what is passed on as it is, arms of rotations."""
+        kin, xyz = self.kin, np.arange(3)
+        twist = kin.twist_of
+        child, parent = twist[self.child[self.held]], twist[self.parent[self.held]]
+        turning = tuple(twist[v[self.relative]] + 3 for v in (self.child, self.parent))
+        ones = np.arange(kin.n_twist)
+        moved = twist[self.child[self.turns]][:, None, None] + xyz[:, None]
+        by = twist[self.parent[self.turns]][:, None, None] + 3 + xyz
+        shape = len(self.turns), 3, 3
+        parts = [
+            (ones, ones),
+            *((a[:, None] + xyz, b[:, None] + xyz) for a, b in ((child, parent), turning)),
+            (np.broadcast_to(moved, shape), np.broadcast_to(by, shape)),
+        ]
+        #: rows and columns of the entries of ``1 - X``
+        self.transport = tuple(np.concatenate([each[k].ravel() for each in parts]) for k in (0, 1))
+        passed = 3 * (len(child) + len(self.relative))
+        self._constant = np.concatenate([np.ones(len(ones)), -np.ones(passed)])
+        # of all vertices parents before children
+        depth = np.array([kin.tree.depth.get(v, 0) for v in range(len(twist))])
+        size = np.diff(twist, append=kin.n_twist)
+        self._order = np.argsort(np.repeat(depth, size), kind="stable")
+        position = np.empty_like(self._order)
+        position[self._order] = ones
+        self._pattern = FrozenPattern(*(position[k] for k in self.transport), (kin.n_twist,) * 2)
 
     def arms(self, y: Array) -> Array:
         """From the origins of parents that turn to what moves as if fixed to them (turns, 3)."""
         rows, factors = self.spots
-        parents = self.kin.row[self.parent[self.turns]]
-        return (factors @ y.take(rows, axis=0))[:, 0] - y.take(parents, axis=0)
+        return (factors @ y.take(rows, axis=0))[:, 0] - y.take(self._parent_rows, axis=0)
+
+    # -- derivative of ``T^T f`` for fixed forces at the joints ----------------------------------
+
+    def curvature_pattern(self) -> tuple[IndexArray, IndexArray]:
+        """See :class:`TwistMap`: that of S."""
+        return self.own.curvature_pattern()
+
+    def curvature_values(self, at: Located, at1: Located, force: Array) -> Array:
+        """See :class:`TwistMap`: that of S, for forces at the joints."""
+        return self.own.curvature_values(at, at1, force)
+
+    def moment_pattern(self) -> tuple[IndexArray, IndexArray]:
+        """Rows (twists) and columns (twists) of :meth:`moment_values`."""
+        twist, (on_parent, on_child) = self.kin.twist_of, self._fulcrums
+        p, c = (twist[v[self.turns]] for v in (self.parent, self.child))
+        framed = on_child[self._framed[self.child[self.turns[on_child]]]]
+        self._with_rotation = framed
+        blocks = [
+            (p[on_parent] + 3, p[on_parent] + 3),
+            (p[on_child] + 3, c[on_child]),
+            (p[on_child] + 3, p[on_child]),
+            (p[framed] + 3, c[framed] + 3),
+        ]
+        rows, cols = (np.concatenate([each[k] for each in blocks]) for k in (0, 1))
+        xyz, shape = np.arange(3), (len(rows), 3, 3)
+        i = np.broadcast_to(rows[:, None, None] + xyz[:, None], shape).ravel()
+        return i, np.broadcast_to(cols[:, None, None] + xyz, shape).ravel()
+
+    def moment_values(self, y1: Array, force: Array) -> Array:
+        """Of the moments of forces at the joints on parents, by the twists that move y1."""
+        on_parent, on_child = self._fulcrums
+        child = self.child[self.turns]
+        f = skew(force[self.kin.twist_of[child][:, None] + np.arange(3)])
+        arm = self.arms(y1)
+        framed = self._with_rotation
+        rows, factors = self.spots
+        spot = (factors[framed] @ y1.take(rows[framed], axis=0))[:, 0]
+        own = spot - y1.take(self.kin.row[child[framed]], axis=0)
+        parts = [
+            f[on_parent] @ skew(arm[on_parent]),
+            -f[on_child],
+            f[on_child],
+            f[framed] @ skew(own),
+        ]
+        return np.concatenate(parts).ravel()
 
     def blocks(self, values: Array, y: Array) -> tuple[Array, Array]:
         """S (vertices, 6, 6) from its entries, columns the vertex's own; X (edges, 6, 6)."""
