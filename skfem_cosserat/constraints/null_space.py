@@ -387,7 +387,7 @@ class BoundNullSpace(BoundTreatment):
     def solver(self) -> LinearSolver:  # type: ignore[override]
         """Made when it is first asked for: compiled steps take none, and it is full for chains."""
         pattern, kin = self._congruence.pattern, self.kin
-        if self._map is not kin.T:
+        if isinstance(self._map, Recursion):
             return LinearSolver(pattern, self.asked, self.unknowns)
         if self._loops:
             pattern = self._reduction.pattern

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -848,6 +849,7 @@ class Recursion:
         at_parent = np.array([s.vertex for s in fulcrums]) == self.parent[self.turns]
         #: which of the edges that turn have theirs on the parent, and on the child
         self._fulcrums = np.flatnonzero(at_parent), np.flatnonzero(~at_parent)
+        self._last: tuple[Array | None, Any] = None, None
         self._prepare()
 
     # -- the same as those of a twist map, whose entries are those of S, then of X ---------------
@@ -866,27 +868,25 @@ class Recursion:
 
     def expand(self, values: Array, rates: Array) -> Array:
         """``T nu`` (n_twist,)."""
-        S, X = self.split(values)
-        return self._solved(X, self.own.expand(S, rates), "N")
+        return self._solved(values, self.own.expand(self.split(values)[0], rates), "N")
 
     def carry(self, values: Array, twist_force: Array) -> Array:
         """Forces at the joints (n_twist,): each of all that hangs on it."""
-        return self._solved(self.split(values)[1], twist_force, "T")
+        return self._solved(values, twist_force, "T")
 
     def split(self, values: Array) -> tuple[Array, Array]:
         """Entries of S, and all of ``1 - X`` in the order of :attr:`transport`."""
         count = len(self.own.rows)
         return values[:count], np.concatenate([self._constant, -values[count:]])
 
-    def _solved(self, X: Array, rhs: Array, trans: str) -> Array:
+    def _solved(self, values: Array, rhs: Array, trans: str) -> Array:
         """``(1 - X)^-1 rhs``, or its transpose: in the order of the tree nothing is filled in."""
-        options = {"SymmetricMode": True}
-        lu = splu(
-            self._pattern.matrix(X), permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options
-        )
-        kind = np.result_type(X, rhs)
-        out = np.empty(len(rhs), dtype=kind)
-        out[self._order] = lu.solve(rhs[self._order].astype(kind), trans)
+        if self._last[0] is not values:
+            X, options = self._pattern.matrix(self.split(values)[1]), {"SymmetricMode": True}
+            lu = splu(X, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
+            self._last = values, lu
+        out = np.empty(len(rhs), dtype=np.result_type(values, rhs))
+        out[self._order] = self._last[1].solve(rhs[self._order].astype(out.dtype), trans)
         return out
 
     def _prepare(self) -> None:
