@@ -377,7 +377,7 @@ class BoundTreatment(ABC):
         return True
 
     def _take(self, chosen: Sequence[Selected], y: Floats) -> None:
-        """Take these rows to close the loops at y: how far they are from depending on each other."""
+        """Take these rows, at y, to close the loops: how far they are from being dependent."""
         self._taken, self._seen = chosen, y.copy()
         self._least = np.array([s.pivots.min(initial=1.0) for s in chosen])
         self._pivots, least = self._least.copy(), float(self._least.min())

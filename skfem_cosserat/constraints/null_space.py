@@ -236,12 +236,12 @@ def _full_parts(
 class JointByJoint:
     """The same as :class:`Congruence` for a deep tree, whose T is full: joint by joint.
 
-    ``T = (1 - X)^-1 S``, see :class:`Recursion`. With the twists t of vertices and forces s at joints
-    as unknowns that help,
+    ``T = (1 - X)^-1 S``, see :class:`Recursion`. With the twists t of vertices and the forces s at
+    joints as unknowns that help,
 
     ``(1 - X) t - S nu = 0``, ``A t - (1 - X)^T s = 0``, ``S^T s + C t = b``,
 
-    nothing is full. Twists that are coordinates, those of free vertices, are no unknowns of their own.
+    nothing is full. Twists that are coordinates, as those of free vertices, need none that help.
     """
 
     def __init__(
@@ -254,7 +254,7 @@ class JointByJoint:
         twists, unknowns = S.shape
         alone = np.bincount(S.rows, minlength=twists) == 1
         alone &= np.isin(np.arange(twists), S.rows[S.ones])
-        alone[[r for v in recursion.child for r in recursion.kin.twists_of(v)]] = False
+        alone[recursion.below] = False
         helped = np.flatnonzero(~alone)
         count = len(helped)
         twist, force = np.full((2, twists), -1)

@@ -23,7 +23,6 @@ from .quadratic import QuadraticConstraints
 from .theories import TheoryRows
 from .tree import Spot, Tree
 
-
 #: share of an inertia that joints beyond may leave of it without any doubt
 CLEARLY = 1e-9
 
@@ -159,15 +158,15 @@ def check_inertia(system: Scene, y: Floats, closure: Callable[[], Floats]) -> No
 def _clearly_inert(kin: Kinematics, inertia: dict[int, Floats], y: Floats, fixed: Floats) -> bool:
     """Whether all pivots are far from zero where joints are eliminated from the leaves on.
 
-    Each against what it would be if the joints beyond it were locked.
+    Each against what it would be if the joints next to it were locked.
     """
     maps = kin.recursion
-    S, X = maps.blocks(maps.own.values(maps.own.locate(y, fixed)), y)
+    S, X, used = maps.blocks(y, fixed)
     free, locked = np.zeros((2, len(S), 6, 6))
-    for v, own in inertia.items():
-        free[v, : len(own), : len(own)] = own
+    for vertex, own in inertia.items():
+        free[vertex, : len(own), : len(own)] = own
     locked += free
-    unused = np.eye(6) * (abs(S).max(axis=1) == 0)[:, None]
+    unused = np.eye(6) * ~used[:, None]
     pivots, sizes = np.empty_like(S), np.empty(S.shape[:2])
 
     def pivot(v: IndexArray) -> tuple[Floats, Floats]:
@@ -178,16 +177,18 @@ def _clearly_inert(kin: Kinematics, inertia: dict[int, Floats], y: Floats, fixed
         return U, pivots[v] + np.eye(6) * (1e-15 * size + 1e-300)[:, None]
 
     for level in reversed(maps.levels):
-        v, p, Xv = maps.child[level], maps.parent[level], X[level]
-        U, D = pivot(v)
-        rest = free[v] - U @ np.linalg.solve(D, U.transpose(0, 2, 1))
+        child = maps.child[level]
+        U, D = pivot(child)
+        rest = free[child] - U @ np.linalg.solve(D, U.transpose(0, 2, 1))
         up = maps.held[level]
-        np.add.at(locked, p[up], (Xv.transpose(0, 2, 1) @ free[v] @ Xv)[up])
-        np.add.at(free, p[up], (Xv.transpose(0, 2, 1) @ rest @ Xv)[up])
+        parent, right = maps.parent[level[up]], X[level[up]]
+        left = right.transpose(0, 2, 1)
+        np.add.at(locked, parent, left @ free[child[up]] @ right)
+        np.add.at(free, parent, left @ rest[up] @ right)
     if len(maps.roots):
         pivot(maps.roots)
     moved = np.concatenate([maps.child, maps.roots])
-    size = np.sqrt(np.where(unused[moved].any(axis=2), 1.0, sizes[moved]))
+    size = np.sqrt(np.where(used[moved], sizes[moved], 1.0))
     if not (size > 0).all():
         return False
     scaled = pivots[moved] / (size[:, :, None] * size[:, None, :])

@@ -97,7 +97,7 @@ class _Stack:
         left = self.by_twists(weights)
         if not issparse(left):
             return np.asarray(np.linalg.norm(left * self.twist_scale[:, None], axis=2))
-        square = left.power(2) @ np.square(self.twist_scale).ravel()
+        square = csr_matrix(left).power(2) @ np.square(self.twist_scale).ravel()
         return np.sqrt(square).reshape(self.rows.shape)
 
 
@@ -243,8 +243,9 @@ class Closure:
         inside = twist_place >= 0
         of_tree, of_column, twist_place = of_tree[inside], of_column[inside], twist_place[inside]
         shapes: dict[tuple[int, int, int], list[int]] = {}
-        for k, c in enumerate(self.components):
-            shapes.setdefault((len(c.rows), len(c.twists), len(c.columns)), []).append(k)
+        for k, part in enumerate(self.components):
+            size = len(part.rows), len(part.twists), len(part.columns)
+            shapes.setdefault(size, []).append(k)
         shift = ~np.isin(np.arange(nt), kin.frame_twist[:, 3:])
         row_place = place(label[row], twist)
         for (a, b, c), numbers in shapes.items():
@@ -271,7 +272,9 @@ class Closure:
     def _find_vertices(self) -> None:
         """Vertices that the loops of each component move."""
         kin = self.kin
-        of_twist = np.repeat(np.arange(len(kin.twist_of)), np.diff(kin.twist_of, append=kin.n_twist))
+        of_twist = np.repeat(
+            np.arange(len(kin.twist_of)), np.diff(kin.twist_of, append=kin.n_twist)
+        )
         of_column = np.array([c.vertex for c in kin.tree.coordinates], dtype=np.int64)
         self._vertices = [
             np.union1d(of_twist[c.twists], of_column[c.columns]) for c in self.components

@@ -9,7 +9,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
 from ..kernels import cross, director_force, skew
@@ -399,8 +400,8 @@ def combination(terms: Sequence[Sequence[tuple[int, float]]]) -> tuple[IndexArra
     return array[:, :, 0].astype(np.int64), array[:, None, :, 1].copy()
 
 
-#: squares of the numbers of coordinates that move the vertices of a tree, summed, above which
-#: elimination along its joints is faster than one matrix of all coordinates
+#: squares of the numbers of coordinates that move each vertex, summed, above which elimination
+#: along the joints of a tree is faster than one matrix: as of 17 bars on ball joints, of 34 hinged
 DEEP = 15_000
 
 
@@ -472,7 +473,7 @@ class Kinematics:
 
     @cached_property
     def T(self) -> TwistMap:
-        """The twist map, entry by entry: of a chain it is full, and compiled kernels ask for none."""
+        """The twist map, entry by entry: full for a chain, and nothing that kernels ask for."""
         return TwistMap(self, self.tree.pairs, self.elements)
 
     @cached_property
@@ -482,7 +483,7 @@ class Kinematics:
 
     @cached_property
     def deep(self) -> bool:
-        """Whether the twist map is better taken joint by joint, also where it has to be factorised."""
+        """Whether :attr:`recursion` is faster than :attr:`T` in a step with plain numpy."""
         if self.elements is not None:
             return False
         above: dict[int, int] = {}
@@ -490,10 +491,6 @@ class Kinematics:
             own = len(self.tree.own[e.child])
             above[e.child] = own + above.get(e.parent, len(self.tree.own.get(e.parent, ())))
         return sum(count**2 for count in above.values()) > DEEP
-
-    def twists_of(self, vertex: int) -> IndexArray:
-        """Numbers of the twists of a vertex."""
-        return self.twist_of[vertex] + np.arange(6 if self.tree.is_frame[vertex] else 3)
 
     @cached_property
     def elements(self) -> ConstrainedElements | None:
@@ -573,6 +570,7 @@ class Kinematics:
             a, b = (sum(c * y0[row] for row, c in self.spot_terms(spot)) for spot in ends)
             fixed[numbers] = _plane(b - a)
         return fixed
+
 
 class TwistMap:
     """Twists of all vertices by the tree's coordinates, ``t = T(y) nu``, entry by entry.
@@ -844,11 +842,11 @@ class Recursion:
         self.relative = self.turns[[tree.relative(edges[e]) for e in self.turns]]
         fulcrums = [tree.fulcrum(edges[e]) for e in self.turns]
         self.spots = combination([kin.spot_terms(spot) for spot in fulcrums])
-        self._framed = frame
         self._parent_rows = kin.row[self.parent[self.turns]]
         at_parent = np.array([s.vertex for s in fulcrums]) == self.parent[self.turns]
-        #: which of the edges that turn have theirs on the parent, and on the child
+        #: which of the edges that turn have theirs on the parent, on the child, on one that turns
         self._fulcrums = np.flatnonzero(at_parent), np.flatnonzero(~at_parent)
+        self._on_frames = np.flatnonzero(~at_parent & frame[self.child[self.turns]])
         self._last: tuple[Array | None, Any] = None, None
         self._prepare()
 
@@ -881,40 +879,44 @@ class Recursion:
 
     def _solved(self, values: Array, rhs: Array, trans: str) -> Array:
         """``(1 - X)^-1 rhs``, or its transpose: in the order of the tree nothing is filled in."""
-        if self._last[0] is not values:
-            X, options = self._pattern.matrix(self.split(values)[1]), {"SymmetricMode": True}
-            lu = splu(X, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
+        known, lu = self._last
+        if known is not values:
+            lu = unit_triangular(self._pattern.matrix(self.split(values)[1]))
             self._last = values, lu
         out = np.empty(len(rhs), dtype=np.result_type(values, rhs))
-        out[self._order] = self._last[1].solve(rhs[self._order].astype(out.dtype), trans)
+        out[self._order] = lu.solve(rhs[self._order].astype(out.dtype), trans)
         return out
 
     def _prepare(self) -> None:
         """``1 - X``: ones, what is passed on as it is, arms of rotations."""
         kin, xyz = self.kin, np.arange(3)
-        twist = kin.twist_of
+        twist, size = kin.twist_of, np.diff(kin.twist_of, append=kin.n_twist)
         child, parent = twist[self.child[self.held]], twist[self.parent[self.held]]
-        turning = tuple(twist[v[self.relative]] + 3 for v in (self.child, self.parent))
+        turned, turning = (twist[v[self.relative]] + 3 for v in (self.child, self.parent))
         ones = np.arange(kin.n_twist)
         moved = twist[self.child[self.turns]][:, None, None] + xyz[:, None]
         by = twist[self.parent[self.turns]][:, None, None] + 3 + xyz
         shape = len(self.turns), 3, 3
         parts = [
             (ones, ones),
-            *((a[:, None] + xyz, b[:, None] + xyz) for a, b in ((child, parent), turning)),
+            *(
+                (a[:, None] + xyz, b[:, None] + xyz)
+                for a, b in ((child, parent), (turned, turning))
+            ),
             (np.broadcast_to(moved, shape), np.broadcast_to(by, shape)),
         ]
-        #: rows and columns of the entries of ``1 - X``
-        self.transport = tuple(np.concatenate([each[k].ravel() for each in parts]) for k in (0, 1))
+        i, j = (np.concatenate([each[k].ravel() for each in parts]) for k in (0, 1))
+        #: twists of vertices with a parent; rows and columns of the entries of ``1 - X``
+        self.below = np.isin(np.repeat(np.arange(len(twist)), size), self.child)
+        self.transport = i, j
         passed = 3 * (len(child) + len(self.relative))
         self._constant = np.concatenate([np.ones(len(ones)), -np.ones(passed)])
         # of all vertices parents before children
         depth = np.array([kin.tree.depth.get(v, 0) for v in range(len(twist))])
-        size = np.diff(twist, append=kin.n_twist)
         self._order = np.argsort(np.repeat(depth, size), kind="stable")
         position = np.empty_like(self._order)
         position[self._order] = ones
-        self._pattern = FrozenPattern(*(position[k] for k in self.transport), (kin.n_twist,) * 2)
+        self._pattern = FrozenPattern(position[i], position[j], (kin.n_twist, kin.n_twist))
 
     def arms(self, y: Array) -> Array:
         """From the origins of parents that turn to what moves as if fixed to them (turns, 3)."""
@@ -935,8 +937,7 @@ class Recursion:
         """Rows (twists) and columns (twists) of :meth:`moment_values`."""
         twist, (on_parent, on_child) = self.kin.twist_of, self._fulcrums
         p, c = (twist[v[self.turns]] for v in (self.parent, self.child))
-        framed = on_child[self._framed[self.child[self.turns[on_child]]]]
-        self._with_rotation = framed
+        framed = self._on_frames
         blocks = [
             (p[on_parent] + 3, p[on_parent] + 3),
             (p[on_child] + 3, c[on_child]),
@@ -954,7 +955,7 @@ class Recursion:
         child = self.child[self.turns]
         f = skew(force[self.kin.twist_of[child][:, None] + np.arange(3)])
         arm = self.arms(y1)
-        framed = self._with_rotation
+        framed = self._on_frames
         rows, factors = self.spots
         spot = (factors[framed] @ y1.take(rows[framed], axis=0))[:, 0]
         own = spot - y1.take(self.kin.row[child[framed]], axis=0)
@@ -966,13 +967,14 @@ class Recursion:
         ]
         return np.concatenate(parts).ravel()
 
-    def blocks(self, values: Array, y: Array) -> tuple[Array, Array]:
-        """S (vertices, 6, 6) from its entries, columns the vertex's own; X (edges, 6, 6)."""
+    def blocks(self, y: Array, fixed: Floats) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """S (vertices, 6, 6), X (edges, 6, 6), and which columns of S there are (vertices, 6)."""
+        values = self.own.values(self.locate(y, fixed))
         kin, own, tree = self.kin, self.own, self.kin.tree
         vertex = np.repeat(np.arange(len(tree.is_frame)), np.where(tree.is_frame, 6, 3))
-        place = np.zeros(kin.unknowns, dtype=np.int64)
-        for numbers in tree.own.values():
-            place[numbers] = np.arange(len(numbers))
+        place, used = np.zeros(kin.unknowns, dtype=np.int64), np.zeros((len(vertex), 6), dtype=bool)
+        for w, numbers in tree.own.items():
+            place[numbers], used[w, : len(numbers)] = np.arange(len(numbers)), True
         v = vertex[own.rows]
         S = np.zeros((len(tree.is_frame), 6, 6), dtype=values.dtype)
         np.add.at(S, (v, own.rows - kin.twist_of[v], place[own.cols]), values)
@@ -980,7 +982,13 @@ class Recursion:
         X[:, :3, :3] = np.eye(3)
         X[self.turns, :3, 3:] = -skew(self.arms(y))
         X[self.relative, 3:, 3:] = np.eye(3)
-        return S, X
+        return S, X, used[: len(S)]
+
+
+def unit_triangular(matrix: csc_matrix) -> Any:
+    """Factors of a lower triangular matrix with ones on its diagonal: nothing is filled in."""
+    options = {"SymmetricMode": True}
+    return splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
 
 
 def _plane(arm: Array) -> Floats:

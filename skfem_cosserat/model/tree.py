@@ -180,7 +180,7 @@ class Tree:
 
     @cached_property
     def pairs(self) -> list[Pair]:
-        """Of the vertices with a parent, by all coordinates above them: as many as a chain's square."""
+        """Of vertices with a parent, by all coordinates above: the square of a chain's length."""
         children = {edge.parent for edge in self.edges}
         moving: dict[int, list[Pair]] = {}
         for v in self.free:
