@@ -307,37 +307,21 @@ class Closure:
                 out[k] = own
         return out
 
-    def decide(self, y: Array, T: Array) -> list[tuple[CoupledLoops, IndexArray, Floats]]:
-        """Fix the rank at a configuration.
-
-        Returns
-        -------
-        list of (component, rows, coefficients)
-            Of each redundant row of the component: its number among the component's rows, and the
-            combination of its rows that vanishes.
-        """
+    def decide(self, y: Array, T: Array) -> IndexArray:
+        """Fix the rank at a configuration; gives the constraint rows that depend on others."""
         weights = self._weights(y)
         for each in self._stacks:
             size = each.sizes(weights)
             self.magnitude[each.rows] = np.where(size > 0, size, 1.0)
-        redundant = []
+        redundant = [np.zeros(0, dtype=np.int64)]
         for c, C in zip(self.components, self.matrices(y, T), strict=True):
-            _, R, order = qr(C.T, mode="economic", pivoting=True)
-            d = abs(np.diagonal(R))
+            order, diagonal = _pivoted(C.T)
+            d = abs(diagonal)
             largest = max(1.0, d.max(initial=0.0))
             c.rank = int((d > RANK_TOLERANCE * largest).sum())
             c.weakest = float(d[c.rank - 1] / largest) if c.rank else 1.0
-            dropped = order[c.rank :]
-            if len(dropped):
-                kept = order[: c.rank]
-                combination = np.zeros((len(dropped), len(c.rows)))
-                combination[np.arange(len(dropped)), dropped] = 1.0
-                if c.rank:
-                    combination[:, kept] = -np.linalg.lstsq(C[kept].T, C[dropped].T, rcond=None)[
-                        0
-                    ].T
-                redundant.append((c, dropped, combination))
-        return redundant
+            redundant.append(self.rows[c.rows[order[c.rank :]]])
+        return np.sort(np.concatenate(redundant))
 
     def select(self, y: Array, T: Array) -> list[Selected]:
         """Independent rows of each component at the start of a step."""

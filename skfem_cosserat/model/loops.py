@@ -15,7 +15,7 @@ from ..kernels import cross, null_space_blocks
 from ..types import Floats, IndexArray
 from ..warn import warn
 from .checks import JointRows, Scene
-from .closure import SINGULAR, Closure, CoupledLoops, Selected, continued, directed
+from .closure import SINGULAR, Closure, Selected, continued, directed
 from .reparametrisation import Reparametrisation
 from .theories import rows_beside_tree
 from .tree import ConstrainedElement
@@ -40,8 +40,6 @@ STRAIGHT = (
     " (a straight beam that is held at both ends can neither bend without extension nor stay"
     " untwisted out of its plane: TheoryKirchhoff() leaves it both)"
 )
-
-Redundant = Sequence[tuple[CoupledLoops, IndexArray, Floats]]
 
 
 def joint_of(jr: JointRows) -> Joint:
@@ -110,8 +108,7 @@ def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
     if doubt:
         warn("model", doubt, ModelWarning)
     _check_motion(system)
-    dropped = [system.closure.rows[c.rows[which]] for c, which, _ in redundant]
-    return system.closure, np.sort(np.concatenate([none, *dropped]))
+    return system.closure, redundant
 
 
 def almost_redundant(system: Scene) -> str:
@@ -287,7 +284,7 @@ def violated(system: Scene, y: Floats) -> tuple[int, float]:
 # -- a singular reference configuration ------------------------------------------------------------
 
 
-def _beside(system: Scene, start: Floats, redundant: Redundant) -> Redundant:
+def _beside(system: Scene, start: Floats, redundant: IndexArray) -> IndexArray:
     """Redundant rows beside the reference configuration, if they are fewer there.
 
     Then the reference is a singular position, and a warning says so. The mechanism is moved a
@@ -295,7 +292,7 @@ def _beside(system: Scene, start: Floats, redundant: Redundant) -> Redundant:
     the loops are closed again.
     """
     closure = system.closure
-    if not redundant or closure.rank == system.kinematics.unknowns:
+    if not len(redundant) or closure.rank == system.kinematics.unknowns:
         return redundant
     T = tree_values(system, start)
     chosen = closure.select(start, T)

@@ -121,7 +121,8 @@ def connected_parts(system: System, lines: bool = True) -> Connected:
     size = rows + system.m
     graph = csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(size, size))
     _, label = connected_components(graph, directed=False)
-    grounded = np.setdiff1d(np.arange(len(g.cols)), own)
+    grounded = np.ones(len(g.cols), dtype=bool)
+    grounded[own] = False
     tied = [label[rows + g.rows[grounded]], label[pairs[~inside][pairs[~inside] < rows]]]
     names, part = np.unique(label[:rows], return_inverse=True)
     return Connected(part, ~np.isin(names, np.concatenate(tied)))
