@@ -602,9 +602,14 @@ class LinearSolver:
         Square.
     solver : Solver, optional
         Take this one.
+    n : int, optional
+        The last of the pattern's unknowns, if the others only help: their equations have no right
+        hand sides, and nobody asks for them.
 
     Attributes
     ----------
+    n : int
+        Unknowns that are asked for.
     factorisations : int
         How many so far.
     data : (nnz,) array
@@ -622,9 +627,12 @@ class LinearSolver:
     ([1.0, 0.0], 'dense')
     """
 
-    def __init__(self, pattern: FrozenPattern, solver: Solver | None = None) -> None:
+    def __init__(
+        self, pattern: FrozenPattern, solver: Solver | None = None, n: int | None = None
+    ) -> None:
         self.pattern = pattern
-        self.n = pattern.shape[0]
+        self.n = pattern.shape[0] if n is None else n
+        self._helping = pattern.shape[0] - self.n
         self.factorisations = 0
         self._wanted = checked_solver(solver)
         self._bound: Factors | None = None
@@ -640,8 +648,8 @@ class LinearSolver:
         return self._bound
 
     def _chosen(self) -> Factors:
-        pattern = self.pattern
-        if self.n <= DENSE or (self.n <= MOST and pattern.nnz > FULL * self.n**2):
+        pattern, n = self.pattern, self.pattern.shape[0]
+        if n <= DENSE or (n <= MOST and pattern.nnz > FULL * n**2):
             return SolverDense().bind(pattern)
         band = Band(pattern)
         if band.lower + band.upper <= BAND:
@@ -649,7 +657,7 @@ class LinearSolver:
         others: list[tuple[str, Solver]] = [("pypardiso", SolverPardiso())]
         if balanced(pattern):
             others.append(("pymetis", SolverMetis()))
-        for package, solver in others if self.n >= OPTIONAL else []:
+        for package, solver in others if n >= OPTIONAL else []:
             if find_spec(package) is None:
                 continue
             try:
@@ -691,13 +699,22 @@ class LinearSolver:
         """Solution for other right-hand sides, of the matrix factorised last."""
         if self.n == 0:  # all motion is prescribed
             return np.zeros_like(rhs)
+        if self._helping:
+            rhs = np.concatenate([np.zeros((self._helping, *rhs.shape[1:])), rhs])
         out = self._checked(rhs)
         if out is None:
             self._take_over()
             out = self.factors.solve(rhs)
         if not np.logical_and.reduce(np.isfinite(out), axis=None):
             raise SingularMatrixError("the iteration matrix is singular")
-        return out
+        return out[self._helping :]
+
+    def full(self, data: Floats) -> Floats:
+        """The matrix (n, n) of the unknowns that are asked for, in full."""
+        matrix, k = self.pattern.assembled(data).toarray(), self._helping
+        if not k:
+            return matrix
+        return matrix[k:, k:] - matrix[k:, :k] @ np.linalg.solve(matrix[:k, :k], matrix[:k, k:])
 
     def _factor(self, factors: Factors) -> None:
         self.factorisations += 1

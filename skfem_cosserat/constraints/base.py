@@ -149,6 +149,8 @@ REGULAR = 1e-3
 CLEAR = 0.2
 #: share of it that may be left before others may do better
 HALF = 0.5
+#: share of what motions may use up below which it is measured anew at a look
+NEARLY = 0.5
 #: rotation in a step (rad) that counts as half a turn
 HALF_TURN = 3.12
 #: trace of that rotation
@@ -350,18 +352,35 @@ class BoundTreatment(ABC):
         """
         return
 
-    def clear(self, y: Floats) -> bool:
-        """Whether the rows that close loops are independent by far at y; `clearance` is as now."""
-        least = self.system.closure.independence(self._taken, y, tree_values(self.system, y))
-        if not least > HALF * self._least:
-            return False
-        self.clearance = CLEAR * least
+    def clear(self, y: Floats, step: float) -> bool:
+        """Whether the rows that close loops are independent by far at y; `clearance` is as now.
+
+        Of loops that have not moved far since the last look nothing has to be looked at.
+
+        Parameters
+        ----------
+        step : float
+            What the next step may move (rad, or relative to the scene).
+        """
+        system, closure = self.system, self.system.closure
+        left = CLEAR * self._pivots - closure.motion(self._seen, y)
+        near = np.flatnonzero(left < np.maximum(step, NEARLY * CLEAR * self._pivots))
+        if len(near):
+            if system.moving:  # the ground has moved for all of them
+                near = np.arange(len(left))
+            pivots = closure.independence(self._taken, y, tree_values(system, y), near)
+            if not (pivots > HALF * self._least[near]).all():
+                return False
+            rows = slice(None) if len(near) == len(left) else closure.rows_of(near)
+            self._seen[rows], self._pivots[near], left[near] = y[rows], pivots, CLEAR * pivots
+        self.clearance = float(left.min())
         return True
 
-    def _take(self, chosen: Sequence[Selected]) -> None:
-        """Take these rows to close the loops: how far they are from depending on each other."""
-        self._taken = chosen
-        least = self._least = min(float(s.pivots.min(initial=1.0)) for s in chosen)
+    def _take(self, chosen: Sequence[Selected], y: Floats) -> None:
+        """Take these rows, at y, to close the loops: how far they are from being dependent."""
+        self._taken, self._seen = chosen, y.copy()
+        self._least = np.array([s.pivots.min(initial=1.0) for s in chosen])
+        self._pivots, least = self._least.copy(), float(self._least.min())
         self.regular = least > REGULAR
         self.clearance = CLEAR * least if self.regular else 0.0
         self.closing = np.concatenate([s.rows for s in chosen])

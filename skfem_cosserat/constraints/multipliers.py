@@ -213,7 +213,7 @@ class BoundMultipliers(BoundTreatment):
         if momentum is not None:
             self._passages = Passages(self.system)
         self.doubts = self._passages.look(y0, T, chosen)
-        self._take(chosen)
+        self._take(chosen, y0)
         self._keep[closure.rows] = 0
         self._away = None
         for s in chosen:

@@ -16,7 +16,7 @@ from ..linear import LinearSolver
 from ..model import System
 from ..model.closure import Selected, continued
 from ..model.groups import Blocks, Parts
-from ..model.kinematics import Located
+from ..model.kinematics import Located, Recursion
 from ..model.loops import Passages, way_on
 from ..model.reparametrisation import Reparametrisation
 from ..pattern import FrozenPattern, shared, sum_at
@@ -233,6 +233,63 @@ def _full_parts(
     return found, columns
 
 
+class JointByJoint:
+    """The same as :class:`Congruence` for a deep tree, whose T is full: joint by joint.
+
+    ``T = (1 - X)^-1 S``, see :class:`Recursion`. With the twists t of vertices and the forces s at
+    joints as unknowns that help,
+
+    ``(1 - X) t - S nu = 0``, ``A t - (1 - X)^T s = 0``, ``S^T s + C t = b``,
+
+    nothing is full. Twists that are coordinates, as those of free vertices, need none that help.
+    """
+
+    def __init__(
+        self,
+        recursion: Recursion,
+        pairs: tuple[IndexArray, IndexArray],
+        extra: tuple[IndexArray, IndexArray],
+    ) -> None:
+        S = recursion.own
+        twists, unknowns = S.shape
+        alone = np.bincount(S.rows, minlength=twists) == 1
+        alone &= np.isin(np.arange(twists), S.rows[S.ones])
+        alone[recursion.below] = False
+        helped = np.flatnonzero(~alone)
+        count = len(helped)
+        twist, force = np.full((2, twists), -1)
+        twist[helped], force[helped] = np.arange(count), count + np.arange(count)
+        coordinate = 2 * count + np.arange(unknowns)
+        own = np.flatnonzero(alone[S.rows])
+        twist[S.rows[own]] = coordinate[S.cols[own]]
+        self._joints = np.flatnonzero(~alone[S.rows])
+        at, of = S.rows[self._joints], coordinate[S.cols[self._joints]]
+        i, j = recursion.transport
+        self._moved = np.flatnonzero(~alone[i])
+        i, j = i[self._moved], j[self._moved]
+        k, other = extra
+        both = [
+            (twist[pairs[0]], twist[pairs[1]]),
+            (coordinate[k], twist[other]),
+            (force[i], twist[j]),
+            (twist[j], force[i]),
+            (force[at], of),
+            (of, force[at]),
+        ]
+        rows, cols = (np.concatenate([each[n] for each in both]) for n in (0, 1))
+        size = 2 * count + unknowns
+        self.pattern = FrozenPattern(rows, cols, (size, size))
+        self._recursion = recursion
+
+    def data(self, A: Sequence[Floats], C: Floats, left: Floats, right: Floats) -> Floats:
+        """Entries in :attr:`pattern`; A in one piece or more."""
+        S_left, X_left = self._recursion.split(left)
+        S_right, X_right = self._recursion.split(right)
+        moved, joints = self._moved, self._joints
+        parts = [*A, C, X_right[moved], -X_left[moved], -S_right[joints], S_left[joints]]
+        return self.pattern.data(np.concatenate(parts))
+
+
 # -- discrete null space method with nodal reparametrisation: n - m unknowns, no multipliers -------
 
 #: iterations to close the loops of one Newton iterate
@@ -290,6 +347,8 @@ class BoundNullSpace(BoundTreatment):
         self.closure = system.closure
         self.unknowns = system.unknowns
         self.nodal = Reparametrisation(kin)
+        #: twists by the tree's coordinates
+        self._map = kin.recursion if kin.deep and not len(self.closure.rows) else kin.T
         number = np.zeros(len(system.origin_rows), dtype=np.int64)
         number[kin.frames] = np.arange(len(kin.frames))
         rows = [kin.director_rows[number[g.vertices]] if g.framed else None for g in system.groups]
@@ -328,6 +387,8 @@ class BoundNullSpace(BoundTreatment):
     def solver(self) -> LinearSolver:  # type: ignore[override]
         """Made when it is first asked for: compiled steps take none, and it is full for chains."""
         pattern, kin = self._congruence.pattern, self.kin
+        if isinstance(self._map, Recursion):
+            return LinearSolver(pattern, self.asked, self.unknowns)
         if self._loops:
             pattern = self._reduction.pattern
         if kin.elements is not None and pattern.nnz > CROWDED:
@@ -340,7 +401,7 @@ class BoundNullSpace(BoundTreatment):
         return LinearSolver(pattern, self.asked)
 
     @cached_property
-    def _congruence(self) -> Congruence:
+    def _congruence(self) -> Congruence | JointByJoint:
         """From blocks by twists to the tree's coordinates."""
         system, kin = self.system, self.kin
         dofs = [
@@ -357,10 +418,15 @@ class BoundNullSpace(BoundTreatment):
             omega = kin.frame_twist[:, 3:]
             i = np.concatenate([i, np.repeat(omega, 3, axis=1).ravel()])
             j = np.concatenate([j, np.tile(omega, (1, 3)).ravel()])
-            if len(kin.tree.pairs):
-                extra = kin.curvature_pattern()
-        T = kin.T_rows, kin.T_cols, kin.ones
-        return shared(Congruence, (i, j), extra, T, (kin.n_twist, kin.unknowns))
+            if len(kin.tree.edges):
+                extra = self._map.curvature_pattern()
+        if isinstance(self._map, Recursion):
+            if self.weight:
+                more = self._map.moment_pattern()
+                i, j = np.concatenate([i, more[0]]), np.concatenate([j, more[1]])
+            return JointByJoint(self._map, (i, j), extra)
+        T = self._map.rows, self._map.cols, self._map.ones
+        return shared(Congruence, (i, j), extra, T, self._map.shape)
 
     @cached_property
     def _reduction(self) -> Congruence:
@@ -388,7 +454,7 @@ class BoundNullSpace(BoundTreatment):
         """Independent closure rows at the start of the step."""
         T = self._tree_at(y0)[1]
         chosen = self.closure.select(y0, T)
-        self._take(chosen)
+        self._take(chosen, y0)
         if momentum is not None:
             self._passages, self._direction = Passages(self.system), None
         self.doubts = self._passages.look(y0, T, chosen)
@@ -409,8 +475,8 @@ class BoundNullSpace(BoundTreatment):
         """The tree at y, and the values of its T; known if y was asked for last."""
         known = self._known
         if known is None or known[0] is not y:
-            at = self.kin.locate(y, self.nodal.fixed)
-            known = self._known = y, at, self.kin.T_values(at)
+            at = self._map.locate(y, self.nodal.fixed)
+            known = self._known = y, at, self._map.values(at)
         return known[1:]
 
     def _set_left(self, y: Array) -> None:
@@ -464,7 +530,7 @@ class BoundNullSpace(BoundTreatment):
             gaps = [closure.violation(s, g) for s in self._chosen]
             if max(float(abs(gap).max(initial=0.0)) for gap in gaps) <= CLOSED:
                 return y1
-            T = kin.T_values(kin.locate(y1, self.nodal.fixed))
+            T = kin.T.values(kin.T.locate(y1, self.nodal.fixed))
             step = np.zeros(kin.unknowns, dtype=y1.dtype)
             for s, gap in zip(closure.again(self._chosen, y1, T), gaps, strict=True):
                 step[s.component.columns] = s.correction(gap)
@@ -484,7 +550,7 @@ class BoundNullSpace(BoundTreatment):
         if self.weight:
             self._set_left(self.constraint_point(y1))
         self._twist_force = self.kin.twist_force(self._left.y, R)
-        self._tree_force = self.kin.reduce(self._T_left, self._twist_force)
+        self._tree_force = self._map.reduce(self._T_left, self._twist_force)
         return self._by_unknowns(self._tree_force)
 
     def _by_unknowns(self, tree_force: Array) -> Array:
@@ -497,12 +563,12 @@ class BoundNullSpace(BoundTreatment):
     def displacement(self, increment: Array, y1: Array) -> Array:
         """See the base class."""
         T1 = self._tree_at(y1)[1]
-        return self.kin.rates(y1, self.kin.expand(T1, self._by_tree(increment)))
+        return self.kin.rates(y1, self._map.expand(T1, self._by_tree(increment)))
 
     def pull(self, gradient: Array) -> Array:
         """See the base class."""
         force = self.kin.twist_force(self._left.y, gradient)
-        return self._by_unknowns(self.kin.reduce(self._T_left, force))
+        return self._by_unknowns(self._map.reduce(self._T_left, force))
 
     def _null_spaces(self, which: str, ys: Array) -> list[list[Array | None]]:
         """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), none of points; of all ys."""
@@ -600,9 +666,11 @@ class BoundNullSpace(BoundTreatment):
             # derivative of P_int^T R
             W = spin_gradient(kin.directors(y1), kin.directors(R))
             values.append((self.weight * W).ravel())
-            if len(kin.tree.pairs):
-                extra = kin.curvature_values(self._left, right, force)
-                extra *= self.weight
+            if isinstance(self._map, Recursion):
+                force = self._map.carry(self._T_left, force)
+                values.append(self.weight * self._map.moment_values(y1, force))
+            if len(kin.tree.edges):
+                extra = self.weight * self._map.curvature_values(self._left, right, force)
         out = self._congruence.data(values, extra, self._T_left, T1)
         if not self._loops:
             return out

@@ -406,7 +406,7 @@ class CompiledStep(CompiledScene):
         if state.q.tobytes() != self._a.y1[: self.system.rows].tobytes():
             return True
         if self._travelled >= bound.clearance:
-            if not bound.clear(self._a.y1):
+            if not bound.clear(self._a.y1, self._farthest):
                 return True
             self._travelled = self._farthest  # a step may jump over a singular position
         self._record[CLEARANCE] = bound.clearance  # the look may have changed it

@@ -988,6 +988,6 @@ class Stepper:
         assert problem.evaluation is not None
         blocks = of.balance.tangent(step, problem.evaluation)
         data = bound.matrix(blocks, problem.evaluation.R, problem.y1, scaled)
-        matrix = bound.solver.pattern.assembled(data).toarray()
+        matrix = bound.solver.full(data)
         active = bound.active
         return matrix if active is None else matrix[np.ix_(active, active)], report

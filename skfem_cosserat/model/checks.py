@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -22,6 +22,9 @@ from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
 from .theories import TheoryRows
 from .tree import Spot, Tree
+
+#: share of an inertia that joints beyond may leave of it without any doubt
+CLEARLY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +109,7 @@ def check_mobility(system: Scene, doubt: str = "") -> None:
     )
 
 
-def check_inertia(system: Scene, y: Floats, closure: Floats) -> None:
+def check_inertia(system: Scene, y: Floats, closure: Callable[[], Floats]) -> None:
     """Every direction of motion that joints leave free has mass.
 
     A beam's d3 carries no mass, which is fine: rotations still move d1 and d2. What is refused is
@@ -114,38 +117,83 @@ def check_inertia(system: Scene, y: Floats, closure: Floats) -> None:
     of a thin rod that no joint holds. Of a beam's consistent mass only the blocks of single nodes
     enter: it is positive definite exactly if they are.
 
+    Trees whose pivots are all far from zero pass at the cost of their edges. The matrix of the
+    others is looked at as a whole: what closes loops may hold the rest.
+
     Parameters
     ----------
-    closure : (r, unknowns) array
-        Independent rows of the joints that close loops: they hold coordinates, too.
+    closure : callable
+        Gives independent rows (r, unknowns) of the joints that close loops: they hold
+        coordinates, too.
     """
-    kin = system.kinematics
+    kin, tree = system.kinematics, system.tree
     fixed = kin.fixed_axes(y)
     inertia = _vertex_inertia(system, y)
-    trees = _trees(system, closure)
+    linked = {v for e in tree.edges for v in (e.child, e.parent)}
     # vertices without joints, all at once
-    alone = np.setdiff1d(system.tree.free, [v for members, _ in trees for v in members])
+    alone = np.array([v for v in tree.free if v not in linked], dtype=np.int64)
     for vertices in (kin.frames, kin.points):
         free = np.intersect1d(vertices, alone)
         if len(free):
             worst, number = _weakest(np.array([inertia[int(v)] for v in free]))
             if worst >= 0:
-                own = system.tree.own[int(free[worst])]
+                own = tree.own[int(free[worst])]
                 _report(system, own[number], y, fixed)
-    if not system.tree.edges:
+    if not tree.edges or (kin.elements is None and _clearly_inert(kin, inertia, y, fixed)):
         return
-    T = kin.T_matrix(kin.T_values(kin.locate(y, fixed))).tocsr()
-    for members, coordinates in trees:
+    rows = closure()
+    T = kin.T.matrix(kin.T.values(kin.T.locate(y, fixed)))
+    for members, coordinates in _trees(system, rows):
         if not coordinates:
             continue
         A = np.zeros((len(coordinates),) * 2)
         for v in members:
             start = int(kin.twist_of[v])
-            rows = T[start : start + len(inertia[v])][:, coordinates].toarray()
-            A += rows.T @ inertia[v] @ rows
-        worst, number = _weakest(A[None], closure[:, coordinates])
+            local = T[start : start + len(inertia[v])][:, coordinates].toarray()
+            A += local.T @ inertia[v] @ local
+        worst, number = _weakest(A[None], rows[:, coordinates])
         if worst >= 0:
             _report(system, coordinates[number], y, fixed)
+
+
+def _clearly_inert(kin: Kinematics, inertia: dict[int, Floats], y: Floats, fixed: Floats) -> bool:
+    """Whether all pivots are far from zero where joints are eliminated from the leaves on.
+
+    Each against what it would be if the joints next to it were locked.
+    """
+    maps = kin.recursion
+    S, X, used = maps.blocks(y, fixed)
+    free, locked = np.zeros((2, len(S), 6, 6))
+    for vertex, own in inertia.items():
+        free[vertex, : len(own), : len(own)] = own
+    locked += free
+    unused = np.eye(6) * ~used[:, None]
+    pivots, sizes = np.empty_like(S), np.empty(S.shape[:2])
+
+    def pivot(v: IndexArray) -> tuple[Floats, Floats]:
+        """Of vertices, and ``I S``."""
+        U = free[v] @ S[v]
+        size = np.einsum("vik,vij,vjk->vk", S[v], locked[v], S[v])
+        pivots[v], sizes[v] = S[v].transpose(0, 2, 1) @ U + unused[v], size
+        return U, pivots[v] + np.eye(6) * (1e-15 * size + 1e-300)[:, None]
+
+    for level in reversed(maps.levels):
+        child = maps.child[level]
+        U, D = pivot(child)
+        rest = free[child] - U @ np.linalg.solve(D, U.transpose(0, 2, 1))
+        up = maps.held[level]
+        parent, right = maps.parent[level[up]], X[level[up]]
+        left = right.transpose(0, 2, 1)
+        np.add.at(locked, parent, left @ free[child[up]] @ right)
+        np.add.at(free, parent, left @ rest[up] @ right)
+    if len(maps.roots):
+        pivot(maps.roots)
+    moved = np.concatenate([maps.child, maps.roots])
+    size = np.sqrt(np.where(used[moved], sizes[moved], 1.0))
+    if not (size > 0).all():
+        return False
+    scaled = pivots[moved] / (size[:, :, None] * size[:, None, :])
+    return bool((np.linalg.eigvalsh(scaled) > CLEARLY).all())
 
 
 def _weakest(blocks: Floats, closure: Floats | None = None) -> tuple[int, int]:
@@ -219,7 +267,7 @@ def _vertex_inertia(system: Scene, y: Floats) -> dict[int, Floats]:
 def _report(system: Scene, number: int, y: Floats, fixed: Floats) -> None:
     coordinate = system.tree.coordinates[number]
     item: StructuralItem = system.owner[coordinate.vertex]
-    axis = np.round(system.kinematics.points_and_axes(y, fixed)[1][number], 6).tolist()
+    axis = np.round(system.kinematics.axes(y, fixed)[number], 6).tolist()
     what = "translation along" if coordinate.kind == "translation" else "rotation about"
     x = np.round(y[system.vertex_rows[coordinate.vertex]], 9).tolist()
     raise InputError(

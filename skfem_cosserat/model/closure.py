@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.linalg.lapack import dgeqp3, dgeqrf, dorgqr
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix, issparse
 from scipy.sparse.csgraph import connected_components
 
 from ..kernels import skew
-from ..pattern import sum_at
+from ..pattern import FULL_ROWS, sum_at
 from ..types import Array, Floats, IndexArray
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
@@ -35,8 +35,7 @@ class CoupledLoops:
 
     rows: IndexArray  # among the loop rows
     columns: IndexArray  # tree coordinates
-    twists: IndexArray  # among the columns of Closure.by_twists
-    entries: tuple[IndexArray, IndexArray]  # of T: which, and where in (twists, columns)
+    twists: IndexArray  # those of the vertices on its loops
     scale: Floats  # columns: translations count relative to the scene's extent
     rank: int = 0
     weakest: float = 1.0  # smallest pivot of the rows that count as independent
@@ -45,6 +44,61 @@ class CoupledLoops:
     def free(self) -> int:
         """Coordinates that the loops leave free."""
         return len(self.columns) - self.rank
+
+
+@dataclass(eq=False)
+class _Stack:
+    """Components of one shape, whose matrices are made at once.
+
+    Attributes
+    ----------
+    members : (count,) int array
+        Numbers of the components.
+    shape : (int, int, int)
+        Rows, twists and columns of each.
+    entries, where : int arrays
+        Entries of ``G_loop P_int``, and where they go in (count, rows, twists).
+    of_tree, there : int arrays
+        Entries of T, and where they go in (count, twists, columns).
+    rows : (count, rows) int array
+    scale, twist_scale : (count, columns), (count, twists) array
+    """
+
+    members: IndexArray
+    shape: tuple[int, int, int]
+    entries: IndexArray
+    where: IndexArray
+    of_tree: IndexArray
+    there: IndexArray
+    rows: IndexArray
+    scale: Floats
+    twist_scale: Floats
+
+    def by_twists(self, weights: Array) -> csr_matrix | Array:
+        """``G_loop P_int`` from its entries; of many twists sparse, on a diagonal."""
+        count, (a, b, _) = len(self.members), self.shape
+        values = weights[self.entries]
+        if b <= FULL_ROWS:
+            return sum_at(self.where, values, count * a * b).reshape(count, a, b)
+        row, twist = np.divmod(self.where, b)
+        ends = row, row // a * b + twist
+        return csr_matrix((values, ends), shape=(count * a, count * b))
+
+    def product(self, weights: Array, T: Array) -> Array:
+        """``G_loop P_int T`` (count, rows, columns), columns scaled, from the entries."""
+        count, (a, b, c) = len(self.members), self.shape
+        right = sum_at(self.there, T[self.of_tree], count * b * c)
+        left = self.by_twists(weights)
+        right = right.reshape(-1, c) if issparse(left) else right.reshape(count, b, c)
+        return np.asarray(left @ right).reshape(count, a, c) * self.scale[:, None]
+
+    def sizes(self, weights: Array) -> Floats:
+        """Of the rows of ``G_loop P_int`` (count, rows), translations relative to the scene."""
+        left = self.by_twists(weights)
+        if not issparse(left):
+            return np.asarray(np.linalg.norm(left * self.twist_scale[:, None], axis=2))
+        square = csr_matrix(left).power(2) @ np.square(self.twist_scale).ravel()
+        return np.sqrt(square).reshape(self.rows.shape)
 
 
 @dataclass(eq=False)
@@ -122,60 +176,111 @@ class Closure:
         number = np.full(constraints.size, -1)
         number[rows] = np.arange(len(rows))
         which = constraints.inside[number[constraints.rows[constraints.inside]] >= 0]
-        position = np.searchsorted(constraints.inside, which)
-        self._entries = position  # among the values of the Jacobian
-        self._row = number[constraints.rows[which]]
+        self._entries = np.searchsorted(constraints.inside, which)  # of the Jacobian's values
+        row = number[constraints.rows[which]]
         y_row, component = np.divmod(constraints.cols[which], 3)
         turning = kinematics.row_is_director[y_row]
         self._plain, self._turning = np.flatnonzero(~turning), np.flatnonzero(turning)
         base = kinematics.row_twist[y_row]
-        plain_twist = base[self._plain] + component[self._plain]
-        turning_twist = (base[self._turning][:, None] + np.arange(3)).ravel()
-        #: twists of the vertices on loops: the only columns of :meth:`by_twists`
-        self._twists = np.unique(np.concatenate([plain_twist, turning_twist]))
-        #: translations count relative to the scene's extent, here and among the coordinates
-        shifts = ~np.isin(self._twists, kinematics.frame_twist[:, 3:])
-        self._twist_scale = np.where(shifts, length, 1.0)
-        count = len(self._twists)
-        self._plain_at = self._row[self._plain] * count + np.searchsorted(self._twists, plain_twist)
-        turning_row = np.repeat(self._row[self._turning], 3)
-        self._turning_at = turning_row * count + np.searchsorted(self._twists, turning_twist)
+        twist = [
+            base[self._plain] + component[self._plain],
+            (base[self._turning][:, None] + np.arange(3)).ravel(),
+        ]
         self._director = y_row[self._turning]
         self._component = component[self._turning]
+        #: translations count relative to the scene's extent
         scale = np.ones(kinematics.unknowns)
         for c in kinematics.tree.coordinates:
             if c.kind in ("translation", "slide"):
                 scale[c.number] = length
-        self.components = self._split(scale)
+        self.components: list[CoupledLoops] = []
+        self._stacks: list[_Stack] = []
         self.magnitude: Floats = np.ones(len(rows))
+        self._length = length
+        if len(rows):
+            row = np.concatenate([row[self._plain], np.repeat(row[self._turning], 3)])
+            self._split(row, np.concatenate(twist), scale)
 
-    def _split(self, scale: Floats) -> list[CoupledLoops]:
+    def _split(self, row: IndexArray, twist: IndexArray, scale: Floats) -> None:
+        """Into components, from the rows and twists of the entries of ``G_loop P_int``."""
         kin = self.kin
-        r, K, nt = len(self.rows), kin.unknowns, kin.n_twist
-        row, twist = np.divmod(
-            np.concatenate([self._plain_at, self._turning_at]), max(1, len(self._twists))
+        T, r, K, nt = kin.T, len(self.rows), kin.unknowns, kin.n_twist
+        # graph of rows, coordinates and the twists between them
+        moved = np.zeros(nt, dtype=bool)
+        moved[T.rows] = True
+        on, met = np.zeros(nt, dtype=bool), moved[twist]
+        on[twist] = True
+        of_tree = np.flatnonzero(on[T.rows])
+        ends = (
+            np.concatenate([row[met], r + T.cols[of_tree]]),
+            np.concatenate([r + K + twist[met], r + K + T.rows[of_tree]]),
         )
-        twist = self._twists[twist]
-        # bipartite graph of rows and coordinates
-        ones = np.ones(len(row))
-        B = coo_matrix((ones, (row, twist)), shape=(r, nt)).tocsr()
-        T = coo_matrix((np.ones(len(kin.T_rows)), (kin.T_rows, kin.T_cols)), shape=(nt, K)).tocsr()
-        C = (B @ T).tocoo()
-        graph = coo_matrix((np.ones(C.nnz), (C.row, r + C.col)), shape=(r + K, r + K))
+        graph = coo_matrix((np.ones(len(ends[0])), ends), shape=(r + K + nt,) * 2)
         _, label = connected_components(graph, directed=False)
-        out = []
-        for name in np.unique(label[:r]):
-            rows = np.flatnonzero(label[:r] == name)
-            columns = np.flatnonzero(label[r:] == name)
-            twists = np.unique(B[rows].indices)
-            at_twist, at_column = np.full(nt, -1), np.full(K, -1)
-            at_twist[twists], at_column[columns] = np.arange(len(twists)), np.arange(len(columns))
-            i, j = at_twist[kin.T_rows], at_column[kin.T_cols]
-            which = np.flatnonzero((i >= 0) & (j >= 0))
-            where = i[which] * len(columns) + j[which]
-            at = np.searchsorted(self._twists, twists)
-            out.append(CoupledLoops(rows, columns, at, (which, where), scale[columns]))
-        return out
+        _, found, label = np.unique(label, return_index=True, return_inverse=True)
+        label = np.argsort(np.argsort(found))[label]  # rows come first, so do their components
+        count = int(label[:r].max()) + 1
+        # twists of each component, in order; where they are in it
+        keys = np.unique(label[row] * nt + twist)
+        of_key, twists = np.divmod(keys, nt)
+        first = np.searchsorted(of_key, np.arange(count + 1))
+
+        def place(component: IndexArray, twist: IndexArray) -> IndexArray:
+            """Among the twists of the component; -1: not there."""
+            at = np.minimum(np.searchsorted(keys, component * nt + twist), len(keys) - 1)
+            return np.where(keys[at] == component * nt + twist, at - first[component], -1)
+
+        local_row, rows = _grouped(label[:r], count)
+        local_column, columns = _grouped(label[r : r + K], count)
+        for k in range(count):
+            own = columns[k]
+            part = CoupledLoops(rows[k], own, twists[first[k] : first[k + 1]], scale[own])
+            self.components.append(part)
+        self._find_vertices()
+        of_tree = of_tree[label[r + T.cols[of_tree]] < count]
+        of_column = label[r + T.cols[of_tree]]
+        twist_place = place(of_column, T.rows[of_tree])
+        inside = twist_place >= 0
+        of_tree, of_column, twist_place = of_tree[inside], of_column[inside], twist_place[inside]
+        shapes: dict[tuple[int, int, int], list[int]] = {}
+        for k, part in enumerate(self.components):
+            size = len(part.rows), len(part.twists), len(part.columns)
+            shapes.setdefault(size, []).append(k)
+        shift = ~np.isin(np.arange(nt), kin.frame_twist[:, 3:])
+        row_place = place(label[row], twist)
+        for (a, b, c), numbers in shapes.items():
+            at = np.full(count, -1)
+            at[numbers] = np.arange(len(numbers))
+            mine = np.flatnonzero(at[label[row]] >= 0)
+            of_T = np.flatnonzero(at[of_column] >= 0)
+            column = local_column[T.cols[of_tree[of_T]]]
+            parts = [self.components[k] for k in numbers]
+            self._stacks.append(
+                _Stack(
+                    np.array(numbers),
+                    (a, b, c),
+                    mine,
+                    (at[label[row[mine]]] * a + local_row[row[mine]]) * b + row_place[mine],
+                    of_tree[of_T],
+                    (at[of_column[of_T]] * b + twist_place[of_T]) * c + column,
+                    np.array([part.rows for part in parts]),
+                    np.array([part.scale for part in parts]),
+                    np.array([np.where(shift[part.twists], self._length, 1.0) for part in parts]),
+                )
+            )
+
+    def _find_vertices(self) -> None:
+        """Vertices that the loops of each component move."""
+        kin = self.kin
+        of_twist = np.repeat(
+            np.arange(len(kin.twist_of)), np.diff(kin.twist_of, append=kin.n_twist)
+        )
+        of_column = np.array([c.vertex for c in kin.tree.coordinates], dtype=np.int64)
+        self._vertices = [
+            np.union1d(of_twist[c.twists], of_column[c.columns]) for c in self.components
+        ]
+        self._every = np.concatenate(self._vertices)
+        self._first = np.cumsum([0, *map(len, self._vertices)])[:-1]
 
     @property
     def rank(self) -> int:
@@ -184,57 +289,39 @@ class Closure:
 
     # -- evaluation --------------------------------------------------------------------------------
 
-    def by_twists(self, y: Array) -> Array:
-        """``B = G_loop P_int`` (r, twists), dense, of the vertices on loops."""
+    def _weights(self, y: Array) -> Array:
+        """Entries of ``G_loop P_int``, of the vertices on loops."""
         values = self.constraints.jacobian_values(y)[self._entries]
         # moment of a force e_c on a director: d x e_c
         arms = skew(y[self._director])[np.arange(len(self._director)), :, self._component]
         moments = arms * values[self._turning][:, None]
-        where = np.concatenate([self._plain_at, self._turning_at])
-        weights = np.concatenate([values[self._plain], moments.ravel()])
-        shape = (len(self.rows), len(self._twists))
-        return sum_at(where, weights, shape[0] * shape[1]).reshape(shape)
+        return np.concatenate([values[self._plain], moments.ravel()])
 
     def matrices(self, y: Array, T: Array) -> list[Array]:
         """C (rows, columns) of each component at y, columns scaled; T are the tree's values."""
-        B = self.by_twists(y)
-        out = []
-        for c in self.components:
-            which, where = c.entries
-            flat = sum_at(where, T[which], len(c.twists) * len(c.columns))
-            local = B[c.rows[:, None], c.twists] @ flat.reshape(len(c.twists), len(c.columns))
-            out.append(local * c.scale / self.magnitude[c.rows][:, None])
+        out: list[Array] = [y[:0]] * len(self.components)
+        weights = self._weights(y)
+        for each in self._stacks:
+            C = each.product(weights, T) / self.magnitude[each.rows][:, :, None]
+            for k, own in zip(each.members.tolist(), C, strict=True):
+                out[k] = own
         return out
 
-    def decide(self, y: Array, T: Array) -> list[tuple[CoupledLoops, IndexArray, Floats]]:
-        """Fix the rank at a configuration.
-
-        Returns
-        -------
-        list of (component, rows, coefficients)
-            Of each redundant row of the component: its number among the component's rows, and the
-            combination of its rows that vanishes.
-        """
-        twist = np.linalg.norm(self.by_twists(y) * self._twist_scale, axis=1)
-        self.magnitude = np.where(twist > 0, twist, 1.0)
-        redundant = []
+    def decide(self, y: Array, T: Array) -> IndexArray:
+        """Fix the rank at a configuration; gives the constraint rows that depend on others."""
+        weights = self._weights(y)
+        for each in self._stacks:
+            size = each.sizes(weights)
+            self.magnitude[each.rows] = np.where(size > 0, size, 1.0)
+        redundant = [np.zeros(0, dtype=np.int64)]
         for c, C in zip(self.components, self.matrices(y, T), strict=True):
-            _, R, order = qr(C.T, mode="economic", pivoting=True)
-            d = abs(np.diagonal(R))
+            order, diagonal = _pivoted(C.T)
+            d = abs(diagonal)
             largest = max(1.0, d.max(initial=0.0))
             c.rank = int((d > RANK_TOLERANCE * largest).sum())
             c.weakest = float(d[c.rank - 1] / largest) if c.rank else 1.0
-            dropped = order[c.rank :]
-            if len(dropped):
-                kept = order[: c.rank]
-                combination = np.zeros((len(dropped), len(c.rows)))
-                combination[np.arange(len(dropped)), dropped] = 1.0
-                if c.rank:
-                    combination[:, kept] = -np.linalg.lstsq(C[kept].T, C[dropped].T, rcond=None)[
-                        0
-                    ].T
-                redundant.append((c, dropped, combination))
-        return redundant
+            redundant.append(self.rows[c.rows[order[c.rank :]]])
+        return np.sort(np.concatenate(redundant))
 
     def select(self, y: Array, T: Array) -> list[Selected]:
         """Independent rows of each component at the start of a step."""
@@ -255,13 +342,34 @@ class Closure:
         rows = self.rows[c.rows[local]]
         return Selected(c, local, rows, R[: c.rank], Q[:, : c.rank], Q[:, c.rank :])
 
-    def independence(self, chosen: Sequence[Selected], y: Array, T: Array) -> float:
-        """Smallest pivot of chosen rows at y, relative to the largest of their component."""
-        least = 1.0
-        for s, C in zip(chosen, self.matrices(y, T), strict=True):
-            pivots = abs(_pivoted(C[s.local].T)[1])
-            least = min(least, float(pivots.min(initial=1.0) / pivots.max(initial=1e-300)))
-        return least
+    def independence(
+        self, chosen: Sequence[Selected], y: Array, T: Array, which: IndexArray
+    ) -> Floats:
+        """Smallest pivot of chosen rows at y against the largest, of these components (k,)."""
+        C = self.matrices(y, T)
+        pivots = [abs(_pivoted(C[k][chosen[k].local].T)[1]) for k in which.tolist()]
+        return np.array([p.min(initial=1.0) / p.max(initial=1e-300) for p in pivots])
+
+    def motion(self, y0: Array, y1: Array) -> Floats:
+        """How far the vertices of each component are from y0 at y1 (components,).
+
+        The largest rotation (rad) or displacement relative to the scene.
+        """
+        kin, count = self.kin, len(self.kin.row_twist)
+        square = np.square(y1 - y0).sum(axis=1)
+        ground = square[count:].max(initial=0.0) / min(1.0, self._length) ** 2
+        turn = 0.5 * square[kin.director_rows].sum(axis=1)
+        square = square[kin.row[: len(kin.twist_of)]] / self._length**2
+        square[kin.frames] = np.maximum(square[kin.frames], turn)
+        most = np.maximum.reduceat(square[self._every], self._first)
+        return np.sqrt(np.maximum(most, ground))
+
+    def rows_of(self, which: IndexArray) -> IndexArray:
+        """Rows of y of the vertices of these components."""
+        kin = self.kin
+        vertices = np.concatenate([self._vertices[k] for k in which.tolist()])
+        frames = vertices[kin.frame_row[vertices] >= 0]
+        return np.concatenate([kin.row[vertices], *(kin.row[frames] + k for k in (1, 2, 3))])
 
     def null_matrix(self, selected: list[Selected]) -> Floats:
         """Z (K, K - rank), dense, in the numbering of :meth:`null_pattern`."""
@@ -297,6 +405,16 @@ class Closure:
         """Constraint rows and multipliers that balance a force (K,) of the tree best."""
         size = self.magnitude[s.component.rows[s.local]]
         return s.rows, s.multipliers(force[s.component.columns]) / size
+
+
+def _grouped(label: IndexArray, count: int) -> tuple[IndexArray, list[IndexArray]]:
+    """Place of each in its group, and the members of the groups 0 to count - 1, in order."""
+    order = np.argsort(label, kind="stable")
+    starts = np.searchsorted(label[order], np.arange(count + 1))
+    place = np.zeros(len(label), dtype=np.int64)
+    known = order[: starts[-1]]
+    place[known] = np.arange(len(known)) - starts[label[known]]
+    return place, np.split(order, starts[1:])[:count]
 
 
 def _pivoted(A: Array) -> tuple[IndexArray, Array]:

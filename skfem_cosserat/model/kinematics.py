@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse.linalg import splu
 
-from ..kernels import cross, director_force
-from ..pattern import sum_at
+from ..kernels import cross, director_force, skew
+from ..pattern import FrozenPattern, sum_at
 from ..relative import normals
 from ..strain import strain_measures
 from ..types import Array, Floats, IndexArray
@@ -396,8 +400,13 @@ def combination(terms: Sequence[Sequence[tuple[int, float]]]) -> tuple[IndexArra
     return array[:, :, 0].astype(np.int64), array[:, None, :, 1].copy()
 
 
+#: squares of the numbers of coordinates that move each vertex, summed, above which elimination
+#: along the joints of a tree is faster than one matrix: as of 17 bars on ball joints, of 34 hinged
+DEEP = 15_000
+
+
 class Kinematics:
-    """Arrays of the twist map T(q) and of the reduction to twists.
+    """Arrays of the reduction to twists and, in :attr:`T`, of the twist map.
 
     Parameters
     ----------
@@ -437,8 +446,7 @@ class Kinematics:
         self._force_rows = np.concatenate([self.frame_rows, row[self.points]])
         first = [self.frame_twist[:, 0], self.point_twist[:, 0], self.frame_twist[:, 3]]
         self._by_twist = np.argsort(np.concatenate(first))
-        self._frame_row = np.where(is_frame, row[:nv], -1)
-        self._spots: dict[Spot, int] = {}
+        self.frame_row = np.where(is_frame, row[:nv], -1)
         #: (coordinate numbers, (parent spot, child spot)) of points that move on spheres
         self.spheres = [
             (
@@ -448,218 +456,82 @@ class Kinematics:
             for e in tree.edges
             if e.joint.freedom().sphere and tree.plane is None
         ]
-        self._pairs()
-        self._prepare_curvature()
+        cs = [*tree.coordinates, *tree.driven]
+        constant = np.array([c.kind not in ("axis", "slide") for c in cs], dtype=bool)
+        self.axis = np.array([c.axis for c in cs]).reshape(len(cs), 3) * constant[:, None]
+        self.guided = [c for c in cs if c.kind == "axis"]
+        self.sliding = [c for c in cs if c.kind == "slide"]
+        self.hinges = np.array([c.number for c in self.guided], dtype=np.int64)
+        self.tracks = np.array([c.number for c in self.sliding], dtype=np.int64)
+        #: material axes: one product gives all of them at a configuration
+        self.axis_terms = [
+            *[self._axis_terms(c, c.axis) for c in self.guided],
+            *[self._axis_terms(c, c.axis) for c in self.sliding],
+            *[self._axis_terms(c, c.right) for c in self.sliding if c.right is not None],
+        ]
+        self._axes = combination(self.axis_terms)
 
-    def _spot(self, spot: Spot) -> int:
-        return self._spots.setdefault(spot, len(self._spots))
+    @cached_property
+    def T(self) -> TwistMap:
+        """The twist map, entry by entry: full for a chain, and nothing that kernels ask for."""
+        return TwistMap(self, self.tree.pairs, self.elements)
+
+    @cached_property
+    def recursion(self) -> Recursion:
+        """The twist map, joint by joint; not of trees with :attr:`elements`."""
+        return Recursion(self)
+
+    @cached_property
+    def deep(self) -> bool:
+        """Whether :attr:`recursion` is faster than :attr:`T` in a step with plain numpy."""
+        if self.elements is not None:
+            return False
+        above: dict[int, int] = {}
+        for e in self.tree.edges:
+            own = len(self.tree.own[e.child])
+            above[e.child] = own + above.get(e.parent, len(self.tree.own.get(e.parent, ())))
+        return sum(count**2 for count in above.values()) > DEEP
+
+    @cached_property
+    def elements(self) -> ConstrainedElements | None:
+        """Elements of the tree whose lines follow from directors, if there are any."""
+        if all(element.rigid for element, _ in self.tree.elements):
+            return None
+        turning: dict[int, list[tuple[int, int]]] = {}
+        for k, p in enumerate(p for p in self.tree.pairs if p.target is not None):
+            if p.rotates:
+                turning.setdefault(p.vertex, []).append((p.number, k))
+        return ConstrainedElements(self.tree, self.row, self.twist_of, turning)
+
+    def _axis_terms(self, c: Coordinate, axis: Floats) -> list[tuple[int, float]]:
+        return [(int(self.row[c.guide]) + i + 1, float(axis[i])) for i in range(3)]
 
     def spot_terms(self, spot: Spot) -> list[tuple[int, float]]:
         """Rows of y and factors whose sum is the spot's position."""
         base = int(self.row[spot.vertex])
         return [(base, 1.0)] + [(base + i + 1, X) for i, X in enumerate(spot.offset) if X != 0]
 
-    def _pairs(self) -> None:
-        tree, cs = self.tree, self.tree.coordinates
-        both = [*cs, *tree.driven]
-        constant = np.array([c.kind not in ("axis", "slide") for c in both], dtype=bool)
-        self.axis = np.array([c.axis for c in both]).reshape(len(both), 3) * constant[:, None]
-        self.guided = [c for c in both if c.kind == "axis"]
-        self.sliding = [c for c in both if c.kind == "slide"]
-        turning = [p for p in tree.pairs if p.target is not None]
-        shifting = [p for p in tree.pairs if p.target is None and cs[p.number].kind != "slide"]
-        slides = [p for p in tree.pairs if p.target is None and cs[p.number].kind == "slide"]
-        self.pair_vertex = np.array([p.vertex for p in turning], dtype=np.int64)
-        self.pair_number = np.array([p.number for p in turning], dtype=np.int64)
-        self.pair_target = np.array([self._spot(p.target) for p in turning], dtype=np.int64)  # type: ignore[arg-type]
-        self.pair_centre = np.array(
-            [self._spot(cs[p.number].centre) for p in turning],  # type: ignore[arg-type]
-            dtype=np.int64,
-        )
-        slide_of = {c.number: i for i, c in enumerate(self.sliding)}
-        self.slide_number = np.array([p.number for p in slides], dtype=np.int64)
-        self._slide_of = np.array([slide_of[p.number] for p in slides], dtype=np.int64)
-        frame = self._frame_row[self.pair_vertex] >= 0 if turning else np.zeros(0, dtype=bool)
-        rotates = np.array([p.rotates for p in turning], dtype=bool) & frame
-        self.pair_rotates = np.flatnonzero(rotates)
-        self.spots = list(self._spots)
-        # spots, then material axes: one product gives all points and axes of a configuration
-        self._combine = combination(
-            [self.spot_terms(s) for s in self.spots]
-            + [self._axis_terms(c, c.axis) for c in self.guided]
-            + [self._axis_terms(c, c.axis) for c in self.sliding]
-            + [self._axis_terms(c, c.right) for c in self.sliding if c.right is not None]
-        )
-        self.hinges = np.array([c.number for c in self.guided], dtype=np.int64)
-        self.tracks = np.array([c.number for c in self.sliding], dtype=np.int64)
-        hinge_of = {number: i for i, number in enumerate(self.hinges.tolist())}
-        numbers = self.pair_number.tolist()
-        #: where axes of pairs are: among those that are fixed, then those of hinges
-        self._axis_of = np.array(
-            [len(both) + hinge_of[k] if k in hinge_of else k for k in numbers], dtype=np.int64
-        )
-        # few pairs, all on hinges: spots, then axes and arms of pairs, in one product
-        self._few = not slides and len(turning) <= len(self.spots) and hinge_of.keys() >= {*numbers}
-        centres = [cs[p.number] for p in turning] if self._few else []
-        self._combine_few = combination(
-            [self.spot_terms(s) for s in self.spots]
-            + [self._axis_terms(c, c.axis) for c in centres]
-            + [
-                [*self.spot_terms(p.target), *((a, -f) for a, f in self.spot_terms(c.centre))]  # type: ignore[arg-type]
-                for p, c in zip(turning, centres, strict=False)
-            ]
-        )
-        turned: dict[int, list[tuple[int, int]]] = {}
-        for k, p in enumerate(turning):
-            if p.rotates:
-                turned.setdefault(p.vertex, []).append((p.number, k))
-        flexible = any(not element.rigid for element, _ in tree.elements)
-        self.elements = (
-            ConstrainedElements(tree, self.row, self.twist_of, turned) if flexible else None
-        )
-        self._T_pattern(shifting, slides)
-
-    def _T_pattern(self, shifting: Sequence[Pair], slides: Sequence[Pair]) -> None:
-        """Identity of free vertices, constant shifts, turning pairs, slides."""
-        tree, cs = self.tree, self.tree.coordinates
-        rows, cols, ones = [], [], []
-        for v in tree.free:
-            for k in tree.own[v]:
-                first = int(self.twist_of[v]) + (3 if cs[k].kind == "rotation" else 0)
-                along = np.flatnonzero(cs[k].axis)
-                rows += (first + along).tolist()
-                cols += [k] * len(along)
-                ones += cs[k].axis[along].tolist()
-        for p in shifting:
-            rows += [int(self.twist_of[p.vertex]) + i for i in range(3)]
-            cols += [p.number] * 3
-            ones += cs[p.number].axis.tolist()
-        base = self.twist_of[self.pair_vertex][:, None] + np.arange(3)
-        number = np.repeat(self.pair_number[:, None], 3, axis=1)
-        slide_vertex = np.array([p.vertex for p in slides], dtype=np.int64)
-        self._slide_twist = self.twist_of[slide_vertex][:, None] + np.arange(3)
-        self.T_rows = np.concatenate(
-            [
-                np.array(rows, dtype=np.int64),
-                base.ravel(),
-                (base[self.pair_rotates] + 3).ravel(),
-                self._slide_twist.ravel(),
-            ]
-        )
-        self.T_cols = np.concatenate(
-            [
-                np.array(cols, dtype=np.int64),
-                number.ravel(),
-                number[self.pair_rotates].ravel(),
-                np.repeat(self.slide_number, 3),
-            ]
-        )
-        if self.elements is not None:
-            self.T_rows = np.concatenate([self.T_rows, self.elements.T_rows])
-            self.T_cols = np.concatenate([self.T_cols, self.elements.T_cols])
-        self._T_constant = np.array(ones)
-        self.n_fixed = len(ones)
-        #: entries that are 1 at any configuration
-        self.ones: IndexArray = np.flatnonzero(self._T_constant == 1)
-        order = np.lexsort((self.T_cols, self.T_rows))
-        self._order = order
-        indptr = np.searchsorted(self.T_rows[order], np.arange(self.n_twist + 1))
-        self._T_structure = (self.T_cols[order].astype(np.int32), indptr.astype(np.int32))
-
-    def _axis_terms(self, c: Coordinate, axis: Floats) -> list[tuple[int, float]]:
-        return [(int(self.row[c.guide]) + i + 1, float(axis[i])) for i in range(3)]
-
-    def _prepare_curvature(self) -> None:
-        """Which pairs have an axis or a point that moves with a vertex, and its twist."""
-        nv = len(self.twist_of)
-        track = np.array([c.guide for c in self.sliding], dtype=np.int64)[self._slide_of]
-        self._on_track = np.flatnonzero(track < nv)
-        self._track_twist = self.twist_of[track[self._on_track]] + 3
-        guide = np.array([c.guide for c in self.tree.coordinates], dtype=np.int64)
-        which = guide[self.pair_number]
-        self._guided = np.flatnonzero((which >= 0) & (which < nv))
-        self._guide_twist = self.twist_of[which[self._guided]] + 3
-        self._spot_vertex = np.array([s.vertex for s in self.spots], dtype=np.int64)
-        self._spot_base = self.row[self._spot_vertex]
-        self._spot_turns = np.array([any(s.offset) for s in self.spots], dtype=bool)
-        self._pair_twist = self.twist_of[self.pair_vertex][:, None] + np.arange(3)
-        self._rotated_twist = self._pair_twist[self.pair_rotates] + 3
-        # targets, then centres, as far as they move with a vertex; which of them feel its rotation
-        spots = np.concatenate([self.pair_target, self.pair_centre])
-        vertex = self._spot_vertex[spots]
-        on = np.flatnonzero(vertex < nv)
-        self._spot_twist = self.twist_of[vertex[on]]
-        self._spot_pair = on % max(len(self.pair_number), 1)
-        self._spot_sign = np.where(on < len(self.pair_number), 1.0, -1.0)[:, None]
-        self._turning = np.flatnonzero(self._spot_turns[spots[on]])
-        self._turning_spot = spots[on][self._turning]
-
     # -- evaluation ----------------------------------------------------------------------------
 
-    def combined(self, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Spots, axes of hinges, left and right vectors of slides at y."""
-        rows, factors = self._combine
-        both = (factors @ y.take(rows, axis=0))[:, 0]
-        a, b = len(self.spots), len(self.hinges)
-        c = a + b + len(self.tracks)
-        return both[:a], both[a : a + b], both[a + b : c], both[c:]
+    def material_axes(self, y: Array) -> tuple[Array, Array, Array]:
+        """Axes of hinges, left and right vectors of slides at y."""
+        rows, factors = self._axes
+        return self.split((factors @ y.take(rows, axis=0))[:, 0])
 
-    def points_and_axes(self, y: Array, fixed: Floats) -> tuple[Array, Array]:
-        """Spots (k, 3) and axes or slides (K + driven, 3); `fixed` holds what y does not change."""
-        x, hinges, left, right = self.combined(y)
-        if not (len(hinges) or len(left)):
-            return x, fixed
-        axes = fixed.astype(x.dtype)
-        axes[self.hinges] = hinges
+    def split(self, axes: Array) -> tuple[Array, Array, Array]:
+        """Those of hinges, left and right vectors of slides, of all of them."""
+        b = len(self.hinges)
+        c = b + len(self.tracks)
+        return axes[:b], axes[b:c], axes[c:]
+
+    def axes(self, y: Array, fixed: Floats) -> Array:
+        """Axes or slides (K + driven, 3); `fixed` holds what y does not change."""
+        hinges, left, right = self.material_axes(y)
+        out = fixed.astype(y.dtype)
+        out[self.hinges] = hinges
         if len(left):
-            axes[self.tracks] = cross(left, right)
-        return x, axes
-
-    def locate(self, y: Array, fixed: Floats) -> Located:
-        """What all functions of the tree need at configuration y."""
-        if not len(self.pair_number) and not len(self.slide_number):
-            return Located(y, *(y[:0],) * 6)
-        if self._few:
-            rows, factors = self._combine_few
-            every = (factors @ y.take(rows, axis=0))[:, 0]
-            a = len(self.spots)
-            b = a + len(self.pair_number)
-            return Located(y, every[:a], every[a:b], every[b:], *(y[:0],) * 3)
-        x, hinges, left, right = self.combined(y)
-        axis = np.concatenate([fixed, hinges]).take(self._axis_of, axis=0)
-        arm = x.take(self.pair_target, axis=0) - x.take(self.pair_centre, axis=0)
-        if not len(self.slide_number):
-            return Located(y, x, axis, arm, left, right, left)
-        left, right = left[self._slide_of], right[self._slide_of]
-        return Located(y, x, axis, arm, left, right, cross(left, right))
-
-    def T_values(self, at: Located) -> Array:
-        """Entries of T at ``(T_rows, T_cols)``."""
-        if not len(self.T_rows) > self.n_fixed:
-            return self._T_constant
-        axis = at.axis
-        shift = cross(axis, at.arm)
-        turn = axis.take(self.pair_rotates, axis=0)
-        parts = [self._T_constant, shift.ravel(), turn.ravel()]
-        if len(self.slide_number):
-            parts.append(at.slide.ravel())
-        if self.elements is not None:
-            parts.append(self.elements.values(at.y, axis))
-        return np.concatenate(parts)
-
-    def reduce(self, values: Array, twist_force: Array) -> Array:
-        """``T^T t`` (unknowns,) from T's entries."""
-        return sum_at(self.T_cols, values * twist_force.take(self.T_rows), self.unknowns)
-
-    def expand(self, values: Array, rates: Array) -> Array:
-        """``T nu`` (n_twist,) from T's entries."""
-        return sum_at(self.T_rows, values * rates.take(self.T_cols), self.n_twist)
-
-    def T_matrix(self, values: Array) -> csr_matrix:
-        """T (n_twist, unknowns) from its entries."""
-        indices, indptr = self._T_structure
-        shape = (self.n_twist, self.unknowns)
-        return csr_matrix((values[self._order], indices, indptr), shape=shape)
+            out[self.tracks] = cross(left, right)
+        return out
 
     def directors(self, y: Array) -> Array:
         """Directors (nf, 3, 3) of the frames, rows d1, d2, d3; not to be written to."""
@@ -698,6 +570,190 @@ class Kinematics:
             a, b = (sum(c * y0[row] for row, c in self.spot_terms(spot)) for spot in ends)
             fixed[numbers] = _plane(b - a)
         return fixed
+
+
+class TwistMap:
+    """Twists of all vertices by the tree's coordinates, ``t = T(y) nu``, entry by entry.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    pairs : sequence of Pair
+        Which coordinate moves which vertex.
+    elements : ConstrainedElements, optional
+        What moves vertices besides.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        pairs: Sequence[Pair],
+        elements: ConstrainedElements | None = None,
+    ) -> None:
+        kin = self.kin = kinematics
+        cs = kin.tree.coordinates
+        self.shape = kin.n_twist, kin.unknowns
+        turning = [p for p in pairs if p.target is not None]
+        shifting = [p for p in pairs if p.target is None and cs[p.number].kind != "slide"]
+        slides = [p for p in pairs if p.target is None and cs[p.number].kind == "slide"]
+        numbers: dict[Spot, int] = {}
+
+        def places(spots: Sequence[Spot]) -> IndexArray:
+            found = [numbers.setdefault(spot, len(numbers)) for spot in spots]
+            return np.array(found, dtype=np.int64)
+
+        self.pair_vertex = np.array([p.vertex for p in turning], dtype=np.int64)
+        self.pair_number = np.array([p.number for p in turning], dtype=np.int64)
+        self.pair_target = places([p.target for p in turning])  # type: ignore[misc]
+        self.pair_centre = places([cs[p.number].centre for p in turning])  # type: ignore[misc]
+        slide_of = {c.number: i for i, c in enumerate(kin.sliding)}
+        self.slide_number = np.array([p.number for p in slides], dtype=np.int64)
+        self._slide_of = np.array([slide_of[p.number] for p in slides], dtype=np.int64)
+        frame = kin.frame_row[self.pair_vertex] >= 0 if turning else np.zeros(0, dtype=bool)
+        rotates = np.array([p.rotates for p in turning], dtype=bool) & frame
+        self.pair_rotates = np.flatnonzero(rotates)
+        self.spots = list(numbers)
+        # spots, then material axes: one product gives all points and axes of a configuration
+        spot_terms = [kin.spot_terms(s) for s in self.spots]
+        self._combine = combination(spot_terms + kin.axis_terms)
+        hinge_of = {number: i for i, number in enumerate(kin.hinges.tolist())}
+        of_pair = self.pair_number.tolist()
+        #: where axes of pairs are: among those that are fixed, then those of hinges
+        self._axis_of = np.array(
+            [len(kin.axis) + hinge_of[k] if k in hinge_of else k for k in of_pair], dtype=np.int64
+        )
+        # few pairs, all on hinges: spots, then axes and arms of pairs, in one product
+        self._few = not slides and len(turning) <= len(self.spots) and hinge_of.keys() >= {*of_pair}
+        if self._few:
+            hinge_terms = [kin.axis_terms[hinge_of[k]] for k in of_pair]
+            ends = zip(self.pair_target.tolist(), self.pair_centre.tolist(), strict=True)
+            arms = [[*spot_terms[a], *((r, -f) for r, f in spot_terms[b])] for a, b in ends]
+            self._combine_few = combination(spot_terms + hinge_terms + arms)
+        self.elements = elements
+        self._number(shifting, slides)
+        self._prepare_curvature()
+
+    def _number(self, shifting: Sequence[Pair], slides: Sequence[Pair]) -> None:
+        """Identity of free vertices, constant shifts, turning pairs, slides."""
+        kin = self.kin
+        tree, cs = kin.tree, kin.tree.coordinates
+        rows, cols, ones = [], [], []
+        for v in tree.free:
+            for k in tree.own[v]:
+                first = int(kin.twist_of[v]) + (3 if cs[k].kind == "rotation" else 0)
+                along = np.flatnonzero(cs[k].axis)
+                rows += (first + along).tolist()
+                cols += [k] * len(along)
+                ones += cs[k].axis[along].tolist()
+        for p in shifting:
+            rows += [int(kin.twist_of[p.vertex]) + i for i in range(3)]
+            cols += [p.number] * 3
+            ones += cs[p.number].axis.tolist()
+        base = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
+        number = np.repeat(self.pair_number[:, None], 3, axis=1)
+        slide_vertex = np.array([p.vertex for p in slides], dtype=np.int64)
+        self._slide_twist = kin.twist_of[slide_vertex][:, None] + np.arange(3)
+        self.rows = np.concatenate(
+            [
+                np.array(rows, dtype=np.int64),
+                base.ravel(),
+                (base[self.pair_rotates] + 3).ravel(),
+                self._slide_twist.ravel(),
+            ]
+        )
+        self.cols = np.concatenate(
+            [
+                np.array(cols, dtype=np.int64),
+                number.ravel(),
+                number[self.pair_rotates].ravel(),
+                np.repeat(self.slide_number, 3),
+            ]
+        )
+        if self.elements is not None:
+            self.rows = np.concatenate([self.rows, self.elements.T_rows])
+            self.cols = np.concatenate([self.cols, self.elements.T_cols])
+        self._constant = np.array(ones)
+        self.n_fixed = len(ones)
+        #: entries that are 1 at any configuration
+        self.ones: IndexArray = np.flatnonzero(self._constant == 1)
+        order = np.lexsort((self.cols, self.rows))
+        self._order = order
+        indptr = np.searchsorted(self.rows[order], np.arange(self.shape[0] + 1))
+        self._structure = (self.cols[order].astype(np.int32), indptr.astype(np.int32))
+
+    def _prepare_curvature(self) -> None:
+        """Which pairs have an axis or a point that moves with a vertex, and its twist."""
+        kin = self.kin
+        nv = len(kin.twist_of)
+        track = np.array([c.guide for c in kin.sliding], dtype=np.int64)[self._slide_of]
+        self._on_track = np.flatnonzero(track < nv)
+        self._track_twist = kin.twist_of[track[self._on_track]] + 3
+        guide = np.array([c.guide for c in kin.tree.coordinates], dtype=np.int64)
+        which = guide[self.pair_number]
+        self._guided = np.flatnonzero((which >= 0) & (which < nv))
+        self._guide_twist = kin.twist_of[which[self._guided]] + 3
+        self._spot_vertex = np.array([s.vertex for s in self.spots], dtype=np.int64)
+        self._spot_base = kin.row[self._spot_vertex]
+        self._spot_turns = np.array([any(s.offset) for s in self.spots], dtype=bool)
+        self._pair_twist = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
+        self._rotated_twist = self._pair_twist[self.pair_rotates] + 3
+        # targets, then centres, as far as they move with a vertex; which of them feel its rotation
+        spots = np.concatenate([self.pair_target, self.pair_centre])
+        vertex = self._spot_vertex[spots]
+        on = np.flatnonzero(vertex < nv)
+        self._spot_twist = kin.twist_of[vertex[on]]
+        self._spot_pair = on % max(len(self.pair_number), 1)
+        self._spot_sign = np.where(on < len(self.pair_number), 1.0, -1.0)[:, None]
+        self._turning = np.flatnonzero(self._spot_turns[spots[on]])
+        self._turning_spot = spots[on][self._turning]
+
+    def locate(self, y: Array, fixed: Floats) -> Located:
+        """What all functions of the tree need at configuration y."""
+        if not len(self.pair_number) and not len(self.slide_number):
+            return Located(y, *(y[:0],) * 6)
+        if self._few:
+            rows, factors = self._combine_few
+            every = (factors @ y.take(rows, axis=0))[:, 0]
+            a = len(self.spots)
+            b = a + len(self.pair_number)
+            return Located(y, every[:a], every[a:b], every[b:], *(y[:0],) * 3)
+        rows, factors = self._combine
+        both = (factors @ y.take(rows, axis=0))[:, 0]
+        x, axes = both[: len(self.spots)], both[len(self.spots) :]
+        hinges, left, right = self.kin.split(axes)
+        axis = np.concatenate([fixed, hinges]).take(self._axis_of, axis=0)
+        arm = x.take(self.pair_target, axis=0) - x.take(self.pair_centre, axis=0)
+        if not len(self.slide_number):
+            return Located(y, x, axis, arm, left, right, left)
+        left, right = left[self._slide_of], right[self._slide_of]
+        return Located(y, x, axis, arm, left, right, cross(left, right))
+
+    def values(self, at: Located) -> Array:
+        """Entries of T at ``(rows, cols)``."""
+        if not len(self.rows) > self.n_fixed:
+            return self._constant
+        axis = at.axis
+        shift = cross(axis, at.arm)
+        turn = axis.take(self.pair_rotates, axis=0)
+        parts = [self._constant, shift.ravel(), turn.ravel()]
+        if len(self.slide_number):
+            parts.append(at.slide.ravel())
+        if self.elements is not None:
+            parts.append(self.elements.values(at.y, axis))
+        return np.concatenate(parts)
+
+    def reduce(self, values: Array, twist_force: Array) -> Array:
+        """``T^T t`` (unknowns,) from T's entries."""
+        return sum_at(self.cols, values * twist_force.take(self.rows), self.shape[1])
+
+    def expand(self, values: Array, rates: Array) -> Array:
+        """``T nu`` (n_twist,) from T's entries."""
+        return sum_at(self.rows, values * rates.take(self.cols), self.shape[0])
+
+    def matrix(self, values: Array) -> csr_matrix:
+        """T (n_twist, unknowns) from its entries."""
+        indices, indptr = self._structure
+        return csr_matrix((values[self._order], indices, indptr), shape=self.shape)
 
     # -- derivative of T^T f by the configuration, for schemes that evaluate T at midpoints ------
 
@@ -739,6 +795,200 @@ class Kinematics:
                 + cross(at1.right[on], cross(f, at.left[on]))
             )
         return np.concatenate(parts).ravel() if parts else force[:0].ravel()
+
+
+# -- the same map joint by joint -------------------------------------------------------------------
+#
+# The twist of a child is ``X t_parent + S nu``, nu its joint's own coordinates. With all of them in
+# one system, ``(1 - X) t = S nu``, so ``T = (1 - X)^-1 S``: of a chain T is full, X and S are not.
+
+
+class Recursion:
+    """The twist map of a tree, joint by joint.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+
+    Attributes
+    ----------
+    own : TwistMap
+        S.
+    child, parent : (edges,) int array
+        Vertices of the edges, parents before children.
+    held : (edges,) bool array
+        Whether a child hangs on a vertex, not on the ground.
+    roots : int array
+        Vertices without a parent from which others hang.
+    levels : list of int arrays
+        Edges whose children are equally far from the root.
+    """
+
+    def __init__(self, kinematics: Kinematics) -> None:
+        kin = self.kin = kinematics
+        tree, nv = kin.tree, len(kin.twist_of)
+        edges = tree.edges
+        self.own = TwistMap(kin, [pair for e in edges for pair in tree.own_pairs(e)])
+        self.child = np.array([e.child for e in edges], dtype=np.int64)
+        self.parent = np.array([e.parent for e in edges], dtype=np.int64)
+        self.held = self.parent < nv
+        free = np.array(tree.free, dtype=np.int64)
+        self.roots = np.intersect1d(free, self.parent)
+        depth = np.array([tree.depth[e.child] for e in edges], dtype=np.int64)
+        order = np.argsort(depth, kind="stable")
+        self.levels = np.split(order, np.flatnonzero(np.diff(depth[order])) + 1)
+        frame = np.array(tree.is_frame)
+        self.turns = np.flatnonzero(self.held)[frame[self.parent[self.held]]]
+        self.relative = self.turns[[tree.relative(edges[e]) for e in self.turns]]
+        fulcrums = [tree.fulcrum(edges[e]) for e in self.turns]
+        self.spots = combination([kin.spot_terms(spot) for spot in fulcrums])
+        self._parent_rows = kin.row[self.parent[self.turns]]
+        at_parent = np.array([s.vertex for s in fulcrums]) == self.parent[self.turns]
+        #: which of the edges that turn have theirs on the parent, on the child, on one that turns
+        self._fulcrums = np.flatnonzero(at_parent), np.flatnonzero(~at_parent)
+        self._on_frames = np.flatnonzero(~at_parent & frame[self.child[self.turns]])
+        self._last: tuple[Array | None, Any] = None, None
+        self._prepare()
+
+    # -- the same as those of a twist map, whose entries are those of S, then of X ---------------
+
+    def locate(self, y: Array, fixed: Floats) -> Located:
+        """See :class:`TwistMap`."""
+        return self.own.locate(y, fixed)
+
+    def values(self, at: Located) -> Array:
+        """Entries of S, then of X without those that are one."""
+        return np.concatenate([self.own.values(at), -skew(self.arms(at.y)).ravel()])
+
+    def reduce(self, values: Array, twist_force: Array) -> Array:
+        """``T^T t`` (unknowns,)."""
+        return self.own.reduce(self.split(values)[0], self.carry(values, twist_force))
+
+    def expand(self, values: Array, rates: Array) -> Array:
+        """``T nu`` (n_twist,)."""
+        return self._solved(values, self.own.expand(self.split(values)[0], rates), "N")
+
+    def carry(self, values: Array, twist_force: Array) -> Array:
+        """Forces at the joints (n_twist,): each of all that hangs on it."""
+        return self._solved(values, twist_force, "T")
+
+    def split(self, values: Array) -> tuple[Array, Array]:
+        """Entries of S, and all of ``1 - X`` in the order of :attr:`transport`."""
+        count = len(self.own.rows)
+        return values[:count], np.concatenate([self._constant, -values[count:]])
+
+    def _solved(self, values: Array, rhs: Array, trans: str) -> Array:
+        """``(1 - X)^-1 rhs``, or its transpose: in the order of the tree nothing is filled in."""
+        known, lu = self._last
+        if known is not values:
+            lu = unit_triangular(self._pattern.matrix(self.split(values)[1]))
+            self._last = values, lu
+        out = np.empty(len(rhs), dtype=np.result_type(values, rhs))
+        out[self._order] = lu.solve(rhs[self._order].astype(out.dtype), trans)
+        return out
+
+    def _prepare(self) -> None:
+        """``1 - X``: ones, what is passed on as it is, arms of rotations."""
+        kin, xyz = self.kin, np.arange(3)
+        twist, size = kin.twist_of, np.diff(kin.twist_of, append=kin.n_twist)
+        child, parent = twist[self.child[self.held]], twist[self.parent[self.held]]
+        turned, turning = (twist[v[self.relative]] + 3 for v in (self.child, self.parent))
+        ones = np.arange(kin.n_twist)
+        moved = twist[self.child[self.turns]][:, None, None] + xyz[:, None]
+        by = twist[self.parent[self.turns]][:, None, None] + 3 + xyz
+        shape = len(self.turns), 3, 3
+        parts = [
+            (ones, ones),
+            *(
+                (a[:, None] + xyz, b[:, None] + xyz)
+                for a, b in ((child, parent), (turned, turning))
+            ),
+            (np.broadcast_to(moved, shape), np.broadcast_to(by, shape)),
+        ]
+        i, j = (np.concatenate([each[k].ravel() for each in parts]) for k in (0, 1))
+        #: twists of vertices with a parent; rows and columns of the entries of ``1 - X``
+        self.below = np.isin(np.repeat(np.arange(len(twist)), size), self.child)
+        self.transport = i, j
+        passed = 3 * (len(child) + len(self.relative))
+        self._constant = np.concatenate([np.ones(len(ones)), -np.ones(passed)])
+        # of all vertices parents before children
+        depth = np.array([kin.tree.depth.get(v, 0) for v in range(len(twist))])
+        self._order = np.argsort(np.repeat(depth, size), kind="stable")
+        position = np.empty_like(self._order)
+        position[self._order] = ones
+        self._pattern = FrozenPattern(position[i], position[j], (kin.n_twist, kin.n_twist))
+
+    def arms(self, y: Array) -> Array:
+        """From the origins of parents that turn to what moves as if fixed to them (turns, 3)."""
+        rows, factors = self.spots
+        return (factors @ y.take(rows, axis=0))[:, 0] - y.take(self._parent_rows, axis=0)
+
+    # -- derivative of ``T^T f`` for fixed forces at the joints ----------------------------------
+
+    def curvature_pattern(self) -> tuple[IndexArray, IndexArray]:
+        """See :class:`TwistMap`: that of S."""
+        return self.own.curvature_pattern()
+
+    def curvature_values(self, at: Located, at1: Located, force: Array) -> Array:
+        """See :class:`TwistMap`: that of S, for forces at the joints."""
+        return self.own.curvature_values(at, at1, force)
+
+    def moment_pattern(self) -> tuple[IndexArray, IndexArray]:
+        """Rows (twists) and columns (twists) of :meth:`moment_values`."""
+        twist, (on_parent, on_child) = self.kin.twist_of, self._fulcrums
+        p, c = (twist[v[self.turns]] for v in (self.parent, self.child))
+        framed = self._on_frames
+        blocks = [
+            (p[on_parent] + 3, p[on_parent] + 3),
+            (p[on_child] + 3, c[on_child]),
+            (p[on_child] + 3, p[on_child]),
+            (p[framed] + 3, c[framed] + 3),
+        ]
+        rows, cols = (np.concatenate([each[k] for each in blocks]) for k in (0, 1))
+        xyz, shape = np.arange(3), (len(rows), 3, 3)
+        i = np.broadcast_to(rows[:, None, None] + xyz[:, None], shape).ravel()
+        return i, np.broadcast_to(cols[:, None, None] + xyz, shape).ravel()
+
+    def moment_values(self, y1: Array, force: Array) -> Array:
+        """Of the moments of forces at the joints on parents, by the twists that move y1."""
+        on_parent, on_child = self._fulcrums
+        child = self.child[self.turns]
+        f = skew(force[self.kin.twist_of[child][:, None] + np.arange(3)])
+        arm = self.arms(y1)
+        framed = self._on_frames
+        rows, factors = self.spots
+        spot = (factors[framed] @ y1.take(rows[framed], axis=0))[:, 0]
+        own = spot - y1.take(self.kin.row[child[framed]], axis=0)
+        parts = [
+            f[on_parent] @ skew(arm[on_parent]),
+            -f[on_child],
+            f[on_child],
+            f[framed] @ skew(own),
+        ]
+        return np.concatenate(parts).ravel()
+
+    def blocks(self, y: Array, fixed: Floats) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """S (vertices, 6, 6), X (edges, 6, 6), and which columns of S there are (vertices, 6)."""
+        values = self.own.values(self.locate(y, fixed))
+        kin, own, tree = self.kin, self.own, self.kin.tree
+        vertex = np.repeat(np.arange(len(tree.is_frame)), np.where(tree.is_frame, 6, 3))
+        place, used = np.zeros(kin.unknowns, dtype=np.int64), np.zeros((len(vertex), 6), dtype=bool)
+        for w, numbers in tree.own.items():
+            place[numbers], used[w, : len(numbers)] = np.arange(len(numbers)), True
+        v = vertex[own.rows]
+        S = np.zeros((len(tree.is_frame), 6, 6), dtype=values.dtype)
+        np.add.at(S, (v, own.rows - kin.twist_of[v], place[own.cols]), values)
+        X = np.zeros((len(self.child), 6, 6), dtype=values.dtype)
+        X[:, :3, :3] = np.eye(3)
+        X[self.turns, :3, 3:] = -skew(self.arms(y))
+        X[self.relative, 3:, 3:] = np.eye(3)
+        return S, X, used[: len(S)]
+
+
+def unit_triangular(matrix: csc_matrix) -> Any:
+    """Factors of a lower triangular matrix with ones on its diagonal: nothing is filled in."""
+    options = {"SymmetricMode": True}
+    return splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
 
 
 def _plane(arm: Array) -> Floats:

@@ -15,7 +15,7 @@ from ..kernels import cross, null_space_blocks
 from ..types import Floats, IndexArray
 from ..warn import warn
 from .checks import JointRows, Scene
-from .closure import SINGULAR, Closure, CoupledLoops, Selected, continued, directed
+from .closure import SINGULAR, Closure, Selected, continued, directed
 from .reparametrisation import Reparametrisation
 from .theories import rows_beside_tree
 from .tree import ConstrainedElement
@@ -41,8 +41,6 @@ STRAIGHT = (
     " untwisted out of its plane: TheoryKirchhoff() leaves it both)"
 )
 
-Redundant = Sequence[tuple[CoupledLoops, IndexArray, Floats]]
-
 
 def joint_of(jr: JointRows) -> Joint:
     """The joint, or that of the drive."""
@@ -52,13 +50,13 @@ def joint_of(jr: JointRows) -> Joint:
 def tree_values(system: Scene, y: Floats, fixed: Floats | None = None) -> Floats:
     """Values of the tree's T at all rows y; `fixed`: the axes of a reparametrisation."""
     kin = system.kinematics
-    return kin.T_values(kin.locate(y, kin.fixed_axes(y) if fixed is None else fixed))
+    return kin.T.values(kin.T.locate(y, kin.fixed_axes(y) if fixed is None else fixed))
 
 
 def null_space_matrix(system: Scene, y: Floats) -> csr_matrix:
     """``system.null_space`` at all rows y as a sparse matrix: beams have thousands of unknowns."""
     kin, closure = system.kinematics, system.closure
-    values = kin.T_values(kin.locate(y, kin.fixed_axes(y)))
+    values = tree_values(system, y)
     rows, cols, ones = closure.null_pattern()
     Z = coo_matrix(
         (closure.null_values(closure.select(y, values), ones), (rows, cols)),
@@ -74,7 +72,7 @@ def null_space_matrix(system: Scene, y: Floats) -> csr_matrix:
         (np.concatenate([blocks.ravel(), np.ones(len(points))]), (i, j)),
         shape=(system.n, kin.n_twist),
     )
-    return (P.tocsr() @ (kin.T_matrix(values) @ Z.tocsr())).tocsr()
+    return (P.tocsr() @ (kin.T.matrix(values) @ Z.tocsr())).tocsr()
 
 
 def wrong_branch(system: Scene, y: Floats) -> str | None:
@@ -91,15 +89,18 @@ def wrong_branch(system: Scene, y: Floats) -> str | None:
 
 def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
     """Rows of the joints that close loops and of drives on them, and which are redundant."""
+    closing = {id(joint) for joint in system.tree.loops}
     rows = [
         np.arange(jr.rows.start, jr.rows.stop)
         for jr in system.joint_rows
-        if any(joint_of(jr) is j for j in system.tree.loops)
+        if id(joint_of(jr)) in closing
     ]
     none = np.zeros(0, dtype=np.int64)
     beside = rows_beside_tree(system.theory_rows, [element for element, _ in system.tree.elements])
     numbers = np.concatenate([none, *rows, beside])
     system.closure = Closure(system.kinematics, system.constraints, numbers, system.length)
+    if not len(numbers):
+        return system.closure, none
     start = system.spanned
     there = system.closure.decide(start, tree_values(system, start))
     redundant = _beside(system, start, there)
@@ -107,8 +108,7 @@ def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
     if doubt:
         warn("model", doubt, ModelWarning)
     _check_motion(system)
-    dropped = [system.closure.rows[c.rows[which]] for c, which, _ in redundant]
-    return system.closure, np.sort(np.concatenate([none, *dropped]))
+    return system.closure, redundant
 
 
 def almost_redundant(system: Scene) -> str:
@@ -284,7 +284,7 @@ def violated(system: Scene, y: Floats) -> tuple[int, float]:
 # -- a singular reference configuration ------------------------------------------------------------
 
 
-def _beside(system: Scene, start: Floats, redundant: Redundant) -> Redundant:
+def _beside(system: Scene, start: Floats, redundant: IndexArray) -> IndexArray:
     """Redundant rows beside the reference configuration, if they are fewer there.
 
     Then the reference is a singular position, and a warning says so. The mechanism is moved a
@@ -292,7 +292,7 @@ def _beside(system: Scene, start: Floats, redundant: Redundant) -> Redundant:
     the loops are closed again.
     """
     closure = system.closure
-    if not redundant or closure.rank == system.kinematics.unknowns:
+    if not len(redundant) or closure.rank == system.kinematics.unknowns:
         return redundant
     T = tree_values(system, start)
     chosen = closure.select(start, T)
@@ -530,7 +530,7 @@ def _rates(system: Scene, y: Floats, s: Selected, momentum: Floats | None) -> tu
     T = tree_values(system, y)
     directions = np.zeros((s.component.free, kin.unknowns))
     directions[:, s.component.columns] = s.null.T
-    P = np.array([kin.rates(y, kin.expand(T, d))[: system.rows] for d in directions])
+    P = np.array([kin.rates(y, kin.T.expand(T, d))[: system.rows] for d in directions])
     p = np.tensordot(P, momentum.reshape(-1, 3), ((1, 2), (0, 1)))
     M = np.tensordot(P, np.array([system.mass @ v for v in P]), ((1, 2), (1, 2)))
     rates = np.linalg.lstsq(M, p, rcond=None)[0]

@@ -14,12 +14,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csc_matrix
 
 from ..kernels import cross, exp_quaternion, quaternion_product, rotation_matrix
 from ..types import Array, Floats, IndexArray
-from .kinematics import Kinematics, combination
+from .kinematics import Kinematics, combination, unit_triangular
 from .tree import Coordinate, Edge, Spot
+
+#: levels of a tree above which positions are found by one solution, not level by level
+DEEP = 8
 
 
 @dataclass
@@ -150,6 +153,7 @@ class Reparametrisation:
                     relative=array([turned[e.child] for e in rs]),
                 )
             )
+        self._turning = [level for level in self._levels if len(level.child)]
 
     def _prepare_order(self) -> None:
         """Where rotations and rows of y come from, those of children as yet from anywhere."""
@@ -190,12 +194,13 @@ class Reparametrisation:
         self._guide = np.array([e.guide for e in self._open_edges], dtype=np.int64)
         number = {c.number: i for i, c in enumerate(kin.sliding)}
         self._slides = _layers([tree.slides[e.child] for e in self._open_edges], number)
+        deep = len(self._levels) > DEEP
+        self._sums = _PathSums(edges, kin.row) if deep else None
         if kin.elements is not None:
             self._exits = kin.elements.exits(tree)
             self._element_edges = np.array(
                 [i for i, e in enumerate(edges) if e.in_element], dtype=np.int64
             )
-            self._sums = _path_sums(edges, kin.row)
 
     def _prepare_ground(self) -> None:
         """Trees whose joints are all on the ground: turns and positions of children, directly.
@@ -242,7 +247,7 @@ class Reparametrisation:
         self.fixed = kin.fixed_axes(y0)
         self._arm = self._arms_of(self._sphere_edges, y0)
         self._open_arm = self._arms_of(self._open_edges, y0)
-        _, self._hinge_axis, left, right = kin.combined(y0)
+        self._hinge_axis, left, right = kin.material_axes(y0)
         swings = self.fixed.take(self.sphere_numbers[:, 0], axis=0)
         self._factors = np.concatenate([self._along, -swings, -self._hinge_free * self._hinge_axis])
         self._track_axis = cross(left, right) if len(left) else left
@@ -344,10 +349,9 @@ class Reparametrisation:
             all_of_them = np.concatenate([rotations, self._still])
             R = all_of_them.take(self._of_vertex, axis=0)
             relative = self._relative_rotations(all_of_them)
-            for level in self._levels:
-                if len(level.child):
-                    parents = R.take(level.parent, axis=0)
-                    R[level.child] = relative.take(level.relative, axis=0) @ parents
+            for level in self._turning:
+                parents = R.take(level.parent, axis=0)
+                R[level.child] = relative.take(level.relative, axis=0) @ parents
             turns = R.take(kin.frames, axis=0)
         else:
             turns = rotations.take(self._of_frame, axis=0)
@@ -359,9 +363,8 @@ class Reparametrisation:
             y[self._hung_rows] = moved[:, 0]
         elif self._levels:
             arms = self._arms(y, R, rotations[self._sphere_first : self._hinge_first])
-            if kin.elements is not None:  # trees along beams are deep
-                rows, roots, sums = self._sums
-                y[rows] = y[roots] + sums @ arms
+            if self._sums is not None:
+                self._sums.place(y, arms)
                 return y
             for level in self._levels:
                 y[level.child_row] = y.take(level.parent_row, axis=0) + arms.take(
@@ -405,18 +408,27 @@ def _layers(
     return out
 
 
-def _path_sums(edges: Sequence[Edge], row: IndexArray) -> tuple[IndexArray, IndexArray, csr_matrix]:
-    """Rows of y of the children, of the roots above them, and which edges lead there."""
-    path: dict[int, tuple[int, list[int]]] = {}
-    for k, e in enumerate(edges):
-        root, before = path.get(e.parent, (e.parent, []))
-        path[e.child] = root, [*before, k]
-    roots = np.array([path[e.child][0] for e in edges], dtype=np.int64)
-    numbers = [path[e.child][1] for e in edges]
-    starts = np.cumsum([0, *map(len, numbers)])
-    flat = np.concatenate([np.array(each, dtype=np.int64) for each in numbers])
-    sums = csr_matrix((np.ones(len(flat)), flat, starts), shape=(len(edges), len(edges)))
-    return row[[e.child for e in edges]], row[roots], sums
+class _PathSums:
+    """Positions of a deep tree: those of the parents, and what is added from edge to edge."""
+
+    def __init__(self, edges: Sequence[Edge], row: IndexArray) -> None:
+        place = {e.child: k for k, e in enumerate(edges)}
+        above = np.array([place.get(e.parent, -1) for e in edges], dtype=np.int64)
+        self._roots, inner = np.flatnonzero(above < 0), np.flatnonzero(above >= 0)
+        self._rows = row[[e.child for e in edges]]
+        self._root_rows = row[[edges[k].parent for k in self._roots.tolist()]]
+        count = len(edges)
+        entries = np.concatenate([np.ones(count), np.full(len(inner), -1.0)])
+        i, j = np.concatenate([[np.arange(count)] * 2, [inner, above[inner]]], axis=1)
+        self._lu = unit_triangular(csc_matrix((entries, (i, j)), shape=(count, count)))
+
+    def place(self, y: Array, arms: Array) -> None:
+        """Positions of the children, in place, from what is added on each edge."""
+        arms[self._roots] += y.take(self._root_rows, axis=0)
+        x = self._lu.solve(np.ascontiguousarray(arms.real))
+        if np.iscomplexobj(arms):
+            x = x + 1j * self._lu.solve(np.ascontiguousarray(arms.imag))
+        y[self._rows] = x
 
 
 _DIRECTORS = np.arange(1, 4)

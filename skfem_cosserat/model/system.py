@@ -143,7 +143,7 @@ class System:
         self._space: System | None = None
         self._tied: System | None = None
         self._build_tree()
-        check_inertia(self, self.spanned, closure_rows(self))
+        check_inertia(self, self.spanned, lambda: closure_rows(self))
         self._lock()
 
     def __reduce__(self) -> tuple[Any, ...]:

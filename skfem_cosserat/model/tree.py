@@ -29,6 +29,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -152,12 +153,13 @@ class Pair:
 class Tree:
     """Result of :func:`build_tree`."""
 
+    is_frame: list[bool]
+    plane: Plane | None = None
     coordinates: list[Coordinate] = field(default_factory=list)
     driven: list[Coordinate] = field(default_factory=list)  # numbered behind the others
     edges: list[Edge] = field(default_factory=list)  # parents before children
     free: list[int] = field(default_factory=list)  # vertices without a parent
     depth: dict[int, int] = field(default_factory=dict)
-    pairs: list[Pair] = field(default_factory=list)  # of the vertices with a parent
     loops: list[Joint] = field(default_factory=list)  # joints that close a loop
     own: dict[int, list[int]] = field(default_factory=dict)
     turns: dict[int, list[Coordinate]] = field(default_factory=dict)  # relative, of a child
@@ -165,7 +167,6 @@ class Tree:
     #: each with the vertex at which the tree enters it
     elements: list[tuple[ConstrainedElement, int]] = field(default_factory=list)
     stretches: dict[int, list[int]] = field(default_factory=dict)  # numbers by ``id(element)``
-    plane: Plane | None = None
 
     @property
     def directions(self) -> Floats:
@@ -176,6 +177,44 @@ class Tree:
     def axes(self) -> Floats:
         """Unit vectors (3 or 1, 3) about which free rotations are."""
         return np.eye(3) if self.plane is None else self.plane.normal[None]
+
+    @cached_property
+    def pairs(self) -> list[Pair]:
+        """Of vertices with a parent, by all coordinates above: the square of a chain's length."""
+        children = {edge.parent for edge in self.edges}
+        moving: dict[int, list[Pair]] = {}
+        for v in self.free:
+            if v in children:
+                moving[v] = [
+                    Pair(v, k, None if self.coordinates[k].kind == "translation" else Spot(v), True)
+                    for k in self.own[v]
+                ]
+        for edge in self.edges:
+            passed = _passed_on(self, edge, moving.get(edge.parent, []))
+            moving[edge.child] = passed + self.own_pairs(edge)
+        return [pair for edge in self.edges for pair in moving[edge.child]]
+
+    def relative(self, edge: Edge) -> bool:
+        """Whether a child's rotation is relative to its parent's."""
+        return self.freedom(edge.joint).turns is not None and self.is_frame[edge.child]
+
+    def fulcrum(self, edge: Edge) -> Spot:
+        """The point that moves as if fixed to the parent and, apart from the slides, the child."""
+        if self.relative(edge):
+            return Spot(edge.child)
+        return edge.end.b if self.freedom(edge.joint).slides else edge.parent_spot
+
+    def own_pairs(self, edge: Edge) -> list[Pair]:
+        """A child, by the coordinates of its joint."""
+        c, pairs = edge.child, []
+        for k in self.own[c]:
+            kind = self.coordinates[k].kind
+            if kind == "slide":
+                pairs.append(Pair(c, k, None, False))
+            elif kind != "stretch":
+                sphere = kind == "sphere"
+                pairs.append(Pair(c, k, edge.child_spot if sphere else Spot(c), not sphere))
+        return pairs
 
     def freedom(self, joint: Joint | ConstrainedElement) -> Freedom:
         """What a joint leaves free here."""
@@ -205,24 +244,13 @@ def build_tree(
         All vertices, the first of each part of the tree before its others; default: by number.
     """
     nv = len(is_frame)
-    tree = Tree(plane=plane)
+    tree = Tree(is_frame, plane)
     edges = _connect(nv, ends, tree, elements, roots or range(nv))
     by_child = {edge.child: edge for edge in edges}
-    children = {edge.parent for edge in edges}
     for v in range(nv):  # numbering in vertex order keeps neighbours close
         _Own(tree, v, is_frame[v], by_child.get(v)).add_all()
     for k, coordinate in enumerate(tree.driven):
         coordinate.number = len(tree.coordinates) + k
-    moving: dict[int, list[Pair]] = {}
-    for v in tree.free:
-        if v in children:
-            moving[v] = [
-                Pair(v, k, None if tree.coordinates[k].kind == "translation" else Spot(v), True)
-                for k in tree.own[v]
-            ]
-    for edge in edges:
-        moving[edge.child] = _passed_on(tree, edge, moving.get(edge.parent, []), is_frame)
-        tree.pairs += moving[edge.child]
     tree.edges = edges
     return tree
 
@@ -362,28 +390,16 @@ class _Own:
             self.tree.stretches[id(element)] = [c.number for c in new]
 
 
-def _passed_on(tree: Tree, edge: Edge, parent: list[Pair], is_frame: list[bool]) -> list[Pair]:
-    freedom = tree.freedom(edge.joint)
-    absolute = freedom.turns is None
-    fulcrum = edge.end.b if freedom.slides else edge.parent_spot
-    c = edge.child
+def _passed_on(tree: Tree, edge: Edge, parent: list[Pair]) -> list[Pair]:
+    """A child, by what moves its parent."""
+    relative, fulcrum, c = tree.relative(edge), tree.fulcrum(edge), edge.child
     pairs: list[Pair] = []
     for pair in parent:
         if pair.target is None:
             pairs.append(Pair(c, pair.number, None, False))
-        elif not pair.rotates or not is_frame[edge.parent]:
+        elif not pair.rotates or not tree.is_frame[edge.parent]:
             pairs.append(Pair(c, pair.number, pair.target, False))
-        elif absolute or not is_frame[c]:
-            # a turn about the origin of a node moves the next one by its directors only
-            if not edge.in_element or tree.coordinates[pair.number].centre != fulcrum:
-                pairs.append(Pair(c, pair.number, fulcrum, False))
-        else:
-            pairs.append(Pair(c, pair.number, Spot(c), True))
-    for k in tree.own[c]:
-        kind = tree.coordinates[k].kind
-        if kind == "slide":
-            pairs.append(Pair(c, k, None, False))
-        elif kind != "stretch":
-            sphere = kind == "sphere"
-            pairs.append(Pair(c, k, edge.child_spot if sphere else Spot(c), not sphere))
+        # a turn about the origin of a node moves the next one by its directors only
+        elif not edge.in_element or tree.coordinates[pair.number].centre != fulcrum:
+            pairs.append(Pair(c, pair.number, fulcrum, relative))
     return pairs

@@ -517,7 +517,7 @@ class CompiledBalance(CompiledScene):
         rows = closure.rows
         if len(rows):
             nodal.begin(self._a.y0.copy(), self._a.ground1.copy())
-            T = kin.T_values(kin.locate(y, nodal.fixed))
+            T = kin.T.values(kin.T.locate(y, nodal.fixed))
             rows = np.concatenate([s.rows for s in closure.select(y, T)])
         if not np.array_equal(rows, self._rows):
             choose_rows(self.system, self._tree, rows)

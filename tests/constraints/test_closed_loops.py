@@ -13,6 +13,9 @@ from scipy.linalg import null_space, subspace_angles
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
+from skfem_cosserat.model import closure as closure_module
+from skfem_cosserat.model.closure import Closure
+from skfem_cosserat.model.loops import tree_values
 from skfem_cosserat.newton import newton
 
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
@@ -940,3 +943,89 @@ def test_kernels_agree_in_large_steps_over_singular_positions(name, integrator, 
     if ends:
         assert any("singular position" in text for _, text in plain[2])
         assert compiled[0]["constraint_violation"].max() < 1e-11
+
+
+# -- looks at singular positions: what they cost ---------------------------------------------------
+
+
+def linkages(count):
+    """Separate four-bars, one above the other."""
+    model = sc.Model()
+    for k in range(count):
+        points = np.array([[0.0, 0, 0], [0, 1, 0], [2, 1.5, 0], [2, 0, 0]]) + (0, 0, k)
+        end = sc.ground(points[0])
+        for name, a, b in zip("abc", points, points[1:], strict=False):
+            bar = sc.RigidBody.box(1.0, (0.2, 0.3, 0.4), position=(a + b) / 2)
+            bar = model.add(f"{name} {k}", bar)
+            model.add(f"pin {name} {k}", R(end, bar.at(a), axis=Z))
+            end = bar.at(b)
+        model.add(f"last pin {k}", R(end, sc.ground(points[3]), axis=Z))
+    return model.freeze()
+
+
+def test_components_of_one_shape_are_taken_together():
+    """As many matrices as there are loops, each with the null space of its loop alone."""
+    one, many = linkages(1), linkages(4)
+    closure = many.closure
+    assert [len(c.rows) for c in closure.components] == [5] * 4
+    assert [c.rank for c in closure.components] == [one.closure.rank] * 4
+    y = many.extend(random_state(many, np.random.default_rng(1)), 0.0)
+    for k, C in enumerate(closure.matrices(y, tree_values(many, y))):
+        alone = np.concatenate([y[k * one.rows : (k + 1) * one.rows], one.spanned[one.rows :]])
+        alone[one.origin_rows] -= (0, 0, k)
+        (own,) = one.closure.matrices(alone, tree_values(one, alone))
+        size = closure.magnitude[closure.components[k].rows][:, None]
+        own = own * one.closure.magnitude[:, None] / size  # lengths count by the extent
+        assert abs(C - own).max() < 1e-12
+
+
+def test_rows_of_many_twists_are_multiplied_sparse(monkeypatch):
+    """With the same results."""
+    system = linkages(3)
+    y = system.extend(random_state(system, np.random.default_rng(2)), 0.0)
+    T, found = tree_values(system, y), []
+    for most in (0, 1000):
+        monkeypatch.setattr(closure_module, "FULL_ROWS", most)
+        redundant = system.closure.decide(y, T)
+        found.append((system.closure.matrices(y, T), system.closure.magnitude, redundant))
+    (sparse, sizes, rows), (full, others, same) = found
+    assert all(abs(a - b).max() < 1e-14 for a, b in zip(sparse, full, strict=True))
+    assert sizes == pytest.approx(others, rel=1e-14)
+    assert rows.tolist() == same.tolist()
+
+
+def test_a_look_goes_through_loops_that_have_moved_only(monkeypatch):
+    """Rows are chosen once; a loop at rest is never looked at again, nor is any before it moves."""
+    pytest.importorskip("numba")
+    system = linkages(3)
+    asked = []
+    independence = Closure.independence
+
+    def counted(self, chosen, y, T, which):
+        asked.append(which.tolist())
+        return independence(self, chosen, y, T, which)
+
+    monkeypatch.setattr(Closure, "independence", counted)
+    bound = sc.NullSpace().bind(system, 0.5)
+    y = system.spanned.copy()
+    bound.begin(y, y[system.rows :], 1e-3, np.zeros(system.n))
+    first = bound.clearance
+    assert first > 0.01
+    assert bound.clear(y, 0.0)
+    assert asked == []
+    assert bound.clearance == first
+    moved = y.copy()
+    frame = system.kinematics.director_rows[3 + 1]  # of the second linkage
+    turn = 0.9 * first
+    c, s = np.cos(turn), np.sin(turn)
+    moved[frame] = y[frame] @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    distance = system.closure.motion(y, moved)
+    assert distance == pytest.approx([0, 2 * np.sin(turn / 2), 0], abs=1e-14)
+    assert bound.clear(moved, 0.0)
+    assert asked == [[1]]
+    assert bound.clear(moved, 0.0)
+    assert asked == [[1]]  # it is known there now
+    assert bound.clear(y, 0.0)
+    assert asked == [[1], [1]]
+    assert bound.clear(y, 2 * first)  # a long step: all are asked
+    assert asked[-1] == [0, 1, 2]

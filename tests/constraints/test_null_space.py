@@ -17,10 +17,12 @@ from helpers_scenes import (
 
 from skfem_cosserat import (
     EnergyMomentum,
+    GeneralizedAlpha,
     JointDistance,
     JointFixed,
     JointRevolute,
     JointSpherical,
+    LoadGravity,
     MassPoint,
     Model,
     Multipliers,
@@ -32,7 +34,9 @@ from skfem_cosserat import (
     project,
     simulate,
 )
+from skfem_cosserat.integrators import Stepper
 from skfem_cosserat.kernels import director_force, null_space_blocks, skew
+from skfem_cosserat.model import kinematics, reparametrisation
 from skfem_cosserat.model.reparametrisation import Reparametrisation
 
 SCENES = {
@@ -97,11 +101,11 @@ def test_reduction_and_expansion_are_the_matrix(seed):
     y0, _, nodal = two_states(system, seed)
     P = null_space(system, y0, nodal.fixed)
     kin = system.kinematics
-    values = kin.T_values(kin.locate(y0, nodal.fixed))
+    values = kin.T.values(kin.T.locate(y0, nodal.fixed))
     f, nu = rng.standard_normal((system.rows, 3)), rng.standard_normal(system.unknowns)
-    reduced = kin.reduce(values, kin.twist_force(y0, f))
+    reduced = kin.T.reduce(values, kin.twist_force(y0, f))
     assert reduced == pytest.approx(P.T @ f.ravel(), rel=1e-12, abs=1e-12)
-    rates = kin.rates(y0, kin.expand(values, nu))[: system.rows]
+    rates = kin.rates(y0, kin.T.expand(values, nu))[: system.rows]
     assert rates.ravel() == pytest.approx(P @ nu, rel=1e-12, abs=1e-12)
 
 
@@ -238,3 +242,99 @@ def test_a_hinge_keeps_its_axis():
         R = [(y1[k + 1 : k + 4].T @ d.triad) for k, d in ((0, a), (4, b))]
         assert R[0] @ axis == pytest.approx(R[1] @ axis, abs=1e-13)
         assert abs(R[0] - R[1]).max() > 0.1
+
+
+# -- deep trees, joint by joint --------------------------------------------------------------------
+
+
+def chain(count, kind=JointSpherical):
+    """Bars in a row on ball joints or hinges, which swing."""
+    model, end = Model(), ground((0, 0, 0))
+    options = {"axis": (0.6, 0, 0.8)} if kind is JointRevolute else {}
+    for k in range(count):
+        a, b = np.array([0.1 * k, 0, 0]), np.array([0.1 * (k + 1), 0, 0])
+        bar = RigidBody.box(0.1, (0.1, 0.02, 0.02), position=(a + b) / 2)
+        bar = model.add(f"bar {k}", bar)
+        model.add(f"joint {k}", kind(end, bar.at(a), **options))
+        end = bar.at(b)
+    model.add("weight", LoadGravity((0, -9.81, 0.5)))
+    return model.freeze()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_twist_map_joint_by_joint_is_its_matrix(name):
+    """T^T f and T nu from what each joint passes on, at any configuration."""
+    system = SCENES[name]()
+    y0, _, nodal = two_states(system, 1)
+    kin, rng = system.kinematics, np.random.default_rng(1)
+    at = kin.recursion.locate(y0, nodal.fixed)
+    T = kin.T.matrix(kin.T.values(kin.T.locate(y0, nodal.fixed)))
+    values = kin.recursion.values(at)
+    f, nu = rng.standard_normal(kin.n_twist), rng.standard_normal(kin.unknowns)
+    assert kin.recursion.reduce(values, f) == pytest.approx(T.T @ f, rel=1e-12, abs=1e-12)
+    assert kin.recursion.expand(values, nu) == pytest.approx(T @ nu, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("integrator", "scene"),
+    [
+        *[(EnergyMomentum(), lambda seed=seed: random_tree(seed)) for seed in range(6)],
+        (Variational(), lambda: random_tree(6)),
+        (GeneralizedAlpha(0.8), lambda: random_tree(7)),
+        (EnergyMomentum(), lambda: chain(6, JointRevolute)),
+    ],
+)
+def test_matrices_joint_by_joint_are_those_of_all_coordinates(integrator, scene, monkeypatch):
+    """Of a step that moves: the same iterations, the same solution, the same matrix."""
+    found = []
+    for deep in (10**9, -1):
+        monkeypatch.setattr(kinematics, "DEEP", deep)
+        system = scene()
+        v = project(system, system.q0, np.random.default_rng(0).standard_normal(system.n))
+        stepper = Stepper(system, integrator, NullSpace(), 5e-3, kernels="numpy")
+        state = stepper.own(initial_state(system, system.q0, v))
+        matrix, report = stepper.iteration_matrix(state)
+        found.append((matrix, report.iterations, report.state.q, system))
+    (A, count, q, plain), (B, same, q1, deep_one) = found
+    assert len(A) == plain.unknowns
+    assert abs(A - B).max() < 3e-12 * abs(A).max()
+    assert count == same
+    assert q1 == pytest.approx(q, rel=0, abs=1e-12)
+    assert "T" not in vars(deep_one.kinematics)
+
+
+@pytest.mark.parametrize("kernels", ["numpy", "numba"])
+def test_steps_of_a_long_chain_ask_for_no_full_matrix(kernels):
+    """What is stored grows with the bars, not with their square: pairs, map and pattern."""
+    if kernels == "numba":
+        pytest.importorskip("numba")
+    sizes = []
+    for count in (60, 120):
+        system = chain(count)
+        stepper = Stepper(system, EnergyMomentum(), NullSpace(), 1e-3, kernels=kernels)
+        stepper.advance(stepper.own(initial_state(system)))
+        assert "pairs" not in vars(system.tree)
+        assert "T" not in vars(system.kinematics)
+        sizes.append(stepper.bound.solver.pattern.nnz)
+    assert sizes[0] < sizes[1] < 2.1 * sizes[0]
+
+
+def test_short_trees_have_one_matrix():
+    """There numpy is faster with T in full."""
+    assert not chain(10).kinematics.deep
+    assert chain(30).kinematics.deep
+    assert not swing(20).kinematics.deep
+
+
+def test_positions_of_deep_trees_are_those_level_by_level(monkeypatch):
+    """One solution for all of them, complex steps included."""
+    found = []
+    for levels in (10**9, 0):
+        monkeypatch.setattr(reparametrisation, "DEEP", levels)
+        system = random_tree(2)
+        nodal = Reparametrisation(system.kinematics)
+        nodal.begin(system.extend(system.q0, 0.0), system.ground(0.3))
+        increment = 0.3 * np.random.default_rng(2).standard_normal(system.unknowns)
+        nodal.add(increment + 1e-3j * increment)
+        found.append(nodal.configuration())
+    assert abs(found[1] - found[0]).max() < 1e-14

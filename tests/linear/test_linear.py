@@ -275,3 +275,21 @@ def test_what_is_no_solver_is_refused():
         sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 1e-2, solver="pardiso")
     with pytest.raises(sc.InputError, match="argument solver"):
         sc.static(system, solver=sc.SolverDense)
+
+
+# -- unknowns that only help -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("columns", [(), (2,)])
+def test_unknowns_that_help_are_not_asked_for(columns):
+    """Their equations have no right-hand sides; what is left is a Schur complement."""
+    rng = np.random.default_rng(4)
+    A, n = rng.standard_normal((9, 9)), 4
+    i, j = np.indices(A.shape)
+    solver = LinearSolver(FrozenPattern(i.ravel(), j.ravel(), A.shape), n=n)
+    data = solver.pattern.data(A.ravel())
+    left = A[5:, 5:] - A[5:, :5] @ np.linalg.inv(A[:5, :5]) @ A[:5, 5:]
+    assert solver.n == n
+    assert solver.full(data) == pytest.approx(left, rel=1e-11, abs=1e-11)
+    rhs = rng.standard_normal((n, *columns))
+    assert solver.solve(data, rhs) == pytest.approx(np.linalg.solve(left, rhs), rel=1e-10)

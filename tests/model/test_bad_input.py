@@ -843,3 +843,32 @@ def test_a_run_in_a_plane_is_asked_of_the_model():
     model = model_of(ball=MassPoint(1.0))
     with pytest.raises(TypeError, match=r"model\.freeze\(planar=sc\.Planar\(\)\)"):
         simulate(model, EnergyMomentum(), NullSpace(), 0.1, 1.0, planar=sc.Planar())
+
+
+@pytest.mark.parametrize("spins", [False, True])
+def test_inertia_of_a_chain_is_looked_at_joint_by_joint(spins):
+    """All coordinates in one matrix are looked at where a joint leaves next to nothing only."""
+    items, end = {}, HERE
+    for k in range(12):
+        a, b = np.array([0, 0, k + 0.0]), np.array([0, 0, k + 1.0])
+        inertia = (1.0, 1.0, 0.0 if spins and k == 7 else 0.1)
+        items[f"bar {k}"] = bar = RigidBody(1.0, inertia, position=(a + b) / 2)
+        items[f"ball {k}"] = JointSpherical(end, bar.at(a))
+        end = bar.at(b)
+    if spins:
+        refused(lambda: freeze(**items), ["rigid body 'bar 7'", "rotation about", "no inertia"])
+    else:
+        assert "T" not in vars(freeze(**items).kinematics)
+
+
+def test_a_hinge_behind_another_of_the_same_axis_needs_a_mass_between():
+    """The rod between them spins alone: each pivot by itself is no measure."""
+    rod = RigidBody.rod(1.0, 1.0, position=(0, 0, 0.5))
+    box = RigidBody.box(1.0, (1, 1, 1), position=(0, 0, 1.5))
+    items = {
+        "rod": rod,
+        "box": box,
+        "low": JointRevolute(HERE, rod.at((0, 0, 0)), axis=(0, 0, 1.0)),
+        "high": JointRevolute(rod.at((0, 0, 1)), box.at((0, 0, 1)), axis=(0, 0, 1.0)),
+    }
+    refused(lambda: freeze(**items), ["no inertia", "rotation about"])

@@ -606,11 +606,11 @@ def test_null_space_annihilates_the_jacobian_at_nodes_and_midpoints(scene, theor
     assert abs(system.constraints.values(moved))[own].max() < 2e-13
     mid = 0.5 * (y + moved)
     kin = system.kinematics
-    values = kin.T_values(kin.locate(mid, nodal.fixed))
+    values = kin.T.values(kin.T.locate(mid, nodal.fixed))
     G = system.constraints.jacobian(mid)[own]
     random = np.random.default_rng(4)
     for _ in range(3):
-        rates = kin.expand(values, random.standard_normal(kin.unknowns))
+        rates = kin.T.expand(values, random.standard_normal(kin.unknowns))
         assert abs(G @ kin.rates(mid, rates).ravel()).max() < 1e-12
 
 
