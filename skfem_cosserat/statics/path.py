@@ -12,7 +12,6 @@ import numpy as np
 from ..compiled.plan import Plan
 from ..constraints import NullSpace, Treatment
 from ..diagnostics.forces import overstretched_at
-from ..diagnostics.stacked import reduced_tangent
 from ..errors import AccuracyWarning, Diverged, IncompleteWarning
 from ..history import History
 from ..integrators import State
@@ -133,21 +132,16 @@ class Continuation:
     # -- start -------------------------------------------------------------------------------------
 
     def _begin(self, point: Point, stage: Stage, direction: Floats | None) -> None:
-        solver, system = self.solver, self.system
+        solver = self.solver
         solver.begin(point)
         self._spent, self._unrecorded = (0, 0), (0, 0)
-        amplitudes = solver.schedule.at(point.t)
-        at = balance(system, point.y, amplitudes, turns=point.turns)
-        stability = (
-            inspect(system, point, amplitudes) if self.watch or direction is not None else None
-        )
+        force = solver.look(point)
+        stability = solver.inspect(point) if self.watch or direction is not None else None
         if stability is not None:
-            solver.neutral = stability.neutral_motions(system, direction)
+            solver.neutral = stability.neutral_motions(self.system, direction)
         # at a critical point the number of unstable motions is one or the other
         self._stability = stability if direction is None else None
         self._first = self._stability
-        tangent = reduced_tangent(system, point.y, amplitudes, at)
-        force = system.constraints.jacobian(point.y).T @ tangent.multipliers
         self._record(point, stage.parameter, force, 0.0, effort=self._effort())
         if direction is None and isinstance(self.control, ArcLength):
             try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from contextlib import suppress
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from ..compiled.numbers import CALLED_BACK
 from ..compiled.plan import Plan
-from ..constraints import Treatment
+from ..constraints import NullSpace, Treatment
 from ..constraints.base import BoundTreatment
 from ..integrators.called_back import CalledAtRest
 from ..integrators.choice import Choice, built
@@ -33,7 +34,7 @@ from ..model.limits import over_rotated, undefined
 from ..model.reparametrisation import Reparametrisation
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray
-from .critical_points import Pivots, Stability, counted, inspect
+from .critical_points import Elimination, Pivots, Stability, counted
 from .schedule import Functional, Neutral, Point, Schedule, Solution, weights
 
 # --------------------------------------------------------------------------------------------------
@@ -893,6 +894,12 @@ class PathSolver:
             problem.predict(target.predictor)
         return problem
 
+    def look(self, point: Point) -> Floats:
+        """Go to an equilibrium that was begun with; gives its constraint force (n,)."""
+        problem = self._problem = self._started(point, Functional(None, 1.0, 0.0), None, False)
+        problem.residual()
+        return np.array(problem.constraint_force()).reshape(-1)
+
     def rate_at(self, point: Point) -> Floats:
         """Derivative (rows, 3) of the coordinates by the load factor at a point begun with."""
         target = Functional(None, 1.0, 0.0)
@@ -906,12 +913,32 @@ class PathSolver:
         return self._problem.rate()
 
     def inspect(self, point: Point) -> Stability:
-        """Stability of the point solved last; compiled kernels count pivots."""
-        amplitudes = self.schedule.at(point.t)
-        problem = self._problem
+        """Stability of an equilibrium; of the point solved last from the stiffness at hand."""
+        problem, pivots = self._problem, None
         if isinstance(problem, CompiledProblem) and np.array_equal(problem.y, point.y):
-            return counted(self.system, point, amplitudes, problem.pivots())
-        return inspect(self.system, point, amplitudes)
+            pivots = problem.pivots()
+        if pivots is None:
+            pivots = self._plain_pivots(point)
+        return counted(self.system, point, self.schedule.at(point.t), pivots)
+
+    def _plain_pivots(self, point: Point) -> Pivots | None:
+        """Of the stiffness along the constraints, whatever treats them on the path."""
+        bound, y, system = self._along, point.y, self.system
+        amplitudes = self.schedule.at(point.t)
+        at = balance(system, y, amplitudes, turns=point.turns)
+        bound.begin(y, y[system.rows :], 1.0)
+        bound.reduce(at.R, y)
+        data = bound.matrix(balance_tangent(system, at, amplitudes), at.R, y)
+        return self._elimination.pivots(data, system.loading.dead_only)
+
+    @cached_property
+    def _along(self) -> BoundTreatment:
+        """Of the null space method: at an equilibrium its matrix is the stiffness."""
+        return NullSpace().bind(self.system, 1.0)
+
+    @cached_property
+    def _elimination(self) -> Elimination:
+        return Elimination(self._along.solver.pattern)
 
     def _turns(self, start: Point, y: Floats) -> IndexArray | None:
         couplings = self.system.couplings
