@@ -166,7 +166,8 @@ class Problem(ABC):
     def direction(self) -> Floats:
         """Newton increment; the target is a row below the matrix."""
         gradient = self.target.gradient
-        free = gradient is not None or self._missing != 0
+        # a load factor that is given is reached at once; what is missing then is rounding
+        free = gradient is not None or self.t - self._missing / self.target.by_factor != self.t
         r_t, self._by_t = self._factor_derivative() if free else (None, None)
         both = self._solutions(r_t)
         if r_t is None:
