@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +12,10 @@ from ..errors import Diverged, IncompatibleError, InputError
 from ..frozen import Frozen
 from ..history import History
 from ..integrators import Integrator, State, Stepper, StepReport
+from ..integrators.choice import nearest_by_kernels
+from ..integrators.compiled_scene import NearestVelocity
 from ..model import System, takes_scene
-from ..types import check_kind, positive, switch
+from ..types import Floats, check_kind, positive, switch
 from ..warn import logger
 from .conditions import Action, ActionFunction, ActionNone, Condition, ConditionFunction
 from .sensors import View
@@ -141,6 +144,10 @@ def _first(known: list[TimedValue], start: TimedValue, end: TimedValue) -> Timed
     return TimedValue(start.t + at * h, guess.f)
 
 
+def _sign(value: float) -> int:
+    return (value > 0) - (value < 0)
+
+
 def _height(point: TimedValue) -> float:
     return point.f
 
@@ -159,9 +166,10 @@ def _second(points: list[TimedValue]) -> float:
 def _vertex(points: list[TimedValue]) -> TimedValue | None:
     """Lowest point of the parabola through three points; None: it has none."""
     (t0, f0), (t1, f1), _ = sorted(points)
-    slope, second = (f1 - f0) / (t1 - t0), _second(points)
-    if not (second > 0 and np.isfinite(second)):
+    second = _second(points)
+    if not 0 < second < inf:
         return None
+    slope = (f1 - f0) / (t1 - t0)
     t = 0.5 * (t0 + t1) - slope / (2 * second)
     return TimedValue(t, f0 + slope * (t - t0) + second * (t - t0) * (t - t1))
 
@@ -267,7 +275,7 @@ class Event(Frozen):
             value = self.condition.value(view)
         except InputError as error:
             raise InputError(self.label, str(error)) from error
-        if not np.isfinite(value):
+        if not isfinite(value):
             raise InputError(self.label, f"its condition is {value!r} at t = {view.time:.9g} s")
         return value
 
@@ -337,9 +345,25 @@ class _Trials:
             if size not in self._known:
                 self._known[size] = self.watch.step(self.state, size, self.report.step)
             report = self._known[size]
-            return event.value(View(self.watch.system, report.state)), report
+            return event.value(self.watch.view.at(report.state)), report
 
         return trial
+
+
+class _Velocities:
+    """Velocities by compiled kernels, where the steps of a run take some; made when asked for."""
+
+    def __init__(self, factory: StepperFactory, system: System) -> None:
+        self._factory, self._system = factory, system
+        self._made: NearestVelocity | None = None
+        self._tried = False
+
+    def __call__(self, q: Floats, p: Floats) -> Floats | None:
+        """Velocity (n,), None if there are no kernels for it."""
+        if not self._tried and self._factory.choice is not None:
+            self._tried = True
+            self._made = nearest_by_kernels(self._system, self._factory.choice)
+        return None if self._made is None else self._made(q, p)
 
 
 class EventMonitor:
@@ -372,11 +396,13 @@ class EventMonitor:
             self.events = [e for e in self.events if not (e.once and e in done)]
         if self._stepper is not None and self._stepper.system is not system:
             self._stepper = None
-        self.system, view = system, View(system, state)
+        self.system, self.view = system, View(system, state)
+        self.view.find_velocities(_Velocities(self.factory, system))
+        view = self.view
         self._values = {event.name: event.value(view) for event in self.events}
         #: time and numbers at the start of the step before
         self._earlier: tuple[float, dict[str, float]] | None = None
-        sides = {name: int(np.sign(value)) for name, value in self._values.items()}
+        sides = {name: _sign(value) for name, value in self._values.items()}
         # what is at zero there has passed it
         before = self._sides | ({} if found is None else after)
         for event, value in () if found is None else found.events:
@@ -386,7 +412,7 @@ class EventMonitor:
 
     def look(self, state: State, report: StepReport) -> Found | None:
         """The first events of a step that led from a state; None: there were none."""
-        view = View(self.system, report.state)
+        view = self.view.at(report.state)
         values = {event.name: event.value(view) for event in self.events}
         trials = _Trials(self, state, report)
         brackets: dict[str, Bracket] = {}
@@ -412,7 +438,7 @@ class EventMonitor:
         self, first: StepReport, size: float, brackets: dict[str, Bracket]
     ) -> list[tuple[Event, float]]:
         """Events that have happened at the end of a step of this size (s), and their numbers."""
-        view, events = View(self.system, first.state), []
+        view, events = self.view.at(first.state), []
         for event in self.events:
             value, side = event.value(view), self._sides[event.name]
             bracket = brackets.get(event.name)
@@ -426,7 +452,7 @@ class EventMonitor:
     def _keep(self, time: float, values: dict[str, float]) -> None:
         self._earlier, self._values = (time, self._values), values
         for name, value in values.items():
-            self._sides[name] = int(np.sign(value)) or self._sides[name]
+            self._sides[name] = _sign(value) or self._sides[name]
 
     def _met(self, event: Event, value: float, before: int) -> bool:
         """Whether its number has passed through zero, in the direction asked for."""
