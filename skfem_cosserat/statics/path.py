@@ -451,9 +451,11 @@ class Continuation:
         first, last = self._first, self._stability
         if first is None or last is None or not (first.symmetric and last.symmetric):
             return ""
-        if last.point is first.point or not first.smallest > first.floor:
+        if last.point is first.point:
             return ""
         try:
+            if not first.smallest > first.floor:
+                return ""
             share = last.smallest / first.smallest
         except ValueError:  # its stiffness is not finite
             return ""

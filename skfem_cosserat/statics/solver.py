@@ -15,6 +15,7 @@ from ..compiled.numbers import CALLED_BACK
 from ..compiled.plan import Plan
 from ..constraints import NullSpace, Treatment
 from ..constraints.base import BoundTreatment
+from ..constraints.null_space import BoundNullSpace
 from ..integrators.called_back import CalledAtRest
 from ..integrators.choice import Choice, built
 from ..integrators.compiled_scene import CompiledScene
@@ -315,11 +316,15 @@ class PlainProblem(Problem):
     def rate(self) -> Floats:
         """At a solution."""
         r_t, by_t = self._factor_derivative()
-        self._stresses = None
-        data = self._assemble()
+        data = self.stiffness()
         slope = -self.bound.solver.solve(data, self.bound.scale_rows(r_t))
         change = self.bound.displacement(slope, self.at.y)
         return np.asarray(change if by_t is None else change + by_t, dtype=float)
+
+    def stiffness(self) -> Floats:
+        """Entries of the iteration matrix with the stresses that there are: at a solution."""
+        self._stresses = None
+        return self._assemble()
 
     def _assemble(self) -> Floats:
         """Entries of the iteration matrix, with the predicted stresses if there are some."""
@@ -338,7 +343,8 @@ class PlainProblem(Problem):
         There the matrix is singular to rounding, and a solution would wander along. The motion at
         this configuration comes from the last one by a step of inverse iteration.
         """
-        bound, neutral, W = self.bound, self.neutral, weights(self.system)
+        bound, neutral = self.bound, self.neutral
+        W = weights(self.system) if neutral.motions else np.zeros(0)
         columns = [self._r] if by_t is None else [self._r, by_t]
         count = len(columns)
         data = self._assemble()  # sets the scaling
@@ -922,24 +928,32 @@ class PathSolver:
             pivots = self._plain_pivots(point)
         return counted(self.system, point, self.schedule.at(point.t), pivots)
 
-    def _plain_pivots(self, point: Point) -> Pivots | None:
+    def _plain_pivots(self, point: Point) -> Pivots:
         """Of the stiffness along the constraints, whatever treats them on the path."""
-        bound, y, system = self._along, point.y, self.system
-        amplitudes = self.schedule.at(point.t)
+        system, problem = self.system, self._problem
+        symmetric = system.loading.dead_only
+        if (
+            isinstance(problem, PlainProblem)
+            and isinstance(self.bound, BoundNullSpace)
+            and np.array_equal(problem.y, point.y)
+        ):
+            return self._elimination.pivots(problem.stiffness(), symmetric)
+        bound, y, amplitudes = self._along, point.y, self.schedule.at(point.t)
         at = balance(system, y, amplitudes, turns=point.turns)
         bound.begin(y, y[system.rows :], 1.0)
         bound.reduce(at.R, y)
         data = bound.matrix(balance_tangent(system, at, amplitudes), at.R, y)
-        return self._elimination.pivots(data, system.loading.dead_only)
+        return self._elimination.pivots(data, symmetric)
 
     @cached_property
-    def _along(self) -> BoundTreatment:
+    def _along(self) -> BoundNullSpace:
         """Of the null space method: at an equilibrium its matrix is the stiffness."""
         return NullSpace().bind(self.system, 1.0)
 
     @cached_property
     def _elimination(self) -> Elimination:
-        return Elimination(self._along.solver.pattern)
+        bound = self.bound if isinstance(self.bound, BoundNullSpace) else self._along
+        return Elimination(bound.solver.pattern)
 
     def _turns(self, start: Point, y: Floats) -> IndexArray | None:
         couplings = self.system.couplings
