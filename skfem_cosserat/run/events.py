@@ -345,7 +345,7 @@ class _Trials:
             if size not in self._known:
                 self._known[size] = self.watch.step(self.state, size, self.report.step)
             report = self._known[size]
-            return event.value(self.watch.view.at(report.state)), report
+            return event.value(self.watch.view._at(report.state)), report
 
         return trial
 
@@ -397,7 +397,7 @@ class EventMonitor:
         if self._stepper is not None and self._stepper.system is not system:
             self._stepper = None
         self.system, self.view = system, View(system, state)
-        self.view.find_velocities(_Velocities(self.factory, system))
+        self.view._find_velocities(_Velocities(self.factory, system))
         view = self.view
         self._values = {event.name: event.value(view) for event in self.events}
         #: time and numbers at the start of the step before
@@ -412,7 +412,7 @@ class EventMonitor:
 
     def look(self, state: State, report: StepReport) -> Found | None:
         """The first events of a step that led from a state; None: there were none."""
-        view = self.view.at(report.state)
+        view = self.view._at(report.state)
         values = {event.name: event.value(view) for event in self.events}
         trials = _Trials(self, state, report)
         brackets: dict[str, Bracket] = {}
@@ -438,7 +438,7 @@ class EventMonitor:
         self, first: StepReport, size: float, brackets: dict[str, Bracket]
     ) -> list[tuple[Event, float]]:
         """Events that have happened at the end of a step of this size (s), and their numbers."""
-        view, events = self.view.at(first.state), []
+        view, events = self.view._at(first.state), []
         for event in self.events:
             value, side = event.value(view), self._sides[event.name]
             bracket = brackets.get(event.name)

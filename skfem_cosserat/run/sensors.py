@@ -73,13 +73,13 @@ class View:
         self.time, self.q = state.time, state.q
         self._readings, self._velocity = {}, None
 
-    def at(self, state: State) -> View:
+    def _at(self, state: State) -> View:
         """The view of another state of the same system, which shares what is set up for it."""
         out = View(self.system, state)
         out._readings, out._velocity = self._readings, self._velocity
         return out
 
-    def find_velocities(self, by: Callable[[Floats, Floats], Floats | None]) -> None:
+    def _find_velocities(self, by: Callable[[Floats, Floats], Floats | None]) -> None:
         """Ask this function for velocities first; so do views that are made from this one."""
         self._velocity = by
 
