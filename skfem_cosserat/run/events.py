@@ -48,6 +48,14 @@ class TimedValue(NamedTuple):
     f: float
 
 
+class Vertex(NamedTuple):
+    """Lowest point of a parabola, and half its second derivative."""
+
+    t: float
+    f: float
+    second: float
+
+
 class Bracket(NamedTuple):
     """A zero between two points of a step.
 
@@ -131,17 +139,17 @@ def dip(
     return None
 
 
-def _first(known: list[TimedValue], start: TimedValue, end: TimedValue) -> TimedValue | None:
+def _first(known: list[TimedValue], start: TimedValue, end: TimedValue) -> Vertex | None:
     """Where to look first; None: what is known of the step does not come near to zero."""
     guess, h = _vertex(known), end.t - start.t
-    if guess is None or not guess.f < WRONG * _second(known) * h**2:
+    if guess is None or not guess.f < WRONG * guess.second * h**2:
         return None
     at = (guess.t - start.t) / h
     if not -ASIDE < at < 1 + ASIDE:
         return None
     if not 0 < at < 1:
         at = min(max(at, ASIDE), 1 - ASIDE)
-    return TimedValue(start.t + at * h, guess.f)
+    return guess._replace(t=start.t + at * h)
 
 
 def _sign(value: float) -> int:
@@ -157,21 +165,15 @@ def _tried(trial: Trial, size: float) -> tuple[TimedValue, StepReport]:
     return TimedValue(size, f), report
 
 
-def _second(points: list[TimedValue]) -> float:
-    """Half the second derivative of the parabola through three points."""
-    (t0, f0), (t1, f1), (t2, f2) = sorted(points)
-    return ((f2 - f1) / (t2 - t1) - (f1 - f0) / (t1 - t0)) / (t2 - t0)
-
-
-def _vertex(points: list[TimedValue]) -> TimedValue | None:
+def _vertex(points: list[TimedValue]) -> Vertex | None:
     """Lowest point of the parabola through three points; None: it has none."""
-    (t0, f0), (t1, f1), _ = sorted(points)
-    second = _second(points)
+    (t0, f0), (t1, f1), (t2, f2) = sorted(points)
+    slope = (f1 - f0) / (t1 - t0)
+    second = ((f2 - f1) / (t2 - t1) - slope) / (t2 - t0)
     if not 0 < second < inf:
         return None
-    slope = (f1 - f0) / (t1 - t0)
     t = 0.5 * (t0 + t1) - slope / (2 * second)
-    return TimedValue(t, f0 + slope * (t - t0) + second * (t - t0) * (t - t1))
+    return Vertex(t, f0 + slope * (t - t0) + second * (t - t0) * (t - t1), second)
 
 
 # -- events: what happens when a condition is met, and how it is found in time ---------------------

@@ -75,7 +75,8 @@ class View:
 
     def _at(self, state: State) -> View:
         """The view of another state of the same system, which shares what is set up for it."""
-        out = View(self.system, state)
+        out = View.__new__(View)
+        out.system, out.state, out.time, out.q = self.system, state, state.time, state.q
         out._readings, out._velocity = self._readings, self._velocity
         return out
 
