@@ -14,11 +14,11 @@ import numpy as np
 from ..types import Floats, IndexArray
 from . import numbers as n
 from .blocks import invert_exchanging
-from .jit import call, call_beams, inlined, jit, part
+from .jit import call, call_beams, call_with, inlined, jit, part
 from .nodes import twist_force
 from .step import evaluate, matrix, start
 
-__all__ = ["begin", "hold", "move", "nearest", "pivots", "pull", "push", "solve"]
+__all__ = ["begin", "hold", "move", "nearest", "pivots", "pull", "push", "solve", "velocity"]
 
 #: stiffness of what is held against the largest number in the matrix
 HELD = 10.0
@@ -168,6 +168,12 @@ def nearest(o: Any) -> float:
     call(p[n.SWEEP], s, m, w, numbers, 0)
     call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
     return 1.0
+
+
+@jit
+def velocity(function: int, structure: int) -> bool:
+    """Call :func:`nearest`, which is at an address, with its structure; False: singular."""
+    return bool(call_with(function, structure) != 0.0)
 
 
 @jit

@@ -296,35 +296,62 @@ def evaluate(
     >>> at.position[:, 0].round(9).tolist(), at.resultant[:, 2].round(9).tolist()
     ([0.505, 1.515], [100.0, 100.0])
     """
-    Q, single = as_stack(system, "q", q)
-    group = group_of(system, beam)
-    e, x = _places(beam, elements, xi)
-    rows = group.rows[group.slices[id(beam)]][e]
-    N = beam.basis.shape(x).T
-    dN = beam.basis.dshape(x).T / beam.elements.lengths[e][:, None]
+    places = SectionPlaces(beam, elements, xi)
+    return places.values(system, q, orthonormal=orthonormal, multipliers=multipliers)
 
-    def at(y: Floats) -> tuple[Floats, Floats]:
+
+class SectionPlaces:
+    """Points of a beam, and what :func:`evaluate` needs there whatever the configuration is.
+
+    Parameters
+    ----------
+    beam, elements, xi
+        As for :func:`evaluate`.
+    """
+
+    def __init__(self, beam: Beam, elements: ArrayLike, xi: ArrayLike) -> None:
+        self.beam = beam
+        self._e, self._x = e, x = _places(beam, elements, xi)
+        lengths = beam.elements.lengths[e][:, None]
+        self._shapes = beam.basis.shape(x).T, beam.basis.dshape(x).T / lengths
+        self._turned, self._sections = beam.rotations[e], beam.elements.taken(e)
+        reference = beam.reference.reshape(1, -1, 3)[:, _own_rows(beam)[e]]
+        self._reference = self._at(reference)[1]
+
+    def _at(self, y: Floats) -> tuple[Floats, Floats]:
         """Values (k, m, 4, 3) of phi, d1, d2, d3 of the sections, and their strains (k, m, 6)."""
         nodal = y.reshape(*y.shape[:2], -1, 4, 3).copy()
-        nodal[..., 1:, :] = beam.rotations[e] @ nodal[..., 1:, :]
-        value, slope = (np.einsum("ma,kmaic->kmic", S, nodal) for S in (N, dN))
+        nodal[..., 1:, :] = self._turned @ nodal[..., 1:, :]
+        value, slope = (np.einsum("ma,kmaic->kmic", S, nodal) for S in self._shapes)
         return value, strain_measures(value, slope)
 
-    value, strain = at(Q.reshape(len(Q), -1, 3)[:, rows])
-    strain = strain - at(beam.reference.reshape(1, -1, 3)[:, _own_rows(beam)[e]])[1]
-    triad = value[:, :, 1:]
-    if switch("argument orthonormal", orthonormal):
-        u, _, vt = np.linalg.svd(triad)
-        triad = u @ vt
-    resultant = beam_stress(beam.elements.taken(e), strain[:, :, None])[:, :, 0]
-    count = None if single else len(Q)
-    held = np.asarray(held_forces(system, beam, multipliers, count))
-    if held.ndim:
-        at_points = held.reshape(-1, *held.shape[-3:])[:, e]
-        weights = _between(beam.elements.points, x)
-        resultant = resultant + np.einsum("mg,kmgi->kmi", weights, at_points)
-    out = SectionValues(value[:, :, 0], triad, strain, resultant)
-    return SectionValues(*(array[0] for array in out)) if single else out
+    def values(
+        self,
+        system: System,
+        q: ArrayLike,
+        *,
+        orthonormal: bool = False,
+        multipliers: ArrayLike | None = None,
+    ) -> SectionValues:
+        """See :func:`evaluate`."""
+        Q, single = as_stack(system, "q", q)
+        beam, group = self.beam, group_of(system, self.beam)
+        rows = group.rows[group.slices[id(beam)]][self._e]
+        value, strain = self._at(Q.reshape(len(Q), -1, 3)[:, rows])
+        strain = strain - self._reference
+        triad = value[:, :, 1:]
+        if switch("argument orthonormal", orthonormal):
+            u, _, vt = np.linalg.svd(triad)
+            triad = u @ vt
+        resultant = beam_stress(self._sections, strain[:, :, None])[:, :, 0]
+        count = None if single else len(Q)
+        held = np.asarray(held_forces(system, beam, multipliers, count))
+        if held.ndim:
+            at_points = held.reshape(-1, *held.shape[-3:])[:, self._e]
+            weights = _between(beam.elements.points, self._x)
+            resultant = resultant + np.einsum("mg,kmgi->kmi", weights, at_points)
+        out = SectionValues(value[:, :, 0], triad, strain, resultant)
+        return SectionValues(*(array[0] for array in out)) if single else out
 
 
 def _between(points: Floats, x: Floats) -> Floats:

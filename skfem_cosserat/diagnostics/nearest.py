@@ -9,7 +9,7 @@ from scipy.sparse.linalg import splu
 
 from ..constraints.base import RowSpace
 from ..frames import is_beam
-from ..kernels import exp_quaternion, rotation_matrix
+from ..kernels import cross, exp_quaternion, rotation_matrix
 from ..linear import SingularMatrixError
 from ..model import System
 from ..model.balance import Amplitudes
@@ -65,9 +65,9 @@ def rigid_motions(
     for k in range(3):
         e = np.eye(3)[k]
         add(system.origin_rows, label, k, np.broadcast_to(system.length * e, x.shape))
-        add(system.origin_rows, label, 3 + k, np.cross(e, x - centres[label]))
+        add(system.origin_rows, label, 3 + k, cross(e, x - centres[label]))
         for i in range(3):
-            add(kin.director_rows[:, i], frame, 3 + k, np.cross(e, y[kin.director_rows[:, i]]))
+            add(kin.director_rows[:, i], frame, 3 + k, cross(e, y[kin.director_rows[:, i]]))
     shape = (system.n, 6 * count)
     ij = np.concatenate(rows), np.concatenate(cols)
     return coo_matrix((np.concatenate(values), ij), shape=shape).tocsr(), centres

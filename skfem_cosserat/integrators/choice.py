@@ -15,8 +15,10 @@ from ..errors import InputError, PerformanceWarning
 from ..frames import TOLERANCE
 from ..linear import Solver
 from ..model import System
+from ..newton import NewtonSettings
 from ..warn import warn
 from .base import Integrator
+from .compiled_scene import NearestVelocity
 from .compiled_step import stepped
 from .energy_decaying import DecayingBalance
 from .step_balance import StepBalance
@@ -302,6 +304,21 @@ def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | No
         text = f"{why}; plain numpy takes over, some {FACTOR} times slower"
         warn("argument kernels", text, PerformanceWarning)
         return Choice("numpy", why), None
+
+
+def nearest_by_kernels(system: System, choice: Choice) -> NearestVelocity | None:
+    """Velocities on the hidden constraints by the kernels of a run; None: there are none.
+
+    They are compiled only where the run is long enough for it.
+    """
+    if choice.name != "numba" or not NearestVelocity.serves(system.tied):
+        return None
+    try:
+        return NearestVelocity(system.tied, NewtonSettings(), choice.source)
+    except NotKept:
+        return None
+    except compile_errors():  # plain numpy takes over: nothing but time is lost
+        return None
 
 
 def compile_errors() -> tuple[type[Exception], ...]:

@@ -359,6 +359,17 @@ class NearestVelocity(CompiledScene):
         self.bound = function, self._projection.address, self._a.y0, self._a.p0, self._a.change
         #: whether it takes directions from where a step starts
         self.follows = bool(space.kinematics.spheres)
+        own_kinds = bind.typeof(function), bind.typeof(self._projection.address)
+        jit.ready(static.velocity, own_kinds, source)
+        self._call = static.velocity
+
+    def __call__(self, q: Floats, p: Floats) -> Floats | None:
+        """Velocity (n,) at a configuration q (n,) for a momentum p (n,); None: singular there."""
+        self._place(q, None)
+        self._a.p0[:] = p.reshape(-1, 3)
+        if not self._call(*self.bound[:2]):
+            return None
+        return np.array(self._a.change).reshape(-1)
 
     def begin(self, q: Floats) -> None:
         """Take directions of motion on spheres from the start q (n,) of a step: any will do."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -332,9 +332,16 @@ def _bending(stiffness: Floats, held: tuple[int, ...]) -> float:
 
     Of what is not held: without end if bending is.
     """
+    return _bending_of(np.asarray(stiffness, dtype=float).tobytes(), held)
+
+
+@lru_cache(maxsize=1000)
+def _bending_of(entries: bytes, held: tuple[int, ...]) -> float:
+    """See :func:`_bending`, which is asked for the same sections at each point of a path."""
     if {3, 4} & set(held):
         return np.inf
     free = [k for k in range(6) if k not in held]
     bending = [free.index(k) for k in (3, 4)]
+    stiffness = np.frombuffer(entries).reshape(6, 6)
     compliance = np.linalg.inv(stiffness[np.ix_(free, free)])
     return float(1 / np.linalg.eigvalsh(compliance[np.ix_(bending, bending)])[-1])

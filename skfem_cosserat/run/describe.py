@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
+from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,8 @@ from ..version import VERSION
 if TYPE_CHECKING:
     from ..beam import Beam
 
+#: version of a package, whose metadata it takes a millisecond to read
+_installed = cache(version)
 #: strains at which stored energies that are not quadratic are compared
 PROBE = 1e-2 * np.array([np.cos(k * np.arange(6)) for k in range(1, 5)])
 
@@ -73,7 +76,7 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     meta: dict[str, Any] = {
         "versions": {
             "skfem_cosserat": VERSION,
-            "scikit-fem": version("scikit-fem"),
+            "scikit-fem": _installed("scikit-fem"),
             "numpy": np.__version__,
             "scipy": scipy.__version__,
             "python": platform.python_version(),

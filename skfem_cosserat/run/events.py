@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +12,10 @@ from ..errors import Diverged, IncompatibleError, InputError
 from ..frozen import Frozen
 from ..history import History
 from ..integrators import Integrator, State, Stepper, StepReport
+from ..integrators.choice import nearest_by_kernels
+from ..integrators.compiled_scene import NearestVelocity
 from ..model import System, takes_scene
-from ..types import check_kind, positive, switch
+from ..types import Floats, check_kind, positive, switch
 from ..warn import logger
 from .conditions import Action, ActionFunction, ActionNone, Condition, ConditionFunction
 from .sensors import View
@@ -43,6 +46,14 @@ class TimedValue(NamedTuple):
 
     t: float
     f: float
+
+
+class Vertex(NamedTuple):
+    """Lowest point of a parabola, and half its second derivative."""
+
+    t: float
+    f: float
+    second: float
 
 
 class Bracket(NamedTuple):
@@ -128,17 +139,21 @@ def dip(
     return None
 
 
-def _first(known: list[TimedValue], start: TimedValue, end: TimedValue) -> TimedValue | None:
+def _first(known: list[TimedValue], start: TimedValue, end: TimedValue) -> Vertex | None:
     """Where to look first; None: what is known of the step does not come near to zero."""
     guess, h = _vertex(known), end.t - start.t
-    if guess is None or not guess.f < WRONG * _second(known) * h**2:
+    if guess is None or not guess.f < WRONG * guess.second * h**2:
         return None
     at = (guess.t - start.t) / h
     if not -ASIDE < at < 1 + ASIDE:
         return None
     if not 0 < at < 1:
         at = min(max(at, ASIDE), 1 - ASIDE)
-    return TimedValue(start.t + at * h, guess.f)
+    return guess._replace(t=start.t + at * h)
+
+
+def _sign(value: float) -> int:
+    return (value > 0) - (value < 0)
 
 
 def _height(point: TimedValue) -> float:
@@ -150,20 +165,15 @@ def _tried(trial: Trial, size: float) -> tuple[TimedValue, StepReport]:
     return TimedValue(size, f), report
 
 
-def _second(points: list[TimedValue]) -> float:
-    """Half the second derivative of the parabola through three points."""
-    (t0, f0), (t1, f1), (t2, f2) = sorted(points)
-    return ((f2 - f1) / (t2 - t1) - (f1 - f0) / (t1 - t0)) / (t2 - t0)
-
-
-def _vertex(points: list[TimedValue]) -> TimedValue | None:
+def _vertex(points: list[TimedValue]) -> Vertex | None:
     """Lowest point of the parabola through three points; None: it has none."""
-    (t0, f0), (t1, f1), _ = sorted(points)
-    slope, second = (f1 - f0) / (t1 - t0), _second(points)
-    if not (second > 0 and np.isfinite(second)):
+    (t0, f0), (t1, f1), (t2, f2) = sorted(points)
+    slope = (f1 - f0) / (t1 - t0)
+    second = ((f2 - f1) / (t2 - t1) - slope) / (t2 - t0)
+    if not 0 < second < inf:
         return None
     t = 0.5 * (t0 + t1) - slope / (2 * second)
-    return TimedValue(t, f0 + slope * (t - t0) + second * (t - t0) * (t - t1))
+    return Vertex(t, f0 + slope * (t - t0) + second * (t - t0) * (t - t1), second)
 
 
 # -- events: what happens when a condition is met, and how it is found in time ---------------------
@@ -267,7 +277,7 @@ class Event(Frozen):
             value = self.condition.value(view)
         except InputError as error:
             raise InputError(self.label, str(error)) from error
-        if not np.isfinite(value):
+        if not isfinite(value):
             raise InputError(self.label, f"its condition is {value!r} at t = {view.time:.9g} s")
         return value
 
@@ -337,9 +347,25 @@ class _Trials:
             if size not in self._known:
                 self._known[size] = self.watch.step(self.state, size, self.report.step)
             report = self._known[size]
-            return event.value(View(self.watch.system, report.state)), report
+            return event.value(self.watch.view._at(report.state)), report
 
         return trial
+
+
+class _Velocities:
+    """Velocities by compiled kernels, where the steps of a run take some; made when asked for."""
+
+    def __init__(self, factory: StepperFactory, system: System) -> None:
+        self._factory, self._system = factory, system
+        self._made: NearestVelocity | None = None
+        self._tried = False
+
+    def __call__(self, q: Floats, p: Floats) -> Floats | None:
+        """Velocity (n,), None if there are no kernels for it."""
+        if not self._tried and self._factory.choice is not None:
+            self._tried = True
+            self._made = nearest_by_kernels(self._system, self._factory.choice)
+        return None if self._made is None else self._made(q, p)
 
 
 class EventMonitor:
@@ -372,11 +398,13 @@ class EventMonitor:
             self.events = [e for e in self.events if not (e.once and e in done)]
         if self._stepper is not None and self._stepper.system is not system:
             self._stepper = None
-        self.system, view = system, View(system, state)
+        self.system, self.view = system, View(system, state)
+        self.view._find_velocities(_Velocities(self.factory, system))
+        view = self.view
         self._values = {event.name: event.value(view) for event in self.events}
         #: time and numbers at the start of the step before
         self._earlier: tuple[float, dict[str, float]] | None = None
-        sides = {name: int(np.sign(value)) for name, value in self._values.items()}
+        sides = {name: _sign(value) for name, value in self._values.items()}
         # what is at zero there has passed it
         before = self._sides | ({} if found is None else after)
         for event, value in () if found is None else found.events:
@@ -386,7 +414,7 @@ class EventMonitor:
 
     def look(self, state: State, report: StepReport) -> Found | None:
         """The first events of a step that led from a state; None: there were none."""
-        view = View(self.system, report.state)
+        view = self.view._at(report.state)
         values = {event.name: event.value(view) for event in self.events}
         trials = _Trials(self, state, report)
         brackets: dict[str, Bracket] = {}
@@ -412,7 +440,7 @@ class EventMonitor:
         self, first: StepReport, size: float, brackets: dict[str, Bracket]
     ) -> list[tuple[Event, float]]:
         """Events that have happened at the end of a step of this size (s), and their numbers."""
-        view, events = View(self.system, first.state), []
+        view, events = self.view._at(first.state), []
         for event in self.events:
             value, side = event.value(view), self._sides[event.name]
             bracket = brackets.get(event.name)
@@ -426,7 +454,7 @@ class EventMonitor:
     def _keep(self, time: float, values: dict[str, float]) -> None:
         self._earlier, self._values = (time, self._values), values
         for name, value in values.items():
-            self._sides[name] = int(np.sign(value)) or self._sides[name]
+            self._sides[name] = _sign(value) or self._sides[name]
 
     def _met(self, event: Event, value: float, before: int) -> bool:
         """Whether its number has passed through zero, in the direction asked for."""

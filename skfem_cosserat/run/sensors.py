@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from .. import diagnostics
-from ..constraints.saddle import accelerations, hidden_rate, saddle_point
-from ..diagnostics import SectionValues, evaluate, multipliers, reactions
+from ..constraints.saddle import accelerations, nearest_velocity
+from ..diagnostics import SectionValues, multipliers, reactions
+from ..diagnostics.error import SectionPlaces
 from ..diagnostics.joint_motion import rates
 from ..diagnostics.stacked import all_rows
 from ..errors import InputError, failed
@@ -57,6 +58,11 @@ class View:
     9.0
     """
 
+    #: what views of one system share: readings of joint coordinates; what finds velocities (n,)
+    #: by configurations and momenta, None where it cannot
+    _readings: dict[tuple[str, str | None], _Reading]
+    _velocity: Callable[[Floats, Floats], Floats | None] | None
+
     def __init__(self, system: Model | System, state: State) -> None:
         self.system = system_of(system)
         check_kind("argument state", state, State, ", see initial_state")
@@ -65,6 +71,18 @@ class View:
             raise InputError("argument state", given)
         self.state = state
         self.time, self.q = state.time, state.q
+        self._readings, self._velocity = {}, None
+
+    def _at(self, state: State) -> View:
+        """The view of another state of the same system, which shares what is set up for it."""
+        out = View.__new__(View)
+        out.system, out.state, out.time, out.q = self.system, state, state.time, state.q
+        out._readings, out._velocity = self._readings, self._velocity
+        return out
+
+    def _find_velocities(self, by: Callable[[Floats, Floats], Floats | None]) -> None:
+        """Ask this function for velocities first; so do views that are made from this one."""
+        self._velocity = by
 
     def __repr__(self) -> str:
         return f"<View: t = {self.time:g} s, step {self.state.index}, n = {self.system.n}>"
@@ -77,8 +95,10 @@ class View:
     @cached_property
     def v(self) -> Floats:
         """See the class."""
-        rate = hidden_rate(self.system, self.y, self.time)
-        return saddle_point(self.system)(self.y, self.state.p, rate)[0]
+        found = None if self._velocity is None else self._velocity(self.q, self.state.p)
+        if found is not None:
+            return found
+        return nearest_velocity(self.system, self.y, self.state.p, self.time)
 
     def position(self, place: Place) -> Floats:
         """Of a place (3,) in m."""
@@ -106,24 +126,19 @@ class View:
         InputError
             If there is no such joint or coordinate, or it has several components.
         """
-        found = self._joint(joint)
-        coordinate = found.coordinate(name)
-        if coordinate.size != 1:
-            raise InputError(found.label, f"its {coordinate.name} has {coordinate.size} components")
-        kind = kind_of((coordinate,))
-        invariants = Invariants([coordinate.forms], self.system.row_of)
-        value = float(kind.value(invariants.values(self.y))[0, 0])
-        if coordinate.kind == "displacement":
-            start = self.system.extend(self.system.q0, 0.0)
-            value -= float(kind.value(invariants.values(start))[0, 0])
-        return value
+        return self._reading(joint, name).value(self.y)
 
     def rate(self, joint: Joint | str, name: str | None = None) -> float:
         """Rate of :meth:`coordinate` (rad/s, m/s)."""
+        moving = rates(self.system, self.v[None], np.array([self.time]))[0]
+        return self._reading(joint, name).rate(self.y, moving)
+
+    def _reading(self, joint: Joint | str, name: str | None) -> _Reading:
         found = self._joint(joint)
-        coordinate = found.coordinate(name)
-        pairs = diagnostics.joint_coordinates(self.system, found, self.q, self.v, self.time)
-        return float(pairs[coordinate.name][1])
+        key = found.name or "", name
+        if key not in self._readings or self._readings[key].joint is not found:
+            self._readings[key] = _Reading(self.system, found, name)
+        return self._readings[key]
 
     def reaction(self, joint: Joint | str) -> tuple[Floats, Floats]:
         """Force and moment (N, N m) of a joint on its side b, by the equations of motion here."""
@@ -135,17 +150,17 @@ class View:
 
     def kinetic_energy(self) -> float:
         """Of the velocity v (J)."""
-        p = diagnostics.momentum(self.system, self.v)
-        return float(diagnostics.kinetic_energy(self.system, p))
+        v = self.v.reshape(-1, 3)
+        return float(0.5 * (v * self.system.inertia.dot(v)).sum())
 
     def energy(self) -> float:
         """Kinetic energy, and that stored in beams and force elements (J)."""
-        turns = None if self.state.turns is None else self.state.turns[None]
-        q, t = self.q[None], np.array([self.time])
-        stored = diagnostics.strain_energy(self.system, q)[0]
-        return self.kinetic_energy() + float(
-            stored + diagnostics.coupling_energy(self.system, q, t, turns)[0]
-        )
+        stored = float(diagnostics.strain_energy(self.system, self.q))
+        if self.system.couplings.count:
+            turns = None if self.state.turns is None else self.state.turns[None]
+            q, t = self.q[None], np.array([self.time])
+            stored += float(diagnostics.coupling_energy(self.system, q, t, turns)[0])
+        return self.kinetic_energy() + stored
 
     def strain_of(self, beam: Beam, s: float) -> Floats:
         """Strains (6,) ``(Gamma, K)`` of a beam at an arc length (m) of the reference."""
@@ -174,6 +189,35 @@ class View:
 
     def _joint(self, joint: Joint | str) -> Joint:
         return joint if isinstance(joint, Joint) else joint_of(self.system, joint)
+
+
+class _Reading:
+    """How a coordinate of a joint is read off the rows of a system.
+
+    Raises
+    ------
+    InputError
+        If there is no such coordinate, or it has several components.
+    """
+
+    def __init__(self, system: System, joint: Joint, name: str | None) -> None:
+        coordinate = joint.coordinate(name)
+        if coordinate.size != 1:
+            raise InputError(joint.label, f"its {coordinate.name} has {coordinate.size} components")
+        self.joint, self._kind = joint, kind_of((coordinate,))
+        self._invariants = Invariants([coordinate.forms], system.row_of)
+        self._start = 0.0
+        if coordinate.kind == "displacement":
+            self._start = self.value(system.extend(system.q0, 0.0))
+
+    def value(self, y: Floats) -> float:
+        """At all rows y (total, 3)."""
+        return float(self._kind.value(self._invariants.values(y))[0, 0]) - self._start
+
+    def rate(self, y: Floats, ydot: Floats) -> float:
+        """At all rows and their rates (total, 3)."""
+        slope = self._kind.slope(self._invariants.values(y))
+        return float((slope @ self._invariants.rates(y, ydot)[..., None])[0, 0, 0])
 
 
 def _seen(system: System, state: State, sensor: Sensor) -> Floats:
@@ -525,6 +569,9 @@ class SensorQuantity(Sensor):
 class _Point(Attached):
     """A place, or a point of a beam's axis."""
 
+    #: made when values are first asked for
+    _places: SectionPlaces | None = None
+
     def __init__(self, where: Place | Beam, s: float | None, part: str | None) -> None:
         self.beam: Beam | None = None
         self.place: Place | None = None
@@ -581,8 +628,11 @@ class _Point(Attached):
         lam: Floats | None = None,
     ) -> SectionValues:
         assert self.beam is not None
+        if self._places is None or self._places.beam is not self.beam:
+            vars(self)["_places"] = SectionPlaces(self.beam, self._elements, self._xi)
+            assert self._places is not None
         q = window.q if q is None else q
-        return evaluate(system, self.beam, q, self._elements, self._xi, multipliers=lam)
+        return self._places.values(system, q, multipliers=lam)
 
 
 def _place_positions(system: System, place: Place, rows: Floats) -> Floats:

@@ -14,6 +14,7 @@ from ..constraints import Treatment
 from ..errors import Diverged, IncompatibleError, InputError
 from ..frozen import Frozen
 from ..integrators import Integrator, State, Stepper, StepReport
+from ..integrators.choice import Choice
 from ..linear import Solver
 from ..model import System
 from ..newton import NewtonSettings
@@ -29,7 +30,13 @@ STRIDE, MOVED = 256, 10**6
 
 @dataclass
 class StepperFactory:
-    """Makes steppers with the choices of a run, for any system and step size."""
+    """Makes steppers with the choices of a run, for any system and step size.
+
+    Attributes
+    ----------
+    choice : Choice or None
+        Of the kernels of the stepper that was made last.
+    """
 
     integrator: Integrator
     treatment: Treatment
@@ -38,11 +45,14 @@ class StepperFactory:
     steps: int | None = None
     solver: Solver | None = None
     announce: Callable[[str], object] | None = None
+    choice: Choice | None = None
 
     def __call__(self, system: System, h: float) -> Stepper:
         """A stepper."""
         more = self.settings, self.kernels, self.steps, self.solver, self.announce
-        return Stepper(system, self.integrator, self.treatment, h, *more)
+        stepper = Stepper(system, self.integrator, self.treatment, h, *more)
+        self.choice = stepper.choice
+        return stepper
 
 
 class SteppingPlan(ABC):

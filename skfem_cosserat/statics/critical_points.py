@@ -8,15 +8,17 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import eig, eigh
+from scipy.linalg import eig, eigh, get_lapack_funcs
 from scipy.optimize import brentq
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import ArpackError, eigs, eigsh, splu
 
 from ..diagnostics.stacked import ReducedTangent, reduced_tangent
+from ..linear import BAND, Band
 from ..model import System
 from ..model.balance import Amplitudes, balance
+from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray
 from .schedule import Functional, Neutral, Point, Schedule, weights
 
@@ -189,16 +191,16 @@ def inspect(system: System, point: Point, amplitudes: Amplitudes) -> Stability:
 
 
 class Pivots(NamedTuple):
-    """Of an elimination in blocks that was done already.
+    """Of an elimination of the stiffness along the constraints, without exchange of rows.
 
     Attributes
     ----------
     negative : int
-        How many, of the symmetric part of each block left.
+        How many, of the symmetric part.
     smallest, largest : float
-        In magnitude.
+        In magnitude; the largest may be that of an entry.
     skew : float
-        Largest difference of a block and its transpose.
+        Largest difference of entries, or of those of blocks left, and their mirror images.
     odd : bool
         Whether the determinant is negative.
     """
@@ -210,10 +212,54 @@ class Pivots(NamedTuple):
     odd: bool
 
 
+class Elimination:
+    """Finds the pivots of matrices of one pattern.
+
+    Most equilibria are stable. Their pivots are those of a Cholesky factorisation, which costs a
+    small part of an elimination that counts signs: this one is left to where it fails.
+
+    Parameters
+    ----------
+    pattern : FrozenPattern
+        Square.
+    """
+
+    def __init__(self, pattern: FrozenPattern) -> None:
+        self._pattern, n = pattern, pattern.shape[0]
+        band = Band(pattern)
+        i = band.position[pattern.indices]
+        j = band.position[np.repeat(np.arange(n), np.diff(pattern.indptr))]
+        width = 1 + max(band.lower, band.upper)
+        self._narrow, self._shape = width <= BAND, (width, n)
+        #: of each entry: its place in the lower triangle, its share of that of the symmetric part
+        self._where = abs(i - j) + width * np.minimum(i, j)
+        self._share, self._side = np.where(i == j, 1.0, 0.5), np.sign(i - j)
+        self._pbtrf = get_lapack_funcs("pbtrf", dtype=np.float64)
+
+    def pivots(self, data: Floats, symmetric: bool) -> Pivots:
+        """Of the matrix with these entries; `symmetric`: it is so, but for rounding."""
+        largest, skew = float(abs(data).max(initial=0.0)), 0.0
+        size = self._shape[0] * self._shape[1]
+        if not symmetric:
+            skew = float(abs(sum_at(self._where, data * self._side, size)).max(initial=0.0))
+        if not symmetric and skew > SKEW * largest:
+            odd, smallest = _determinant(self._pattern.assembled(data))
+            return Pivots(0, smallest, largest, skew, bool(odd))
+        if self._narrow:
+            band = sum_at(self._where, data * self._share, size).reshape(self._shape, order="F")
+            factors, failed = self._pbtrf(band, lower=1, overwrite_ab=True)
+            if not failed:
+                smallest = float(np.square(factors[0]).min(initial=np.inf))
+                return Pivots(0, smallest, largest, skew, False)
+        K = self._pattern.assembled(data)
+        negative, smallest = _negative(0.5 * (K + K.T))
+        return Pivots(negative, smallest, largest, skew, bool(negative % 2))
+
+
 def counted(
     system: System, point: Point, amplitudes: Amplitudes, pivots: Pivots | None
 ) -> Stability:
-    """Stability of an equilibrium from the pivots of an elimination that was done already.
+    """Stability of an equilibrium from the pivots of its stiffness.
 
     Where they do not tell, since the smallest may be that of a neutral motion, or forces may be
     conservative or not, all is done again as in :func:`inspect`.

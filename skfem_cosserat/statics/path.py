@@ -11,7 +11,6 @@ import numpy as np
 
 from ..constraints import NullSpace, Treatment
 from ..diagnostics.forces import overstretched_at
-from ..diagnostics.stacked import reduced_tangent
 from ..errors import AccuracyWarning, Diverged, IncompleteWarning
 from ..history import History
 from ..integrators import State
@@ -132,21 +131,16 @@ class Continuation:
     # -- start -------------------------------------------------------------------------------------
 
     def _begin(self, point: Point, stage: Stage, direction: Floats | None) -> None:
-        solver, system = self.solver, self.system
+        solver = self.solver
         solver.begin(point)
         self._spent, self._unrecorded = (0, 0), (0, 0)
-        amplitudes = solver.schedule.at(point.t)
-        at = balance(system, point.y, amplitudes, turns=point.turns)
-        stability = (
-            inspect(system, point, amplitudes) if self.watch or direction is not None else None
-        )
+        force = solver.look(point)
+        stability = solver.inspect(point) if self.watch or direction is not None else None
         if stability is not None:
-            solver.neutral = stability.neutral_motions(system, direction)
+            solver.neutral = stability.neutral_motions(self.system, direction)
         # at a critical point the number of unstable motions is one or the other
         self._stability = stability if direction is None else None
         self._first = self._stability
-        tangent = reduced_tangent(system, point.y, amplitudes, at)
-        force = system.constraints.jacobian(point.y).T @ tangent.multipliers
         self._record(point, stage.parameter, force, 0.0, effort=self._effort())
         if direction is None and isinstance(self.control, ArcLength):
             try:
@@ -456,9 +450,11 @@ class Continuation:
         first, last = self._first, self._stability
         if first is None or last is None or not (first.symmetric and last.symmetric):
             return ""
-        if last.point is first.point or not first.smallest > first.floor:
+        if last.point is first.point:
             return ""
         try:
+            if not first.smallest > first.floor:
+                return ""
             share = last.smallest / first.smallest
         except ValueError:  # its stiffness is not finite
             return ""

@@ -268,6 +268,8 @@ class Schedule:
         self._given = {k: time_function(f"argument factors, {k!r}", v) for k, v in given.items()}
         self._loads = self._factors(loading.owners, loading.times)
         self._actuators = self._factors(couplings.owners, couplings.times)
+        #: the load factor that was asked for last, and what is there: each iteration asks again
+        self._known: tuple[float, Amplitudes] | None = None
 
     def _factors(
         self, owners: Sequence[Coupling | Load], times: Sequence[TimeFunction]
@@ -297,6 +299,11 @@ class Schedule:
 
     def at(self, t: float) -> Amplitudes:
         """Amplitudes at load factor t."""
+        if self._known is None or self._known[0] != t:
+            self._known = t, self._at(t)
+        return self._known[1]
+
+    def _at(self, t: float) -> Amplitudes:
         now = self.instant(t)
 
         def numbers(channels: list[_Channel]) -> list[float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from contextlib import suppress
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,9 @@ from scipy.sparse.linalg import LinearOperator, cg, splu
 from ..compiled.numbers import CALLED_BACK
 from ..compiled.plan import Plan
 from ..compiled.warm import Source
-from ..constraints import Treatment
+from ..constraints import NullSpace, Treatment
 from ..constraints.base import BoundTreatment
+from ..constraints.null_space import BoundNullSpace
 from ..integrators.called_back import CalledAtRest
 from ..integrators.choice import Choice, built
 from ..integrators.compiled_scene import CompiledScene
@@ -34,7 +36,7 @@ from ..model.limits import over_rotated, undefined
 from ..model.reparametrisation import Reparametrisation
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray
-from .critical_points import Pivots, Stability, counted, inspect
+from .critical_points import Elimination, Pivots, Stability, counted
 from .schedule import Functional, Neutral, Point, Schedule, Solution, weights
 
 # --------------------------------------------------------------------------------------------------
@@ -166,7 +168,8 @@ class Problem(ABC):
     def direction(self) -> Floats:
         """Newton increment; the target is a row below the matrix."""
         gradient = self.target.gradient
-        free = gradient is not None or self._missing != 0
+        # a load factor that is given is reached at once; what is missing then is rounding
+        free = gradient is not None or self.t - self._missing / self.target.by_factor != self.t
         r_t, self._by_t = self._factor_derivative() if free else (None, None)
         both = self._solutions(r_t)
         if r_t is None:
@@ -314,11 +317,15 @@ class PlainProblem(Problem):
     def rate(self) -> Floats:
         """At a solution."""
         r_t, by_t = self._factor_derivative()
-        self._stresses = None
-        data = self._assemble()
+        data = self.stiffness()
         slope = -self.bound.solver.solve(data, self.bound.scale_rows(r_t))
         change = self.bound.displacement(slope, self.at.y)
         return np.asarray(change if by_t is None else change + by_t, dtype=float)
+
+    def stiffness(self) -> Floats:
+        """Entries of the iteration matrix with the stresses that there are: at a solution."""
+        self._stresses = None
+        return self._assemble()
 
     def _assemble(self) -> Floats:
         """Entries of the iteration matrix, with the predicted stresses if there are some."""
@@ -337,7 +344,8 @@ class PlainProblem(Problem):
         There the matrix is singular to rounding, and a solution would wander along. The motion at
         this configuration comes from the last one by a step of inverse iteration.
         """
-        bound, neutral, W = self.bound, self.neutral, weights(self.system)
+        bound, neutral = self.bound, self.neutral
+        W = weights(self.system) if neutral.motions else np.zeros(0)
         columns = [self._r] if by_t is None else [self._r, by_t]
         count = len(columns)
         data = self._assemble()  # sets the scaling
@@ -894,6 +902,12 @@ class PathSolver:
             problem.predict(target.predictor)
         return problem
 
+    def look(self, point: Point) -> Floats:
+        """Go to an equilibrium that was begun with; gives its constraint force (n,)."""
+        problem = self._problem = self._started(point, Functional(None, 1.0, 0.0), None, False)
+        problem.residual()
+        return np.array(problem.constraint_force()).reshape(-1)
+
     def rate_at(self, point: Point) -> Floats:
         """Derivative (rows, 3) of the coordinates by the load factor at a point begun with."""
         target = Functional(None, 1.0, 0.0)
@@ -907,12 +921,40 @@ class PathSolver:
         return self._problem.rate()
 
     def inspect(self, point: Point) -> Stability:
-        """Stability of the point solved last; compiled kernels count pivots."""
-        amplitudes = self.schedule.at(point.t)
-        problem = self._problem
+        """Stability of an equilibrium; of the point solved last from the stiffness at hand."""
+        problem, pivots = self._problem, None
         if isinstance(problem, CompiledProblem) and np.array_equal(problem.y, point.y):
-            return counted(self.system, point, amplitudes, problem.pivots())
-        return inspect(self.system, point, amplitudes)
+            pivots = problem.pivots()
+        if pivots is None:
+            pivots = self._plain_pivots(point)
+        return counted(self.system, point, self.schedule.at(point.t), pivots)
+
+    def _plain_pivots(self, point: Point) -> Pivots:
+        """Of the stiffness along the constraints, whatever treats them on the path."""
+        system, problem = self.system, self._problem
+        symmetric = system.loading.dead_only
+        if (
+            isinstance(problem, PlainProblem)
+            and isinstance(self.bound, BoundNullSpace)
+            and np.array_equal(problem.y, point.y)
+        ):
+            return self._elimination.pivots(problem.stiffness(), symmetric)
+        bound, y, amplitudes = self._along, point.y, self.schedule.at(point.t)
+        at = balance(system, y, amplitudes, turns=point.turns)
+        bound.begin(y, y[system.rows :], 1.0)
+        bound.reduce(at.R, y)
+        data = bound.matrix(balance_tangent(system, at, amplitudes), at.R, y)
+        return self._elimination.pivots(data, symmetric)
+
+    @cached_property
+    def _along(self) -> BoundNullSpace:
+        """Of the null space method: at an equilibrium its matrix is the stiffness."""
+        return NullSpace().bind(self.system, 1.0)
+
+    @cached_property
+    def _elimination(self) -> Elimination:
+        bound = self.bound if isinstance(self.bound, BoundNullSpace) else self._along
+        return Elimination(bound.solver.pattern)
 
     def _turns(self, start: Point, y: Floats) -> IndexArray | None:
         couplings = self.system.couplings

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_scenes import chequered
+from helpers_kernels import needs_numba
+from helpers_scenes import chequered, full_section
 from helpers_schemes import SCHEMES, stabilized
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
 import skfem_cosserat as sc
+from skfem_cosserat.constraints import saddle
 from skfem_cosserat.history import read_meta
+from skfem_cosserat.integrators import compiled_scene
+from skfem_cosserat.integrators.compiled_scene import NearestVelocity
+from skfem_cosserat.run import sensors
 from skfem_cosserat.run.events import EventMonitor, TimedValue, dip
 
 G = 10.0
@@ -743,3 +749,85 @@ def test_an_event_after_the_last_state_in_the_file_has_not_happened(tmp_path):
     history = sc.History.load(killed)
     assert history.events == [] and len(history.segments) == 1
     assert len(sc.after_events(model, history, events)[1]) == 1
+
+
+# -- what a look costs -----------------------------------------------------------------------------
+
+
+def swinging_rod():
+    """A beam on a hinge, as compiled kernels take it."""
+    model, mesh = sc.Model(), sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 6, name="rod")
+    rod = model.add("rod", sc.Beam(mesh, full_section(), order=1, director=(0, 1, 0)))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1))
+    model.add("hinge", hinge)
+    model.add("gravity", sc.LoadGravity((0, -G, 0)))
+    return model.freeze(), rod
+
+
+def looking(rod, level=1e9):
+    """Conditions of every kind, which are not met."""
+    end = rod.node("rod.end")
+    return {
+        "energy": sc.ConditionEnergy(level),
+        "kinetic": sc.ConditionEnergy(level, kinetic=True),
+        "angle": sc.ConditionCoordinate("hinge", 3.0),
+        "rate": sc.ConditionCoordinate("hinge", level, rate=True),
+        "velocity": sc.ConditionSensor(sc.SensorVelocity(end), level),
+        "strain": sc.ConditionSensor(sc.SensorStrain(rod, 0.4), level),
+        "middle": sc.ConditionSensor(sc.SensorPosition(rod, 0.4), level),
+    }
+
+
+def test_looks_set_nothing_up_anew(monkeypatch, kernels):
+    """However many there are."""
+    made = dict.fromkeys(("Invariants", "SectionPlaces", "SaddlePoint", "NearestVelocity"), 0)
+
+    def counting(owner, name):
+        own = getattr(owner, name)
+
+        def init(self, *args, **kwargs):
+            made[name] += 1
+            before(self, *args, **kwargs)
+
+        before = own.__init__
+        monkeypatch.setattr(own, "__init__", init)
+
+    counting(sensors, "Invariants")
+    counting(sensors, "SectionPlaces")
+    counting(saddle, "SaddlePoint")
+    counting(compiled_scene, "NearestVelocity")
+    counts = []
+    for steps in (10, 40):
+        system, rod = swinging_rod()
+        made.update(dict.fromkeys(made, 0))
+        events = [sc.Event(each, name=name) for name, each in looking(rod).items()]
+        run = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, steps * 1e-3
+        history = sc.simulate(*run, events=events, kernels=kernels, derive=False)
+        assert history.events == []
+        counts.append(dict(made))
+    assert counts[0] == counts[1]
+    assert counts[0]["NearestVelocity"] <= 1
+
+
+@needs_numba
+def test_kernels_agree_on_velocities():
+    """Those of views, by the projection that compiled steps have."""
+    system, _ = swinging_rod()
+    p = system.mass @ np.random.default_rng(2).standard_normal((system.rows, 3))
+    state = sc.initial_state(system)
+    state = replace(state, p=p.reshape(-1))
+    found = NearestVelocity(system.tied, sc.NewtonSettings())(state.q, state.p)
+    assert found == pytest.approx(sc.View(system, state).v, rel=1e-11, abs=1e-11)
+
+
+@needs_numba
+def test_kernels_agree_on_the_time_of_an_energy():
+    times = []
+    for kernels in ("numpy", "numba"):
+        system, _ = swinging_rod()
+        events = [sc.Event(sc.ConditionEnergy(0.02, kinetic=True), name="fast")]
+        run = system, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.2
+        history = sc.simulate(*run, events=events, kernels=kernels, derive=False)
+        times.append([event.time for event in history.events])
+    assert len(times[0]) == 1
+    assert times[1] == pytest.approx(times[0], abs=1e-11)
