@@ -593,6 +593,8 @@ class ParaViewWriter:
         if reference is not None:
             self._reference = np.array(reference, dtype=float)
         self._layers = _layers(meta, static, switch("argument surfaces", surfaces))
+        read = ["q", *(name for layer in self._layers for name in layer.series)]
+        self._names = list(dict.fromkeys(read))
         prepare_folder(self.folder)
         self._indices, self._files = [], []
         for layer in self._layers:
@@ -632,7 +634,7 @@ class ParaViewWriter:
         InputError
             If an entry of the row is missing or has a wrong shape.
         """
-        states = {name: np.asarray(value)[None] for name, value in row.items()}
+        states = {name: np.asarray(row[name])[None] for name in self._names if name in row}
         (written,) = self._write([time], states)
         return written
 
@@ -649,8 +651,7 @@ class ParaViewWriter:
         InputError
             As `write`.
         """
-        names = dict.fromkeys(["q", *(name for layer in self._layers for name in layer.series)])
-        series = {name: history[name] for name in names if name in history}
+        series = {name: history[name] for name in self._names if name in history}
         size = max(1, _NUMBERS // max(1, series["q"].shape[1]))  # states that are written at once
         for start in range(0, len(chosen), size):
             part = np.array(chosen[start : start + size])
