@@ -595,22 +595,26 @@ def jobs(quick: bool, repeats: int, folder: Any) -> Iterator[dict[str, Any]]:
     """Twelve short jobs by the clock, with two workers and here."""
     turn = counting()
 
+    def done(batch: list[sc.Job], executor: sc.Processes | None = None) -> None:
+        for outcome in sc.run_all(batch, executor):
+            outcome.result()
+
     def here() -> float:
-        return wall(partial(sc.run_all, twelve(turn)))
+        return wall(partial(done, twelve(turn)))
 
     def first() -> float:
         batch = twelve(turn)
 
         def run() -> None:
             with sc.Processes(2) as executor:
-                sc.run_all(batch, executor)
+                done(batch, executor)
 
         return wall(run)
 
     here()
     name = "twelve short jobs, two workers"
     with sc.Processes(2) as executor:
-        running = lambda: wall(partial(sc.run_all, twelve(turn), executor))  # noqa: E731
+        running = lambda: wall(partial(done, twelve(turn), executor))  # noqa: E731
         running()
         yield row(Figure(f"{name} running, to one process", "s", running, here), repeats)
     yield row(Figure(f"{name} to be started, to one process", "s", first, here), repeats)
