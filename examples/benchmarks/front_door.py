@@ -24,6 +24,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
+from importlib.util import find_spec
 from itertools import chain as joined_rows
 from itertools import count as counting
 from itertools import pairwise
@@ -474,9 +475,10 @@ def compiled(system: sc.System) -> sc.System:
 
 
 def bare(system: sc.System, step: float, number: int, warm: int = 1) -> float:
-    """CPU time of steps one by one, nothing recorded, without the first ones (s)."""
-    begun = 0.0
-    for k, _ in zip(counting(1), sc.steps(system, *METHODS, step), strict=False):
+    """CPU time of compiled steps one by one, nothing recorded, without the first ones (s)."""
+    begun, kernels = 0.0, "auto" if find_spec("numba") is None else "numba"
+    endless = sc.steps(system, *METHODS, step, kernels=kernels)
+    for k, _ in zip(counting(1), endless, strict=False):
         if k == warm:
             begun = time.process_time()
         if k == number:
