@@ -307,14 +307,14 @@ def _beam_surface(
     """Swept beam with the norm of a resultant at its faces, if recorded."""
     import pyvista
 
-    sweep = shape.sweep(row["q"], outlines)
+    sweep = shape.surface(outlines)
     faces = [np.insert(sweep.quads, 0, 4, axis=1).ravel()]
     faces += [np.insert(ring, 0, len(ring)) for ring in sweep.caps]
-    surface = pyvista.PolyData(sweep.points, np.concatenate(faces))
+    surface = pyvista.PolyData(sweep.points(row["q"]), np.concatenate(faces))
     key = f"beam/{shape.name}/resultant"
     if key in row and color:
-        part = shape.average(_three(row[key], color), shape.pieces)
-        norm = np.linalg.norm(part, axis=1)
+        part = shape.average(_three(row[key], color)[..., None, :], shape.pieces)
+        norm = np.linalg.norm(part[:, 0], axis=1)
         values = norm[sweep.element * shape.pieces + sweep.piece]
         ends = np.array([values[(sweep.quads == ring[0]).any(1)][0] for ring in sweep.caps])
         surface.cell_data[color] = np.concatenate([values, ends])

@@ -2,7 +2,8 @@
 
 A director frame at offset ``o`` of the coordinates has ``phi = q[o:o+3]`` and the directors
 ``d_i = q[o+3i:o+3i+3]``; arrays of directors here have the shape ``(..., 3, 3)`` with ``d_i`` in
-row ``i``.
+row ``i``. Coordinates are those of one state ``(n,)`` or of many ``(..., n)``: results have the
+same axes in front.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ def frames(q: ArrayLike, offsets: ArrayLike) -> tuple[Floats, Floats]:
 
     Parameters
     ----------
-    q : (n,)
+    q : (..., n)
         Coordinates, or velocities: then rates come out.
     offsets : (k,)
         First coordinate of each frame.
 
     Returns
     -------
-    phi : (k, 3)
+    phi : (..., k, 3)
         Placements in m.
-    directors : (k, 3, 3)
+    directors : (..., k, 3, 3)
         Director ``i`` in row ``i``.
 
     Examples
@@ -43,8 +44,8 @@ def frames(q: ArrayLike, offsets: ArrayLike) -> tuple[Floats, Floats]:
     ([[0.0, 1.0, 2.0]], [9.0, 10.0, 11.0])
     """
     start = np.asarray(offsets, dtype=np.int64).reshape(-1, 1)
-    values = np.asarray(q, dtype=float)[start + np.arange(12)]
-    return values[:, :3], values[:, 3:].reshape(-1, 3, 3)
+    values = np.asarray(q, dtype=float)[..., start + np.arange(12)]
+    return values[..., :3], values[..., 3:].reshape(*values.shape[:-1], 3, 3)
 
 
 def quaternions(directors: ArrayLike) -> Floats:
@@ -52,12 +53,12 @@ def quaternions(directors: ArrayLike) -> Floats:
 
     Parameters
     ----------
-    directors : (k, 3, 3)
+    directors : (..., 3, 3)
         Director ``i`` in row ``i``; interpolated ones need not be orthonormal.
 
     Returns
     -------
-    (k, 4)
+    (..., 4)
         They turn components in the body's frame into components in space.
 
     Examples
@@ -66,11 +67,11 @@ def quaternions(directors: ArrayLike) -> Floats:
     >>> quaternions([quarter]).round(4).tolist()
     [[0.7071, 0.0, 0.0, 0.7071]]
     """
-    d = np.asarray(directors, dtype=float).reshape(-1, 3, 3)
-    u, _, vt = np.linalg.svd(np.swapaxes(d, 1, 2))
+    d = np.asarray(directors, dtype=float)
+    u, _, vt = np.linalg.svd(np.swapaxes(d.reshape(-1, 3, 3), 1, 2))
     u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
-    turned = Rotation.from_matrix(u @ vt)
-    return np.asarray(turned.as_quat(canonical=True, scalar_first=True))
+    turned = Rotation.from_matrix(u @ vt).as_quat(canonical=True, scalar_first=True)
+    return np.asarray(turned).reshape(*d.shape[:-2], 4)
 
 
 def piece_weights(gauss: Floats, pieces: int) -> Floats:
@@ -86,29 +87,6 @@ def piece_weights(gauss: Floats, pieces: int) -> Floats:
             inside = np.array([np.argmin(abs(gauss - (k + 0.5) / pieces))])
         weights[k, inside] = 1.0 / len(inside)
     return weights
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """Surface of one beam in space: points, quads, and the piece of the beam each quad is from.
-
-    Attributes
-    ----------
-    points : (k, 3)
-        In m.
-    quads : (m, 4)
-        Corners, outward orientation for counter-clockwise outlines.
-    element, piece : (m,)
-        Element, and piece of the element, of each quad.
-    caps : list of (k,) arrays
-        Closed outlines at free ends.
-    """
-
-    points: Floats
-    quads: IndexArray
-    element: IndexArray
-    piece: IndexArray
-    caps: list[IndexArray]
 
 
 class BeamShape:
@@ -157,6 +135,7 @@ class BeamShape:
         nodes = static.get(f"beam/{name}/nodes", lobatto_nodes(self.order))
         self._stations: Floats = lagrange(nodes, stations).T
         self._at_gauss: Floats = lagrange(nodes, self.gauss).T
+        self._weights = {n: piece_weights(self.gauss, n) for n in (1, self.order)}
         self._number_points()
 
     def _get(self, key: str) -> Array:
@@ -194,34 +173,44 @@ class BeamShape:
         self.cell_element: IndexArray = np.repeat(np.arange(ne), self.cell_pieces)
 
     def _evaluate(self, nodal: Floats, local: Floats) -> Floats:
-        """Values at the points: ``nodal (Nb, ...)`` at nodes, ``local (ne, p+1, ...)`` inside."""
+        """Values at the points: ``nodal (..., Nb, c)`` at nodes, ``local (..., ne, p+1, c)``."""
         if self._inner is None:
             return nodal
-        inner = np.einsum("sa,ea...->es...", self._stations[1:-1], local)
-        corners = nodal[self.node_id[self.node_id >= 0]]
-        return np.concatenate([corners, inner.reshape(-1, *nodal.shape[1:])])
+        inner = self._stations[1:-1] @ local
+        corners = nodal[..., self.node_id[self.node_id >= 0], :]
+        inner = inner.reshape(*inner.shape[:-3], -1, inner.shape[-1])
+        return np.concatenate([corners, inner], axis=-2)
 
     def points(self, q: ArrayLike) -> Floats:
-        """Placements (or velocities, for rates of q) of the points ``(np, 3)``."""
+        """Placements (or velocities, for rates of q) of the points ``(..., np, 3)``."""
         phi, _ = frames(q, self.offsets)
-        return self._evaluate(phi, phi[self.connectivity])
+        return self._evaluate(phi, phi[..., self.connectivity, :])
 
     def directors(self, q: ArrayLike) -> Floats:
-        """Section directors ``(np, 3, 3)``; at a node where several sections meet its own triad."""
+        """Section directors ``(..., np, 3, 3)``; where several sections meet the node's triad."""
         _, d = frames(q, self.offsets)
-        return self._evaluate(self._node_rotation @ d, self.rotations @ d[self.connectivity])
+        nodal, local = self._node_rotation @ d, self._local(d)
+        found = self._evaluate(*(x.reshape(*x.shape[:-2], 9) for x in (nodal, local)))
+        return found.reshape(*found.shape[:-1], 3, 3)
+
+    def _local(self, d: Floats) -> Floats:
+        """Directors of the sections at the nodes of the elements ``(..., ne, p+1, 3, 3)``."""
+        return self.rotations @ d[..., self.connectivity, :, :]
 
     def to_space(self, q: ArrayLike, values: Floats) -> Floats:
-        """Turn components in the section frame at Gauss points ``(ne, ng, 3)`` into space."""
-        _, d = frames(q, self.offsets)
-        local = self.rotations @ d[self.connectivity]
-        at_gauss = np.einsum("ga,eaij->egij", self._at_gauss, local)
-        return np.einsum("egi,egij->egj", values, at_gauss)
+        """Turn components in the section frame at Gauss points ``(..., ne, ng, c, 3)`` into space.
+
+        ``c``: several vectors at each Gauss point.
+        """
+        local = self._local(frames(q, self.offsets)[1])
+        at_gauss = self._at_gauss @ local.reshape(*local.shape[:-2], 9)
+        return values @ at_gauss.reshape(*at_gauss.shape[:-1], 3, 3)
 
     def average(self, values: Floats, pieces: int) -> Floats:
-        """Average Gauss point values ``(ne, ng, k)`` over pieces: ``(ne * pieces, k)``."""
-        mean = np.einsum("pg,eg...->ep...", piece_weights(self.gauss, pieces), values)
-        return mean.reshape(-1, *values.shape[2:])
+        """Average Gauss point values ``(..., ne, ng, c, 3)`` over the pieces of all elements."""
+        front, (_, ng, *shape) = values.shape[:-4], values.shape[-4:]
+        mean = self._weights[pieces] @ values.reshape(*front, -1, ng, int(np.prod(shape)))
+        return mean.reshape(*front, -1, *shape)
 
     def outline(self, section: int) -> Floats | None:
         """Closed outline ``(k, 2)`` of a section in m, without the first point repeated."""
@@ -230,53 +219,88 @@ class BeamShape:
             return None
         return outline[:-1] if np.array_equal(outline[0], outline[-1]) else outline
 
-    def sweep(self, q: ArrayLike, outlines: Mapping[int, Floats] | None = None) -> Sweep:
-        """Surface of all elements whose section has an outline.
+    def surface(self, outlines: Mapping[int, Floats] | None = None) -> Surface:
+        """Swept surface of all elements whose section has an outline.
 
         Parameters
         ----------
-        q : (n,)
-            Coordinates.
         outlines : mapping of int to (k, 2) array, optional
             Outline by section, instead of those of the history.
 
         Returns
         -------
-        Sweep
+        Surface
             Empty if no section has an outline.
         """
+        if outlines is None:
+            own = ((int(k), self.outline(int(k))) for k in np.unique(self.section))
+            outlines = {k: shape for k, shape in own if shape is not None}
+        return Surface(self, outlines)
+
+    def axes(self, q: ArrayLike) -> tuple[Floats, Floats]:
+        """Placements ``(..., ne, p+1, 3)`` and section directors at equidistant stations."""
         phi, d = frames(q, self.offsets)
-        center = np.einsum("sa,eai->esi", self._stations, phi[self.connectivity])
-        local = self.rotations @ d[self.connectivity]
-        axes = np.einsum("sa,eaij->esij", self._stations, local)
-        uses = np.bincount(self.connectivity.ravel(), minlength=len(self.offsets))
-        points, quads, owner, piece, caps = [np.zeros((0, 3))], [], [], [], []
-        start = 0
-        for section in np.unique(self.section):
-            shape = self.outline(section) if outlines is None else outlines.get(int(section))
-            if shape is None:
+        local = self._local(d)
+        turned = self._stations @ local.reshape(*local.shape[:-2], 9)
+        return self._stations @ phi[..., self.connectivity, :], turned.reshape(local.shape)
+
+
+class Surface:
+    """Surface of one beam: quads between outlines, and where their corners are in space.
+
+    Parameters
+    ----------
+    shape : BeamShape
+    outlines : mapping of int to (k, 2) array
+        Closed outlines in m by section; elements of other sections have no surface.
+
+    Attributes
+    ----------
+    quads : (m, 4)
+        Corners, outward orientation for counter-clockwise outlines.
+    element, piece : (m,)
+        Element, and piece of the element, of each quad.
+    caps : list of (k,) arrays
+        Closed outlines at free ends.
+    size : int
+        Number of points.
+    """
+
+    def __init__(self, shape: BeamShape, outlines: Mapping[int, Floats]) -> None:
+        self._shape, self._swept, self.size = shape, [], 0
+        none, p = np.zeros(0, dtype=np.int64), shape.order
+        uses = np.bincount(shape.connectivity.ravel(), minlength=len(shape.offsets))
+        quads, owner, piece, caps = [none.reshape(0, 4)], [none], [none], []
+        for section in (int(number) for number in np.unique(shape.section)):
+            if section not in outlines:
                 continue
-            own = np.flatnonzero(self.section == section)
-            k, p = len(shape), self.order
-            x = center[own, :, None] + np.einsum("ki,esij->eskj", shape, axes[own, :, :2])
-            grid = start + np.arange(len(own) * (p + 1) * k).reshape(len(own), p + 1, k)
+            own, k = np.flatnonzero(shape.section == section), len(outlines[section])
+            self._swept.append((own, outlines[section]))
+            grid = self.size + np.arange(len(own) * (p + 1) * k).reshape(len(own), p + 1, k)
             after = np.roll(grid, -1, axis=2)
             quad = np.stack([grid[:, :-1], after[:, :-1], after[:, 1:], grid[:, 1:]], axis=-1)
-            points.append(x.reshape(-1, 3))
             quads.append(quad.reshape(-1, 4))
             owner.append(np.repeat(own, p * k))
             piece.append(np.tile(np.repeat(np.arange(p), k), len(own)))
-            conn = self.connectivity[own]
+            conn = shape.connectivity[own]
             caps += [ring[::-1] for ring in grid[uses[conn[:, 0]] == 1, 0]]
             caps += list(grid[uses[conn[:, -1]] == 1, -1])
-            start += grid.size
-        none = np.zeros(0, dtype=np.int64)
-        return Sweep(
-            np.concatenate(points),
-            np.concatenate([none.reshape(0, 4), *quads]),
-            np.concatenate([none, *owner]),
-            np.concatenate([none, *piece]),
-            caps,
+            self.size += grid.size
+        self.quads: IndexArray = np.concatenate(quads)
+        self.element: IndexArray = np.concatenate(owner)
+        self.piece: IndexArray = np.concatenate(piece)
+        self.caps: list[IndexArray] = caps
+
+    def points(self, q: ArrayLike) -> Floats:
+        """Corners in space ``(..., size, 3)``."""
+        center, axes = self._shape.axes(q)
+        front = center.shape[:-3]
+        parts = [
+            center[..., own, :, None, :] + outline @ axes[..., own, :, :2, :]
+            for own, outline in self._swept
+        ]
+        return np.concatenate(
+            [np.zeros((*front, 0, 3)), *(part.reshape(*front, -1, 3) for part in parts)], axis=-2
         )
 
 
@@ -305,15 +329,17 @@ class BodyShape:
     is_point: bool = False
 
     def points(self, q: ArrayLike) -> Floats:
-        """Corners in space ``(nv, 3)`` (velocities for rates of q), or the place ``(1, 3)``."""
+        """Corners ``(..., nv, 3)`` (velocities for rates of q), or the place ``(..., 1, 3)``."""
         if self.material is None:
-            return np.array(q, dtype=float)[None, self.offset : self.offset + 3]
+            return np.array(q, dtype=float)[..., None, self.offset : self.offset + 3]
         phi, d = frames(q, [self.offset])
-        return phi + self.material @ d[0]
+        return phi + self.material @ d[..., 0, :, :]
 
     def directors(self, q: ArrayLike) -> Floats:
-        """Directors ``(3, 3)``; of a mass point those of space."""
-        return np.eye(3) if self.is_point else frames(q, [self.offset])[1][0]
+        """Directors ``(..., 3, 3)``; of a mass point those of space."""
+        if self.is_point:
+            return np.broadcast_to(np.eye(3), (*np.shape(q)[:-1], 3, 3))
+        return frames(q, [self.offset])[1][..., 0, :, :]
 
 
 def beam_shapes(meta: Mapping[str, Any], static: Mapping[str, Array]) -> list[BeamShape]:

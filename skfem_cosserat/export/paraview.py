@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import json
 import os
+import sys
+import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from binascii import b2a_base64
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import meshio
 import numpy as np
 
 from ..errors import IncompleteWarning, InputError
 from ..history import History
 from ..history.file import write_at
-from ..types import Array, ArrayLike, Floats, check_kind, switch
+from ..types import Array, ArrayLike, Floats, IndexArray, check_kind, switch
 from ..warn import logger, warn
 from .geometry import BeamShape, beam_shapes, body_shapes, quaternions
 
-# -- the layers of a scene as meshes with data: beams, swept surfaces, bodies, joints, springs -----
+# -- the layers of a scene as grids with data: beams, swept surfaces, bodies, joints, springs ------
 
 #: Relative coordinates that joints have as numbers at their points.
 _COORDINATES = ("angle", "displacement")
@@ -28,88 +30,154 @@ _COORDINATES = ("angle", "displacement")
 _STRAIN = ("Gamma", "K")
 _RESULTANT = ("N", "M")
 
-Row = Mapping[str, Array]
+#: VTK's numbers of the kinds of cells
+_VERTEX, _LINE, _TRIANGLE, _QUAD, _QUADRATIC = 1, 3, 5, 9, 21
+
+States = Mapping[str, Array]
 Fields = dict[str, Array]
 
 
+class Cells:
+    """Cells of a layer and the data that they and their points have in all states.
+
+    Parameters
+    ----------
+    blocks : sequence of (int, (m, k) array)
+        VTK's number of a kind of cells, and the points of each cell.
+    at_points, at_cells : mapping of str to array
+        Data that never changes.
+    """
+
+    def __init__(
+        self,
+        blocks: Sequence[tuple[int, IndexArray]],
+        at_points: Fields | None = None,
+        at_cells: Fields | None = None,
+    ) -> None:
+        widths = [np.full(len(block), block.shape[1]) for _, block in blocks]
+        kinds = [np.full(len(block), kind) for kind, block in blocks]
+        self.count = sum(map(len, widths))
+        self.topology: Fields = {
+            "connectivity": np.concatenate([block.ravel() for _, block in blocks]),
+            "offsets": np.cumsum(np.concatenate(widths)),
+            "types": np.concatenate(kinds),
+        }
+        self.at_points, self.at_cells = at_points or {}, at_cells or {}
+
+
+class Grid(NamedTuple):
+    """A layer in k states: points ``(k, np, 3)``, cells, data ``(k, np, ...)``, ``(k, nc, ...)``.
+
+    What `cells` has is written to all files as it was encoded for the first one: a layer keeps the
+    object as long as it is valid.
+    """
+
+    points: Floats
+    cells: Cells
+    at_points: Fields
+    at_cells: Fields
+
+
 class Layer(ABC):
-    """One series of files: turns a state into a mesh with data.
+    """One series of files: turns states into grids with data.
 
     Attributes
     ----------
     name : str
-        Name of the series.
+        Name of the series of files.
+    series : list of str
+        What it reads of a state, as far as there, besides ``q``.
     """
 
     name: str
+    series: list[str]
 
     @abstractmethod
-    def mesh(self, row: Row, reference: Floats) -> meshio.Mesh | None:
-        """Mesh of one state, None if the state has nothing for this layer.
+    def grid(self, states: States, reference: Floats) -> Grid | None:
+        """Grid of some states, None if they have nothing for this layer.
 
         Parameters
         ----------
-        row : mapping of str to array
-            One state: ``q`` and what else was recorded.
+        states : mapping of str to (k, ...) array
+            ``q`` and what else was recorded, in k states.
         reference : (n,)
             Coordinates from which displacements ``u`` are counted.
 
         Raises
         ------
         InputError
-            If an entry that the layer needs is missing.
+            If an entry that the layer needs has a wrong shape.
         """
 
 
-def entry(row: Row, name: str, shape: tuple[int, ...]) -> Floats:
-    """Entry ``name`` of a row with its shape checked."""
-    if name not in row:
-        raise InputError(f"row entry {name!r}", "is missing; the export needs it")
-    value = np.asarray(row[name], dtype=float)
-    if value.shape != shape:
-        raise InputError(f"row entry {name!r}", f"got shape {value.shape}, expected {shape}")
+def entry(states: States, name: str, shape: tuple[int, ...]) -> Floats:
+    """Entry ``name`` of all states ``(k, *shape)``, with the shape checked."""
+    value = np.asarray(states[name], dtype=float)
+    if value.shape[1:] != shape:
+        raise InputError(f"row entry {name!r}", f"got shape {value.shape[1:]}, expected {shape}")
     return value
 
 
-def _stack(parts: list[Fields]) -> Fields:
-    """Join the fields of several items; a field that an item lacks is NaN there."""
-    names = list(dict.fromkeys(name for part in parts for name in part))
-    sizes = [len(next(iter(part.values()))) for part in parts]
+def _stack(parts: list[Fields], sizes: list[int]) -> Fields:
+    """Join the fields of items of some sizes; a field that an item lacks is NaN there."""
     joined = {}
-    for name in names:
+    for name in dict.fromkeys(name for part in parts for name in part):
         model = next(part[name] for part in parts if name in part)
+        count, _, *rest = model.shape
         pieces = [
-            part[name] if name in part else np.full((size, *model.shape[1:]), np.nan)
+            part[name] if name in part else np.full((count, size, *rest), np.nan)
             for part, size in zip(parts, sizes, strict=True)
         ]
-        joined[name] = np.concatenate(pieces)
+        joined[name] = pieces[0] if len(pieces) == 1 else np.concatenate(pieces, axis=1)
     return joined
 
 
-def _gauss_fields(shape: BeamShape, row: Row, pieces: int) -> Fields:
+def _several(states: States, names: Sequence[str], shape: tuple[int, ...]) -> Floats | None:
+    """Entries of several items ``(k, items, *shape)``, NaN where one is missing; None: all are."""
+    known = [name in states for name in names]
+    if not any(known):
+        return None
+    found = np.full((len(states["q"]), len(names), *shape), np.nan)
+    for k, name in enumerate(names):
+        if known[k]:
+            found[:, k] = entry(states, name, shape)
+    return found
+
+
+def _gauss_fields(shape: BeamShape, states: States, pieces: int) -> Fields:
     """Strains and resultants averaged over the pieces of the elements, as far as recorded."""
     fields: Fields = {}
     size = (len(shape.connectivity), len(shape.gauss), 6)
+    count = (len(states["q"]), *size[:2], 2, 3)  # a force and a moment, or two kinds of strains
     key = f"beam/{shape.name}/resultant"
-    if key in row:
-        values = entry(row, key, size)
-        for k, (name, lower) in enumerate(zip(_RESULTANT, "nm", strict=True)):
-            part = values[:, :, 3 * k : 3 * k + 3]
-            fields[name] = shape.average(part, pieces)
-            fields[lower] = shape.average(shape.to_space(row["q"], part), pieces)
+    if key in states:
+        values = entry(states, key, size).reshape(count)
+        space = shape.to_space(states["q"], values)
+        fields |= zip(_RESULTANT, _pair(shape.average(values, pieces)), strict=True)
+        fields |= zip("nm", _pair(shape.average(space, pieces)), strict=True)
     key = f"beam/{shape.name}/strain"
-    if key in row:
-        values = entry(row, key, size)
-        for k, name in enumerate(_STRAIN):
-            fields[name] = shape.average(values[:, :, 3 * k : 3 * k + 3], pieces)
+    if key in states:
+        values = entry(states, key, size).reshape(count)
+        fields |= zip(_STRAIN, _pair(shape.average(values, pieces)), strict=True)
     return fields
 
 
-def _labels(shape: BeamShape, number: int, element: Array) -> Fields:
+def _pair(values: Floats) -> tuple[Floats, Floats]:
+    return values[..., 0, :], values[..., 1, :]
+
+
+def _beam_series(shapes: list[BeamShape]) -> list[str]:
+    return [f"beam/{shape.name}/{kind}" for shape in shapes for kind in ("resultant", "strain")]
+
+
+def _labels(shapes: list[BeamShape], elements: list[IndexArray]) -> Fields:
+    """Numbers of beam, part and section of cells, whose elements are given."""
+    numbers = [np.full(len(element), number) for number, element in enumerate(elements)]
+    pairs = list(zip(shapes, elements, strict=True))
     return {
-        "beam_id": np.full(len(element), number, dtype=np.int64),
-        "part_id": shape.part[element],
-        "section_id": shape.section[element],
+        "beam_id": np.concatenate(numbers),
+        "part_id": np.concatenate([shape.part[element] for shape, element in pairs]),
+        "section_id": np.concatenate([shape.section[element] for shape, element in pairs]),
     }
 
 
@@ -120,34 +188,34 @@ class BeamLayer(Layer):
 
     def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
         self._shapes = beam_shapes(meta, static)
+        self.series = ["v", *_beam_series(self._shapes)]
+        self._sizes = [len(shape.node_id) for shape in self._shapes]
+        starts = np.cumsum([0, *self._sizes[:-1]])
+        blocks = [
+            (_QUADRATIC if shape.order == 2 else _LINE, start + shape.cells)
+            for start, shape in zip(starts, self._shapes, strict=True)
+        ]
+        ids = np.concatenate([shape.node_id for shape in self._shapes])
+        labels = _labels(self._shapes, [shape.cell_element for shape in self._shapes])
+        self._cells = Cells(blocks, {"node_id": ids}, labels)
 
-    def mesh(self, row: Row, reference: Floats) -> meshio.Mesh:
-        """Mesh of one state, see `Layer.mesh`."""
-        at_points, at_cells, cells = [], [], []
-        start = 0
-        for number, shape in enumerate(self._shapes):
-            fields = self._point_fields(shape, row, reference)
-            at_points.append(fields)
-            labels = _labels(shape, number, shape.cell_element)
-            at_cells.append({**_gauss_fields(shape, row, shape.cell_pieces), **labels})
-            cells.append(("line3" if shape.order == 2 else "line", start + shape.cells))
-            start += len(fields["x"])
-        point_data = _stack(at_points)
-        stacked = _stack(at_cells)
-        cuts = np.cumsum([len(block) for _, block in cells])[:-1]
-        cell_data = {name: np.split(values, cuts) for name, values in stacked.items()}
-        return meshio.Mesh(point_data.pop("x"), cells, point_data, cell_data)
+    def grid(self, states: States, reference: Floats) -> Grid:
+        """Grid of some states, see `Layer.grid`."""
+        points = [self._point_fields(shape, states, reference) for shape in self._shapes]
+        fields = [_gauss_fields(shape, states, shape.cell_pieces) for shape in self._shapes]
+        at_points = _stack(points, self._sizes)
+        at_cells = _stack(fields, [len(shape.cells) for shape in self._shapes])
+        return Grid(at_points.pop("x"), self._cells, at_points, at_cells)
 
     @staticmethod
-    def _point_fields(shape: BeamShape, row: Row, reference: Floats) -> Fields:
-        x, d = shape.points(row["q"]), shape.directors(row["q"])
+    def _point_fields(shape: BeamShape, states: States, reference: Floats) -> Fields:
+        x, d = shape.points(states["q"]), shape.directors(states["q"])
         fields: Fields = {"x": x, "u": x - shape.points(reference)}
-        if "v" in row:
-            fields["v"] = shape.points(row["v"])
+        if "v" in states:
+            fields["v"] = shape.points(states["v"])
         for i in range(3):
-            fields[f"d{i + 1}"] = np.ascontiguousarray(d[:, i])
+            fields[f"d{i + 1}"] = d[..., i, :]
         fields["q_wxyz"] = quaternions(d)
-        fields["node_id"] = shape.node_id
         return fields
 
 
@@ -158,27 +226,30 @@ class SurfaceLayer(Layer):
 
     def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
         self._shapes = beam_shapes(meta, static)
-        if all(shape.outline(k) is None for shape in self._shapes for k in set(shape.section)):
+        self._surfaces = [shape.surface() for shape in self._shapes]
+        self.series = _beam_series(self._shapes)
+        self._sizes = [surface.size for surface in self._surfaces]
+        if not any(self._sizes):
             raise InputError("argument surfaces", "no section of the history has an outline")
+        starts = np.cumsum([0, *self._sizes[:-1]])
+        quads = [
+            start + surface.quads for start, surface in zip(starts, self._surfaces, strict=True)
+        ]
+        labels = _labels(self._shapes, [surface.element for surface in self._surfaces])
+        self._cells = Cells([(_QUAD, np.concatenate(quads))], at_cells=labels)
 
-    def mesh(self, row: Row, reference: Floats) -> meshio.Mesh:
-        """Mesh of one state, see `Layer.mesh`."""
-        at_points, at_cells, quads = [], [], []
-        start = 0
-        for number, shape in enumerate(self._shapes):
-            sweep = shape.sweep(row["q"])
-            u = sweep.points - shape.sweep(reference).points
-            at_points.append({"x": sweep.points, "u": u})
-            piece = sweep.element * shape.pieces + sweep.piece
-            fields = _gauss_fields(shape, row, shape.pieces)
-            fields = {name: values[piece] for name, values in fields.items()}
-            at_cells.append({**fields, **_labels(shape, number, sweep.element)})
-            quads.append(start + sweep.quads)
-            start += len(sweep.points)
-        point_data = _stack(at_points)
-        cell_data = {name: [values] for name, values in _stack(at_cells).items()}
-        cells = [("quad", np.concatenate(quads))]
-        return meshio.Mesh(point_data.pop("x"), cells, point_data, cell_data)
+    def grid(self, states: States, reference: Floats) -> Grid:
+        """Grid of some states, see `Layer.grid`."""
+        at_points, at_cells = [], []
+        for shape, surface in zip(self._shapes, self._surfaces, strict=True):
+            x = surface.points(states["q"])
+            at_points.append({"x": x, "u": x - surface.points(reference)})
+            piece = surface.element * shape.pieces + surface.piece
+            found = _gauss_fields(shape, states, shape.pieces)
+            at_cells.append({name: values[:, piece] for name, values in found.items()})
+        joined = _stack(at_points, self._sizes)
+        fields = _stack(at_cells, [len(surface.quads) for surface in self._surfaces])
+        return Grid(joined.pop("x"), self._cells, joined, fields)
 
 
 class BodyLayer(Layer):
@@ -188,93 +259,213 @@ class BodyLayer(Layer):
 
     def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
         self._shapes = list(body_shapes(meta, static))
+        self.series = ["v"]
+        sizes = [1 if shape.material is None else len(shape.material) for shape in self._shapes]
+        self._owner = np.repeat(np.arange(len(sizes)), sizes)
+        blocks = [
+            (_VERTEX, np.array([[start]]))
+            if shape.material is None
+            else (_TRIANGLE, start + shape.faces)
+            for start, shape in zip(np.cumsum([0, *sizes[:-1]]), self._shapes, strict=True)
+        ]
+        ids = np.repeat(np.arange(len(blocks)), [len(block) for _, block in blocks])
+        self._cells = Cells(blocks, at_cells={"body_id": ids})
 
-    def mesh(self, row: Row, reference: Floats) -> meshio.Mesh:
-        """Mesh of one state, see `Layer.mesh`."""
-        at_points, cells = [], []
-        ids: list[Array] = []
-        start = 0
-        for number, shape in enumerate(self._shapes):
-            x = shape.points(row["q"])
-            fields: Fields = {"x": x, "u": x - shape.points(reference)}
-            if "v" in row:
-                fields["v"] = shape.points(row["v"])
-            fields["q_wxyz"] = np.repeat(quaternions(shape.directors(row["q"])), len(x), axis=0)
-            at_points.append(fields)
-            block = shape.faces if shape.material is not None else np.zeros((1, 1), dtype=np.int64)
-            cells.append(("triangle" if block.shape[1] == 3 else "vertex", start + block))
-            ids.append(np.full(len(block), number, dtype=np.int64))
-            start += len(x)
-        point_data = _stack(at_points)
-        cell_data = {"body_id": ids}
-        return meshio.Mesh(point_data.pop("x"), cells, point_data, cell_data)
+    def grid(self, states: States, reference: Floats) -> Grid:
+        """Grid of some states, see `Layer.grid`."""
+        x = self._points(states["q"])
+        fields: Fields = {"u": x - self._points(reference)}
+        if "v" in states:
+            fields["v"] = self._points(states["v"])
+        turned = quaternions(np.stack([s.directors(states["q"]) for s in self._shapes], axis=1))
+        fields["q_wxyz"] = turned[:, self._owner]
+        return Grid(x, self._cells, fields, {})
+
+    def _points(self, q: Floats) -> Floats:
+        return np.concatenate([shape.points(q) for shape in self._shapes], axis=-2)
 
 
-class JointLayer(Layer):
+class _KnownLayer(Layer):
+    """Items that have something to show where a series of theirs is recorded.
+
+    Parameters
+    ----------
+    kind : str
+        Of the items: the first part of the names of their series.
+    names : list of str
+        Of all items.
+    needed : str
+        The series without which an item is left out.
+    others : sequence of str
+        Further ones.
+    """
+
+    def __init__(self, kind: str, names: list[str], needed: str, others: Sequence[str]) -> None:
+        self._kind, self._names, self._needed = kind, names, needed
+        self.series = [f"{kind}/{name}/{each}" for name in names for each in (needed, *others)]
+        self._known: list[int] = []
+        self._cells: Cells | None = None
+
+    def _keys(self, field: str) -> list[str]:
+        """Names of a series of the items that are shown."""
+        return [f"{self._kind}/{self._names[k]}/{field}" for k in self._known]
+
+    def _cells_of(self, states: States) -> Cells | None:
+        """Cells of the items that are shown; None if there are none."""
+        named = enumerate(self._names)
+        known = [k for k, name in named if f"{self._kind}/{name}/{self._needed}" in states]
+        if known != self._known:
+            self._known, self._cells = known, self._made(np.array(known)) if known else None
+        return self._cells
+
+    @abstractmethod
+    def _made(self, known: IndexArray) -> Cells:
+        """Cells of the items of these numbers."""
+
+
+class JointLayer(_KnownLayer):
     """Joints as points with type, reaction force and moment, as far as places are recorded."""
 
     name = "joints"
 
     def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
         joints = meta.get("joints", [])
-        self._names = [joint["name"] for joint in joints]
+        names = [joint["name"] for joint in joints]
+        super().__init__("joint", names, "position", ("force", "moment", *_COORDINATES))
         self.types = sorted({str(joint["type"]) for joint in joints})
-        codes = [self.types.index(str(joint["type"])) for joint in joints]
-        self._labels = {
-            "joint_id": np.arange(len(joints), dtype=np.int64),
-            "type": np.array(codes, dtype=np.int64),
-        }
+        self._codes = np.array([self.types.index(str(joint["type"])) for joint in joints])
 
-    def mesh(self, row: Row, reference: Floats) -> meshio.Mesh | None:
-        """Mesh of one state, see `Layer.mesh`."""
-        known = [k for k, name in enumerate(self._names) if f"joint/{name}/position" in row]
-        if not known:
+    def _made(self, known: IndexArray) -> Cells:
+        vertices = np.arange(len(known))[:, None]
+        return Cells([(_VERTEX, vertices)], {"joint_id": known, "type": self._codes[known]})
+
+    def grid(self, states: States, reference: Floats) -> Grid | None:
+        """Grid of some states, see `Layer.grid`."""
+        cells = self._cells_of(states)
+        x = _several(states, self._keys("position"), (3,))
+        if cells is None or x is None:
             return None
-        names = [self._names[k] for k in known]
-        x = np.array([entry(row, f"joint/{name}/position", (3,)) for name in names])
-        fields: Fields = {label: values[known] for label, values in self._labels.items()}
-        for field in ("force", "moment"):
-            keys = [f"joint/{name}/{field}" for name in names]
-            if any(key in row for key in keys):
-                nothing = np.full(3, np.nan)
-                values = [entry(row, key, (3,)) if key in row else nothing for key in keys]
-                fields[field] = np.array(values)
-        for field in _COORDINATES:
-            keys = [f"joint/{name}/{field}" for name in names]
-            if any(key in row for key in keys):
-                numbers = [entry(row, key, ()) if key in row else np.nan for key in keys]
-                fields[field] = np.array(numbers, dtype=float)
-        cells = [("vertex", np.arange(len(x), dtype=np.int64)[:, None])]
-        return meshio.Mesh(x, cells, fields)
+        fields: Fields = {}
+        shapes = {"force": (3,), "moment": (3,), **dict.fromkeys(_COORDINATES, ())}
+        for field, shape in shapes.items():
+            values = _several(states, self._keys(field), shape)
+            if values is not None:
+                fields[field] = values
+        return Grid(x, cells, fields, {})
 
 
-class CouplingLayer(Layer):
+class CouplingLayer(_KnownLayer):
     """Springs, cables, bushings as lines between their ends, with length and force of scalars."""
 
     name = "couplings"
 
     def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
-        couplings = meta.get("couplings", [])
-        self._names = [coupling["name"] for coupling in couplings]
+        names = [coupling["name"] for coupling in meta.get("couplings", [])]
+        super().__init__("coupling", names, "ends", ("coordinate", "force"))
 
-    def mesh(self, row: Row, reference: Floats) -> meshio.Mesh | None:
-        """Mesh of one state, see `Layer.mesh`."""
-        known = [k for k, name in enumerate(self._names) if f"coupling/{name}/ends" in row]
-        if not known:
+    def _made(self, known: IndexArray) -> Cells:
+        lines = np.arange(2 * len(known)).reshape(-1, 2)
+        return Cells([(_LINE, lines)], at_cells={"coupling_id": known})
+
+    def grid(self, states: States, reference: Floats) -> Grid | None:
+        """Grid of some states, see `Layer.grid`."""
+        cells = self._cells_of(states)
+        ends = _several(states, self._keys("ends"), (2, 3))
+        if cells is None or ends is None:
             return None
-        names = [self._names[k] for k in known]
-        ends = [entry(row, f"coupling/{name}/ends", (2, 3)) for name in names]
-        lines = np.arange(2 * len(known), dtype=np.int64).reshape(-1, 2)
-        data: dict[str, list[Array]] = {"coupling_id": [np.array(known, dtype=np.int64)]}
+        scalars = {name: values for name, values in states.items() if np.ndim(values) == 1}
+        nothing = np.full(ends.shape[:2], np.nan)
+        data: Fields = {}
         for field in ("coordinate", "force"):
-            values = [np.asarray(row.get(f"coupling/{name}/{field}", np.nan)) for name in names]
-            numbers = [float(v) if v.shape == () else np.nan for v in values]
-            data[field] = [np.array(numbers)]
-        return meshio.Mesh(np.concatenate(ends), [("line", lines)], cell_data=data)
+            values = _several({**scalars, "q": states["q"]}, self._keys(field), ())
+            data[field] = nothing if values is None else values
+        return Grid(ends.reshape(len(ends), -1, 3), cells, {}, data)
+
+
+# -- a grid as files of VTK's XML format for unstructured grids (``.vtu``) -------------------------
+
+_KINDS = {"f": "Float64", "i": "Int64"}
+_ORDER = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
+_BLOCK = 32768  # bytes that are compressed at once
+
+
+class _Files:
+    """Texts of the files of a layer; those parts that do not change are made once.
+
+    Parameters
+    ----------
+    compress : bool
+        By zlib.
+    """
+
+    def __init__(self, compress: bool) -> None:
+        self._compress = compress
+        attribute = ' compressor="vtkZLibDataCompressor"' if compress else ""
+        self._head = (
+            f'<VTKFile type="UnstructuredGrid" version="0.1" byte_order="{_ORDER}"{attribute}>\n'
+            "<UnstructuredGrid>\n"
+        )
+        self._cells: Cells | None = None
+        self._constant = self._at_points = self._at_cells = b""
+
+    def texts(self, grid: Grid) -> list[bytes]:
+        """Contents of the files, one a state."""
+        cells = grid.cells
+        if cells is not self._cells:
+            self._cells = cells
+            topology, self._at_points, self._at_cells = (
+                b"".join(self._constants(fields))
+                for fields in (cells.topology, cells.at_points, cells.at_cells)
+            )
+            self._constant = b"</Points>\n<Cells>\n" + topology + b"</Cells>\n<PointData>\n"
+        size = f'<Piece NumberOfPoints="{grid.points.shape[1]}" NumberOfCells="{cells.count}">\n'
+        head = f"{self._head}{size}<Points>\n".encode()
+        middle = self._at_points + b"</PointData>\n<CellData>\n"
+        tail = self._at_cells + b"</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
+        count = len(grid.points)
+        parts: list[list[bytes]] = [[head] * count]
+        parts += self._changing({"Points": grid.points})
+        parts.append([self._constant] * count)
+        parts += self._changing(grid.at_points)
+        parts.append([middle] * count)
+        parts += self._changing(grid.at_cells)
+        parts.append([tail] * count)
+        return [b"".join(pieces) for pieces in zip(*parts, strict=True)]
+
+    def _constants(self, fields: Fields) -> list[bytes]:
+        stacked = {name: np.asarray(values)[None] for name, values in fields.items()}
+        return [text for texts in self._changing(stacked) for text in texts]
+
+    def _changing(self, fields: Fields) -> list[list[bytes]]:
+        """Elements of data arrays ``(k, n, ...)``: for each field its text in all states."""
+        return [self._elements(name, values) for name, values in fields.items()]
+
+    def _elements(self, name: str, values: Array) -> list[bytes]:
+        kind = _KINDS[values.dtype.kind]
+        size = f' NumberOfComponents="{values.shape[2]}"' if values.ndim == 3 else ""
+        head = f'<DataArray type="{kind}" Name="{name}"{size} format="binary">\n'.encode()
+        data = np.ascontiguousarray(values, dtype=kind.lower())
+        encode = self._compressed if self._compress else self._plain
+        return [b"".join((head, encode(one.tobytes()), b"\n</DataArray>\n")) for one in data]
+
+    @staticmethod
+    def _plain(data: bytes) -> bytes:
+        length = len(data).to_bytes(4, sys.byteorder)
+        return b2a_base64(length + data, newline=False)
+
+    @staticmethod
+    def _compressed(data: bytes) -> bytes:
+        blocks = [zlib.compress(data[k : k + _BLOCK]) for k in range(0, len(data), _BLOCK)]
+        last = len(data) - (len(blocks) - 1) * _BLOCK
+        numbers = [len(blocks), _BLOCK, last, *map(len, blocks)]
+        header = np.array(numbers, dtype=np.uint32).tobytes()
+        return b2a_base64(header, newline=False) + b2a_base64(b"".join(blocks), newline=False)
 
 
 # -- paraView series: an index (``.pvd``) for each layer and one file (``.vtu``) for each frame ----
 
+#: coordinates of the states that are written at once
+_NUMBERS = 100_000
 _HEAD = b'<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
 _TAIL = b"  </Collection>\n</VTKFile>\n"
 
@@ -395,20 +586,23 @@ class ParaViewWriter:
         compress: bool = False,
     ) -> None:
         self.folder = Path(folder)
-        self._compression = "zlib" if switch("argument compress", compress) else None
+        compress = switch("argument compress", compress)
         if reference is None:
             reference = static.get("reference")
         self._reference: Floats | None = None
         if reference is not None:
             self._reference = np.array(reference, dtype=float)
         self._layers = _layers(meta, static, switch("argument surfaces", surfaces))
+        read = ["q", *(name for layer in self._layers for name in layer.series)]
+        self._names = list(dict.fromkeys(read))
         prepare_folder(self.folder)
-        self._indices = []
+        self._indices, self._files = [], []
         for layer in self._layers:
             (self.folder / layer.name).mkdir(exist_ok=True)
             for frame in (self.folder / layer.name).glob("[0-9]" * 6 + ".vtu"):
                 frame.unlink()  # of a longer earlier export: the index would not name it
             self._indices.append(_Index(self.folder / f"{layer.name}.pvd"))
+            self._files.append(_Files(compress))
         self._frame = 0
         names = json.dumps(_names(meta, self._layers), indent=1)
         (self.folder / "names.json").write_text(names, encoding="utf-8")
@@ -440,25 +634,55 @@ class ParaViewWriter:
         InputError
             If an entry of the row is missing or has a wrong shape.
         """
-        arrays = {name: np.asarray(value) for name, value in row.items()}
-        if "q" not in arrays:
+        states = {name: np.asarray(row[name])[None] for name in self._names if name in row}
+        (written,) = self._write([time], states)
+        return written
+
+    def write_states(self, history: History, chosen: Sequence[int]) -> None:
+        """Write the states of these numbers of a history.
+
+        Parameters
+        ----------
+        history : History
+        chosen : sequence of int
+
+        Raises
+        ------
+        InputError
+            As `write`.
+        """
+        series = {name: history[name] for name in self._names if name in history}
+        size = max(1, _NUMBERS // max(1, series["q"].shape[1]))  # states that are written at once
+        for start in range(0, len(chosen), size):
+            part = np.array(chosen[start : start + size])
+            states = {name: values[part] for name, values in series.items()}
+            self._write(history.times[part].tolist(), states)
+
+    def _write(self, times: Sequence[float], states: States) -> list[list[Path]]:
+        """Write a frame for each of some states: of each series an array ``(k, ...)``."""
+        if "q" not in states:
             raise InputError("row entry 'q'", "is missing; the export needs it")
         if self._reference is None:
-            self._reference = np.array(arrays["q"], dtype=float)
-        meshes = [layer.mesh(arrays, self._reference) for layer in self._layers]
-        written = []
-        for layer, index, mesh in zip(self._layers, self._indices, meshes, strict=True):
-            if mesh is None:
-                if not self._frame:
-                    text = "nothing is recorded for this layer"
-                    warn(f"layer {str(index.path)!r}", text, IncompleteWarning)
-                continue
-            name = f"{layer.name}/{self._frame:06d}.vtu"
-            path = self.folder / name
-            mesh.write(path, file_format="vtu", binary=True, compression=self._compression)
-            index.add(time, name)
-            written.append(path)
-        self._frame += 1
+            self._reference = np.array(states["q"][0], dtype=float)
+        reference = self._reference
+        grids = [layer.grid(states, reference) for layer in self._layers]
+        texts = []
+        for index, files, grid in zip(self._indices, self._files, grids, strict=True):
+            texts.append([] if grid is None else files.texts(grid))
+            if grid is None and not self._frame:
+                text = "nothing is recorded for this layer"
+                warn(f"layer {str(index.path)!r}", text, IncompleteWarning)
+        written: list[list[Path]] = []
+        for k, time in enumerate(times):
+            written.append([])
+            for layer, index, frames in zip(self._layers, self._indices, texts, strict=True):
+                if frames:
+                    name = f"{layer.name}/{self._frame:06d}.vtu"
+                    path = self.folder / name
+                    path.write_bytes(frames[k])
+                    index.add(time, name)
+                    written[-1].append(path)
+            self._frame += 1
         return written
 
 
@@ -575,7 +799,6 @@ def write_paraview(
         surfaces=surfaces,
         compress=compress,
     )
-    for i in chosen:
-        writer.write(float(history.times[i]), history.row(i))
+    writer.write_states(history, chosen)
     logger.info("%d frames written to %s", len(chosen), folder)
     return writer.indices

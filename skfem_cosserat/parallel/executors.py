@@ -24,10 +24,22 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from time import monotonic, sleep
 from typing import Any, Protocol, runtime_checkable
 
-from ..errors import CosseratWarning, InputError, JobError
+from ..errors import CosseratWarning, InputError, JobError, PerformanceWarning
 from ..run.progress import Interrupt, Progress
-from ..warn import logger, repeat
-from .jobs import Answer, Caught, Job, Outcome, done_here, in_words, pack, read, refusal, run_packed
+from ..warn import logger, repeat, warn
+from .jobs import (
+    Answer,
+    Caught,
+    Job,
+    Outcome,
+    Packed,
+    Packer,
+    done_here,
+    in_words,
+    read,
+    refusal,
+    run_packed,
+)
 
 # -- worker processes on this machine, each for one job at a time ----------------------------------
 
@@ -106,7 +118,7 @@ class Processes(FuturesExecutor):
         Future
             Its result raises ``BrokenProcessPool`` if the worker ended before it answered.
         """
-        return self._threads.submit(self._call, pack(Job(CALL, function, *args, **kwargs)))
+        return self._threads.submit(self._call, Packer().pack(Job(CALL, function, *args, **kwargs)))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the workers: those at work when they are done."""
@@ -123,7 +135,7 @@ class Processes(FuturesExecutor):
         self.shutdown()
         return None
 
-    def _call(self, packed: bytes) -> Any:
+    def _call(self, packed: Packed) -> Any:
         """In a thread: have the thread's own process do the job."""
         worker: _Worker | None = getattr(self._own, "worker", None)
         if worker is None or worker.ended(0.0):
@@ -157,7 +169,7 @@ class _Worker:
             self._pool.submit(int)  # starts the process
         self.process = context.process
 
-    def ask(self, packed: bytes) -> Answer:
+    def ask(self, packed: Packed) -> Answer:
         """Send a job and wait for the answer."""
         try:
             return self._pool.submit(run_packed, packed).result()
@@ -211,6 +223,8 @@ def _environment(threads: int | None) -> Iterator[None]:
 
 # -- run a list of jobs, here or through an executor -----------------------------------------------
 
+#: loss by an executor that is worth a word (s)
+WORTH = 1.0
 #: why a job was not run
 CANCELLED = "cancelled before it started"
 OnOutcome = Callable[[int, int, Outcome], object]
@@ -243,7 +257,9 @@ def run_all(
     executor : executor, optional
         None: one job after the other in this process. Otherwise anything whose ``submit`` gives
         futures: :class:`Processes`, a ``concurrent.futures`` executor,
-        ``dask.distributed.Client(...).get_executor()``, and the like. It stays open.
+        ``dask.distributed.Client(...).get_executor()``, and the like. It stays open. None is ever
+        chosen for you: short jobs are done sooner in this process, and a
+        :class:`PerformanceWarning` says so where that costs more than a second.
     progress : bool or callable
         True: one line on stderr; a callable gets (number done, number of jobs, outcome) as soon as
         each job is done. If it raises, what has not started yet is cancelled.
@@ -262,9 +278,11 @@ def run_all(
     -----
     To an executor (threads too) goes a copy of the job, made by ``pickle``, with functions and
     classes by reference: no code travels, the workers must have the package, and the modules that
-    your functions are in. Systems are frozen anew there; results are the same to the last bit on
-    machines of one kind, if BLAS has the same number of threads. Without an executor functions are
-    called with the very objects of the job, and need not be importable.
+    your functions are in. A worker freezes a system once for all jobs that have it; where other
+    arguments, as the places of sensors, belong to the same model, it does so for each job. Results
+    are the same to the last bit on machines of one kind, if BLAS has the same number of threads.
+    Without an executor functions are called with the very objects of the job, and need not be
+    importable.
 
     Ctrl-C: no further job is started, those running are waited for (a simulation ends after its
     step, if its process got the Ctrl-C too), and what there is is returned; jobs that did not run
@@ -309,6 +327,7 @@ def run_all(
     packed = [] if executor is None else _all_packed(jobs)
     results: dict[int, Outcome] = {}
     raised: list[CosseratWarning] = []
+    begun = monotonic()
     with Progress(progress, _line) as show:
 
         def keep(number: int, outcome: Outcome) -> None:
@@ -328,10 +347,27 @@ def run_all(
             error.outcomes = _in_order(jobs, results)  # type: ignore[attr-defined]
             raise
     outcomes = _in_order(jobs, results)
+    if executor is not None:
+        try:
+            _judge(outcomes, monotonic() - begun)
+        except CosseratWarning as warning:
+            raised.append(warning)
     if raised:
         raised[0].outcomes = outcomes  # type: ignore[attr-defined]
         raise raised[0]
     return outcomes
+
+
+def _judge(outcomes: Sequence[Outcome], elapsed: float) -> None:
+    """Say if the jobs would have been done sooner one after the other."""
+    alone = sum(outcome.seconds for outcome in outcomes if outcome.seconds >= 0)
+    if elapsed > alone + WORTH and all(outcome.seconds >= 0 for outcome in outcomes):
+        text = (
+            f"{len(outcomes)} jobs took {elapsed:.2g} s with it, but no more than {alone:.2g} s in"
+            " themselves: one after the other in this process (executor=None) they would be done"
+            " sooner. Starting workers takes about a second; executors that stay open do it once"
+        )
+        warn("argument executor", text, PerformanceWarning)
 
 
 def _line(done: int, count: int, outcome: Outcome) -> str:
@@ -352,12 +388,12 @@ def _checked(jobs: Iterable[Job]) -> list[Job]:
     return jobs
 
 
-def _all_packed(jobs: Sequence[Job]) -> list[bytes]:
-    packed = []
+def _all_packed(jobs: Sequence[Job]) -> list[Packed]:
+    packed, packer = [], Packer()
     for job in jobs:
         packing = Caught()
         with packing:
-            packed.append(pack(job))
+            packed.append(packer.pack(job))
         if packing.error is not None:
             raise refusal(job, packing.error) from packing.error
     return packed
@@ -381,7 +417,7 @@ def _run_here(jobs: Sequence[Job], keep: Callable[[int, Outcome], None]) -> None
 
 def _run_there(
     jobs: Sequence[Job],
-    packed: list[bytes],
+    packed: list[Packed],
     executor: Executor,
     results: dict[int, Outcome],
     keep: Callable[[int, Outcome], None],

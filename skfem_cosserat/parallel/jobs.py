@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
 import pickle
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import BuiltinFunctionType, FunctionType, MethodType
 from typing import Any, NamedTuple
 
 from ..errors import InputError, JobError
-from ..frames import Item
+from ..frames import Attached, Item
 from ..model import Model, System
 from ..warn import Notices, counted
 
@@ -185,17 +187,104 @@ class Answer(NamedTuple):
     warnings: list[dict[str, Any]]
 
 
-def pack(job: Job) -> bytes:
-    """A job's call as bytes, functions by reference."""
-    content = job.name, job.function, job.args, job.kwargs
-    return pickle.dumps(content, pickle.HIGHEST_PROTOCOL)
+class Packed(NamedTuple):
+    """A job that travels: its call, and the systems that are apart from it, by their digests."""
+
+    call: bytes
+    systems: Mapping[str, bytes]
 
 
-def run_packed(packed: bytes) -> Answer:
+class _Packer(pickle.Pickler):
+    """Leaves out systems, and notes whether anything else belongs to a model."""
+
+    def __init__(self, file: io.BytesIO) -> None:
+        super().__init__(file, pickle.HIGHEST_PROTOCOL)
+        self.systems: dict[int, System] = {}
+        self.attached = False
+
+    def persistent_id(self, obj: object) -> int | None:
+        """Of a system its number, of other objects None: they are pickled as usual."""
+        self.attached = self.attached or isinstance(obj, Attached)
+        if not isinstance(obj, System):
+            return None
+        self.systems[id(obj)] = obj
+        return id(obj)
+
+
+class _Unpacker(pickle.Unpickler):
+    """Puts systems back."""
+
+    def __init__(self, file: io.BytesIO, systems: Mapping[int, System]) -> None:
+        super().__init__(file)
+        self._systems = systems
+
+    def persistent_load(self, pid: Any) -> System:
+        """The system of a number."""
+        return self._systems[pid]
+
+
+class Packer:
+    """Packs jobs; a system that several of them have is pickled once.
+
+    A system goes apart from its call, so that a worker freezes it once for all jobs that have it.
+    It goes with the call where other arguments, as places, belong to the same model.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[int, tuple[System, str, bytes]] = {}
+
+    def pack(self, job: Job) -> Packed:
+        """A job's call as bytes, functions by reference."""
+        content = job.name, job.function, job.args, job.kwargs
+        file = io.BytesIO()
+        packer = _Packer(file)
+        packer.dump(content)
+        if packer.attached or not packer.systems:
+            return Packed(pickle.dumps((content, {}), pickle.HIGHEST_PROTOCOL), {})
+        found = {number: self._apart(system) for number, system in packer.systems.items()}
+        digests = {number: digest for number, (digest, _) in found.items()}
+        call = pickle.dumps((file.getvalue(), digests), pickle.HIGHEST_PROTOCOL)
+        return Packed(call, dict(found.values()))
+
+    def _apart(self, system: System) -> tuple[str, bytes]:
+        if id(system) not in self._known:
+            data = pickle.dumps(system, pickle.HIGHEST_PROTOCOL)
+            digest = hashlib.blake2b(data, digest_size=16).hexdigest()
+            self._known[id(system)] = system, digest, data
+        return self._known[id(system)][1:]
+
+
+#: systems of jobs that were done in this process, by digest; a job takes out those it works with
+_KEPT: dict[str, System] = {}
+#: how many are kept
+_MOST = 4
+
+
+def _unpacked(packed: Packed) -> tuple[tuple[Any, ...], dict[str, System]]:
+    """The call of a job, and its systems by digest."""
+    call, digests = pickle.loads(packed.call)
+    if not digests:
+        return call, {}
+    systems = {}
+    for digest, data in packed.systems.items():
+        kept = _KEPT.pop(digest, None)
+        systems[digest] = pickle.loads(data) if kept is None else kept
+    numbered = {number: systems[digest] for number, digest in digests.items()}
+    return _Unpacker(io.BytesIO(call), numbered).load(), systems
+
+
+def _keep(systems: Mapping[str, System]) -> None:
+    """For jobs that have the same ones."""
+    _KEPT.update(systems)
+    for digest in list(_KEPT)[:-_MOST]:
+        _KEPT.pop(digest, None)
+
+
+def run_packed(packed: Packed) -> Answer:
     """Do a packed job; in the worker. Nothing that the job is or does makes this fail."""
     reading = Caught()
     with reading:
-        name, function, args, kwargs = pickle.loads(packed)
+        (name, function, args, kwargs), systems = _unpacked(packed)
     if reading.error is not None:
         what = (
             f"it cannot be read in the worker process ({in_words(reading.error)}): what it refers"
@@ -206,6 +295,7 @@ def run_packed(packed: bytes) -> Answer:
     sending, data = Caught(), b""
     with sending:
         data = pickle.dumps(value if error is None else error, pickle.HIGHEST_PROTOCOL)
+    _keep(systems)
     if error is not None:
         return Answer(True, data, f"it raised {in_words(error)}", seconds, text, warned)
     what = f"its value, of type {type(value).__name__}"

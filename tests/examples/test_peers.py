@@ -70,6 +70,7 @@ def test_adapters_are_found_by_their_files():
     assert required == {
         "exudyn_beam": "exudyn",
         "exudyn_cable": "exudyn",
+        "exudyn_plane": "exudyn",
         "mujoco_chain": "mujoco",
         "own": "",
         "pyelastica_rod": "pyelastica",
@@ -160,6 +161,31 @@ def test_the_linkage_stays_closed_and_the_blade_has_its_mass():
     assert sum(row[6] for row in scenes.BLADE) * 117 / 8 == pytest.approx(65_250, rel=0.02)
     tip = positions("blade", 8, 0.1, 1.0, order=1)[-1]
     assert 1 < tip[0] < 20 and tip[1] > 0.1
+
+
+@pytest.mark.slow
+def test_the_beam_in_the_plane_solves_the_same_scene(monkeypatch):
+    """Its errors fall with the mesh; a scene that leaves the plane is refused."""
+
+    def refuse(*a, **k):
+        raise OSError("not installed")
+
+    monkeypatch.setattr(peer_calls.venv, "create", refuse)
+    peer = peer_calls.peers()["exudyn_plane"]
+    try:
+        python = peer_calls.prepare(peer)
+    except peer_calls.Unavailable as error:
+        pytest.skip(str(error))
+    flat = {"gravity": [0.0, -9.81, 0.0], "until": 0.25, "sample": 0.0125}
+    reference = own.run(question("rod", 8, 0.0125 / 2**6, order=4) | flat)["positions"]
+    errors = []
+    for elements in (16, 32, 64):
+        scene = question("rod", elements, 0.0125 / 2**6, tolerance=1e-6) | flat
+        path = peer_calls.ask(python, peer, scene)["positions"]
+        errors.append(np.linalg.norm(np.subtract(path, reference), axis=1).max())
+    assert [a / b for a, b in pairwise(errors)] == pytest.approx([4.0] * 2, rel=0.2)
+    for scene in (question("rod", 8, 0.0125), question("swing", 8, 0.025)):
+        assert peer_calls.ask(python, peer, scene)["status"].startswith("refused: ")
 
 
 @pytest.mark.slow

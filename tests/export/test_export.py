@@ -17,7 +17,7 @@ import pytest
 from conftest import BOX, LEG, NODES, OUTLINE, turn
 
 from skfem_cosserat import IncompleteWarning, InputError, write_csv, write_paraview
-from skfem_cosserat.export import ParaViewWriter
+from skfem_cosserat.export import ParaViewWriter, paraview
 from skfem_cosserat.export.geometry import BeamShape, piece_weights, quaternions
 from skfem_cosserat.export.paraview import _Index
 
@@ -277,6 +277,68 @@ def test_pyvista_reads_the_index(make_scene, tmp_path):
         assert set(grid.point_data) == {"u", "v", "d1", "d2", "d3", "q_wxyz", "node_id"}
 
 
+@pytest.mark.parametrize("compress", [False, True])
+def test_meshio_reads_the_same(make_scene, tmp_path, compress):
+    meshio = pytest.importorskip("meshio")
+    indices = write_paraview(make_scene(2).history(2), tmp_path, surfaces=True, compress=compress)
+    for index in indices:
+        for _, name in read_index(index):
+            mesh = meshio.read(tmp_path / name)
+            points, cells, _, at_points, at_cells = read_vtu(tmp_path / name)
+            np.testing.assert_array_equal(mesh.points, points)
+            blocks = [list(cell) for block in mesh.cells for cell in block.data]
+            assert [sorted(cell) for cell in blocks] == [sorted(cell) for cell in cells]
+            assert set(mesh.point_data) == set(at_points) and set(mesh.cell_data) == set(at_cells)
+            for field, values in at_points.items():
+                np.testing.assert_array_equal(mesh.point_data[field], values)
+            for field, values in at_cells.items():
+                np.testing.assert_array_equal(np.concatenate(mesh.cell_data[field]), values)
+
+
+def test_what_does_not_change_is_encoded_once(make_scene, tmp_path, monkeypatch):
+    """Cells and labels: the later frames of a run encode what depends on the state alone."""
+    scene, counts = make_scene(), []
+    writer = ParaViewWriter(tmp_path, scene.meta, scene.static)
+    encode = paraview.b2a_base64
+    monkeypatch.setattr(
+        paraview, "b2a_base64", lambda *a, **k: counts.append(len(a[0])) or encode(*a, **k)
+    )
+    found = []
+    for k in range(3):
+        files = writer.write(0.1 * k, scene.row(k))
+        found.append(len(counts))
+        counts.clear()
+    changing = 0
+    for path in files:
+        arrays = [each.get("Name") for each in ET.parse(path).iter("DataArray")]
+        labels = [name for name in arrays if name.endswith("_id") or name == "type"]
+        changing += len(arrays) - len(labels) - 3
+    assert found[1] == found[2] == changing < found[0]
+
+
+def test_many_states_at_once_are_those_one_by_one(make_scene, tmp_path, monkeypatch):
+    scene = make_scene(3)
+    history = scene.history(7)
+    monkeypatch.setattr(paraview, "_NUMBERS", 3 * history["q"].shape[1])  # blocks of three
+    write_paraview(history, tmp_path / "all", surfaces=True)
+    reference = history["q"][0]
+    writer = ParaViewWriter(
+        tmp_path / "each", scene.meta, scene.static, surfaces=True, reference=reference
+    )
+    for k in range(7):
+        writer.write(float(history.times[k]), history.row(k))
+    for path in sorted((tmp_path / "all").rglob("*.vtu")):
+        other = tmp_path / "each" / path.relative_to(tmp_path / "all")
+        points, cells, types, *data = read_vtu(path)
+        again, *same, at_points, at_cells = read_vtu(other)
+        assert same == [cells, types]
+        np.testing.assert_allclose(points, again, rtol=0, atol=1e-13)
+        for one, two in zip(data, (at_points, at_cells), strict=True):
+            assert set(one) == set(two)
+            for name, values in one.items():
+                np.testing.assert_allclose(values, two[name], rtol=0, atol=1e-12)
+
+
 def test_frames_are_thinned(make_scene, tmp_path):
     history = make_scene().history(31)
 
@@ -418,10 +480,11 @@ def test_piece_weights():
 
 def test_outline_may_repeat_its_first_point(make_scene):
     scene = make_scene()
-    before = BeamShape("boom", scene.static).sweep(scene.row(1)["q"])
+    before = BeamShape("boom", scene.static).surface()
     scene.static["beam/boom/outline/0"] = np.vstack([OUTLINE, OUTLINE[:1]])
-    after = BeamShape("boom", scene.static).sweep(scene.row(1)["q"])
-    np.testing.assert_array_equal(before.points, after.points)
+    after = BeamShape("boom", scene.static).surface()
+    q = scene.row(1)["q"]
+    np.testing.assert_array_equal(before.points(q), after.points(q))
     assert len(before.caps) == 2
 
 
@@ -478,3 +541,23 @@ def test_an_index_that_finds_no_room_stays_complete(tmp_path):
         frames = [each.get("file") for each in ET.parse(path).findall(".//DataSet")]
         assert frames == [f"beams/{k:06d}.vtu" for k in range(len(frames))]
         assert len(frames) >= 3
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX")
+def test_a_frame_that_finds_no_room_is_not_in_the_index(make_scene, tmp_path):
+    import resource
+
+    scene = make_scene()
+    writer = ParaViewWriter(tmp_path, scene.meta, scene.static)
+    writer.write(0.0, scene.row(0))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1500, limits[1]))
+    try:
+        with pytest.raises(OSError, match="too large"):
+            writer.write(0.1, scene.row(1))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    for name in ("beams", "bodies", "joints"):
+        assert [t for t, _ in read_index(tmp_path / f"{name}.pvd")] == [0.0]
+    writer.write(0.1, scene.row(1))  # there is room again
+    assert [t for t, _ in read_index(tmp_path / "beams.pvd")] == [0.0, 0.1]

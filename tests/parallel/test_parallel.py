@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import copy
+import inspect
 import logging
 import math
 import multiprocessing
@@ -25,6 +26,9 @@ from test_examples import load
 
 import skfem_cosserat as sc
 from skfem_cosserat.linear import SingularMatrixError
+from skfem_cosserat.parallel import executors
+from skfem_cosserat.parallel import jobs as parallel_jobs
+from skfem_cosserat.parallel.jobs import read
 from skfem_cosserat.run.describe import fingerprint
 from skfem_cosserat.warn import warn
 
@@ -306,6 +310,94 @@ def test_outcomes_in_order_and_a_failure_apart(executor, expected):
     assert [done for done, _, _ in told] == [1, 2, 3, 4, 5]
     assert {count for _, count, _ in told} == {5}
     assert sorted(outcome.name for _, _, outcome in told) == [f"run {k}" for k in range(5)]
+
+
+def seen(system, place=None):
+    """The process, the system in it, and whether a place belongs to its body."""
+    return os.getpid(), id(system), place is None or place.item in system.structures
+
+
+def test_a_system_of_several_jobs_is_frozen_once(threads):
+    """In each process; jobs at the same time have their own."""
+    system, other = pendulum(1.0), pendulum(2.0)
+    jobs = [
+        *(sc.Job(f"{k}", seen, system) for k in range(3)),
+        sc.Job("keyword", seen, system=system),
+        sc.Job("other", seen, other),
+    ]
+    with sc.Processes(1) as executor:
+        values = [outcome.result() for outcome in sc.run_all(jobs, executor)]
+    assert len(set(values[:4])) == 1 and values[4] != values[0]
+    found = {outcome.result()[1] for outcome in sc.run_all(jobs[:4], threads)}
+    assert id(system) not in found and len(found) <= 2  # copies, one a thread
+
+
+def test_a_system_travels_with_the_places_of_its_items(processes):
+    system = pendulum(1.0)
+    place = system.structures[0].place()
+    jobs = [sc.Job(f"{k}", seen, system, place) for k in range(2)]
+    assert all(outcome.result()[2] for outcome in sc.run_all(jobs, processes))
+
+
+def test_few_systems_are_kept_in_a_worker(monkeypatch):
+    monkeypatch.setattr(parallel_jobs, "_KEPT", {})
+    systems = [pendulum(1.0 + 0.1 * k) for k in range(6)]
+    for k, system in enumerate(systems):
+        packed = parallel_jobs.Packer().pack(sc.Job(f"{k}", seen, system))
+        assert len(packed.systems) == 1 and len(packed.call) < 1000
+        assert read(f"{k}", parallel_jobs.run_packed(packed)).ok
+    assert len(parallel_jobs._KEPT) == parallel_jobs._MOST < 6
+
+
+def test_steps_of_one_system_are_those_of_one_process(processes):
+    """Its second run in a worker is its first one here."""
+    system = pendulum(1.0)
+    scheme = sc.EnergyMomentum(), sc.NullSpace()
+    steps = (0.1, 0.05, 0.025)
+    batch = [sc.Job(f"{h}", sc.simulate, system, *scheme, step=h, until=0.5) for h in steps]
+    for h, outcome in zip(steps, sc.run_all(batch, processes), strict=True):
+        equal_histories(outcome.result(), sc.simulate(pendulum(1.0), *scheme, h, 0.5))
+
+
+def test_it_is_said_when_one_process_would_be_faster():
+    """By the clock, against what the jobs took in themselves."""
+    jobs_done = [sc.Outcome(f"{k}", k, seconds=1.5) for k in range(2)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        executors._judge(jobs_done, 1.6)
+        executors._judge(jobs_done, 3.9)  # not worth a word
+        lost = sc.Outcome("lost", error=sc.JobError("lost", "killed"))
+        executors._judge([*jobs_done, lost], 60.0)  # nobody knows how long it would have taken
+    words = r"argument executor: 2 jobs took 13 s with it, but no more than 3 s in themselves"
+    with pytest.warns(sc.PerformanceWarning, match=words):
+        executors._judge(jobs_done, 13.0)
+
+
+class Late:
+    """An executor that takes its time."""
+
+    def submit(self, function, *args):
+        time.sleep(0.02)
+        return Promise(function, args)
+
+
+def test_an_executor_that_does_not_pay_loses_no_outcome(monkeypatch):
+    monkeypatch.setattr(executors, "WORTH", 0.0)
+    batch = [sc.Job(f"{x}", math.sqrt, x) for x in (4.0, 9.0)]
+    with pytest.warns(sc.PerformanceWarning, match="2 jobs took"):
+        assert [outcome.value for outcome in sc.run_all(batch, Late())] == [2.0, 3.0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", sc.CosseratWarning)
+        assert [outcome.value for outcome in sc.run_all(batch)] == [2.0, 3.0]
+        with pytest.raises(sc.PerformanceWarning) as caught:
+            sc.run_all(batch, Late())
+    assert [outcome.value for outcome in caught.value.outcomes] == [2.0, 3.0]
+
+
+def test_no_executor_is_chosen_by_itself():
+    """One process is the default wherever jobs are run."""
+    for function in (sc.run_all, sc.refine, sc.work_precision, sc.stability_map):
+        assert inspect.signature(function).parameters["executor"].default is None
 
 
 @pytest.mark.plain
