@@ -202,10 +202,14 @@ def strain_energy(system: System, q: ArrayLike) -> Floats:
     Q, single = as_stack(system, "q", q)
     out = np.zeros(len(Q))
     for beam in (s for s in system.structures if is_beam(s)):
-        e = beam.elements
-        eps = section_strains(system, beam, Q)
-        out += np.einsum("neg,g,e->n", beam_energy(e, eps), e.weights, e.lengths)
+        out += stored_energy(beam, section_strains(system, beam, Q))
     return out[0] if single else out
+
+
+def stored_energy(beam: Beam, strains: Floats) -> Floats:
+    """Energy (N,) stored in a beam (J), of its strains (N, ne, ng, 6)."""
+    e = beam.elements
+    return np.asarray(np.einsum("neg,g,e->n", beam_energy(e, strains), e.weights, e.lengths))
 
 
 @takes_scene
@@ -490,10 +494,17 @@ def section_forces(
     [0.0, 0.0, 100.0, 0.0, 0.0, 0.0]
     """
     group = group_of(system, beam)
-    out = beam_stress(beam.elements, section_strains(system, beam, q))
+    out = resultants(system, beam, section_strains(system, beam, q), multipliers)
     if v is not None and group.elements.viscosity is not None:
         rates = section_strain_rates(system, beam, q, v)
-        out += np.einsum(
-            "...egj,ejk->...egk", rates, group.elements.viscosity[group.slices[id(beam)]]
-        )
+        viscosity = group.elements.viscosity[group.slices[id(beam)]]
+        out = out + np.einsum("...egj,ejk->...egk", rates, viscosity)
+    return out
+
+
+def resultants(
+    system: System, beam: Beam, strains: Floats, multipliers: ArrayLike | None = None
+) -> Floats:
+    """Elastic forces and moments of strains, see :func:`section_forces`."""
+    out = beam_stress(beam.elements, strains)
     return out + held_forces(system, beam, multipliers, None if out.ndim == 3 else len(out))

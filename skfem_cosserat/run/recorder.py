@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +25,7 @@ from ..integrators import Integrator, State, Stepper, StepReport
 from ..model import System
 from ..types import Floats, IndexArray, numbers
 from ..warn import Notices, logger, warn
-from .describe import describe, fingerprint
+from .describe import WORKS, describe, fingerprint
 from .sensors import Sensor, SensorBank, checked_sensors
 
 # -- work done since the start of a run, and the balance of energy at its end ----------------------
@@ -310,21 +309,8 @@ class Segment(NamedTuple):
     system: System
 
 
-_WORKS = "work_loads", "work_actuators", "work_drives"
 #: what the step after the last one may raise: it is beyond the run the user asked for
 _NO_STEP = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
-
-
-@contextmanager
-def deriving() -> Iterator[None]:
-    """Around what is derived from a history: one that ended badly is kept whatever that gives."""
-    try:
-        yield
-    except CosseratError as error:
-        warn("derived series", f"energies and reactions are missing: {error}", IncompleteWarning)
-    except KeyboardInterrupt:
-        text = "energies and reactions are missing, it was interrupted: see derive_series"
-        warn("derived series", text, IncompleteWarning)
 
 
 def take_along(error: BaseException, so_far: Callable[[], History]) -> None:
@@ -602,7 +588,7 @@ class Recorder:
                 for k in np.unique(owner):
                     chosen = self.segments[k].system, integrator, history, rows[owner == k]
                     found[owner == k] = energies(*chosen)
-                works = sum(history[name][rows] for name in _WORKS)
+                works = sum(history[name][rows] for name in WORKS)
                 left = history["dissipated"][rows] - np.array(self._taken)[rows]
                 lost = found[0] + works - left - found
         except (CosseratError, ArithmeticError) as error:
