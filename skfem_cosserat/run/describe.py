@@ -184,8 +184,9 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
 
 # -- series that follow from the states: energies, velocities, momenta, forces, reactions ----------
 
-#: by the names of the series that come together, how they follow from others of a history
-Formulas = dict[tuple[str, ...], Callable[[History], Sequence[Floats]]]
+#: how series follow from others of a history; of a system, by the names of those that come together
+Formula = Callable[[History], Sequence[Floats]]
+Formulas = dict[tuple[str, ...], Formula]
 #: energy less all that explains its changes
 BALANCE = "energy_balance"
 #: series of a run that are saved in any case, beside those of its items
@@ -385,15 +386,12 @@ def run_formulas(system: System) -> Formulas:
 
 def state_formulas(system: System) -> Formulas:
     """What follows from configurations and momenta."""
-
-    def stored(h: History) -> Floats:
-        return np.asarray(h["strain_energy"] + h["coupling_energy"])
-
     return {
         ("v", "Qp"): lambda h: Projection(system).stack(h["q"], h["p"], h.times),
         ("kinetic",): lambda h: [kinetic_energy(system, h["p"])],
-        **_stored_energies(system),
+        ("strain_energy",): _strain_energy(system),
         ("external",): lambda h: [external_energy(system, h["q"], h.times)],
+        ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["kinetic"] + h["strain_energy"] + h["coupling_energy"]],
         ("energy_projected",): lambda h: [
             kinetic_energy(system, h["Qp"]) + h["strain_energy"] + h["coupling_energy"]
@@ -410,7 +408,8 @@ def path_formulas(system: System) -> Formulas:
     """Of the equilibria along a path."""
     return {
         ("v",): lambda h: [np.zeros_like(h["q"])],
-        **_stored_energies(system),
+        ("strain_energy",): _strain_energy(system),
+        ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["strain_energy"] + h["coupling_energy"]],
         ("external",): lambda h: [_potential(system, h["q"], h["amplitudes/loads"])],
         **configuration_formulas(system),
@@ -471,18 +470,20 @@ def _beam_formulas(system: System, beam: Beam) -> Formulas:
     }
 
 
-def _stored_energies(system: System) -> Formulas:
-    """Of beams, and of springs."""
+def _strain_energy(system: System) -> Formula:
+    """Of all beams together."""
     beams = [item for item in system.structures if is_beam(item)]
 
-    def strain_energy(h: History) -> list[Floats]:
+    def energy(h: History) -> list[Floats]:
         energies = [stored_energy(b, h[f"beam/{b.name}/strain"]) for b in beams]
         return [sum(energies, np.zeros(len(h)))]
 
-    def coupling(h: History) -> list[Floats]:
-        return [coupling_energy(system, h["q"], h.instants, h.series.get("turns"))]
+    return energy
 
-    return {("strain_energy",): strain_energy, ("coupling_energy",): coupling}
+
+def _coupling_energy(system: System) -> Formula:
+    """Of all springs together."""
+    return lambda h: [coupling_energy(system, h["q"], h.instants, h.series.get("turns"))]
 
 
 def _balance(history: History) -> list[Floats]:

@@ -348,7 +348,9 @@ def simulate(
         looked = bool(callbacks or sensors or callable(progress))
         extent = state, until, count, every, at, eventful, looked
         plan, wanted = _planned(step, factory, stepper, *extent)
-        recorder = Recorder(system, stepper, state, wanted, path, sensors, varying, notices)
+        expected = wanted.rows if isinstance(wanted, Numbered) else None
+        about = path, sensors, varying, notices, expected
+        recorder = Recorder(system, stepper, state, wanted, *about)
         highest = _highest_needed(stepper)
         _log_if_unresolved(integrator, stepper.h, highest)
         with recorder, Interrupt() as interrupt:
