@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ..constraints import Treatment
-from ..constraints.base import stacked_multipliers
+from ..constraints.stacked import stacked_multipliers
 from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper

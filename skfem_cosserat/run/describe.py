@@ -28,7 +28,7 @@ from ..diagnostics import (
     reactions,
     section_strains,
 )
-from ..diagnostics.energy import resultants, stored_energy
+from ..diagnostics.energy import potential, resultants, stored_energy
 from ..diagnostics.joint_motion import relative_names, relative_series
 from ..diagnostics.stacked import all_rows
 from ..errors import HistoryError, IncompleteWarning, InputError
@@ -394,7 +394,7 @@ def state_formulas(system: System) -> Formulas:
         ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["kinetic"] + h["strain_energy"] + h["coupling_energy"]],
         ("energy_projected",): lambda h: [
-            kinetic_energy(system, h["Qp"]) + h["strain_energy"] + h["coupling_energy"]
+            0.5 * (h["v"] * h["Qp"]).sum(1) + h["strain_energy"] + h["coupling_energy"]
         ],
         ("linear_momentum",): lambda h: [linear_momentum(system, h["p"])],
         ("angular_momentum",): lambda h: [angular_momentum(system, h["q"], h["p"])],
@@ -411,7 +411,7 @@ def path_formulas(system: System) -> Formulas:
         ("strain_energy",): _strain_energy(system),
         ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["strain_energy"] + h["coupling_energy"]],
-        ("external",): lambda h: [_potential(system, h["q"], h["amplitudes/loads"])],
+        ("external",): lambda h: [potential(system, h["q"], h["amplitudes/loads"])],
         **configuration_formulas(system),
     }
 
@@ -491,12 +491,6 @@ def _balance(history: History) -> list[Floats]:
     work = sum(history[name] for name in WORKS)
     balance = history["energy"] - work + history["dissipated"]
     return [balance - balance[:1]]
-
-
-def _potential(system: System, q: Floats, amplitudes: Floats) -> Floats:
-    """``-f . q`` (N,) of the dead loads (J), for amplitudes (N, k) of the loads."""
-    force = [system.loading.dead_force(each) for each in amplitudes]
-    return np.asarray(-(np.array(force).reshape(len(q), -1) * q).sum(1))
 
 
 def _positions(system: System, place: Place, y: Floats) -> Floats:
