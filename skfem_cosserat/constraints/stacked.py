@@ -195,7 +195,7 @@ def least_fill(rows: IndexArray, columns: IndexArray, size: int) -> IndexArray:
     ones = -np.ones(len(rows))
     A = coo_matrix((ones, (rows, columns)), shape=(size, size))
     A = (abs(A) + abs(A.T)).astype(bool).astype(float)
-    A = (size * identity(size) - A).tocsc()
+    A = ((size + 1) * identity(size) - A).tocsc()
     options = {"SymmetricMode": True}
     lu = splu(A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     return np.argsort(lu.perm_c)
@@ -288,7 +288,8 @@ class Stacked:
         while len(todo):
             whole = len(todo) == len(y)
             values, b = (every, rhs) if whole else (every[:, todo], rhs[:, todo])
-            X, x, error, out = self._tried(y[todo[0]], values, b, consistent)
+            with np.errstate(all="ignore"):  # where it fails others are found otherwise
+                X, x, error, out = self._tried(y[todo[0]], values, b, consistent)
             good = error < WRONG
             if good.all():
                 yield todo, x, out, X, values
@@ -319,8 +320,8 @@ class Stacked:
         X = self.solver.factors(values)
         x = self.solver.solve(X, b)
         error = self._error(values, x, b)
-        if (error > ROUGH).any():
-            x += self.solver.solve(X, self.solver.residual(values, x, b)[0])
+        if (rough := error > ROUGH).any():  # each state by itself, whatever is beside it
+            x[:, rough] += self.solver.solve(X, self.solver.residual(values, x, b)[0])[:, rough]
             error = self._error(values, x, b)
         if self.loops:
             pivots = abs(X[self._constrained])
@@ -420,8 +421,7 @@ class StackedVelocities:
         starts, internal = self._starts, self.system.internal
         count, free = len(starts) - 1, np.diff(starts)
         sequence = least_fill(ij[:, 0], ij[:, 1], count)
-        place = np.argsort(sequence)
-        # rows of one joint hold one vertex, which no other joint holds
+        # rows of one joint hold one vertex, which no other joint holds; others close loops
         groups: list[tuple[frozenset[int], list[int]]] = []
         for r in range(internal, len(of_row)):
             vertices = frozenset(of_row[r])
@@ -433,11 +433,11 @@ class StackedVelocities:
         k, v = np.array(ends, dtype=np.int64).reshape(-1, 2).T
         graph = csr_matrix((np.ones(len(k)), (k, v)), shape=(len(groups), count))
         match = maximum_bipartite_matching(graph, perm_type="column")
-        held: list[list[int]] = [[] for _ in range(count)]
-        for (vertices, rows), own in zip(groups, match.tolist(), strict=True):
-            held[own if own >= 0 else max(vertices, key=place.__getitem__)] += rows
+        held: list[list[int]] = [[] for _ in range(count + 1)]
+        for (_, rows), own in zip(groups, match.tolist(), strict=True):
+            held[own] += rows  # those that hold none come last
         order = [[*range(starts[v], starts[v + 1]), *held[v]] for v in sequence.tolist()]
-        return np.array([each for own in order for each in own], dtype=np.int64)
+        return np.array([each for own in (*order, held[-1]) for each in own], dtype=np.int64)
 
     def __call__(self, y: Floats, p: Floats, rate: Floats) -> Floats:
         """Velocities (N, n) for momenta p (N, n) and rates of the rows (N, m) at y (N, total, 3).
@@ -532,6 +532,10 @@ def stacked_multipliers(system: System, y: Floats, force: Floats) -> Floats:
     out = np.full((len(y), system.m), np.nan)
     known = np.flatnonzero(np.isfinite(force).all(axis=1))
     if not system.m or not len(known):
+        return out
+    if len(known) == 1:  # it has not to lay out the elimination
+        with suppress(SingularMatrixError):
+            out[known[0]] = RowSpace(system, y[known[0]]).multipliers(force[known[0]])
         return out
     gram, forces = _gram(system), _forces(system)
     for first in range(0, len(known), gram.chunk):

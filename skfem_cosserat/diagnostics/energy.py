@@ -95,9 +95,12 @@ def kinetic_energy(system: System, p: ArrayLike) -> Floats:
     9.0
     """
     P, single = as_stack(system, "p", p)
-    rows = P.reshape(len(P), system.rows, 3).transpose(1, 0, 2).reshape(system.rows, -1)
-    v = mass_solver(system)(rows)
-    out = 0.5 * (rows * v).reshape(system.rows, len(P), 3).sum((0, 2))
+    solve, out = mass_solver(system), np.empty(len(P))
+    for start in range(0, len(P), _CHUNK):
+        some = P[start : start + _CHUNK].reshape(-1, system.rows, 3)
+        rows = some.transpose(1, 0, 2).reshape(system.rows, -1)
+        products = (rows * solve(rows)).reshape(system.rows, -1, 3)
+        out[start : start + _CHUNK] = 0.5 * products.sum((0, 2))
     return out[0] if single else out
 
 

@@ -247,7 +247,7 @@ def relative_names(system: System) -> list[str]:
         for coordinate in joint.coordinates():
             name = f"joint/{joint.name}/{coordinate.name}"
             out += [name, f"{name}_rate"]
-    for item in system.couplings.items:
+    for item in system.couplings.passive:
         out += [f"coupling/{item.name}/coordinate", f"coupling/{item.name}/force"]
     return out
 

@@ -399,9 +399,6 @@ def ground_part(system: System, y: Floats, t: float) -> Floats:
 
 # -- momenta and velocities on the hidden constraints: projections, reduced momenta ----------------
 
-#: states above which they are solved together
-MANY = 16
-
 ProjectionMethod: TypeAlias = Literal["saddle-point", "directors-dropped", "reduced"]
 
 
@@ -430,7 +427,7 @@ class _SaddlePoint(_Rule):
 
     def velocities(self, q: Floats, p: Floats, t: Floats) -> Floats:
         """See the base class."""
-        if len(q) < MANY:
+        if len(q) < 2:  # one alone has not to lay out the elimination
             return super().velocities(q, p, t)
         return nearest_velocities(self.system, all_rows(self.system, q, t), p, t)
 
@@ -552,7 +549,7 @@ class Projection:
         p, _ = as_stack(self.system, "p", p, q)
         v, known = np.full(p.shape, np.nan), np.isfinite(p).all(axis=1)
         v[known] = self._rule.velocities(q[known], p[known], as_times(t, len(q))[known])
-        return v, momentum(self.system, v)
+        return v, np.where(known[:, None], momentum(self.system, v), np.nan)
 
 
 @takes_scene

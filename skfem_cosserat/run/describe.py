@@ -24,6 +24,7 @@ from ..diagnostics import (
     hidden_violation,
     kinetic_energy,
     linear_momentum,
+    momentum,
     multipliers,
     reactions,
     section_strains,
@@ -191,8 +192,8 @@ Formulas = dict[tuple[str, ...], Formula]
 BALANCE = "energy_balance"
 #: series of a run that are saved in any case, beside those of its items
 SAVED = (
-    *("v", "kinetic", "strain_energy", "external", "coupling_energy", "energy"),
-    BALANCE,
+    *("v", "kinetic", "strain_energy", "external", "coupling_energy", "energy", BALANCE),
+    *("linear_momentum", "angular_momentum"),
 )
 #: works since the start of a run, which explain changes of its energy
 WORKS = "work_loads", "work_actuators", "work_drives"
@@ -379,15 +380,20 @@ def kind_of(history: History) -> Kind:
 
 def run_formulas(system: System) -> Formulas:
     """Of a run, which has recorded works."""
-    formulas = state_formulas(system)
-    formulas[(BALANCE,)] = _balance
-    return formulas
+    own = _momenta_formulas(system)
+    return own | {(BALANCE,): _balance} | configuration_formulas(system)
 
 
 def state_formulas(system: System) -> Formulas:
+    """What follows from configurations, momenta and constraint forces."""
+    return _momenta_formulas(system) | configuration_formulas(system)
+
+
+def _momenta_formulas(system: System) -> Formulas:
     """What follows from configurations and momenta."""
     return {
-        ("v", "Qp"): lambda h: Projection(system).stack(h["q"], h["p"], h.times),
+        ("v",): lambda h: Projection(system).stack(h["q"], h["p"], h.times)[:1],
+        ("Qp",): lambda h: [np.where(np.isnan(h["v"]), np.nan, momentum(system, h["v"]))],
         ("kinetic",): lambda h: [kinetic_energy(system, h["p"])],
         ("strain_energy",): _strain_energy(system),
         ("external",): lambda h: [external_energy(system, h["q"], h.times)],
@@ -400,7 +406,6 @@ def state_formulas(system: System) -> Formulas:
         ("angular_momentum",): lambda h: [angular_momentum(system, h["q"], h["p"])],
         ("angular_momentum_projected",): lambda h: [angular_momentum(system, h["q"], h["Qp"])],
         ("hidden_violation",): lambda h: [hidden_violation(system, h["q"], h["v"], h.times)],
-        **configuration_formulas(system),
     }
 
 

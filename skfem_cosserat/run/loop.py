@@ -9,17 +9,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..constraints import Treatment
-from ..diagnostics import Projection, constraint_points, highest_frequency, resolution
-from ..diagnostics.forces import overstretched_at
+from ..diagnostics import (
+    Projection,
+    constraint_points,
+    highest_frequency,
+    multipliers,
+    resolution,
+)
 from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..linear import Solver
 from ..model import System, takes_scene
-from ..model.limits import FAR_TURN, over_rotated_beam
+from ..model.limits import FAR_TURN, over_rotated_beam, overstretched_beam
 from ..model.plane import functions_off_plane
 from ..newton import NewtonSettings
-from ..types import MOST, real, whole
+from ..types import MOST, Floats, real, whole
 from ..warn import Notices, logger, warn
 from .conditions import ActionOutcome
 from .describe import checked_asked, finish, run_formulas
@@ -477,10 +482,16 @@ def _warn_of_elements(system: System, history: History) -> None:
     states = history["q"].reshape(len(history), -1, 3)
     if bent := over_rotated_beam(system, states[-1]):
         warn(*bent, AccuracyWarning, float(history.times[-1]))
-    points = constraint_points(system, history) if system.theory_rows else states
-    for k in np.unique(np.linspace(0, len(states) - 1, LOOKS).round().astype(int)):
-        force = history["constraint_force"][k]
-        if drawn := overstretched_at(system, points[k], force):
+    looks = np.unique(np.linspace(0, len(states) - 1, LOOKS).round().astype(int))
+    points: Floats = states[looks]
+    tension: list[Floats | None] = [None] * len(looks)
+    if system.theory_rows:
+        points = constraint_points(system, history)[looks]
+    if any(2 in theory.held for theory in system.theory_rows):
+        found = multipliers(system, points, history["constraint_force"][looks])
+        tension = [lam if np.isfinite(lam).all() else None for lam in found]
+    for k, y, lam in zip(looks, points, tension, strict=True):
+        if drawn := overstretched_beam(system, y, lam):
             warn(*drawn, AccuracyWarning, float(history.times[k]))
             break
 

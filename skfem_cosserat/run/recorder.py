@@ -159,7 +159,12 @@ def energies(system: System, integrator: Integrator, part: History, rows: IndexA
     if integrator.carries_node_momentum:
         kinetic = diagnostics.kinetic_energy(system, p)
     else:
-        v = Projection(system).stack(q, p, t)[0]
+        if len(rows) < MANY:
+            states = zip(q, p, t.tolist(), strict=True)
+            each = [nearest_velocity(system, system.extend(a, s), b, s) for a, b, s in states]
+            v = np.array(each)
+        else:
+            v = Projection(system).stack(q, p, t)[0]
         kinetic = diagnostics.kinetic_energy_of_velocity(system, v)
     turns = part["turns"][rows] if "turns" in part else None
     coupled = diagnostics.coupling_energy(system, q, t, turns)
@@ -268,7 +273,7 @@ class Works:
             with np.errstate(all="ignore"):
                 start, end = energy(*self._start), energy(*self._now)
         except CosseratError as error:
-            logger.info("no balance of energy: %s", error)
+            warn("balance of energy", f"it cannot be had: {error}", IncompleteWarning)
             return None
         drives, lost = self.drives, self.dissipated - self._numerical
         if self._waiting is not None:
@@ -291,6 +296,8 @@ class Works:
 
 #: recorded states, evenly spread, at which the balance of energy is looked at
 BETWEEN = 100
+#: states for which it pays to lay out the elimination that solves them together
+MANY = 40
 #: recorded states after which what sensors saw is written, so that a killed run keeps it, too
 SEEN = 50
 
@@ -478,7 +485,8 @@ class Recorder:
         if self._at_end or not self._kept:  # nothing is missing
             return
         row = self._row
-        row["p"] = report.momentum
+        if not self._carries:
+            row["p"] = report.momentum
         row["constraint_force"] = self._force = report.constraint_force
         row["work_drives"] = self.works.drives
         if self._between:
