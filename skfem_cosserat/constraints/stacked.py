@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, identity
@@ -47,30 +47,37 @@ class Polynomials:
 
     def __init__(self, one: int) -> None:
         self.one = one
-        self._terms: list[tuple[int, int, float, tuple[int, ...]]] = []
+        self._terms: list[tuple[IndexArray, ...]] = []
+        self._factors: list[Floats] = []
 
-    def add(self, row: int, column: int, factor: float, *variables: int) -> None:
-        """Add ``factor * product of variables`` to an entry, and to that across the diagonal."""
-        of = tuple(sorted(variables))
-        self._terms.append((max(row, column), min(row, column), factor, of))
+    def add(
+        self, rows: IndexArray, columns: IndexArray, factors: Floats, *variables: IndexArray
+    ) -> None:
+        """Add ``factor * product of variables`` to entries, and to those across the diagonal.
+
+        Variables that are -1 are left out.
+        """
+        of = [np.where(each < 0, self.one, each) for each in variables]
+        of += [np.full(len(rows), self.one)] * (4 - len(of))
+        self._terms.append((np.maximum(rows, columns), np.minimum(rows, columns), *of))
+        self._factors.append(factors)
 
     def entries(self) -> Entries:
         """All that was added."""
-        positions: dict[tuple[int, int], int] = {}
-        monomials: dict[tuple[int, ...], int] = {}
-        where, which, factors = [], [], []
-        for row, column, factor, variables in self._terms:
-            where.append(positions.setdefault((row, column), len(positions)))
-            which.append(monomials.setdefault(variables, len(monomials)))
-            factors.append(factor)
-        shape = (len(positions), len(monomials))
-        sums = coo_matrix((factors, (where, which)), shape=shape).tocsr()
-        degree = max(map(len, monomials), default=0)
-        powers = np.full((len(monomials), max(degree, 1)), self.one)
-        for k, of in enumerate(monomials):
-            powers[k, : len(of)] = of
-        ij = np.array(list(positions), dtype=np.int64).reshape(-1, 2)
-        return Entries(ij[:, 0], ij[:, 1], sums, powers, self.one)
+        parts = zip(*self._terms, strict=True)
+        rows, columns, *of = (np.concatenate(each).astype(np.int64) for each in parts)
+        powers = np.sort(of, axis=0)
+        top = int(powers.max(initial=self.one)) + 1
+        pairs = [np.unique(powers[k] * top + powers[k + 1], return_inverse=True) for k in (0, 2)]
+        width = len(pairs[1][0])
+        both, which = np.unique(pairs[0][1] * width + pairs[1][1], return_inverse=True)
+        first, second = pairs[0][0][both // width], pairs[1][0][both % width]
+        monomials = np.stack([first // top, first % top, second // top, second % top], axis=1)
+        size = int(columns.max(initial=0)) + 1
+        places, where = np.unique(rows * size + columns, return_inverse=True)
+        shape = (len(places), len(monomials))
+        sums = coo_matrix((np.concatenate(self._factors), (where, which)), shape=shape).tocsr()
+        return Entries(places // size, places % size, sums, monomials, self.one)
 
 
 @dataclass(eq=False)
@@ -86,7 +93,7 @@ class Entries:
     def values(self, variables: Floats) -> Floats:
         """Entries (e, N) for variables (k, N), the last of which is one."""
         out = variables[self.powers[:, 0]]
-        for k in range(1, self.powers.shape[1]):
+        for k in range(1, 4):
             more = np.flatnonzero(self.powers[:, k] != self.one)
             out[more] *= variables[self.powers[more, k]]
         return np.asarray(self.sums @ out)
@@ -134,10 +141,12 @@ class StackedSolver:
 
         self._slot = slot(i, j)
         self._i, self._j = i, j
-        self._updates = []
-        for rows in self._below:
-            a, b = np.tril_indices(len(rows))
-            self._updates.append((a, b, slot(rows[a], rows[b])))
+        pairs = {k: np.tril_indices(k) for k in set(counts)}
+        ends = [pairs[k] for k in counts]
+        targets = [(rows[a], rows[b]) for rows, (a, b) in zip(self._below, ends, strict=True)]
+        every = slot(*(np.concatenate(each) for each in zip(*targets, strict=True)))
+        parts = np.split(every, np.cumsum([len(a) for a, _ in ends])[:-1])
+        self._updates = [(a, b, to) for (a, b), to in zip(ends, parts, strict=True)]
         sides = [(i, i != j), (j, np.ones(len(i), bool))]
         self._sides = [
             csr_matrix((np.ones(k.sum()), (to[k], np.flatnonzero(k))), shape=(size, len(i)))
@@ -201,44 +210,41 @@ def least_fill(rows: IndexArray, columns: IndexArray, size: int) -> IndexArray:
     return np.argsort(lu.perm_c)
 
 
-@dataclass(eq=False)
-class Contribution:
-    """To the constraint Jacobian, in the columns of a row i of y.
+class Contributions(NamedTuple):
+    """To the constraint Jacobian: ``G_(row, 3 at + c) = factor * other * drive``, in order of `at`.
 
-    ``G_(row, 3 i + c) = factor y_(3 other + c)`` of a product, perhaps times a number prescribed in
-    time, the variable `drive`; ``G_(row + c, 3 i + c) = factor`` of a linear term.
+    Attributes
+    ----------
+    row, at, c : (k,) int arrays
+        Constraint row, free row of y and component.
+    factor : (k,) array
+    other, drive : (k,) int arrays
+        Variables, numbers in y; -1: there is none.
     """
 
-    row: int
-    factor: float
-    other: int | None = None
-    drive: tuple[int, ...] = ()
-
-    @property
-    def rows(self) -> tuple[int, int, int]:
-        """Of its three components."""
-        if self.other is None:
-            return self.row, self.row + 1, self.row + 2
-        return self.row, self.row, self.row
-
-    def variables(self, c: int) -> tuple[int, ...]:
-        """What the factor is multiplied by, in component c."""
-        return self.drive if self.other is None else (3 * self.other + c, *self.drive)
+    row: IndexArray
+    at: IndexArray
+    c: IndexArray
+    factor: Floats
+    other: IndexArray
+    drive: IndexArray
 
 
-def contributions(system: System) -> list[list[Contribution]]:
-    """To the constraint Jacobian, of each free row of y."""
-    out: list[list[Contribution]] = [[] for _ in range(system.rows)]
-    terms = system.constraints.terms()
-    for r, a, b, f, d, c in zip(*(each.tolist() for each in terms[:6]), strict=True):
-        drive = () if d < 0 else (3 * d + c,)
-        for i, other in ((a, b), (b, a)):
-            if i < system.rows:
-                out[i].append(Contribution(r, f, other, drive))
-    for r, i, f in zip(*(each.tolist() for each in terms[6:9]), strict=True):
-        if i < system.rows:
-            out[i].append(Contribution(r, f))
-    return out
+def contributions(system: System) -> Contributions:
+    """All of a scene."""
+    t = system.constraints.terms()
+    drive = np.where(t.drive_row < 0, -1, 3 * t.drive_row + t.drive_component)
+    parts = []
+    for c in range(3):
+        for at, other in ((t.left, t.right), (t.right, t.left)):
+            parts.append((t.row, at, np.full(len(at), c), t.factor, 3 * other + c, drive))
+        none = np.full(len(t.linear), -1)
+        own = np.full(len(t.linear), c)
+        parts.append((t.linear_row + c, t.linear, own, t.linear_factor, none, none))
+    every = [np.concatenate(each) for each in zip(*parts, strict=True)]
+    order = np.argsort(3 * every[1] + every[2], kind="stable")
+    order = order[every[1][order] < system.rows]
+    return Contributions(*(each[order] for each in every))
 
 
 def variables_of(y: Floats) -> Floats:
@@ -264,6 +270,7 @@ class Stacked:
         diagonal = np.flatnonzero(entries.rows == entries.columns)
         self._diagonal = np.full(self.solver.size, -1)
         self._diagonal[entries.rows[diagonal]] = diagonal
+        self._rows = np.flatnonzero((entries.rows >= first) & (entries.columns < first))
         position = np.argsort(order)
         self._constrained = position[first:]
         size = max(self.solver.slots, len(entries.powers))
@@ -333,10 +340,14 @@ class Stacked:
     def _error(self, values: Floats, x: Floats, rhs: Floats) -> Floats:
         """Largest residuals (N,) of momenta and of constraints, against their largest terms."""
         left, terms = self.solver.residual(values, x, rhs)
+        scales = terms[: self.first].max(0, initial=0.0), terms[self.first :].max(0, initial=0.0)
+        if self.first:  # of rows in which nothing moves rounding is left of what moves elsewhere
+            moved = abs(values[self._rows]).max(0, initial=0.0) * abs(x[: self.first]).max(0)
+            scales = scales[0], np.maximum(scales[1], moved)
         error = np.zeros(x.shape[1])
-        for some in (slice(0, self.first), slice(self.first, None)):
-            size, scale = abs(left[some]).max(0, initial=0.0), terms[some].max(0, initial=0.0)
-            error = np.maximum(error, size / np.where(scale > 0, scale, 1.0))
+        for size, scale in zip((left[: self.first], left[self.first :]), scales, strict=True):
+            part = abs(size).max(0, initial=0.0) / np.where(scale > 0, scale, 1.0)
+            error = np.maximum(error, part)
         return np.where(np.isfinite(error), error, np.inf)
 
 
@@ -352,72 +363,90 @@ class StackedVelocities:
     """
 
     def __init__(self, system: System) -> None:
-        self.system, self._one = system, 3 * system.total
+        self.system, one = system, 3 * system.total
         count = len(system.origin_rows)
         sizes = np.where(system.is_frame[:count], 6, 3)
         self._starts = np.concatenate([[0], np.cumsum(sizes)])
         self.size = int(self._starts[-1])
-        #: of each row of y its vertex, and how unknowns move it
-        vertex = np.repeat(np.arange(count), np.where(sizes == 6, 4, 1))
-        kind = np.arange(system.rows) - system.origin_rows[vertex]
-        self._vertex = vertex.tolist()
-        self._motion = [
-            self._motions(i, int(self._starts[v]), k)
-            for i, (v, k) in enumerate(zip(self._vertex, kind.tolist(), strict=True))
-        ]
-        self._reduced, self._moved = Polynomials(self._one), Polynomials(self._one)
-        for i, own in enumerate(self._motion):
-            for (unknown, c), variables, factor in own:
-                self._reduced.add(unknown, 0, factor, self._one + 1 + 3 * i + c, *variables)
-                self._moved.add(3 * i + c, 0, factor, self._one + 1 + unknown, *variables)
-        made = Polynomials(self._one)
-        touched = self._add_masses(made)
-        of_row = self._add_rows(made)
+        self._vertex = np.repeat(np.arange(count), np.where(sizes == 6, 4, 1))
+        motion = self._motions()
+        row = 3 * np.arange(system.rows)[:, None, None] + np.arange(3)[:, None]
+        row, unknown, variable, factor = (
+            each.ravel() for each in np.broadcast_arrays(row, *motion)
+        )
+        some = factor != 0
+        row, unknown, variable, factor = (e[some] for e in (row, unknown, variable, factor))
+        nothing = np.zeros(len(row), dtype=np.int64)
+        reduced, moved, made = Polynomials(one), Polynomials(one), Polynomials(one)
+        reduced.add(unknown, nothing, factor, one + 1 + row, variable)
+        moved.add(row, nothing, factor, one + 1 + unknown, variable)
+        self._momenta, self._velocities = reduced.entries(), moved.entries()
+        touched = self._add_masses(made, *motion)
+        of_row = self._add_rows(made, *motion)
         order = self._order(touched, of_row)
         self.stacked = Stacked(system, made.entries(), order, self.size)
-        self._momenta, self._velocities = self._reduced.entries(), self._moved.entries()
 
-    def _add_masses(self, made: Polynomials) -> list[tuple[int, int]]:
+    def _motions(self) -> tuple[IndexArray, IndexArray, Floats]:
+        """How unknowns move the components of rows of y: (rows, 3, 2) each.
+
+        Unknown, variable (-1: none), factor; zero where there is none.
+        """
+        system = self.system
+        start = self._starts[self._vertex]
+        kind = np.arange(system.rows) - system.origin_rows[self._vertex]
+        unknown = np.zeros((system.rows, 3, 2), dtype=np.int64)
+        variable, factor = unknown - 1, np.zeros(unknown.shape)
+        unknown[:, :, 0] = start[:, None] + np.arange(3)
+        factor[:, :, 0] = 1.0
+        turned = np.flatnonzero(kind)
+        for n, (k, i, c, sign) in enumerate(_CROSS):
+            unknown[turned, k, n % 2] = start[turned] + 3 + i
+            variable[turned, k, n % 2] = 3 * turned + c
+            factor[turned, k, n % 2] = sign
+        return unknown, variable, factor
+
+    def _add_masses(
+        self, made: Polynomials, unknown: IndexArray, variable: IndexArray, factor: Floats
+    ) -> IndexArray:
         """Add ``P_int^T M P_int``; the pairs of vertices that masses couple."""
-        mass, touched = self.system.mass.tocoo(), []
-        for i, j, m in zip(mass.row.tolist(), mass.col.tolist(), mass.data.tolist(), strict=True):
-            touched.append((self._vertex[i], self._vertex[j]))
-            for (row, c), variables, factor in self._motion[i]:
-                for (column, d), others, share in self._motion[j]:
-                    if row >= column and c == d:
-                        made.add(row, column, m * factor * share, *variables, *others)
-        return touched
+        mass = self.system.mass.tocoo()
+        for a in (0, 1):
+            for b in (0, 1):
+                ij = (mass.row, slice(None), a), (mass.col, slice(None), b)
+                row, column = (unknown[k] for k in ij)
+                product = mass.data[:, None] * factor[ij[0]] * factor[ij[1]]
+                some = (product != 0) & (row >= column)
+                made.add(
+                    *(row[some], column[some], product[some]),
+                    *(variable[k][some] for k in ij),
+                )
+        return np.stack([self._vertex[mass.row], self._vertex[mass.col]], axis=1)
 
-    def _add_rows(self, made: Polynomials) -> list[set[int]]:
+    def _add_rows(
+        self, made: Polynomials, unknown: IndexArray, variable: IndexArray, factor: Floats
+    ) -> list[set[int]]:
         """Add ``C``; the vertices that each constraint row touches."""
         system, first = self.system, self.size - self.system.internal
+        found = contributions(system)
+        outer = found.row >= system.internal
+        row, at, c, own, other, drive = (each[outer] for each in found)
+        for a in (0, 1):
+            product = own * factor[at, c, a]
+            some = product != 0
+            column, more = unknown[at, c, a][some], variable[at, c, a][some]
+            made.add(first + row[some], column, product[some], more, other[some], drive[some])
+        each_row = np.arange(self.size, self.size + system.m - system.internal)
+        made.add(each_row, each_row, np.zeros(len(each_row)))
         of_row: list[set[int]] = [set() for _ in range(system.m)]
-        for i, found in enumerate(contributions(system)):
-            for each in found:
-                if each.row < system.internal:
-                    continue
-                for r in each.rows:
-                    of_row[r].add(self._vertex[i])
-                for (column, c), variables, share in self._motion[i]:
-                    more = each.variables(c)
-                    made.add(first + each.rows[c], column, each.factor * share, *variables, *more)
-        for r in range(system.internal, system.m):
-            made.add(first + r, first + r, 0.0)
+        for r, v in np.unique(np.stack([row, self._vertex[at]], axis=1), axis=0).tolist():
+            of_row[r].add(v)
         return of_row
 
-    @staticmethod
-    def _motions(
-        row: int, start: int, kind: int
-    ) -> list[tuple[tuple[int, int], tuple[int, ...], float]]:
-        """How unknowns move a row of y: (unknown, component), variables, factor."""
-        if kind == 0:
-            return [((start + c, c), (), 1.0) for c in range(3)]
-        return [((start + 3 + i, k), (3 * row + c,), sign) for k, i, c, sign in _CROSS]
-
-    def _order(self, touched: list[tuple[int, int]], of_row: list[set[int]]) -> IndexArray:
+    def _order(self, touched: IndexArray, of_row: list[set[int]]) -> IndexArray:
         """Vertex by vertex, each with rows that hold it to others: these find regular pivots."""
-        pairs = [*touched, *((a, b) for row in of_row for a in row for b in row)]
-        ij = np.unique(np.array(pairs, dtype=np.int64).reshape(-1, 2), axis=0)
+        pairs = [(a, b) for row in of_row for a in row for b in row]
+        joined = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        ij = np.unique(np.concatenate([touched, joined]), axis=0)
         starts, internal = self._starts, self.system.internal
         count, free = len(starts) - 1, np.diff(starts)
         sequence = least_fill(ij[:, 0], ij[:, 1], count)
@@ -490,14 +519,18 @@ def nearest_velocities(system: System, y: Floats, p: Floats, t: Floats) -> Float
 @lru_cache(maxsize=4)
 def _gram(system: System) -> Stacked:
     """``G G^T``."""
-    made = Polynomials(3 * system.total)
-    for found in contributions(system):
-        for a in found:
-            for b in found:
-                for c in range(3):
-                    if a.rows[c] >= b.rows[c]:
-                        both = (*a.variables(c), *b.variables(c))
-                        made.add(a.rows[c], b.rows[c], a.factor * b.factor, *both)
+    made, found = Polynomials(3 * system.total), contributions(system)
+    # all pairs of contributions to one column
+    _, starts, counts = np.unique(3 * found.at + found.c, return_index=True, return_counts=True)
+    per = np.repeat(counts, counts)
+    a = np.repeat(np.arange(len(found.row)), per)
+    b = np.arange(len(a)) - np.repeat(np.cumsum(per) - per, per)
+    b += np.repeat(np.repeat(starts, counts), per)
+    some = found.row[a] >= found.row[b]
+    a, b = a[some], b[some]
+    factors = found.factor[a] * found.factor[b]
+    others = found.other[a], found.other[b], found.drive[a], found.drive[b]
+    made.add(found.row[a], found.row[b], factors, *others)
     entries = made.entries()
     return Stacked(system, entries, least_fill(entries.rows, entries.columns, system.m), 0)
 
@@ -505,13 +538,10 @@ def _gram(system: System) -> Stacked:
 @lru_cache(maxsize=4)
 def _forces(system: System) -> Entries:
     """``G f``, of rows y followed by forces."""
-    one = 3 * system.total
-    made = Polynomials(one)
-    for i, found in enumerate(contributions(system)):
-        for each in found:
-            for c in range(3):
-                force = one + 1 + 3 * i + c
-                made.add(each.rows[c], 0, each.factor, force, *each.variables(c))
+    one, found = 3 * system.total, contributions(system)
+    made, column = Polynomials(one), np.zeros(len(found.row), dtype=np.int64)
+    force = one + 1 + 3 * found.at + found.c
+    made.add(found.row, column, found.factor, force, found.other, found.drive)
     return made.entries()
 
 

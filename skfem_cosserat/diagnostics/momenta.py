@@ -547,7 +547,7 @@ class Projection:
         """
         q, _ = as_stack(self.system, "q", q)
         p, _ = as_stack(self.system, "p", p, q)
-        v, known = np.full(p.shape, np.nan), np.isfinite(p).all(axis=1)
+        v, known = np.full(p.shape, np.nan), np.asarray(np.isfinite(p).all(axis=1))
         v[known] = self._rule.velocities(q[known], p[known], as_times(t, len(q))[known])
         return v, np.where(known[:, None], momentum(self.system, v), np.nan)
 
