@@ -238,10 +238,10 @@ def derive_series(system: System, history: History) -> None:
     ...     path = pathlib.Path(folder) / "run.history"
     ...     history.save(path)
     ...     loaded = History.load(path)
-    >>> "linear_momentum" in loaded
+    >>> "Qp" in loaded
     False
     >>> derive_series(model, loaded)
-    >>> loaded["linear_momentum"][-1].tolist()
+    >>> loaded["Qp"][-1].tolist()
     [2.0, 0.0, 0.0]
     """
     check_kind("argument history", history, History)
