@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
 from .errors import InputError
-from .types import Array, ArrayLike, Floats, IndexArray
+from .types import Array, ArrayLike, IndexArray
 
 #: rows and columns up to which a full matrix is multiplied faster than a sparse one
 FULL_ROWS = 100
@@ -92,19 +92,6 @@ class FrozenPattern:
         if np.shape(data) != (self.nnz,):
             raise InputError("argument data", f"shape {np.shape(data)}, expected ({self.nnz},)")
         out = csc_matrix((data, self.indices, self.indptr), shape=self.shape, copy=False)
-        out.has_sorted_indices = True
-        out.has_canonical_format = True
-        return out
-
-    def diagonal(self, values: Floats) -> csc_matrix:
-        """Matrices of contributions (N, ...), each in the order of the indices, on a diagonal."""
-        count = np.arange(len(values))[:, None]
-        slot = (self.slot + self.nnz * count).ravel()
-        data = sum_at(slot, values.reshape(-1), self.nnz * len(values))
-        indices = (self.indices + self.shape[0] * count).ravel()
-        indptr = np.append((self.indptr[:-1] + self.nnz * count).ravel(), self.nnz * len(values))
-        shape = len(values) * self.shape[0], len(values) * self.shape[1]
-        out = csc_matrix((data, indices, indptr), shape=shape, copy=False)
         out.has_sorted_indices = True
         out.has_canonical_format = True
         return out

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from contextlib import suppress
 from math import cos, isinf
 from typing import Any
 
@@ -22,9 +21,6 @@ from ..types import Array, Floats, IndexArray
 
 # --------------------------------------------------------------------------------------------------
 # The constraint Jacobian at one configuration: least-norm solutions, also with redundant rows.
-
-#: contributions to constraint Jacobians of configurations that are taken together
-ENTRIES = 100_000
 
 
 def massless(system: System) -> Array:
@@ -49,49 +45,6 @@ def dependent_rows(system: System, y: Floats) -> IndexArray:
     if not len(system.closure.rows):
         return np.zeros(0, dtype=np.int64)
     return np.flatnonzero(~system.independent_rows(y))
-
-
-def stacked_multipliers(system: System, y: Floats, force: Floats) -> Floats:
-    """Lambda (N, m) of least norm with ``G(y)^T lambda = force``, for stacks.
-
-    Where no rows are redundant, many configurations at once: one sparse matrix for all.
-
-    Parameters
-    ----------
-    y : (N, total, 3) array
-    force : (N, n) array
-        NaN rows give NaN.
-
-    Returns
-    -------
-    (N, m) array
-        NaN where the rows depend on each other.
-    """
-    out = np.full((len(y), system.m), np.nan)
-    if not system.m:
-        return out
-    known = np.flatnonzero(np.isfinite(force).all(axis=1))
-    size = 1 if len(system.closure.rows) else max(1, ENTRIES // len(system.constraints.inside))
-    for first in range(0, len(known), size):
-        some = known[first : first + size]
-        if size == 1 or not _solve_together(system, y[some], force[some], some, out):
-            for k in some:
-                with suppress(SingularMatrixError):  # stays NaN
-                    out[k] = RowSpace(system, y[k]).multipliers(force[k])
-    return out
-
-
-def _solve_together(
-    system: System, y: Floats, force: Floats, places: IndexArray, out: Floats
-) -> bool:
-    """Multipliers of some configurations, to their places; False if one of them is singular."""
-    G = system.constraints.jacobians(y)
-    try:
-        gram = splu((G @ G.T).tocsc())
-    except RuntimeError:  # SuperLU: exactly singular
-        return False
-    out[places] = gram.solve(G @ force.reshape(-1)).reshape(len(y), -1)
-    return True
 
 
 class RowSpace:

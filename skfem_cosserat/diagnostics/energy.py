@@ -13,11 +13,12 @@ from scipy.sparse.linalg import splu
 
 from ..errors import InputError
 from ..frames import is_beam
-from ..kernels import beam_energy, beam_strain, beam_strain_rate, beam_stress
+from ..kernels import BeamElements, beam_energy, beam_stress
 from ..model import System, takes_scene
 from ..model.groups import BeamGroup
 from ..model.theories import theory_of
-from ..types import ArrayLike, Floats, switch
+from ..strain import strain_factors, strain_measures
+from ..types import ArrayLike, Floats, IndexArray, switch
 from .stacked import as_floats, as_stack, as_times, step_size
 
 _CHUNK = 256  # states evaluated at once: bounds the memory
@@ -94,9 +95,12 @@ def kinetic_energy(system: System, p: ArrayLike) -> Floats:
     9.0
     """
     P, single = as_stack(system, "p", p)
-    rows = P.reshape(len(P), system.rows, 3).transpose(1, 0, 2).reshape(system.rows, -1)
-    v = mass_solver(system)(rows)
-    out = 0.5 * (rows * v).reshape(system.rows, len(P), 3).sum((0, 2))
+    solve, out = mass_solver(system), np.empty(len(P))
+    for start in range(0, len(P), _CHUNK):
+        some = P[start : start + _CHUNK].reshape(-1, system.rows, 3)
+        rows = some.transpose(1, 0, 2).reshape(system.rows, -1)
+        products = (rows * solve(rows)).reshape(system.rows, -1, 3)
+        out[start : start + _CHUNK] = 0.5 * products.sum((0, 2))
     return out[0] if single else out
 
 
@@ -209,10 +213,14 @@ def strain_energy(system: System, q: ArrayLike) -> Floats:
         return np.array(sum(energies) if single else [sum(energies)])
     out = np.zeros(len(Q))
     for beam in (s for s in system.structures if is_beam(s)):
-        e = beam.elements
-        eps = section_strains(system, beam, Q)
-        out += np.einsum("neg,g,e->n", beam_energy(e, eps), e.weights, e.lengths)
+        out += stored_energy(beam, section_strains(system, beam, Q))
     return out[0] if single else out
+
+
+def stored_energy(beam: Beam, strains: Floats) -> Floats:
+    """Energy (N,) stored in a beam (J), of its strains (N, ne, ng, 6)."""
+    e = beam.elements
+    return np.asarray(np.einsum("neg,g,e->n", beam_energy(e, strains), e.weights, e.lengths))
 
 
 @takes_scene
@@ -299,13 +307,15 @@ def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
         force = loading.dead_force(loading.values(0.0)).reshape(-1)
         out = -Q @ force
     else:
-        out = np.array(
-            [
-                -row @ loading.dead_force(loading.values(float(s))).reshape(-1)
-                for row, s in zip(Q, times, strict=True)
-            ]
-        )
+        out = potential(system, Q, np.array([loading.values(float(s)) for s in times]))
     return out[0] if single else out
+
+
+def potential(system: System, q: Floats, amplitudes: Floats) -> Floats:
+    """``-f . q`` (N,) of the dead loads (J), for amplitudes (N, k) of all channels."""
+    each = [system.loading.dead_force(unit).ravel() for unit in np.eye(amplitudes.shape[1])]
+    unit = np.array(each).reshape(amplitudes.shape[1], system.n)
+    return np.asarray(-((q @ unit.T) * amplitudes).sum(1))
 
 
 @takes_scene
@@ -405,21 +415,35 @@ def group_of(system: System, beam: Beam) -> BeamGroup:
 
 def _at_gauss_points(system: System, beam: Beam, Q: Floats, V: Floats | None = None) -> Floats:
     """Strains (N, ne, ng, 6) of a beam, or their rates if there are velocities."""
-    group = group_of(system, beam)
+    group, e = group_of(system, beam), beam.elements
     rows = group.rows[group.slices[id(beam)]]
-    ne, ng = len(rows), len(beam.elements.points)
-    out = np.empty((len(Q), ne, ng, 6))
+    shape, slope = (each[:, :, None] for each in strain_factors(e.table))
+    out = np.empty((len(Q), len(rows), len(e.points), 6))
     for start in range(0, len(Q), _CHUNK):
         some = slice(start, start + _CHUNK)
-        y = Q[some].reshape(-1, system.rows, 3)[:, rows]
-        count = len(y)
-        stacked = beam.elements.repeated(count)
-        found, B = beam_strain(stacked, y.reshape(count * ne, -1))
-        if V is not None:
-            ydot = V[some].reshape(-1, system.rows, 3)[:, rows]
-            found = beam_strain_rate(B, ydot.reshape(count * ne, -1))
-        out[some] = found.reshape(count, ne, ng, 6)
+        x, xs = _fields(system, e, Q[some], rows, shape, slope)
+        if V is None:
+            out[some] = strain_measures(x, xs) - e.reference
+        else:
+            v, vs = _fields(system, e, V[some], rows, shape, slope)
+            out[some] = strain_measures(v, xs) + strain_measures(x, vs)
     return out
+
+
+def _fields(
+    system: System, e: BeamElements, q: Floats, rows: IndexArray, shape: Floats, slope: Floats
+) -> tuple[Floats, Floats]:
+    """Fields (N, ne, ng, 4, 3) of sections at Gauss points, and their slopes."""
+    nodal = q.reshape(len(q), system.rows, 3)[:, rows].reshape(len(q), len(rows), -1, 4, 3)
+    if e.rotations is not None:
+        nodal[..., 1:, :] = e.rotations @ nodal[..., 1:, :]
+    flat = nodal.reshape(*nodal.shape[:3], 12)
+    each = [flat[:, :, None, k] for k in range(flat.shape[2])]
+    both = (np.sum([w[:, k] * y for k, y in enumerate(each)], axis=0) for w in (shape, slope))
+    x, xs = both
+    xs /= e.lengths[:, None, None]
+    size = (*x.shape[:-1], 4, 3)
+    return x.reshape(size), xs.reshape(size)
 
 
 def held_forces(
@@ -497,10 +521,17 @@ def section_forces(
     [0.0, 0.0, 100.0, 0.0, 0.0, 0.0]
     """
     group = group_of(system, beam)
-    out = beam_stress(beam.elements, section_strains(system, beam, q))
+    out = resultants(system, beam, section_strains(system, beam, q), multipliers)
     if v is not None and group.elements.viscosity is not None:
         rates = section_strain_rates(system, beam, q, v)
-        out += np.einsum(
-            "...egj,ejk->...egk", rates, group.elements.viscosity[group.slices[id(beam)]]
-        )
+        viscosity = group.elements.viscosity[group.slices[id(beam)]]
+        out = out + np.einsum("...egj,ejk->...egk", rates, viscosity)
+    return out
+
+
+def resultants(
+    system: System, beam: Beam, strains: Floats, multipliers: ArrayLike | None = None
+) -> Floats:
+    """Elastic forces and moments of strains, see :func:`section_forces`."""
+    out = beam_stress(beam.elements, strains)
     return out + held_forces(system, beam, multipliers, None if out.ndim == 3 else len(out))

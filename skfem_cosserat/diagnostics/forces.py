@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ..constraints import Treatment
-from ..constraints.base import stacked_multipliers
+from ..constraints.stacked import stacked_multipliers
 from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper
@@ -18,7 +18,7 @@ from ..model.limits import overstretched_beam
 from ..model.system import JointRows
 from ..types import ArrayLike, Floats, check_kind, switch
 from .energy import group_of, held_forces
-from .stacked import as_series, as_stack, as_times, check_consecutive
+from .stacked import all_rows, as_series, as_stack, as_times, check_consecutive
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -233,8 +233,7 @@ def constraint_points(system: System, history: History) -> Floats:
     check_kind("argument history", history, History)
     if "constraint_point" in history:
         return history["constraint_point"].reshape(len(history), system.total, 3)
-    pairs = zip(history["q"], history.instants, strict=True)
-    return np.array([system.extend(q, float(t)) for q, t in pairs])
+    return all_rows(system, as_stack(system, "history", history["q"])[0], history.instants)
 
 
 @takes_scene

@@ -240,6 +240,18 @@ def _forces(system: System, y: Floats, ydot: Floats, turns: ArrayLike | None) ->
     }
 
 
+def relative_names(system: System) -> list[str]:
+    """Names of :func:`relative_series`, in their order."""
+    out = []
+    for joint in system.joints:
+        for coordinate in joint.coordinates():
+            name = f"joint/{joint.name}/{coordinate.name}"
+            out += [name, f"{name}_rate"]
+    for item in system.couplings.passive:
+        out += [f"coupling/{item.name}/coordinate", f"coupling/{item.name}/force"]
+    return out
+
+
 def relative_series(
     system: System, q: Floats, v: Floats, t: Floats, turns: ArrayLike | None
 ) -> dict[str, Floats]:

@@ -10,7 +10,8 @@ from scipy.sparse import csr_matrix, identity, kron
 from scipy.sparse.linalg import splu
 
 from ..constraints.base import RowSpace, massless, rows_touching
-from ..constraints.saddle import SaddlePoint
+from ..constraints.saddle import SaddlePoint, nearest_velocity
+from ..constraints.stacked import nearest_velocities
 from ..errors import IncompatibleError, InputError
 from ..history import History
 from ..integrators import State, Variational
@@ -18,7 +19,17 @@ from ..linear import SingularMatrixError
 from ..model import Model, System, system_of, takes_scene
 from ..types import ArrayLike, Floats, check_kind, real, switch
 from .energy import mass_solver, momentum
-from .stacked import as_floats, as_one, as_rows, as_stack, as_times, check_consecutive, step_size
+from .joint_motion import rates
+from .stacked import (
+    all_rows,
+    as_floats,
+    as_one,
+    as_rows,
+    as_stack,
+    as_times,
+    check_consecutive,
+    step_size,
+)
 
 # -- discrete Legendre transforms of a run with the variational scheme -----------------------------
 
@@ -142,9 +153,11 @@ def angular_momentum(
     Q, single = as_stack(system, "q", q)
     P, _ = as_stack(system, "p", p, Q)
     massive_only = switch("argument massive_only", massive_only)
-    rows = system.mass.diagonal() > 0 if massive_only else np.ones(system.rows, dtype=bool)
+    rows = system.mass.diagonal() > 0 if massive_only else slice(None)
     shape = (len(Q), system.rows, 3)
-    out = np.cross(Q.reshape(shape)[:, rows], P.reshape(shape)[:, rows]).sum(1)
+    # sums of q_i p_j first: fewer numbers to cross
+    both = Q.reshape(shape)[:, rows].transpose(0, 2, 1) @ P.reshape(shape)[:, rows]
+    out = np.stack([both[:, i, j] - both[:, j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
     return out[0] if single else out
 
 
@@ -256,12 +269,8 @@ def constraint_violation(system: System, q: ArrayLike, t: ArrayLike = 0.0) -> Fl
     [0.0, 1.5]
     """
     Q, single = as_stack(system, "q", q)
-    out = np.array(
-        [
-            abs(system.constraints.values(system.extend(row, float(s)))).max(initial=0.0)
-            for row, s in zip(Q, as_times(t, len(Q)), strict=True)
-        ]
-    )
+    y = all_rows(system, Q, as_times(t, len(Q)))
+    out = abs(system.constraints.stacked_values(y)).max(axis=1, initial=0.0)
     return out[0] if single else out
 
 
@@ -299,11 +308,9 @@ def hidden_violation(system: System, q: ArrayLike, v: ArrayLike, t: ArrayLike = 
     """
     Q, single = as_stack(system, "q", q)
     V, _ = as_stack(system, "v", v, Q)
-    out = np.empty(len(Q))
-    for k, (row, rate, s) in enumerate(zip(Q, V, as_times(t, len(Q)), strict=True)):
-        y = system.extend(row, float(s))
-        hidden = system.constraints.rate(y, rate) + ground_part(system, y, float(s))
-        out[k] = abs(hidden).max(initial=0.0)
+    times = as_times(t, len(Q))
+    y, ydot = all_rows(system, Q, times), rates(system, V, times)
+    out = abs(system.constraints.stacked_values(y, ydot)).max(axis=1, initial=0.0)
     return out[0] if single else out
 
 
@@ -405,28 +412,37 @@ class _Rule(ABC):
     def velocity(self, q: Floats, p: Floats, t: float) -> Floats:
         """Velocity (n,) on the hidden constraints at one state."""
 
+    def velocities(self, q: Floats, p: Floats, t: Floats) -> Floats:
+        """The same at many states (N, n), times t (N,)."""
+        states = zip(q, p, t, strict=True)
+        return np.array([self.velocity(a, b, float(s)) for a, b, s in states]).reshape(p.shape)
+
 
 class _SaddlePoint(_Rule):
     """``[[M, G^T], [G, 0]] (v, mu) = (p, -g_t)``."""
 
+    def velocity(self, q: Floats, p: Floats, t: float) -> Floats:
+        """See the base class."""
+        return nearest_velocity(self.system, self.system.extend(q, t), p, t)
+
+    def velocities(self, q: Floats, p: Floats, t: Floats) -> Floats:
+        """See the base class."""
+        if len(q) < 2:  # one alone has not to lay out the elimination
+            return super().velocities(q, p, t)
+        return nearest_velocities(self.system, all_rows(self.system, q, t), p, t)
+
+
+class _DirectorsDropped(_Rule):
+    """The same without the rows and columns of directors that have no mass (116)."""
+
     def __init__(self, system: System) -> None:
         super().__init__(system)
-        self._solve = self._matrix()
-
-    def _matrix(self) -> SaddlePoint:
-        return SaddlePoint(self.system)
+        self._solve = SaddlePoint(system, massless(system))
 
     def velocity(self, q: Floats, p: Floats, t: float) -> Floats:
         """See the base class."""
         y = self.system.extend(q, t)
         return self._solve(y, p, -ground_part(self.system, y, t))[0]
-
-
-class _DirectorsDropped(_SaddlePoint):
-    """The same without the rows and columns of directors that have no mass (116)."""
-
-    def _matrix(self) -> SaddlePoint:
-        return SaddlePoint(self.system, massless(self.system))
 
 
 class _Reduced(_Rule):
@@ -531,11 +547,9 @@ class Projection:
         """
         q, _ = as_stack(self.system, "q", q)
         p, _ = as_stack(self.system, "p", p, q)
-        v, projected = np.full((2, *p.shape), np.nan)
-        for k, s in enumerate(as_times(t, len(q))):
-            if np.isfinite(p[k]).all():
-                v[k], projected[k] = self(q[k], p[k], float(s))
-        return v, projected
+        v, known = np.full(p.shape, np.nan), np.asarray(np.isfinite(p).all(axis=1))
+        v[known] = self._rule.velocities(q[known], p[known], as_times(t, len(q))[known])
+        return v, np.where(known[:, None], momentum(self.system, v), np.nan)
 
 
 @takes_scene

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..errors import InputError, StorageError
+from ..errors import CosseratError, IncompleteWarning, InputError, StorageError
 from ..frames import TOLERANCE, Place, is_beam
 from ..types import Array, ArrayLike, Floats, IndexArray, names_known, numbers, whole
-from ..warn import Notices, counted, listed
+from ..warn import Notices, counted, listed, warn
 from .file import BASIC, EventRecord, check_basic, load_file, plain, save_file, series_numbers
 
 if TYPE_CHECKING:
@@ -314,11 +315,72 @@ def _check_reference(
         )
 
 
+# -- series that follow from what is recorded, made when somebody asks for them --------------------
+
+#: how a history without its system gets more series
+ADVICE = "skfem_cosserat.run.derive_series(model, history) adds those that follow from the states"
+
+
+class Derivation(Protocol):
+    """Makes the series of a history that were not recorded, each when it is first asked for.
+
+    A run gives one to its history, see :func:`skfem_cosserat.run.derive_series`.
+    """
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Names of all series that it makes, in their order."""
+
+    @property
+    def saved(self) -> Sequence[str]:
+        """Those of them that a file is to have in any case: energies, and what pictures need."""
+
+    def derive(self, history: History, name: str) -> Mapping[str, Array]:
+        """A series of a history, with those that come with it.
+
+        Raises
+        ------
+        CosseratError
+            Where it cannot be made.
+        """
+
+    def segment(self, k: int) -> Derivation:
+        """That of one of the history's segments."""
+
+    def packed(self) -> Derivation | None:
+        """Itself as it goes into a pickle; None if it cannot go there."""
+
+
+class _Available(Mapping[str, Array]):
+    """Series of a history by name, derived when they are asked for; one state of them, copied."""
+
+    def __init__(self, history: History, row: int | None = None) -> None:
+        self._history, self._row = history, row
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self._history:
+            raise KeyError(name)
+        values = self._history[name]
+        return values if self._row is None else np.array(values[self._row])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._history)
+
+    def __len__(self) -> int:
+        return len(list(self._history))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._history
+
+
 # -- the container: constant arrays, series over the recorded states, and plain meta data ----------
 
 
 class History:
     """Recorded states of a run.
+
+    What was not recorded but follows from the states (energies, forces, velocities ...) is derived
+    when it is first asked for, and kept: ``history["energy"]``.
 
     Parameters
     ----------
@@ -336,6 +398,8 @@ class History:
     sensors : mapping of str to array, optional
         Of each sensor its instants ``NAME/t (K,)`` and what it has seen, ``NAME/x (K, ...)``;
         ``meta["sensors"][NAME]`` has its unit and how often it is differentiated.
+    derivation : Derivation, optional
+        Makes series that are not among `series`; without it there are no others.
 
     Raises
     ------
@@ -361,6 +425,7 @@ class History:
         static: Mapping[str, Any],
         series: Mapping[str, Any],
         sensors: Mapping[str, Any] | None = None,
+        derivation: Derivation | None = None,
     ) -> None:
         self.meta: dict[str, Any] = plain(meta, "meta")
         self.static: dict[str, Array] = {
@@ -375,6 +440,16 @@ class History:
             name: series_numbers(value, f"sensor array {name!r}")
             for name, value in ({} if sensors is None else sensors).items()
         }
+        self._derivation = derivation
+        self._segments: dict[int, History] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """With what derives its series, or with all of them where that cannot be pickled."""
+        own = self._derivation
+        packed = None if own is None else own.packed()
+        if own is not None and packed is None:
+            self.derive()
+        return vars(self) | {"_derivation": packed, "_segments": {}}
 
     def _put(self, name: str, value: Any) -> None:
         array = series_numbers(value, f"series {name!r}")
@@ -387,8 +462,55 @@ class History:
 
     @property
     def series(self) -> Mapping[str, Array]:
-        """All series by name; `add_series` adds one."""
-        return self._series
+        """All series by name, derived when they are looked at; `add_series` adds one."""
+        return _Available(self)
+
+    @property
+    def recorded(self) -> list[str]:
+        """Names of the series that are there: recorded, added, or derived so far."""
+        return list(self._series)
+
+    def derive_by(self, derivation: Derivation | None) -> None:
+        """Have what is not recorded derived like this; None: there are no other series."""
+        self._derivation = derivation
+        self._segments.clear()
+
+    def derive(self, names: Sequence[str] | None = None) -> None:
+        """Derive series now, not when they are first asked for; what fails is a warning.
+
+        Parameters
+        ----------
+        names : sequence of str, optional
+            Default: all.
+        """
+        failed: dict[str, list[str]] = {}
+        for name in list(self) if names is None else names:
+            try:
+                self[name]
+            except CosseratError as error:
+                failed.setdefault(str(error), []).append(name)
+        with self._noting():
+            for reason, missing in failed.items():
+                text = f"{', '.join(missing)} cannot be had: {reason}"
+                warn("derived series", text, IncompleteWarning)
+
+    def _derive(self, name: str) -> None:
+        """Derive a series, with those that come with it."""
+        assert self._derivation is not None
+        with self._noting(), np.errstate(all="ignore"):
+            found = self._derivation.derive(self, name)
+        for each, values in found.items():
+            if each not in self._series:
+                self._put(each, values)
+
+    @contextmanager
+    def _noting(self) -> Iterator[None]:
+        """Warnings that are given here stay with the history."""
+        known = self.meta.get("warnings", ())
+        with Notices(known) as notices:
+            yield
+        if len(notices.found) > len(known):
+            self.meta["warnings"] = notices.kept()
 
     @property
     def sensors(self) -> dict[str, SensorRecord]:
@@ -426,11 +548,16 @@ class History:
         k = whole("argument k", k, None)
         if not -len(segments) <= k < len(segments):
             raise InputError("argument k", f"got segment {k}, there are {len(segments)}")
-        meta = dict(self.meta)
-        about = meta.pop("segments", [{}])[k]
-        meta |= {name: about[name] for name in ("fingerprint",) if name in about}
-        rows = slice(*segments[k])
-        return History(meta, self.static, {name: s[rows] for name, s in self._series.items()})
+        k %= len(segments)
+        if k not in self._segments:  # made once: what is derived in it is kept there
+            meta = dict(self.meta)
+            about = meta.pop("segments", [{}])[k]
+            meta |= {name: about[name] for name in ("fingerprint",) if name in about}
+            rows, own = slice(*segments[k]), self._derivation
+            part = {name: s[rows] for name, s in self._series.items()}
+            derivation = None if own is None else own.segment(k)
+            self._segments[k] = History(meta, self.static, part, derivation=derivation)
+        return self._segments[k]
 
     @property
     def times(self) -> Floats:
@@ -442,10 +569,11 @@ class History:
         """Times ``(N,)`` in s at which loads and motions are taken that are functions of time.
 
         On a path of :func:`skfem_cosserat.static` these are its load factors, or the one instant
-        that it holds, ``meta["time"]``.
+        that it holds, ``meta["time"]``; of a mode that at which it was found.
         """
         if "load_factor" not in self:
-            return self.times
+            held = self.meta.get("instant")
+            return self.times if held is None else np.full(len(self), float(held))
         held = self.meta.get("time")
         return self["load_factor"] if held is None else np.full(len(self), float(held))
 
@@ -463,7 +591,7 @@ class History:
         what = f", {count} event{'s' * (count > 1)}" if count else ""
         doubt = counted(self.meta.get("warnings", ()))
         return (
-            f"<History: {len(self)} states{span}, {len(self._series)} series{what}, {self.status}"
+            f"<History: {len(self)} states{span}, {len(list(self))} series{what}, {self.status}"
             f"{doubt}>"
         )
 
@@ -471,24 +599,31 @@ class History:
         return "\n".join([repr(self), *listed(self.meta.get("warnings", ()))])
 
     def __contains__(self, name: object) -> bool:
-        return name in self._series
+        own = self._derivation
+        return name in self._series or (own is not None and name in own.names)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._series)
+        """Names of all series, of those that are still to be derived, too."""
+        names = () if self._derivation is None else self._derivation.names
+        later = dict.fromkeys(names)
+        return iter([*(name for name in self._series if name not in later), *later])
 
     def __getitem__(self, name: str) -> Array:
-        """Series ``name`` of shape ``(N, ...)``.
+        """Series ``name`` of shape ``(N, ...)``; derived now, if it is the first time.
 
         Raises
         ------
         InputError
             If there is no such series; the error lists those that exist.
+        CosseratError
+            If it cannot be derived.
         """
         if name not in self._series:
-            raise InputError(
-                f"series {name!r}",
-                "not recorded; " + names_known(name, self.series, "recorded", "list(history)"),
-            )
+            if name not in self:
+                text = names_known(name, list(self), "recorded", "list(history)")
+                more = f"; {ADVICE}" if self._derivation is None else ""
+                raise InputError(f"series {name!r}", f"not recorded; {text}{more}")
+            self._derive(name)
         return self._series[name]
 
     def position(
@@ -590,20 +725,14 @@ class History:
         if isinstance(place, Place) and place.item is None:
             return ground_rates(place, self.times)[:, 0]
         if "v" not in self:
-            raise InputError(
-                "series 'v'",
-                "not recorded, as with derive=False; add it: history.add_series('v',"
-                " Projection(model).stack(history['q'], history['p'], history.times)[0])",
-            )
-        return rows_at(self.static, self._series["v"], place, s, part)[..., 0, :]
+            raise InputError("series 'v'", f"not recorded, as with derive=False; {ADVICE}")
+        return rows_at(self.static, self["v"], place, s, part)[..., 0, :]
 
     def _rows(self, place: Place | Beam, s: ArrayLike | None, part: str | None) -> Floats:
         """Rows of a point and its directors in all states."""
         checked_point(place, s, part)
         if isinstance(place, Place) and place.item is None:
-            # a mode does not move the ground
-            times = np.full(len(self), self.meta.get("instant", self.instants))
-            return ground_rows(place, times)
+            return ground_rows(place, self.instants)
         return rows_at(self.static, self._series["q"], place, s, part)
 
     def add_series(self, name: str, array: Any) -> None:
@@ -628,8 +757,9 @@ class History:
                 f"series {name!r}", "is recorded by the simulation, choose another name"
             )
         self._put(name, array)
+        self._segments.clear()
 
-    def row(self, i: int) -> dict[str, Array]:
+    def row(self, i: int) -> Mapping[str, Array]:
         """All series at state ``i`` (negative: from the end), as copies.
 
         Raises
@@ -640,9 +770,9 @@ class History:
         i = whole("argument i", i, None)
         if not -self._length <= i < self._length:
             raise InputError("argument i", f"got state {i}, there are {self._length} states")
-        return {name: np.array(values[i]) for name, values in self._series.items()}
+        return _Available(self, i)
 
-    def last(self) -> dict[str, Array]:
+    def last(self) -> Mapping[str, Array]:
         """All series at the last recorded state, as copies.
 
         Raises
@@ -673,10 +803,14 @@ class History:
             name: values[self._sensors[f"{name[:-2]}/t"] <= end].copy()
             for name, values in self._sensors.items()
         }
-        return History(self.meta, self.static, cut, seen)
+        return History(self.meta, self.static, cut, seen, self._derivation)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write everything to one file; an older file is replaced only when the new is complete.
+        """Write it to one file; an older file is replaced only when the new is complete.
+
+        Of series that follow from the states the file has those that were asked for so far, and
+        in any case energies and what pictures need. Others are derived anew from what is in it:
+        see :func:`skfem_cosserat.run.derive_series`.
 
         Parameters
         ----------
@@ -690,6 +824,8 @@ class History:
         StorageError
             If the disk is full, say.
         """
+        if self._derivation is not None:
+            self.derive(self._derivation.saved)
         meta = plain(self.meta, "meta")
         try:
             save_file(path, meta, self.static, self._series, self._sensors)
@@ -728,7 +864,7 @@ class History:
         2
         """
         with Notices() as notices:
-            meta, *arrays = load_file(path, recover)
+            meta, static, series, sensors = load_file(path, recover)
         if notices.found:
             meta["warnings"] = [*meta.get("warnings", ()), *notices.found]
-        return cls(meta, *arrays)
+        return cls(meta, static, series, sensors)

@@ -16,8 +16,8 @@ from ..warn import warn
 from .container import History
 from .file import SAVE_BYTES, FileWriter, check_basic, load_file, plain, series_numbers
 
-#: types of single numbers in rows as they are
-_PLAIN = {float: np.dtype(np.float64), int: np.dtype(np.int64)}
+#: bytes of a block in memory at most: blocks grow up to that
+_LARGE = 2**28
 
 
 class HistoryWriter:
@@ -35,6 +35,8 @@ class HistoryWriter:
     block : int
         Number of states that are written together, fewer where they are large. A killed run loses
         the current block, at most ``block`` states.
+    expected : int, optional
+        How many states there will be, about: memory for them is taken at once.
 
     Raises
     ------
@@ -46,8 +48,8 @@ class HistoryWriter:
 
     Notes
     -----
-    The last row can be changed by `amend` until the next `append` or `close`. Used as a context
-    manager it closes with ``"completed"``, or with ``"interrupted"`` when an exception passes.
+    Used as a context manager it closes with ``"completed"``, or with ``"interrupted"`` when an
+    exception passes.
 
     Examples
     --------
@@ -65,13 +67,22 @@ class HistoryWriter:
         static: Mapping[str, Any],
         path: str | os.PathLike[str] | None = None,
         block: int = 50,
+        expected: int | None = None,
     ) -> None:
         if block < 1:
             raise InputError("argument block", f"got {block}, expected at least 1")
         self._meta: dict[str, Any] = {**plain(meta, "meta"), "status": "running"}
         self._static = {k: series_numbers(v, f"static array {k!r}") for k, v in static.items()}
         self._block = block
+        self._expected = expected
         self._buffer: dict[str, Array] = {}
+        #: the single numbers of rows, which are written together; names of all others with their
+        #: types and shapes; names and types of all entries in the first row
+        self._numbers: Array = np.zeros(0)
+        self._single: list[str] = []
+        self._arrays: list[tuple[str, Any, tuple[int, ...]]] = []
+        self._names: tuple[str, ...] = ()
+        self._types: tuple[type, ...] = ()
         self._fill = 0
         self._rows = 0
         self._done: list[dict[str, Array]] = []
@@ -128,12 +139,13 @@ class HistoryWriter:
         """
         self._check_open()
         values = row
-        if not self._fit(row) or row.keys() != self._buffer.keys():
+        if not self._fits(row):
             values = {
                 name: series_numbers(value, f"row entry {name!r}") for name, value in row.items()
             }
             if not self._rows:
-                self._allocate(values)
+                self._begin(values)
+                self._names, self._types = tuple(row), tuple(map(type, row.values()))
             if values.keys() != self._buffer.keys():
                 odd = sorted(values.keys() ^ self._buffer.keys())
                 found = "is new" if odd[0] in values else "is missing"
@@ -143,40 +155,14 @@ class HistoryWriter:
                 self._check(name, value)
         if self._fill == self._block:
             self._flush()
-        for name, value in values.items():
-            self._buffer[name][self._fill] = value
+        k, buffer = self._fill, self._buffer
+        self._numbers[k] = tuple([values[name] for name in self._single])
+        for name, _, _ in self._arrays:
+            buffer[name][k] = values[name]
         self._fill += 1
         self._rows += 1
-        self._say()
-
-    def amend(self, **fields: Any) -> None:
-        """Overwrite entries of the last row, e.g. a force that is known one step later.
-
-        Parameters
-        ----------
-        **fields : array or number
-            Values as in `append`; use ``amend(**{"joint/hinge/force": value})`` for names that are
-            no identifiers.
-
-        Raises
-        ------
-        InputError
-            If there is no row, no such entry, or shape or data type differ.
-        """
-        self._check_open()
-        if not self._rows:
-            raise InputError("history writer", "there is no row to amend yet")
-        values = fields
-        if not self._fit(fields):
-            values = {
-                name: series_numbers(value, f"row entry {name!r}") for name, value in fields.items()
-            }
-            for name, value in values.items():
-                if name not in self._buffer:
-                    raise InputError(f"row entry {name!r}", "is not in the row to be amended")
-                self._check(name, value)
-        for name, value in values.items():
-            self._buffer[name][self._fill - 1] = value
+        if self._failure is not None:
+            self._say()
 
     def note(self, **meta: Any) -> None:
         """Add to ``meta`` what has happened, in the file at once: a killed run keeps it.
@@ -242,7 +228,10 @@ class HistoryWriter:
         if not self._rows:
             zero = {"t": np.zeros(0), "step": np.zeros(0, np.int64)}
             parts = [{**zero, "q": np.zeros((0, 0)), "p": np.zeros((0, 0))}]
-        series = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        if len(parts) == 1:  # rows are not written twice
+            series = {name: np.ascontiguousarray(array) for name, array in parts[0].items()}
+        else:
+            series = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         return History(self._meta, self._static, series, sensors)
 
     def close(self, status: str = "completed", **meta_updates: Any) -> None:
@@ -324,17 +313,13 @@ class HistoryWriter:
         if self._closed:
             raise InputError("history writer", "is closed already")
 
-    def _fit(self, row: Mapping[str, Any]) -> bool:
+    def _fits(self, row: Mapping[str, Any]) -> bool:
         """Whether all entries are plainly as in the first row: what else may do takes longer."""
-        for name, value in row.items():
-            model, kind = self._buffer.get(name), type(value)
-            if model is None:
-                return False
-            if kind is np.ndarray:
-                fits = value.dtype is model.dtype and value.shape == model.shape[1:]
-            else:
-                fits = model.ndim == 1 and _PLAIN.get(kind) is model.dtype
-            if not fits:
+        if tuple(row) != self._names or tuple(map(type, row.values())) != self._types:
+            return False
+        for name, dtype, shape in self._arrays:
+            value = row[name]
+            if value.shape != shape or value.dtype != dtype:
                 return False
         return True
 
@@ -351,14 +336,27 @@ class HistoryWriter:
                 f"got data type {value.dtype}, expected {model.dtype} as in the first row",
             )
 
-    def _allocate(self, values: Mapping[str, Array]) -> None:
+    def _begin(self, values: Mapping[str, Array]) -> None:
+        """Take memory for rows like the first one."""
         check_basic(values, "row")
-        size = sum(value.nbytes for value in values.values())
-        self._block = max(1, min(self._block, SAVE_BYTES // max(size, 1)))
-        self._buffer = {
-            name: np.empty((self._block, *value.shape), value.dtype)
-            for name, value in values.items()
-        }
+        size = max(1, sum(value.nbytes for value in values.values()))
+        most = max(1, (SAVE_BYTES if self._file is not None else _LARGE) // size)
+        wanted = self._block if self._expected is None or self._file else self._expected
+        self._block = min(wanted, most)
+        self._grow = 1 if self._file is not None or self._expected is not None else 2
+        self._most = most
+        self._single = [name for name, value in values.items() if not value.ndim]
+        self._arrays = [(k, v.dtype, v.shape) for k, v in values.items() if v.ndim]
+        self._form = [(name, values[name].dtype) for name in self._single]
+        self._order = list(values)
+        self._allocate()
+
+    def _allocate(self) -> None:
+        self._numbers = np.empty(self._block, self._form)
+        buffer = {name: self._numbers[name] for name in self._single}
+        for name, dtype, shape in self._arrays:
+            buffer[name] = np.empty((self._block, *shape), dtype)
+        self._buffer = {name: buffer[name] for name in self._order}
 
     def _flush(self) -> None:
         if not self._fill:
@@ -366,5 +364,8 @@ class HistoryWriter:
         part = {name: array[: self._fill] for name, array in self._buffer.items()}
         first = self._rows - self._fill
         if not self._stored({"kind": "rows", "rows": self._fill, "first": first}, part):
-            self._done.append({name: array.copy() for name, array in part.items()})
+            self._done.append(part)
+            if self._fill == self._block:  # the next ones are written elsewhere
+                self._block = min(self._most, self._grow * self._block)
+                self._allocate()
         self._fill = 0

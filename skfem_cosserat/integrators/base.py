@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from functools import cached_property
 from typing import NamedTuple
 
 from ..constraints import Treatment
@@ -144,7 +145,7 @@ class Integrator(Frozen):
         """What solves its single steps: its part if it is composed, else itself."""
         return self if self.part is None else self.part
 
-    @property
+    @cached_property
     def numbers(self) -> Scheme:
         """The scheme in numbers for steps of one second: what does not depend on their size."""
         scheme = self.single.scheme(1.0)

@@ -147,8 +147,13 @@ class StepReport:
     def constraint_point(self) -> Floats:
         """Where it acts: all rows (total, 3) of y, at the node or midpoint."""
         system, integrator, _, state, y1, _ = self._solved
-        weight, y0 = integrator.constraint_weight, system.extend(state.q, state.time)
-        return y0 if weight == 0 else (1 - weight) * y0 + weight * y1
+        weight = integrator.constraint_weight
+        if weight == 0:
+            return system.extend(state.q, state.time)
+        out = weight * y1
+        out[: system.rows] += (1 - weight) * state.q.reshape(-1, 3)
+        out[system.rows :] += (1 - weight) * system.ground(state.time)
+        return np.asarray(out)
 
 
 @dataclass(eq=False, repr=False)

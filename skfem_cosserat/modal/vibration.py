@@ -13,7 +13,7 @@ from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..model.loops import closed, tree_values
 from ..model.reparametrisation import Reparametrisation
-from ..run.describe import derive_configuration, describe
+from ..run.describe import SystemSeries, configuration_formulas, describe
 from ..types import Array, Floats, positive
 from ..warn import Notices, counted
 from .eigen import Pencil, lowest, make_pencil, spectrum
@@ -58,9 +58,8 @@ def animation(
         "v": v,
         "constraint_force": np.full((count, system.n), np.nan),
     }
-    history = History(meta, static, series)
-    derive_configuration(system, history, np.full(count, at.t))
-    return history
+    derivation = SystemSeries([system], configuration_formulas)
+    return History(meta, static, series, derivation=derivation)
 
 
 def checked_index(index: int, count: int) -> int:

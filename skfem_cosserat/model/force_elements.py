@@ -722,6 +722,11 @@ class Couplings:
         rest = len(self.pairs) - sum(map(len, blocks))
         return np.concatenate([*blocks, np.zeros((rest, 3, 3))])
 
+    @property
+    def passive(self) -> list[Coupling]:
+        """All but actuators, in the order of :meth:`forces`."""
+        return [m for g in self._groups for m in g.members if not m.channels]
+
     def forces(
         self, y: Floats, ydot: Floats, turns: IndexArray | None = None
     ) -> list[tuple[Coupling, Floats, Floats]]:

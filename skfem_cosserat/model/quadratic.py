@@ -10,13 +10,17 @@ of a ground row (the cosine or sine of the angle) and thus prescribed in time.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 
 from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray
+
+#: states of a stack that are worked on together
+TOGETHER = 256
 
 
 def _table(
@@ -228,9 +232,47 @@ class QuadraticConstraints:
         """``G(y) v`` (m,)."""
         return sum_at(self.G_rows, self.jacobian_values(y) * v.take(self.G_cols), self.size)
 
-    def jacobians(self, y: Floats) -> csc_matrix:
-        """``G`` of a stack y (N, total, 3), one behind the other on the diagonal (N m, N n)."""
-        return self._pattern.diagonal(self.contributions(self.inside, y))
+    def stacked_values(self, y: Floats, rates: Floats | None = None) -> Floats:
+        """``g(y)`` (N, m) of a stack y (N, total, 3); with `rates` of all its rows ``dg/dt``."""
+        out = np.empty((len(y), self.size))
+        for first in range(0, len(y), TOGETHER):
+            some = slice(first, first + TOGETHER)
+            out[some] = self._values(y[some], None if rates is None else rates[some]).T
+        return out
+
+    def _values(self, y: Floats, rates: Floats | None) -> Floats:
+        """The same (m, N): the states come last, as each operation is one on all of them."""
+        a = np.ascontiguousarray(y.transpose(1, 2, 0))
+        v = a if rates is None else np.ascontiguousarray(rates.transpose(1, 2, 0))
+        pa, pb = self._pa, self._pb
+        factor = np.broadcast_to(self._pc, (len(pa), len(y)))
+        dots = (a[pa] * v[pb]).sum(1)
+        if rates is not None:
+            dots += (v[pa] * a[pb]).sum(1)
+        if len(self._driven):
+            factor, own = factor.copy(), self._driven
+            where = self._drive_row, self._drive_component
+            factor[own] *= a[where]
+            if rates is not None:  # the factor changes, too
+                more = self._pc[own] * v[where] * (a[pa[own]] * a[pb[own]]).sum(1)
+        dots *= factor
+        if len(self._driven) and rates is not None:
+            dots[self._driven] += more
+        out = self._sums[0] @ dots
+        if rates is None:
+            out -= self._constant[:, None]
+        if len(self._lk):
+            out += self._sums[1] @ (self._lc[:, :, None] * v[self._la]).reshape(-1, len(y))
+        return np.asarray(out)
+
+    @cached_property
+    def _sums(self) -> list[csr_matrix]:
+        """Which products, and which linear terms, belong to which row."""
+        rows = self._pk, self._lk
+        return [
+            csr_matrix((np.ones(len(k)), (k, np.arange(len(k)))), shape=(self.size, len(k)))
+            for k in rows
+        ]
 
     def jacobian(self, y: Array) -> csc_matrix:
         """``G(y)`` (m, n) by the free coordinates."""

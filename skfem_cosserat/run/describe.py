@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import pickle
 import platform
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from copy import copy
 from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -11,17 +14,34 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
-from .. import diagnostics
 from ..body import MassPoint, RigidBody, ball_surface
-from ..diagnostics import Projection
-from ..diagnostics.joint_motion import relative_series
+from ..diagnostics import (
+    Projection,
+    angular_momentum,
+    constraint_points,
+    constraint_violation,
+    coupling_energy,
+    external_energy,
+    hidden_violation,
+    kinetic_energy,
+    linear_momentum,
+    momentum,
+    multipliers,
+    reactions,
+    section_strains,
+)
+from ..diagnostics.energy import potential, resultants, stored_energy
+from ..diagnostics.joint_motion import relative_names, relative_series
 from ..diagnostics.stacked import all_rows
+from ..errors import HistoryError, IncompleteWarning, InputError
 from ..frames import Place, is_beam
 from ..history import History
 from ..model import System, takes_scene
 from ..model.groups import lumped
-from ..types import Floats, IndexArray, check_kind
+from ..model.theories import theory_of
+from ..types import Floats, IndexArray, check_kind, names_known
 from ..version import VERSION
+from ..warn import logger, warn
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -166,115 +186,319 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     }
 
 
+# -- series that follow from the states: energies, velocities, momenta, forces, reactions ----------
+
+#: how series follow from others of a history; of a system, by the names of those that come together
+Formula = Callable[[History], Sequence[Floats]]
+Formulas = dict[tuple[str, ...], Formula]
+#: energy less all that explains its changes
+BALANCE = "energy_balance"
+#: series of a run that are saved in any case, beside those of its items
+SAVED = (
+    *("v", "kinetic", "strain_energy", "external", "coupling_energy", "energy", BALANCE),
+    *("linear_momentum", "angular_momentum"),
+)
+#: works since the start of a run, which explain changes of its energy
+WORKS = "work_loads", "work_actuators", "work_drives"
+
+
 @takes_scene
 def derive_series(system: System, history: History) -> None:
-    """Add what follows from the states: velocities, energies, momenta, forces, reactions.
+    """Have a history give what follows from its states: energies, momenta, forces, reactions.
 
-    Adds ``v, Qp`` (projected on the hidden constraints), ``kinetic, strain_energy, external,
+    ``simulate`` and ``static`` do so with theirs. Others, such as one from a file, get series of
+    their model by this function. Nothing is computed here: each series is derived when it is first
+    asked for.
+
+    Of a run: ``v, Qp`` (projected on the hidden constraints), ``kinetic, strain_energy, external,
     coupling_energy, energy`` (kinetic + strain + coupling at (q, p)), ``energy_projected``,
     ``energy_balance``, ``linear_momentum``, ``angular_momentum``, ``constraint_violation``, for
     each beam ``strain`` and ``resultant`` (its elastic part: that of damped sections is left to
     ``diagnostics.section_forces``), for each joint ``position``, ``force`` and ``moment``, its
     relative coordinates and their rates, for each spring, damper, cable and bushing
-    ``coordinate`` and ``force``.
+    ``coordinate``, ``force`` and ``ends``. Of a path: the same without momenta.
 
     ``energy_balance`` is ``energy - work_loads - work_actuators - work_drives + dissipated`` less
     its first value: zero up to the solver's tolerance with energy-momentum, where all terms
     belong to the discrete equations; with the variational scheme an error of second order in the
     step that oscillates. ``external`` is the potential of gravity and dead loads: their work is in
     ``work_loads`` too, add one or the other.
+
+    Raises
+    ------
+    HistoryError
+        If the history is of another model, or its joints changed on the way: take
+        ``history.segment(k)`` then.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> from skfem_cosserat import EnergyMomentum, MassPoint, Model, NullSpace, simulate
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 0)))
+    >>> history = simulate(model, EnergyMomentum(), NullSpace(), 0.1, until=0.2)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "run.history"
+    ...     history.save(path)
+    ...     loaded = History.load(path)
+    >>> "Qp" in loaded
+    False
+    >>> derive_series(model, loaded)
+    >>> loaded["Qp"][-1].tolist()
+    [2.0, 0.0, 0.0]
     """
     check_kind("argument history", history, History)
-    q, p, t = history["q"], history["p"], history.times
-    v, projected = Projection(system).stack(q, p, t)
-    kinetic = diagnostics.kinetic_energy(system, p)
-    turns = history.series.get("turns")
-    strain = diagnostics.strain_energy(system, q)
-    coupling = diagnostics.coupling_energy(system, q, t, turns)
-    series: dict[str, Floats] = {
-        "v": v,
-        "Qp": projected,
-        "kinetic": kinetic,
-        "strain_energy": strain,
-        "external": diagnostics.external_energy(system, q, t),
-        "coupling_energy": coupling,
-        "energy": kinetic + strain + coupling,
-        "energy_projected": diagnostics.kinetic_energy(system, projected) + strain + coupling,
-        "linear_momentum": diagnostics.linear_momentum(system, p),
-        "angular_momentum": diagnostics.angular_momentum(system, q, p),
-        "angular_momentum_projected": diagnostics.angular_momentum(system, q, projected),
-        "hidden_violation": diagnostics.hidden_violation(system, q, v, t),
-    }
-    for name, values in series.items():
-        history.add_series(name, values)
-    _add_balance(history)
-    derive_configuration(system, history, t)
+    if len(history.segments) > 1:
+        text = "its joints or loads changed on the way: derive those of history.segment(k)"
+        raise HistoryError("history", text)
+    found = history.meta.get("fingerprint")
+    if found is not None and (difference := other_model(system, found)):
+        raise HistoryError("history", f"belongs to another model: {difference}")
+    history.derive_by(SystemSeries([system], kind_of(history)))
 
 
-def derive_segments(systems: Sequence[System], history: History) -> None:
-    """The same for a run whose system changed, for each of its segments.
-
-    A series that a segment does not have, of a joint that is gone say, is NaN there. Multipliers
-    are in the order of their own system's rows, behind them NaN.
-    """
-    found: list[dict[str, Floats]] = []
-    for k, system in enumerate(systems):
-        part = history.segment(k)
-        basic = set(part)
-        if len(part):
-            derive_series(system, part)
-        found.append({name: part[name] for name in list(part) if name not in basic})
-    spans = history.segments
-    for name in dict.fromkeys(name for part in found for name in part):
-        shapes = [part[name].shape[1:] for part in found if name in part]
-        size = tuple(int(each) for each in np.max(shapes, axis=0)) if shapes[0] else ()
-        out = np.full((len(history), *size), np.nan)
-        for (start, stop), derived in zip(spans, found, strict=True):
-            if name in derived:
-                own = derived[name]
-                out[(slice(start, stop), *(slice(length) for length in own.shape[1:]))] = own
-        history.add_series(name, out)
-    _add_balance(history)
+#: the formulas of a system, for one kind of history
+Kind = Callable[[System], Formulas]
 
 
-def _add_balance(history: History) -> None:
-    """Energy less all work done since the start, and what was dissipated."""
-    if "work_loads" in history:
-        work = sum(history[name] for name in ("work_loads", "work_actuators", "work_drives"))
-        balance = history["energy"] - work + history["dissipated"]
-        history.add_series("energy_balance", balance - balance[:1])
-
-
-def derive_configuration(system: System, history: History, t: Floats) -> None:
-    """Add what follows from the configurations, the constraint forces and the velocities "v".
+class SystemSeries:
+    """Derives the series of a history from its systems; see :func:`derive_series`.
 
     Parameters
     ----------
-    t : (N,) array
-        Times of the prescribed motion.
+    systems : sequence of System
+        Of each segment.
+    kind : callable
+        The formulas of a system, for a history of this kind.
+
+    Attributes
+    ----------
+    names, saved : list of str
+        See :class:`skfem_cosserat.history.Derivation`.
     """
-    q, v = history["q"], history["v"]
-    turns = history.series.get("turns")
-    series: dict[str, Floats] = {
-        "constraint_violation": diagnostics.constraint_violation(system, q, t)
+
+    def __init__(self, systems: Sequence[System], kind: Kind) -> None:
+        self._systems, self._kind = list(systems), kind
+        self._packed = b""
+        self._made = [kind(system) for system in systems]
+        every = [name for made in self._made for together in made for name in together]
+        self.names: Sequence[str] = list(dict.fromkeys(every))
+        items = ("beam/", "joint/", "coupling/")
+        self.saved = [name for name in self.names if name in SAVED or name.startswith(items)]
+
+    @property
+    def _formulas(self) -> list[Formulas]:
+        """Of each system; out of a pickle they are frozen again here."""
+        if self._packed:
+            self._systems, self._packed = pickle.loads(self._packed), b""
+            self._made = [self._kind(system) for system in self._systems]
+        return self._made
+
+    def derive(self, history: History, name: str) -> dict[str, Floats]:
+        """See :class:`skfem_cosserat.history.Derivation`.
+
+        A series that a segment does not have, of a joint that is gone say, is NaN there.
+        Multipliers are in the order of their own system's rows, behind them NaN.
+        """
+        first, *others = self._formulas
+        if not others or name == BALANCE:
+            together = next(names for names in first if name in names)
+            return dict(zip(together, first[together](history), strict=True))
+        parts = [history.segment(k) for k in range(len(self._made))]
+        own = [part[name] if len(part) and name in part else None for part in parts]
+        shapes = [values.shape[1:] for values in own if values is not None]
+        size = tuple(int(each) for each in np.max(shapes, axis=0)) if shapes[0] else ()
+        out = np.full((len(history), *size), np.nan)
+        for (start, stop), values in zip(history.segments, own, strict=True):
+            if values is not None:
+                out[(slice(start, stop), *(slice(length) for length in values.shape[1:]))] = values
+        return {name: out}
+
+    def segment(self, k: int) -> SystemSeries:
+        """See :class:`skfem_cosserat.history.Derivation`."""
+        return SystemSeries([self._systems[k]], self._kind) if len(self._formulas) > 1 else self
+
+    def packed(self) -> SystemSeries | None:
+        """See :class:`skfem_cosserat.history.Derivation`."""
+        out = copy(self)
+        out._systems, out._made = [], []
+        try:
+            out._packed = self._packed or pickle.dumps(self._systems)
+        except Exception as error:  # noqa: BLE001, whatever a user's own items raise
+            logger.info("the system of a history cannot be pickled: %s", error)
+            return None
+        return out
+
+
+#: what a run derives when it ends: all (True), some, nothing yet (None), or nothing ever (False)
+Asked = bool | Sequence[str] | None
+
+
+def checked_asked(derive: Asked, system: System, kind: Kind) -> Asked:
+    """The argument `derive` of a run of this kind; InputError if it is none, or names no series."""
+    if derive is None or isinstance(derive, bool | np.bool_):
+        return derive
+    item = "argument derive"
+    if isinstance(derive, str) or not isinstance(derive, Sequence):
+        raise InputError(item, f"{derive!r}, expected True, False or a list of names of series")
+    known = SystemSeries([system], kind).names
+    for name in derive:
+        if name not in known:
+            raise InputError(item, f"no series {name!r} is derived; {names_known(name, known)}")
+    return list(derive)
+
+
+def finish(
+    history: History,
+    systems: Sequence[System],
+    derive: Asked,
+    path: str | os.PathLike[str] | None,
+) -> None:
+    """Let a history derive its series, derive those asked for, and save it.
+
+    Nothing is lost by an interrupt: states are in the file already, series are derived later.
+    """
+    if derive is False:
+        return
+    history.derive_by(SystemSeries(systems, kind_of(history)))
+    try:
+        if derive:
+            history.derive(None if derive is True else derive)
+        if path is not None:
+            history.save(path)
+    except KeyboardInterrupt:
+        text = "interrupted: what is not there yet is derived when it is asked for"
+        where = "" if path is None else f"; {os.fspath(path)!r} has the recorded states alone"
+        warn("derived series", text + where, IncompleteWarning)
+
+
+def kind_of(history: History) -> Kind:
+    """Which series follow from a history: of a run, of a path of equilibria, or of a mode."""
+    if "load_factor" in history:
+        return path_formulas
+    if "instant" in history.meta:
+        return configuration_formulas
+    return run_formulas if set(WORKS) <= set(history.recorded) else state_formulas
+
+
+def run_formulas(system: System) -> Formulas:
+    """Of a run, which has recorded works."""
+    own = _momenta_formulas(system)
+    return own | {(BALANCE,): _balance} | configuration_formulas(system)
+
+
+def state_formulas(system: System) -> Formulas:
+    """What follows from configurations, momenta and constraint forces."""
+    return _momenta_formulas(system) | configuration_formulas(system)
+
+
+def _momenta_formulas(system: System) -> Formulas:
+    """What follows from configurations and momenta."""
+    return {
+        ("v",): lambda h: Projection(system).stack(h["q"], h["p"], h.times)[:1],
+        ("Qp",): lambda h: [np.where(np.isnan(h["v"]), np.nan, momentum(system, h["v"]))],
+        ("kinetic",): lambda h: [kinetic_energy(system, h["p"])],
+        ("strain_energy",): _strain_energy(system),
+        ("external",): lambda h: [external_energy(system, h["q"], h.times)],
+        ("coupling_energy",): _coupling_energy(system),
+        ("energy",): lambda h: [h["kinetic"] + h["strain_energy"] + h["coupling_energy"]],
+        ("energy_projected",): lambda h: [
+            0.5 * (h["v"] * h["Qp"]).sum(1) + h["strain_energy"] + h["coupling_energy"]
+        ],
+        ("linear_momentum",): lambda h: [linear_momentum(system, h["p"])],
+        ("angular_momentum",): lambda h: [angular_momentum(system, h["q"], h["p"])],
+        ("angular_momentum_projected",): lambda h: [angular_momentum(system, h["q"], h["Qp"])],
+        ("hidden_violation",): lambda h: [hidden_violation(system, h["q"], h["v"], h.times)],
     }
-    series |= relative_series(system, q, v, t, turns)
-    y = diagnostics.constraint_points(system, history)
-    lam = series["multipliers"] = diagnostics.multipliers(system, y, history["constraint_force"])
+
+
+def path_formulas(system: System) -> Formulas:
+    """Of the equilibria along a path."""
+    return {
+        ("v",): lambda h: [np.zeros_like(h["q"])],
+        ("strain_energy",): _strain_energy(system),
+        ("coupling_energy",): _coupling_energy(system),
+        ("energy",): lambda h: [h["strain_energy"] + h["coupling_energy"]],
+        ("external",): lambda h: [potential(system, h["q"], h["amplitudes/loads"])],
+        **configuration_formulas(system),
+    }
+
+
+def configuration_formulas(system: System) -> Formulas:
+    """What follows from configurations, constraint forces and the velocities "v"."""
+    relative = tuple(relative_names(system))
+    items = [jr.joint for jr in system.joint_rows]
+    couplings = system.couplings.items
+
+    def coordinates(h: History) -> list[Floats]:
+        found = relative_series(system, h["q"], h["v"], h.instants, h.series.get("turns"))
+        return [found[name] for name in relative]
+
+    def lam(h: History) -> list[Floats]:
+        y = constraint_points(system, h)
+        return [multipliers(system, y, h["constraint_force"])]
+
+    def wrenches(h: History) -> list[Floats]:
+        found = reactions(system, constraint_points(system, h), h["multipliers"])
+        return [each for pair in found.values() for each in pair]
+
+    def places(h: History) -> list[Floats]:
+        rows = all_rows(system, h["q"], h.instants)
+        ends = [[_positions(system, at, rows) for at in (item.a, item.b)] for item in couplings]
+        return [
+            *(_positions(system, item.a, rows) for item in items),
+            *(np.stack(each, axis=1) for each in ends),
+        ]
+
+    formulas: Formulas = {
+        ("constraint_violation",): lambda h: [constraint_violation(system, h["q"], h.instants)],
+        relative: coordinates,
+        ("multipliers",): lam,
+    }
     for beam in (s for s in system.structures if is_beam(s)):
-        series[f"beam/{beam.name}/strain"] = diagnostics.section_strains(system, beam, q)
-        forces = diagnostics.section_forces(system, beam, q, multipliers=lam)
-        series[f"beam/{beam.name}/resultant"] = forces
-    for name, (force, moment) in diagnostics.reactions(system, y, lam).items():
-        series[f"joint/{name}/force"], series[f"joint/{name}/moment"] = force, moment
-    rows = all_rows(system, q, t)
-    for jr in system.joint_rows:
-        series[f"joint/{jr.joint.name}/position"] = _positions(system, jr.joint.a, rows)
-    for item in system.couplings.items:
-        ends = [_positions(system, place, rows) for place in (item.a, item.b)]
-        series[f"coupling/{item.name}/ends"] = np.stack(ends, axis=1)
-    for name, values in series.items():
-        history.add_series(name, values)
+        formulas |= _beam_formulas(system, beam)
+    wrench_names = [f"joint/{item.name}/{each}" for item in items for each in ("force", "moment")]
+    place_names = [f"joint/{item.name}/position" for item in items]
+    end_names = [f"coupling/{item.name}/ends" for item in couplings]
+    return formulas | {tuple(wrench_names): wrenches, (*place_names, *end_names): places}
+
+
+def _beam_formulas(system: System, beam: Beam) -> Formulas:
+    """Strains and section forces of a beam."""
+    strain = f"beam/{beam.name}/strain"
+    holds = theory_of(system.theory_rows, beam) is not None
+
+    def resultant(h: History) -> list[Floats]:
+        lam = h["multipliers"] if holds else None
+        return [resultants(system, beam, h[strain], lam)]
+
+    return {
+        (strain,): lambda h: [section_strains(system, beam, h["q"])],
+        (f"beam/{beam.name}/resultant",): resultant,
+    }
+
+
+def _strain_energy(system: System) -> Formula:
+    """Of all beams together."""
+    beams = [item for item in system.structures if is_beam(item)]
+
+    def energy(h: History) -> list[Floats]:
+        energies = [stored_energy(b, h[f"beam/{b.name}/strain"]) for b in beams]
+        return [sum(energies, np.zeros(len(h)))]
+
+    return energy
+
+
+def _coupling_energy(system: System) -> Formula:
+    """Of all springs together."""
+    return lambda h: [coupling_energy(system, h["q"], h.instants, h.series.get("turns"))]
+
+
+def _balance(history: History) -> list[Floats]:
+    """Energy less all work done since the start, and what was dissipated."""
+    work = sum(history[name] for name in WORKS)
+    balance = history["energy"] - work + history["dissipated"]
+    return [balance - balance[:1]]
 
 
 def _positions(system: System, place: Place, y: Floats) -> Floats:

@@ -9,23 +9,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..constraints import Treatment
-from ..diagnostics import Projection, constraint_points, highest_frequency, resolution
-from ..diagnostics.forces import overstretched_at
+from ..diagnostics import (
+    Projection,
+    constraint_points,
+    highest_frequency,
+    multipliers,
+    resolution,
+)
 from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..linear import Solver
 from ..model import System, takes_scene
-from ..model.limits import FAR_TURN, over_rotated_beam
+from ..model.limits import FAR_TURN, over_rotated_beam, overstretched_beam
 from ..model.plane import functions_off_plane
 from ..newton import NewtonSettings
-from ..types import MOST, real, switch, whole
+from ..types import MOST, Floats, real, whole
 from ..warn import Notices, logger, warn
 from .conditions import ActionOutcome
-from .describe import derive_segments, derive_series
+from .describe import checked_asked, finish, run_formulas
 from .events import Event, EventMonitor, Found, checked_events
 from .progress import Interrupt, Progress
-from .recorder import Numbered, Recorder, Wanted, deriving, energy, timed
+from .recorder import Numbered, Recorder, Wanted, energy, timed
 from .sensors import Sensor, View
 from .start import consistent_start, initial_state
 from .step_size import ControlledSteps, FixedSteps, StepControl, StepperFactory, SteppingPlan
@@ -233,7 +238,7 @@ def simulate(
     callbacks: Sequence[Callback] = (),
     progress: bool | Callable[[float, float], object] = False,
     path: str | os.PathLike[str] | None = None,
-    derive: bool = True,
+    derive: bool | Sequence[str] | None = None,
     settings: NewtonSettings | None = None,
     kernels: str = "auto",
     solver: Solver | None = None,
@@ -293,8 +298,10 @@ def simulate(
     path : path, optional
         Stream the history to this file, block by block. An older file is replaced, but not by a
         run that goes on from a history.
-    derive : bool
-        Add energies, velocities, section forces and reactions at the end (:func:`derive_series`).
+    derive : bool or list of str, optional
+        Series that are derived when the run ends: those named, as ``["energy"]``, or all (True). By
+        default each is derived when it is first asked for: ``history["energy"]``. False: none can
+        be asked for. See :func:`skfem_cosserat.run.derive_series` for all there are.
 
     Returns
     -------
@@ -327,7 +334,7 @@ def simulate(
     >>> float(history["energy"][-1].round(12))
     1.0
     """
-    derive = switch("argument derive", derive)
+    derive = checked_asked(derive, system, run_formulas)
     with Notices(system.warnings) as notices:
         show = Progress(progress, "t = {:.6g} s of {:.6g} s".format)
         first = _first_step(system, integrator, step, until, start)
@@ -346,7 +353,9 @@ def simulate(
         looked = bool(callbacks or sensors or callable(progress))
         extent = state, until, count, every, at, eventful, looked
         plan, wanted = _planned(step, factory, stepper, *extent)
-        recorder = Recorder(system, stepper, state, wanted, path, sensors, varying, notices)
+        expected = wanted.rows if isinstance(wanted, Numbered) else None
+        about = path, sensors, varying, notices, expected
+        recorder = Recorder(system, stepper, state, wanted, *about)
         highest = _highest_needed(stepper)
         _log_if_unresolved(integrator, stepper.h, highest)
         with recorder, Interrupt() as interrupt:
@@ -370,9 +379,8 @@ def simulate(
             if failure is not None:
                 notices.tell(failure)  # now with the balance of energy
                 failure.history = history
-            if derive:
-                interrupt.at_once()  # nothing is lost any more
-                _derive(recorder, history, path)
+            interrupt.at_once()  # nothing is lost any more
+            finish(history, [segment.system for segment in recorder.segments], derive, path)
         logger.info("%s: %d states up to t = %.6g s", status, len(history), history.times[-1])
         if failure is not None:
             notices.tell(failure)
@@ -474,10 +482,16 @@ def _warn_of_elements(system: System, history: History) -> None:
     states = history["q"].reshape(len(history), -1, 3)
     if bent := over_rotated_beam(system, states[-1]):
         warn(*bent, AccuracyWarning, float(history.times[-1]))
-    points = constraint_points(system, history) if system.theory_rows else states
-    for k in np.unique(np.linspace(0, len(states) - 1, LOOKS).round().astype(int)):
-        force = history["constraint_force"][k]
-        if drawn := overstretched_at(system, points[k], force):
+    looks = np.unique(np.linspace(0, len(states) - 1, LOOKS).round().astype(int))
+    points: Floats = states[looks]
+    tension: list[Floats | None] = [None] * len(looks)
+    if system.theory_rows:
+        points = constraint_points(system, history)[looks]
+    if any(2 in theory.held for theory in system.theory_rows):
+        found = multipliers(system, points, history["constraint_force"][looks])
+        tension = [lam if np.isfinite(lam).all() else None for lam in found]
+    for k, y, lam in zip(looks, points, tension, strict=True):
+        if drawn := overstretched_beam(system, y, lam):
             warn(*drawn, AccuracyWarning, float(history.times[k]))
             break
 
@@ -548,18 +562,6 @@ def _log_if_unresolved(integrator: Integrator, h: float, highest: float | None) 
     """Log it: as a warning it would be a false alarm on many right runs."""
     if hint := _unresolved(integrator, h, highest):
         logger.info("the %s integrator is likely to fail: %s", integrator.name, hint)
-
-
-def _derive(recorder: Recorder, history: History, path: str | os.PathLike[str] | None) -> None:
-    """Add the derived series; a history that ended badly is kept whatever they give."""
-    with deriving(), np.errstate(all="ignore"):
-        if len(recorder.segments) > 1:
-            derive_segments([segment.system for segment in recorder.segments], history)
-        else:
-            derive_series(recorder.system, history)
-    history.meta["warnings"] = recorder.notices.kept()
-    if path is not None:
-        history.save(path)
 
 
 def _check_run(

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +25,7 @@ from ..integrators import Integrator, State, Stepper, StepReport
 from ..model import System
 from ..types import Floats, IndexArray, numbers
 from ..warn import Notices, logger, warn
-from .describe import describe, fingerprint
+from .describe import WORKS, describe, fingerprint
 from .sensors import Sensor, SensorBank, checked_sensors
 
 # -- work done since the start of a run, and the balance of energy at its end ----------------------
@@ -160,7 +159,12 @@ def energies(system: System, integrator: Integrator, part: History, rows: IndexA
     if integrator.carries_node_momentum:
         kinetic = diagnostics.kinetic_energy(system, p)
     else:
-        v = Projection(system).stack(q, p, t)[0]
+        if len(rows) < MANY:
+            states = zip(q, p, t.tolist(), strict=True)
+            each = [nearest_velocity(system, system.extend(a, s), b, s) for a, b, s in states]
+            v = np.array(each)
+        else:
+            v = Projection(system).stack(q, p, t)[0]
         kinetic = diagnostics.kinetic_energy_of_velocity(system, v)
     turns = part["turns"][rows] if "turns" in part else None
     coupled = diagnostics.coupling_energy(system, q, t, turns)
@@ -269,7 +273,7 @@ class Works:
             with np.errstate(all="ignore"):
                 start, end = energy(*self._start), energy(*self._now)
         except CosseratError as error:
-            logger.info("no balance of energy: %s", error)
+            warn("balance of energy", f"it cannot be had: {error}", IncompleteWarning)
             return None
         drives, lost = self.drives, self.dissipated - self._numerical
         if self._waiting is not None:
@@ -282,20 +286,18 @@ class Works:
         off = start + self.loads + self.actuators + drives - lost - end
         return EnergyBalance(start, end, *works, off, scale)
 
-    def row(self) -> dict[str, float]:
-        """Entries of the history; the work of drives is NaN while a part of it is unknown."""
-        return {
-            "work_loads": self.loads,
-            "work_actuators": self.actuators,
-            "work_drives": self.drives if self._waiting is None else np.nan,
-            "dissipated": self.dissipated,
-        }
+    @property
+    def known_drives(self) -> float:
+        """Work of drives (J); NaN while a part of it is unknown."""
+        return self.drives if self._waiting is None else np.nan
 
 
 # -- which states are recorded, and when a row of the history is complete --------------------------
 
 #: recorded states, evenly spread, at which the balance of energy is looked at
 BETWEEN = 100
+#: states for which it pays to lay out the elimination that solves them together
+MANY = 40
 #: recorded states after which what sensors saw is written, so that a killed run keeps it, too
 SEEN = 50
 
@@ -310,21 +312,8 @@ class Segment(NamedTuple):
     system: System
 
 
-_WORKS = "work_loads", "work_actuators", "work_drives"
 #: what the step after the last one may raise: it is beyond the run the user asked for
 _NO_STEP = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
-
-
-@contextmanager
-def deriving() -> Iterator[None]:
-    """Around what is derived from a history: one that ended badly is kept whatever that gives."""
-    try:
-        yield
-    except CosseratError as error:
-        warn("derived series", f"energies and reactions are missing: {error}", IncompleteWarning)
-    except KeyboardInterrupt:
-        text = "energies and reactions are missing, it was interrupted: see derive_series"
-        warn("derived series", text, IncompleteWarning)
 
 
 def take_along(error: BaseException, so_far: Callable[[], History]) -> None:
@@ -357,9 +346,10 @@ class Recorder:
         sensors: Mapping[str, Sensor] | None,
         varying: bool,
         notices: Notices,
+        expected: int | None = None,
     ) -> None:
         self.system, self.stepper, self.notices = system, stepper, notices
-        self.wanted, self.open = wanted, False
+        self.wanted = wanted
         #: size of the steps now (s)
         self.h = stepper.h
         #: steps may differ in size: it is recorded
@@ -384,24 +374,33 @@ class Recorder:
                 for name, sensor in bank.items()
             }
         self.works = Works(system, stepper.integrator, state, stepper.h)
-        self.writer = HistoryWriter(meta, static, path)
+        self.writer = HistoryWriter(meta, static, path, expected=expected)
         self.iterations = 0
-        self.last: dict[str, Any] | None = None
         self._complete: History | None = None
         self.closed: History | None = None
         self.bank = SensorBank(bank, system, stepper, self.writer)
         self.bank.begin(state)
-        self._before = state
         self._rows = 0
         #: what the scheme took up to each row
         self._taken: list[float] = []
         #: constraint force of a recent state
         self._force: Floats | None = None
-        weight = stepper.integrator.constraint_weight
+        self._start(state)
+
+    def _start(self, state: State) -> None:
+        """Begin with a state that no step led to, which is recorded."""
+        integrator = self.stepper.integrator
+        weight = integrator.constraint_weight
         #: whether a step's constraint force acts at its end, between both
         self._at_end, self._between = weight == 1, 0 < weight < 1
-        first = stepper.start_force(state)
-        self._append(self._row(state, 0, 1, 0.0, first))
+        self._carries, self._remembered = integrator.carries_node_momentum, integrator.remembered
+        self._nan = np.full(self.system.n, np.nan)
+        self._nowhere = np.full(3 * self.system.total, np.nan)
+        self._before = state
+        #: the row of the present state, and whether it is to be recorded: it is written when the
+        #: step after it has completed it
+        self._row = self._row_of(state, 0, 1, 0.0, self.stepper.start_force(state, self.h))
+        self._kept = True
 
     def __enter__(self) -> Recorder:
         return self
@@ -427,7 +426,7 @@ class Recorder:
                     self.writer.close("failed")
         return self.writer.history()
 
-    def _row(
+    def _row_of(
         self,
         state: State,
         iterations: int,
@@ -435,93 +434,97 @@ class Recorder:
         residual: float,
         force: Floats | None = None,
     ) -> dict[str, Any]:
-        nan = np.full(self.system.n, np.nan)
-        known = state.fresh or self.stepper.integrator.carries_node_momentum
+        known = state.fresh or self._carries
+        works = self.works
         row: dict[str, Any] = {
             "t": state.time,
             "step": state.index,
             "q": state.q,
-            "p": state.p if known else nan,
+            "p": state.p if known else self._nan,
             "carried": state.p,
             "fresh": float(state.fresh),
-            "constraint_force": nan if force is None else force,
+            "constraint_force": self._nan if force is None else force,
             "newton_iterations": iterations,
             "attempts": attempts,
             "residual": residual,
-            **self.works.row(),
+            "work_loads": works.loads,
+            "work_actuators": works.actuators,
+            "work_drives": works.known_drives,
+            "dissipated": works.dissipated,
         }
         if self._angles:
             none = np.zeros(len(self._angles), dtype=np.int64)
             row["turns"] = none if state.turns is None else state.turns
         if self.varying:
             row["step_size"] = np.nan if state.made_by is None else state.made_by.step
-        if count := self.stepper.integrator.remembered:
-            none = np.full((count, self.system.n), np.nan)
+        if self._remembered:
+            none = np.full((self._remembered, self.system.n), np.nan)
             row["rates"] = none if state.rates is None else state.rates
         if self._between:
-            row["constraint_point"] = np.full(3 * self.system.total, np.nan)
+            row["constraint_point"] = self._nowhere
+        self._numerical = works.numerical
         return row
 
-    def _append(self, row: dict[str, Any]) -> None:
+    def _append(self) -> None:
+        """Record the present state, if that is wanted."""
+        row, self._row = self._row, {}
+        self._record(row, self._numerical, self._kept)
+
+    def _record(self, row: dict[str, Any], numerical: float, kept: bool) -> None:
+        if not (row and kept):
+            return
+        self._taken.append(numerical)
+        self._rows += 1
         self.writer.append(row)
-        self._taken.append(self.works.numerical)
-        self.open, self._rows = True, self._rows + 1
         if self._rows % SEEN == 0:
             self.bank.flush()
 
-    def _amend(self, report: StepReport) -> None:
+    def _complete_row(self, report: StepReport) -> None:
+        """What a step says of the state that it starts from."""
         self.works.finish(report)
-        if self._at_end:
-            self.open = False  # nothing is missing
-        if self.open:
-            fields: dict[str, Any] = {
-                "p": report.momentum,
-                "constraint_force": report.constraint_force,
-                "work_drives": self.works.drives,
-            }
-            if self._between:
-                fields["constraint_point"] = report.constraint_point.ravel()
-            self._force = fields["constraint_force"]
-            self.writer.amend(**fields)
-            self.open = False
+        if self._at_end or not self._kept:  # nothing is missing
+            return
+        row = self._row
+        if not self._carries:
+            row["p"] = report.momentum
+        row["constraint_force"] = self._force = report.constraint_force
+        row["work_drives"] = self.works.drives
+        if self._between:
+            row["constraint_point"] = report.constraint_point.ravel()
 
     def take(self, report: StepReport) -> None:
-        """A step is done: complete the row of its start, record its end if wanted."""
-        self._amend(report)
+        """A step is done: write the row of its start, and make that of its end."""
+        self._complete_row(report)
+        start = self._row, self._numerical, self._kept
         self.works.add(report)
         self.bank.take(self._before, report)
         self.iterations += report.all_iterations
         state = self._before = report.state
-        force = report.constraint_force if self._at_end else None
-        self._force = force if self._at_end else self._force
-        row = self._row(state, report.iterations, report.attempts, report.residual, force)
-        if self.wanted(state, report.step):
-            self._append(row)
-            self.last = None
-        else:
-            self.last = row
+        force = None
+        if self._at_end:
+            force = self._force = report.constraint_force
+        self._row = self._row_of(state, report.iterations, report.attempts, report.residual, force)
+        self._kept = self.wanted(state, report.step)
+        self._record(*start)
 
     def row_of_event(self) -> int:
         """Number of the row of the present state, which is recorded."""
-        if self.last is not None:
-            self._append(self.last)
-            self.last = None
-        return self._rows - 1
+        self._kept = True
+        return self._rows
 
     def switch(
         self, end: State, system: System, stepper: Stepper, state: State, h: float, loss: float
     ) -> None:
         """Go on with another state, and perhaps another system, by steps of a size (s)."""
         self.look_ahead(end, h)
+        self._append()
         if system is not self.system:
             self.segments.append(Segment(self._rows, system))
         self.note()
-        self.system, self.stepper = system, stepper
+        self.system, self.stepper, self.h = system, stepper, h
         self.works.go_on(stepper.integrator, system, state, h, loss)
         self.bank.go_on(system)
-        self._before = state
-        first = stepper.start_force(state, h)
-        self._append(self._row(state, 0, 1, 0.0, first))
+        self._start(state)
 
     def note(self) -> None:
         """Write events and warnings so far into the file at once."""
@@ -529,14 +532,11 @@ class Recorder:
 
     def look_ahead(self, state: State, h: float) -> None:
         """Momentum and constraint force of the last state belong to the step after it."""
-        if self.last is not None:
-            self._append(self.last)
-            self.last = None
+        self._kept = True
         if self._at_end:
-            self.open = False
             return
         try:
-            self._amend(self.stepper.advance(state, state.time + h, h))
+            self._complete_row(self.stepper.advance(state, state.time + h, h))
         except Diverged as error:
             logger.info("no step after t = %.6g s, momentum projected: %s", state.time, error)
         except _NO_STEP as error:  # loads and motions that are not known beyond the run
@@ -576,18 +576,15 @@ class Recorder:
             raise
         except (CosseratError, *_NO_STEP) as error:  # a user's function: the history is kept
             warn("sensors", f"their last values are missing: {error}", IncompleteWarning)
-        if self.last is not None:
-            self._append(self.last)
-            self.last = None
-        if self.open:
-            row = self.writer.history().last()
-            if not np.isfinite(row["p"]).all():
-                try:
-                    p = Projection(self.system)(row["q"], row["carried"], float(row["t"]))[1]
-                    self.writer.amend(p=p)
-                except CosseratError as error:  # a singular configuration: p stays NaN
-                    text = f"its momentum could not be projected: {error}"
-                    warn("last state", text, IncompleteWarning, float(row["t"]))
+        row = self._row
+        if row and not np.isfinite(row["p"]).all():
+            try:
+                row["p"] = Projection(self.system)(row["q"], row["carried"], row["t"])[1]
+            except CosseratError as error:  # a singular configuration: p stays NaN
+                text = f"its momentum could not be projected: {error}"
+                warn("last state", text, IncompleteWarning, row["t"])
+        self._kept = True
+        self._append()
         self._complete = self.writer.history()
         return self._complete
 
@@ -602,7 +599,7 @@ class Recorder:
                 for k in np.unique(owner):
                     chosen = self.segments[k].system, integrator, history, rows[owner == k]
                     found[owner == k] = energies(*chosen)
-                works = sum(history[name][rows] for name in _WORKS)
+                works = sum(history[name][rows] for name in WORKS)
                 left = history["dissipated"][rows] - np.array(self._taken)[rows]
                 lost = found[0] + works - left - found
         except (CosseratError, ArithmeticError) as error:
@@ -661,6 +658,11 @@ class Numbered:
         self._first, self._count, self._every = state.index, count, int(every)
         #: numbers asked for, in order; None: every k-th
         self._at = None if at is None else _numbers(state, h, count, every, at)
+
+    @property
+    def rows(self) -> int:
+        """How many states are recorded, if all steps are solved; some more at most."""
+        return (self._count // self._every if self._at is None else len(self._at)) + 2
 
     def __call__(self, state: State, h: float) -> bool:
         """Whether a state is to be recorded."""

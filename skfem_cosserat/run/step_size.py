@@ -119,10 +119,11 @@ class FixedSteps(SteppingPlan):
         k = state.index + 1 - self._first
         if k > self._count:
             return []
-        if self._ahead is None or not self.stepper.takes_blocks(state):
-            return [self.stepper.advance(state, self._time(state.index + 1), self.h)]
-        ahead = min(self._ahead(state), self._most)
-        return [self.stepper.advance_block(state, ahead, self._time)]
+        ahead = 1 if self._ahead is None else min(self._ahead(state), self._most)
+        if ahead > 1 and self.stepper.takes_blocks(state):
+            return [self.stepper.advance_block(state, ahead, self._time)]
+        h = None if self._end is None else self.h
+        return [self.stepper.advance(state, self._time(state.index + 1), h)]
 
     def _time(self, index: int) -> float:
         """Of the state with this index: t_n = t_0 + n h, no rounding adds up over many steps."""

@@ -21,8 +21,8 @@ from ..model import System, takes_scene
 from ..model.balance import Spin, balance
 from ..model.limits import over_rotated_beam
 from ..newton import NewtonReport, NewtonSettings
+from ..run.describe import checked_asked, finish, path_formulas
 from ..run.progress import Interrupt, Progress
-from ..run.recorder import deriving
 from ..time_function import Amplitude
 from ..types import Floats
 from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
@@ -36,7 +36,6 @@ from .schedule import (
     Point,
     Schedule,
     Solution,
-    derive_path,
     weights,
 )
 from .solver import UNMOVED, PathSolver
@@ -518,7 +517,7 @@ def static(
     callbacks: Sequence[Callback] = (),
     progress: bool | Callable[[float, float], object] = False,
     path: str | os.PathLike[str] | None = None,
-    derive: bool = True,
+    derive: bool | Sequence[str] | None = None,
     solver: Solver | None = None,
 ) -> History:
     """Equilibrium path of a scene.
@@ -573,8 +572,9 @@ def static(
         True: one line on stderr; a callable gets (parameter, load factor) after each point.
     path : path, optional
         Stream the history to this file.
-    derive : bool
-        Add energies, section forces and reactions at the end.
+    derive : bool or list of str, optional
+        Series (energies, section forces, reactions) that are derived at the end, see
+        :func:`skfem_cosserat.simulate`.
     solver : Solver, optional
         See :func:`skfem_cosserat.simulate`.
 
@@ -616,8 +616,8 @@ def static(
         treatment = NullSpace() if treatment is None else treatment
         control = LoadControl() if control is None else control
         settings = STATIC if settings is None else settings
-        switches = {"watch": watch, "derive": derive}
-        check_run(system, treatment, control, settings, callbacks, switches)
+        check_run(system, treatment, control, settings, callbacks, {"watch": watch})
+        derive = checked_asked(derive, system, path_formulas)
         schedule = Schedule(system, factors, spin, time)
         check_growth(schedule, control)
         first, direction = first_point(system, schedule, start)
@@ -654,24 +654,9 @@ def static(
                 critical=continuation.critical,
                 **({} if failure is None else {"failure": str(failure)}),
             )
-            if derive and len(history):
-                interrupt.at_once()  # nothing is lost any more
-                _derive(system, schedule, history, path, notices)
+            interrupt.at_once()  # nothing is lost any more
+            finish(history, [system], derive, path)
         if failure is not None:
             failure.history = history
             raise failure
         return history
-
-
-def _derive(
-    system: System,
-    schedule: Schedule,
-    history: History,
-    path: str | os.PathLike[str] | None,
-    notices: Notices,
-) -> None:
-    with deriving(), np.errstate(all="ignore"):
-        derive_path(system, schedule, history)
-    history.meta["warnings"] = notices.kept()
-    if path is not None:
-        history.save(path)

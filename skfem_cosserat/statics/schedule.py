@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 
 from ..coupling import Coupling
-from ..diagnostics import coupling_energy, strain_energy
 from ..errors import InputError
 from ..history import History, HistoryWriter
 from ..load import Load
 from ..model import System
 from ..model.balance import Amplitudes, Spin
 from ..newton import NewtonReport
-from ..run.describe import derive_configuration, describe
+from ..run.describe import describe
 from ..run.recorder import take_along
 from ..time_function import (
     Amplitude,
@@ -320,11 +319,6 @@ class Schedule:
         loads = self.system.loading.checked(np.array(numbers(self._loads)), t)
         return Amplitudes(loads, np.array([*numbers(self._actuators), 0.0]), spin, now)
 
-    def potential(self, q: Floats, times: Floats) -> Floats:
-        """``-f(t) . q`` (N,) of the dead loads (J)."""
-        force = [self.system.loading.dead_force(self.at(float(t)).loads) for t in times]
-        return -(np.array(force).reshape(len(q), -1) * q).sum(1)
-
 
 # -- A path as a history: points with their load factor, stability and constraint forces -----------
 
@@ -456,21 +450,3 @@ def recorded_amplitudes(history: History, index: int = -1) -> Amplitudes:
     )
     time = float(history.instants[index])
     return Amplitudes(loads, actuators, Spin(*spin) if spin[0].any() else None, time)
-
-
-def derive_path(system: System, schedule: Schedule, history: History) -> None:
-    """Add energies, strains, section forces, reactions and joint coordinates of all points."""
-    q, factor, times = history["q"], history["load_factor"], history.instants
-    turns = history.series.get("turns")
-    strain = strain_energy(system, q)
-    coupling = coupling_energy(system, q, times, turns)
-    series = {
-        "v": np.zeros_like(q),
-        "strain_energy": strain,
-        "coupling_energy": coupling,
-        "energy": strain + coupling,
-        "external": schedule.potential(q, factor),
-    }
-    for name, values in series.items():
-        history.add_series(name, values)
-    derive_configuration(system, history, times)

@@ -210,8 +210,8 @@ class JudgeEnergy:
         if not DERIVED.issubset(history.series):
             raise InputError(
                 "JudgeEnergy",
-                "the history has no series 'energy' and 'external': run it with derive=True, or"
-                " give energy=, a function of it",
+                "the history has no series 'energy' and 'external': run it without derive=False,"
+                " or give energy=, a function of it",
             )
         return np.asarray(history["energy"] + history["external"])
 

@@ -108,25 +108,25 @@ def test_writer_any_number_of_rows(make_scene, tmp_path, states, streamed):
         assert History.load(path).meta == history.meta
 
 
-@pytest.mark.parametrize("streamed", [False, True])
-def test_amend_changes_the_last_row_only(make_scene, tmp_path, streamed):
-    scene, path = make_scene(), tmp_path / "run.history" if streamed else None
-    writer = HistoryWriter(scene.meta, scene.static, path, block=5)
-    for k in range(11):  # also at the last row of a block, which must wait for the next append
+def test_rows_that_are_expected_are_written_to_one_array(make_scene):
+    """Memory for them is taken once; more rows than that are no error."""
+    scene = make_scene()
+    writer = HistoryWriter(scene.meta, scene.static, block=2, expected=11)
+    for k in range(11):
         writer.append(scene.row(k))
-        writer.amend(energy=float(k), **{"joint/pin/force": np.full(3, float(k))})
-    writer.close()
-    history = writer.history()
-    np.testing.assert_array_equal(history["energy"], np.arange(11.0))
-    np.testing.assert_array_equal(history["joint/pin/force"][:, 2], np.arange(11.0))
+    first = writer.history()
+    bases = {id(first["q"].base), id(writer.history()["q"].base)}
+    assert len(bases) == 1 and None not in bases
+    for k in range(3):
+        writer.append(scene.row(k))
+    assert len(first) == 11 and len(writer.history()) == 14
+    np.testing.assert_array_equal(writer.history()["q"][:11], first["q"])
 
 
 def test_writer_refuses(make_scene, tmp_path):
     scene = make_scene()
     writer = HistoryWriter(scene.meta, scene.static)
     row = scene.row(0)
-    with pytest.raises(InputError, match="no row"):
-        writer.amend(energy=1.0)
     with pytest.raises(InputError, match="misses p"):
         writer.append({name: value for name, value in row.items() if name != "p"})
     writer.append(row)
@@ -141,13 +141,9 @@ def test_writer_refuses(make_scene, tmp_path):
     short = {name: value for name, value in row.items() if name != "energy"}
     with pytest.raises(InputError, match=r"'energy'.*missing"):
         writer.append(short)
-    with pytest.raises(InputError, match="'other'"):
-        writer.amend(other=1.0)
-    with pytest.raises(InputError, match=r"'energy'.*shape"):
-        writer.amend(energy=np.zeros(2))
     assert len(writer) == len(writer.history()) == 1
     writer.close()
-    for call in (lambda: writer.append(row), lambda: writer.amend(energy=1.0), writer.close):
+    for call in (lambda: writer.append(row), writer.close):
         with pytest.raises(InputError, match="closed"):
             call()
     with pytest.raises(InputError, match="block"):

@@ -503,7 +503,7 @@ ARGUMENTS = {
     "callbacks": [print, None, [1], "abc"],
     "progress": [3, "yes"],
     "path": [3.5, ["a"]],
-    "derive": ["no", None],
+    "derive": ["no", 1, ["enrgy"]],
 }
 
 
