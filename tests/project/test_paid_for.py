@@ -173,13 +173,14 @@ def test_constant_loads_masses_and_patterns_are_computed_once(
         sc.simulate(system, scheme, treatment, 1e-3, steps * 1e-3, kernels="numpy", derive=False)
         found.append(dict(calls))
     few, many = found
-    assert few["__init__"] >= many["__init__"]  # the first run makes what the system keeps
+    # the first run makes what the system keeps
+    assert few.get("__init__", 0) >= many.get("__init__", 0)
     assert "scalar_mass" not in few | many
     assert "_dead" not in few | many
     assert few.get("value") == 3  # of three loads
     assert few.get("_sum") == 1
     assert "average" not in few | many
-    assert set(many) == {"__init__"}  # and not even once in another run
+    assert set(many) <= {"__init__"}  # and not even once in another run
 
 
 def rods(count: int) -> sc.Model:
