@@ -245,7 +245,7 @@ class BoundTreatment(ABC):
         """Take this solver for the linear systems, not the one chosen by their size."""
         self.asked = solver
         if "solver" in vars(self):
-            self.solver = LinearSolver(self.solver.pattern, solver)
+            self.solver = LinearSolver(self.solver.pattern, solver, self.solver.n)
 
     @property
     def factorisations(self) -> int:

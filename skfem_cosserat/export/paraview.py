@@ -651,7 +651,9 @@ class ParaViewWriter:
         InputError
             As `write`.
         """
-        series = {name: history[name] for name in self._names if name in history}
+        names = [name for name in self._names if name in history]
+        history.derive(names)  # what cannot be had is told, and left out
+        series = {name: history[name] for name in names if name in history.recorded}
         size = max(1, _NUMBERS // max(1, series["q"].shape[1]))  # states that are written at once
         for start in range(0, len(chosen), size):
             part = np.array(chosen[start : start + size])

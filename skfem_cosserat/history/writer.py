@@ -20,6 +20,13 @@ from .file import SAVE_BYTES, FileWriter, check_basic, load_file, plain, series_
 _LARGE = 2**28
 
 
+def _is_plain(value: object) -> bool:
+    """Whether the type of an entry, and the shape of an array, say all about it."""
+    return (
+        bool(value.ndim) if isinstance(value, np.ndarray) else isinstance(value, bool | int | float)
+    )
+
+
 class HistoryWriter:
     """Record states one after the other.
 
@@ -145,7 +152,9 @@ class HistoryWriter:
             }
             if not self._rows:
                 self._begin(values)
-                self._names, self._types = tuple(row), tuple(map(type, row.values()))
+                self._names = tuple(row)
+                if all(map(_is_plain, row.values())):  # else no row is as the first without a look
+                    self._types = tuple(map(type, row.values()))
             if values.keys() != self._buffer.keys():
                 odd = sorted(values.keys() ^ self._buffer.keys())
                 found = "is new" if odd[0] in values else "is missing"
@@ -224,7 +233,10 @@ class HistoryWriter:
             for name in (sensed[0] if sensed else {})
         }
         if self._fill or not parts:
-            parts = [*parts, {name: array[: self._fill] for name, array in self._buffer.items()}]
+            rest = {name: array[: self._fill] for name, array in self._buffer.items()}
+            if not self._closed:  # the memory is written to again
+                rest = {name: array.copy() for name, array in rest.items()}
+            parts = [*parts, rest]
         if not self._rows:
             zero = {"t": np.zeros(0), "step": np.zeros(0, np.int64)}
             parts = [{**zero, "q": np.zeros((0, 0)), "p": np.zeros((0, 0))}]

@@ -294,13 +294,13 @@ def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | No
         work = choice.why.partition(" with numpy")[0]
         return Choice("numpy", f"{work}{missing}, {LONGER}", seconds=choice.seconds), None
     except compile_errors() as error:
-        if choice.source < Source.COMPILER:  # warned of where it is worth while
-            return Choice("numpy", LONGER, seconds=choice.seconds), None
         from numba import __version__
 
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         said = lines[0][:200] if lines else type(error).__name__
         why = f"numba {__version__} does not compile the kernels: {said}"
+        if choice.source < Source.COMPILER:  # warned of where it is worth while
+            return Choice("numpy", why, seconds=choice.seconds), None
         text = f"{why}; plain numpy takes over, some {FACTOR} times slower"
         warn("argument kernels", text, PerformanceWarning)
         return Choice("numpy", why), None

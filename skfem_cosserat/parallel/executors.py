@@ -280,7 +280,8 @@ def run_all(
     classes by reference: no code travels, the workers must have the package, and the modules that
     your functions are in. A worker freezes a system once for all jobs that have it; where other
     arguments, as the places of sensors, belong to the same model, it does so for each job. Results
-    are the same to the last bit on machines of one kind, if BLAS has the same number of threads.
+    are the same to the last bit on machines of one kind, if BLAS has the same number of threads,
+    and kernels are the same: ``kernels="auto"`` may take numpy here and compiled ones there.
     Without an executor functions are called with the very objects of the job, and need not be
     importable.
 

@@ -307,7 +307,7 @@ class SystemSeries:
         parts = [history.segment(k) for k in range(len(self._made))]
         own = [part[name] if len(part) and name in part else None for part in parts]
         shapes = [values.shape[1:] for values in own if values is not None]
-        size = tuple(int(each) for each in np.max(shapes, axis=0)) if shapes[0] else ()
+        size = tuple(int(each) for each in np.max(shapes, axis=0)) if shapes and shapes[0] else ()
         out = np.full((len(history), *size), np.nan)
         for (start, stop), values in zip(history.segments, own, strict=True):
             if values is not None:

@@ -929,9 +929,15 @@ class PathSolver:
             pivots = self._plain_pivots(point)
         return counted(self.system, point, self.schedule.at(point.t), pivots)
 
-    def _plain_pivots(self, point: Point) -> Pivots:
-        """Of the stiffness along the constraints, whatever treats them on the path."""
+    def _plain_pivots(self, point: Point) -> Pivots | None:
+        """Of the stiffness along the constraints, whatever treats them on the path.
+
+        None for deep trees: their matrix has unknowns that only help, and is not symmetric.
+        """
         system, problem = self.system, self._problem
+        solver = (self.bound if isinstance(self.bound, BoundNullSpace) else self._along).solver
+        if solver.n < solver.pattern.shape[0]:
+            return None
         symmetric = system.loading.dead_only
         if (
             isinstance(problem, PlainProblem)

@@ -42,7 +42,7 @@ def test_closed_loops_are_looked_at_now_and_then(monkeypatch):
     chosen, looks = [], []
     choose, clear = stepper._begin, stepper.bound.clear
     stepper._begin = lambda state, of: (chosen.append(state.index), choose(state, of))[1]
-    stepper.bound.clear = lambda rows: (looks.append(rows), clear(rows))[1]
+    stepper.bound.clear = lambda rows, step: (looks.append(rows), clear(rows, step))[1]
     state = sc.initial_state(system)
     for _ in range(300):
         state = stepper.advance(state).state
