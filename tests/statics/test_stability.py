@@ -205,3 +205,19 @@ def test_eigenproblems_are_for_critical_points_alone(monkeypatch, scene, treatme
     path = sc.static(model, treatment, control, kernels=kernels)
     assert not path["unstable"].any()
     assert calls == {"eigen": 0, "tangent": 0}
+
+
+@pytest.mark.parametrize("kernels", ["numpy", pytest.param("numba", marks=needs_numba)])
+def test_deep_trees_are_looked_at_too(kernels):
+    """Their matrix in plain numpy has unknowns that only help: eigenvalues tell the count."""
+    model, place, force = sc.Model(), sc.ground((0, 0, 0)), (-4.0, 0.0, 1e-3)
+    for k in range(40):
+        body = model.add(f"bar {k}", sc.RigidBody(1.0, (1.0, 1.0, 1.0), position=(k + 0.5, 0, 0)))
+        joint = sc.JointRevolute(place, body.at((k, 0, 0)), axis=(0, 1, 0))
+        model.add(f"hinge {k}", joint)
+        model.add(f"spring {k}", sc.JointSpringDamper(joint, stiffness=1e4))
+        place = body.at((k + 1, 0, 0))
+    model.add("push", sc.LoadForce(place, force))
+    path = sc.static(model, kernels=kernels)
+    assert path.status == "completed"
+    assert path["unstable"].max() == 0
