@@ -96,7 +96,7 @@ MESHES = {
 }
 BLADE = {order: [n for n in (8, 16, 32, 64, 128) if n * order <= 128] for order in (1, 2, 3, 4)}
 PEERS = (8, 16, 32, 64, 128, 256)
-QUICK = Grid({1: (8,), 3: (2,)}, (0, 1), (8,), (4, 6, 2))
+QUICK = Grid({1: (8,), 3: (8,)}, (0, 1), (8,), (8, 16, 2))  # the blade has eight sections
 GRIDS = {
     "rod": Grid(MESHES, range(15), PEERS, (40, 70, 8)),
     "spaghetti": Grid(MESHES, range(12), PEERS, (24, 36, 7)),
