@@ -16,8 +16,9 @@ what has reached all errors already, or take longer than a run may, are not run.
 
 Cost of the steps: CPU time of the steps alone, without model, compilation and recording. Cost of
 the whole process: CPU time of a Python that starts, imports, builds, takes the steps and writes the
-positions, kernels compiled before; measured for the peers' runs and, in a process each, for the
-points of our front. Of what reaches an error cheapest the smallest of some repeats.
+positions, in plain numpy or by kernels compiled before, as simulate decides; measured for the
+peers' runs and, in a process each, for the points of our front. Of what reaches an error cheapest
+the smallest of some repeats.
 
 Run ``python examples/benchmarks/speed_accuracy_chart.py --help`` for the choices.
 """
@@ -51,6 +52,9 @@ from skfem_cosserat.study.precision import pareto
 from skfem_cosserat.study.setups import raised
 
 OURS, OWN = "skfem-cosserat", "own"
+#: single steps are timed as those of a run of so many, which has compiled kernels; a whole process
+#: has those that simulate takes for its own number of steps
+LONG = 10**7
 #: relative errors of the statements
 TARGETS = (1e-2, 1e-4, 1e-6)
 #: relative change of the error below which it is no matter of the step, or of the mesh
@@ -217,7 +221,10 @@ class Runner(NamedTuple):
         """Run it once more and keep the smaller cost; `key`: of the steps, or of the process."""
         setup = row["setup"]
         whole = key == "process_s" and setup.peer == OWN
-        answer = self.asks["process" if whole else setup.peer](setup.scene(self.name, self.until))
+        scene = setup.scene(self.name, self.until)
+        if whole:
+            del scene["options"]["planned"]
+        answer = self.asks["process" if whole else setup.peer](scene)
         for name, given in (("cost_s", "seconds"), ("process_s", "process_s")):
             if answer["status"] == "completed" and given in answer and (name == key or not whole):
                 row[name] = min(row[name] or inf, answer[given])
@@ -273,10 +280,10 @@ def reference(name: str, grid: Grid, until: float | None, kernels: str) -> tuple
     fine, other, halvings = grid.reference
     paths = []
     for integrator, order, n in (("energy-momentum", 4, fine), ("variational", 3, other)):
-        o = tuple({"integrator": integrator, "order": order, "kernels": kernels}.items())
+        steps = grid._replace(halvings=(halvings, halvings + 1))
         pair = [
-            np.array(own.run(Setup(OWN, "", n, k, o).scene(name, until))["positions"])
-            for k in (halvings, halvings + 1)
+            np.array(own.run(setup.scene(name, until))["positions"])
+            for setup in ours(steps, integrator, "null-space", [(order, n)], kernels)
         ]
         paths.append(pair[1] + (pair[1] - pair[0]) / 3)
     return paths[0], float(np.linalg.norm(paths[0] - paths[1], axis=1).max())
@@ -286,7 +293,7 @@ def ours(
     grid: Grid, integrator: str, treatment: str, meshes: Iterable[tuple[int, int]], kernels: str
 ) -> list[Setup]:
     """Setups of an integrator on meshes (order and elements)."""
-    o = {"integrator": integrator, "treatment": treatment, "kernels": kernels}
+    o = {"integrator": integrator, "treatment": treatment, "kernels": kernels, "planned": LONG}
     return [
         Setup(OWN, integrator, n, k, tuple((o | {"order": order}).items()))
         for (order, n), k in product(meshes, grid.halvings)
@@ -502,18 +509,22 @@ def write(result: dict[str, Any], folder: Path, name: str) -> None:
     table = result["tables"][name]
     table.csv(folder / f"speed_accuracy_{name}.csv")
     measuring.write(folder / "speed_accuracy.csv", {**result, "rows": result["statements"]}, STATED)
-    whole = [{**row, "cost_s": row["process_s"]} for row in table.rows if row["process_s"]]
-    drawn = {"cost": "CPU seconds", "units": ""}
-    process = PrecisionTable(whole, table.reference_errors, table.notes)
     with suppress(ImportError):  # charts come with the extra "view"
-        path = folder / f"speed_accuracy_{name}.png"
-        kinds = {"kind": kind_of, "family": lambda row: family_of(kind_of(row))}
-        for figure, file, what in (
-            (table.chart(**kinds, **drawn), path, "steps"),
-            (process.chart(**drawn), path.with_suffix(".process.png"), "whole process"),
-        ):
-            figure.axes[0].set_xlabel(f"CPU time of the {what} in s")
-            write_figure(figure, file)
+        charts(table, folder / f"speed_accuracy_{name}.png")
+
+
+def charts(table: PrecisionTable, path: Path) -> None:
+    """Errors over the cost of the steps, and beside it over that of the whole process."""
+    whole = [{**row, "cost_s": row["process_s"]} for row in table.rows if row["process_s"]]
+    process = PrecisionTable(whole, table.reference_errors, table.notes)
+    drawn = {"cost": "CPU seconds", "units": ""}
+    kinds = {"kind": kind_of, "family": lambda row: family_of(kind_of(row))}
+    for figure, file, what in (
+        (table.chart(**kinds, **drawn), path, "steps"),
+        (process.chart(**drawn), path.with_suffix(".process.png"), "whole process"),
+    ):
+        figure.axes[0].set_xlabel(f"CPU time of the {what} in s")
+        write_figure(figure, file)
 
 
 def kind_of(row: Mapping[str, Any]) -> str:
