@@ -62,7 +62,9 @@ SETTLED = 0.1
 #: relative error of what is off altogether
 OFF = 0.1
 #: CPU time of the steps that a run may take (s): ours, a peer's
-PATIENCE = {True: (0.3, 0.3), False: (2.0, 3.0)}
+PATIENCE = {True: (0.3, 0.3), False: (6.0, 3.0)}
+#: how many times as long as a run of the classic integrators for the smallest error others may take
+DEARER = 3.0
 #: short runs are repeated for so long (s), at most so many times
 REPEATED = 0.015, 4
 #: options of the peers that are tried; of others those that they have by themselves
@@ -101,10 +103,12 @@ MESHES = {
 BLADE = {order: [n for n in (8, 16, 32, 64, 128) if n * order <= 128] for order in (1, 2, 3, 4)}
 PEERS = (8, 16, 32, 64, 128, 256)
 QUICK = Grid({1: (8,), 3: (8,)}, (0, 1), (8,), (8, 16, 2))  # the blade has eight sections
+#: the waves of the swing take finer meshes
+FINER = MESHES | {3: (4, 8, 16, 32, 64), 4: (4, 8, 16, 32)}
 GRIDS = {
     "rod": Grid(MESHES, range(15), PEERS, (40, 70, 8)),
     "spaghetti": Grid(MESHES, range(12), PEERS, (24, 36, 7)),
-    "swing": Grid(MESHES, range(12), PEERS, (64, 128, 10)),
+    "swing": Grid(FINER, range(13), PEERS, (64, 128, 10)),
     "four-bar": Grid(MESHES, range(12), PEERS, (12, 20, 8)),
     "blade": Grid(BLADE, range(12), PEERS, (48, 72, 9)),
 }
@@ -332,19 +336,19 @@ def compared(
     for each in (i for i in chosen if i in INTEGRATORS):
         rows += run.explored(ours(grid, each, "null-space", every, kernels), patience[0])
     best = [cheapest(rows, each) for each in (*TARGETS, 1e-1, 1e-3, 1e-5)]
-    few = list(dict.fromkeys((r["setup"].order, r["setup"].elements) for r in best if r)) or every
-    # what takes ten times as long as the classic ones for all errors is of no use
-    dearest = max((10 * r["cost_s"] for r in best[:3] if r), default=inf) if all(best[:3]) else inf
-    for each, treatment in product(chosen, measuring.TREATMENTS):
-        if (treatment == "multipliers") == (each in INTEGRATORS or each in EXPLICIT):
-            setups = ours(grid, each, treatment, few, kernels)
-            rows += run.explored(setups, min(patience[0], dearest))
     for key in (key for key in peers if key in asks):
         setups = [
             Setup(key, peers[key].name, n, k, tuple(o.items()))
             for n, k, o in product(grid.peer_meshes, grid.halvings, OPTIONS.get(key, [{}]))
         ]
         rows += run.explored(setups, patience[1])
+    few = list(dict.fromkeys((r["setup"].order, r["setup"].elements) for r in best if r)) or every
+    # what takes several times as long as the classic ones for all errors is of no use
+    costs = [DEARER * r["cost_s"] for r in best[:3] if r]
+    longest = min([patience[0], *([max(costs)] if len(costs) == 3 else [])])
+    for each, treatment in product(chosen, measuring.TREATMENTS):
+        if (treatment == "multipliers") == (each in INTEGRATORS or each in EXPLICIT):
+            rows += run.explored(ours(grid, each, treatment, few, kernels), longest)
     _timed_again(run, rows, repeats)
     reach = np.linalg.norm(path - _start(name), axis=1).max()
     rows += [_absent(peer, why) for peer, why in missing.items()]
